@@ -1,0 +1,196 @@
+"""What the commands share: arguments, durations, exit status, tables, JSON and progress."""
+
+import argparse
+import json
+import re
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NoReturn
+
+from imu_sim_ros.config import files
+from imu_sim_ros.errors import ConfigurationError, ImuSimError
+
+_UNITS = {"": 1.0, "s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0}
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser whose complaint is one line."""
+
+    def error(self, message: str) -> NoReturn:
+        """Say what is wrong in one line and end with status 2."""
+        self.exit(2, f"{self.prog}: {message} (--help lists the arguments)\n")
+
+
+def run(program: str, command: Callable[[], None]) -> int:
+    """Run a command; return 0, or 2 after printing one line for each problem of its input."""
+    try:
+        command()
+    except ImuSimError as error:
+        for problem in error.problems:
+            print(f"{program}: {problem}", file=sys.stderr)
+        return 2
+    except BrokenPipeError:  # `| head` closed standard output: nobody reads on
+        sys.stderr.close()
+        return 1
+    except KeyboardInterrupt:
+        print(f"{program}: interrupted", file=sys.stderr)
+        return 130
+    return 0
+
+
+def duration(words: str) -> float:
+    """Return the seconds of ``20s``, ``10min``, ``4h``, ``2d`` or a plain number."""
+    match = re.fullmatch(r"(\d+\.?\d*|\.\d+)\s*(s|min|h|d|)", words.strip())
+    if match is None:
+        raise argparse.ArgumentTypeError(f"{words!r} is not a duration such as 20s, 10min or 4h")
+    return float(match[1]) * _UNITS[match[2]]
+
+
+def assignment(words: str) -> tuple[str, object]:
+    """Return name and value of ``key=value``; the value is read as YAML."""
+    name, equals, value = words.partition("=")
+    if not equals or not name.strip():
+        raise argparse.ArgumentTypeError(f"{words!r} is not of the form key=value")
+    try:
+        return name.strip(), files.parse_yaml(value)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{name}: {error}") from None
+
+
+def add_parameter_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments that set parameters: files and single values."""
+    group = parser.add_argument_group("parameters (later ones win)")
+    group.add_argument(
+        "--params-file",
+        metavar="FILE",
+        action="append",
+        default=[],
+        help="ROS 2 parameter file, or a kalibr imu.yaml; repeatable",
+    )
+    group.add_argument(
+        "--set",
+        metavar="KEY=VALUE",
+        type=assignment,
+        action="append",
+        default=[],
+        help="one parameter, for instance imu.gyroscope_bias=[0.01,0,0]; repeatable",
+    )
+
+
+def add_simulation_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments that choose what is simulated."""
+    add_parameter_arguments(parser)
+    group = parser.add_argument_group("simulation")
+    group.add_argument(
+        "--imu",
+        metavar="NAME|FILE",
+        help=f"the sensor: {', '.join(files.names('imus'))}, or a file",
+    )
+    group.add_argument(
+        "--trajectory",
+        metavar="NAME|FILE",
+        help=f"the motion: {', '.join(files.names('trajectories'))}, a parameter file, "
+        "or recorded poses in TUM or EuRoC form",
+    )
+    group.add_argument("--rate", metavar="HZ", type=float, help="samples per second")
+    group.add_argument("--duration", metavar="TIME", type=duration, help="20s, 10min, 4h")
+    group.add_argument("--seed", metavar="N", type=int, help="seed of all random streams")
+
+
+def add_output_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add ``--json`` and ``--quiet``."""
+    parser.add_argument("--json", action="store_true", help="print the result as one JSON object")
+    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
+
+
+def parameter_layers(arguments: argparse.Namespace, node: str) -> list[Mapping[str, object]]:
+    """Return what files and ``--set`` give to a node, in order; all bad files are reported."""
+    layers: list[Mapping[str, object]] = []
+    problems: list[str] = []
+    for path in arguments.params_file:
+        try:
+            layers.append(files.load(path, node))
+        except ConfigurationError as error:
+            problems += error.problems
+    if problems:
+        raise ConfigurationError(problems)
+    return [*layers, dict(arguments.set)]
+
+
+def simulation_layers(arguments: argparse.Namespace) -> list[Mapping[str, object]]:
+    """Return the layers of a simulation: short arguments lie below the files and ``--set``."""
+    short: dict[str, object] = {}
+    if arguments.imu is not None:
+        short["imu.preset"] = arguments.imu
+    if arguments.trajectory is not None:
+        short.update(files.trajectory_layer(arguments.trajectory))
+    for name in ("rate", "duration", "seed"):
+        if getattr(arguments, name) is not None:
+            short[name] = getattr(arguments, name)
+    layers = parameter_layers(arguments, "simulator")
+    return [*layers[:-1], short, layers[-1]]
+
+
+def print_json(result: Mapping[str, Any] | Sequence[Any]) -> None:
+    """Print a result as one JSON object; not-a-number does not exist in JSON and is refused."""
+    print(json.dumps(result, allow_nan=False, default=_plain))
+
+
+def _plain(value: Any) -> Any:
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    if isinstance(value, Path):
+        return str(value)
+    raise TypeError(f"{type(value).__name__} has no JSON form")
+
+
+def print_table(header: Sequence[str], rows: Sequence[Sequence[str]], title: str = "") -> None:
+    """Print an aligned table: the first column to the left, the others to the right."""
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, title=title or None, title_justify="left")
+    for k, name in enumerate(header):
+        table.add_column(name, justify="right" if k else "left", no_wrap=True)
+    for row in rows:
+        table.add_row(*row)
+    # A pipe has no width: 160 columns keep every row on one line.
+    Console(width=None if sys.stdout.isatty() else 160, highlight=False).print(table)
+
+
+@contextmanager
+def progress(text: str, total: int, quiet: bool = False) -> Iterator[Callable[[int], None]]:
+    """Show a bar with speed and time left on a terminal; yields ``advance(count)``.
+
+    Nothing is shown, and nothing imported, where standard error is not a terminal.
+    """
+    if quiet or not sys.stderr.isatty():
+        yield lambda count: None
+        return
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        TaskProgressColumn,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TaskProgressColumn(),
+        TextColumn("{task.fields[speed]}"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(text, total=total, speed="")
+
+        def advance(count: int) -> None:
+            speed = bar.tasks[0].speed
+            bar.update(task, advance=count, speed=f"{speed / 1e3:,.0f} k/s" if speed else "")
+
+        yield advance

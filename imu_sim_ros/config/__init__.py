@@ -1,0 +1,1 @@
+"""Every parameter once: frozen dataclasses, and the files that set them."""

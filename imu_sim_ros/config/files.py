@@ -1,0 +1,187 @@
+"""Parameter files: finding, reading and layering them.
+
+The format is that of ROS 2: node names (or the wildcards ``/**`` and ``/*``) above
+``ros__parameters``, nested or dotted names below. A kalibr ``imu.yaml`` is understood as well.
+"""
+
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from imu_sim_ros.config.parameter import Value, flatten
+from imu_sim_ros.errors import ConfigurationError
+
+_PARAMETERS = "ros__parameters"
+_EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$")
+_KALIBR_NOISE = (
+    "accelerometer_noise_density",
+    "accelerometer_random_walk",
+    "gyroscope_noise_density",
+    "gyroscope_random_walk",
+)
+
+
+def config_folder() -> Path:
+    """Return the folder that holds the package's own parameter files.
+
+    It is ``share/imu_sim_ros/config`` beside the installed package, or ``config`` of a source tree.
+    """
+    for parent in Path(__file__).resolve().parents:
+        for folder in (parent / "share" / "imu_sim_ros" / "config", parent / "config"):
+            if (folder / "imus").is_dir():
+                return folder
+    raise ConfigurationError("the package's config folder is missing: install imu_sim_ros again")
+
+
+def names(kind: str) -> list[str]:
+    """Return the names of the files of one kind, ``imus`` or ``trajectories``."""
+    return sorted(path.stem for path in (config_folder() / kind).glob("*.yaml"))
+
+
+def find(kind: str, name_or_file: str) -> Path:
+    """Return the parameter file of a name in config/, or the given file.
+
+    :param kind: ``imus`` or ``trajectories``.
+    :raises ConfigurationError: where there is neither; all names are listed.
+    """
+    named = config_folder() / kind / f"{name_or_file}.yaml"
+    if "/" not in name_or_file and named.is_file():
+        return named
+    if Path(name_or_file).is_file():
+        return Path(name_or_file)
+    option = {"imus": "imu", "trajectories": "trajectory"}[kind]
+    raise ConfigurationError(
+        f"{option} {name_or_file}: neither a file nor one of {', '.join(names(kind))}"
+    )
+
+
+def load(path: str | Path, node: str = "simulator") -> dict[str, object]:
+    """Return the parameters that a file gives to a node, by dotted name.
+
+    :param node: the node's name without namespace; wildcards are applied first, as ROS does.
+    :raises ConfigurationError: for a file that cannot be read or has another form.
+    """
+    tree = _read(Path(path))
+    if _is_kalibr(tree):
+        return _from_kalibr(tree)
+    sections = [
+        (key, content)
+        for key, content in tree.items()
+        if key in ("/**", "/*") or str(key).rsplit("/", 1)[-1] == node
+    ]
+    result: dict[str, object] = {}
+    for key, content in sorted(sections, key=lambda item: "*" not in str(item[0])):
+        if not isinstance(content, dict) or set(content) != {_PARAMETERS}:
+            raise ConfigurationError(f"{path}: {key} must hold {_PARAMETERS} and nothing else")
+        result.update(_dotted(content[_PARAMETERS] or {}, f"{path}: {key}"))
+    if not sections:
+        raise ConfigurationError(f"{path}: no section for the node {node} (/{node} or /**)")
+    return result
+
+
+def _read(path: Path) -> dict[Any, Any]:
+    try:
+        tree = parse_yaml(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigurationError(f"{path}: {error.strerror or error}") from None
+    except ValueError as error:
+        raise ConfigurationError(f"{path}: not a YAML file: {error}") from None
+    if not isinstance(tree, dict):
+        raise ConfigurationError(f"{path}: not a ROS 2 parameter file (no /**: {_PARAMETERS}:)")
+    return tree
+
+
+def parse_yaml(text: str) -> Any:
+    """Return what a YAML text holds, read safely and with the numbers that ROS reads.
+
+    YAML 1.1 takes ``5e-4`` for a text because it has no point; ROS, kalibr and people do not.
+
+    :raises ValueError: for a text that is not YAML, with the reason in one line.
+    """
+    import yaml  # 30 ms that a start without files saves
+
+    class Loader(yaml.SafeLoader):
+        pass
+
+    Loader.add_implicit_resolver("tag:yaml.org,2002:float", _EXPONENT, list("-+.0123456789"))
+    try:
+        return yaml.load(text, Loader)  # Loader is a SafeLoader
+    except yaml.YAMLError as error:
+        raise ValueError(" ".join(str(error).split())) from None
+
+
+def _is_kalibr(tree: Mapping[Any, Any]) -> bool:
+    return any(name in tree for name in _KALIBR_NOISE)
+
+
+def _from_kalibr(tree: Mapping[Any, Any]) -> dict[str, object]:
+    """Translate a kalibr imu.yaml: the four noise values and the rate; the topic is not ours."""
+    result = {f"imu.{name}": tree[name] for name in _KALIBR_NOISE if name in tree}
+    if "update_rate" in tree:
+        result["rate"] = tree["update_rate"]
+    return result
+
+
+def _dotted(tree: object, where: str, prefix: str = "") -> dict[str, object]:
+    if not isinstance(tree, dict):
+        raise ConfigurationError(f"{where}: {_PARAMETERS} must hold names and values")
+    result: dict[str, object] = {}
+    for key, value in tree.items():
+        name = f"{prefix}{key}"
+        if isinstance(value, dict):
+            result.update(_dotted(value, where, name + "."))
+        else:
+            result[name] = value
+    return result
+
+
+def layer(
+    layers: Iterable[Mapping[str, object]],
+    imu: str,
+    trajectory: str,
+    node: str = "simulator",
+) -> dict[str, object]:
+    """Return several layers as one, later ones above earlier ones.
+
+    Below them all lie the files that ``imu.preset`` and ``trajectory.type`` name.
+
+    :param imu: the preset where no layer names one.
+    :param trajectory: the type where no layer names one.
+    """
+    merged: dict[str, object] = {"imu.preset": imu, "trajectory.type": trajectory}
+    for values in layers:
+        merged.update(values)
+    base = load(find("imus", str(merged["imu.preset"])), node)
+    if str(merged["trajectory.type"]) in names("trajectories"):
+        base.update(trajectory_layer(str(merged.pop("trajectory.type")), node))
+    return {**base, **merged}
+
+
+def trajectory_layer(name_or_file: str, node: str = "simulator") -> dict[str, object]:
+    """Return what ``--trajectory`` stands for: a name, a parameter file, or recorded poses."""
+    path = find("trajectories", name_or_file)
+    if path.suffix.lower() in (".yaml", ".yml"):
+        return load(path, node)
+    return {"trajectory.type": "poses", "trajectory.file": str(path)}
+
+
+def dump(instance: object, path: Path, node: str = "/**", comment: str = "") -> None:
+    """Write a section as a parameter file that gives an equal section when it is loaded."""
+    write(flatten(instance), path, node, comment)
+
+
+def write(values: Mapping[str, Value], path: Path, node: str = "/**", comment: str = "") -> None:
+    """Write values by dotted name as a ROS 2 parameter file, nested."""
+    import yaml
+
+    tree: dict[str, Any] = {}
+    for name, value in values.items():
+        *parents, last = name.split(".")
+        place = tree
+        for parent in parents:
+            place = place.setdefault(parent, {})
+        place[last] = list(value) if isinstance(value, tuple) else value
+    header = "".join(f"# {line}\n" for line in comment.splitlines())
+    body = yaml.safe_dump({node: {_PARAMETERS: tree}}, sort_keys=False, default_flow_style=None)
+    path.write_text(header + body, encoding="utf-8")

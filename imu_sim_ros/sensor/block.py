@@ -1,0 +1,41 @@
+"""A block of samples: what the IMU says, and the truth beside it."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.trajectory.motion import Motion
+
+Array = NDArray[np.float64]
+
+
+class ImuBlock(NamedTuple):
+    """n consecutive samples of one IMU; all arrays but ``delivered`` have n rows."""
+
+    first: int
+    """Index of the first sample."""
+    true_t_ns: NDArray[np.int64]
+    """(n,) when the samples were really taken [ns]."""
+    t_ns: NDArray[np.int64]
+    """(n,) the stamps of the messages, with the errors of the sensor's clock [ns]."""
+    release_t_ns: NDArray[np.int64]
+    """(n,) when a message leaves the driver: true time and transport latency [ns]."""
+    delivered: NDArray[np.int64]
+    """(m,) rows that are delivered, in order: dropped ones are missing, duplicates stand twice."""
+    gyro: Array
+    """(n, 3) reading of the gyroscope [rad/s]."""
+    accel: Array
+    """(n, 3) reading of the accelerometer [m/s^2]."""
+    temperature: Array
+    """(n,) temperature of the sensor [degC]."""
+    ideal_gyro: Array
+    """(n, 3) angular rate of the IMU in its own frame, without any error [rad/s]."""
+    ideal_accel: Array
+    """(n, 3) specific force at the IMU in its own frame, without any error [m/s^2]."""
+    gyro_bias: Array
+    """(n, 3) sum of all bias terms of the gyroscope [rad/s]."""
+    accel_bias: Array
+    """(n, 3) sum of all bias terms of the accelerometer [m/s^2]."""
+    motion: Motion
+    """The body's motion at ``true_t_ns``."""

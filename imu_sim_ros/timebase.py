@@ -1,0 +1,70 @@
+"""Sample times as int64 nanoseconds, each computed from its index and never by adding up."""
+
+from fractions import Fraction
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.errors import ConfigurationError
+
+NANOSECONDS_PER_SECOND: Final = 1_000_000_000
+_RATE_DENOMINATOR: Final = 1_000_000
+
+
+def sample_times_ns(first: int, count: int, rate: float, t0_ns: int = 0) -> NDArray[np.int64]:
+    """Return the times of samples ``first .. first + count - 1``.
+
+    ``t_k = t0 + round(k * 1e9 / rate)`` in exact integer arithmetic, halves to even as Python's
+    ``round``, so that sample k has the same time in whatever block it is produced and no error
+    grows with k. The rate is taken as a fraction with a denominator of at most 10^6.
+
+    :param first: index of the first sample, >= 0.
+    :param count: number of samples, >= 0.
+    :param rate: samples per second [Hz], > 0.
+    :param t0_ns: time of sample 0 [ns].
+    :returns: (count,) times [ns].
+    """
+    period = Fraction(NANOSECONDS_PER_SECOND) / exact_rate(rate)
+    # t_k = floor((2 k A + B) / 2B) for a period of A / B; only the offset of the block is large,
+    # and Python's integers carry that.
+    whole, part = divmod(period.numerator, period.denominator)
+    half = 2 * period.denominator
+    start, remainder = divmod(2 * first * period.numerator + period.denominator, half)
+    j = np.arange(count, dtype=np.int64)
+    quotient, rest = np.divmod(remainder + 2 * part * j, half)
+    times = start + whole * j + quotient
+    ties_to_even = (rest == 0) & (times % 2 != 0)
+    result: NDArray[np.int64] = t0_ns + times - ties_to_even
+    return result
+
+
+def sample_count(duration: float, rate: float) -> int:
+    """Return how many samples fall into ``[0, duration)``: 20 s at 200 Hz are 4000, not 4001.
+
+    :param duration: seconds, >= 0.
+    :param rate: samples per second [Hz], > 0.
+    """
+    # The product of two decimal numbers such as 0.1 s and 30 Hz may miss an integer by rounding.
+    samples = Fraction(repr(float(duration))) * exact_rate(rate)
+    return -(-samples.numerator // samples.denominator)
+
+
+def exact_rate(rate: float) -> Fraction:
+    """Return a rate as the fraction that a person meant: 333.3 is 3333/10.
+
+    :raises ConfigurationError: for a rate that is not finite and positive.
+    """
+    if not (np.isfinite(rate) and rate > 0):
+        raise ConfigurationError(f"rate = {rate}: must be a finite number above 0 Hz")
+    return Fraction(repr(float(rate))).limit_denominator(_RATE_DENOMINATOR)
+
+
+def seconds_since(t_ns: NDArray[np.int64], t0_ns: int) -> NDArray[np.float64]:
+    """Return times as float seconds after ``t0_ns``; the difference is taken in integers."""
+    return (t_ns - t0_ns).astype(np.float64) * 1e-9
+
+
+def to_nanoseconds(seconds: float) -> int:
+    """Return a duration in whole nanoseconds, the nearest one."""
+    return round(Fraction(repr(float(seconds))) * NANOSECONDS_PER_SECOND)

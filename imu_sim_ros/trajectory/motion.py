@@ -1,0 +1,36 @@
+"""Where a body is at given times: the one thing that every trajectory answers."""
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Motion(NamedTuple):
+    """The body's state at n times; time first."""
+
+    position: Array
+    """(n, 3) p_wb [m]."""
+    velocity: Array
+    """(n, 3) of the body in the world frame [m/s]."""
+    acceleration: Array
+    """(n, 3) of the body in the world frame, without gravity [m/s^2]."""
+    q_wb: Array
+    """(n, 4) unit quaternions (w, x, y, z)."""
+    angular_velocity: Array
+    """(n, 3) omega_b, in the body frame [rad/s]."""
+    angular_acceleration: Array
+    """(n, 3) time derivative of omega_b, in the body frame [rad/s^2]."""
+
+
+class Trajectory(Protocol):
+    """An exact motion, known at any time."""
+
+    @property
+    def duration(self) -> float:
+        """Length [s]; ``math.inf`` where the motion has no end."""
+
+    def sample(self, t: Array) -> Motion:
+        """Return the motion at times t (n,) [s], each in [0, duration], in any order."""
