@@ -1,0 +1,140 @@
+"""Parameters of the integrator node."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from imu_sim_ros.config.parameter import (
+    IDENTITY_MATRIX,
+    ZERO_MATRIX,
+    ZERO_VECTOR,
+    Matrix,
+    Vector,
+    choice,
+    flag,
+    matrix,
+    number,
+    section,
+    text,
+    vector,
+)
+
+METHODS = ("euler", "midpoint", "rk4")
+ATTITUDE_UPDATES = ("quaternion", "so3", "euler_angles")
+INITIAL_STATES = ("parameters", "truth", "level")
+
+_EARTH_GRAVITY_MAXIMUM = 30.0
+"""[m/s^2] above any planet's that an IMU flies on; a larger value is a slip of the pen."""
+
+
+@dataclass(frozen=True)
+class NoiseParameters:
+    """The IMU's noise as the covariance of the odometry takes it; names and units are kalibr's."""
+
+    preset: str = text("lecture", "file in config/imus, or a path, that the noise comes from")
+    gyroscope_noise_density: Vector = vector(
+        ZERO_VECTOR, "white noise of the gyroscope", unit="rad/s/sqrt(Hz)", minimum=0.0
+    )
+    gyroscope_random_walk: Vector = vector(
+        ZERO_VECTOR, "random walk of the gyroscope's bias", unit="rad/s^2/sqrt(Hz)", minimum=0.0
+    )
+    gyroscope_turn_on_bias_sigma: Vector = vector(
+        ZERO_VECTOR, "uncertainty of gyroscope_bias at the start", unit="rad/s", minimum=0.0
+    )
+    accelerometer_noise_density: Vector = vector(
+        ZERO_VECTOR, "white noise of the accelerometer", unit="m/s^2/sqrt(Hz)", minimum=0.0
+    )
+    accelerometer_random_walk: Vector = vector(
+        ZERO_VECTOR,
+        "random walk of the accelerometer's bias",
+        unit="m/s^3/sqrt(Hz)",
+        minimum=0.0,
+    )
+    accelerometer_turn_on_bias_sigma: Vector = vector(
+        ZERO_VECTOR, "uncertainty of accelerometer_bias at the start", unit="m/s^2", minimum=0.0
+    )
+
+
+@dataclass(frozen=True)
+class IntegratorParameters:
+    """How readings become a pose."""
+
+    method: str = choice("midpoint", METHODS, "how position and velocity are integrated")
+    attitude_update: str = choice(
+        "so3",
+        ATTITUDE_UPDATES,
+        "how the attitude is integrated: quaternion (lecture eq. 34), so3 (eq. 35) or "
+        "euler_angles (eq. 36)",
+    )
+    max_gap: float = number(
+        0.1,
+        "a step longer than this is a gap: it is counted, and integration goes on behind it",
+        unit="s",
+        minimum=0.0,
+        above_minimum=True,
+    )
+    gravity: Vector = vector((0.0, 0.0, -9.81), "gravity in the world frame", unit="m/s^2")
+    gyroscope_bias: Vector = vector(
+        ZERO_VECTOR, "subtracted from the gyroscope's readings", unit="rad/s", live=True
+    )
+    accelerometer_bias: Vector = vector(
+        ZERO_VECTOR, "subtracted from the accelerometer's readings", unit="m/s^2", live=True
+    )
+    gyroscope_scale_misalignment: Matrix = matrix(
+        IDENTITY_MATRIX, "S of reading = S x + b, lecture eq. 7, for the gyroscope"
+    )
+    accelerometer_scale_misalignment: Matrix = matrix(
+        IDENTITY_MATRIX, "S of reading = S x + b, lecture eq. 7, for the accelerometer"
+    )
+    gyroscope_g_sensitivity: Matrix = matrix(
+        ZERO_MATRIX, "gyroscope reading per specific force", unit="rad/s/(m/s^2)"
+    )
+    initial_state: str = choice(
+        "parameters",
+        INITIAL_STATES,
+        "where integration starts: at initial_*, at the first ground_truth/odom, or level: "
+        "roll, pitch and gyroscope bias from readings at rest",
+    )
+    initial_position: Vector = vector(ZERO_VECTOR, "position in the world at the start", unit="m")
+    initial_velocity: Vector = vector(ZERO_VECTOR, "velocity in the world at the start", unit="m/s")
+    initial_orientation: Vector = vector(
+        ZERO_VECTOR, "roll, pitch, yaw at the start; level takes the yaw only", unit="rad"
+    )
+    level_time: float = number(
+        2.0, "length of the rest that level averages", unit="s", minimum=0.01, maximum=3600.0
+    )
+    world_frame: str = text("world", "frame of the pose")
+    body_frame: str = text("base_link", "frame of the body, in which the twist is given")
+    covariance: bool = flag(True, "propagate the covariance of pose and twist from imu.*")
+    imu: NoiseParameters = section(NoiseParameters)
+    path_rate: float = number(
+        0.0, "rate of dead_reckoned/path; 0: none", unit="Hz", minimum=0.0, maximum=50.0
+    )
+    path_length: float = number(
+        600.0, "time that dead_reckoned/path reaches back", unit="s", minimum=1.0
+    )
+    roll_pitch_yaw: bool = flag(
+        False, "publish dead_reckoned/roll_pitch_yaw, in degrees, for plots"
+    )
+    error: bool = flag(
+        False, "compare with ground_truth/odom: dead_reckoned/error and /diagnostics"
+    )
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Yield what single parameters cannot say."""
+        if max(self.gravity) == min(self.gravity) != 0:
+            yield f"{prefix}gravity = {self.gravity[0]}: must be a vector such as [0, 0, -9.81]"
+        elif math.hypot(*self.gravity) > _EARTH_GRAVITY_MAXIMUM:
+            yield (
+                f"{prefix}gravity = {list(self.gravity)}: must be at most "
+                f"{_EARTH_GRAVITY_MAXIMUM:g} m/s^2 long"
+            )
+        for triad in ("gyroscope", "accelerometer"):
+            name = f"{triad}_scale_misalignment"
+            if abs(_determinant(getattr(self, name))) < 1e-3:
+                yield f"{prefix}{name} = {list(getattr(self, name))}: must be invertible"
+
+
+def _determinant(m: Matrix) -> float:
+    a, b, c, d, e, f, g, h, i = m
+    return a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
