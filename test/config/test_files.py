@@ -1,0 +1,105 @@
+"""Parameter files: ROS 2's form, kalibr's form, layering, and everything that can be wrong."""
+
+import pytest
+
+from imu_sim_ros.config import files
+from imu_sim_ros.config.parameter import flatten
+from imu_sim_ros.config.simulation import load_simulation
+from imu_sim_ros.errors import ConfigurationError
+
+
+def written(tmp_path, text, name="parameters.yaml"):
+    path = tmp_path / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_wildcards_lie_below_the_nodes_own_section(tmp_path):
+    path = written(
+        tmp_path,
+        "/left/simulator:\n  ros__parameters:\n    rate: 100.0\n"
+        "/**:\n  ros__parameters:\n    rate: 50.0\n    imu: {gyroscope_bias: [1.0, 2.0, 3.0]}\n"
+        "integrator:\n  ros__parameters: {method: euler}\n",
+    )
+    assert files.load(path) == {"rate": 100.0, "imu.gyroscope_bias": [1.0, 2.0, 3.0]}
+    assert files.load(path, "integrator")["method"] == "euler"
+
+
+def test_numbers_are_read_as_ros_reads_them(tmp_path):
+    """YAML 1.1 would make a text of 5e-4 and 1E5."""
+    path = written(tmp_path, "/**:\n  ros__parameters: {a: 5e-4, b: 1E5, c: -2e+3, d: .5e1, e: e5}")
+    assert files.load(path) == {"a": 5e-4, "b": 1e5, "c": -2e3, "d": 5.0, "e": "e5"}
+
+
+def test_a_kalibr_file_gives_noise_and_rate(tmp_path):
+    path = written(
+        tmp_path,
+        "accelerometer_noise_density: 1.86e-03\naccelerometer_random_walk: 4.33e-04\n"
+        "gyroscope_noise_density: 1.87e-04\ngyroscope_random_walk: 2.66e-05\n"
+        "rostopic: /imu0\nupdate_rate: 100.0\n",
+        "imu.yaml",
+    )
+    simulation = load_simulation({"imu.preset": str(path), "trajectory.type": "static"})
+    assert simulation.rate == 100.0
+    assert simulation.imu.gyroscope_noise_density == (1.87e-4,) * 3
+
+
+def test_presets_lie_below_what_is_set(tmp_path):
+    simulation = load_simulation(
+        {"imu.preset": "lecture", "trajectory.type": "static"},
+        {"imu.gyroscope_noise_density": [0.1, 0.2, 0.3]},
+    )
+    assert simulation.imu.gyroscope_noise_density == (0.1, 0.2, 0.3)
+    assert simulation.imu.accelerometer_noise_density == (0.019,) * 3
+
+
+@pytest.mark.parametrize("preset", files.names("imus"))
+def test_every_preset_loads(preset):
+    load_simulation({"imu.preset": preset, "trajectory.type": "static"})
+
+
+@pytest.mark.parametrize("trajectory", files.names("trajectories"))
+def test_every_trajectory_loads_and_round_trips(trajectory, tmp_path):
+    simulation = load_simulation({"trajectory.type": trajectory})
+    files.dump(simulation, tmp_path / "all.yaml", comment="Every value\nof a simulation.")
+    assert flatten(load_simulation(files.load(tmp_path / "all.yaml"))) == flatten(simulation)
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("", "not a ROS 2 parameter file"),
+        ("- 1\n- 2\n", "not a ROS 2 parameter file"),
+        ("/**: {ros__parameters: [1, 2]}", "must hold names and values"),
+        ("/**:\n  parameters: {}\n", "must hold ros__parameters"),
+        ("other:\n  ros__parameters: {}\n", "no section for the node simulator"),
+        ("/**: [unclosed\n", "not a YAML file"),
+        ("a: &a [*a]\n", "no section"),
+        ("/**:\n  ros__parameters:\n    x: !!python/object/apply:os.system [ls]\n", "not a YAML"),
+        ("\x00", "not a YAML file"),
+    ],
+)
+def test_a_bad_file_is_one_line_that_names_it(tmp_path, text, reason):
+    path = written(tmp_path, text)
+    with pytest.raises(ConfigurationError, match=reason) as error:
+        files.load(path)
+    (line,) = error.value.problems
+    assert line.startswith(str(path))
+    assert "\n" not in line
+
+
+def test_unreadable_places_are_named(tmp_path):
+    with pytest.raises(ConfigurationError, match="No such file"):
+        files.load(tmp_path / "missing.yaml")
+    with pytest.raises(ConfigurationError, match="directory"):
+        files.load(tmp_path)
+    (tmp_path / "latin1.yaml").write_bytes(b"/**: {ros__parameters: {a: \xff}}")
+    with pytest.raises(ConfigurationError, match="not a YAML file"):
+        files.load(tmp_path / "latin1.yaml")
+
+
+def test_an_unknown_preset_lists_all():
+    with pytest.raises(ConfigurationError, match="imu nonsense: neither a file .*lecture"):
+        load_simulation({"imu.preset": "nonsense"})
+    with pytest.raises(ConfigurationError, match="trajectory nonsense: .*static"):
+        files.trajectory_layer("nonsense")

@@ -1,0 +1,143 @@
+"""The one description of a parameter: parsing, ranges, nesting, and all problems at once."""
+
+from dataclasses import dataclass
+
+import pytest
+
+from imu_sim_ros.config import parameter as p
+from imu_sim_ros.errors import ConfigurationError
+
+
+@dataclass(frozen=True)
+class Near:
+    kind: str = p.text("near", "which")
+    reach: float = p.number(1.0, "how far", unit="m", minimum=0.0, above_minimum=True)
+
+
+@dataclass(frozen=True)
+class Far:
+    kind: str = p.text("far", "which")
+    points: tuple[float, ...] = p.numbers((), "corners", group=3, unit="m")
+
+
+def find(name):
+    classes = {"near": Near, "far": Far}
+    if name not in classes:
+        raise ConfigurationError(f"place.kind = {name!r}: must be one of near, far")
+    return classes[name]
+
+
+@dataclass(frozen=True)
+class Sensor:
+    bias: p.Vector = p.vector(0.0, "offset", unit="rad/s")
+    low: float = p.number(0.0, "lower end")
+    high: float = p.number(1.0, "upper end")
+
+    def problems(self, prefix):
+        if self.low >= self.high:
+            yield f"{prefix}low = {self.low:g}: must be below {prefix}high = {self.high:g}"
+
+
+@dataclass(frozen=True)
+class Whole:
+    rate: float = p.number(200.0, "rate", unit="Hz", minimum=0.0, above_minimum=True, maximum=1e4)
+    seed: int = p.integer(0, "seed", minimum=0)
+    loop: bool = p.flag(False, "again and again")
+    method: str = p.choice("euler", ("euler", "midpoint"), "integration")
+    turn: p.Matrix = p.matrix(p.IDENTITY_MATRIX, "rotation")
+    topics: tuple[str, ...] = p.texts((), "topics")
+    sensor: Sensor = p.section(Sensor)
+    place: Near = p.variant("kind", "near", find)
+
+
+def test_defaults_build_and_round_trip():
+    whole = p.build(Whole, {})
+    assert whole == Whole()
+    assert p.build(Whole, p.flatten(whole)) == whole
+
+
+def test_values_take_the_parameters_type():
+    whole = p.build(
+        Whole,
+        {
+            "rate": 100,
+            "seed": 3.0,
+            "sensor.bias": 0.5,
+            "turn": list(range(9)),
+            "topics": ["/a"],
+            "place.kind": "far",
+            "place.points": [1, 2, 3],
+        },
+    )
+    assert (whole.rate, whole.seed) == (100.0, 3)
+    assert isinstance(whole.rate, float)
+    assert isinstance(whole.seed, int)
+    assert whole.sensor.bias == (0.5, 0.5, 0.5)
+    assert whole.place == Far("far", (1.0, 2.0, 3.0))
+    assert whole.topics == ("/a",)
+
+
+def test_large_seeds_keep_every_digit():
+    assert p.build(Whole, {"seed": 2**53 + 1}).seed == 2**53 + 1
+
+
+BAD = [
+    ("rate", 0.0, "above 0 and at most 10000 [Hz]"),
+    ("rate", -1, "above 0"),
+    ("rate", float("nan"), "a finite number"),
+    ("rate", float("inf"), "a finite number"),
+    ("rate", 1e9, "at most 10000"),
+    ("rate", True, "a finite number"),
+    ("rate", "fast", "a finite number"),
+    ("rate", None, "a finite number"),
+    ("rate", 10**400, "a finite number"),
+    ("seed", 1.5, "a whole number"),
+    ("seed", -1, "at least 0"),
+    ("loop", 1, "true or false"),
+    ("method", "rk9", "one of euler, midpoint"),
+    ("method", ["euler"], "one of euler, midpoint"),
+    ("sensor.bias", [1.0, 2.0], "a list of three"),
+    ("sensor.bias", [1.0, 2.0, float("nan")], "a finite number or a list of three"),
+    ("sensor.bias", "xyz", "a list of three"),
+    ("turn", [1, 2, 3], "nine finite numbers"),
+    ("topics", "imu", "a list of texts"),
+    ("topics", [1], "a list of texts"),
+    ("place.reach", 0.0, "above 0 [m]"),
+    ("nonsense", 1, "unknown parameter"),
+    ("sensor.bais", 1, "did you mean sensor.bias?"),
+    ("place.kind", "nowhere", "one of near, far"),
+]
+
+
+@pytest.mark.parametrize(("name", "value", "allowed"), BAD)
+def test_a_bad_value_is_one_line_with_name_and_what_is_allowed(name, value, allowed):
+    with pytest.raises(ConfigurationError) as error:
+        p.build(Whole, {name: value})
+    (line,) = error.value.problems
+    assert line.startswith(name)
+    assert allowed in line
+    assert "\n" not in line
+    assert len(line) < 200
+
+
+def test_groups_of_numbers_are_whole():
+    with pytest.raises(ConfigurationError, match="3 for each entry"):
+        p.build(Whole, {"place.kind": "far", "place.points": [1.0, 2.0]})
+
+
+def test_all_problems_are_reported_together():
+    values = {"rate": -1.0, "sed": 1, "method": "x", "place.kind": "nowhere", "place.reach": -1}
+    with pytest.raises(ConfigurationError) as error:
+        p.build(Whole, values)
+    names = sorted(line.split(" =")[0].split(":")[0] for line in error.value.problems)
+    assert names == ["method", "place.kind", "rate", "sed"]
+
+
+def test_rules_over_several_parameters_name_them_in_full():
+    with pytest.raises(ConfigurationError, match=r"^sensor\.low = 2: must be below sensor\.high"):
+        p.build(Whole, {"sensor.low": 2.0})
+
+
+def test_parameters_follow_the_variant():
+    assert "place.reach" in p.parameters(Whole)
+    assert "place.points" in p.parameters(Whole, {"place.kind": "far"})

@@ -1,0 +1,110 @@
+"""The rooms of the package and the arrows between them, read from the import statements."""
+
+import ast
+import re
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+import imu_sim_ros
+
+ROOT = Path(__file__).parents[1]
+PACKAGE = ROOT / "imu_sim_ros"
+LEAVES = {"errors", "rotation", "timebase", "config", "poses"}
+ROOMS = {
+    "trajectory": LEAVES,
+    "sensor": LEAVES | {"trajectory"},
+    "stream": LEAVES | {"trajectory", "sensor"},
+    "navigation": LEAVES,
+    "calibration": LEAVES,
+    "bags": LEAVES,
+    "plots": LEAVES | {"navigation", "calibration"},
+}
+SEE_EVERYTHING = {"nodes", "commands"}
+ONLY_IN = {
+    "rclpy": {"nodes"},
+    "sensor_msgs": {"nodes"},
+    "nav_msgs": {"nodes"},
+    "geometry_msgs": {"nodes"},
+    "rosbags": {"bags"},
+    "mcap": {"bags"},
+    "matplotlib": {"plots"},
+}
+# Reading a file of poses must not cost what only some commands need.
+HEAVY = {"scipy", "matplotlib", "rosbags", "mcap", "rich", "yaml"}
+
+
+def modules():
+    return sorted(PACKAGE.rglob("*.py"))
+
+
+def room_of(path):
+    first = path.relative_to(PACKAGE).parts[0]
+    return first.removesuffix(".py")
+
+
+def imports(tree):
+    """Every module that is imported anywhere in a file, inside functions too."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, "imports are absolute"
+            yield node.module
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+@pytest.mark.parametrize("path", modules(), ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_imports_follow_the_arrows(path):
+    room = room_of(path)
+    allowed = ROOMS.get(room, LEAVES)
+    for name in imports(ast.parse(path.read_text(encoding="utf-8"))):
+        top, *rest = name.split(".")
+        if top in ONLY_IN:
+            assert room in ONLY_IN[top], f"{room} imports {name}"
+        if top == "imu_sim_ros" and rest and room not in SEE_EVERYTHING:
+            assert rest[0] in allowed | {room}, f"{room} imports {name}"
+
+
+@pytest.mark.parametrize("path", modules(), ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_no_heavy_import_at_the_top_of_what_a_node_starts_with(path):
+    if room_of(path) in {"calibration", "plots"}:
+        return
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    top_level = [node for node in tree.body if isinstance(node, ast.Import | ast.ImportFrom)]
+    names = {name.split(".")[0] for name in imports(ast.Module(top_level, []))}
+    if room_of(path) == "bags":
+        names -= {"rosbags", "mcap"}
+    assert not names & HEAVY
+
+
+def manifest():
+    return ElementTree.parse(ROOT / "package.xml").getroot()
+
+
+def test_versions_are_equal_everywhere():
+    version = manifest().findtext("version")
+    assert imu_sim_ros.__version__ == version
+    changelog = (ROOT / "CHANGELOG.rst").read_text(encoding="utf-8")
+    assert re.search(r"^(\d+\.\d+\.\d+) \(", changelog, re.MULTILINE).group(1) == version
+
+
+def test_dependencies_of_package_xml_and_setup_py_are_the_same():
+    keys = {element.text for element in manifest().iter("exec_depend")}
+    rosdep = {
+        "numpy": "python3-numpy",
+        "scipy": "python3-scipy",
+        "matplotlib": "python3-matplotlib",
+        "PyYAML": "python3-yaml",
+        "rich": "python3-rich",
+        "rosbags": "python3-rosbags-pip",
+        "mcap": "mcap-ros2-support",  # no key of its own; comes with this one
+        "lz4": "python3-lz4",
+        "zstandard": "python3-zstandard",
+    }
+    text = (ROOT / "setup.py").read_text(encoding="utf-8")
+    block = text.split("install_requires=[")[1].split("]")[0]
+    required = {re.split(r"[<>=]", name)[0] for name in re.findall(r'"([^"]+)"', block)}
+    assert required - {"setuptools"} == set(rosdep)
+    assert {rosdep[name] for name in rosdep} <= keys

@@ -1,0 +1,24 @@
+"""Lint, format and types are part of the tests."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+# The linters are installed beside today's versions; the run on the oldest versions has none.
+pytestmark = pytest.mark.ros
+
+ROOT = Path(__file__).parents[1]
+TOOLS = {
+    "ruff-check": ["ruff", "check", "."],
+    "ruff-format": ["ruff", "format", "--check", "."],
+    "mypy": ["mypy", "--no-error-summary"],
+}
+
+
+@pytest.mark.parametrize("arguments", TOOLS.values(), ids=TOOLS)
+def test_nothing_is_found(arguments):
+    command = [str(Path(sys.executable).with_name(arguments[0])), *arguments[1:]]
+    result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stdout + result.stderr
