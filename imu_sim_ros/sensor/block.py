@@ -37,5 +37,9 @@ class ImuBlock(NamedTuple):
     """(n, 3) sum of all bias terms of the gyroscope [rad/s]."""
     accel_bias: Array
     """(n, 3) sum of all bias terms of the accelerometer [m/s^2]."""
+    gyro_scale: Array
+    """(n, 3) factor of the gyroscope by turn-on and temperature; 1 without error."""
+    accel_scale: Array
+    """(n, 3) factor of the accelerometer by turn-on and temperature; 1 without error."""
     motion: Motion
     """The body's motion at ``true_t_ns``."""

@@ -1,0 +1,37 @@
+"""Random streams: one for each source and axis, derived from the seed and the source's name.
+
+Because a stream depends on nothing but the seed and its own name, switching one source on or off
+changes no other source's numbers, and because the numbers are drawn in the order of the samples,
+they do not depend on the size of the blocks either.
+"""
+
+import zlib
+
+import numpy as np
+from numpy.random import SFC64, Generator, SeedSequence
+from numpy.typing import NDArray
+
+AXES = ("x", "y", "z")
+
+
+def generator(seed: int, source: str) -> Generator:
+    """Return the random stream of one source.
+
+    :param seed: the simulation's seed, >= 0.
+    :param source: a stable name such as ``gyroscope.white_noise.x``.
+    """
+    key = zlib.crc32(source.encode())
+    return Generator(SFC64(SeedSequence(entropy=seed, spawn_key=(key,))))
+
+
+def axis_generators(seed: int, source: str) -> list[Generator]:
+    """Return the streams of the three axes of one source."""
+    return [generator(seed, f"{source}.{axis}") for axis in AXES]
+
+
+def draw_normal(generators: list[Generator], count: int) -> NDArray[np.float64]:
+    """Return standard normal numbers (3, count), each row from its own stream."""
+    out = np.empty((len(generators), count))
+    for row, source in zip(out, generators, strict=True):
+        source.standard_normal(out=row)
+    return out
