@@ -32,7 +32,8 @@ def multiply(p: ArrayLike, q: ArrayLike) -> Array:
 
 def conjugate(q: ArrayLike) -> Array:
     """Return the conjugate, the inverse rotation of a unit quaternion: ``q_bw`` from ``q_wb``."""
-    return np.asarray(q, dtype=np.float64) * np.array([1.0, -1.0, -1.0, -1.0])
+    result: Array = np.asarray(q, dtype=np.float64) * np.array([1.0, -1.0, -1.0, -1.0])
+    return result
 
 
 def normalise(q: ArrayLike) -> Array:
