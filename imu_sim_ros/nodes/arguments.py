@@ -1,0 +1,201 @@
+"""The command line of a node: what ROS takes, checked and put into the form that it can take.
+
+rcl ends a process on a list such as ``[1.0, 0, 0]``, and says so in three lines. The files and
+values that the commands accept are therefore read here first: everything that is wrong is reported
+together, and numbers are written in the one form that rcl understands.
+"""
+
+import argparse
+import re
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from imu_sim_ros.config import files
+from imu_sim_ros.config.parameter import Parameter, parameters, shown
+from imu_sim_ros.errors import ConfigurationError
+
+_RULE = re.compile(r"(?P<name>(?:[^\s:]+:)?[^\s:=]+):=(?P<value>.*)", re.DOTALL)
+_PARAMETERS = "ros__parameters"
+
+
+def ros_arguments(
+    arguments: Sequence[str], section: type, values: Mapping[str, object], folder: Path
+) -> list[str]:
+    """Return the arguments for ``rclpy.init``.
+
+    :param arguments: without the program's name: ``--ros-args`` as ROS defines them, and every
+        parameter of the section as ``--name value`` (dashes may stand for underscores).
+    :param section: the node's section of parameters.
+    :param values: chosen values, where they decide which parameters exist.
+    :param folder: where rewritten parameter files are put.
+    :raises ConfigurationError: with a line for everything that is wrong.
+    """
+    problems: list[str] = []
+    own, ros = _split(arguments)
+    result = ["--ros-args", *_plain(own, parameters(section, values), problems)]
+    position = 0
+    while position < len(ros):
+        flag = ros[position]
+        if flag in ("--params-file", "-p", "--param"):
+            value = ros[position + 1] if position + 1 < len(ros) else ""
+            convert = _file if flag == "--params-file" else _rule
+            try:
+                result += [flag, convert(value, folder)]
+            except ConfigurationError as error:
+                problems += error.problems
+            position += 2
+        else:
+            result.append(flag)
+            position += 1
+    if problems:
+        raise ConfigurationError(problems)
+    return result
+
+
+def _split(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Separate the program's own arguments from those between ``--ros-args`` and ``--``."""
+    own: list[str] = []
+    ros: list[str] = []
+    current = own
+    for argument in arguments:
+        if argument == "--ros-args":
+            current = ros
+        elif argument == "--" and current is ros:
+            current = own
+        else:
+            current.append(argument)
+    return own, ros
+
+
+def _plain(
+    own: Sequence[str], known: Mapping[str, Parameter], problems: list[str]
+) -> Iterator[str] | list[str]:
+    """Turn ``--rate 400`` and ``--rate=400`` into ROS's ``-p rate:=400``."""
+    result: list[str] = []
+    words = iter(own)
+    for word in words:
+        name, equals, value = word.removeprefix("--").partition("=")
+        name = name.replace("-", "_")
+        if not word.startswith("--") or not name:
+            problems.append(f"{word}: not an argument (--help lists them)")
+            continue
+        # A section such as imu stands for the file that its preset names.
+        short = {"imu": "imu.preset", "trajectory": "trajectory.type"}
+        name = short[name] if short.get(name) in known else name
+        if not equals:
+            value = next(words, "")
+        if not value:
+            problems.append(f"{word}: a value is missing")
+            continue
+        kind = known[name].kind if name in known else ""
+        quoted = kind in ("text", "choice")
+        result += ["-p", f"{name}:=" + ('"' + value + '"' if quoted else value)]
+    return result
+
+
+def _rule(rule: str, _: Path) -> str:
+    match = _RULE.fullmatch(rule)
+    if match is None or not match["value"].strip():
+        raise ConfigurationError(f"-p {rule}: must be name:=value")
+    if not match["value"].lstrip().startswith(("[", "{")):
+        return rule
+    try:
+        value = files.parse_yaml(match["value"])
+    except ValueError as error:
+        raise ConfigurationError(f"{match['name']}: {error}") from None
+    problems: list[str] = []
+    uniform = _uniform(match["name"], value, problems)
+    if problems:
+        raise ConfigurationError(problems)
+    return f"{match['name']}:={uniform}"
+
+
+def _file(name: str, folder: Path) -> str:
+    """Return the file, or a copy of it in the form that rcl reads where it has another."""
+    if not name:
+        raise ConfigurationError("--params-file: a file is missing")
+    path = Path(name)
+    try:
+        tree = files.parse_yaml(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigurationError(f"{path}: {error.strerror or error}") from None
+    except ValueError as error:
+        raise ConfigurationError(f"{path}: not a YAML file: {error}") from None
+    if not _has_sections(tree):
+        # A kalibr imu.yaml; for anything else load() says what is missing.
+        tree = {"/**": {_PARAMETERS: files.load(path)}}
+        uniform = tree
+        changed = True
+    else:
+        problems: list[str] = []
+        uniform = _uniform("", tree, problems)
+        if problems:
+            raise ConfigurationError([f"{path}: {problem}" for problem in problems])
+        changed = _differs(uniform, tree)
+    if not changed:
+        return name
+    import yaml
+
+    with tempfile.NamedTemporaryFile(
+        "w", suffix=".yaml", dir=folder, delete=False, encoding="utf-8"
+    ) as copy:
+        yaml.safe_dump(uniform, copy)
+    return copy.name
+
+
+def _has_sections(tree: Any) -> bool:
+    if not isinstance(tree, dict):
+        return False
+    if any(key == _PARAMETERS for key in tree):
+        return True
+    return any(_has_sections(content) for content in tree.values())
+
+
+def _uniform(name: str, value: Any, problems: list[str]) -> Any:
+    """Return a tree whose lists hold one type each: whole numbers beside others become floats."""
+    if isinstance(value, dict):
+        return {
+            key: _uniform(f"{name}.{key}" if name else str(key), entry, problems)
+            for key, entry in value.items()
+        }
+    short = name.rpartition(f"{_PARAMETERS}.")[2]
+    if value is None:
+        problems.append(f"{short}: a value is missing")
+    if not isinstance(value, list):
+        return value
+    kinds = {type(entry) for entry in value}
+    if kinds == {int, float}:
+        return [float(entry) for entry in value]
+    if not (len(kinds) <= 1 and kinds <= {int, float, bool, str}):
+        problems.append(f"{short} = {shown(value)}: must be a list of one type of value")
+    return value
+
+
+def _differs(uniform: Any, tree: Any) -> bool:
+    """Compare with types: 1 == 1.0, and yet only one of them may stand in a list of floats."""
+    return repr(uniform) != repr(tree)
+
+
+def help_text(program: str, text: str, section: type, values: Mapping[str, object]) -> str:
+    """Return the help of a node: every parameter with its default, unit, range and text."""
+    parser = argparse.ArgumentParser(
+        prog=program,
+        usage=f"{program} [--PARAMETER VALUE ...] [--ros-args -p NAME:=VALUE --params-file FILE]",
+        description=text,
+        formatter_class=argparse.RawTextHelpFormatter,
+    )
+    group = parser.add_argument_group("parameters (* changes while the node runs)")
+    for name, parameter in parameters(section, values).items():
+        mark = " *" if parameter.live else ""
+        words = f"{parameter.text}{mark}\n{parameter.allowed()}; default {_plainly(parameter)}"
+        group.add_argument(f"--{name}", metavar="VALUE", help=words.replace("%", "%%"))
+    return parser.format_help()
+
+
+def _plainly(parameter: Parameter) -> str:
+    default = parameter.default
+    if isinstance(default, tuple):
+        return "[" + ", ".join(str(entry) for entry in default) + "]"
+    return repr(default) if isinstance(default, str) else str(default).lower()

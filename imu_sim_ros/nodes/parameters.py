@@ -1,0 +1,116 @@
+"""The bridge between a section of parameters and the parameters of a ROS node."""
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rclpy.node import Node
+from rclpy.parameter import Parameter as RosParameter
+
+from imu_sim_ros.config.parameter import Parameter, Value, build, flatten, parameters, unknown
+from imu_sim_ros.errors import ConfigurationError
+
+_OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides.")
+
+Layering = Callable[[Mapping[str, object]], Mapping[str, object]]
+
+
+class ConfiguredNode(Node):
+    """A node whose parameters are those of a section, described and checked in one place.
+
+    Values come from ``--ros-args`` (``-p``, ``--params-file``) as ROS matches them to the node.
+    Types are those of the section, not of ROS: an integer stands for a float and a number for a
+    vector. Parameters that are not ``live`` are read-only. A change is checked as a whole and takes
+    effect as a whole, through :meth:`apply`.
+    """
+
+    def __init__(
+        self, name: str, section: type, layering: Layering | None = None, **arguments: Any
+    ) -> None:
+        """Declare all parameters.
+
+        :param name: the node's name, which a remapping may change.
+        :param section: frozen dataclass made of the functions in config.parameter.
+        :param layering: puts the values that were given above others, such as those of a preset.
+        :raises ConfigurationError: with a line for every unknown name and every bad value.
+        """
+        super().__init__(name, automatically_declare_parameters_from_overrides=True, **arguments)
+        given = self._take_overrides()
+        self.section = section
+        self.given: dict[str, object] = given
+        self.parameters: Any = build(section, layering(given) if layering else given)
+        self._declare(flatten(self.parameters), parameters(section, flatten(self.parameters)))
+        self.add_on_set_parameters_callback(self._on_set)
+
+    def apply(self, new: Any) -> None:
+        """Take new parameters, all of them valid; a subclass acts on them and may still refuse.
+
+        :raises ConfigurationError: for what only the running node can tell; nothing is changed.
+        """
+
+    def _take_overrides(self) -> dict[str, object]:
+        """Return what the command line gave, and remove the declarations that ROS made of it."""
+        given: dict[str, object] = {}
+        for name, parameter in self.get_parameters_by_prefix("").items():
+            if not name.startswith(_OF_ROS):
+                given[name] = plain(parameter)
+                self.undeclare_parameter(name)
+        return given
+
+    def _declare(self, values: Mapping[str, Value], known: Mapping[str, Parameter]) -> None:
+        self._known = known
+        entries = [
+            (name, _to_ros(values[name]), describe(parameter)) for name, parameter in known.items()
+        ]
+        self.declare_parameters("", entries, ignore_override=True)
+
+    def set_parameters_atomically(
+        self, parameter_list: Iterable[RosParameter]
+    ) -> SetParametersResult:
+        """Refuse read-only parameters with a reason; rclpy alone would only name the first."""
+        parameter_list = list(parameter_list)
+        fixed = [
+            f"{parameter.name} is read-only: it is fixed when the node starts"
+            for parameter in parameter_list
+            if parameter.name in self._known and not self._known[parameter.name].live
+        ]
+        if fixed:
+            return SetParametersResult(successful=False, reason="; ".join(fixed))
+        missing = [p.name for p in parameter_list if not self.has_parameter(p.name)]
+        if missing:
+            reason = "; ".join(unknown(name, self._known) for name in missing)
+            return SetParametersResult(successful=False, reason=reason)
+        return super().set_parameters_atomically(parameter_list)
+
+    def _on_set(self, changes: list[RosParameter]) -> SetParametersResult:
+        own = {change.name: plain(change) for change in changes if change.name in self._known}
+        if not own:
+            return SetParametersResult(successful=True)
+        try:
+            new = build(self.section, {**flatten(self.parameters), **own})
+            self.apply(new)
+        except ConfigurationError as error:
+            return SetParametersResult(successful=False, reason="; ".join(error.problems))
+        self.parameters = new
+        return SetParametersResult(successful=True)
+
+
+def plain(parameter: RosParameter) -> object:
+    """Return a ROS parameter's value in plain Python; ROS takes an empty list for bytes."""
+    value = parameter.value
+    return tuple(value) if hasattr(value, "__iter__") and not isinstance(value, str) else value
+
+
+def _to_ros(value: Value) -> object:
+    return list(value) if isinstance(value, tuple) else value
+
+
+def describe(parameter: Parameter) -> ParameterDescriptor:
+    """Return the descriptor that `ros2 param describe` and rqt show."""
+    return ParameterDescriptor(
+        description=f"{parameter.text} [{parameter.unit}]" if parameter.unit else parameter.text,
+        additional_constraints=parameter.allowed()
+        + ("" if parameter.live else "; fixed when the node starts"),
+        read_only=not parameter.live,
+        dynamic_typing=True,
+    )

@@ -1,0 +1,96 @@
+"""What the nodes' programs share: arguments, start, spinning, signals and the exit status."""
+
+import signal
+import sys
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Protocol
+
+from imu_sim_ros.errors import ConfigurationError, ImuSimError
+from imu_sim_ros.nodes.arguments import help_text, ros_arguments
+
+
+class Program(Protocol):
+    """A node that can be run: it spins until ``done`` has a result, its exit status."""
+
+    done: Any
+    """rclpy Future; a thread of the node may set its result."""
+
+    def close(self) -> None:
+        """End threads and close files; called once, whatever the reason for the end."""
+
+
+def main(
+    name: str,
+    text: str,
+    section: type,
+    create: Callable[[], Program],
+    values: Mapping[str, object] | None = None,
+    arguments: Sequence[str] | None = None,
+) -> int:
+    """Run a node until it is done or a signal ends it.
+
+    :param name: the executable's name.
+    :param text: what it does, for ``--help``.
+    :param section: its parameters.
+    :param create: makes the node; rclpy is initialised by then.
+    :param values: chosen values that decide which parameters exist.
+    :param arguments: the command line without the program's name.
+    :returns: exit status: the node's own, 0 after SIGINT or SIGTERM, 2 after printing one line for
+        each thing that is wrong with the parameters.
+    """
+    arguments = sys.argv[1:] if arguments is None else arguments
+    if "--help" in arguments or "-h" in arguments:
+        print(help_text(name, text, section, values or {}), end="")
+        return 0
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            program = _start(ros_arguments(arguments, section, values or {}, Path(folder)), create)
+        return _spin(program) if program is not None else 0
+    except ImuSimError as error:
+        for problem in error.problems:
+            print(f"{name}: {problem}", file=sys.stderr)
+        return 2
+    finally:
+        _shut_down()
+
+
+def _start(arguments: Sequence[str], create: Callable[[], Program]) -> Program | None:
+    """Return the node; None where a signal came first."""
+    import rclpy
+    from rclpy.executors import ExternalShutdownException
+
+    try:
+        rclpy.init(args=["", *arguments])
+    except RuntimeError as error:  # rcl's own classes have no other parent
+        raise ConfigurationError(f"--ros-args: {' '.join(str(error).split())}") from None
+    try:
+        return create()
+    except (KeyboardInterrupt, ExternalShutdownException):
+        return None
+
+
+def _spin(program: Any) -> int:
+    from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+
+    executor = SingleThreadedExecutor()
+    executor.add_node(program)
+    try:
+        executor.spin_until_future_complete(program.done)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    finally:
+        # The node is closing already; a second Ctrl-C must not break that off.
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
+        program.close()
+        program.destroy_node()
+        executor.shutdown(timeout_sec=0.5)
+    return int(program.done.result() or 0) if program.done.done() else 0
+
+
+def _shut_down() -> None:
+    import rclpy
+
+    rclpy.try_shutdown()
