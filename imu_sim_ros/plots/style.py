@@ -1,0 +1,76 @@
+"""The common look of all pictures: colours, figures without a display, saving."""
+
+from pathlib import Path
+from typing import Final
+
+import matplotlib
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from imu_sim_ros.errors import InputError
+
+# Okabe and Ito's palette: told apart with every kind of colour vision, and in grey.
+AXIS_COLOURS: Final = {"x": "#D55E00", "y": "#009E73", "z": "#0072B2"}
+PALETTE: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#5B5B5B")
+TRUTH_COLOUR: Final = "#1A1A1A"
+MUTED_COLOUR: Final = "#8A8A8A"
+
+_SETTINGS: Final = {
+    "font.size": 9.0,
+    "axes.titlesize": 10.0,
+    "axes.labelsize": 9.0,
+    "legend.fontsize": 8.0,
+    "lines.linewidth": 1.3,
+}
+_PIXELS_PER_INCH: Final = 130
+
+
+def figure(width: float = 8.0, height: float = 5.0) -> Figure:
+    """Return an empty figure that needs neither a display nor global state.
+
+    :param width: inches.
+    :param height: inches.
+    """
+    with matplotlib.rc_context(_SETTINGS):
+        result = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(result)
+    return result
+
+
+def panels(
+    rows: int,
+    columns: int,
+    width: float = 8.0,
+    height: float = 5.0,
+    *,
+    sharex: bool | str = False,
+    sharey: bool | str = False,
+) -> tuple[Figure, list[Axes]]:
+    """Return a figure and its panels, row by row."""
+    result = figure(width, height)
+    with matplotlib.rc_context(_SETTINGS):
+        grid = result.subplots(rows, columns, squeeze=False, sharex=sharex, sharey=sharey)
+    axes = [axis for row in grid for axis in row]
+    for axis in axes:
+        tidy(axis)
+    return result, axes
+
+
+def tidy(axes: Axes) -> None:
+    """Give one panel a light grid and no frame on the right and at the top."""
+    axes.grid(True, which="major", color="#DDDDDD", linewidth=0.6)
+    axes.set_axisbelow(True)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+
+
+def save(picture: Figure, path: str | Path) -> None:
+    """Write a figure; the file's ending chooses the format (png, svg, pdf).
+
+    :raises InputError: where the file cannot be written.
+    """
+    try:
+        picture.savefig(path, dpi=_PIXELS_PER_INCH)
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: the picture cannot be written: {error}") from None
