@@ -1,0 +1,33 @@
+"""Motions that can be written down: every coordinate a polynomial and a sum of sinusoids."""
+
+import math
+
+import numpy as np
+
+from imu_sim_ros.config.trajectory import HarmonicParameters
+from imu_sim_ros.trajectory.euler import attitude
+from imu_sim_ros.trajectory.motion import Array, Motion
+from imu_sim_ros.trajectory.series import SeriesSet
+
+
+class Harmonic:
+    """Position and Euler angles in closed form (lecture, section 5, first way), without end."""
+
+    def __init__(self, parameters: HarmonicParameters) -> None:
+        p = parameters
+        self._coordinates = SeriesSet([p.x, p.y, p.z, p.roll, p.pitch, p.yaw])
+
+    @property
+    def duration(self) -> float:
+        """Infinite."""
+        return math.inf
+
+    def sample(self, t: Array) -> Motion:
+        """Return the motion at times t (n,) [s]."""
+        n = len(t)
+        *position, roll, pitch, yaw = self._coordinates.sample(t)
+        p, v, a = np.empty((3, n, 3))
+        for k, coordinate in enumerate(position):
+            p[:, k], v[:, k], a[:, k] = coordinate
+        q_wb, omega, alpha = attitude(roll, pitch, yaw, n)
+        return Motion(p, v, a, q_wb, omega, alpha)
