@@ -1,40 +1,177 @@
-"""Parameters of the IMU: every error of the chain, each off at zero."""
+"""Parameters of the IMU: the triads' errors, mounting and timing.
 
+The order in which the errors act is in :mod:`imu_sim_ros.sensor`.
+"""
+
+from collections.abc import Iterator
 from dataclasses import dataclass
 
-from imu_sim_ros.config.parameter import ZERO_VECTOR, Vector, text, vector
+import numpy as np
+
+from imu_sim_ros.config.parameter import (
+    IDENTITY_MATRIX,
+    Matrix,
+    Vector,
+    choice,
+    integer,
+    matrix,
+    number,
+    text,
+    vector,
+)
+from imu_sim_ros.config.triads import (
+    NO_CROSS_AXIS,
+    TRIADS,
+    AccelerometerParameters,
+    GyroscopeParameters,
+)
+
+ORTHONORMAL_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True)
-class ImuParameters:
-    """One IMU; names and units of the noise are kalibr's."""
+class TimingParameters:
+    """Errors of stamps and transport. The samples themselves are taken at the true times."""
+
+    stamp_offset: float = number(
+        0.0, "constant error of the stamps: stamp = true time + offset", unit="s"
+    )
+    clock_skew_ppm: float = number(
+        0.0,
+        "how much too fast the sensor's clock runs at the start",
+        unit="ppm",
+        minimum=-10000.0,
+        maximum=10000.0,
+    )
+    clock_drift_ppm_per_hour: float = number(
+        0.0, "change of the clock's skew", unit="ppm/h", minimum=-10.0, maximum=10.0
+    )
+    jitter: float = number(
+        0.0,
+        "standard deviation of the stamps' error; at most a quarter of the interval, cut off at "
+        "0.45 of it so that stamps always increase",
+        unit="s",
+        minimum=0.0,
+        live=True,
+    )
+    latency: float = number(
+        0.0, "time from a sample to its message, at least", unit="s", minimum=0.0, live=True
+    )
+    latency_jitter: float = number(
+        0.0,
+        "mean of the exponentially distributed extra time to the message; order is kept",
+        unit="s",
+        minimum=0.0,
+        live=True,
+    )
+    dropout_probability: float = number(
+        0.0,
+        "probability that a single message is lost",
+        unit="1",
+        minimum=0.0,
+        maximum=1.0,
+        live=True,
+    )
+    dropout_burst_rate: float = number(
+        0.0, "bursts of lost messages, on average", unit="1/s", minimum=0.0, live=True
+    )
+    dropout_burst_duration: float = number(
+        0.0,
+        "mean duration of a burst (exponentially distributed)",
+        unit="s",
+        minimum=0.0,
+        live=True,
+    )
+    duplicate_probability: float = number(
+        0.0,
+        "probability that a message is delivered twice",
+        unit="1",
+        minimum=0.0,
+        maximum=1.0,
+        live=True,
+    )
+
+
+@dataclass(frozen=True)
+class ImuParameters(TimingParameters, AccelerometerParameters, GyroscopeParameters):
+    """One IMU."""
 
     preset: str = text("lecture", "file in config/imus, or a path, to start from")
-    gyroscope_noise_density: Vector = vector(
-        ZERO_VECTOR,
-        "white noise of the gyroscope, continuous time",
-        unit="rad/s/sqrt(Hz)",
-        minimum=0.0,
-        live=True,
+    sampling: str = choice(
+        "instantaneous",
+        ("instantaneous", "averaged"),
+        "a reading is the value at its time, or the mean since the sample before",
     )
-    gyroscope_random_walk: Vector = vector(
-        ZERO_VECTOR,
-        "random walk of the gyroscope's bias, continuous time",
-        unit="rad/s^2/sqrt(Hz)",
-        minimum=0.0,
-        live=True,
+    lever_arm: Vector = vector(0.0, "position of the IMU in the body frame, p_bi", unit="m")
+    mounting: Matrix = matrix(IDENTITY_MATRIX, "rotation R_bi of the IMU in the body")
+    reference_temperature: float = number(
+        25.0, "temperature T0 of the temperature polynomials", unit="degC", live=True
     )
-    accelerometer_noise_density: Vector = vector(
-        ZERO_VECTOR,
-        "white noise of the accelerometer, continuous time",
-        unit="m/s^2/sqrt(Hz)",
-        minimum=0.0,
-        live=True,
+    bandwidth_order: int = integer(
+        2, "order of the low-pass filters (Butterworth)", minimum=1, maximum=8
     )
-    accelerometer_random_walk: Vector = vector(
-        ZERO_VECTOR,
-        "random walk of the accelerometer's bias, continuous time",
-        unit="m/s^3/sqrt(Hz)",
-        minimum=0.0,
-        live=True,
-    )
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Say which parameters contradict each other, a line each."""
+        yield from _mounting_problems(self.mounting, prefix)
+        for triad in TRIADS:
+            yield from self._gauss_markov_problems(triad, prefix)
+            yield from self._scale_problems(triad, prefix)
+        if self.dropout_burst_rate > 0.0 and self.dropout_burst_duration == 0.0:
+            yield (
+                f"{prefix}dropout_burst_duration = 0.0: must be above 0 s "
+                f"where {prefix}dropout_burst_rate is"
+            )
+
+    def _gauss_markov_problems(self, triad: str, prefix: str) -> Iterator[str]:
+        sigma = getattr(self, f"{triad}_gauss_markov_sigma")
+        density = getattr(self, f"{triad}_gauss_markov_density")
+        tau = getattr(self, f"{triad}_correlation_time")
+        if any(sigma) and any(density):
+            yield (
+                f"{prefix}{triad}_gauss_markov_density = {density}: must be 0 "
+                f"where {triad}_gauss_markov_sigma is given; the two are one process"
+            )
+        if any((s or d) and not t for s, d, t in zip(sigma, density, tau, strict=True)):
+            yield (
+                f"{prefix}{triad}_correlation_time = {tau}: must be above 0 s "
+                f"on every axis that has a Gauss-Markov bias"
+            )
+
+    def _scale_problems(self, triad: str, prefix: str) -> Iterator[str]:
+        cross = getattr(self, f"{triad}_misalignment_percent")
+        if len(cross) != len(NO_CROSS_AXIS):
+            yield (
+                f"{prefix}{triad}_misalignment_percent = {cross}: "
+                f"must be six numbers: xy, xz, yx, yz, zx, zy [%]"
+            )
+        percent = any(cross) or any(getattr(self, f"{triad}_scale_error_percent"))
+        if percent and getattr(self, f"{triad}_scale_misalignment") != IDENTITY_MATRIX:
+            yield (
+                f"{prefix}{triad}_scale_misalignment: must be the identity where "
+                f"{triad}_scale_error_percent or {triad}_misalignment_percent is given"
+            )
+
+    def warnings(self, prefix: str, gravity: float) -> Iterator[str]:
+        """Say what is allowed and yet looks like a mistake, a line each.
+
+        :param gravity: magnitude [m/s^2].
+        """
+        limits = [limit for limit in self.accelerometer_range if limit > 0.0]
+        if limits and min(limits) < gravity:
+            yield (
+                f"{prefix}accelerometer_range = {min(limits):g}: smaller than gravity "
+                f"({gravity:g} m/s^2), so an IMU at rest saturates"
+            )
+
+
+def _mounting_problems(mounting: Matrix, prefix: str) -> Iterator[str]:
+    r = np.reshape(mounting, (3, 3))
+    error = float(np.abs(r @ r.T - np.eye(3)).max())
+    if error > ORTHONORMAL_TOLERANCE:
+        yield (
+            f"{prefix}mounting: must be a rotation matrix; "
+            f"R R^T differs from the identity by {error:.2g}, allowed is {ORTHONORMAL_TOLERANCE:g}"
+        )
+    elif np.linalg.det(r) < 0:
+        yield f"{prefix}mounting: must be a rotation matrix; this one mirrors (determinant -1)"

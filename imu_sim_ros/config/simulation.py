@@ -1,6 +1,7 @@
 """Parameters of a simulation: what the simulator node and the command generate have in common."""
 
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from imu_sim_ros.config.files import layer
@@ -8,6 +9,8 @@ from imu_sim_ros.config.imu import ImuParameters
 from imu_sim_ros.config.parameter import (
     Vector,
     build,
+    choice,
+    flag,
     integer,
     number,
     section,
@@ -15,10 +18,15 @@ from imu_sim_ros.config.parameter import (
     variant,
     vector,
 )
+from imu_sim_ros.config.temperature import TemperatureParameters
 from imu_sim_ros.config.trajectory import TrajectoryParameters, find_trajectory
+from imu_sim_ros.config.triads import TRIADS
 
 DEFAULT_IMU = "lecture"
 DEFAULT_TRAJECTORY = "lecture"
+DEFAULT_GRAVITY = (0.0, 0.0, -9.81)
+LARGEST_JITTER = 0.25
+"""The largest standard deviation of the stamps, in intervals between two samples."""
 
 
 @dataclass(frozen=True)
@@ -42,9 +50,53 @@ class SimulationParameters:
     world_frame: str = text("world", "frame of the truth's pose")
     body_frame: str = text("base_link", "frame of the body, child of the world frame")
     imu_frame: str = text("imu_link", "frame of the readings")
-    gravity: Vector = vector((0.0, 0.0, -9.81), "gravity in the world frame", unit="m/s^2")
+    gravity: Vector = vector(DEFAULT_GRAVITY, "gravity in the world frame", unit="m/s^2")
+    gravity_model: str = choice(
+        "constant",
+        ("constant", "wgs84"),
+        "constant: the vector `gravity`; wgs84: normal gravity at `latitude_deg` and `height`",
+    )
+    latitude_deg: float = number(
+        0.0, "geodetic latitude of the world's origin", unit="deg", minimum=-90.0, maximum=90.0
+    )
+    height: float = number(
+        0.0,
+        "height of the world's origin above the ellipsoid",
+        unit="m",
+        minimum=-12000.0,
+        maximum=100000.0,
+    )
+    earth_rotation: bool = flag(
+        False, "the world turns with the Earth: Earth rate and Coriolis force are read as well"
+    )
+    temperature: TemperatureParameters = section(TemperatureParameters)
     trajectory: TrajectoryParameters = variant("type", "static", find_trajectory)
     imu: ImuParameters = section(ImuParameters)
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Say which parameters do not fit the rate or each other, a line each."""
+        nyquist = 0.5 * self.rate
+        for triad in TRIADS:
+            name = f"{triad}_bandwidth"
+            cutoff = max(getattr(self.imu, name))
+            if cutoff >= nyquist:
+                yield (
+                    f"{prefix}imu.{name} = {cutoff:g}: must be below half the rate, {nyquist:g} Hz"
+                )
+        if self.imu.jitter * self.rate > LARGEST_JITTER:
+            yield (
+                f"{prefix}imu.jitter = {self.imu.jitter:g}: must be at most a quarter of the "
+                f"interval, {LARGEST_JITTER / self.rate:g} s"
+            )
+        if self.gravity_model != "constant" and self.gravity != DEFAULT_GRAVITY:
+            yield (
+                f"{prefix}gravity = {self.gravity}: must be left out "
+                f"where gravity_model is {self.gravity_model}"
+            )
+
+    def warnings(self) -> list[str]:
+        """Return what is allowed and yet looks like a mistake, a line each."""
+        return list(self.imu.warnings("imu.", math.hypot(*self.gravity)))
 
 
 def load_simulation(*layers: Mapping[str, object], node: str = "simulator") -> SimulationParameters:

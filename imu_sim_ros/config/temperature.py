@@ -1,0 +1,45 @@
+"""Parameters of the temperature around the IMU over time."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+from imu_sim_ros.config.parameter import choice, number, numbers
+
+ABSOLUTE_ZERO = -273.15
+
+
+@dataclass(frozen=True)
+class TemperatureParameters:
+    """Ambient temperature over time, and how the sensor follows it."""
+
+    value: float = number(
+        25.0, "ambient temperature at the start", unit="degC", minimum=ABSOLUTE_ZERO
+    )
+    profile: tuple[float, ...] = numbers(
+        (),
+        "time [s] and ambient temperature [degC] in turn, times increasing; the last one stays",
+        unit="s, degC",
+        minimum=ABSOLUTE_ZERO,
+        group=2,
+    )
+    interpolation: str = choice(
+        "linear",
+        ("linear", "steps"),
+        "linear: ramps between the entries of the profile; steps: jumps (soak) at their times",
+    )
+    time_constant: float = number(
+        0.0,
+        "thermal lag: the sensor follows the ambient temperature with this time constant",
+        unit="s",
+        minimum=0.0,
+    )
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Say whether the profile's times can be used."""
+        times = self.profile[::2]
+        if times and times[0] < 0.0:
+            yield f"{prefix}profile: time {times[0]:g} s: must be at least 0"
+        for before, after in pairwise(times):
+            if after <= before:
+                yield (f"{prefix}profile: time {after:g} s after {before:g} s: times must increase")
