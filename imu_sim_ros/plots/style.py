@@ -1,7 +1,7 @@
 """The common look of all pictures: colours, figures without a display, saving."""
 
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import matplotlib
 from matplotlib.axes import Axes
@@ -16,7 +16,7 @@ PALETTE: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E
 TRUTH_COLOUR: Final = "#1A1A1A"
 MUTED_COLOUR: Final = "#8A8A8A"
 
-_SETTINGS: Final = {
+_SETTINGS: Final[Any] = {
     "font.size": 9.0,
     "axes.titlesize": 10.0,
     "axes.labelsize": 9.0,
@@ -44,8 +44,8 @@ def panels(
     width: float = 8.0,
     height: float = 5.0,
     *,
-    sharex: bool | str = False,
-    sharey: bool | str = False,
+    sharex: bool = False,
+    sharey: bool = False,
 ) -> tuple[Figure, list[Axes]]:
     """Return a figure and its panels, row by row."""
     result = figure(width, height)

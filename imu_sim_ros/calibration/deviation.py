@@ -1,0 +1,208 @@
+"""Overlapping Allan deviation of records of any length, in bounded memory."""
+
+from collections.abc import Iterable
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_CHUNK: Final = 1 << 13
+"""Terms handled at once: they stay in the processor's cache, and BLAS starts no threads."""
+_SHORT: Final = 1024
+"""Clusters up to this size see every sample as it comes; longer ones the stored phase."""
+_PHASES: Final = 1 << 21
+"""Phases stored per axis; of longer records every second, fourth, ... one is kept."""
+
+
+class Deviation(NamedTuple):
+    """Allan deviation of some axes at m cluster times."""
+
+    size: NDArray[np.int64]
+    """(m,) samples per cluster."""
+    tau: Array
+    """(m,) cluster times [s]."""
+    deviation: Array
+    """(m, axes) in the data's unit."""
+    low: Array
+    """(m, axes) lower end of the 95 % band."""
+    high: Array
+    """(m, axes) upper end of the 95 % band."""
+    terms: NDArray[np.int64]
+    """(m,) second differences that were averaged."""
+
+
+def cluster_sizes(samples: int, per_decade: int = 17) -> NDArray[np.int64]:
+    """Return log-spaced cluster sizes up to a third of a record.
+
+    Sizes from 128 on are rounded to seven significant bits: a record of which only every
+    2^p-th phase is kept then still meets all sizes above 64 * 2^p exactly.
+
+    :param samples: length of the longest piece.
+    """
+    largest = samples // 3
+    if largest < 1:
+        return np.empty(0, dtype=np.int64)
+    count = int(np.log10(largest) * per_decade) + 1
+    size = np.round(10.0 ** (np.arange(count) / per_decade)).astype(np.int64)
+    step = 1 << np.maximum(np.log2(size).astype(np.int64) - 6, 0)
+    size = (size + step // 2) // step * step
+    return np.unique(size[size <= largest])
+
+
+def overlapping_deviation(y: Array, rate: float, sizes: Iterable[int]) -> Array:
+    """Return the overlapping Allan deviation of one gap-free record that is in memory.
+
+    ``avar(m) = sum_j (x_{j+2m} - 2 x_{j+m} + x_j)^2 / (2 (m dt)^2 (n - 2m + 1))`` with the phase
+    ``x_j = dt sum_{i<j} y_i`` (IEEE Std 952-1997 Annex C; Riley, NIST SP 1065, eq. 11).
+
+    :param y: (n,) or (n, axes) readings.
+    :param rate: samples per second [Hz].
+    :param sizes: cluster sizes, each at least 1 and at most n / 2.
+    :returns: (m,) or (m, axes).
+    """
+    columns = np.asarray(y, dtype=np.float64)
+    flat = columns.ndim == 1
+    phase = _phases(columns.reshape(len(columns), -1).T, rate)
+    rows = []
+    for m in sizes:
+        total = np.array([_second_differences(axis, m)[0] for axis in phase])
+        rows.append(_deviation(total, m / rate, phase.shape[1] - 2 * m))
+    result = np.array(rows).reshape(-1, len(phase))
+    return result[:, 0] if flat else result
+
+
+def _phases(y: Array, rate: float) -> Array:
+    """Return (axes, n + 1) phases of (axes, n) readings."""
+    phase = np.zeros((len(y), y.shape[1] + 1))
+    np.cumsum(y, axis=1, out=phase[:, 1:])
+    phase /= rate
+    return phase
+
+
+def _deviation(total: Array, tau: float, terms: int) -> Array:
+    result: Array = np.sqrt(total / (2.0 * tau**2 * terms))
+    return result
+
+
+def _second_differences(x: Array, m: int, first: int = 0) -> tuple[float, int]:
+    """Return the sum of squared second differences at lag m and their number.
+
+    :param first: index in x of the first end point ``j + 2m`` that counts.
+    """
+    begin = max(first - 2 * m, 0)
+    end = len(x) - 2 * m
+    total = 0.0
+    buffer = np.empty(min(_CHUNK, max(end - begin, 0)))
+    for j in range(begin, end, _CHUNK):
+        stop = min(j + _CHUNK, end)
+        d = buffer[: stop - j]
+        middle = x[j + m : stop + m]
+        np.subtract(x[j + 2 * m : stop + 2 * m], middle, out=d)
+        np.subtract(d, middle, out=d)
+        np.add(d, x[j:stop], out=d)
+        total += float(np.dot(d, d))
+    return total, max(end - begin, 0)
+
+
+class DeviationAccumulator:
+    """Takes a record block by block, in pieces between which nothing is assumed.
+
+    Clusters of up to 1024 samples are exact in any case. Longer ones are exact while a piece has
+    no more than 2 million samples; beyond, their second differences start at every second, fourth,
+    ... sample only, which costs no precision: neighbours at such lags are nearly equal.
+    """
+
+    def __init__(self, rate: float, axes: int) -> None:
+        self._rate = rate
+        self._axes = axes
+        self._totals: dict[int, Array] = {}
+        self._terms: dict[int, int] = {}
+        self._longest = 0
+        self._short = [int(m) for m in cluster_sizes(3 * _SHORT)]
+        self._begin()
+
+    def _begin(self) -> None:
+        self._count = 0
+        self._offset: Array | None = None
+        self._stride = 1
+        self._tail = np.zeros((self._axes, 1))
+        self._stored = [np.zeros((self._axes, 1))]
+        self._stored_count = 1
+
+    def add(self, y: Array) -> None:
+        """Take the next readings (n, axes) of the piece."""
+        for first in range(0, len(y), _CHUNK):
+            self._add(np.ascontiguousarray(y[first : first + _CHUNK].T))
+
+    def _add(self, y: Array) -> None:
+        if self._offset is None:  # the phase must not grow with a constant such as gravity
+            self._offset = y.mean(axis=1, keepdims=True)
+        phase = np.cumsum(y - self._offset, axis=1) / self._rate + self._tail[:, -1:]
+        window = np.concatenate([self._tail, phase], axis=1)
+        for m in self._short:
+            sums = [_second_differences(axis, m, self._tail.shape[1]) for axis in window]
+            self._note(m, np.array([total for total, _ in sums]), sums[0][1])
+        self._tail = window[:, -2 * _SHORT :].copy()
+        self._store(phase)
+        self._count += y.shape[1]
+
+    def _note(self, m: int, total: Array, terms: int) -> None:
+        if terms > 0:
+            self._totals[m] = self._totals.get(m, np.zeros(self._axes)) + total
+            self._terms[m] = self._terms.get(m, 0) + terms
+
+    def _store(self, phase: Array) -> None:
+        skip = -(self._count + 1) % self._stride
+        self._stored.append(phase[:, skip :: self._stride].copy())
+        self._stored_count += self._stored[-1].shape[1]
+        if self._stored_count > _PHASES:
+            self._stored = [np.concatenate(self._stored, axis=1)[:, ::2].copy()]
+            self._stored_count = self._stored[0].shape[1]
+            self._stride *= 2
+
+    def end_piece(self) -> None:
+        """Close the piece: what comes next is not connected with it."""
+        x = np.concatenate(self._stored, axis=1)
+        for m in cluster_sizes(self._count):
+            if m > self._short[-1]:
+                sums = [_second_differences(axis, int(m) // self._stride) for axis in x]
+                self._note(int(m), np.array([total for total, _ in sums]), sums[0][1])
+        self._longest = max(self._longest, self._count)
+        self._begin()
+
+    def result(self) -> Deviation:
+        """Return the deviation at all sizes up to a third of the longest piece."""
+        size = cluster_sizes(self._longest)
+        size = size[[int(m) in self._terms for m in size]]
+        tau = size / self._rate
+        terms = np.array([self._terms[int(m)] for m in size], dtype=np.int64)
+        total = np.array([self._totals[int(m)] for m in size]).reshape(len(size), self._axes)
+        deviation = np.sqrt(total / (2.0 * tau**2 * terms)[:, None])
+        low, high = confidence_factors(self._longest, size)
+        return Deviation(size, tau, deviation, deviation * low, deviation * high, terms)
+
+
+def degrees_of_freedom(samples: int, size: NDArray[np.int64]) -> Array:
+    """Return the equivalent degrees of freedom of the overlapping estimate.
+
+    The smaller of the values for white noise and for a random walk (Howe, Allan and Barnes 1981,
+    table 2; in IEEE 952's terms the readings are frequencies): where both are present the truth
+    lies between them.
+    """
+    n = float(samples + 1)
+    m = size.astype(np.float64)
+    white = (3.0 * (n - 1.0) / (2.0 * m) - 2.0 * (n - 2.0) / n) * 4.0 * m**2 / (4.0 * m**2 + 5.0)
+    walk = (n - 2.0) / m * ((n - 1.0) ** 2 - 3.0 * m * (n - 1.0) + 4.0 * m**2) / (n - 3.0) ** 2
+    return np.maximum(np.minimum(white, walk), 1.0)
+
+
+def confidence_factors(samples: int, size: NDArray[np.int64]) -> tuple[Array, Array]:
+    """Return the (m, 1) factors from the deviation to the ends of its 95 % band (chi-square)."""
+    from scipy.stats import chi2
+
+    freedom = degrees_of_freedom(samples, size)
+    low = np.sqrt(freedom / chi2.ppf(0.975, freedom))
+    high = np.sqrt(freedom / chi2.ppf(0.025, freedom))
+    return low[:, None], high[:, None]
