@@ -1,0 +1,1 @@
+"""What is made of readings: dead reckoning, preintegration, and their comparison with the truth."""

@@ -1,0 +1,181 @@
+"""What moves the body during one interval, seen from its attitude at the interval's start.
+
+An increment depends on the readings alone, not on the state, which is what makes whole records fast:
+attitudes are running products, velocities and positions running sums. Arrays here have the vector's
+components on the first axis, ``(3, n)`` and ``(4, n)``: every operand is then contiguous.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Increments(NamedTuple):
+    """The increments of n intervals of lengths h.
+
+    With ``a(s)`` the specific force in the frame of the interval's start, the state moves by
+    ``q <- q dq``, ``v <- v + g h + R dv`` and ``p <- p + (v_before + v_after) h / 2 + R dp``.
+    """
+
+    dq: Array
+    """(4, n) unit quaternions, attitude of the end in the frame of the start."""
+    dv: Array
+    """(3, n) integral of a(s) [m/s]."""
+    dp: Array | None
+    """(3, n) double integral of a(s) less ``dv h / 2`` [m]; None where it is zero."""
+
+
+def multiply(p: Array, q: Array) -> Array:
+    """Return the Hamilton products (4, ...) of quaternions with components first."""
+    pw, px, py, pz = p
+    qw, qx, qy, qz = q
+    result = np.empty(np.broadcast_shapes(p.shape, q.shape))
+    result[0] = pw * qw - px * qx - py * qy - pz * qz
+    result[1] = pw * qx + px * qw + py * qz - pz * qy
+    result[2] = pw * qy - px * qz + py * qw + pz * qx
+    result[3] = pw * qz + px * qy - py * qx + pz * qw
+    return result
+
+
+def rotate(q: Array, v: Array) -> Array:
+    """Return ``R v`` (3, ...) of unit quaternions (4, ...) and vectors (3, ...)."""
+    w, x, y, z = q
+    a, b, c = v
+    cx, cy, cz = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
+    result = np.empty((3, *np.broadcast_shapes(w.shape, a.shape)))
+    result[0] = a + w * cx + y * cz - z * cy
+    result[1] = b + w * cy + z * cx - x * cz
+    result[2] = c + w * cz + x * cy - y * cx
+    return result
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Return the vector products (3, n)."""
+    return np.stack(
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    )
+
+
+def exp(v: Array) -> Array:
+    """Return the quaternions (4, n) of rotation vectors (3, n)."""
+    half = 0.5 * np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    result = np.empty((4, *half.shape))
+    np.cos(half, out=result[0])
+    # sin(x) / x; below 1e-4 its series, exact to the last digit there.
+    small = half < 1e-4
+    factor = np.sin(half)
+    np.divide(0.5 * factor, half, out=factor, where=~small)
+    if small.any():
+        factor[small] = 0.5 - half[small] ** 2 / 12.0
+    np.multiply(v, factor, out=result[1:])
+    return result
+
+
+def normalise(q: Array) -> Array:
+    """Return quaternions (4, n) at unit length."""
+    w, x, y, z = q
+    return q * (1.0 / np.sqrt(w * w + x * x + y * y + z * z))
+
+
+def first_order(v: Array) -> Array:
+    """Return the normalised ``(1, v / 2)`` (4, n) of rotation vectors (3, n) (lecture eq. 34)."""
+    q = np.empty((4, *v.shape[1:]))
+    q[0] = 1.0
+    np.multiply(v, 0.5, out=q[1:])
+    return normalise(q)
+
+
+_TURNS = {"quaternion": first_order, "so3": exp}
+
+
+def of_readings(method: str, attitude: str, h: Array, rate: Array, force: Array) -> Increments:
+    """Return the increments between readings.
+
+    :param method: euler, midpoint or rk4.
+    :param attitude: quaternion or so3; Euler angles depend on the state and have no increments.
+    :param h: (n,) lengths of the intervals [s].
+    :param rate: (3, n + 1) angular rates at the intervals' ends [rad/s].
+    :param force: (3, n + 1) specific forces at the intervals' ends [m/s^2].
+    """
+    if method == "euler":
+        return Increments(_TURNS[attitude](rate[:, :-1] * h), force[:, :-1] * h, None)
+    mean_rate = 0.5 * (rate[:, :-1] + rate[:, 1:])
+    if method == "midpoint":
+        dq = _TURNS[attitude](mean_rate * h)
+        return Increments(dq, (force[:, :-1] + rotate(dq, force[:, 1:])) * (0.5 * h), None)
+    stages = _quaternion_stages if attitude == "quaternion" else _so3_stages
+    q2, q3, q4, dq = stages(h, rate[:, :-1], mean_rate, rate[:, 1:])
+    a1 = force[:, :-1]
+    a_middle = 0.5 * (a1 + force[:, 1:])
+    a2, a3, a4 = rotate(q2, a_middle), rotate(q3, a_middle), rotate(q4, force[:, 1:])
+    dv = (a1 + 2.0 * (a2 + a3) + a4) * (h / 6.0)
+    return Increments(dq, dv, (a1 - a4) * (h * h / 12.0))
+
+
+def _so3_stages(h: Array, w0: Array, wm: Array, w1: Array) -> tuple[Array, Array, Array, Array]:
+    phi2 = w0 * (0.5 * h)
+    k2 = _vector_rate(phi2, wm)
+    phi3 = k2 * (0.5 * h)
+    k3 = _vector_rate(phi3, wm)
+    phi4 = k3 * h
+    k4 = _vector_rate(phi4, w1)
+    end = (w0 + 2.0 * (k2 + k3) + k4) * (h / 6.0)
+    return exp(phi2), exp(phi3), exp(phi4), exp(end)
+
+
+def _vector_rate(phi: Array, w: Array) -> Array:
+    """Jr(phi)^-1 w; the next term of the series is of fourth order in phi."""
+    a = cross(phi, w)
+    result: Array = w + 0.5 * a + cross(phi, a) / 12.0
+    return result
+
+
+def _quaternion_stages(
+    h: Array, w0: Array, wm: Array, w1: Array
+) -> tuple[Array, Array, Array, Array]:
+    def slope(q: Array, w: Array) -> Array:
+        return 0.5 * multiply(q, np.concatenate([np.zeros((1, *w.shape[1:])), w]))
+
+    start = np.zeros((4, *h.shape))
+    start[0] = 1.0
+    k1 = slope(start, w0)
+    q2 = start + k1 * (0.5 * h)
+    k2 = slope(q2, wm)
+    q3 = start + k2 * (0.5 * h)
+    k3 = slope(q3, wm)
+    q4 = start + k3 * h
+    k4 = slope(q4, w1)
+    end = start + (k1 + 2.0 * (k2 + k3) + k4) * (h / 6.0)
+    return normalise(q2), normalise(q3), normalise(q4), normalise(end)
+
+
+def of_integrals(h: Array, delta_angle: Array, delta_velocity: Array) -> Increments:
+    """Return the increments of an IMU that gives integrals of its readings over each interval.
+
+    Coning and sculling are corrected with the interval before (Savage 1998, "Strapdown inertial
+    navigation integration algorithm design", part 1 eq. 48 and part 2 eq. 35 and 39, two-sample form):
+
+        dphi = alpha + alpha' x alpha / 12
+        dv = v + alpha x v / 2 + alpha x (alpha x v) / 6 + (alpha' x v + v' x alpha) / 12
+
+    with alpha, v the integrals and alpha', v' those of the interval before, of equal length; its
+    own stand for them in the first interval. The position follows from the specific force that is
+    linear over both intervals.
+
+    :param h: (n,) lengths of the intervals [s].
+    :param delta_angle: (3, n) integrals of the angular rate [rad].
+    :param delta_velocity: (3, n) integrals of the specific force in the turning body [m/s].
+    """
+    before_a = np.concatenate([delta_angle[:, :1], delta_angle[:, :-1]], axis=1)
+    before_v = np.concatenate([delta_velocity[:, :1], delta_velocity[:, :-1]], axis=1)
+    # Where the intervals differ in length, the mean of the one before counts for this one's.
+    ratio = np.concatenate([np.ones(1), h[1:] / h[:-1]])
+    before_a, before_v = before_a * ratio, before_v * ratio
+    turned = cross(delta_angle, delta_velocity)
+    sculling = cross(before_a, delta_velocity) + cross(before_v, delta_angle)
+    dv = delta_velocity + 0.5 * turned + cross(delta_angle, turned) / 6.0 + sculling / 12.0
+    dp = (before_v - delta_velocity - turned) * (h / 12.0)
+    return Increments(exp(delta_angle + cross(before_a, delta_angle) / 12.0), dv, dp)

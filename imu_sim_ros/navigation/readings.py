@@ -1,0 +1,67 @@
+"""What is asked of a record of readings before it is integrated."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+def check_readings(
+    t_ns: NDArray[np.int64], gyro: Array, accel: Array, max_gap: float = math.inf
+) -> None:
+    """Make sure that readings can be integrated.
+
+    :param t_ns: (n,) stamps [ns].
+    :param gyro: (n, 3) [rad/s].
+    :param accel: (n, 3) [m/s^2].
+    :param max_gap: longest interval that is bridged [s].
+    :raises InputError: with a line for each thing that is wrong.
+    """
+    n = len(t_ns)
+    if gyro.shape != (n, 3) or accel.shape != (n, 3):
+        raise InputError(
+            f"{n} stamps need readings of shape ({n}, 3): gyro has {gyro.shape}, "
+            f"accel {accel.shape}"
+        )
+    if n < 2:
+        raise InputError(f"{n} reading{'' if n == 1 else 's'}: integration needs at least two")
+    problems = [*_order_problems(t_ns), *_gap_problems(t_ns, max_gap)]
+    for name, values in (("gyroscope", gyro), ("accelerometer", accel)):
+        bad = ~np.isfinite(values).all(axis=1)
+        if bad.any():
+            first = int(np.argmax(bad))
+            problems.append(
+                f"{np.count_nonzero(bad)} {name} readings are not finite, "
+                f"the first is number {first} ({values[first].tolist()})"
+            )
+    if problems:
+        raise InputError(problems)
+
+
+def _order_problems(t_ns: NDArray[np.int64]) -> list[str]:
+    steps = np.diff(t_ns)
+    problems = []
+    for what, bad in (("repeated", steps == 0), ("before the one ahead of them", steps < 0)):
+        if bad.any():
+            first = int(np.argmax(bad)) + 1
+            problems.append(
+                f"{np.count_nonzero(bad)} stamps are {what}, "
+                f"the first is number {first} ({t_ns[first]} ns)"
+            )
+    return problems
+
+
+def _gap_problems(t_ns: NDArray[np.int64], max_gap: float) -> list[str]:
+    steps = np.diff(t_ns) * 1e-9
+    gaps = steps > max_gap
+    if not gaps.any():
+        return []
+    first = int(np.argmax(gaps))
+    return [
+        f"{np.count_nonzero(gaps)} gaps are longer than max_gap = {max_gap:g} s, the first is "
+        f"{steps[first]:.6g} s after number {first} ({t_ns[first]} ns)"
+    ]

@@ -1,0 +1,256 @@
+"""Dead reckoning one reading at a time, for a node: plain floats, no array per step.
+
+The steps and attitude updates are those of :mod:`imu_sim_ros.navigation.dead_reckoning`, where the
+formulas stand; both give the same numbers up to rounding.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from imu_sim_ros.config.integrator import ATTITUDE_UPDATES, METHODS
+from imu_sim_ros.config.parameter import IDENTITY_MATRIX, ZERO_MATRIX
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.navigation.correction import NO_CORRECTION, Correction
+from imu_sim_ros.navigation.plain import (
+    INCREMENTS,
+    M9,
+    Q4,
+    V3,
+    ZERO,
+    apply,
+    conjugate,
+    exp,
+    multiply,
+    normalise,
+    rotate,
+    scaled,
+)
+from imu_sim_ros.navigation.state import NavigationState
+
+GIMBAL_LOCK_MARGIN = math.radians(1.0)
+"""[rad] nearer than this to a pitch of +-90 degrees Euler angles are not integrated."""
+
+_LOCKED_SINE = math.cos(GIMBAL_LOCK_MARGIN)
+
+
+@dataclass
+class Counts:
+    """What a stepper met that was no ordinary step."""
+
+    repeated: int = 0
+    """readings with the stamp of the reading before"""
+    backward: int = 0
+    """readings with a stamp before that of the reading before"""
+    gaps: int = 0
+    """intervals of max_gap or more"""
+    not_finite: int = 0
+    """readings with infinity or not-a-number; they are passed over"""
+    gimbal_lock: int = 0
+    """steps near the gimbal lock, taken with the so3 update in place of Euler angles"""
+
+
+def check_method(method: str, attitude: str) -> None:
+    """Make sure that method and attitude update exist.
+
+    :raises ConfigurationError: with what is allowed.
+    """
+    problems = [
+        f"{name} = {value!r}: must be one of {', '.join(choices)}"
+        for name, value, choices in (
+            ("method", method, METHODS),
+            ("attitude_update", attitude, ATTITUDE_UPDATES),
+        )
+        if value not in choices
+    ]
+    if problems:
+        raise ConfigurationError(problems)
+
+
+class Stepper:
+    """Integrates readings as they come.
+
+    The first reading starts the clock; each later one with ``0 < dt < max_gap`` is a step. Any
+    other one is counted, and integration goes on from it with the state as it was.
+    """
+
+    def __init__(
+        self,
+        initial: NavigationState,
+        method: str = "midpoint",
+        attitude: str = "so3",
+        gravity: Sequence[float] = (0.0, 0.0, -9.81),
+        correction: Correction = NO_CORRECTION,
+        max_gap: float = 0.1,
+        earth_rate: Sequence[float] = ZERO,
+    ) -> None:
+        """Start at a state.
+
+        :param initial: the state at the first reading.
+        :param method: euler, midpoint or rk4.
+        :param attitude: quaternion, so3 or euler_angles.
+        :param gravity: (3,) in the world frame [m/s^2].
+        :param correction: the known errors of the readings.
+        :param max_gap: length at which an interval is a gap and not integrated over [s].
+        :param earth_rate: (3,) rate of the world, in the world frame [rad/s].
+        :raises ConfigurationError: for an unknown method or attitude update.
+        """
+        check_method(method, attitude)
+        self.counts = Counts()
+        self._max_gap_ns = max_gap * 1e9
+        self._gravity = _v3(gravity)
+        self._earth_rate = _v3(earth_rate)
+        self._increment = INCREMENTS[method, attitude]
+        self._near_lock = INCREMENTS[method, "so3"] if attitude == "euler_angles" else None
+        self.correction = correction
+        self.reset(initial)
+
+    def reset(self, initial: NavigationState) -> None:
+        """Start again at a state; the next reading starts the clock. The counts go on."""
+        self._position = _v3(initial.position)
+        self._velocity = _v3(initial.velocity)
+        w, x, y, z = (float(value) for value in initial.q_wb)
+        self._q = normalise((w, x, y, z))
+        self._t_ns: int | None = None
+        self._rate = self._force = ZERO
+
+    @property
+    def correction(self) -> Correction:
+        """The known errors of the readings; a new one holds from the next reading on."""
+        return self._correction
+
+    @correction.setter
+    def correction(self, correction: Correction) -> None:
+        self._correction = correction
+        self._gyro_bias = correction.gyroscope_bias
+        self._accel_bias = correction.accelerometer_bias
+        self._scaled = not (
+            correction.gyroscope_scale_misalignment == IDENTITY_MATRIX
+            and correction.accelerometer_scale_misalignment == IDENTITY_MATRIX
+            and correction.gyroscope_g_sensitivity == ZERO_MATRIX
+        )
+        self._gyro_inverse: M9 = tuple(correction.gyroscope_inverse.ravel().tolist())
+        self._accel_inverse: M9 = tuple(correction.accelerometer_inverse.ravel().tolist())
+
+    @property
+    def t_ns(self) -> int | None:
+        """Stamp of the last reading [ns], None before the first."""
+        return self._t_ns
+
+    @property
+    def position(self) -> V3:
+        """p_wb [m]."""
+        return self._position
+
+    @property
+    def velocity(self) -> V3:
+        """Of the body in the world frame [m/s]."""
+        return self._velocity
+
+    @property
+    def velocity_b(self) -> V3:
+        """Of the body, resolved in the body: the twist of an Odometry message [m/s]."""
+        return rotate(conjugate(self._q), self._velocity)
+
+    @property
+    def q_wb(self) -> Q4:
+        """Unit quaternion (w, x, y, z)."""
+        return self._q
+
+    @property
+    def angular_velocity(self) -> V3:
+        """The corrected rate of the last reading, in the body [rad/s]."""
+        return self._rate
+
+    @property
+    def specific_force(self) -> V3:
+        """The corrected specific force of the last reading, in the body [m/s^2]."""
+        return self._force
+
+    @property
+    def state(self) -> NavigationState:
+        """The state at the last reading, as arrays."""
+        return NavigationState(
+            np.array(self._position), np.array(self._velocity), np.array(self._q)
+        )
+
+    def add(self, t_ns: int, gyro: V3, accel: V3) -> bool:
+        """Take a reading; return whether it was a step.
+
+        :param t_ns: its stamp [ns].
+        :param gyro: angular rate as read [rad/s].
+        :param accel: specific force as read [m/s^2].
+        """
+        # One not-a-number or infinity makes every sum with it one.
+        if not math.isfinite(sum(gyro) + sum(accel)):
+            self.counts.not_finite += 1
+            return False
+        rate, force = self._corrected(gyro, accel)
+        step_ns = t_ns - self._t_ns if self._t_ns is not None else None
+        stepped = step_ns is not None and 0 < step_ns < self._max_gap_ns
+        if step_ns is not None:
+            if stepped:
+                self._advance(step_ns * 1e-9, rate, force)
+            else:
+                self._count(step_ns)
+        self._t_ns, self._rate, self._force = t_ns, rate, force
+        return stepped
+
+    def _count(self, step_ns: int) -> None:
+        if step_ns == 0:
+            self.counts.repeated += 1
+        elif step_ns < 0:
+            self.counts.backward += 1
+        else:
+            self.counts.gaps += 1
+
+    def _corrected(self, gyro: V3, accel: V3) -> tuple[V3, V3]:
+        bx, by, bz = self._accel_bias
+        force = (accel[0] - bx, accel[1] - by, accel[2] - bz)
+        bx, by, bz = self._gyro_bias
+        rate = (gyro[0] - bx, gyro[1] - by, gyro[2] - bz)
+        if self._scaled:
+            force = apply(self._accel_inverse, force)
+            gx, gy, gz = apply(self._correction.gyroscope_g_sensitivity, force)
+            rate = apply(self._gyro_inverse, (rate[0] - gx, rate[1] - gy, rate[2] - gz))
+        return rate, force
+
+    def _advance(self, h: float, rate: V3, force: V3) -> None:
+        q = self._q
+        increment = self._increment
+        if self._near_lock and 2.0 * abs(q[0] * q[2] - q[3] * q[1]) > _LOCKED_SINE:
+            self.counts.gimbal_lock += 1
+            increment = self._near_lock
+        dq, dv, dp = increment(q, h, self._rate, rate, self._force, force)
+        gx, gy, gz = self._gravity
+        vx, vy, vz = velocity = self._velocity
+        if self._earth_rate == ZERO:
+            ax, ay, az = rotate(q, dv)
+            ux, uy, uz = (vx + ax + gx * h, vy + ay + gy * h, vz + az + gz * h)
+        else:
+            # The world turns by Earth rate * h under the body: half of it in the mean, and twice
+            # it under the velocity (Coriolis).
+            half = exp(scaled(self._earth_rate, -0.5 * h))
+            back = multiply(half, half)
+            ax, ay, az = rotate(multiply(half, q), dv)
+            bx, by, bz = rotate(back, velocity)
+            ux, uy, uz = rotate(back, (bx + ax + gx * h, by + ay + gy * h, bz + az + gz * h))
+            dq = multiply(conjugate(q), multiply(back, multiply(q, dq)))
+        if dp is not ZERO:
+            dp = rotate(q, dp)
+        px, py, pz = self._position
+        s = 0.5 * h
+        self._position = (
+            px + s * (vx + ux) + dp[0],
+            py + s * (vy + uy) + dp[1],
+            pz + s * (vz + uz) + dp[2],
+        )
+        self._velocity = (ux, uy, uz)
+        self._q = normalise(multiply(q, dq))
+
+
+def _v3(values: Sequence[float]) -> V3:
+    x, y, z = (float(value) for value in values)
+    return (x, y, z)
