@@ -1,8 +1,8 @@
 """What moves the body during one interval, seen from its attitude at the interval's start.
 
-An increment depends on the readings alone, not on the state, which is what makes whole records fast:
-attitudes are running products, velocities and positions running sums. Arrays here have the vector's
-components on the first axis, ``(3, n)`` and ``(4, n)``: every operand is then contiguous.
+An increment depends on the readings alone, not on the state, which is what makes whole records
+fast: attitudes are running products, velocities and positions running sums. Arrays here have the
+vector's components on the first axis, ``(3, n)`` and ``(4, n)``: every operand is then contiguous.
 """
 
 from typing import NamedTuple
@@ -77,7 +77,8 @@ def exp(v: Array) -> Array:
 def normalise(q: Array) -> Array:
     """Return quaternions (4, n) at unit length."""
     w, x, y, z = q
-    return q * (1.0 / np.sqrt(w * w + x * x + y * y + z * z))
+    result: Array = q * (1.0 / np.sqrt(w * w + x * x + y * y + z * z))
+    return result
 
 
 def first_order(v: Array) -> Array:
@@ -155,8 +156,9 @@ def _quaternion_stages(
 def of_integrals(h: Array, delta_angle: Array, delta_velocity: Array) -> Increments:
     """Return the increments of an IMU that gives integrals of its readings over each interval.
 
-    Coning and sculling are corrected with the interval before (Savage 1998, "Strapdown inertial
-    navigation integration algorithm design", part 1 eq. 48 and part 2 eq. 35 and 39, two-sample form):
+    Coning and sculling are corrected with the interval before (P. Savage, "Strapdown inertial
+    navigation integration algorithm design", parts 1 and 2, J. Guidance 1998), and the rotation
+    within the interval to second order:
 
         dphi = alpha + alpha' x alpha / 12
         dv = v + alpha x v / 2 + alpha x (alpha x v) / 6 + (alpha' x v + v' x alpha) / 12

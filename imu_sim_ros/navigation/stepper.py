@@ -5,7 +5,7 @@ formulas stand; both give the same numbers up to rounding.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -251,6 +251,6 @@ class Stepper:
         self._q = normalise(multiply(q, dq))
 
 
-def _v3(values: Sequence[float]) -> V3:
+def _v3(values: Iterable[float]) -> V3:
     x, y, z = (float(value) for value in values)
     return (x, y, z)

@@ -1,0 +1,144 @@
+"""The covariance of a dead-reckoned state, propagated from the noise of the IMU.
+
+The error state has 15 numbers, each the truth less the estimate, in this order: attitude (3, a
+rotation vector about the **world's** axes, ``R_true = Exp(dtheta) R``), velocity and position (3
+each, in the world), bias of the gyroscope and of the accelerometer (3 each, in the body). With
+``f`` the specific force that is integrated and ``n`` the white noise, the errors grow as
+
+    dtheta' = -R (db_g + n_g)
+    dv'     = dtheta x (R f) - R (db_a + n_a)
+    dp'     = dv
+    db_g'   = n_bg,  db_a' = n_ba
+
+(Groves, "Principles of GNSS, inertial, and multisensor integrated navigation systems", 2nd edition,
+section 14.2, for a world that does not turn), integrated to first order over each step. The white
+noise of a reading counts once, for one step: midpoint's halves of it in two neighbouring steps add
+up to the same.
+"""
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from imu_sim_ros import rotation
+from imu_sim_ros.navigation.noise import Noise
+from imu_sim_ros.navigation.state import NavigationStates
+
+Array = NDArray[np.float64]
+
+SIZE: Final = 15
+ATTITUDE, VELOCITY, POSITION = slice(0, 3), slice(3, 6), slice(6, 9)
+GYRO_BIAS, ACCEL_BIAS = slice(9, 12), slice(12, 15)
+
+_POSE = np.r_[POSITION, ATTITUDE]
+
+
+def initial_covariance(
+    attitude: ArrayLike = 0.0,
+    velocity: ArrayLike = 0.0,
+    position: ArrayLike = 0.0,
+    gyroscope_bias: ArrayLike = 0.0,
+    accelerometer_bias: ArrayLike = 0.0,
+) -> Array:
+    """Return the (15, 15) covariance of independent errors from their standard deviations.
+
+    Each is one number or (3,), in rad, m/s, m, rad/s and m/s^2.
+    """
+    sigmas = (attitude, velocity, position, gyroscope_bias, accelerometer_bias)
+    return np.diag(np.concatenate([np.broadcast_to(np.square(sigma), 3) for sigma in sigmas]))
+
+
+class Covariance:
+    """The covariance of the error state, step by step."""
+
+    def __init__(self, noise: Noise, initial: Array | None = None) -> None:
+        """Start with the covariance of the initial state's error (15, 15); None is no error."""
+        self.matrix = np.zeros((SIZE, SIZE)) if initial is None else np.array(initial)
+        """(15, 15)"""
+        self._noise = noise
+        self._gyro_white = np.square(noise.gyroscope_noise_density)
+        self._accel_white = np.square(noise.accelerometer_noise_density)
+        walks = (noise.gyroscope_random_walk, noise.accelerometer_random_walk)
+        self._walk = np.square(np.concatenate(walks))
+        self._walk_diagonal = np.arange(GYRO_BIAS.start, SIZE)
+        self._transition = np.eye(SIZE)
+
+    def step(self, h: float, r_wb: Array, force_b: Array | Sequence[float]) -> None:
+        """Propagate over an interval.
+
+        :param h: its length [s].
+        :param r_wb: (3, 3) attitude in the interval, its start's or its middle's.
+        :param force_b: (3,) corrected specific force in the interval, in the body [m/s^2].
+        """
+        x, y, z = (r_wb @ np.asarray(force_b)) * h
+        turned = r_wb * -h
+        tilt = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
+        f = self._transition
+        f[ATTITUDE, GYRO_BIAS] = turned
+        f[VELOCITY, ATTITUDE] = tilt
+        f[VELOCITY, ACCEL_BIAS] = turned
+        f[POSITION, ATTITUDE] = tilt * (0.5 * h)
+        f[POSITION, ACCEL_BIAS] = turned * (0.5 * h)
+        f[6, 3] = f[7, 4] = f[8, 5] = h
+        p = f @ self.matrix @ f.T
+        # (R h) diag(density^2 / h) (R h)^T: white noise of one sample of length h.
+        p[ATTITUDE, ATTITUDE] += (turned * (self._gyro_white / h)) @ turned.T
+        p[VELOCITY, VELOCITY] += (turned * (self._accel_white / h)) @ turned.T
+        p[self._walk_diagonal, self._walk_diagonal] += self._walk * h
+        self.matrix = p
+
+    def pose(self) -> Array:
+        """Return the (6, 6) covariance of a message's pose.
+
+        The order is that of geometry_msgs/PoseWithCovariance: x, y, z, and the rotations about the
+        fixed axes X, Y, Z; all in the frame of the header, the world.
+        """
+        result: Array = self.matrix[np.ix_(_POSE, _POSE)]
+        return result
+
+    def twist(self, r_wb: Array, velocity: ArrayLike, rate_hz: float) -> Array:
+        """Return the (6, 6) covariance of a message's twist: linear, then angular, in the body.
+
+        :param r_wb: (3, 3) attitude.
+        :param velocity: (3,) of the body in the world [m/s].
+        :param rate_hz: readings per second; it decides the white noise of one of them.
+        """
+        jacobian = np.zeros((6, SIZE))
+        # v_b = R^T v: turning the attitude turns the velocity the other way.
+        jacobian[:3, ATTITUDE] = r_wb.T @ rotation.skew(velocity)
+        jacobian[:3, VELOCITY] = r_wb.T
+        jacobian[3:, GYRO_BIAS] = -np.eye(3)
+        result: Array = jacobian @ self.matrix @ jacobian.T
+        result[3:, 3:] += np.diag(self._gyro_white * rate_hz)
+        return result
+
+
+def propagate(
+    states: NavigationStates,
+    accel: Array,
+    noise: Noise,
+    initial: Array | None = None,
+    at: Sequence[int] = (-1,),
+) -> Array:
+    """Return the covariance of a dead-reckoned record at some of its rows.
+
+    :param states: what :func:`~imu_sim_ros.navigation.dead_reckoning.dead_reckon` returned, n rows.
+    :param accel: (n, 3) corrected specific forces [m/s^2].
+    :param noise: the IMU's noise.
+    :param initial: (15, 15) covariance at the first row; None is no error.
+    :param at: the m rows that are wanted, increasing; -1 is the last.
+    :returns: (m, 15, 15)
+    """
+    covariance = Covariance(noise, initial)
+    steps = (np.diff(states.t_ns) * 1e-9).tolist()
+    matrices = rotation.to_matrix(states.q_wb)
+    wanted = [row % len(states.t_ns) for row in at]
+    result = np.empty((len(wanted), SIZE, SIZE))
+    for k in range(wanted[-1] + 1):
+        for place in (place for place, row in enumerate(wanted) if row == k):
+            result[place] = covariance.matrix
+        if k < len(steps):
+            covariance.step(steps[k], matrices[k], accel[k])
+    return result

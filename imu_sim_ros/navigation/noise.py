@@ -1,0 +1,40 @@
+"""The random errors of an IMU, as a covariance takes them."""
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+_Vector = tuple[float, float, float]
+
+
+class NoiseSource(Protocol):
+    """Any section of parameters with the four numbers of the noise, per axis."""
+
+    @property
+    def gyroscope_noise_density(self) -> _Vector: ...  # noqa: D102
+    @property
+    def gyroscope_random_walk(self) -> _Vector: ...  # noqa: D102
+    @property
+    def accelerometer_noise_density(self) -> _Vector: ...  # noqa: D102
+    @property
+    def accelerometer_random_walk(self) -> _Vector: ...  # noqa: D102
+
+
+class Noise(NamedTuple):
+    """Densities in continuous time, each (3,) per axis; names and units are kalibr's."""
+
+    gyroscope_noise_density: Array
+    """[rad/s/sqrt(Hz)]"""
+    gyroscope_random_walk: Array
+    """[rad/s^2/sqrt(Hz)]"""
+    accelerometer_noise_density: Array
+    """[m/s^2/sqrt(Hz)]"""
+    accelerometer_random_walk: Array
+    """[m/s^3/sqrt(Hz)]"""
+
+
+def noise_of(parameters: NoiseSource) -> Noise:
+    """Return the noise that a section of parameters describes."""
+    return Noise(*(np.asarray(getattr(parameters, name), dtype=float) for name in Noise._fields))
