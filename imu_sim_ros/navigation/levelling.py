@@ -1,0 +1,51 @@
+"""Roll, pitch and the gyroscope's bias from readings at rest."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros import rotation
+from imu_sim_ros.errors import InputError
+
+Array = NDArray[np.float64]
+
+_GRAVITY_TOLERANCE = 0.05
+
+
+class Level(NamedTuple):
+    """What rest tells of a body."""
+
+    q_wb: Array
+    """(4,) attitude with the given yaw."""
+    gyroscope_bias: Array
+    """(3,) [rad/s]."""
+
+
+def level(gyro: Array, accel: Array, gravity: Sequence[float], yaw: float = 0.0) -> Level:
+    """Return the attitude of a body at rest, and its gyroscope's bias.
+
+    The mean specific force points against gravity: ``f = -R^T g`` (Groves, section 5.6.2), which
+    gives roll and pitch but no yaw; the mean rate of a body at rest is the bias.
+
+    :param gyro: (n, 3) readings at rest [rad/s].
+    :param accel: (n, 3) readings at rest [m/s^2].
+    :param gravity: (3,) along the world's z axis [m/s^2].
+    :param yaw: heading, which rest does not tell [rad].
+    :raises InputError: where the readings cannot be those of a body at rest.
+    """
+    if not len(accel):
+        raise InputError("no readings to level with")
+    force = accel.mean(axis=0)
+    strength = float(np.linalg.norm(gravity))
+    measured = float(np.linalg.norm(force))
+    if strength == 0.0 or abs(measured - strength) > _GRAVITY_TOLERANCE * strength:
+        raise InputError(
+            f"the mean specific force is {measured:.4g} m/s^2 and gravity {strength:.4g} m/s^2: "
+            "the body is not at rest, it cannot be levelled"
+        )
+    x, y, z = force * -np.sign(gravity[2])
+    roll = np.arctan2(y, z)
+    pitch = np.arctan2(-x, np.hypot(y, z))
+    return Level(rotation.from_euler([roll, pitch, yaw]), gyro.mean(axis=0))
