@@ -1,0 +1,344 @@
+"""``dead_reckon``: the trajectory that a bag's IMU readings give, and its error against the truth.
+
+The parameters are those of the integrator node, so that one file serves both.
+"""
+
+import argparse
+import math
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from imu_sim_ros.bags.read import ImuMessages, open_bag, read_imu, read_odometry
+from imu_sim_ros.commands import common
+from imu_sim_ros.config import files
+from imu_sim_ros.config.integrator import (
+    ATTITUDE_UPDATES,
+    INITIAL_STATES,
+    METHODS,
+    IntegratorParameters,
+)
+from imu_sim_ros.config.parameter import build
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.navigation.correction import Correction, correction_from, correction_of
+from imu_sim_ros.navigation.dead_reckoning import dead_reckon
+from imu_sim_ros.navigation.drift import Drift, Truth, drift
+from imu_sim_ros.navigation.evaluation import distances
+from imu_sim_ros.navigation.levelling import level
+from imu_sim_ros.navigation.state import NavigationState, NavigationStates
+from imu_sim_ros.poses import PoseSequence, write_tum
+from imu_sim_ros.rotation import from_euler, rotate
+
+ODOMETRY = "nav_msgs/msg/Odometry"
+TRUTH_TOPIC = "ground_truth/odom"
+
+
+class Result(NamedTuple):
+    """One way of integrating, and what came of it."""
+
+    method: str
+    attitude: str
+    states: NavigationStates
+    drift: Drift | None
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the command's arguments."""
+    result = common.Parser(prog="dead_reckon", description=__doc__)
+    result.add_argument(
+        "bag", type=Path, metavar="BAG", help="a bag of any form, or EuRoC's folder"
+    )
+    result.add_argument(
+        "--imu-topic", metavar="TOPIC", help="the readings, where there are several"
+    )
+    result.add_argument("--truth-topic", metavar="TOPIC", help=f"default: {TRUTH_TOPIC}")
+    result.add_argument("--method", choices=METHODS, help="position and velocity; default midpoint")
+    result.add_argument("--attitude-update", choices=ATTITUDE_UPDATES, help="default so3")
+    result.add_argument("--all", action="store_true", help="all methods with all attitude updates")
+    result.add_argument(
+        "--initial-state",
+        choices=INITIAL_STATES,
+        help="start at the truth (the default), at initial_* of the parameters, or levelled from "
+        "rest: roll and pitch from gravity, gyroscope bias from the mean",
+    )
+    result.add_argument(
+        "--correction",
+        type=Path,
+        metavar="FILE",
+        help="parameter file with known biases, scales and misalignments, as calibrate writes it",
+    )
+    result.add_argument(
+        "--skip",
+        type=common.duration,
+        metavar="TIME",
+        default=0.0,
+        help="pass over the readings before this time, counted from the first",
+    )
+    result.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        metavar="FILE",
+        help="write the trajectory: .csv with velocity, anything else in TUM's form",
+    )
+    result.add_argument(
+        "--plot", type=Path, metavar="FILE", help="write a picture: paths, and error over time"
+    )
+    common.add_parameter_arguments(result)
+    common.add_output_arguments(result)
+    return result
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command; returns its exit status."""
+    arguments = parser().parse_args(argv)
+    return common.run("dead_reckon", lambda: run(arguments))
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Integrate, compare, and say what came out."""
+    parameters = _parameters(arguments)
+    correction = _correction(arguments, parameters)
+    readings = _skipped(read_imu(arguments.bag, arguments.imu_topic), arguments.skip)
+    truth = _read_truth(arguments)
+    if truth is None and parameters.initial_state == "truth":
+        raise InputError(
+            f"{arguments.bag}: no topic of {ODOMETRY}, so no truth to start from and to compare "
+            "with; start with --initial-state level or parameters"
+        )
+    if parameters.initial_state == "truth" and truth is not None:
+        readings = _within(readings, truth, parameters.max_gap)
+    initial, correction = _initial(parameters, readings, truth, correction)
+    results = [
+        _integrate(parameters, method, attitude, readings, initial, correction, truth)
+        for method, attitude in _ways(arguments, parameters)
+    ]
+    _write(arguments, results, truth)
+    summaries = [_summary(result, parameters.initial_state) for result in results]
+    if arguments.json:
+        common.print_json(summaries if arguments.all else summaries[0])
+    elif not arguments.quiet:
+        _print(summaries)
+
+
+def _parameters(arguments: argparse.Namespace) -> IntegratorParameters:
+    short: dict[str, object] = {"initial_state": "truth"}
+    layers = common.parameter_layers(arguments, "integrator")
+    chosen: dict[str, object] = {}
+    for name in ("method", "attitude_update", "initial_state"):
+        if getattr(arguments, name) is not None:
+            chosen[name] = getattr(arguments, name)
+    merged: dict[str, object] = {}
+    for values in (short, *layers[:-1], chosen, layers[-1]):
+        merged.update(values)
+    return build(IntegratorParameters, merged)
+
+
+def _correction(arguments: argparse.Namespace, parameters: IntegratorParameters) -> Correction:
+    if arguments.correction is None:
+        return correction_of(parameters)
+    return correction_from(files.load(arguments.correction))
+
+
+def _ways(
+    arguments: argparse.Namespace, parameters: IntegratorParameters
+) -> Iterator[tuple[str, str]]:
+    if not arguments.all:
+        yield parameters.method, parameters.attitude_update
+        return
+    for method in METHODS:
+        for attitude in ATTITUDE_UPDATES:
+            yield method, attitude
+
+
+def _skipped(readings: ImuMessages, skip: float) -> ImuMessages:
+    """Leave out the readings before a time after the first."""
+    if not skip or not len(readings.t_ns):
+        return readings
+    return _from(readings, int(readings.t_ns[0]) + round(skip * 1e9))
+
+
+def _from(readings: ImuMessages, t_ns: int) -> ImuMessages:
+    keep = readings.t_ns >= t_ns
+    return readings._replace(
+        t_ns=readings.t_ns[keep],
+        gyro=readings.gyro[keep],
+        accel=readings.accel[keep],
+        record_t_ns=readings.record_t_ns[keep],
+    )
+
+
+def _read_truth(arguments: argparse.Namespace) -> Truth | None:
+    topic = arguments.truth_topic
+    with open_bag(arguments.bag) as bag:
+        names = [info.name for info in bag.topics if info.type == ODOMETRY]
+    if topic is None:
+        if not names:
+            return None
+        named = [name for name in names if name.strip("/").endswith(TRUTH_TOPIC)]
+        topic = named[0] if len(named) == 1 else None
+    odometry = read_odometry(arguments.bag, topic)
+    return Truth(
+        PoseSequence(odometry.t_ns, odometry.position, odometry.q_wb),
+        rotate(odometry.q_wb, odometry.velocity_b),
+    )
+
+
+def _within(readings: ImuMessages, truth: Truth, tolerance: float) -> ImuMessages:
+    """Leave out the few readings ahead of the truth's first stamp.
+
+    :raises InputError: where they are not few, or none remains.
+    """
+    first, last = int(truth.poses.t_ns[0]), int(truth.poses.t_ns[-1])
+    if not len(readings.t_ns):
+        return readings
+    late = (first - int(readings.t_ns[0])) * 1e-9
+    if first > readings.t_ns[-1] or last < readings.t_ns[0]:
+        raise InputError(
+            "readings and truth do not overlap in time: the readings last from "
+            f"{readings.t_ns[0] / 1e9:.3f} to {readings.t_ns[-1] / 1e9:.3f} s, the truth from "
+            f"{first / 1e9:.3f} to {last / 1e9:.3f} s"
+        )
+    if late > tolerance:
+        raise InputError(
+            f"the truth starts {late:.6g} s after the readings; pass over the readings before it "
+            f"with --skip {math.ceil(late * 1e3) / 1e3:g}s, or start with --initial-state level"
+        )
+    return _from(readings, first)
+
+
+def _initial(
+    parameters: IntegratorParameters,
+    readings: ImuMessages,
+    truth: Truth | None,
+    correction: Correction,
+) -> tuple[NavigationState, Correction]:
+    """Return the state at the first reading, and the correction that belongs to it."""
+    if parameters.initial_state == "truth" and truth is not None:
+        if not len(readings.t_ns):
+            raise InputError("0 readings: integration needs at least two")
+        return truth.at(int(readings.t_ns[0])), correction
+    position = np.array(parameters.initial_position)
+    velocity = np.array(parameters.initial_velocity)
+    if parameters.initial_state == "parameters":
+        q_wb = from_euler(parameters.initial_orientation)
+        return NavigationState(position, velocity, q_wb), correction
+    from dataclasses import replace
+
+    end = readings.t_ns[:1] + round(parameters.level_time * 1e9)
+    rest = readings.t_ns < end if len(end) else np.zeros(0, dtype=bool)
+    found = level(
+        readings.gyro[rest],
+        correction.apply(readings.gyro[rest], readings.accel[rest])[1],
+        parameters.gravity,
+        parameters.initial_orientation[2],
+    )
+    x, y, z = found.gyroscope_bias.tolist()
+    state = NavigationState(position, velocity, found.q_wb)
+    return state, replace(correction, gyroscope_bias=(x, y, z))
+
+
+def _integrate(
+    parameters: IntegratorParameters,
+    method: str,
+    attitude: str,
+    readings: ImuMessages,
+    initial: NavigationState,
+    correction: Correction,
+    truth: Truth | None,
+) -> Result:
+    states = dead_reckon(
+        readings.t_ns,
+        readings.gyro,
+        readings.accel,
+        initial,
+        method,
+        attitude,
+        parameters.gravity,
+        correction,
+        parameters.max_gap,
+    )
+    return Result(method, attitude, states, None if truth is None else drift(states, truth))
+
+
+def _summary(result: Result, initial_state: str) -> dict[str, Any]:
+    """Return the result as JSON has it; errors are null where there is no truth."""
+    states, errors = result.states, result.drift
+    length = float(distances(states.position)[-1]) if errors is None else errors.distance
+    summary: dict[str, Any] = {
+        "method": result.method,
+        "attitude_update": result.attitude,
+        "initial_state": initial_state,
+        "samples": len(states.t_ns),
+        "duration_s": float(states.t_ns[-1] - states.t_ns[0]) * 1e-9,
+        "distance_m": length,
+    }
+    for name, unit in (("position", "m"), ("velocity", "m_s"), ("attitude", "rad")):
+        summary[f"final_{name}_error_{unit}"] = errors and errors.final(name)
+        summary[f"rms_{name}_error_{unit}"] = errors and errors.rms(name)
+    for kind in ("final", "rms"):
+        error = summary[f"{kind}_position_error_m"]
+        known = error is not None and length > 0.0
+        summary[f"{kind}_position_error_percent"] = 100.0 * error / length if known else None
+    return summary
+
+
+def _print(summaries: Sequence[dict[str, Any]]) -> None:
+    first = summaries[0]
+    print(
+        f"{first['samples']} readings, {first['duration_s']:.6g} s, "
+        f"{first['distance_m']:.6g} m travelled, initial state: {first['initial_state']}"
+    )
+    columns = {
+        "final position [m]": "final_position_error_m",
+        "of distance [%]": "final_position_error_percent",
+        "rms position [m]": "rms_position_error_m",
+        "final velocity [m/s]": "final_velocity_error_m_s",
+        "final attitude [rad]": "final_attitude_error_rad",
+    }
+    rows = [
+        [summary["method"], summary["attitude_update"]]
+        + ["-" if summary[key] is None else f"{summary[key]:.4g}" for key in columns.values()]
+        for summary in summaries
+    ]
+    common.print_table(["method", "attitude", *columns], rows, "Error against the truth")
+
+
+def _write(arguments: argparse.Namespace, results: Sequence[Result], truth: Truth | None) -> None:
+    if arguments.output is not None:
+        _write_trajectory(arguments.output, results[0].states)
+    if arguments.plot is not None:
+        from imu_sim_ros.plots import navigation as pictures  # 0.5 s of matplotlib
+
+        pictures.dead_reckoning(
+            arguments.plot,
+            {f"{r.method}, {r.attitude}": r.states for r in results},
+            {f"{r.method}, {r.attitude}": r.drift for r in results if r.drift is not None},
+            None if truth is None else truth.poses,
+        )
+
+
+def _write_trajectory(path: Path, states: NavigationStates) -> None:
+    try:
+        if path.suffix.lower() == ".csv":
+            _write_csv(path, states)
+        else:
+            write_tum(path, PoseSequence(states.t_ns, states.position, states.q_wb))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def _write_csv(path: Path, states: NavigationStates) -> None:
+    names = "t_ns,px,py,pz,qw,qx,qy,qz,vx,vy,vz"
+    table = np.column_stack([states.position, states.q_wb, states.velocity])
+    with path.open("w", encoding="utf-8") as file:
+        file.write(f"#{names}\n")
+        for t_ns, row in zip(states.t_ns.tolist(), table.tolist(), strict=True):
+            file.write(f"{t_ns}," + ",".join(f"{value:.12g}" for value in row) + "\n")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,80 @@
+"""Pictures of trajectories, their errors, and what evaluation says of them."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from imu_sim_ros.plots import style
+
+Array = NDArray[np.float64]
+Series = tuple[Array, Array]
+"""Times (n,) [s], and a value at each (n,)."""
+
+_MOST_POINTS: Final = 4000
+
+
+def trajectories(
+    paths: Mapping[str, Array],
+    truth: Array | None,
+    position_errors: Mapping[str, Series],
+    attitude_errors: Mapping[str, Series],
+) -> Figure:
+    """Draw paths from above and from the side, and their errors over time on log axes.
+
+    :param paths: positions (n, 3) [m] by name.
+    :param truth: true positions (m, 3) [m].
+    :param position_errors: lengths [m] by name.
+    :param attitude_errors: angles [rad] by name.
+    """
+    with_errors = bool(position_errors)
+    rows = 2 if with_errors else 1
+    figure, axes = style.panels(rows, 2, 9.0, 3.9 * rows)
+    for axis, (across, up) in zip(axes[:2], ((0, 1), (0, 2)), strict=True):
+        _views(axis, paths, truth, across, up)
+    if with_errors:
+        _errors(axes[2], position_errors, "position error [m]", 1.0)
+        _errors(axes[3], attitude_errors, "attitude error [deg]", 180.0 / np.pi)
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=5, frameon=False)
+    return figure
+
+
+def _views(
+    axis: Axes, paths: Mapping[str, Array], truth: Array | None, across: int, up: int
+) -> None:
+    if truth is not None:
+        shown = _thinned(truth)
+        axis.plot(shown[:, across], shown[:, up], color=style.TRUTH_COLOUR, lw=2.4, label="truth")
+    for k, (name, path) in enumerate(paths.items()):
+        shown = _thinned(path)
+        axis.plot(shown[:, across], shown[:, up], label=name, **_look(k))
+    axis.set_aspect("equal", adjustable="datalim")
+    axis.set_xlabel(f"{'xyz'[across]} [m]")
+    axis.set_ylabel(f"{'xyz'[up]} [m]")
+    axis.set_title("seen from above" if up == 1 else "seen from the side")
+
+
+def _errors(axis: Axes, errors: Mapping[str, Series], label: str, scale: float) -> None:
+    for k, (name, (t, error)) in enumerate(errors.items()):
+        t, error = _thinned(t), _thinned(error) * scale
+        axis.plot(t[error > 0.0], error[error > 0.0], label=name, **_look(k))
+    axis.set_yscale("log")
+    axis.set_xlabel("time [s]")
+    axis.set_ylabel(label)
+
+
+def _look(k: int) -> dict[str, object]:
+    """Colour and line of the k-th series; lines change where colours begin again."""
+    count = len(style.PALETTE)
+    return {"color": style.PALETTE[k % count], "ls": ("-", "--", ":")[k // count % 3]}
+
+
+def _thinned(values: Array) -> Array:
+    """Return at most some thousand rows, the last one among them: a picture shows no more."""
+    step = -(-len(values) // _MOST_POINTS)
+    return values[(len(values) - 1) % step :: step]
