@@ -1,9 +1,11 @@
 """Parameters of the integrator node."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+from imu_sim_ros.config.files import find, load
+from imu_sim_ros.config.imu import ImuParameters
 from imu_sim_ros.config.parameter import (
     IDENTITY_MATRIX,
     ZERO_MATRIX,
@@ -14,11 +16,13 @@ from imu_sim_ros.config.parameter import (
     flag,
     matrix,
     number,
+    parameters,
     section,
     text,
     vector,
 )
 
+DEFAULT_IMU = "lecture"
 METHODS = ("euler", "midpoint", "rk4")
 ATTITUDE_UPDATES = ("quaternion", "so3", "euler_angles")
 INITIAL_STATES = ("parameters", "truth", "level")
@@ -31,7 +35,7 @@ _EARTH_GRAVITY_MAXIMUM = 30.0
 class NoiseParameters:
     """The IMU's noise as the covariance of the odometry takes it; names and units are kalibr's."""
 
-    preset: str = text("lecture", "file in config/imus, or a path, that the noise comes from")
+    preset: str = text(DEFAULT_IMU, "file in config/imus, or a path, that the noise comes from")
     gyroscope_noise_density: Vector = vector(
         ZERO_VECTOR, "white noise of the gyroscope", unit="rad/s/sqrt(Hz)", minimum=0.0
     )
@@ -74,6 +78,12 @@ class IntegratorParameters:
         above_minimum=True,
     )
     gravity: Vector = vector((0.0, 0.0, -9.81), "gravity in the world frame", unit="m/s^2")
+    earth_rate: Vector = vector(
+        ZERO_VECTOR, "rate of the world in the world frame, if it turns", unit="rad/s"
+    )
+    calibration: str = text(
+        "", "parameter file with biases, scale and misalignment, as calibrate writes it; or none"
+    )
     gyroscope_bias: Vector = vector(
         ZERO_VECTOR, "subtracted from the gyroscope's readings", unit="rad/s", live=True
     )
@@ -113,11 +123,14 @@ class IntegratorParameters:
     path_length: float = number(
         600.0, "time that dead_reckoned/path reaches back", unit="s", minimum=1.0
     )
+    diagnostics: bool = flag(True, "publish /diagnostics once per second")
     roll_pitch_yaw: bool = flag(
         False, "publish dead_reckoned/roll_pitch_yaw, in degrees, for plots"
     )
     error: bool = flag(
-        False, "compare with ground_truth/odom: dead_reckoned/error and /diagnostics"
+        False,
+        "compare with ground_truth/odom: dead_reckoned/position_error, attitude_error and "
+        "/diagnostics",
     )
 
     def problems(self, prefix: str) -> Iterator[str]:
@@ -133,6 +146,30 @@ class IntegratorParameters:
             name = f"{triad}_scale_misalignment"
             if abs(_determinant(getattr(self, name))) < 1e-3:
                 yield f"{prefix}{name} = {list(getattr(self, name))}: must be invertible"
+
+
+def layer_integrator(given: Mapping[str, object]) -> dict[str, object]:
+    """Return parameters above those of the IMU preset and of the calibration that they name.
+
+    A parameter file made for the simulator describes the same IMU: what it says below ``imu.`` and
+    the integrator has no use for is passed over.
+
+    :param given: by dotted name.
+    :raises ConfigurationError: for a preset or a calibration that cannot be read.
+    """
+    own = parameters(IntegratorParameters)
+    result: dict[str, object] = {}
+    preset = given.get("imu.preset", DEFAULT_IMU)
+    for name, value in load(find("imus", str(preset))).items():
+        if name in own:
+            result[name] = value
+    if given.get("calibration"):
+        for name, value in load(str(given["calibration"])).items():
+            short = name.removeprefix("imu.")
+            result.update({key: value for key in (name, short) if key in own})
+    of_the_simulator = {f"imu.{name}" for name in parameters(ImuParameters)} - set(own)
+    result.update({key: value for key, value in given.items() if key not in of_the_simulator})
+    return result
 
 
 def _determinant(m: Matrix) -> float:

@@ -1,0 +1,223 @@
+"""The integrator node: IMU readings into odometry by dead reckoning."""
+
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import Vector3Stamped
+from nav_msgs.msg import Odometry, Path
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.task import Future
+from sensor_msgs.msg import Imu
+from std_srvs.srv import Trigger
+
+from imu_sim_ros.bags.encode import OdometryEncoder, Vector3StampedEncoder
+from imu_sim_ros.config.integrator import IntegratorParameters, layer_integrator
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.navigation.plain import to_angles
+from imu_sim_ros.nodes import decode, run
+from imu_sim_ros.nodes.integrator_diagnostics import IntegratorDiagnostics
+from imu_sim_ros.nodes.odometer import Odometer, Row
+from imu_sim_ros.nodes.parameters import ConfiguredNode
+from imu_sim_ros.nodes.path import PathPublisher
+from imu_sim_ros.nodes.truth_comparison import ErrorAt, Estimate, TruthComparison
+
+TEXT = """Integrates imu/data_raw and publishes dead_reckoned/odom for every reading.
+
+On request it also publishes dead_reckoned/path, dead_reckoned/roll_pitch_yaw (degrees) and, against
+ground_truth/odom, dead_reckoned/position_error and dead_reckoned/attitude_error.
+The service ~/reset starts anew at initial_state."""
+
+IMU = "imu/data_raw"
+TRUTH = "ground_truth/odom"
+ODOMETRY = "dead_reckoned/odom"
+PATH = "dead_reckoned/path"
+ROLL_PITCH_YAW = "dead_reckoned/roll_pitch_yaw"
+POSITION_ERROR = "dead_reckoned/position_error"
+ATTITUDE_ERROR = "dead_reckoned/attitude_error"
+
+_DEPTH = 2000
+_COMPLAINT_PERIOD = 1.0
+
+
+class Integrator(ConfiguredNode):
+    """Topics, services and parameters around an :class:`Odometer`."""
+
+    def __init__(self, **arguments: Any) -> None:
+        super().__init__("integrator", IntegratorParameters, layer_integrator, **arguments)
+        parameters: IntegratorParameters = self.parameters
+        self.done = Future()
+        self._sources: frozenset[bytes] = frozenset()
+        self.odometer = Odometer(parameters, self._complain, self._is_new_source)
+        self.comparison = TruthComparison() if parameters.error else None
+        self._reliable = {IMU: True, TRUTH: True}
+        self._subscriptions_by_topic: dict[str, Any] = {}
+        self._add_publishers(parameters)
+        self.create_service(Trigger, "~/reset", self._reset)
+        self._subscribe(Imu, IMU, self._on_imu)
+        if parameters.error or parameters.initial_state == "truth":
+            self._subscribe(Odometry, TRUTH, self._on_truth)
+
+    def apply(self, new: IntegratorParameters) -> None:
+        """Take new biases."""
+        self.odometer.correct_with(new)
+
+    def close(self) -> None:
+        """Nothing has to be ended: all work is done in callbacks."""
+
+    def _add_publishers(self, parameters: IntegratorParameters) -> None:
+        world, body = parameters.world_frame, parameters.body_frame
+        self._odometry = OdometryEncoder(world, body)
+        self._odometry_out = self._publisher(Odometry, ODOMETRY)
+        self._angles_out = self._position_error_out = None
+        self._path = None
+        if parameters.roll_pitch_yaw:
+            self._angles = Vector3StampedEncoder(world)
+            self._angles_out = self._publisher(Vector3Stamped, ROLL_PITCH_YAW)
+        if parameters.error:
+            self._position_error = Vector3StampedEncoder(world)
+            self._attitude_error = Vector3StampedEncoder(body)
+            self._position_error_out = self._publisher(Vector3Stamped, POSITION_ERROR)
+            self._attitude_error_out = self._publisher(Vector3Stamped, ATTITUDE_ERROR)
+        if parameters.path_rate:
+            publisher = self.create_publisher(Path, PATH, 1)
+            self._path = PathPublisher(publisher, world, parameters)
+            self.create_timer(1.0 / parameters.path_rate, self._path.publish)
+        if parameters.diagnostics:
+            self._diagnostics = IntegratorDiagnostics(self)
+
+    def _publisher(self, message: Any, topic: str) -> Any:
+        options = QoSOverridingOptions.with_default_policies()
+        return self.create_publisher(message, topic, _DEPTH, qos_overriding_options=options)
+
+    def _subscribe(self, message: Any, topic: str, callback: Callable[[bytes], None]) -> None:
+        """Subscribe to bytes; where a driver offers no reliability, do without it."""
+
+        def fall_back(_: Any) -> None:
+            if self._reliable[topic]:
+                self._reliable[topic] = False
+                self.get_logger().info(f"{topic} is offered as best effort; subscribing so")
+                self.destroy_subscription(self._subscriptions_by_topic[topic])
+                self._subscribe(message, topic, callback)
+
+        reliability = ReliabilityPolicy.RELIABLE
+        if not self._reliable[topic]:
+            reliability = ReliabilityPolicy.BEST_EFFORT
+        self._subscriptions_by_topic[topic] = self.create_subscription(
+            message,
+            topic,
+            callback,
+            QoSProfile(depth=_DEPTH, reliability=reliability),
+            raw=True,
+            event_callbacks=SubscriptionEventCallbacks(incompatible_qos=fall_back),
+        )
+
+    # ----------------------------------------------------------------------------- messages
+    def _on_imu(self, payload: bytes) -> None:
+        rows: list[Row] = []
+        for message in self._gathered(IMU, payload):
+            try:
+                rows += self.odometer.add_reading(decode.imu_reading(message))
+            except InputError as error:
+                self._complain(str(error))
+        self._publish(rows)
+
+    def _on_truth(self, payload: bytes) -> None:
+        rows: list[Row] = []
+        errors: list[ErrorAt] = []
+        for message in self._gathered(TRUTH, payload):
+            try:
+                truth = decode.truth(message)
+            except InputError as error:
+                self._complain(str(error))
+                continue
+            rows += self.odometer.add_truth(truth)
+            if self.comparison is not None:
+                errors += self.comparison.add_truth(truth)
+        self._publish(rows)
+        self._publish_errors(errors)
+
+    def _gathered(self, topic: str, first: bytes) -> Iterator[bytes]:
+        """Yield a message and all that have gathered behind it.
+
+        An executor's turn costs more than the integration of a reading; one turn for all of them
+        lets the node catch up after a stall.
+        """
+        yield first
+        subscription = self._subscriptions_by_topic[topic]
+        for _ in range(_DEPTH):
+            taken = subscription.handle.take_message(subscription.msg_type, True)
+            if taken is None:
+                return
+            yield taken[0]
+
+    # ----------------------------------------------------------------------------- results
+    def _publish(self, rows: list[Row]) -> None:
+        if not rows:
+            return
+        t_ns = np.array([row.t_ns for row in rows])
+        columns = list(zip(*rows, strict=True))[1:]
+        if rows[0].pose_covariance is None:
+            columns = columns[:4]
+        _send(self._odometry_out, self._odometry.encode(t_ns, *columns))
+        if self._angles_out is not None:
+            angles = np.degrees([to_angles(row.q_wb) for row in rows])
+            _send(self._angles_out, self._angles.encode(t_ns, angles))
+        if self._path is not None:
+            for row in rows:
+                self._path.add(row)
+        if self.comparison is not None:
+            estimates = [Estimate(row.t_ns, row.position, row.q_wb) for row in rows]
+            self._publish_errors(
+                error for each in estimates for error in self.comparison.add_estimate(each)
+            )
+
+    def _publish_errors(self, errors: Iterable[ErrorAt]) -> None:
+        errors = list(errors)
+        if not errors:
+            return
+        t_ns = np.array([error.t_ns for error in errors])
+        position = self._position_error.encode(t_ns, [error.position for error in errors])
+        attitude = self._attitude_error.encode(t_ns, [error.attitude for error in errors])
+        _send(self._position_error_out, position)
+        _send(self._attitude_error_out, attitude)
+
+    # ----------------------------------------------------------------------------- events
+    def _reset(self, _: Any, response: Any) -> Any:
+        self.odometer.begin()
+        if self._path is not None:
+            self._path.clear()
+        if self.comparison is not None:
+            self.comparison = TruthComparison()
+        response.success = True
+        response.message = f"starting anew, initial_state = {self.parameters.initial_state}"
+        return response
+
+    def _complain(self, words: str) -> None:
+        self.get_logger().warning(words, throttle_duration_sec=_COMPLAINT_PERIOD)
+
+    def _is_new_source(self) -> bool:
+        """Tell whether a publisher of readings has appeared since the last call."""
+        found = frozenset(
+            bytes(publisher.endpoint_gid) for publisher in self.get_publishers_info_by_topic(IMU)
+        )
+        new = bool(found - self._sources)
+        self._sources |= found
+        return new
+
+
+def _send(publisher: Any, messages: np.ndarray) -> None:
+    for message in messages:
+        publisher.publish(message.tobytes())
+
+
+def main() -> int:
+    """Run the node."""
+    return run.main("integrator", TEXT, IntegratorParameters, Integrator)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,190 @@
+"""Where integration starts: at given values, at the truth, or levelled at rest.
+
+Each start is given readings and truths as they arrive, keeps what it may still need, and returns a
+:class:`Start` once it knows; from then on it is not asked again.
+"""
+
+import dataclasses
+import math
+from collections import deque
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros import rotation
+from imu_sim_ros.config.integrator import IntegratorParameters
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.navigation.correction import Correction, correction_of
+from imu_sim_ros.navigation.covariance import initial_covariance
+from imu_sim_ros.navigation.levelling import level
+from imu_sim_ros.navigation.state import NavigationState
+from imu_sim_ros.nodes.decode import ImuReading, Truth
+
+_KEPT = 20000
+"""Readings and truths that wait for each other: 2.5 s at 8 kHz."""
+
+
+class Start(NamedTuple):
+    """What integration starts with."""
+
+    state: NavigationState
+    """The state at the first of the readings."""
+    readings: list[ImuReading]
+    """All that have arrived since; the first one is that of the state."""
+    correction: Correction
+    covariance: NDArray[np.float64]
+    """(15, 15) of the state's error, see :mod:`imu_sim_ros.navigation.covariance`."""
+
+
+class Starting(Protocol):
+    """One of the ways to start."""
+
+    def add_reading(self, reading: ImuReading) -> Start | None:
+        """Take a reading."""
+
+    def add_truth(self, truth: Truth) -> Start | None:
+        """Take a true state."""
+
+
+def starting(parameters: IntegratorParameters, complain: Callable[[str], None]) -> Starting:
+    """Return the start that the parameters choose.
+
+    :param complain: is told why a start is not possible yet.
+    """
+    if parameters.initial_state == "truth":
+        return _FromTruth(parameters)
+    if parameters.initial_state == "level":
+        return _FromRest(parameters, complain)
+    return _FromParameters(parameters)
+
+
+class _FromParameters:
+    def __init__(self, parameters: IntegratorParameters) -> None:
+        self._parameters = parameters
+
+    def add_reading(self, reading: ImuReading) -> Start | None:
+        parameters = self._parameters
+        state = NavigationState(
+            np.array(parameters.initial_position),
+            np.array(parameters.initial_velocity),
+            rotation.from_euler(parameters.initial_orientation),
+        )
+        return Start(state, [reading], correction_of(parameters), _biases_unknown(parameters))
+
+    def add_truth(self, truth: Truth) -> Start | None:
+        return None
+
+
+class _FromTruth:
+    """Starts at the first true state that has a reading with its stamp.
+
+    Readings wait for the truth and truths for the readings, whichever topic is ahead. Where both
+    have stamps of their own, the last truth before the first reading is carried on to it with its
+    own velocity and rate.
+    """
+
+    def __init__(self, parameters: IntegratorParameters) -> None:
+        self._parameters = parameters
+        self._readings: deque[ImuReading] = deque(maxlen=_KEPT)
+        self._truths: deque[Truth] = deque(maxlen=_KEPT)
+
+    def add_reading(self, reading: ImuReading) -> Start | None:
+        if self._readings and reading.t_ns <= self._readings[-1].t_ns:
+            self._readings.clear()
+        self._readings.append(reading)
+        return self._match()
+
+    def add_truth(self, truth: Truth) -> Start | None:
+        if self._truths and truth.t_ns <= self._truths[-1].t_ns:
+            self._truths.clear()
+        self._truths.append(truth)
+        return self._match()
+
+    def _match(self) -> Start | None:
+        readings, truths = self._readings, self._truths
+        while readings and truths and readings[0].t_ns < truths[0].t_ns:
+            readings.popleft()
+        if not (readings and truths):
+            return None
+        t_ns = readings[0].t_ns
+        while len(truths) > 1 and truths[1].t_ns <= t_ns:
+            truths.popleft()
+        # An older truth is good enough only once it is known that none with this stamp follows.
+        if truths[0].t_ns < t_ns and len(truths) == 1:
+            return None
+        state = _carried(truths[0], t_ns)
+        parameters = self._parameters
+        covariance = _biases_unknown(parameters)
+        return Start(state, list(readings), correction_of(parameters), covariance)
+
+
+class _FromRest:
+    """Averages the readings of ``level_time`` and starts at the last of them."""
+
+    def __init__(self, parameters: IntegratorParameters, complain: Callable[[str], None]) -> None:
+        self._parameters, self._complain = parameters, complain
+        self._correction = correction_of(parameters)
+        self._readings: list[ImuReading] = []
+
+    def add_reading(self, reading: ImuReading) -> Start | None:
+        readings = self._readings
+        if readings and not 0 < reading.t_ns - readings[-1].t_ns < self._parameters.max_gap * 1e9:
+            readings.clear()
+        readings.append(reading)
+        if reading.t_ns - readings[0].t_ns < self._parameters.level_time * 1e9:
+            return None
+        try:
+            return self._start(readings)
+        except InputError as error:
+            self._complain(str(error))
+            self._readings = []
+            return None
+
+    def add_truth(self, truth: Truth) -> Start | None:
+        return None
+
+    def _start(self, readings: list[ImuReading]) -> Start:
+        parameters = self._parameters
+        gyro = np.array([reading.gyro for reading in readings])
+        accel = np.array([reading.accel for reading in readings])
+        corrected_gyro, corrected_accel = self._correction.apply(gyro, accel)
+        yaw = parameters.initial_orientation[2]
+        found = level(corrected_gyro, corrected_accel, parameters.gravity, yaw)
+        # The bias is wanted in the readings themselves, before scale and misalignment.
+        scale = np.reshape(parameters.gyroscope_scale_misalignment, (3, 3))
+        bias = np.asarray(parameters.gyroscope_bias) + scale @ found.gyroscope_bias
+        x, y, z = bias.tolist()
+        correction = dataclasses.replace(self._correction, gyroscope_bias=(x, y, z))
+        state = NavigationState(np.array(parameters.initial_position), np.zeros(3), found.q_wb)
+        return Start(state, [readings[-1]], correction, self._covariance())
+
+    def _covariance(self) -> NDArray[np.float64]:
+        """Levelling turns the accelerometer's error into a tilt and averages the gyroscope's."""
+        imu, time = self._parameters.imu, self._parameters.level_time
+        strength = math.hypot(*self._parameters.gravity)
+        white = np.square(imu.accelerometer_noise_density) / time
+        error = np.sqrt(white + np.square(imu.accelerometer_turn_on_bias_sigma))
+        tilt = np.array([error[1], error[0], 0.0]) / strength
+        return initial_covariance(
+            attitude=tilt,
+            gyroscope_bias=np.asarray(imu.gyroscope_noise_density) / math.sqrt(time),
+            accelerometer_bias=imu.accelerometer_turn_on_bias_sigma,
+        )
+
+
+def _biases_unknown(parameters: IntegratorParameters) -> NDArray[np.float64]:
+    return initial_covariance(
+        gyroscope_bias=parameters.imu.gyroscope_turn_on_bias_sigma,
+        accelerometer_bias=parameters.imu.accelerometer_turn_on_bias_sigma,
+    )
+
+
+def _carried(truth: Truth, t_ns: int) -> NavigationState:
+    """Return a true state, carried on to a later time with its own velocity and rate."""
+    h = (t_ns - truth.t_ns) * 1e-9
+    velocity = rotation.rotate(truth.q_wb, truth.velocity_b)
+    turn = rotation.exp(np.multiply(truth.angular_velocity_b, h))
+    q_wb = rotation.multiply(truth.q_wb, turn) if h else np.array(truth.q_wb)
+    return NavigationState(np.array(truth.position) + velocity * h, velocity, q_wb)
