@@ -311,14 +311,28 @@ def _write(arguments: argparse.Namespace, results: Sequence[Result], truth: Trut
     if arguments.output is not None:
         _write_trajectory(arguments.output, results[0].states)
     if arguments.plot is not None:
-        from imu_sim_ros.plots import navigation as pictures  # 0.5 s of matplotlib
+        _draw(arguments.plot, results, truth)
 
-        pictures.dead_reckoning(
-            arguments.plot,
-            {f"{r.method}, {r.attitude}": r.states for r in results},
-            {f"{r.method}, {r.attitude}": r.drift for r in results if r.drift is not None},
-            None if truth is None else truth.poses,
-        )
+
+def _draw(path: Path, results: Sequence[Result], truth: Truth | None) -> None:
+    from imu_sim_ros.plots import navigation, style  # 0.5 s of matplotlib
+
+    names = [f"{result.method}, {result.attitude}" for result in results]
+    named = [(n, r.drift) for n, r in zip(names, results, strict=True) if r.drift is not None]
+    errors = {
+        kind: {
+            name: ((d.t_ns - d.t_ns[0]) * 1e-9, np.linalg.norm(getattr(d, kind), axis=1))
+            for name, d in named
+        }
+        for kind in ("position", "attitude")
+    }
+    figure = navigation.trajectories(
+        {name: result.states.position for name, result in zip(names, results, strict=True)},
+        None if truth is None else truth.poses.position,
+        errors["position"],
+        errors["attitude"],
+    )
+    style.save(figure, path)
 
 
 def _write_trajectory(path: Path, states: NavigationStates) -> None:

@@ -1,8 +1,7 @@
 """Pictures of trajectories, their errors, and what evaluation says of them."""
 
 from collections.abc import Mapping
-from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -68,7 +67,7 @@ def _errors(axis: Axes, errors: Mapping[str, Series], label: str, scale: float) 
     axis.set_ylabel(label)
 
 
-def _look(k: int) -> dict[str, object]:
+def _look(k: int) -> dict[str, Any]:
     """Colour and line of the k-th series; lines change where colours begin again."""
     count = len(style.PALETTE)
     return {"color": style.PALETTE[k % count], "ls": ("-", "--", ":")[k // count % 3]}

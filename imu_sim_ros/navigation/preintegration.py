@@ -1,0 +1,331 @@
+"""Preintegration: what the readings between two times say, whatever the state at the first one.
+
+With the body's frame at the first time i as reference and the biases taken off the readings,
+
+    alpha = double integral of R_i^T R_t f,   beta = integral of R_i^T R_t f,   gamma = q_i^-1 q_j,
+
+so that ``p_j = p_i + v_i T + g T^2 / 2 + R_i alpha``, ``v_j = v_i + g T + R_i beta`` and
+``q_j = q_i gamma`` (Lupton and Sukkarieh, "Visual-inertial-aided navigation for high-dynamic motion
+in built environments without initial conditions", T-RO 2012; Qin, Li and Shen, "VINS-Mono", T-RO
+2018, section IV-B).
+
+The error has 15 numbers, each the truth less the estimate, in VINS' order: alpha, theta, beta, bias
+of the accelerometer, bias of the gyroscope; theta is local, ``gamma_true = gamma Exp(theta)``
+(Sola, arXiv:1711.02508). A step is ``x <- F x + G n``. VINS writes F and G with ``I - [w] h`` for
+the turn of a step; here they are the exact derivatives of the step with its exponential (Forster,
+Carlone, Dellaert and Scaramuzza, "On-manifold preintegration for real-time visual-inertial
+odometry", T-RO 2017), which is what numerical differentiation gives.
+
+Everything has a leading axis of B intervals and is computed for all of them at once; the steps
+within an interval follow one another. The attitude is updated by the exponential (lecture eq. 35).
+"""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from imu_sim_ros import rotation
+from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.navigation.association import interpolate_vectors
+from imu_sim_ros.navigation.noise import Noise
+
+Array = NDArray[np.float64]
+
+SIZE: Final = 15
+ALPHA, THETA, BETA = slice(0, 3), slice(3, 6), slice(6, 9)
+ACCEL_BIAS, GYRO_BIAS = slice(9, 12), slice(12, 15)
+METHODS: Final = ("euler", "midpoint")
+
+ACCEL_BIAS_LIMIT: Final = 0.1
+"""[m/s^2] a bias that moved further is not corrected to first order but integrated again."""
+GYRO_BIAS_LIMIT: Final = 0.01
+"""[rad/s] likewise."""
+
+_EYE: Final[Array] = np.eye(3)
+
+
+class Readings(NamedTuple):
+    """The readings of B intervals of at most m steps; shorter ones end in steps of length 0."""
+
+    h: Array
+    """(B, m) lengths of the steps [s]."""
+    gyro: Array
+    """(B, m + 1, 3) at the ends of the steps [rad/s]."""
+    accel: Array
+    """(B, m + 1, 3) at the ends of the steps [m/s^2]."""
+
+
+class Preintegration(NamedTuple):
+    """What B intervals give, and how it depends on the biases."""
+
+    duration: Array
+    """(B,) [s]"""
+    alpha: Array
+    """(B, 3) [m]"""
+    beta: Array
+    """(B, 3) [m/s]"""
+    gamma: Array
+    """(B, 4) unit quaternions"""
+    jacobian: Array
+    """(B, 15, 15) of the error at the end with respect to that at the start, the product of F."""
+    covariance: Array
+    """(B, 15, 15) of the error at the end; zero at the start."""
+    accel_bias: Array
+    """(B, 3) that was taken off [m/s^2]."""
+    gyro_bias: Array
+    """(B, 3) that was taken off [rad/s]."""
+
+
+def between(t_ns: NDArray[np.int64], gyro: Array, accel: Array, edges_ns: ArrayLike) -> Readings:
+    """Return the readings between neighbouring times; at these, readings are interpolated.
+
+    :param t_ns: (n,) stamps [ns], increasing.
+    :param gyro: (n, 3) [rad/s].
+    :param accel: (n, 3) [m/s^2].
+    :param edges_ns: (B + 1,) times within the stamps, increasing [ns].
+    :raises InputError: for times outside of the stamps or out of order.
+    """
+    edges = np.asarray(edges_ns, dtype=np.int64)
+    if len(edges) < 2 or np.any(np.diff(edges) <= 0):
+        raise InputError("the times between which to preintegrate must increase, two or more")
+    if edges[0] < t_ns[0] or edges[-1] > t_ns[-1]:
+        raise InputError(
+            f"preintegration from {edges[0]} to {edges[-1]} ns needs readings over all of it: "
+            f"they last from {t_ns[0]} to {t_ns[-1]} ns"
+        )
+    times = np.union1d(t_ns, edges)
+    first, last = np.searchsorted(times, edges[:-1]), np.searchsorted(times, edges[1:])
+    most = int(np.max(last - first))
+    # Behind an interval's end its last row is repeated, which makes steps of length 0.
+    rows = np.minimum(first[:, None] + np.arange(most + 1), last[:, None])
+    return Readings(
+        np.diff(times[rows], axis=1) * 1e-9,
+        interpolate_vectors(t_ns, gyro, times)[rows],
+        interpolate_vectors(t_ns, accel, times)[rows],
+    )
+
+
+def preintegrate(
+    readings: Readings,
+    noise: Noise | None = None,
+    gyro_bias: ArrayLike = 0.0,
+    accel_bias: ArrayLike = 0.0,
+    method: str = "midpoint",
+    shared_noise: bool = True,
+) -> Preintegration:
+    """Preintegrate B intervals.
+
+    Under midpoint each reading serves two steps, so its noise comes in twice. With ``shared_noise``
+    this is accounted for and the covariance is that of many runs. Without it, the noises of both
+    ends of a step are taken as new ones each time, as VINS does, and the white noise comes out with
+    half its variance. Euler uses each reading once, where both are the same.
+
+    :param readings: B intervals.
+    :param noise: the IMU's noise; None leaves the covariance zero.
+    :param gyro_bias: (B, 3), (3,) or one number [rad/s].
+    :param accel_bias: likewise [m/s^2].
+    :param method: euler or midpoint.
+    """
+    if method not in METHODS:
+        raise ConfigurationError(f"method = {method!r}: must be one of {', '.join(METHODS)}")
+    batch = len(readings.h)
+    gyro_bias = np.array(np.broadcast_to(np.asarray(gyro_bias, dtype=float), (batch, 3)))
+    accel_bias = np.array(np.broadcast_to(np.asarray(accel_bias, dtype=float), (batch, 3)))
+    rate = readings.gyro - gyro_bias[:, None]
+    force = readings.accel - accel_bias[:, None]
+    alpha, beta = np.zeros((batch, 3)), np.zeros((batch, 3))
+    gamma = np.tile(rotation.IDENTITY, (batch, 1))
+    errors = _Errors(batch, noise, _period(readings.h), shared_noise)
+    step = _midpoint if method == "midpoint" else _euler
+    for k in range(readings.h.shape[1]):
+        h = readings.h[:, k, None]
+        turn, acceleration, f, g = step(h, gamma, rate[:, k : k + 2], force[:, k : k + 2])
+        alpha = alpha + beta * h + 0.5 * acceleration * h * h
+        beta = beta + acceleration * h
+        gamma = rotation.normalise(rotation.multiply(gamma, rotation.exp(turn)))
+        errors.step(readings.h[:, k], f, g)
+    return Preintegration(
+        readings.h.sum(axis=1),
+        alpha,
+        beta,
+        gamma,
+        errors.jacobian,
+        errors.covariance,
+        accel_bias,
+        gyro_bias,
+    )
+
+
+def _period(h: Array) -> float:
+    """The sensor's sampling interval: partial steps at the edges are shorter, no noisier."""
+    return float(np.median(h[h > 0.0])) if np.any(h > 0.0) else 1.0
+
+
+_Step = tuple[Array, Array, Array, Array]
+"""Turn (B, 3), acceleration (B, 3), F (B, 15, 15), G (B, 15, 12)."""
+
+
+def _euler(h: Array, gamma: Array, rate: Array, force: Array) -> _Step:
+    """The reading at the start holds throughout; G has no part for that of the end."""
+    r = rotation.to_matrix(gamma)
+    turn = rate[:, 0] * h
+    acceleration = (r @ force[:, 0, :, None])[..., 0]
+    h3 = h[..., None]
+    tilt = -r @ rotation.skew(force[:, 0])
+    f, g = _blank(len(h))
+    _turn_rows(f, g, turn, h3, weights=(1.0, 0.0))
+    zero = np.zeros_like(r)
+    _move_rows(f, g, h3, (tilt, -r, zero), (-r, zero, zero, zero))
+    return turn, acceleration, f, g
+
+
+def _midpoint(h: Array, gamma: Array, rate: Array, force: Array) -> _Step:
+    """Mean rate; mean of both ends' accelerations (the form of VINS' program)."""
+    turn = 0.5 * (rate[:, 0] + rate[:, 1]) * h
+    r0 = rotation.to_matrix(gamma)
+    r1 = r0 @ rotation.to_matrix(rotation.exp(turn))
+    acceleration = 0.5 * (r0 @ force[:, 0, :, None] + r1 @ force[:, 1, :, None])[..., 0]
+    h3 = h[..., None]
+    f, g = _blank(len(h))
+    _turn_rows(f, g, turn, h3, weights=(0.5, 0.5))
+    # The acceleration of the end turns with the attitude of the end, which the step has turned.
+    tilt0 = -0.5 * r0 @ rotation.skew(force[:, 0])
+    tilt1 = -0.5 * r1 @ rotation.skew(force[:, 1])
+    by_theta = tilt0 + tilt1 @ f[:, THETA, THETA]
+    by_gyro_bias = tilt1 @ f[:, THETA, GYRO_BIAS]
+    by_gyro_noise = 0.5 * by_gyro_bias
+    f_parts = (by_theta, -0.5 * (r0 + r1), by_gyro_bias)
+    _move_rows(f, g, h3, f_parts, (-0.5 * r0, by_gyro_noise, -0.5 * r1, by_gyro_noise))
+    return turn, acceleration, f, g
+
+
+def _blank(batch: int) -> tuple[Array, Array]:
+    f = np.tile(np.eye(SIZE), (batch, 1, 1))
+    # Noise of accelerometer and gyroscope at the start, then at the end of the step.
+    return f, np.zeros((batch, SIZE, 12))
+
+
+def _turn_rows(f: Array, g: Array, turn: Array, h: Array, weights: tuple[float, float]) -> None:
+    """``theta <- Exp(-turn) theta - Jr h (db_g + n_g)``."""
+    by_rate = -rotation.right_jacobian(turn) * h
+    f[:, THETA, THETA] = rotation.to_matrix(rotation.exp(-turn))
+    f[:, THETA, GYRO_BIAS] = by_rate
+    g[:, THETA, 3:6] = weights[0] * by_rate
+    g[:, THETA, 9:12] = weights[1] * by_rate
+
+
+def _move_rows(
+    f: Array,
+    g: Array,
+    h: Array,
+    by_state: tuple[Array, Array, Array],
+    by_noise: tuple[Array, Array, Array, Array],
+) -> None:
+    """Rows of beta and alpha from the derivatives of the acceleration.
+
+    :param by_state: with respect to theta, bias of the accelerometer, bias of the gyroscope.
+    :param by_noise: accelerometer and gyroscope at the start, then at the end.
+    """
+    f[:, ALPHA, BETA] = h * _EYE
+    places = (THETA, ACCEL_BIAS, GYRO_BIAS)
+    for place, derivative in zip(places, by_state, strict=True):
+        f[:, BETA, place] = derivative * h
+        f[:, ALPHA, place] = derivative * (0.5 * h * h)
+    for k, derivative in enumerate(by_noise):
+        g[:, BETA, 3 * k : 3 * k + 3] = derivative * h
+        g[:, ALPHA, 3 * k : 3 * k + 3] = derivative * (0.5 * h * h)
+
+
+class _Errors:
+    """Jacobian and covariance of B intervals, step by step."""
+
+    def __init__(self, batch: int, noise: Noise | None, period: float, shared: bool) -> None:
+        self.jacobian = np.tile(np.eye(SIZE), (batch, 1, 1))
+        self.covariance = np.zeros((batch, SIZE, SIZE))
+        self._noise = noise
+        if noise is None:
+            return
+        densities = (noise.accelerometer_noise_density, noise.gyroscope_noise_density)
+        self._white = np.square(np.concatenate(densities)) / period
+        walks = (noise.accelerometer_random_walk, noise.gyroscope_random_walk)
+        self._walk = np.square(np.concatenate(walks))
+        self._diagonal = np.arange(ACCEL_BIAS.start, SIZE)
+        self._shared = shared
+        # Covariance of the error with the noise of the reading that the next step begins with.
+        self._with_noise = np.zeros((batch, SIZE, 6))
+
+    def step(self, h: Array, f: Array, g: Array) -> None:
+        """Take a step of lengths h (B,)."""
+        self.jacobian = f @ self.jacobian
+        if self._noise is None:
+            return
+        start, end = g[..., :6], g[..., 6:]
+        start_t, end_t = start.swapaxes(1, 2), end.swapaxes(1, 2)
+        p = f @ self.covariance @ f.swapaxes(1, 2)
+        p += (start * self._white) @ start_t + (end * self._white) @ end_t
+        if self._shared:
+            crossed = f @ self._with_noise @ start_t
+            p += crossed + crossed.swapaxes(1, 2)
+            # A step of length 0, behind the end of a shorter interval, is none.
+            self._with_noise = end * self._white
+        p[:, self._diagonal, self._diagonal] += h[:, None] * self._walk
+        self.covariance = p
+
+
+class Deltas(NamedTuple):
+    """Preintegrated quantities at other biases than they were integrated with."""
+
+    alpha: Array
+    """(B, 3) [m]"""
+    beta: Array
+    """(B, 3) [m/s]"""
+    gamma: Array
+    """(B, 4) unit quaternions"""
+
+
+def corrected(pre: Preintegration, gyro_bias: ArrayLike, accel_bias: ArrayLike) -> Deltas:
+    """Return alpha, beta and gamma at other biases, to first order (Forster eq. 44).
+
+    :param gyro_bias: (B, 3) or (3,) [rad/s].
+    :param accel_bias: (B, 3) or (3,) [m/s^2].
+    """
+    moved = np.concatenate(
+        [
+            np.asarray(accel_bias, dtype=float) - pre.accel_bias,
+            np.asarray(gyro_bias, dtype=float) - pre.gyro_bias,
+        ],
+        axis=1,
+    )
+    change = (pre.jacobian[:, :9, 9:] @ moved[..., None])[..., 0]
+    return Deltas(
+        pre.alpha + change[:, ALPHA],
+        pre.beta + change[:, BETA],
+        rotation.multiply(pre.gamma, rotation.exp(change[:, THETA])),
+    )
+
+
+def repropagated(
+    readings: Readings,
+    pre: Preintegration,
+    gyro_bias: ArrayLike,
+    accel_bias: ArrayLike,
+    noise: Noise | None = None,
+    method: str = "midpoint",
+) -> tuple[Preintegration, NDArray[np.bool_]]:
+    """Return the intervals with those integrated again whose biases moved far, and which these are.
+
+    The others stay as they are; :func:`corrected` serves them.
+    """
+    gyro_bias = np.broadcast_to(np.asarray(gyro_bias, dtype=float), pre.gyro_bias.shape)
+    accel_bias = np.broadcast_to(np.asarray(accel_bias, dtype=float), pre.accel_bias.shape)
+    far = np.linalg.norm(gyro_bias - pre.gyro_bias, axis=1) > GYRO_BIAS_LIMIT
+    far |= np.linalg.norm(accel_bias - pre.accel_bias, axis=1) > ACCEL_BIAS_LIMIT
+    if not far.any():
+        return pre, far
+    chosen = Readings(*(values[far] for values in readings))
+    again = preintegrate(chosen, noise, gyro_bias[far], accel_bias[far], method)
+    result = Preintegration(*(values.copy() for values in pre))
+    for old, new in zip(result, again, strict=True):
+        old[far] = new
+    return result, far
