@@ -1,24 +1,36 @@
-"""Trajectory and sensor joined: blocks of samples, the one engine behind node and command."""
+"""Trajectory and sensor joined: blocks of samples, the one engine behind node and command.
+
+For one configuration and seed the samples are the same, bit for bit, in blocks of any size. While a
+simulation runs it can be changed between two blocks:
+
+``update(parameters)``
+    takes new values of the parameters that are marked ``live``. Nothing else changes: random walks
+    and slow biases go on from where they are, and every random stream stays as it was.
+``inject(fault, delay)``
+    lets a :class:`~imu_sim_ros.sensor.faults.Fault` begin after ``delay`` seconds: a bias jump,
+    saturation, a stuck output, lost messages or latency, for a given time.
+``reset()``
+    goes back to the first sample; faults are forgotten, parameters stay.
+"""
 
 import math
-from collections.abc import Callable, Iterator
-from pathlib import Path
-
-import numpy as np
+from collections.abc import Iterator
+from typing import Final
 
 from imu_sim_ros import timebase
+from imu_sim_ros.config.parameter import flatten
+from imu_sim_ros.config.parameter import parameters as described
 from imu_sim_ros.config.simulation import SimulationParameters
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.poses import PoseSequence, read_poses
+from imu_sim_ros.poses import read_poses
 from imu_sim_ros.sensor.block import ImuBlock
-from imu_sim_ros.sensor.ideal import specific_force
-from imu_sim_ros.sensor.noise import RandomWalk, WhiteNoise
-from imu_sim_ros.trajectory import build_trajectory
+from imu_sim_ros.sensor.faults import Fault
+from imu_sim_ros.sensor.imu import Imu
+from imu_sim_ros.trajectory import PoseReader, build_trajectory
 
-BLOCK_SIZE = 8192
-DEFAULT_START_NS = timebase.NANOSECONDS_PER_SECOND
-
-PoseReader = Callable[[str | Path], PoseSequence]
+BLOCK_SIZE: Final = 4096
+"""Large enough that Python's part is small, small enough for a processor's cache."""
+DEFAULT_START_NS: Final = timebase.NANOSECONDS_PER_SECOND
 
 
 class Simulation:
@@ -30,81 +42,82 @@ class Simulation:
         pose_reader: PoseReader = read_poses,
         t0_ns: int | None = None,
     ) -> None:
+        """Set up trajectory and sensor.
+
+        :param pose_reader: reads the file of a trajectory of recorded poses.
+        :param t0_ns: time of sample 0 [ns]; None: ``start_time``, or 1 s where that is -1.
+        :raises ConfigurationError: for parameters that do not fit together.
+        :raises InputError: for a file of poses that cannot be used.
+        """
         self.parameters = parameters
         self.trajectory = build_trajectory(parameters.trajectory, pose_reader)
         if t0_ns is None:
             start = parameters.start_time
-            t0_ns = timebase.to_nanoseconds(start) if start >= 0 else DEFAULT_START_NS
+            t0_ns = timebase.to_nanoseconds(start) if start >= 0.0 else DEFAULT_START_NS
         self.t0_ns = t0_ns
         self.total = self._sample_count()
         self.reset()
 
     def _sample_count(self) -> int | None:
         """Return how many samples there are; None: no end."""
-        duration = self.parameters.duration or self.trajectory.duration
+        longest = self.trajectory.duration
+        duration = self.parameters.duration or longest
+        if duration > longest:
+            raise ConfigurationError(
+                f"duration = {duration:g}: must be at most {longest:g} s, the trajectory's length"
+            )
         if math.isinf(duration):
             return None
-        if duration > self.trajectory.duration:
-            raise ConfigurationError(
-                f"duration = {duration}: the trajectory lasts {self.trajectory.duration:g} s"
-            )
         return timebase.sample_count(duration, self.parameters.rate)
 
     def reset(self) -> None:
         """Go back to the first sample: the same samples follow again."""
         self.position = 0
-        seed, dt = self.parameters.seed, 1.0 / self.parameters.rate
-        self._white = [WhiteNoise(seed, triad, dt) for triad in ("gyroscope", "accelerometer")]
-        self._walk = [RandomWalk(seed, triad, dt) for triad in ("gyroscope", "accelerometer")]
-        self.update(self.parameters)
+        self._imu = Imu(self.parameters, self.t0_ns)
 
     def update(self, parameters: SimulationParameters) -> None:
-        """Take new values of live parameters; they hold from the next block on."""
+        """Take new values of live parameters; they hold from the next block on.
+
+        :raises ConfigurationError: with a line for every changed parameter that is not live;
+            nothing is changed then.
+        """
+        old, new = flatten(self.parameters), flatten(parameters)
+        known = described(type(parameters), new)
+        fixed = [name for name, value in new.items() if old.get(name) != value]
+        problems = [
+            f"{name}: cannot be changed while the simulation runs"
+            for name in fixed
+            if not known[name].live
+        ]
+        if problems:
+            raise ConfigurationError(problems)
         self.parameters = parameters
-        imu = parameters.imu
-        self._white[0].configure(imu.gyroscope_noise_density)
-        self._white[1].configure(imu.accelerometer_noise_density)
-        self._walk[0].configure(imu.gyroscope_random_walk)
-        self._walk[1].configure(imu.accelerometer_random_walk)
+        self._imu.configure(parameters)
+
+    def inject(self, fault: Fault, delay: float = 0.0) -> None:
+        """Let a fault begin.
+
+        :param delay: seconds after the next sample, >= 0.
+        """
+        if not (math.isfinite(delay) and delay >= 0.0):
+            raise ConfigurationError(f"fault delay = {delay}: must be at least 0 s")
+        self._imu.inject(fault, self.position + timebase.sample_count(delay, self.parameters.rate))
 
     def next_block(self, count: int) -> ImuBlock:
         """Return the next samples: ``count``, fewer at the end of the run, none after it."""
         if self.total is not None:
             count = min(count, self.total - self.position)
-        first = self.position
-        t_ns = timebase.sample_times_ns(first, count, self.parameters.rate, self.t0_ns)
-        motion = self.trajectory.sample(timebase.seconds_since(t_ns, self.t0_ns))
-        force = specific_force(motion, np.array(self.parameters.gravity))
-        walk = [term.next_block(count).T for term in self._walk]
-        white = [term.next_block(count).T for term in self._white]
+        block = self._imu.read(self.position, count, self.trajectory)
         self.position += count
-        return ImuBlock(
-            first=first,
-            true_t_ns=t_ns,
-            t_ns=t_ns,
-            release_t_ns=t_ns,
-            delivered=np.arange(count),
-            gyro=motion.angular_velocity + walk[0] + white[0],
-            accel=force + walk[1] + white[1],
-            temperature=np.full(count, 25.0),
-            ideal_gyro=motion.angular_velocity,
-            ideal_accel=force,
-            gyro_bias=walk[0],
-            accel_bias=walk[1],
-            gyro_scale=np.ones((count, 3)),
-            accel_scale=np.ones((count, 3)),
-            motion=motion,
-        )
+        return block
 
     def blocks(self, block_size: int = BLOCK_SIZE, count: int | None = None) -> Iterator[ImuBlock]:
-        """Yield the samples that are left, or the next ``count``, in blocks.
+        """Yield the samples that are left, in blocks.
 
-        :param count: needed where the run has no end and the loop shall have one.
+        :param count: at most so many samples; a run without end goes on for ever otherwise.
         """
-        last = None if count is None else self.position + count
-        while last is None or self.position < last:
-            size = block_size if last is None else min(block_size, last - self.position)
-            block = self.next_block(size)
-            if len(block.true_t_ns) == 0:
-                return
-            yield block
+        end = math.inf if count is None else self.position + count
+        if self.total is not None:
+            end = min(end, self.total)
+        while self.position < end:
+            yield self.next_block(int(min(block_size, end - self.position)))

@@ -1,6 +1,31 @@
-"""What an IMU on a moving body reads: the ideal reading, then the errors."""
+"""What an IMU on a moving body reads: the ideal reading, then its errors in one fixed order.
+
+For each triad, x its ideal input and f the ideal specific force::
+
+    1  ideal reading   gravity (constant or WGS84), Earth rate, lever arm, mounting; at an instant
+                       or as the mean since the sample before
+    2  response        S x + q x^2            scale and misalignment, second-order non-linearity
+    3                  + G f                  g-sensitivity (gyroscope)
+    4  scale           * (1 + s_T(T) + s_on)  temperature, turn-on (drawn from the seed)
+    5  bias            + b_T(T) + b_on + b    temperature, turn-on, constant
+    6                  + walk + Gauss-Markov + 1/f + ramp  (+ injected jumps)
+    7  white noise     + n
+    8  bandwidth       Butterworth low-pass over all of the above
+    9  digital output  saturation, then rounding to steps
+    10 timing          stamps: offset, skew, drift, jitter; transport: latency, losses, duplicates
+
+Every term is off at zero and set per axis. The truth beside the readings: the ideal reading (1),
+the scale (4), the bias (5 and 6), the temperature, the true times. So without 2, 3 and 8 to 10
+``reading = scale * ideal + bias + n``.
+
+Samples are made in blocks with carried state. Every random source has its own stream for each axis
+(:mod:`imu_sim_ros.sensor.streams`), and a sample does not depend, not in a single bit, on the size
+of the block in which it is made.
+"""
 
 from imu_sim_ros.sensor.block import ImuBlock
+from imu_sim_ros.sensor.faults import Fault
+from imu_sim_ros.sensor.imu import Imu
 from imu_sim_ros.sensor.variance import accel_variance_discrete, gyro_variance_discrete
 
-__all__ = ["ImuBlock", "accel_variance_discrete", "gyro_variance_discrete"]
+__all__ = ["Fault", "Imu", "ImuBlock", "accel_variance_discrete", "gyro_variance_discrete"]

@@ -1,53 +1,177 @@
-"""White noise and bias random walk."""
+"""The random errors of one triad, each with its own streams and state.
+
+A term takes its strength from the parameters by ``configure`` at any time and goes on from where it
+is. ``add_to`` adds the next n samples to an array (3, n).
+"""
+
+from typing import Final, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from imu_sim_ros.sensor.streams import axis_generators, draw_normal
+from imu_sim_ros.config.imu import ImuParameters
+from imu_sim_ros.sensor.autoregressive import GaussMarkovBank
+from imu_sim_ros.sensor.streams import axis_generators
 
 Array = NDArray[np.float64]
+
+INSTABILITY_CORRELATION_TIMES: Final = (0.1, 1.0, 10.0, 100.0, 1000.0, 10000.0)
+"""[s]; the band of the 1/f noise."""
+_INSTABILITY_RATIO: Final = 10.0
+
+
+class Term(Protocol):
+    """One error of a triad."""
+
+    def configure(self, imu: ImuParameters) -> None:
+        """Take the strength that the parameters give, from the next sample on."""
+
+    def add_to(self, values: Array) -> None:
+        """Add the next n samples to values (3, n)."""
+
+
+def axis_values(imu: ImuParameters, triad: str, name: str) -> Array:
+    """Return a parameter of a triad as (3,)."""
+    return np.asarray(getattr(imu, f"{triad}_{name}"), dtype=np.float64)
 
 
 class WhiteNoise:
     """White noise: ``n_d = sigma / sqrt(dt) w`` (lecture eq. 16)."""
 
     def __init__(self, seed: int, triad: str, dt: float) -> None:
+        self._triad, self._dt = triad, dt
         self._streams = axis_generators(seed, f"{triad}.white_noise")
-        self._dt = dt
-        self._sigma = np.zeros((3, 1))
+        self._sigma = np.zeros(3)
 
-    def configure(self, density: ArrayLike) -> None:
-        """Take new densities (3,)."""
-        self._sigma = np.reshape(density, (3, 1)) / np.sqrt(self._dt)
+    def configure(self, imu: ImuParameters) -> None:
+        """Take the density."""
+        self._sigma = axis_values(imu, self._triad, "noise_density") / np.sqrt(self._dt)
 
-    def next_block(self, count: int) -> Array:
-        """Return (3, count) noise."""
-        if not self._sigma.any():
-            return np.zeros((3, count))
-        return draw_normal(self._streams, count) * self._sigma
+    def add_to(self, values: Array) -> None:
+        """Add n samples to values (3, n)."""
+        noise = np.empty(values.shape[1])
+        for row, stream, sigma in zip(values, self._streams, self._sigma, strict=True):
+            if sigma:
+                stream.standard_normal(out=noise)
+                noise *= sigma
+                row += noise
 
 
 class RandomWalk:
     """Random walk: ``b_k = b_(k-1) + sigma_b sqrt(dt) w`` (lecture eq. 20 and 21), ``b_0 = 0``."""
 
     def __init__(self, seed: int, triad: str, dt: float) -> None:
+        self._triad, self._dt = triad, dt
         self._streams = axis_generators(seed, f"{triad}.random_walk")
-        self._dt = dt
-        self._sigma = np.zeros((3, 1))
+        self._sigma = np.zeros(3)
         self._state = np.zeros(3)
 
-    def configure(self, density: ArrayLike) -> None:
-        """Take new densities (3,); the walk goes on from where it is."""
-        self._sigma = np.reshape(density, (3, 1)) * np.sqrt(self._dt)
+    def configure(self, imu: ImuParameters) -> None:
+        """Take the density; the walk goes on from where it is."""
+        self._sigma = axis_values(imu, self._triad, "random_walk") * np.sqrt(self._dt)
 
-    def next_block(self, count: int) -> Array:
-        """Return (3, count) bias."""
-        steps = np.empty((3, count + 1))
-        steps[:, 0] = self._state
+    def add_to(self, values: Array) -> None:
+        """Add n samples to values (3, n)."""
+        walk = np.empty(values.shape[1] + 1)
+        for k, (stream, sigma) in enumerate(zip(self._streams, self._sigma, strict=True)):
+            if sigma:
+                stream.standard_normal(out=walk[1:])
+                walk[1:] *= sigma
+                walk[0] = self._state[k]
+                np.cumsum(walk, out=walk)  # adds one after the other, whatever the block's size
+                self._state[k] = walk[-1]
+                values[k] += walk[:-1]
+            elif self._state[k]:
+                values[k] += self._state[k]
+
+
+class GaussMarkov:
+    """First-order Gauss-Markov bias: ``db = -b / tau dt + sigma_b dW``.
+
+    Exactly discretised: ``phi = exp(-dt / tau)``, step variance ``sigma_b^2 tau / 2 (1 - phi^2)``
+    (Crassidis 2006; RotorS). Its strength is given by the driving density sigma_b or by the
+    stationary standard deviation ``sigma_b sqrt(tau / 2)``. It starts in the stationary
+    distribution.
+    """
+
+    def __init__(self, seed: int, triad: str, dt: float, imu: ImuParameters) -> None:
+        self._triad = triad
+        tau = axis_values(imu, triad, "correlation_time")
+        # An axis without correlation time has no such bias (that is checked); any time will do.
+        tau = np.where(tau > 0.0, tau, 1.0)
+        self._root_half_tau = np.sqrt(0.5 * tau)
+        self._bank = GaussMarkovBank(
+            axis_generators(seed, f"{triad}.gauss_markov"), tau[:, None], dt
+        )
+        self._sigma = np.zeros(3)
+
+    def configure(self, imu: ImuParameters) -> None:
+        """Take the strength, in whichever of the two forms it is given."""
+        density = axis_values(imu, self._triad, "gauss_markov_density")
+        sigma = axis_values(imu, self._triad, "gauss_markov_sigma")
+        self._sigma = sigma + density * self._root_half_tau
+
+    def add_to(self, values: Array) -> None:
+        """Add n samples to values (3, n)."""
         if self._sigma.any():
-            steps[:, 1:] = draw_normal(self._streams, count) * self._sigma
-        else:
-            steps[:, 1:] = 0.0
-        walk: Array = np.cumsum(steps, axis=1)
-        self._state = walk[:, -1].copy()
-        return walk[:, :-1]
+            values += self._sigma[:, None] * self._bank.next_block(values.shape[1])
+
+
+class BiasInstability:
+    """Flicker noise with the power spectral density ``B^2 / (2 pi f)`` (IEEE Std 952-1997, C.1.3).
+
+    Approximated by six stationary Gauss-Markov processes of equal variance, their correlation times
+    a decade apart, from 0.1 s to 10^4 s. The sum over all decades of
+    ``2 s^2 tau / (1 + (2 pi f tau)^2)`` is ``s^2 / (2 f ln 10)`` on average, so each has the
+    variance ``s^2 = B^2 ln 10 / pi``. Steps of a decade leave a ripple of
+    ``2 / cosh(pi^2 / ln 10)`` = 5.5 % in the density, 2.7 % in its root. With the ends of the band
+    the density is within 6 % of 1/f from 8e-5 Hz to 0.33 Hz, and the Allan deviation within 2 % of
+    ``B sqrt(2 ln 2 / pi)`` from 2 s to 3000 s. Below that band the density is flat; above it falls
+    with 1/f^2, where white noise is far stronger in any real sensor.
+    Each process is discretised exactly, so nothing of this depends on the rate.
+    """
+
+    def __init__(self, seed: int, triad: str, dt: float) -> None:
+        self._triad = triad
+        self._bank = GaussMarkovBank(
+            axis_generators(seed, f"{triad}.bias_instability"),
+            np.tile(INSTABILITY_CORRELATION_TIMES, (3, 1)),
+            dt,
+        )
+        self._scale = np.zeros(3)
+
+    def configure(self, imu: ImuParameters) -> None:
+        """Take B."""
+        b = axis_values(imu, self._triad, "bias_instability")
+        self._scale = b * np.sqrt(np.log(_INSTABILITY_RATIO) / np.pi)
+
+    def add_to(self, values: Array) -> None:
+        """Add n samples to values (3, n)."""
+        if self._scale.any():
+            values += self._scale[:, None] * self._bank.next_block(values.shape[1])
+
+
+class RateRamp:
+    """Steady drift: ``b = R t``; a new R takes over without a jump."""
+
+    def __init__(self, triad: str, dt: float) -> None:
+        self._triad, self._dt = triad, dt
+        self._slope = np.zeros(3)
+        self._reached = np.zeros(3)
+        self._samples = 0
+
+    def configure(self, imu: ImuParameters) -> None:
+        """Take the slope; the ramp goes on from where it is."""
+        slope = axis_values(imu, self._triad, "rate_ramp")
+        if np.array_equal(slope, self._slope):
+            return
+        self._reached = self._reached + self._slope * (self._samples * self._dt)
+        self._slope, self._samples = slope, 0
+
+    def add_to(self, values: Array) -> None:
+        """Add n samples to values (3, n)."""
+        n = values.shape[1]
+        if self._slope.any() or self._reached.any():
+            t = np.arange(self._samples, self._samples + n) * self._dt
+            values += self._reached[:, None] + self._slope[:, None] * t
+        self._samples += n

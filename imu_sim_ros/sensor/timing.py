@@ -1,0 +1,118 @@
+"""Errors in time: the sensor's clock, the transport of the messages, losses and duplicates."""
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros import timebase
+from imu_sim_ros.config.imu import ImuParameters
+from imu_sim_ros.sensor.faults import FaultSchedule
+from imu_sim_ros.sensor.streams import generator
+
+Array = NDArray[np.float64]
+Times = NDArray[np.int64]
+
+LARGEST_JITTER: Final = 0.45
+"""Jitter is cut off here, in intervals between two samples, so that stamps always increase."""
+_NEVER: Final = np.iinfo(np.int64).min
+
+
+class Clock:
+    """The clock that stamps the samples.
+
+    ``stamp = t + offset + skew (t - t0) + drift (t - t0)^2 / 2 + jitter``, t the true time.
+    """
+
+    def __init__(self, seed: int, imu: ImuParameters, rate: float, t0_ns: int) -> None:
+        self._t0_ns = t0_ns
+        self._interval_ns = timebase.NANOSECONDS_PER_SECOND / rate
+        self._offset_ns = timebase.to_nanoseconds(imu.stamp_offset)
+        self._skew = imu.clock_skew_ppm * 1e-6
+        self._drift = imu.clock_drift_ppm_per_hour * 1e-6 / 3600.0  # per second
+        self._stream = generator(seed, "clock.jitter")
+        self._jitter_ns = 0.0
+
+    def configure(self, imu: ImuParameters) -> None:
+        """Take the jitter."""
+        self._jitter_ns = imu.jitter * timebase.NANOSECONDS_PER_SECOND
+
+    def stamp(self, true_t_ns: Times) -> Times:
+        """Return the stamps (n,) of the next n samples."""
+        stamps = true_t_ns + self._offset_ns
+        if self._skew or self._drift:
+            since_ns = (true_t_ns - self._t0_ns).astype(np.float64)
+            error = self._skew + 0.5 * self._drift * (since_ns * 1e-9)
+            stamps += np.rint(error * since_ns).astype(np.int64)
+        if self._jitter_ns:
+            jitter = self._stream.standard_normal(len(stamps)) * self._jitter_ns
+            limit = LARGEST_JITTER * self._interval_ns
+            stamps += np.rint(np.clip(jitter, -limit, limit)).astype(np.int64)
+        return stamps
+
+
+class Transport:
+    """When messages leave the driver, and which of them arrive how often."""
+
+    def __init__(self, seed: int, rate: float) -> None:
+        self._dt = 1.0 / rate
+        self._delays = generator(seed, "transport.latency")
+        self._drops = generator(seed, "transport.dropout")
+        self._bursts = generator(seed, "transport.burst")
+        self._burst_lengths = generator(seed, "transport.burst_length")
+        self._duplicates = generator(seed, "transport.duplicate")
+        self._last_release_ns = int(_NEVER)
+        self._burst_end = 0
+
+    def configure(self, imu: ImuParameters) -> None:
+        """Take latency, losses and duplicates."""
+        self._latency_ns = timebase.to_nanoseconds(imu.latency)
+        self._latency_jitter_ns = imu.latency_jitter * timebase.NANOSECONDS_PER_SECOND
+        self._dropout = imu.dropout_probability
+        # The first burst of an interval; a Poisson process of the given rate.
+        self._burst = -np.expm1(-imu.dropout_burst_rate * self._dt)
+        self._burst_samples = imu.dropout_burst_duration / self._dt
+        self._duplicate = imu.duplicate_probability
+
+    def release(self, first: int, true_t_ns: Times, faults: FaultSchedule) -> Times:
+        """Return when the next n messages leave (n,) [ns]; none overtakes another."""
+        latency = np.full(len(true_t_ns), self._latency_ns)
+        if self._latency_jitter_ns:
+            extra = self._delays.standard_exponential(len(latency)) * self._latency_jitter_ns
+            latency += np.rint(extra).astype(np.int64)
+        faults.delay(first, latency)
+        times: Times = true_t_ns + latency
+        if len(times):
+            times[0] = max(times[0], self._last_release_ns)
+            np.maximum.accumulate(times, out=times)
+            self._last_release_ns = int(times[-1])
+        return times
+
+    def deliver(self, first: int, count: int, faults: FaultSchedule) -> NDArray[np.int64]:
+        """Return the rows of the next n messages that arrive, in order (m,)."""
+        lost = np.zeros(count, dtype=np.bool_)
+        if self._dropout:
+            lost |= self._drops.random(count) < self._dropout
+        self._lose_in_bursts(first, lost)
+        faults.lose(first, lost)
+        rows = np.flatnonzero(~lost)
+        if self._duplicate:
+            # A number for each sample, lost or not: losses do not shift the duplicates.
+            twice = self._duplicates.random(count) < self._duplicate
+            rows = np.repeat(rows, 1 + twice[rows])
+        return rows
+
+    def _lose_in_bursts(self, first: int, lost: NDArray[np.bool_]) -> None:
+        """Mark what bursts lose: from each start as many samples as an exponential time holds."""
+        index = np.arange(first, first + len(lost))
+        ends = np.zeros(len(lost), dtype=np.int64)
+        if self._burst:
+            starts = np.flatnonzero(self._bursts.random(len(lost)) < self._burst)
+            lengths = self._burst_lengths.standard_exponential(len(starts)) * self._burst_samples
+            ends[starts] = index[starts] + np.ceil(lengths).astype(np.int64)
+        if self._burst_end > first or self._burst:
+            if len(ends):
+                ends[0] = max(ends[0], self._burst_end)
+                np.maximum.accumulate(ends, out=ends)
+                self._burst_end = int(ends[-1])
+            lost |= ends > index
