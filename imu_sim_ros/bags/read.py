@@ -67,9 +67,7 @@ class Bag:
         self.path = path
         self._reader = AnyReader([path])
         self._reader.open()
-        self.topics = [
-            TopicInfo(c.topic, c.msgtype, c.msgcount) for c in self._reader.connections
-        ]
+        self.topics = [TopicInfo(c.topic, c.msgtype, c.msgcount) for c in self._reader.connections]
 
     def __enter__(self) -> "Bag":
         return self

@@ -1,68 +1,85 @@
 """Opening a bag for writing: one interface for every container."""
 
 from pathlib import Path
-from typing import Any
+from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
-from imu_sim_ros.bags.layouts import Bytes
+from imu_sim_ros.bags.container import Block, Qos, Topic, Writer
+from imu_sim_ros.bags.mcap_writer import McapWriter
+from imu_sim_ros.bags.output import refuse_existing
+from imu_sim_ros.bags.parts import PartsWriter, Rosbag2Writer
+from imu_sim_ros.bags.rosbag1_writer import Rosbag1Writer
+from imu_sim_ros.bags.sqlite_writer import SqliteWriter
 from imu_sim_ros.errors import InputError
 
+__all__ = ["COMPRESSIONS", "STORAGES", "Block", "Qos", "Topic", "Writer", "open_writer"]
 
-class Writer:
-    """Messages as bytes into a bag."""
-
-    def __init__(self, path: Path, storage: str) -> None:
-        from rosbags.rosbag1 import Writer as Writer1
-        from rosbags.rosbag2 import StoragePlugin
-        from rosbags.rosbag2 import Writer as Writer2
-        from rosbags.typesys import Stores, get_typestore
-
-        self.encoding = "ros1" if storage == "rosbag1" else "cdr"
-        self._writer: Any
-        if storage == "rosbag1":
-            self._store = get_typestore(Stores.ROS1_NOETIC)
-            self._writer = Writer1(path)
-        else:
-            self._store = get_typestore(Stores.ROS2_JAZZY)
-            plugin = StoragePlugin.MCAP if storage == "mcap" else StoragePlugin.SQLITE3
-            self._writer = Writer2(path, version=9, storage_plugin=plugin)
-        self._writer.open()
-
-    def add_topic(self, name: str, type_name: str, qos: object = None) -> Any:
-        """Return a handle of a new topic."""
-        return self._writer.add_connection(name, type_name, typestore=self._store)
-
-    def write(self, topic: Any, t_ns: NDArray[np.int64], payloads: Bytes) -> None:
-        """Write messages (n, size) with record times (n,)."""
-        for time, payload in zip(t_ns.tolist(), payloads, strict=True):
-            self._writer.write(topic, time, payload.tobytes())
-
-    def write_raw(self, topic: Any, t_ns: int, payload: bytes) -> None:
-        """Write one message."""
-        self._writer.write(topic, t_ns, payload)
-
-    def flush(self) -> None:
-        """Make everything so far survive a kill."""
-
-    def close(self) -> None:
-        """Finish the bag."""
-        self._writer.close()
-
-    def __enter__(self) -> "Writer":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
+STORAGES: Final = ("mcap", "sqlite3", "ros1")
+COMPRESSIONS: Final[dict[str, tuple[str, ...]]] = {
+    "mcap": ("none", "lz4", "zstd"),
+    "sqlite3": ("none",),
+    "ros1": ("none", "lz4", "bz2"),
+}
 
 
-def open_writer(path: str | Path, storage: str | None = None, compression: str = "") -> Writer:
+def storage_of(path: Path) -> str:
+    """Return the storage that a name asks for: ros1 for ``.bag``, else mcap."""
+    return "ros1" if path.suffix == ".bag" else "mcap"
+
+
+def open_writer(
+    path: str | Path,
+    storage: str | None = None,
+    compression: str | None = None,
+    split_duration: float = 0.0,
+    split_size: int = 0,
+) -> Writer:
     """Open a bag that does not exist yet.
 
-    :param storage: mcap, sqlite3 or rosbag1; by default rosbag1 for a name that ends in .bag.
+    ``NAME.bag`` is a ROS 1 bag, ``NAME.mcap`` one MCAP file, any other name a rosbag2 folder. While
+    a single file is written its name ends in ``.active``; a folder gets its metadata.yaml last.
+    When single files are split they are named ``NAME_0.bag``, ``NAME_1.bag`` and so on.
+
+    :param storage: mcap, sqlite3 or ros1; by default what the name asks for.
+    :param compression: none, lz4 or zstd for mcap, none, lz4 or bz2 for ros1; default none.
+    :param split_duration: seconds that one file holds; 0: all.
+    :param split_size: bytes after which a new file begins; 0: never.
+    :raises InputError: for a place or an option that cannot be used.
     """
     path = Path(path)
-    if path.exists():
-        raise InputError(f"{path}: exists already; nothing is overwritten")
-    return Writer(path, storage or ("rosbag1" if path.suffix == ".bag" else "mcap"))
+    storage = storage or storage_of(path)
+    compression = compression or "none"
+    _check(path, storage, compression)
+    split_ns = round(split_duration * 1e9)
+
+    def open_file(file: Path) -> Writer:
+        single = path.suffix in (".mcap", ".bag") or storage == "ros1"
+        if storage == "ros1":
+            return Rosbag1Writer(file, compression)
+        if storage == "sqlite3":
+            return SqliteWriter(file)
+        return McapWriter(file, compression, renamed=single)
+
+    if storage == "ros1" or path.suffix == ".mcap":
+        if not (split_ns or split_size):
+            return open_file(path)
+        refuse_existing(path)
+        return PartsWriter(
+            path,
+            lambda k: open_file(path.with_name(f"{path.stem}_{k}{path.suffix}")),
+            split_ns,
+            split_size,
+        )
+    return Rosbag2Writer(path, storage, open_file, split_ns, split_size)
+
+
+def _check(path: Path, storage: str, compression: str) -> None:
+    if storage not in STORAGES:
+        raise InputError(f"storage {storage!r}: must be one of {', '.join(STORAGES)}")
+    if compression not in COMPRESSIONS[storage]:
+        raise InputError(
+            f"compression {compression!r}: {storage} takes {', '.join(COMPRESSIONS[storage])}"
+        )
+    if path.suffix == ".mcap" and storage != "mcap":
+        raise InputError(f"{path}: a .mcap file has the storage mcap, not {storage}")
+    if path.suffix == ".bag" and storage != "ros1":
+        raise InputError(f"{path}: a .bag file is a ROS 1 bag; give {storage} a folder's name")

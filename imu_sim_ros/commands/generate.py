@@ -39,7 +39,7 @@ def generate(arguments: argparse.Namespace) -> None:
     simulation = Simulation(parameters)
     if simulation.total is None:
         raise ConfigurationError("duration = 0: this trajectory has no end; give --duration")
-    storage = "rosbag1" if arguments.output.suffix == ".bag" else arguments.storage
+    storage = "ros1" if arguments.output.suffix == ".bag" else arguments.storage
     counts = {"imu/data_raw": 0} if arguments.imu_only else {"imu/data_raw": 0, "ground_truth/odom": 0}
     with open_writer(arguments.output, storage) as writer:
         imu = ImuEncoder(parameters.imu_frame, writer.encoding)

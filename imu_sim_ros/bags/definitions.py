@@ -1,0 +1,177 @@
+# ruff: noqa: E501 - the lines of the definitions are as long as their authors made them
+"""The text of the ROS 1 message definitions that this package writes.
+
+ROS 1 tools compare the text of a definition in a bag with the one they know, comments included, so
+the texts are kept to the letter: std_msgs 0.5.13, common_msgs 1.13.1 and rosgraph_msgs 1.11.3,
+Copyright 2008-2010 Willow Garage, Inc., BSD-3-Clause.
+"""
+
+from typing import Final
+
+# A line is a literal of its own because trailing blanks belong to the text.
+TEXTS: Final[dict[str, str]] = {
+    "geometry_msgs/Point": (
+        "# This contains the position of a point in free space\nfloat64 x\nfloat64 y\nfloat64 z\n"
+    ),
+    "geometry_msgs/Pose": (
+        "# A representation of pose in free space, composed of position and orientation. \n"
+        "Point position\n"
+        "Quaternion orientation\n"
+    ),
+    "geometry_msgs/PoseStamped": (
+        "# A Pose with reference coordinate frame and timestamp\nHeader header\nPose pose\n"
+    ),
+    "geometry_msgs/PoseWithCovariance": (
+        "# This represents a pose in free space with uncertainty.\n"
+        "\n"
+        "Pose pose\n"
+        "\n"
+        "# Row-major representation of the 6x6 covariance matrix\n"
+        "# The orientation parameters use a fixed-axis representation.\n"
+        "# In order, the parameters are:\n"
+        "# (x, y, z, rotation about X axis, rotation about Y axis, rotation about Z axis)\n"
+        "float64[36] covariance\n"
+    ),
+    "geometry_msgs/Quaternion": (
+        "# This represents an orientation in free space in quaternion form.\n"
+        "\n"
+        "float64 x\n"
+        "float64 y\n"
+        "float64 z\n"
+        "float64 w\n"
+    ),
+    "geometry_msgs/Twist": (
+        "# This expresses velocity in free space broken into its linear and angular parts.\n"
+        "Vector3  linear\n"
+        "Vector3  angular\n"
+    ),
+    "geometry_msgs/TwistWithCovariance": (
+        "# This expresses velocity in free space with uncertainty.\n"
+        "\n"
+        "Twist twist\n"
+        "\n"
+        "# Row-major representation of the 6x6 covariance matrix\n"
+        "# The orientation parameters use a fixed-axis representation.\n"
+        "# In order, the parameters are:\n"
+        "# (x, y, z, rotation about X axis, rotation about Y axis, rotation about Z axis)\n"
+        "float64[36] covariance\n"
+    ),
+    "geometry_msgs/Vector3": (
+        "# This represents a vector in free space. \n"
+        "# It is only meant to represent a direction. Therefore, it does not\n"
+        "# make sense to apply a translation to it (e.g., when applying a \n"
+        "# generic rigid transformation to a Vector3, tf2 will only apply the\n"
+        "# rotation). If you want your data to be translatable too, use the\n"
+        "# geometry_msgs/Point message instead.\n"
+        "\n"
+        "float64 x\n"
+        "float64 y\n"
+        "float64 z"
+    ),
+    "geometry_msgs/Vector3Stamped": (
+        "# This represents a Vector3 with reference coordinate frame and timestamp\n"
+        "Header header\n"
+        "Vector3 vector\n"
+    ),
+    "nav_msgs/Odometry": (
+        "# This represents an estimate of a position and velocity in free space.  \n"
+        "# The pose in this message should be specified in the coordinate frame given by header.frame_id.\n"
+        "# The twist in this message should be specified in the coordinate frame given by the child_frame_id\n"
+        "Header header\n"
+        "string child_frame_id\n"
+        "geometry_msgs/PoseWithCovariance pose\n"
+        "geometry_msgs/TwistWithCovariance twist\n"
+    ),
+    "rosgraph_msgs/Clock": (
+        "# roslib/Clock is used for publishing simulated time in ROS. \n"
+        "# This message simply communicates the current time.\n"
+        "# For more information, see http://www.ros.org/wiki/Clock\n"
+        "time clock\n"
+    ),
+    "sensor_msgs/Imu": (
+        "# This is a message to hold data from an IMU (Inertial Measurement Unit)\n"
+        "#\n"
+        "# Accelerations should be in m/s^2 (not in g's), and rotational velocity should be in rad/sec\n"
+        "#\n"
+        "# If the covariance of the measurement is known, it should be filled in (if all you know is the \n"
+        "# variance of each measurement, e.g. from the datasheet, just put those along the diagonal)\n"
+        '# A covariance matrix of all zeros will be interpreted as "covariance unknown", and to use the\n'
+        "# data a covariance will have to be assumed or gotten from some other source\n"
+        "#\n"
+        "# If you have no estimate for one of the data elements (e.g. your IMU doesn't produce an orientation \n"
+        "# estimate), please set element 0 of the associated covariance matrix to -1\n"
+        "# If you are interpreting this message, please check for a value of -1 in the first element of each \n"
+        "# covariance matrix, and disregard the associated estimate.\n"
+        "\n"
+        "Header header\n"
+        "\n"
+        "geometry_msgs/Quaternion orientation\n"
+        "float64[9] orientation_covariance # Row major about x, y, z axes\n"
+        "\n"
+        "geometry_msgs/Vector3 angular_velocity\n"
+        "float64[9] angular_velocity_covariance # Row major about x, y, z axes\n"
+        "\n"
+        "geometry_msgs/Vector3 linear_acceleration\n"
+        "float64[9] linear_acceleration_covariance # Row major x, y z \n"
+    ),
+    "sensor_msgs/Temperature": (
+        " # Single temperature reading.\n"
+        "\n"
+        " Header header           # timestamp is the time the temperature was measured\n"
+        "                         # frame_id is the location of the temperature reading\n"
+        "\n"
+        " float64 temperature     # Measurement of the Temperature in Degrees Celsius\n"
+        "\n"
+        " float64 variance        # 0 is interpreted as variance unknown"
+    ),
+    "std_msgs/Header": (
+        "# Standard metadata for higher-level stamped data types.\n"
+        "# This is generally used to communicate timestamped data \n"
+        "# in a particular coordinate frame.\n"
+        "# \n"
+        "# sequence ID: consecutively increasing ID \n"
+        "uint32 seq\n"
+        "#Two-integer timestamp that is expressed as:\n"
+        "# * stamp.sec: seconds (stamp_secs) since epoch (in Python the variable is called 'secs')\n"
+        "# * stamp.nsec: nanoseconds since stamp_secs (in Python the variable is called 'nsecs')\n"
+        "# time-handling sugar is provided by the client library\n"
+        "time stamp\n"
+        "#Frame this data is associated with\n"
+        "string frame_id\n"
+    ),
+}
+
+# Definitions that follow a type's own, in the order of ROS 1's gendeps.
+NESTED: Final[dict[str, tuple[str, ...]]] = {
+    "sensor_msgs/Imu": ("std_msgs/Header", "geometry_msgs/Quaternion", "geometry_msgs/Vector3"),
+    "sensor_msgs/Temperature": ("std_msgs/Header",),
+    "nav_msgs/Odometry": (
+        "std_msgs/Header",
+        "geometry_msgs/PoseWithCovariance",
+        "geometry_msgs/Pose",
+        "geometry_msgs/Point",
+        "geometry_msgs/Quaternion",
+        "geometry_msgs/TwistWithCovariance",
+        "geometry_msgs/Twist",
+        "geometry_msgs/Vector3",
+    ),
+    "geometry_msgs/PoseStamped": (
+        "std_msgs/Header",
+        "geometry_msgs/Pose",
+        "geometry_msgs/Point",
+        "geometry_msgs/Quaternion",
+    ),
+    "geometry_msgs/Vector3Stamped": ("std_msgs/Header", "geometry_msgs/Vector3"),
+    "rosgraph_msgs/Clock": (),
+}
+
+
+def full_text(name: str) -> str | None:
+    """Return the definition of a type and of all that it contains; None for an unknown type.
+
+    :param name: in the form of ROS 1, for instance sensor_msgs/Imu.
+    """
+    if name not in NESTED:
+        return None
+    nested = "".join(f"{'=' * 80}\nMSG: {n}\n{TEXTS[n]}\n" for n in NESTED[name])
+    return f"{TEXTS[name]}\n{nested}"

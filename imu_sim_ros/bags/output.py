@@ -1,0 +1,105 @@
+"""Output files that are never taken for whole before they are."""
+
+import os
+from pathlib import Path
+
+from imu_sim_ros.errors import InputError
+
+ACTIVE_SUFFIX = ".active"
+"""What ROS 1 appends to the name of a bag that is being recorded."""
+
+
+def refuse_existing(path: Path) -> None:
+    """Refuse a place that is taken, or whose folder is missing or cannot be written.
+
+    :raises InputError: with the reason.
+    """
+    if path.exists() or path.is_symlink():
+        raise InputError(f"{path}: exists already; nothing is overwritten")
+    if active_path(path).exists():
+        raise InputError(
+            f"{active_path(path)}: an unfinished output is in the way; recover or delete it"
+        )
+    folder = path.absolute().parent
+    if not folder.is_dir():
+        raise InputError(f"{path}: the folder {folder} does not exist")
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise InputError(f"{path}: the folder {folder} cannot be written")
+
+
+def active_path(path: Path) -> Path:
+    """Return the name of a file while it is being written."""
+    return path.with_name(path.name + ACTIVE_SUFFIX)
+
+
+def make_folder(path: Path) -> None:
+    """Make a folder that does not exist yet.
+
+    :raises InputError: where that is not possible.
+    """
+    refuse_existing(path)
+    try:
+        path.mkdir()
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}") from None
+
+
+class OutputFile:
+    """A file that grows by whole records and gets its name when it is complete."""
+
+    def __init__(self, path: Path, renamed: bool = True) -> None:
+        """Open a new file.
+
+        :param renamed: write under the name with ``.active``; files in the folder of a rosbag2
+            bag do without, there the missing metadata.yaml tells that the bag is not whole.
+        """
+        refuse_existing(path)
+        self.path = path
+        self.current = active_path(path) if renamed else path
+        try:
+            self._file = open(self.current, "xb", buffering=0)  # noqa: SIM115 - closed by finish
+        except OSError as error:
+            raise InputError(f"{path}: {error.strerror or error}") from None
+        self.position = 0
+
+    def write(self, *parts: bytes | memoryview) -> None:
+        """Append parts; where not all of them fit on the disk, none of them stays.
+
+        :raises InputError: with the system's reason, for instance that no space is left.
+        """
+        start = self.position
+        try:
+            for part in parts:
+                rest = memoryview(part).cast("B")
+                while rest:
+                    rest = rest[self._file.write(rest) :]
+                self.position += len(part)
+        except OSError as error:
+            self._file.truncate(start)
+            self._file.seek(start)
+            self.position = start
+            raise InputError(f"{self.path}: {error.strerror or error}") from None
+
+    def rewrite(self, position: int, part: bytes) -> None:
+        """Write over bytes that are there already."""
+        self._file.seek(position)
+        self._file.write(part)
+        self._file.seek(self.position)
+
+    def sync(self) -> None:
+        """Wait until the disk has everything."""
+        try:
+            os.fdatasync(self._file.fileno())
+        except OSError as error:
+            raise InputError(f"{self.path}: {error.strerror or error}") from None
+
+    def finish(self) -> None:
+        """Close the file and give it its name."""
+        self._file.close()
+        if self.current != self.path:
+            self.current.rename(self.path)
+            self.current = self.path
+
+    def abandon(self) -> None:
+        """Close the file and leave it under the name of a part."""
+        self._file.close()
