@@ -76,9 +76,10 @@ def _quantisation(spectrum: Spectrum) -> Array:
 def gauss_markov_expectation(spectrum: Spectrum, correlation_time: float) -> Array:
     """Return the expected rows for a first-order Gauss-Markov process with sigma = 1.
 
-    The discrete-time density ``dt (1 - phi^2) / |1 - phi e^{i w}|^2``, ``phi = exp(-dt / T)``, times
-    the exact effect of the record's edges, ``1 - 2 b (1 - (-1)^k e^{-b D}) / (D (a^2 + b^2))`` with
-    ``b = 1 / T``, ``a = 2 pi f`` and the record's length D.
+    The discrete-time density ``dt (1 - phi^2) / |1 - phi e^{i w}|^2``, ``phi = exp(-dt / T)``,
+    times the exact effect of the record's edges,
+    ``1 - 2 b (1 - (-1)^k e^{-b D}) / (D (a^2 + b^2))`` with ``b = 1 / T``, ``a = 2 pi f`` and the
+    record's length D.
     """
     dt, b = spectrum.sample_interval, 1.0 / correlation_time
     phi = np.exp(-dt * b)
@@ -139,4 +140,5 @@ def ramp_amplitude(spectrum: Spectrum) -> Array:
 
 def ramp_deviation(tau: Array) -> Array:
     """Return the Allan deviation of a rate ramp of 1 per second."""
-    return tau / np.sqrt(2.0)
+    result: Array = tau / np.sqrt(2.0)
+    return result
