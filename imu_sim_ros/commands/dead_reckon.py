@@ -7,6 +7,7 @@ import argparse
 import math
 import sys
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,16 +15,16 @@ import numpy as np
 
 from imu_sim_ros.bags.read import ImuMessages, open_bag, read_imu, read_odometry
 from imu_sim_ros.commands import common
-from imu_sim_ros.config import files
 from imu_sim_ros.config.integrator import (
     ATTITUDE_UPDATES,
     INITIAL_STATES,
     METHODS,
     IntegratorParameters,
+    layer_integrator,
 )
 from imu_sim_ros.config.parameter import build
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.navigation.correction import Correction, correction_from, correction_of
+from imu_sim_ros.navigation.correction import Correction, correction_of
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.drift import Drift, Truth, drift
 from imu_sim_ros.navigation.evaluation import distances
@@ -101,7 +102,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def run(arguments: argparse.Namespace) -> None:
     """Integrate, compare, and say what came out."""
     parameters = _parameters(arguments)
-    correction = _correction(arguments, parameters)
+    correction = correction_of(parameters)
     readings = _skipped(read_imu(arguments.bag, arguments.imu_topic), arguments.skip)
     truth = _read_truth(arguments)
     if truth is None and parameters.initial_state == "truth":
@@ -125,22 +126,17 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _parameters(arguments: argparse.Namespace) -> IntegratorParameters:
-    short: dict[str, object] = {"initial_state": "truth"}
-    layers = common.parameter_layers(arguments, "integrator")
     chosen: dict[str, object] = {}
     for name in ("method", "attitude_update", "initial_state"):
         if getattr(arguments, name) is not None:
             chosen[name] = getattr(arguments, name)
-    merged: dict[str, object] = {}
-    for values in (short, *layers[:-1], chosen, layers[-1]):
+    if arguments.correction is not None:
+        chosen["calibration"] = str(arguments.correction)
+    layers = common.parameter_layers(arguments, "integrator")
+    merged: dict[str, object] = {"initial_state": "truth"}
+    for values in (*layers[:-1], chosen, layers[-1]):
         merged.update(values)
-    return build(IntegratorParameters, merged)
-
-
-def _correction(arguments: argparse.Namespace, parameters: IntegratorParameters) -> Correction:
-    if arguments.correction is None:
-        return correction_of(parameters)
-    return correction_from(files.load(arguments.correction))
+    return build(IntegratorParameters, layer_integrator(merged))
 
 
 def _ways(
@@ -226,8 +222,6 @@ def _initial(
     if parameters.initial_state == "parameters":
         q_wb = from_euler(parameters.initial_orientation)
         return NavigationState(position, velocity, q_wb), correction
-    from dataclasses import replace
-
     end = readings.t_ns[:1] + round(parameters.level_time * 1e9)
     rest = readings.t_ns < end if len(end) else np.zeros(0, dtype=bool)
     found = level(
@@ -260,6 +254,7 @@ def _integrate(
         parameters.gravity,
         correction,
         parameters.max_gap,
+        parameters.earth_rate,
     )
     return Result(method, attitude, states, None if truth is None else drift(states, truth))
 

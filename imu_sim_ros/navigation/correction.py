@@ -4,7 +4,6 @@ The sensor reads ``omega_m = S_g omega + G f + b_g`` and ``f_m = S_a f + b_a`` (
 25); a calibration gives S, G and b, and the correction solves for ``omega`` and ``f``.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -18,9 +17,7 @@ from imu_sim_ros.config.parameter import (
     ZERO_VECTOR,
     Matrix,
     Vector,
-    build,
 )
-from imu_sim_ros.errors import ConfigurationError
 
 Array = NDArray[np.float64]
 
@@ -75,22 +72,3 @@ def correction_of(parameters: IntegratorParameters) -> Correction:
     """Return the correction that the parameters of an integrator describe."""
     values: dict[str, Any] = {name: getattr(parameters, name) for name in _NAMES}
     return Correction(**values)
-
-
-def correction_from(values: Mapping[str, object]) -> Correction:
-    """Return the correction of a calibration's parameters, as a parameter file holds them.
-
-    The names may stand alone or below ``imu.``, as a file for the simulator has them; what says
-    nothing about a correction (noise, ranges, the trajectory) is passed over.
-
-    :param values: by dotted name, as :func:`imu_sim_ros.config.files.load` returns them.
-    :raises ConfigurationError: for a bad value, or where nothing is a correction.
-    """
-    chosen = {
-        name.removeprefix("imu."): value
-        for name, value in values.items()
-        if name.removeprefix("imu.") in _NAMES
-    }
-    if not chosen:
-        raise ConfigurationError(f"nothing to correct with: none of {', '.join(_NAMES)}")
-    return correction_of(build(IntegratorParameters, chosen))

@@ -1,6 +1,6 @@
 """Pictures of trajectories, their errors, and what evaluation says of them."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -33,44 +33,68 @@ def trajectories(
     with_errors = bool(position_errors)
     rows = 2 if with_errors else 1
     figure, axes = style.panels(rows, 2, 9.0, 3.9 * rows)
+    looks = _looks(list(paths))
     for axis, (across, up) in zip(axes[:2], ((0, 1), (0, 2)), strict=True):
-        _views(axis, paths, truth, across, up)
+        _view(axis, paths, truth, looks, across, up)
     if with_errors:
-        _errors(axes[2], position_errors, "position error [m]", 1.0)
-        _errors(axes[3], attitude_errors, "attitude error [deg]", 180.0 / np.pi)
-    handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=5, frameon=False)
+        _errors(axes[2], position_errors, looks, "position error [m]", 1.0)
+        _errors(axes[3], attitude_errors, looks, "attitude error [deg]", 180.0 / np.pi)
+    _legend(figure, axes[0])
     return figure
 
 
-def _views(
-    axis: Axes, paths: Mapping[str, Array], truth: Array | None, across: int, up: int
+def _legend(figure: Figure, axis: Axes) -> None:
+    """Name the lines of one panel below all panels."""
+    handles, labels = axis.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False, fontsize=8.0)
+
+
+def _view(
+    axis: Axes,
+    paths: Mapping[str, Array],
+    truth: Array | None,
+    looks: Mapping[str, dict[str, Any]],
+    across: int,
+    up: int,
 ) -> None:
     if truth is not None:
         shown = _thinned(truth)
-        axis.plot(shown[:, across], shown[:, up], color=style.TRUTH_COLOUR, lw=2.4, label="truth")
-    for k, (name, path) in enumerate(paths.items()):
+        axis.plot(shown[:, across], shown[:, up], color=style.TRUTH_COLOUR, lw=3.0, label="truth")
+    for name, path in paths.items():
         shown = _thinned(path)
-        axis.plot(shown[:, across], shown[:, up], label=name, **_look(k))
-    axis.set_aspect("equal", adjustable="datalim")
+        axis.plot(shown[:, across], shown[:, up], label=name, **looks[name])
+    if up == 1:
+        axis.set_aspect("equal", adjustable="datalim")
     axis.set_xlabel(f"{'xyz'[across]} [m]")
     axis.set_ylabel(f"{'xyz'[up]} [m]")
     axis.set_title("seen from above" if up == 1 else "seen from the side")
 
 
-def _errors(axis: Axes, errors: Mapping[str, Series], label: str, scale: float) -> None:
-    for k, (name, (t, error)) in enumerate(errors.items()):
+def _errors(
+    axis: Axes,
+    errors: Mapping[str, Series],
+    looks: Mapping[str, dict[str, Any]],
+    label: str,
+    scale: float,
+) -> None:
+    for name, (t, error) in errors.items():
         t, error = _thinned(t), _thinned(error) * scale
-        axis.plot(t[error > 0.0], error[error > 0.0], label=name, **_look(k))
+        axis.plot(t[error > 0.0], error[error > 0.0], label=name, **looks[name])
     axis.set_yscale("log")
     axis.set_xlabel("time [s]")
     axis.set_ylabel(label)
 
 
-def _look(k: int) -> dict[str, Any]:
-    """Colour and line of the k-th series; lines change where colours begin again."""
-    count = len(style.PALETTE)
-    return {"color": style.PALETTE[k % count], "ls": ("-", "--", ":")[k // count % 3]}
+def _looks(names: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Return colour and line by name; names that begin alike up to a comma share the colour."""
+    groups: dict[str, list[str]] = {}
+    for name in names:
+        groups.setdefault(name.partition(",")[0], []).append(name)
+    return {
+        name: {"color": style.PALETTE[g % len(style.PALETTE)], "ls": ("-", "--", ":")[k % 3]}
+        for g, members in enumerate(groups.values())
+        for k, name in enumerate(members)
+    }
 
 
 def _thinned(values: Array) -> Array:
