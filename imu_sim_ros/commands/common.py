@@ -157,8 +157,10 @@ def print_table(header: Sequence[str], rows: Sequence[Sequence[str]], title: str
         table.add_column(name, justify="right" if k else "left", no_wrap=True)
     for row in rows:
         table.add_row(*row)
-    # A pipe has no width: 160 columns keep every row on one line.
-    Console(width=None if sys.stdout.isatty() else 160, highlight=False).print(table)
+    # A pipe has no width: 160 columns keep every row on one line. Units stand in brackets, which
+    # are markup to rich.
+    width = None if sys.stdout.isatty() else 160
+    Console(width=width, highlight=False, markup=False).print(table)
 
 
 @contextmanager

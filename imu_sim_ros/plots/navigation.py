@@ -43,6 +43,36 @@ def trajectories(
     return figure
 
 
+def evaluation(
+    t: Array, estimate: Array, truth: Array, position_error: Array, attitude_error: Array
+) -> Figure:
+    """Draw an aligned estimate with the truth, and the errors per axis over time.
+
+    :param t: (n,) times [s].
+    :param estimate: (n, 3) positions [m].
+    :param truth: (n, 3) positions at the same times [m].
+    :param position_error: (n, 3) truth less estimate [m].
+    :param attitude_error: (n, 3) rotation vectors about the world's axes [rad].
+    """
+    figure, axes = style.panels(2, 2, 9.0, 7.8)
+    looks = _looks(["estimate"])
+    _view(axes[0], {"estimate": estimate}, truth, looks, 0, 1)
+    _view(axes[1], {"estimate": estimate}, truth, looks, 0, 2)
+    degrees = np.degrees(attitude_error)
+    for axis, errors, label in (
+        (axes[2], position_error, "position error [m]"),
+        (axes[3], degrees, "attitude error [deg]"),
+    ):
+        for name, colour in style.AXIS_COLOURS.items():
+            shown = _thinned(errors[:, "xyz".index(name)])
+            axis.plot(_thinned(t), shown, color=colour, label=name)
+        axis.set_xlabel("time [s]")
+        axis.set_ylabel(label)
+    axes[0].legend(loc="best")
+    axes[2].legend(loc="best", ncols=3)
+    return figure
+
+
 def _legend(figure: Figure, axis: Axes) -> None:
     """Name the lines of one panel below all panels."""
     handles, labels = axis.get_legend_handles_labels()

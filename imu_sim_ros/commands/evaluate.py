@@ -1,0 +1,301 @@
+"""``evaluate``: an estimated trajectory against the truth: ATE, RPE, drift, attitude, NEES."""
+
+import argparse
+import re
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.bags.read import open_bag, read_odometry
+from imu_sim_ros.commands import common
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.navigation.alignment import ALIGNMENTS, Alignment, align
+from imu_sim_ros.navigation.association import (
+    common_rows,
+    interpolate_poses,
+    interpolate_vectors,
+)
+from imu_sim_ros.navigation.consistency import anees_band, nees
+from imu_sim_ros.navigation.evaluation import (
+    AbsoluteErrors,
+    absolute_errors,
+    distances,
+    pairs,
+    relative_errors,
+    statistics,
+)
+from imu_sim_ros.poses import PoseSequence, read_poses, write_tum
+from imu_sim_ros.rotation import rotate
+
+Array = NDArray[np.float64]
+
+ODOMETRY = "nav_msgs/msg/Odometry"
+BAG_ENDINGS = (".bag", ".mcap", ".db3")
+DEFAULT_FRACTIONS = (0.1, 0.2, 0.3, 0.4, 0.5)
+"""Of the path's length: the distances that RPE is given for where none is asked for."""
+
+
+class Track(NamedTuple):
+    """A trajectory as it was read."""
+
+    poses: PoseSequence
+    velocity: Array | None = None
+    """(n, 3) in the world [m/s]."""
+    pose_covariance: Array | None = None
+    """(n, 6, 6) position, rotation about the world's axes."""
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the command's arguments."""
+    result = common.Parser(prog="evaluate", description=__doc__)
+    kinds = "TUM or EuRoC text, or a bag"
+    result.add_argument("estimate", type=Path, metavar="ESTIMATE", help=kinds)
+    result.add_argument("truth", type=Path, metavar="TRUTH", help=f"{kinds}, perhaps the same one")
+    result.add_argument("--estimate-topic", metavar="TOPIC", help="where the bag has several")
+    result.add_argument("--truth-topic", metavar="TOPIC", help="where the bag has several")
+    result.add_argument(
+        "--align",
+        choices=ALIGNMENTS,
+        default="none",
+        help="lay the estimate onto the truth first: by yaw and position (4 degrees of freedom), "
+        "a rigid motion, or with scale",
+    )
+    result.add_argument(
+        "--rpe",
+        metavar="DELTA",
+        type=_delta,
+        action="append",
+        help="relative error over 1s, 10m or 5frames; repeatable. Default: 1s, and tenths of the "
+        "path's length up to half of it",
+    )
+    result.add_argument(
+        "--max-gap",
+        metavar="TIME",
+        type=common.duration,
+        default=0.5,
+        help="the truth is not interpolated over longer gaps; default 0.5s",
+    )
+    result.add_argument("--plot", type=Path, metavar="FILE", help="write a picture")
+    result.add_argument(
+        "-o", "--output", type=Path, metavar="FILE", help="write the aligned estimate, TUM's form"
+    )
+    common.add_output_arguments(result)
+    return result
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command; returns its exit status."""
+    arguments = parser().parse_args(argv)
+    return common.run("evaluate", lambda: run(arguments))
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Read, associate, align, compare, and say what came out."""
+    estimate = read_track(arguments.estimate, arguments.estimate_topic)
+    truth = read_track(arguments.truth, arguments.truth_topic)
+    rows = common_rows(estimate.poses.t_ns, truth.poses.t_ns, arguments.max_gap)
+    at_ns = estimate.poses.t_ns[rows]
+    true_poses = interpolate_poses(truth.poses, at_ns)
+    poses = PoseSequence(at_ns, estimate.poses.position[rows], estimate.poses.q_wb[rows])
+    alignment = align(poses.position, true_poses.position, arguments.align)
+    poses = alignment.apply(poses)
+    errors = absolute_errors(poses, true_poses)
+    result = _result(arguments, estimate, poses, true_poses, errors, alignment)
+    if estimate.velocity is not None and truth.velocity is not None:
+        true_velocity = interpolate_vectors(truth.poses.t_ns, truth.velocity, at_ns)
+        velocity = alignment.scale * estimate.velocity[rows] @ alignment.r.T
+        lengths = np.linalg.norm(true_velocity - velocity, axis=1)
+        result["velocity_error_m_s"] = statistics(lengths)._asdict()
+    consistency = _consistency(estimate, rows, errors, arguments.align)
+    if consistency is not None:
+        result["nees"] = consistency
+    if arguments.output is not None:
+        write_tum(arguments.output, poses)
+    if arguments.plot is not None:
+        _draw(arguments.plot, poses, true_poses, errors)
+    if arguments.json:
+        common.print_json(result)
+    elif not arguments.quiet:
+        _print(result)
+
+
+def _delta(words: str) -> tuple[float, str]:
+    match = re.fullmatch(r"(\d+\.?\d*|\.\d+)\s*(s|min|m|km|frames?)", words.strip())
+    if match is None or float(match[1]) == 0.0:
+        raise argparse.ArgumentTypeError(f"{words!r} is not a delta such as 1s, 10m or 5frames")
+    scale, unit = {
+        "s": (1.0, "s"),
+        "min": (60.0, "s"),
+        "m": (1.0, "m"),
+        "km": (1000.0, "m"),
+        "frame": (1.0, "frames"),
+        "frames": (1.0, "frames"),
+    }[match[2]]
+    return float(match[1]) * scale, unit
+
+
+def read_track(path: Path, topic: str | None) -> Track:
+    """Return a trajectory of text or of a bag; odometry with what it has beside the pose."""
+    if not (path.is_dir() or path.suffix.lower() in BAG_ENDINGS):
+        return Track(read_poses(path, topic))
+    with open_bag(path) as bag:
+        odometry = [info.name for info in bag.topics if info.type == ODOMETRY]
+    if topic is not None and topic not in odometry:
+        raise InputError(f"{path}: no topic {topic} of {ODOMETRY}; it has {', '.join(odometry)}")
+    messages = read_odometry(path, topic)
+    if len(messages.t_ns) < 2:
+        raise InputError(f"{path}: {len(messages.t_ns)} poses; a trajectory needs two or more")
+    return Track(
+        PoseSequence(messages.t_ns, messages.position, messages.q_wb),
+        rotate(messages.q_wb, messages.velocity_b),
+        messages.pose_covariance,
+    )
+
+
+def _result(
+    arguments: argparse.Namespace,
+    estimate: Track,
+    poses: PoseSequence,
+    truth: PoseSequence,
+    errors: AbsoluteErrors,
+    alignment: Alignment,
+) -> dict[str, Any]:
+    lengths = np.linalg.norm(errors.position, axis=1)
+    distance = float(distances(truth.position)[-1])
+    return {
+        "estimate": str(arguments.estimate),
+        "truth": str(arguments.truth),
+        "poses": len(poses.t_ns),
+        "poses_without_truth": len(estimate.poses.t_ns) - len(poses.t_ns),
+        "duration_s": float(poses.t_ns[-1] - poses.t_ns[0]) * 1e-9,
+        "distance_m": distance,
+        "alignment": {
+            "kind": arguments.align,
+            "scale": alignment.scale,
+            "rotation": alignment.r,
+            "translation_m": alignment.t,
+        },
+        "ate_m": statistics(lengths)._asdict(),
+        "attitude_error_rad": statistics(np.linalg.norm(errors.attitude, axis=1))._asdict(),
+        "final_position_error_m": float(lengths[-1]),
+        "final_drift_percent": 100.0 * float(lengths[-1]) / distance if distance > 0.0 else None,
+        "rpe": _relative(arguments, poses, truth, distance),
+    }
+
+
+def _relative(
+    arguments: argparse.Namespace, poses: PoseSequence, truth: PoseSequence, distance: float
+) -> list[dict[str, Any]]:
+    wanted: list[tuple[float, str]] = arguments.rpe or []
+    if not wanted:
+        if truth.t_ns[-1] - truth.t_ns[0] >= 1e9:
+            wanted = [(1.0, "s")]
+        if distance > 0.0:
+            wanted = [*wanted, *((fraction * distance, "m") for fraction in DEFAULT_FRACTIONS)]
+    return [_relative_over(delta, unit, poses, truth) for delta, unit in wanted]
+
+
+def _relative_over(
+    delta: float, unit: str, poses: PoseSequence, truth: PoseSequence
+) -> dict[str, Any]:
+    first, second = pairs(truth, delta, unit)
+    errors = relative_errors(poses, truth, first, second)
+    moved = errors.length > 0.0
+    return {
+        "delta": delta,
+        "unit": unit,
+        "pairs": len(first),
+        "translation_m": statistics(errors.translation)._asdict(),
+        "rotation_rad": statistics(errors.rotation)._asdict(),
+        "translation_percent": 100.0
+        * float(np.mean(errors.translation[moved] / errors.length[moved]))
+        if moved.any()
+        else None,
+    }
+
+
+def _consistency(
+    estimate: Track, rows: NDArray[np.intp], errors: AbsoluteErrors, alignment: str
+) -> dict[str, Any] | None:
+    """Return the NEES of position and attitude where the estimate has covariances.
+
+    An alignment takes out a part of the error that the covariance still holds: none then.
+    """
+    if estimate.pose_covariance is None or alignment != "none":
+        return None
+    covariance = estimate.pose_covariance[rows]
+    blocks = {"position": (0, errors.position), "attitude": (3, errors.attitude)}
+    # The start has no error and no covariance where it is set to the truth.
+    usable = np.linalg.matrix_rank(covariance) == 6
+    if not usable.any():
+        return None
+    result: dict[str, Any] = {"poses": int(np.count_nonzero(usable))}
+    low, high = anees_band(3, 1)
+    result["band_95"] = [low, high]
+    for name, (start, error) in blocks.items():
+        block = covariance[usable, start : start + 3, start : start + 3]
+        values = nees(error[usable], block)
+        result[name] = {
+            "mean": float(values.mean()),
+            "final": float(values[-1]),
+            "inside_band": float(np.mean((values >= low) & (values <= high))),
+        }
+    return result
+
+
+def _draw(path: Path, poses: PoseSequence, truth: PoseSequence, errors: AbsoluteErrors) -> None:
+    from imu_sim_ros.plots import navigation, style  # 0.5 s of matplotlib
+
+    t = (poses.t_ns - poses.t_ns[0]) * 1e-9
+    style.save(
+        navigation.evaluation(t, poses.position, truth.position, errors.position, errors.attitude),
+        path,
+    )
+
+
+def _print(result: dict[str, Any]) -> None:
+    print(
+        f"{result['poses']} poses, {result['duration_s']:.6g} s, {result['distance_m']:.6g} m, "
+        f"alignment: {result['alignment']['kind']}"
+    )
+    if result["poses_without_truth"]:
+        print(f"{result['poses_without_truth']} poses are left out: no truth at their times")
+    if result["alignment"]["kind"] == "sim3":
+        print(f"scale of the estimate: {result['alignment']['scale']:.6g}")
+    names = ("rmse", "mean", "median", "std", "min", "max")
+    rows = [("ATE position [m]", result["ate_m"]), ("attitude [rad]", result["attitude_error_rad"])]
+    if "velocity_error_m_s" in result:
+        rows.append(("velocity [m/s]", result["velocity_error_m_s"]))
+    for entry in result["rpe"]:
+        over = f"RPE over {entry['delta']:.4g} {entry['unit']}"
+        rows.append((f"{over} [m]", entry["translation_m"]))
+        rows.append((f"{over} [rad]", entry["rotation_rad"]))
+    table = [[name, *(f"{values[key]:.4g}" for key in names)] for name, values in rows]
+    common.print_table(["error", *names], table)
+    if result["final_drift_percent"] is not None:
+        print(
+            f"final drift: {result['final_position_error_m']:.4g} m, "
+            f"{result['final_drift_percent']:.4g} % of the distance"
+        )
+    if "nees" in result:
+        _print_consistency(result["nees"])
+
+
+def _print_consistency(result: dict[str, Any]) -> None:
+    low, high = result["band_95"]
+    rows = [
+        [name]
+        + [f"{result[name][key]:.3g}" for key in ("mean", "final")]
+        + [f"{100.0 * result[name]['inside_band']:.0f} %"]
+        for name in ("position", "attitude")
+    ]
+    title = f"NEES, 3 expected; 95 % of the time between {low:.3g} and {high:.3g}"
+    common.print_table(["of", "mean", "final", "inside"], rows, title)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
