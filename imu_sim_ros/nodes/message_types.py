@@ -2,6 +2,7 @@
 
 import importlib
 import importlib.util
+import json
 import os
 import re
 import sys
@@ -72,13 +73,24 @@ def definition(type_name: str) -> str:
         key = wanted.pop(0)
         if key in texts:
             continue
-        path = _find(*key.split("/"))
+        path = _find(key.split("/")[0], f"{key.split('/')[1]}.msg")
         if path is None:
             return ""
         texts[key] = path.read_text(encoding="utf-8")
         wanted += _nested(texts[key], key.split("/")[0])
     (_, first), *others = texts.items()
     return first + "".join(f"\n{_SEPARATOR}\nMSG: {key}\n{text}" for key, text in others)
+
+
+@cache
+def type_hash(type_name: str) -> str:
+    """Return the hash (RIHS01) of a type's definition; empty where it is not installed."""
+    package, _, name = type_name.split("/")
+    path = _find(package, f"{name}.json")
+    if path is None:
+        return ""
+    hashes = json.loads(path.read_text(encoding="utf-8")).get("type_hashes", [])
+    return next((h["hash_string"] for h in hashes if h["type_name"] == type_name), "")
 
 
 def _nested(text: str, package: str) -> Iterator[str]:
@@ -94,7 +106,7 @@ def _nested(text: str, package: str) -> Iterator[str]:
 
 
 def _find(package: str, name: str) -> Path | None:
-    """Return the .msg file, looked for where ament looks and beside the Python package."""
+    """Return a file of a package's messages: where ament looks, or beside the Python package."""
     folders = [
         Path(prefix) for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(":") if prefix
     ]
@@ -102,5 +114,5 @@ def _find(package: str, name: str) -> Path | None:
     module = importlib.util.find_spec(package)
     if module is not None and module.origin is not None:
         folders += Path(module.origin).parents
-    paths = (folder / "share" / package / "msg" / f"{name}.msg" for folder in folders)
+    paths = (folder / "share" / package / "msg" / name for folder in folders)
     return next((path for path in paths if path.is_file()), None)

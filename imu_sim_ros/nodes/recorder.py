@@ -12,15 +12,17 @@ from rclpy.clock import Clock, ClockType
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rclpy.task import Future
 
+from imu_sim_ros.bags.container import Writer
+from imu_sim_ros.bags.write import open_writer
 from imu_sim_ros.commands import common
 from imu_sim_ros.config.recorder import RecorderParameters
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.nodes import run
-from imu_sim_ros.nodes.message_types import definition, message_class, stamp_offset
+from imu_sim_ros.nodes.message_types import definition, message_class, stamp_offset, type_hash
 from imu_sim_ros.nodes.parameters import ConfiguredNode
-from imu_sim_ros.nodes.recording import MEGABYTE, Limits, Recording, Topic
+from imu_sim_ros.nodes.recording import Recording, Topic
 from imu_sim_ros.nodes.stamp_statistics import StampStatistics
-from imu_sim_ros.nodes.topic_reader import TopicReader, matching_qos
+from imu_sim_ros.nodes.topic_reader import TopicReader, matching_qos, offered_qos
 
 TEXT = """Records topics into a bag: rosbag2 in MCAP or SQLite form, or ROS 1.
 
@@ -30,6 +32,8 @@ TEXT = """Records topics into a bag: rosbag2 in MCAP or SQLite form, or ROS 1.
 
 Whatever kills it, the bag holds all but the last second; convert_bag --recover opens it again.
 Ends with status 0 after Ctrl-C, SIGTERM, duration or max_size; 1 where writing failed."""
+
+MEGABYTE = 1_000_000
 
 _DISCOVERY_PERIOD = 0.1
 _CHECK_PERIOD = 0.02
@@ -53,7 +57,7 @@ class Recorder(ConfiguredNode):
         self._shown = 0
         self._waiting_since = time.monotonic()
         self._live_line = parameters.status and sys.stderr.isatty()
-        self.recording = Recording(self.output, self._open_bag, _limits(parameters))
+        self.recording = Recording(self._open_bag, parameters.buffer_size * MEGABYTE)
         self.reader = TopicReader(self, self.recording.put)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(_DISCOVERY_PERIOD, self._discover, clock=steady)
@@ -72,11 +76,15 @@ class Recorder(ConfiguredNode):
         if self.recording.failure:
             self._end(1)
 
-    def _open_bag(self, path: Path) -> Any:
-        from imu_sim_ros.bags.write import open_writer
-
-        storage, compression = self.parameters.form(), self.parameters.compression
-        return open_writer(path, storage=storage, compression=compression)
+    def _open_bag(self) -> Writer:
+        parameters: RecorderParameters = self.parameters
+        return open_writer(
+            self.output,
+            storage=parameters.form(),
+            compression=parameters.compression,
+            split_duration=parameters.split_duration,
+            split_size=round(parameters.split_size * MEGABYTE),
+        )
 
     # ------------------------------------------------------------------------------- topics
     def _discover(self) -> None:
@@ -116,10 +124,16 @@ class Recorder(ConfiguredNode):
         offset = stamp_offset(message)
         if known is None:
             statistics = StampStatistics(round(self.parameters.max_gap * 1e9))
-            stored = [publisher.qos_profile for publisher in publishers]
-            self.recording.add_topic(
-                Topic(name, types[0], stored, definition(types[0]), offset is not None, statistics)
+            topic = Topic(
+                name,
+                types[0],
+                offered_qos(publishers),
+                definition(types[0]),
+                type_hash(types[0]),
+                offset is not None,
+                statistics,
             )
+            self.recording.add_topic(topic)
             self.get_logger().info(f"recording {name} [{types[0]}]")
         else:
             self.get_logger().warning(f"{name}: a publisher offers less; subscribing again")
@@ -177,7 +191,7 @@ class Recorder(ConfiguredNode):
         """Print what was recorded, and what the stamps say about losses."""
         recording = self.recording
         rows = [_row(topic) for topic in recording.topics.values()]
-        where = ", ".join(str(part) for part in recording.parts)
+        where = str(self.output)
         if rows:
             header = (
                 "topic",
@@ -197,10 +211,14 @@ class Recorder(ConfiguredNode):
                 f"buffer_size was full",
                 file=sys.stderr,
             )
+        for name, reason in recording.refused.items():
+            print(f"recorder: {name} was not recorded: {reason}", file=sys.stderr)
         if recording.failure:
+            kept = ", ".join(map(str, recording.files))
+            print(f"recorder: {recording.failure}", file=sys.stderr)
             print(
-                f"recorder: {recording.parts[-1]}: {recording.failure}; what was written before "
-                "remains, convert_bag --recover opens it",
+                f"recorder: {kept} keeps what was written before; convert_bag --recover makes a "
+                "whole bag of it",
                 file=sys.stderr,
             )
 
@@ -211,14 +229,6 @@ def _row(topic: Topic) -> tuple[str, ...]:
         return topic.name, str(seen.messages), f"{seen.rate:.2f}", "-", "-", "-", "-"
     counts = (seen.gaps, seen.missing, seen.duplicates, seen.out_of_order)
     return topic.name, str(seen.messages), f"{seen.rate:.2f}", *map(str, counts)
-
-
-def _limits(parameters: RecorderParameters) -> Limits:
-    return Limits(
-        split_bytes=parameters.split_size * MEGABYTE,
-        split_ns=parameters.split_duration * 1e9,
-        buffer_bytes=parameters.buffer_size * MEGABYTE,
-    )
 
 
 def _weaker(new: Any, old: Any) -> bool:

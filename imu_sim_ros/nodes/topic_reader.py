@@ -15,6 +15,7 @@ from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
+from imu_sim_ros.bags.container import Qos
 from imu_sim_ros.nodes.recording import Message
 
 DEPTH = 5000
@@ -116,6 +117,26 @@ def _stamp_ns(payload: bytes, offset: int | None) -> int | None:
         return None
     second, nanosecond = _STAMPS[payload[1] & 1].unpack_from(payload, offset)
     return second * 1_000_000_000 + nanosecond if second >= 0 else None
+
+
+def offered_qos(publishers: Iterable[Any]) -> tuple[Qos, ...]:
+    """Return what the publishers offer, each different profile once, in the words of a bag."""
+    profiles = (publisher.qos_profile for publisher in publishers)
+    words = {
+        Qos(
+            _word(profile.reliability),
+            _word(profile.durability),
+            # The graph does not tell the history of others: rosbag2 writes keep_last, too.
+            "keep_last",
+            max(profile.depth, 10),
+        ): None
+        for profile in profiles
+    }
+    return tuple(words)
+
+
+def _word(policy: Any) -> str:
+    return str(policy.name).lower()
 
 
 def matching_qos(publishers: Iterable[Any], depth: int = DEPTH) -> QoSProfile:
