@@ -41,7 +41,7 @@ from imu_sim_ros.navigation.correction import NO_CORRECTION, Correction
 from imu_sim_ros.navigation.increments import Increments
 from imu_sim_ros.navigation.readings import check_readings
 from imu_sim_ros.navigation.state import NavigationState, NavigationStates
-from imu_sim_ros.navigation.stepper import GIMBAL_LOCK_MARGIN, Stepper, check_method
+from imu_sim_ros.navigation.stepper import Stepper, check_method
 
 __all__ = ["GRAVITY", "Stepper", "dead_reckon", "dead_reckon_integrals"]
 
@@ -208,9 +208,8 @@ def _step_through(
         stepper.add(t, rate, force)
         if stepper.counts.gimbal_lock:
             raise InputError(
-                f"euler_angles: the pitch comes within {math.degrees(GIMBAL_LOCK_MARGIN):g} degree "
-                f"of the gimbal lock {(t - int(t_ns[0])) * 1e-9:.6g} s after the first reading; "
-                "use so3 or quaternion"
+                f"euler_angles: the pitch comes near its gimbal lock at 90 degrees, "
+                f"{(t - int(t_ns[0])) * 1e-9:.6g} s after the first reading; use so3 or quaternion"
             )
         rows.append((*stepper.position, *stepper.velocity, *stepper.q_wb))
     table = np.array(rows)

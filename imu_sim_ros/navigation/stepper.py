@@ -31,9 +31,8 @@ from imu_sim_ros.navigation.plain import (
 from imu_sim_ros.navigation.state import NavigationState
 
 GIMBAL_LOCK_MARGIN = math.radians(1.0)
-"""[rad] nearer than this to a pitch of +-90 degrees Euler angles are not integrated."""
-
-_LOCKED_SINE = math.cos(GIMBAL_LOCK_MARGIN)
+"""[rad] nearer than this, or than two steps, to a pitch of +-90 degrees Euler angles are not
+integrated."""
 
 
 @dataclass
@@ -220,7 +219,7 @@ class Stepper:
     def _advance(self, h: float, rate: V3, force: V3) -> None:
         q = self._q
         increment = self._increment
-        if self._near_lock and 2.0 * abs(q[0] * q[2] - q[3] * q[1]) > _LOCKED_SINE:
+        if self._near_lock and _is_near_lock(q, self._rate, h):
             self.counts.gimbal_lock += 1
             increment = self._near_lock
         dq, dv, dp = increment(q, h, self._rate, rate, self._force, force)
@@ -249,6 +248,12 @@ class Stepper:
         )
         self._velocity = (ux, uy, uz)
         self._q = normalise(multiply(q, dq))
+
+
+def _is_near_lock(q: Q4, rate: V3, h: float) -> bool:
+    """Tell whether the pitch is near +-90 degrees; its sine is 2 (w y - z x)."""
+    margin = max(GIMBAL_LOCK_MARGIN, 2.0 * math.hypot(*rate) * h)
+    return margin > 1.0 or 2.0 * abs(q[0] * q[2] - q[3] * q[1]) > math.cos(margin)
 
 
 def _v3(values: Iterable[float]) -> V3:
