@@ -66,7 +66,7 @@ def test_rk4_is_of_order_4_where_readings_are_linear(attitude):
     start = NavigationState(np.zeros(3), np.array([1.0, 2.0, 3.0]), np.array([1.0, 0, 0, 0]))
     exact = dead_reckon(*linear_readings(2000.0), start, "rk4", "so3")
     errors = []
-    rates = np.array([5.0, 10.0, 20.0, 40.0, 80.0])
+    rates = np.array([15.0, 30.0, 60.0, 120.0, 240.0])
     for rate in rates:
         states = dead_reckon(*linear_readings(rate), start, "rk4", attitude)
         errors.append(np.linalg.norm(states.position[-1] - exact.position[-1]))
@@ -208,7 +208,7 @@ def test_a_turning_world(motions, method, order):
         errors.append(np.linalg.norm(states.position[-1] - position[-1]))
     slope = -np.polyfit(np.log(rates), np.log(errors), 1)[0]
     assert slope == pytest.approx(order, abs=0.1)
-    assert errors[-1] < (0.2 if method == "euler" else 2e-4)
+    assert errors[-1] < (0.2 if method == "euler" else 5e-4)
 
 
 def test_gimbal_lock_is_an_error():
