@@ -7,9 +7,9 @@ intervals come from the profile likelihood in the chosen model; a term that is n
 upper bound from the chosen model with that term added.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain, combinations
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,11 +29,12 @@ from imu_sim_ros.calibration.terms import (
     TERMS,
     WALK,
     WHITE,
-    Term,
     ramp_amplitude,
 )
 
 Array = NDArray[np.float64]
+Columns: TypeAlias = Mapping[str, Array]
+"""(m,) expectation of each random term by its key."""
 
 RAMP: Final = "rate_ramp"
 PRICES: Final = {WALK.key: 2.71, FLICKER.key: 4.6, QUANTISATION.key: 4.6, RAMP: 10.0}
@@ -91,16 +92,9 @@ def estimate(spectrum: Spectrum, axis: int) -> AxisNoise:
     data = axis_data(spectrum, axis)
     columns = {term.key: term.expectation(spectrum) for term in TERMS}
     chosen, best = _select(data, columns)
-    estimates: dict[str, Estimate] = {}
-    for term in TERMS:
-        estimates[term.key] = _component(data, columns, chosen, best, term)
+    estimates = {key: component_estimate(data, columns, chosen, best, key) for key in columns}
     estimates[RAMP] = _ramp(data, columns, chosen)
     return AxisNoise(estimates, chosen, best.expected)
-
-
-def chosen_terms(keys: Sequence[str]) -> list[Term]:
-    """Return the random terms among the keys, in their usual order."""
-    return [term for term in TERMS if term.key in keys]
 
 
 def _subsets() -> Iterator[tuple[str, ...]]:
@@ -110,33 +104,36 @@ def _subsets() -> Iterator[tuple[str, ...]]:
         yield (WHITE.key, *subset)
 
 
-def _design(columns: dict[str, Array], terms: Sequence[Term]) -> Array:
-    """Return (m, p) the terms' expectations side by side; p may be 0."""
+def _design(columns: Columns, keys: Sequence[str]) -> Array:
+    """Return (m, p) the expectations of the random terms among the keys; p may be 0."""
     rows = len(columns[WHITE.key])
-    result: Array = np.array([columns[term.key] for term in terms]).reshape(-1, rows).T
+    chosen = [columns[key] for key in keys if key in columns]
+    result: Array = np.array(chosen).reshape(-1, rows).T
     return result
 
 
-def _fit(data: Data, columns: dict[str, Array], keys: Sequence[str]) -> Fit:
-    return fit(data, _design(columns, chosen_terms(keys)), trend=RAMP in keys)
+def _fit(data: Data, columns: Columns, keys: Sequence[str]) -> Fit:
+    return fit(data, _design(columns, keys), trend=RAMP in keys)
 
 
-def _select(data: Data, columns: dict[str, Array]) -> tuple[tuple[str, ...], Fit]:
+def _select(data: Data, columns: Columns) -> tuple[tuple[str, ...], Fit]:
     fits = {keys: _fit(data, columns, keys) for keys in _subsets()}
     chosen = min(fits, key=lambda keys: fits[keys].objective + sum(PRICES[k] for k in keys[1:]))
     return chosen, fits[chosen]
 
 
-def _component(
-    data: Data, columns: dict[str, Array], chosen: Sequence[str], best: Fit, term: Term
+def component_estimate(
+    data: Data, columns: Columns, chosen: Sequence[str], best: Fit, key: str
 ) -> Estimate:
-    """Return the estimate of one term, with the others of the chosen model free."""
-    keys = chosen if term.key in chosen else (*chosen, term.key)
-    full = best if term.key in chosen else _fit(data, columns, keys)
-    others = [other for other in chosen_terms(keys) if other is not term]
-    column = columns[term.key]
-    design = _design(columns, others)
-    index = chosen_terms(keys).index(term)
+    """Return the estimate of one random term, with the others of the chosen model free.
+
+    :param best: fit of the chosen model.
+    :param key: in the chosen model or not; then the result is an upper bound.
+    """
+    keys = [*chosen, *({key} - set(chosen))]
+    full = best if key in chosen else _fit(data, columns, keys)
+    index = [k for k in keys if k in columns].index(key)
+    column, design = columns[key], _design(columns, [k for k in keys if k != key])
     value = float(np.sqrt(full.components[index]))
 
     def profile(coefficient: float) -> tuple[float, float]:
@@ -150,7 +147,7 @@ def _component(
         low, high = profile_interval(lambda v: profile(v)[0], value, full.objective, step)
     else:
         low, value, high = posterior_quantiles(profile, value, full.objective, step)
-    if term.key not in chosen or low <= 0.0:
+    if key not in chosen or low <= 0.0:
         return Estimate(None, 0.0, high)
     return Estimate(value, low, high)
 
@@ -168,9 +165,9 @@ def _information(data: Data, column: Array, others: Array, held: Fit) -> float:
     return max(own - float(np.dot(cross * scale, inner)), 1e-12 * own)
 
 
-def _ramp(data: Data, columns: dict[str, Array], chosen: Sequence[str]) -> Estimate:
+def _ramp(data: Data, columns: Columns, chosen: Sequence[str]) -> Estimate:
     """Return the estimate of the trend's size."""
-    design = _design(columns, chosen_terms(chosen))
+    design = _design(columns, chosen)
     full = fit(data, design, trend=True)
     spread = 1.0 / float(np.sqrt(np.sum(data.trend**2 / full.expected)))
     size = abs(full.trend)

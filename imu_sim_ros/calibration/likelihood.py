@@ -58,22 +58,30 @@ def fit(data: Data, design: Array, *, trend: bool = False, offset: Array | None 
     :param offset: (m,) known part of the expectation.
     """
     known = np.zeros(len(data.power)) if offset is None else offset
+    smooth = _smooth(data.power)
+    best = _iterate(data, design, known, smooth, trend)
+    if trend:  # a walk and a trend explain each other away: each gets the first chance once
+        flat = np.full(len(smooth), np.median(smooth))
+        other = _iterate(data, design, known, flat, trend)
+        best = other if other.objective < best.objective else best
+    return best
+
+
+def _iterate(data: Data, design: Array, known: Array, guess: Array, trend: bool) -> Fit:
+    """Improve a first guess of the expectation until the likelihood stands still."""
+    floor = _FLOOR * float(np.max(data.power)) + 1e-300
+    known, expected = np.maximum(known, floor), np.maximum(guess, floor)
     scale = np.array([1.0 / np.max(column) for column in design.T])
     scaled = design * scale
-    power, slope = data.power, 0.0
+    power, slope, objective = data.power, 0.0, np.inf
     theta = np.zeros(design.shape[1])
-    floor = _FLOOR * float(np.max(data.power)) + 1e-300
-    expected = np.maximum(_smooth(power), floor)
-    objective = np.inf
     for _ in range(_ITERATIONS):
-        weight = 0.5 * data.freedom / expected**2
-        step = _non_negative(scaled, power - known, weight) - theta
         if trend:
             slope = _slope(data, expected)
             power = without_trend(data, slope)
-        theta, expected, new = _line_search(
-            data, scaled, np.maximum(known, floor), power, theta, step, objective
-        )
+        weight = 0.5 * data.freedom / expected**2
+        step = _non_negative(scaled, power - known, weight) - theta
+        theta, expected, new = _line_search(data, scaled, known, power, theta, step, objective)
         if objective - new < _TOLERANCE * (1.0 + abs(new) * 1e-6):
             objective = min(new, objective)
             break
@@ -216,4 +224,6 @@ def _root(
 ) -> float:
     from scipy.optimize import brentq
 
+    if excess(low) * excess(high) >= 0.0:  # a plateau within rounding
+        return low if abs(excess(low)) < abs(excess(high)) else high
     return float(brentq(excess, low, high, xtol=tolerance * (high - low), rtol=1e-8))
