@@ -1,0 +1,216 @@
+"""What is checked of a record at rest before anything is computed from it.
+
+A :class:`Record` is fed with the messages as they come; it hands on gap-free pieces and keeps what
+it noticed. Short losses are filled, long ones and disturbances end a piece.
+"""
+
+from collections.abc import Iterator
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.calibration.rest import RestCheck
+from imu_sim_ros.errors import InputError
+
+Array = NDArray[np.float64]
+Times = NDArray[np.int64]
+
+AXES: Final = tuple(
+    f"{triad} {axis}" for triad in ("gyroscope", "accelerometer") for axis in ("x", "y", "z")
+)
+_FILLED_AT_MOST: Final = 10
+"""Samples: a longer loss ends the piece."""
+_SATURATED: Final = 1e-4
+"""Share of samples at the very same extreme value."""
+
+
+class Timing(NamedTuple):
+    """What the stamps of a record say."""
+
+    rate: float
+    """[Hz]"""
+    jitter: float
+    """Standard deviation of the intervals between neighbours, losses apart [s]."""
+    lost: int
+    """Samples missing between others."""
+    filled: int
+    """Of these, samples in losses short enough to be filled."""
+    gaps: int
+    """Losses that ended a piece."""
+    longest_gap: float
+    """[s]"""
+    duplicates: int
+    """Messages with the stamp of the one before; the second was dropped."""
+
+
+def sampling_interval(t_ns: Times) -> float:
+    """Return the interval [ns] at which a sensor takes its samples, losses apart.
+
+    :raises InputError: for fewer than two different stamps.
+    """
+    steps = np.diff(t_ns)
+    steps = steps[steps > 0]
+    if len(steps) == 0:
+        raise InputError("fewer than two different stamps: no rate")
+    median = float(np.median(steps))
+    regular = steps[steps < 1.5 * median]
+    mean = float(np.mean(steps))
+    # Drivers that deliver in bursts have a median far below the mean; then only the mean is right.
+    return float(np.mean(regular)) if mean < 1.5 * median else mean
+
+
+class Record:
+    """Takes the messages of one or more bags of one sensor, hands on pieces of readings."""
+
+    def __init__(self) -> None:
+        self.samples = 0
+        self.start_ns = 0
+        self.bad = np.zeros(6, dtype=np.int64)
+        self.first_bad = np.zeros(6)
+        self.minimum = np.full(6, np.inf)
+        self.maximum = np.full(6, -np.inf)
+        self._at_minimum = np.zeros(6, dtype=np.int64)
+        self._at_maximum = np.zeros(6, dtype=np.int64)
+        self._sum = np.zeros(6)
+        self._square = np.zeros(6)
+        self.rest: RestCheck | None = None
+        self._interval = 0.0
+        self._last_ns: int | None = None
+        self._history = np.empty((0, 6))
+        self._lost = self._filled = self._gaps = self._duplicates = 0
+        self._longest_gap = 0
+        self._intervals = np.zeros(3)  # count, sum and sum of squares, relative to the nominal
+
+    @property
+    def rate(self) -> float:
+        """Samples per second [Hz], known from the first block on."""
+        return 1e9 / self._interval
+
+    def add(self, t_ns: Times, gyro: Array, accel: Array) -> Iterator[Array | None]:
+        """Take a block of messages; yield readings (n, 6), and None where a piece ends.
+
+        :raises InputError: for stamps that run backwards.
+        """
+        y = np.concatenate([gyro, accel], axis=1)
+        if len(y) == 0:
+            return
+        if self._interval == 0.0:
+            self._interval = sampling_interval(t_ns)
+            self.start_ns = int(t_ns[0])
+            self.rest = RestCheck(self.rate)
+        t_ns, y = self._in_order(t_ns, y)
+        self._look(t_ns, y)
+        yield from self._pieces(t_ns, np.where(np.isfinite(y), y, 0.0))
+        self._last_ns = int(t_ns[-1]) if len(t_ns) else self._last_ns
+
+    def at_rest(self, y: Array | None) -> Iterator[Array | None]:
+        """Yield what of a piece is at rest; None stands for the end of a piece."""
+        if self.rest is not None:
+            yield from self.rest.add(y)
+
+    def end_bag(self) -> None:
+        """Say that the next block is of another bag."""
+        self._last_ns = None
+        self._history = np.empty((0, 6))
+
+    def _in_order(self, t_ns: Times, y: Array) -> tuple[Times, Array]:
+        before = t_ns[0] - 1 if self._last_ns is None else self._last_ns
+        steps = np.diff(t_ns, prepend=before)
+        if np.any(steps < 0):
+            k = int(np.argmax(steps < 0))
+            raise InputError(
+                f"stamps run backwards by {-steps[k] * 1e-9:.6f} s at sample {self.samples + k}: "
+                "sort the bag by stamp first"
+            )
+        self._duplicates += int(np.count_nonzero(steps == 0))
+        return t_ns[steps > 0], y[steps > 0]
+
+    def _look(self, t_ns: Times, y: Array) -> None:
+        bad = ~np.isfinite(y)
+        new = bad.any(axis=0) & (self.bad == 0)
+        self.first_bad[new] = (t_ns[bad.argmax(axis=0)][new] - self.start_ns) * 1e-9
+        self.bad += bad.sum(axis=0)
+        self.samples += len(y)
+        y = np.where(bad, 0.0, y)
+        self._sum += y.sum(axis=0)
+        self._square += np.einsum("na,na->a", y, y)
+        for extreme, hits, find in (
+            (self.minimum, self._at_minimum, np.minimum),
+            (self.maximum, self._at_maximum, np.maximum),
+        ):
+            now = find(extreme, find.reduce(y, axis=0))
+            hits[now != extreme] = 0
+            hits += (y == now).sum(axis=0)
+            extreme[:] = now
+
+    def _pieces(self, t_ns: Times, y: Array) -> Iterator[Array | None]:
+        before = t_ns[:1] if self._last_ns is None else np.array([self._last_ns])
+        steps = np.diff(t_ns, prepend=before) / self._interval
+        regular = steps[(steps > 0.0) & (steps < self._threshold(steps))]
+        self._intervals += [len(regular), (regular - 1.0).sum(), ((regular - 1.0) ** 2).sum()]
+        missing = np.where(steps > self._threshold(steps), np.round(steps) - 1.0, 0.0)
+        start = 0
+        for k in np.flatnonzero(missing >= 1.0):
+            lost = int(missing[k])
+            self._lost += lost
+            yield from self._hand_on(y[start:k])
+            if lost <= _FILLED_AT_MOST and len(self._history) >= lost:
+                self._filled += lost
+                # The readings before the loss, mirrored: noise of the same size and slope.
+                yield from self._hand_on(self._history[: -lost - 1 : -1])
+            else:
+                self._gaps += 1
+                self._longest_gap = max(self._longest_gap, lost + 1)
+                yield None
+            start = int(k)
+        yield from self._hand_on(y[start:])
+
+    def _threshold(self, steps: Array) -> float:
+        """Return the step [intervals] that means a loss: the stamps' jitter must not make one."""
+        spread = float(np.median(np.abs(steps - 1.0))) if len(steps) else 0.0
+        return 1.5 + 8.0 * spread
+
+    def _hand_on(self, y: Array) -> Iterator[Array]:
+        if len(y):
+            self._history = np.concatenate([self._history, y[-_FILLED_AT_MOST:]])
+            self._history = self._history[-_FILLED_AT_MOST:]
+            yield y
+
+    def timing(self) -> Timing:
+        """Return what the stamps said."""
+        count, total, squares = self._intervals
+        mean = total / max(count, 1.0)
+        jitter = np.sqrt(max(squares / max(count, 1.0) - mean**2, 0.0)) * self._interval * 1e-9
+        return Timing(
+            self.rate,
+            float(jitter),
+            self._lost,
+            self._filled,
+            self._gaps,
+            self._longest_gap * self._interval * 1e-9,
+            self._duplicates,
+        )
+
+    @property
+    def mean(self) -> Array:
+        """(6,) mean of the readings."""
+        return self._sum / max(self.samples, 1)
+
+    def constant_axes(self) -> list[int]:
+        """Return the axes whose readings never change."""
+        return [k for k in range(6) if self.minimum[k] == self.maximum[k]]
+
+    def saturated_axes(self) -> list[tuple[int, float, float]]:
+        """Return axis, value and share of samples where an extreme value is hit again and again."""
+        result = []
+        spread = np.sqrt(np.maximum(self._square / self.samples - self.mean**2, 0.0))
+        for extreme, hits in (
+            (self.minimum, self._at_minimum),
+            (self.maximum, self._at_maximum),
+        ):
+            far = np.abs(extreme - self.mean) > 2.0 * spread
+            often = hits > np.maximum(10, _SATURATED * self.samples)
+            for k in np.flatnonzero(far & often):
+                result.append((int(k), float(extreme[k]), float(hits[k] / self.samples)))
+        return result

@@ -1,0 +1,136 @@
+"""Whether a record is at rest: slow motion is named, single disturbances are cut out."""
+
+from collections.abc import Iterator
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_WINDOWS: Final = 256
+"""Windows of about a second that are judged together."""
+_NOISIER: Final = 6.0
+"""Ratio of a window's variance to the median one that no stationary noise reaches."""
+_JUMP: Final = 12.0
+"""Jump between neighbouring window means, in robust standard deviations."""
+_SLOW: Final = 25.0
+"""Variance of the window means over that of white noise of the same samples."""
+_SMALLEST_MOTION: Final = np.array([2e-3] * 3 + [2e-2] * 3)
+"""Below this the means of a second may wander [rad/s, m/s^2]: that is a sensor's random walk."""
+_TABLE_RATE: Final = 0.5
+"""A mean rate above this [rad/s] is no bias."""
+
+
+class Motion(NamedTuple):
+    """Seconds in which an axis was not at rest."""
+
+    axis: int
+    begin: float
+    """[s] after the first sample"""
+    end: float
+    size: float
+    """Standard deviation of the means over a second, or the largest jump [rad/s, m/s^2]."""
+
+
+class RestCheck:
+    """Takes pieces of readings, hands on what is at rest."""
+
+    def __init__(self, rate: float) -> None:
+        self._window = max(round(rate), 4)
+        self._rate = rate
+        self._buffer: list[Array] = []
+        self._buffered = 0
+        self._before: Array | None = None
+        self._time = 0.0
+        self.moving: list[Motion] = []
+        """Stretches of continued motion; they are handed on nevertheless."""
+        self.disturbed: list[Motion] = []
+        """Single disturbances; they are cut out."""
+        self.seconds = 0.0
+
+    def add(self, y: Array | None) -> Iterator[Array | None]:
+        """Take readings (n, 6), or None at the end of a piece; yield them, judged."""
+        if y is None:
+            yield from self._judge()
+            self._before = None
+            yield None
+            return
+        size = _WINDOWS * self._window
+        for first in range(0, len(y), size):
+            part = y[first : first + size]
+            self._buffer.append(part)
+            self._buffered += len(part)
+            if self._buffered >= size:
+                yield from self._judge()
+
+    def _judge(self) -> Iterator[Array | None]:
+        if self._buffered == 0:
+            return
+        y = np.concatenate(self._buffer)
+        self._buffer, self._buffered = [], 0
+        begin, self._time = self._time, self._time + len(y) / self._rate
+        self.seconds += len(y) / self._rate
+        count = len(y) // self._window
+        if count < 8:
+            yield y
+            return
+        windows = y[: count * self._window].reshape(count, self._window, 6)
+        mean = windows.mean(axis=1)
+        variance = windows.var(axis=1)
+        typical = np.median(variance, axis=0)
+        self._note_motion(mean, typical, begin)
+        bad = self._disturbances(mean, variance, typical, begin)
+        yield from self._without(y, bad)
+
+    def _note_motion(self, mean: Array, typical: Array, begin: float) -> None:
+        t = np.linspace(-1.0, 1.0, len(mean))[:, None]
+        drift = (t * mean).sum(axis=0) / (t**2).sum()
+        spread = np.std(mean - t * drift, axis=0)
+        white = np.sqrt(typical / self._window)
+        end = begin + len(mean) * self._window / self._rate
+        jumps = np.median(np.abs(np.diff(mean, axis=0)), axis=0)
+        # A single shock widens the spread, but it does not move most of the seconds.
+        usual = np.median(np.abs(mean - np.median(mean, axis=0)), axis=0)
+        steady = np.minimum(spread, 3.0 * np.maximum(usual, jumps))
+        moving = (steady > _SMALLEST_MOTION) & (steady**2 > _SLOW * white**2)
+        turning = np.abs(np.median(mean, axis=0)) > np.array([_TABLE_RATE] * 3 + [np.inf] * 3)
+        size = np.where(turning, np.abs(np.median(mean, axis=0)), spread)
+        for axis in np.flatnonzero(moving | turning):
+            self.moving.append(Motion(int(axis), begin, end, float(size[axis])))
+
+    def _disturbances(
+        self, mean: Array, variance: Array, typical: Array, begin: float
+    ) -> NDArray[np.bool_]:
+        """Return (windows,) which were disturbed, with one window of margin on both sides."""
+        before = mean[:1] if self._before is None else self._before
+        jump = np.abs(np.diff(mean, axis=0, prepend=before))
+        self._before = mean[-1:]
+        robust = 1.4826 * np.median(jump, axis=0)
+        limit = _JUMP * np.maximum(robust, np.sqrt(2.0 * typical / self._window))
+        # An axis that hardly changes its last digit has a typical variance of zero.
+        shaken = (variance > _NOISIER * typical) & (typical > 0.0)
+        bad_axis = shaken | ((jump > limit) & (limit > 0.0))
+        bad: NDArray[np.bool_] = np.logical_or.reduce(bad_axis, axis=1)
+        for k in np.flatnonzero(np.diff(bad.astype(int), prepend=0) == 1):
+            axis = int(np.argmax(bad_axis[k]))
+            end = int(k + np.argmin(np.append(bad[k:], False)))
+            size = max(float(jump[k:end, axis].max()), float(np.sqrt(variance[k:end, axis].max())))
+            seconds = self._window / self._rate
+            self.disturbed.append(Motion(axis, begin + k * seconds, begin + end * seconds, size))
+        margin: NDArray[np.bool_] = np.convolve(bad, np.ones(3), mode="same") > 0.5
+        return margin
+
+    def _without(self, y: Array, bad: NDArray[np.bool_]) -> Iterator[Array | None]:
+        if not bad.any():
+            yield y
+            return
+        samples = np.zeros(len(y), dtype=bool)
+        samples[: len(bad) * self._window] = np.repeat(bad, self._window)
+        edges = np.flatnonzero(np.diff(samples.astype(int), prepend=1, append=1))
+        for start, stop in zip(edges[::2], edges[1::2], strict=True):
+            if start > 0:
+                yield None
+            yield y[start:stop]
+        if samples[-1]:
+            yield None
