@@ -1,0 +1,161 @@
+import numpy as np
+import pytest
+
+from imu_sim_ros import rotation
+from imu_sim_ros.navigation import covariance
+from imu_sim_ros.navigation.covariance import Covariance, initial_covariance, propagate
+from imu_sim_ros.navigation.dead_reckoning import dead_reckon
+from imu_sim_ros.navigation.noise import Noise
+from imu_sim_ros.navigation.state import AT_REST, NavigationState
+
+SILENT = Noise(*np.zeros((4, 3)))
+AXES = np.array([1.0, 2.0, 3.0])
+
+
+def at_rest(noise, duration, rate, initial=None):
+    """The covariance after a time of rest, level."""
+    result = Covariance(noise, initial)
+    for _ in range(round(duration * rate)):
+        result.step(1.0 / rate, np.eye(3), np.array([0.0, 0.0, 9.81]))
+    return result.matrix
+
+
+def diagonal(matrix, block):
+    return np.diag(matrix)[block]
+
+
+# Growth from the lecture's error model, over t: white noise of density N gives a velocity variance
+# of N^2 t and a position variance of N^2 t^3 / 3; a walk of density K gives K^2 t^3 / 3 and
+# K^2 t^5 / 20; a constant bias b gives b t and b t^2 / 2. First order over steps of h leaves O(h/t).
+T, RATE = 10.0, 200.0
+
+
+def test_growth_of_accelerometer_noise():
+    noise = SILENT._replace(accelerometer_noise_density=0.01 * AXES)
+    found = at_rest(noise, T, RATE)
+    expected = np.square(0.01 * AXES) * T
+    np.testing.assert_allclose(diagonal(found, covariance.VELOCITY), expected, rtol=1e-9)
+    np.testing.assert_allclose(
+        diagonal(found, covariance.POSITION), expected * T**2 / 3, rtol=2e-3
+    )
+
+
+def test_growth_of_accelerometer_walk():
+    noise = SILENT._replace(accelerometer_random_walk=1e-3 * AXES)
+    found = at_rest(noise, T, RATE)
+    expected = np.square(1e-3 * AXES) * T
+    np.testing.assert_allclose(diagonal(found, covariance.ACCEL_BIAS), expected, rtol=1e-9)
+    np.testing.assert_allclose(
+        diagonal(found, covariance.VELOCITY), expected * T**2 / 3, rtol=2e-3
+    )
+    np.testing.assert_allclose(
+        diagonal(found, covariance.POSITION), expected * T**4 / 20, rtol=3e-3
+    )
+
+
+def test_growth_of_gyroscope_noise_and_walk():
+    """Tilt times gravity is an acceleration: one more power of t^2 each; none along gravity."""
+    white = at_rest(SILENT._replace(gyroscope_noise_density=1e-3 * AXES), T, RATE)
+    expected = np.square(1e-3 * AXES) * T
+    np.testing.assert_allclose(diagonal(white, covariance.ATTITUDE), expected, rtol=1e-9)
+    sideways = np.array([expected[1], expected[0], 0.0]) * 9.81**2
+    np.testing.assert_allclose(
+        diagonal(white, covariance.POSITION), sideways * T**4 / 20, rtol=5e-3
+    )
+    walk = at_rest(SILENT._replace(gyroscope_random_walk=1e-5 * AXES), T, RATE)
+    expected = np.square(1e-5 * AXES) * T
+    np.testing.assert_allclose(
+        diagonal(walk, covariance.ATTITUDE), expected * T**2 / 3, rtol=3e-3
+    )
+    sideways = np.array([expected[1], expected[0], 0.0]) * 9.81**2
+    # Four integrals of white noise: t^7 / (7 (3!)^2) = t^7 / 252.
+    np.testing.assert_allclose(
+        diagonal(walk, covariance.POSITION), sideways * T**6 / 252, rtol=6e-3
+    )
+
+
+def test_growth_of_uncertain_biases():
+    initial = initial_covariance(accelerometer_bias=0.02 * AXES, gyroscope_bias=1e-3)
+    found = at_rest(SILENT, T, RATE, initial)
+    bias = np.square(0.02 * AXES)
+    tilted = np.array([1e-6, 1e-6, 0.0]) * 9.81**2 * T**2
+    np.testing.assert_allclose(
+        diagonal(found, covariance.VELOCITY), bias * T**2 + tilted * T**2 / 4, rtol=2e-3
+    )
+    np.testing.assert_allclose(
+        diagonal(found, covariance.POSITION), bias * T**4 / 4 + tilted * T**4 / 36, rtol=2e-3
+    )
+
+
+def test_a_constant_bias_grows_as_the_lecture_says():
+    """Section 3: v_err = b t, p_err = b t^2 / 2, exactly, for every method."""
+    t_ns = np.arange(2001) * 5_000_000
+    accel = np.tile([0.1, -0.2, 9.81 + 0.3], (2001, 1))
+    for method in ("euler", "midpoint", "rk4"):
+        states = dead_reckon(t_ns, np.zeros((2001, 3)), accel, AT_REST, method)
+        np.testing.assert_allclose(states.velocity[-1], [1.0, -2.0, 3.0], rtol=1e-11)
+        np.testing.assert_allclose(states.position[-1], [5.0, -10.0, 15.0], rtol=1e-11)
+
+
+def test_covariance_is_that_of_perturbed_starts(record):
+    """Each column of the transition: a start moved by a little, integrated, moved by F of it."""
+    motion = record("excitation", 400.0, 2.0)
+    arguments = (motion.t_ns, motion.gyro, motion.accel)
+    base = dead_reckon(*arguments, motion.initial)
+    initial = motion.initial
+    step = 1e-5
+    columns = []
+    for k in range(15):
+        d = np.zeros(15)
+        d[k] = step
+        start = NavigationState(
+            initial.position + d[6:9],
+            initial.velocity + d[3:6],
+            rotation.multiply(rotation.exp(d[:3]), initial.q_wb),
+        )
+        states = dead_reckon(motion.t_ns, motion.gyro - d[9:12], motion.accel - d[12:], start)
+        turn = rotation.multiply(states.q_wb[-1], rotation.conjugate(base.q_wb[-1]))
+        difference = [
+            rotation.log(turn),
+            states.velocity[-1] - base.velocity[-1],
+            states.position[-1] - base.position[-1],
+            d[9:],
+        ]
+        columns.append(np.concatenate(difference) / step)
+    transition = np.stack(columns, axis=1)
+    sigmas = (0.01, 0.1, 0.2, 0.003, 0.05)
+    start = initial_covariance(*sigmas)
+    found = propagate(base, motion.accel, SILENT, start)[0]
+    expected = transition @ start @ transition.T
+    scale = np.sqrt(np.diag(expected))
+    assert np.abs((found - expected) / np.outer(scale, scale)).max() < 5e-3
+
+
+def test_pose_and_twist_blocks():
+    matrix = np.diag(np.arange(1.0, 16.0))
+    found = Covariance(SILENT._replace(gyroscope_noise_density=0.1 * AXES), matrix)
+    np.testing.assert_array_equal(np.diag(found.pose()), [7, 8, 9, 1, 2, 3])
+    r_wb = rotation.to_matrix(rotation.from_euler([0.1, 0.2, 1.5]))
+    velocity = np.array([1.0, 2.0, 3.0])
+    twist = found.twist(r_wb, velocity, 200.0)
+    # By samples: v_b of a state moved by the error.
+    rng = np.random.default_rng(2)
+    small = 1e-4
+    errors = small * rng.normal(size=(200_000, 15)) * np.sqrt(np.diag(matrix))
+    q_wb = rotation.multiply(rotation.exp(errors[:, :3]), rotation.from_matrix(r_wb))
+    v_b = rotation.rotate_inverse(q_wb, velocity + errors[:, 3:6]) - r_wb.T @ velocity
+    sampled = np.cov(v_b.T) / small**2
+    scale = np.sqrt(np.diag(sampled))
+    # Correlations of 200,000 samples are good to 1 / sqrt(200,000) = 0.0022; four of these.
+    assert np.abs((twist[:3, :3] - sampled) / np.outer(scale, scale)).max() < 0.013
+    np.testing.assert_allclose(np.diag(twist)[3:], [10, 11, 12] + np.square(0.1 * AXES) * 200)
+
+
+@pytest.mark.parametrize("at", [(0,), (0, 100, -1), (400,)])
+def test_propagate_gives_the_rows_that_are_asked_for(record, at):
+    motion = record("lecture", 200.0, 2.0)
+    noise = Noise(*np.full((4, 3), 1e-3))
+    states = dead_reckon(motion.t_ns, motion.gyro, motion.accel, motion.initial)
+    found = propagate(states, motion.accel, noise, at=at)
+    whole = propagate(states, motion.accel, noise, at=range(401))
+    np.testing.assert_array_equal(found, whole[list(at)])

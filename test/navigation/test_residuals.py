@@ -1,0 +1,149 @@
+import numpy as np
+import pytest
+
+from imu_sim_ros import rotation
+from imu_sim_ros.navigation.preintegration import between, preintegrate
+from imu_sim_ros.navigation.residuals import (
+    Poses,
+    States,
+    imu_residual,
+    reprojection_residual,
+)
+
+GRAVITY = (0.0, 0.0, -9.81)
+SECOND = 1_000_000_000
+
+
+@pytest.fixture(scope="module")
+def pair(record):
+    """Five intervals, preintegrated with biases beside those of the states, and their states."""
+    motion = record("excitation", 200.0, 2.0)
+    edges = motion.t_ns[[0, 60, 140, 250, 330, 400]]
+    pre = preintegrate(between(motion.t_ns, motion.gyro, motion.accel, edges), None, 1e-3, 1e-2)
+    rows = np.array([0, 60, 140, 250, 330, 400])
+    rng = np.random.default_rng(8)
+
+    def states(chosen):
+        n = len(chosen)
+        return States(
+            motion.truth.position[chosen] + 0.01 * rng.normal(size=(n, 3)),
+            rotation.multiply(
+                motion.truth.q_wb[chosen], rotation.exp(0.01 * rng.normal(size=(n, 3)))
+            ),
+            motion.truth.velocity[chosen] + 0.01 * rng.normal(size=(n, 3)),
+            0.01 + 0.01 * rng.normal(size=(n, 3)),
+            0.001 + 0.001 * rng.normal(size=(n, 3)),
+        )
+
+    return pre, states(rows[:-1]), states(rows[1:])
+
+
+def moved(states, column, step):
+    """The states perturbed in one of their 15 numbers: p, theta, v, b_a, b_g."""
+    d = np.zeros(15)
+    d[column] = step
+    return States(
+        states.position + d[:3],
+        rotation.multiply(states.q_wb, rotation.exp(d[3:6])),
+        states.velocity + d[6:9],
+        states.accel_bias + d[9:12],
+        states.gyro_bias + d[12:],
+    )
+
+
+def assert_same_blocks(analytic, numeric, rows, columns):
+    """Block by block to 1e-6 of the block's largest entry."""
+    for r in range(0, analytic.shape[1], rows):
+        for c in range(0, analytic.shape[2], columns):
+            block = analytic[:, r : r + rows, c : c + columns]
+            expected = numeric[:, r : r + rows, c : c + columns]
+            assert np.abs(block - expected).max() <= 1e-6 * np.abs(expected).max() + 1e-10, (r, c)
+
+
+@pytest.mark.parametrize("side", ["by_first", "by_second"])
+def test_imu_jacobians_are_the_derivatives(pair, side):
+    pre, first, second = pair
+    step = 1e-5
+    numeric = np.zeros((5, 15, 15))
+    for column in range(15):
+        ends = []
+        for size in (step, -step):
+            i = moved(first, column, size) if side == "by_first" else first
+            j = moved(second, column, size) if side == "by_second" else second
+            ends.append(imu_residual(pre, i, j, GRAVITY).residual)
+        numeric[:, :, column] = (ends[0] - ends[1]) / (2 * step)
+    analytic = getattr(imu_residual(pre, first, second, GRAVITY), side)
+    assert_same_blocks(analytic, numeric, 3, 3)
+
+
+def test_true_states_have_no_residual(record):
+    motion = record("lecture", 1000.0, 1.0)
+    edges = motion.t_ns[[0, 500, 1000]]
+    pre = preintegrate(between(motion.t_ns, motion.gyro, motion.accel, edges))
+    rows = np.array([0, 500, 1000])
+    zero = np.zeros((3, 3))
+    truth = motion.truth
+    states = States(truth.position[rows], truth.q_wb[rows], truth.velocity[rows], zero, zero)
+    first, second = (States(*(v[part] for v in states)) for part in (slice(0, 2), slice(1, 3)))
+    assert np.abs(imu_residual(pre, first, second, GRAVITY).residual).max() < 5e-6
+    flipped = second._replace(q_wb=-second.q_wb)
+    assert np.abs(imu_residual(pre, first, flipped, GRAVITY).residual).max() < 5e-6
+
+
+@pytest.fixture(scope="module")
+def sightings():
+    rng = np.random.default_rng(9)
+    n = 7
+
+    def poses(spread):
+        return Poses(spread * rng.normal(size=(n, 3)), rotation.exp(spread * rng.normal(size=(n, 3))))
+
+    # The lecture's camera: its z axis is the body's x, T_bc of the peer's data set.
+    r_bc = np.array([[0.0, 0, -1], [-1, 0, 0], [0, 1, 0]])
+    camera = Poses(
+        np.tile([0.05, 0.04, 0.03], (n, 1)), np.tile(rotation.from_matrix(r_bc), (n, 1))
+    )
+    depth = rng.uniform(2.0, 8.0, n)
+    seen = rng.uniform(-0.4, 0.4, (2, n, 2))
+    return poses(0.1), poses(0.1), camera, 1.0 / depth, seen[0], seen[1]
+
+
+def test_reprojection_jacobians_are_the_derivatives(sightings):
+    step = 1e-6
+    found = reprojection_residual(*sightings)
+    for place, name in enumerate(("by_first", "by_second", "by_camera")):
+        numeric = np.zeros((7, 2, 6))
+        for column in range(6):
+            ends = []
+            for size in (step, -step):
+                d = np.zeros(6)
+                d[column] = size
+                poses = sightings[place]
+                arguments = list(sightings)
+                arguments[place] = Poses(
+                    poses.position + d[:3], rotation.multiply(poses.q, rotation.exp(d[3:]))
+                )
+                ends.append(reprojection_residual(*arguments).residual)
+            numeric[:, :, column] = (ends[0] - ends[1]) / (2 * step)
+        assert_same_blocks(getattr(found, name), numeric, 2, 3)
+    ends = []
+    for size in (step, -step):
+        arguments = list(sightings)
+        arguments[3] = sightings[3] + size
+        ends.append(reprojection_residual(*arguments).residual)
+    numeric = (ends[0] - ends[1]) / (2 * step)
+    np.testing.assert_allclose(found.by_inverse_depth, numeric, rtol=1e-6, atol=1e-8)
+
+
+def test_a_landmark_seen_from_two_poses_has_no_residual(sightings):
+    first, second, camera, inverse_depth, seen_first, _ = sightings
+    ray = np.concatenate([seen_first, np.ones((7, 1))], axis=1)
+    to_world = rotation.to_matrix(first.q) @ rotation.to_matrix(camera.q)
+    in_body = rotation.rotate(first.q, camera.position) + first.position
+    landmark = (to_world @ (ray / inverse_depth[:, None])[..., None])[..., 0] + in_body
+    in_second = rotation.rotate_inverse(second.q, landmark - second.position)
+    x, y, z = rotation.rotate_inverse(camera.q, in_second - camera.position).T
+    seen_second = np.stack([x / z, y / z], axis=1)
+    found = reprojection_residual(first, second, camera, inverse_depth, seen_first, seen_second)
+    assert np.abs(found.residual).max() < 1e-13
+    np.testing.assert_allclose(found.depth, z)
