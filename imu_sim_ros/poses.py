@@ -150,7 +150,7 @@ class _Table:
                     yield f"line {number}: {field.strip()!r} is not a number"
 
     def _value_problems(self, values: Array, norms: Array) -> Iterator[str]:
-        finite: NDArray[np.bool_] = np.isfinite(values).all(axis=-1)
+        finite = np.all(np.isfinite(values), axis=-1)
         bad = ~finite | ~(np.abs(norms - 1.0) <= _NORM_TOLERANCE)
         for k in np.flatnonzero(bad):
             what = "a value that is not finite"

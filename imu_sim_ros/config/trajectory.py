@@ -3,65 +3,59 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from imu_sim_ros.config.parameter import ZERO_VECTOR, Vector, numbers, section, text, vector
+from imu_sim_ros.config.parameter import (
+    ZERO_VECTOR,
+    Vector,
+    flag,
+    number,
+    numbers,
+    section,
+    text,
+    vector,
+)
+from imu_sim_ros.config.trajectory_common import (
+    TYPE_TEXT,
+    SeriesParameters,
+    TrajectoryParameters,
+    VibrationParameters,
+)
 from imu_sim_ros.errors import ConfigurationError
 
-_TYPE = "kind of trajectory, or the name of a file in config/trajectories"
+__all__ = [
+    "ENTRY_POINTS",
+    "TYPES",
+    "FreeFallParameters",
+    "HarmonicParameters",
+    "PosesParameters",
+    "RotatingDiscParameters",
+    "SeriesParameters",
+    "SixPositionParameters",
+    "StaticParameters",
+    "TrajectoryParameters",
+    "TurntableParameters",
+    "VibrationParameters",
+    "WaypointsParameters",
+    "find_trajectory",
+]
 
-
-@dataclass(frozen=True)
-class TrajectoryParameters:
-    """What every trajectory has."""
-
-    type: str = text("static", _TYPE)
+ENTRY_POINTS = "imu_sim_ros.trajectories"
+"""Group of entry points under which other packages offer trajectories of their own."""
 
 
 @dataclass(frozen=True)
 class StaticParameters(TrajectoryParameters):
     """A body at rest."""
 
+    type: str = text("static", TYPE_TEXT)
     position: Vector = vector(ZERO_VECTOR, "position in the world", unit="m")
     roll_pitch_yaw: Vector = vector(ZERO_VECTOR, "attitude", unit="rad")
-
-
-@dataclass(frozen=True)
-class SeriesParameters:
-    """One coordinate as a function of time: a polynomial and a sum of sinusoids.
-
-    ``sum_k polynomial[k] t^k + sum_j amplitude[j] sin(angular_frequency[j] t + phase[j])``
-    """
-
-    polynomial: tuple[float, ...] = numbers(
-        (), "coefficients of t^0, t^1, t^2, ...", unit="m or rad per s^k"
-    )
-    amplitude: tuple[float, ...] = numbers((), "of each sinusoid", unit="m or rad")
-    angular_frequency: tuple[float, ...] = numbers(
-        (), "of each sinusoid", unit="rad/s", minimum=0.0, above_minimum=True
-    )
-    phase: tuple[float, ...] = numbers(
-        (), "of each sinusoid at t = 0, pi/2 makes a cosine; none: all 0", unit="rad"
-    )
-
-    def problems(self, prefix: str) -> Iterator[str]:
-        """Yield what is wrong with the lengths of the lists."""
-        count = len(self.amplitude)
-        if len(self.angular_frequency) != count:
-            yield (
-                f"{prefix}angular_frequency = {list(self.angular_frequency)}: must have as many "
-                f"entries as {prefix}amplitude, {count}"
-            )
-        if self.phase and len(self.phase) != count:
-            yield (
-                f"{prefix}phase = {list(self.phase)}: must be empty or have as many entries as "
-                f"{prefix}amplitude, {count}"
-            )
 
 
 @dataclass(frozen=True)
 class HarmonicParameters(TrajectoryParameters):
     """Position and Euler angles, each a polynomial and a sum of sinusoids."""
 
-    type: str = text("harmonic", _TYPE)
+    type: str = text("harmonic", TYPE_TEXT)
     x: SeriesParameters = section(SeriesParameters)
     y: SeriesParameters = section(SeriesParameters)
     z: SeriesParameters = section(SeriesParameters)
@@ -70,17 +64,210 @@ class HarmonicParameters(TrajectoryParameters):
     yaw: SeriesParameters = section(SeriesParameters)
 
 
+@dataclass(frozen=True)
+class RotatingDiscParameters(TrajectoryParameters):
+    """The lecture's ball that slides along the radius of a turning disc, with the disc's axes."""
+
+    type: str = text("rotating_disc", TYPE_TEXT)
+    radius: SeriesParameters = section(SeriesParameters)
+    angle: SeriesParameters = section(SeriesParameters)
+    height: float = number(0.0, "of the disc in the world", unit="m")
+
+
+@dataclass(frozen=True)
+class FreeFallParameters(TrajectoryParameters):
+    """A body thrown and falling, tumbling at a constant rate."""
+
+    type: str = text("free_fall", TYPE_TEXT)
+    position: Vector = vector(ZERO_VECTOR, "at the start", unit="m")
+    velocity: Vector = vector(ZERO_VECTOR, "at the start, in the world", unit="m/s")
+    roll_pitch_yaw: Vector = vector(ZERO_VECTOR, "attitude at the start", unit="rad")
+    angular_velocity: Vector = vector(ZERO_VECTOR, "constant rate in the body", unit="rad/s")
+    gravity: Vector = vector(
+        (0.0, 0.0, -9.81),
+        "its acceleration; that of the simulation for true free fall",
+        unit="m/s^2",
+    )
+
+
+@dataclass(frozen=True)
+class WaypointsParameters(TrajectoryParameters):
+    """A smooth way through given places, at rest at both ends."""
+
+    type: str = text("waypoints", TYPE_TEXT)
+    positions: tuple[float, ...] = numbers(
+        (0.0, 0.0, 0.0, 1.0, 0.0, 0.0), "x, y, z of each waypoint", unit="m", group=3
+    )
+    headings: tuple[float, ...] = numbers(
+        (), "yaw at each waypoint, taken as written (2 pi is a turn); none: all 0", unit="rad"
+    )
+    times: tuple[float, ...] = numbers(
+        (), "of each waypoint, the first 0; none: as the limits allow", unit="s", minimum=0.0
+    )
+    speed_limit: float = number(
+        1.0, "where no times are given", unit="m/s", minimum=0.0, above_minimum=True
+    )
+    acceleration_limit: float = number(
+        1.0, "where no times are given", unit="m/s^2", minimum=0.0, above_minimum=True
+    )
+    heading_rate_limit: float = number(
+        1.0, "where no times are given", unit="rad/s", minimum=0.0, above_minimum=True
+    )
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Yield which lists do not match and which waypoints collide."""
+        places = [self.positions[k : k + 3] for k in range(0, len(self.positions), 3)]
+        count = len(places)
+        if count < 2:
+            yield f"{prefix}positions = {list(self.positions)}: must be two waypoints or more"
+        for name, entries in (("headings", self.headings), ("times", self.times)):
+            if entries and len(entries) != count:
+                yield (
+                    f"{prefix}{name}: {len(entries)} entries; must be empty or one for each of the "
+                    f"{count} waypoints"
+                )
+        if self.times:
+            yield from self._time_problems(prefix)
+        else:
+            headings = self.headings or (0.0,) * count
+            poses = list(zip(places, headings, strict=False))
+            for k in range(1, len(poses)):
+                if poses[k] == poses[k - 1]:
+                    yield (
+                        f"{prefix}positions: waypoints {k} and {k + 1} are the same; "
+                        f"leave one out or give {prefix}times"
+                    )
+
+    def _time_problems(self, prefix: str) -> Iterator[str]:
+        if self.times[0] != 0.0:
+            yield (
+                f"{prefix}times: waypoint 1 at {self.times[0]:g} s: must be at 0; "
+                f"{prefix}rest_before puts rest before the motion"
+            )
+        for k in range(1, len(self.times)):
+            if self.times[k] <= self.times[k - 1]:
+                yield (
+                    f"{prefix}times: waypoint {k + 1} at {self.times[k]:g} s: must be after "
+                    f"waypoint {k} at {self.times[k - 1]:g} s"
+                )
+
+
+@dataclass(frozen=True)
+class SixPositionParameters(TrajectoryParameters):
+    """Rest with each body axis up and down (z, x, y), turned over in between; closed."""
+
+    type: str = text("six_position", TYPE_TEXT)
+    soak: float = number(
+        0.0,
+        "rest before the first position, until the temperature has settled",
+        unit="s",
+        minimum=0.0,
+    )
+    settle: float = number(
+        2.0, "rest after each turn, until the body has settled", unit="s", minimum=0.0
+    )
+    dwell: float = number(
+        30.0, "rest in each position, to measure", unit="s", minimum=0.0, above_minimum=True
+    )
+    transition: float = number(
+        3.0, "time of a turn to the next position", unit="s", minimum=0.0, above_minimum=True
+    )
+
+
+@dataclass(frozen=True)
+class TurntableParameters(SixPositionParameters):
+    """Each body axis up in turn, spun about it at several rates in both directions; closed."""
+
+    type: str = text("turntable", TYPE_TEXT)
+    rates: tuple[float, ...] = numbers(
+        (0.5, 1.0, 2.0), "constant rates", unit="rad/s", minimum=0.0, above_minimum=True
+    )
+    ramp: float = number(
+        2.0, "time to get up to speed and to stop", unit="s", minimum=0.0, above_minimum=True
+    )
+    dwell: float = number(
+        10.0,
+        "time at rest before the rates, and at each rate",
+        unit="s",
+        minimum=0.0,
+        above_minimum=True,
+    )
+    upside_down: bool = flag(False, "each axis down as well, to tell g-sensitivity from bias")
+    tilt: float = number(
+        0.0, "of the table's axis from the vertical, about the world's x", unit="rad"
+    )
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Yield whether there is nothing to do."""
+        if not self.rates:
+            yield f"{prefix}rates = []: must have one entry or more [rad/s]"
+
+
+@dataclass(frozen=True)
+class PosesParameters(TrajectoryParameters):
+    """Recorded poses, followed by a B-spline."""
+
+    type: str = text("poses", TYPE_TEXT)
+    file: str = text("", "poses in TUM or EuRoC form, or a bag")
+    topic: str = text("", "Odometry or PoseStamped topic of a bag; empty: the only one")
+    knot_spacing: float = number(
+        0.0,
+        "time between the spline's knots; 0: 0.05 s, or the poses' interval where that is longer",
+        unit="s",
+        minimum=0.0,
+    )
+    cutoff: float = number(
+        10.0,
+        "motion of higher frequencies is smoothed away",
+        unit="Hz",
+        minimum=0.0,
+        above_minimum=True,
+    )
+    max_gap: float = number(
+        5.0, "longer gaps between poses are an error", unit="s", minimum=0.0, above_minimum=True
+    )
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Yield whether the file is missing."""
+        if not self.file:
+            yield f"{prefix}file = '': must name a file of poses"
+
+
 TYPES: dict[str, type[TrajectoryParameters]] = {
     "static": StaticParameters,
     "harmonic": HarmonicParameters,
+    "rotating_disc": RotatingDiscParameters,
+    "free_fall": FreeFallParameters,
+    "waypoints": WaypointsParameters,
+    "six_position": SixPositionParameters,
+    "turntable": TurntableParameters,
+    "poses": PosesParameters,
 }
 
 
 def find_trajectory(name: str) -> type[TrajectoryParameters]:
-    """Return the section of a trajectory type.
+    """Return the section of a trajectory type: one of ours, or an entry point's of that name.
 
-    :raises ConfigurationError: for a type that does not exist.
+    :raises ConfigurationError: for a type that does not exist or cannot be loaded.
     """
     if name in TYPES:
         return TYPES[name]
-    raise ConfigurationError(f"trajectory.type = {name!r}: must be one of {', '.join(TYPES)}")
+    from importlib.metadata import entry_points  # a search of all packages; seldom needed
+
+    offered = {point.name: point for point in entry_points(group=ENTRY_POINTS)}
+    if name not in offered:
+        known = ", ".join([*TYPES, *sorted(offered)])
+        raise ConfigurationError(f"trajectory.type = {name!r}: must be one of {known}")
+    point = offered[name]
+    try:
+        found = point.load()
+    except Exception as error:  # code of other people: whatever it raises
+        raise ConfigurationError(
+            f"trajectory.type = {name!r}: {point.value} cannot be loaded: {error}"
+        ) from error
+    if not (isinstance(found, type) and issubclass(found, TrajectoryParameters)):
+        raise ConfigurationError(
+            f"trajectory.type = {name!r}: {point.value} is no class derived from "
+            "TrajectoryParameters"
+        )
+    return found

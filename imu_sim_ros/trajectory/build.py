@@ -2,19 +2,26 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TypeAlias
+from typing import TypeAlias, cast
 
 from imu_sim_ros.config.trajectory import (
+    FreeFallParameters,
     HarmonicParameters,
+    PosesParameters,
+    RotatingDiscParameters,
+    SixPositionParameters,
     StaticParameters,
     TrajectoryParameters,
+    TurntableParameters,
+    WaypointsParameters,
 )
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.poses import PoseSequence, read_poses
 from imu_sim_ros.trajectory.motion import Trajectory
+from imu_sim_ros.trajectory.retime import retimed
 
-PoseReader: TypeAlias = Callable[[Path, "str | None"], PoseSequence]
-"""Reads the poses of a file, and of a topic where the file is a bag."""
+PoseReader: TypeAlias = Callable[..., PoseSequence]
+"""Reads the poses of a file; called with the path, and the topic where one is given."""
 
 
 def build_trajectory(
@@ -27,12 +34,59 @@ def build_trajectory(
     :raises ConfigurationError: for parameters that make no motion.
     :raises InputError: for a file of poses that cannot be used.
     """
-    if isinstance(parameters, StaticParameters):
-        from imu_sim_ros.trajectory.static import Static
+    trajectory = retimed(_motion(parameters, pose_reader), parameters)
+    vibration = parameters.vibration
+    if any(vibration.acceleration) or any(vibration.noise_rms):
+        from imu_sim_ros.trajectory.vibration import Vibrating, Vibration
 
-        return Static.from_parameters(parameters)
-    if isinstance(parameters, HarmonicParameters):
-        from imu_sim_ros.trajectory.harmonic import Harmonic
+        return Vibrating(trajectory, Vibration(vibration))
+    return trajectory
 
-        return Harmonic(parameters)
-    raise ConfigurationError(f"trajectory.type = {parameters.type!r}: no such motion")
+
+def _motion(parameters: TrajectoryParameters, pose_reader: PoseReader) -> Trajectory:
+    """Return the bare motion; each kind is imported where it is wanted, SciPy with some."""
+    match parameters:
+        case StaticParameters():
+            from imu_sim_ros.trajectory.static import Static
+
+            return Static.from_parameters(parameters)
+        case HarmonicParameters():
+            from imu_sim_ros.trajectory.harmonic import Harmonic
+
+            return Harmonic(parameters)
+        case RotatingDiscParameters():
+            from imu_sim_ros.trajectory.rotating_disc import RotatingDisc
+
+            return RotatingDisc(parameters)
+        case FreeFallParameters():
+            from imu_sim_ros.trajectory.free_fall import FreeFall
+
+            return FreeFall(parameters)
+        case WaypointsParameters():
+            from imu_sim_ros.trajectory.waypoints import Waypoints
+
+            return Waypoints(parameters)
+        case TurntableParameters():
+            from imu_sim_ros.trajectory.schedule import turntable
+
+            return turntable(parameters)
+        case SixPositionParameters():
+            from imu_sim_ros.trajectory.schedule import six_position
+
+            return six_position(parameters)
+        case PosesParameters():
+            from imu_sim_ros.trajectory.recorded import Recorded
+
+            topic = (parameters.topic,) if parameters.topic else ()
+            return Recorded(pose_reader(Path(parameters.file), *topic), parameters)
+    return _own_motion(parameters)
+
+
+def _own_motion(parameters: TrajectoryParameters) -> Trajectory:
+    """Return a user's own trajectory: parameters that know how to ``sample`` themselves."""
+    if not (hasattr(parameters, "sample") and hasattr(parameters, "duration")):
+        raise ConfigurationError(
+            f"trajectory.type = {parameters.type!r}: {type(parameters).__name__} lacks "
+            "duration or sample(t)"
+        )
+    return cast(Trajectory, parameters)

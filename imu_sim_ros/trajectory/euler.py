@@ -3,7 +3,7 @@
 import numpy as np
 
 from imu_sim_ros.trajectory.motion import Array
-from imu_sim_ros.trajectory.series import Derivatives
+from imu_sim_ros.trajectory.profile import Derivatives
 
 
 def attitude(

@@ -7,14 +7,7 @@ import numpy as np
 
 from imu_sim_ros.config.trajectory import SeriesParameters
 from imu_sim_ros.trajectory.motion import Array
-
-
-class Derivatives(NamedTuple):
-    """A function and its first two time derivatives; floats where they are constant."""
-
-    value: Array | float
-    first: Array | float
-    second: Array | float
+from imu_sim_ros.trajectory.profile import Derivatives
 
 
 class _Wave(NamedTuple):

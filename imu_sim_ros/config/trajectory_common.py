@@ -1,0 +1,127 @@
+"""Parameters that trajectories share, and the pieces that several of them are made of."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from imu_sim_ros.config.parameter import (
+    ZERO_VECTOR,
+    Vector,
+    choice,
+    integer,
+    number,
+    numbers,
+    section,
+    text,
+    vector,
+)
+
+TYPE_TEXT = "kind of trajectory, or the name of a file in config/trajectories"
+
+
+@dataclass(frozen=True)
+class VibrationParameters:
+    """Shaking of the body along its own axes, on top of any motion, rest included."""
+
+    frequency: tuple[float, ...] = numbers(
+        (), "of each sinusoid", unit="Hz", minimum=0.0, above_minimum=True
+    )
+    acceleration: tuple[float, ...] = numbers(
+        (), "amplitude of each sinusoid along x, y, z", unit="m/s^2", group=3
+    )
+    phase: tuple[float, ...] = numbers((), "of each sinusoid at t = 0; none: all 0", unit="rad")
+    noise_rms: Vector = vector(
+        ZERO_VECTOR, "band-limited noise: RMS of its acceleration", unit="m/s^2", minimum=0.0
+    )
+    noise_low: float = number(
+        20.0, "lower end of the noise's band", unit="Hz", minimum=0.0, above_minimum=True
+    )
+    noise_high: float = number(
+        80.0, "upper end of the noise's band", unit="Hz", minimum=0.0, above_minimum=True
+    )
+    noise_lines: int = integer(
+        32, "sinusoids per axis that make up the noise", minimum=8, maximum=4096
+    )
+    seed: int = integer(0, "of the noise", minimum=0, maximum=2**63 - 1)
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Yield what does not fit together."""
+        count = len(self.frequency)
+        if len(self.acceleration) != 3 * count:
+            yield (
+                f"{prefix}acceleration = {list(self.acceleration)}: must have three entries for "
+                f"each of the {count} in {prefix}frequency"
+            )
+        if self.phase and len(self.phase) != count:
+            yield (
+                f"{prefix}phase = {list(self.phase)}: must be empty or have as many entries as "
+                f"{prefix}frequency, {count}"
+            )
+        if self.noise_high <= self.noise_low:
+            yield (
+                f"{prefix}noise_high = {self.noise_high:g}: must be above {prefix}noise_low, "
+                f"{self.noise_low:g} Hz"
+            )
+
+
+@dataclass(frozen=True)
+class TrajectoryParameters:
+    """What every trajectory has; applied in the order length, repeat, time scale and rests."""
+
+    type: str = text("static", TYPE_TEXT)
+    length: float = number(0.0, "take this much of the motion; 0: all of it", unit="s", minimum=0.0)
+    repeat: int = integer(1, "how often the motion is run through; 0: without end", minimum=0)
+    repeat_mode: str = choice(
+        "loop",
+        ("loop", "there_and_back"),
+        "loop: anew from the start, for motions that close; there_and_back: to the end, back, ...",
+    )
+    time_scale: float = number(
+        1.0,
+        "2: twice as fast, with four times the accelerations",
+        minimum=0.0,
+        above_minimum=True,
+        maximum=1000.0,
+    )
+    rest_before: float = number(0.0, "rest before the motion", unit="s", minimum=0.0)
+    rest_after: float = number(0.0, "rest after the motion", unit="s", minimum=0.0)
+    rest_transition: float = number(
+        2.0,
+        "time in which the motion starts from rest, comes to rest, or turns back",
+        unit="s",
+        minimum=0.0,
+        above_minimum=True,
+    )
+    vibration: VibrationParameters = section(VibrationParameters)
+
+
+@dataclass(frozen=True)
+class SeriesParameters:
+    """One coordinate as a function of time: a polynomial and a sum of sinusoids.
+
+    ``sum_k polynomial[k] t^k + sum_j amplitude[j] sin(angular_frequency[j] t + phase[j])``
+    """
+
+    polynomial: tuple[float, ...] = numbers(
+        (), "coefficients of t^0, t^1, t^2, ...", unit="m or rad per s^k"
+    )
+    amplitude: tuple[float, ...] = numbers((), "of each sinusoid", unit="m or rad")
+    angular_frequency: tuple[float, ...] = numbers(
+        (), "of each sinusoid", unit="rad/s", minimum=0.0, above_minimum=True
+    )
+    phase: tuple[float, ...] = numbers(
+        (), "of each sinusoid at t = 0, pi/2 makes a cosine; none: all 0", unit="rad"
+    )
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Yield what is wrong with the lengths of the lists."""
+        count = len(self.amplitude)
+        if len(self.angular_frequency) != count:
+            yield (
+                f"{prefix}angular_frequency = {list(self.angular_frequency)}: must have as many "
+                f"entries as {prefix}amplitude, {count}"
+            )
+        if self.phase and len(self.phase) != count:
+            yield (
+                f"{prefix}phase = {list(self.phase)}: must be empty or have as many entries as "
+                f"{prefix}amplitude, {count}"
+            )

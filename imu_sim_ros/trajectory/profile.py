@@ -1,0 +1,95 @@
+"""Quantities whose rate goes smoothly from one constant value to the next."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.trajectory.motion import Array
+
+
+class Derivatives(NamedTuple):
+    """A function of time and its first two derivatives; floats where they are constant."""
+
+    value: Array | float
+    first: Array | float
+    second: Array | float
+
+
+class Phase(NamedTuple):
+    """A stretch of time over which a rate goes from one value to another."""
+
+    length: float
+    """[s]; infinite for a last one that never ends."""
+    first_rate: float
+    last_rate: float
+
+    @property
+    def change(self) -> float:
+        """By how much the quantity changes over the whole phase."""
+        if self.first_rate == self.last_rate == 0.0:
+            return 0.0
+        return 0.5 * (self.first_rate + self.last_rate) * self.length
+
+
+class RateProfile:
+    """Phases one after another: constant rates, and ramps between them.
+
+    A ramp follows ``10 x^3 - 15 x^4 + 6 x^5`` of the place x in its phase, whose first two
+    derivatives vanish at both ends: the quantity is C3 where neighbouring rates agree.
+    """
+
+    def __init__(self, phases: Sequence[Phase], start: float = 0.0) -> None:
+        """Join the phases.
+
+        :param start: value at time 0.
+        """
+        lengths = np.array([phase.length for phase in phases])
+        changes = np.array([phase.change for phase in phases])
+        self._times = np.concatenate([[0.0], np.cumsum(lengths[:-1])])
+        self._values = start + np.concatenate([[0.0], np.cumsum(changes[:-1])])
+        self._first_rates = np.array([phase.first_rate for phase in phases])
+        self._changes = np.array([phase.last_rate - phase.first_rate for phase in phases])
+        # A phase of one rate has no ramp to place a time in; it may be endless.
+        self._lengths = np.where(self._changes != 0.0, lengths, 1.0)
+        self.duration = float(self._times[-1] + lengths[-1])
+        self.end = float(self._values[-1] + changes[-1])
+
+    def locate(self, t: Array) -> NDArray[np.int64]:
+        """Return the phase (n,) of each time (n,) [s]."""
+        found = np.searchsorted(self._times, t, side="right") - 1
+        return np.clip(found, 0, len(self._times) - 1)
+
+    def sample(self, t: Array) -> Derivatives:
+        """Return value, rate and acceleration (n,) at times t (n,) [s]."""
+        phase = self.locate(t)
+        length, change = self._lengths[phase], self._changes[phase]
+        first_rate = self._first_rates[phase]
+        elapsed = t - self._times[phase]
+        # Outside a ramp x is of no meaning and its factor is 0.
+        x = np.clip(elapsed / length, 0.0, 1.0)
+        ramp = smooth_step(x)
+        return Derivatives(
+            self._values[phase] + first_rate * elapsed + change * length * ramp.integral,
+            first_rate + change * ramp.value,
+            change / length * ramp.slope,
+        )
+
+
+class Step(NamedTuple):
+    """The smooth step from 0 to 1, its derivative, and its integral from 0."""
+
+    value: Array
+    slope: Array
+    integral: Array
+
+
+def smooth_step(x: Array) -> Step:
+    """Return ``10 x^3 - 15 x^4 + 6 x^5`` for x in [0, 1], with derivative and integral."""
+    cube = x * x * x
+    return Step(
+        cube * (10.0 + x * (6.0 * x - 15.0)),
+        30.0 * (x * (1.0 - x)) * (x * (1.0 - x)),
+        cube * x * (2.5 + x * (x - 3.0)),
+    )

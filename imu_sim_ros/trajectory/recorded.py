@@ -1,0 +1,149 @@
+"""A recorded motion: poses followed by a B-spline, and how well it follows them."""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from imu_sim_ros import rotation, timebase
+from imu_sim_ros.config.trajectory import PosesParameters
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.trajectory.bspline import PoseSpline, UniformKnots
+from imu_sim_ros.trajectory.motion import Array, Motion, Trajectory
+from imu_sim_ros.trajectory.spline_fit import fit
+
+_LEAST_POSES: Final = 4
+_LEAST_SPACING: Final = 0.05  # s
+_PEAK_SAMPLES: Final = 4  # per segment
+
+
+class FitReport(NamedTuple):
+    """How a spline follows its poses; distances [m], angles [rad], times [s]."""
+
+    poses: int
+    repeated: int
+    """Poses that stood twice in the file and were taken once."""
+    duration: float
+    rms_position: float
+    max_position: float
+    rms_angle: float
+    max_angle: float
+    largest_gap: float
+    largest_gap_at: float
+    """Time of the gap's beginning, after the first pose."""
+    peak_speed: float
+    peak_acceleration: float
+    peak_rate: float
+    knot_spacing: float
+    cutoff: float
+
+    def lines(self) -> list[str]:
+        """Return the report in words."""
+        mm, deg = 1e3, 180.0 / np.pi
+        dropped = f", {self.repeated} that stand twice left out" if self.repeated else ""
+        return [
+            f"{self.poses} poses over {self.duration:.2f} s{dropped}; "
+            f"largest gap {self.largest_gap:.3f} s at {self.largest_gap_at:.2f} s",
+            f"spline: knots every {self.knot_spacing:.3f} s, smooth above {self.cutoff:g} Hz; "
+            f"position {self.rms_position * mm:.3f} mm RMS, {self.max_position * mm:.2f} mm at "
+            f"most; angle {self.rms_angle * deg:.4f} deg RMS, {self.max_angle * deg:.3f} deg "
+            "at most",
+            f"peaks: {self.peak_speed:.2f} m/s, {self.peak_acceleration:.2f} m/s^2, "
+            f"{self.peak_rate:.2f} rad/s ({self.peak_rate * deg:.0f} deg/s)",
+        ]
+
+
+class Recorded:
+    """A body that moves as recorded; time 0 is the first pose."""
+
+    def __init__(self, poses: PoseSequence, parameters: PosesParameters) -> None:
+        """Fit the spline.
+
+        :raises InputError: for poses that are too few or too far apart in time.
+        """
+        _check(poses, parameters)
+        self.t0_ns = int(poses.t_ns[0])
+        """Stamp of the first pose [ns]."""
+        t = timebase.seconds_since(poses.t_ns, self.t0_ns)
+        spacing = parameters.knot_spacing or max(_LEAST_SPACING, float(np.median(np.diff(t))))
+        knots = UniformKnots(float(t[-1]), spacing)
+        self._spline = fit(t, poses.position, poses.q_wb, knots, parameters.cutoff)
+        self.report = _report(t, poses, self._spline, knots, parameters.cutoff)
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last pose [s]."""
+        return self._spline.duration
+
+    def sample(self, t: Array) -> Motion:
+        """Return the motion at times t (n,) [s]."""
+        return self._spline.sample(t)
+
+
+def fit_report(trajectory: Trajectory) -> FitReport | None:
+    """Return the report of the recorded motion in a trajectory, if there is one."""
+    inner: object = trajectory
+    while inner is not None:
+        if isinstance(inner, Recorded):
+            return inner.report
+        inner = getattr(inner, "inner", None)
+    return None
+
+
+def _check(poses: PoseSequence, parameters: PosesParameters) -> None:
+    count = len(poses.t_ns)
+    if count < _LEAST_POSES:
+        raise InputError(
+            f"{parameters.file}: holds {count} poses; a spline needs {_LEAST_POSES} or more"
+        )
+    steps = timebase.seconds_since(np.diff(poses.t_ns), 0)
+    back = np.flatnonzero(steps <= 0.0)
+    if len(back):
+        raise InputError(
+            f"{parameters.file}: the stamps do not increase after pose {back[0] + 1}, at "
+            f"{poses.t_ns[back[0]]} ns"
+        )
+    gaps = np.flatnonzero(steps > parameters.max_gap)
+    if len(gaps):
+        start = timebase.seconds_since(poses.t_ns[gaps], int(poses.t_ns[0]))
+        raise InputError(
+            f"{parameters.file}: a gap of {steps[k]:.3g} s at {at:.3f} s after the first pose: "
+            f"longer than trajectory.max_gap, {parameters.max_gap:g} s"
+            for k, at in zip(gaps, start, strict=True)
+        )
+
+
+def _report(
+    t: Array, poses: PoseSequence, spline: PoseSpline, knots: UniformKnots, cutoff: float
+) -> FitReport:
+    near = spline.sample(t)
+    distance = np.linalg.norm(near.position - poses.position, axis=-1)
+    between = rotation.multiply(rotation.conjugate(near.q_wb), poses.q_wb)
+    angle = np.linalg.norm(rotation.log(between), axis=-1)
+    steps = np.diff(t)
+    widest = int(np.argmax(steps))
+    dense = spline.sample(np.linspace(0.0, spline.duration, _PEAK_SAMPLES * knots.segments + 1))
+    return FitReport(
+        poses=len(t),
+        repeated=poses.dropped,
+        duration=spline.duration,
+        rms_position=_rms(distance),
+        max_position=float(np.max(distance)),
+        rms_angle=_rms(angle),
+        max_angle=float(np.max(angle)),
+        largest_gap=float(steps[widest]),
+        largest_gap_at=float(t[widest]),
+        peak_speed=_peak(dense.velocity),
+        peak_acceleration=_peak(dense.acceleration),
+        peak_rate=_peak(dense.angular_velocity),
+        knot_spacing=knots.spacing,
+        cutoff=cutoff,
+    )
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _peak(vectors: Array) -> float:
+    return float(np.max(np.linalg.norm(vectors, axis=-1)))

@@ -1,0 +1,200 @@
+"""One motion at another pace: repeated, scaled in time, with rest before and after."""
+
+import math
+from typing import Final, Protocol
+
+import numpy as np
+
+from imu_sim_ros.config.trajectory import TrajectoryParameters
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.trajectory.motion import Array, Motion, Trajectory
+from imu_sim_ros.trajectory.profile import Derivatives, Phase, RateProfile, smooth_step
+
+# What ends that meet may differ by: position [m], velocity [m/s], attitude [rad], rate [rad/s].
+_MEETING: Final = 1e-6
+_HALF_TURN: Final = 0.34375  # integral of 1 - 2 smooth_step over [0, 1/2]
+
+
+class Clock(Protocol):
+    """Time within a motion as a function of the time outside."""
+
+    @property
+    def duration(self) -> float:
+        """Length outside [s]."""
+
+    def sample(self, t: Array) -> Derivatives:
+        """Return the time within the motion, its rate and its acceleration at times t (n,)."""
+
+
+class Retimed:
+    """A motion whose time runs by another clock u(t), with the chain rule's derivatives."""
+
+    def __init__(self, inner: Trajectory, clock: Clock) -> None:
+        self.inner = inner
+        self._clock = clock
+
+    @property
+    def duration(self) -> float:
+        """Length [s]."""
+        return self._clock.duration
+
+    def sample(self, t: Array) -> Motion:
+        """Return the motion at times t (n,) [s]."""
+        u, rate, acceleration = (np.asarray(x)[..., None] for x in self._clock.sample(t))
+        p, v, a, q_wb, omega, alpha = self.inner.sample(u[:, 0])
+        square = rate * rate
+        return Motion(
+            p,
+            rate * v,
+            square * a + acceleration * v,
+            q_wb,
+            rate * omega,
+            square * alpha + acceleration * omega,
+        )
+
+
+class Cut:
+    """The beginning of a motion."""
+
+    def __init__(self, inner: Trajectory, duration: float) -> None:
+        self.inner = inner
+        self.duration = duration
+
+    def sample(self, t: Array) -> Motion:
+        """Return the motion at times t (n,) [s]."""
+        return self.inner.sample(t)
+
+
+class Loop:
+    """The clock of a motion that starts anew when it has ended."""
+
+    def __init__(self, length: float, passes: float) -> None:
+        """Take the length of one pass [s] and the number of passes, perhaps infinite."""
+        self._length = length
+        self._passes = passes
+        self.duration = length * passes
+
+    def sample(self, t: Array) -> Derivatives:
+        """Return the time within the motion."""
+        passed = np.clip(np.floor(t / self._length), 0.0, self._passes - 1.0)
+        return Derivatives(t - passed * self._length, np.ones_like(t), np.zeros_like(t))
+
+
+class ThereAndBack:
+    """The clock of a motion that runs to its end, turns smoothly and runs back.
+
+    Time within the motion slows down, stands still at the very end and runs backwards, over the
+    given time; so any motion can be repeated without a jump.
+    """
+
+    def __init__(self, length: float, passes: float, turn: float) -> None:
+        """Take the length of one pass [s], the number of passes and the time of a turn [s]."""
+        self._length = length
+        self._passes = passes
+        self._turn = turn
+        self._overlap = _HALF_TURN * turn  # how much of the motion lies within half a turn
+        self._straight = length - 2.0 * self._overlap
+        self._period = self._straight + turn
+        self.duration = (passes - 1.0) * self._period + length
+
+    def sample(self, t: Array) -> Derivatives:
+        """Return the time within the motion."""
+        elapsed = t - self._overlap
+        passed = np.clip(np.floor(elapsed / self._period), 0.0, self._passes - 1.0)
+        elapsed = elapsed - passed * self._period
+        turning = (elapsed > self._straight) & (passed < self._passes - 1.0)
+        x = np.where(turning, (elapsed - self._straight) / self._turn, 0.0)
+        step = smooth_step(x)
+        straight = np.where(turning, self._straight, elapsed)
+        u = self._overlap + straight + self._turn * (x - 2.0 * step.integral)
+        backward = passed % 2.0 == 1.0
+        sign = np.where(backward, -1.0, 1.0)
+        return Derivatives(
+            np.where(backward, self._length - u, u),
+            sign * (1.0 - 2.0 * step.value),
+            sign * (-2.0 / self._turn) * step.slope,
+        )
+
+
+def retimed(inner: Trajectory, parameters: TrajectoryParameters) -> Trajectory:
+    """Return a motion cut, repeated, scaled and with rests, as far as the parameters ask for it.
+
+    :raises ConfigurationError: where the motion is too short or does not close.
+    """
+    inner = _cut(inner, parameters)
+    inner = _repeated(inner, parameters)
+    before, after, scale = parameters.rest_before, parameters.rest_after, parameters.time_scale
+    if before == 0.0 and after == 0.0 and scale == 1.0:
+        return inner
+    return Retimed(inner, _rests(inner.duration, parameters))
+
+
+def _cut(inner: Trajectory, parameters: TrajectoryParameters) -> Trajectory:
+    if parameters.length == 0.0:
+        return inner
+    if parameters.length > inner.duration:
+        raise ConfigurationError(
+            f"trajectory.length = {parameters.length:g}: the motion lasts {inner.duration:g} s"
+        )
+    return Cut(inner, parameters.length)
+
+
+def _repeated(inner: Trajectory, parameters: TrajectoryParameters) -> Trajectory:
+    if parameters.repeat == 1:
+        return inner
+    passes = parameters.repeat or math.inf
+    if math.isinf(inner.duration):
+        raise ConfigurationError(
+            f"trajectory.repeat = {parameters.repeat}: the motion has no end; "
+            "trajectory.length gives it one"
+        )
+    if parameters.repeat_mode == "loop":
+        _check_closed(inner, parameters.repeat)
+        return Retimed(inner, Loop(inner.duration, passes))
+    turn = parameters.rest_transition
+    if inner.duration < 2.0 * _HALF_TURN * turn:
+        raise ConfigurationError(_too_short(turn, inner.duration))
+    return Retimed(inner, ThereAndBack(inner.duration, passes, turn))
+
+
+def _check_closed(inner: Trajectory, repeat: int) -> None:
+    ends = inner.sample(np.array([0.0, inner.duration]))
+    step = np.linalg.norm(ends.position[1] - ends.position[0])
+    turn = 2.0 * np.arccos(min(1.0, abs(float(np.sum(ends.q_wb[0] * ends.q_wb[1])))))
+    speed = np.linalg.norm(ends.velocity[1] - ends.velocity[0])
+    rate = np.linalg.norm(ends.angular_velocity[1] - ends.angular_velocity[0])
+    # The arc cosine near 1 is good to 1e-8 only.
+    if max(step, turn, speed, rate) > _MEETING:
+        raise ConfigurationError(
+            f"trajectory.repeat = {repeat}: the motion ends {step:.3g} m, {speed:.3g} m/s, "
+            f"{turn:.3g} rad and {rate:.3g} rad/s from its start; "
+            "trajectory.repeat_mode there_and_back repeats any motion"
+        )
+
+
+def _rests(length: float, parameters: TrajectoryParameters) -> RateProfile:
+    """Return the clock of a motion of the given length between two rests."""
+    before, after = parameters.rest_before, parameters.rest_after
+    ramp, scale = parameters.rest_transition, parameters.time_scale
+    if math.isinf(length) and after > 0.0:
+        raise ConfigurationError(
+            f"trajectory.rest_after = {after:g}: the motion has no end; "
+            "trajectory.length gives it one"
+        )
+    ramps = ((before > 0.0) + (after > 0.0)) * ramp
+    cruise = length / scale - 0.5 * ramps
+    if cruise < 0.0:
+        raise ConfigurationError(_too_short(ramp, length))
+    phases = [Phase(cruise, scale, scale)]
+    if before > 0.0:
+        phases = [Phase(before, 0.0, 0.0), Phase(ramp, 0.0, scale), *phases]
+    if after > 0.0:
+        phases += [Phase(ramp, scale, 0.0), Phase(after, 0.0, 0.0)]
+    return RateProfile(phases)
+
+
+def _too_short(transition: float, length: float) -> str:
+    return (
+        f"trajectory.rest_transition = {transition:g}: must be shorter for a motion that lasts "
+        f"{length:g} s"
+    )
