@@ -25,6 +25,7 @@ _MOVING_SHARE: Final = 0.01
 _DISTURBED_SHARE: Final = 0.05
 MODELS: Final = ("standard", "gauss_markov")
 UNITS: Final = ("rad/s", "m/s^2")
+TRIADS: Final = ("gyroscope", "accelerometer")
 
 
 class Readings(Protocol):
@@ -57,6 +58,11 @@ class AllanResult(NamedTuple):
     """(6,) mean readings."""
     model: str
     warnings: tuple[str, ...]
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Names of the parameters that were estimated."""
+        return next((tuple(noise.estimates) for noise in self.noise if noise is not None), ())
 
     def estimate(self, axis: int, key: str) -> Estimate:
         """Return a parameter of one axis; of a constant axis nothing is known but zero."""
@@ -190,7 +196,8 @@ def _motion_problems(record: Record) -> list[str]:
         worst = max(rest.moving, key=lambda m: m.size / (1.0 if m.axis < 3 else 10.0))
         result.append(
             f"not at rest: the {AXES[worst.axis]} moves by {worst.size:.3g} "
-            f"{UNITS[worst.axis // 3]} between {worst.begin:.0f} and {worst.end:.0f} s; record the IMU lying still"
+            f"{UNITS[worst.axis // 3]} between {worst.begin:.0f} and {worst.end:.0f} s; "
+            "record the IMU lying still"
         )
     disturbed = sum(m.end - m.begin for m in rest.disturbed)
     if disturbed > _DISTURBED_SHARE * rest.seconds:

@@ -72,6 +72,8 @@ class AxisNoise(NamedTuple):
     """Keys of the terms that the model has."""
     expected: Array
     """(m,) fitted rows of the spectrum."""
+    trend: float = 0.0
+    """The ramp with its sign, where it is in the model."""
 
 
 def axis_data(spectrum: Spectrum, axis: int) -> Data:
@@ -94,7 +96,7 @@ def estimate(spectrum: Spectrum, axis: int) -> AxisNoise:
     chosen, best = _select(data, columns)
     estimates = {key: component_estimate(data, columns, chosen, best, key) for key in columns}
     estimates[RAMP] = _ramp(data, columns, chosen)
-    return AxisNoise(estimates, chosen, best.expected)
+    return AxisNoise(estimates, chosen, best.expected, best.trend)
 
 
 def _subsets() -> Iterator[tuple[str, ...]]:
