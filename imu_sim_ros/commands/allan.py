@@ -1,0 +1,196 @@
+"""``allan``: noise parameters of an IMU, with confidence, from bags of it lying still.
+
+The terms are found by maximum likelihood on the record's cosine spectrum, not by lines through the
+Allan curve; see imu_sim_ros.calibration.
+"""
+
+import argparse
+import sys
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from imu_sim_ros.bags.read import ImuMessages, imu_blocks
+from imu_sim_ros.calibration import noise_files, truth
+from imu_sim_ros.calibration.analysis import MODELS, TRIADS, AllanResult, analyse
+from imu_sim_ros.calibration.estimate import Estimate
+from imu_sim_ros.calibration.units import quantity
+from imu_sim_ros.commands import common
+from imu_sim_ros.errors import InputError
+
+_IN_JSON = ("noise_density", "random_walk", "bias_instability")
+_OPTIONAL = ("quantisation", "rate_ramp")
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the command's arguments."""
+    result = common.Parser(prog="allan", description=(__doc__ or "").replace("``", ""))
+    result.add_argument(
+        "bags",
+        metavar="BAG",
+        nargs="+",
+        type=Path,
+        help="bag, EuRoC folder or CSV file of one IMU at rest; several are combined",
+    )
+    result.add_argument("--topic", help="sensor_msgs/Imu topic, where a bag has several")
+    result.add_argument(
+        "-o", "--output", type=Path, metavar="DIR", help="folder for the files (default: allan)"
+    )
+    result.add_argument(
+        "--model",
+        choices=MODELS,
+        default="standard",
+        help="standard: Q, N, B, K and R as far as the data show them; gauss_markov: white noise "
+        "and a first-order Gauss-Markov process",
+    )
+    result.add_argument(
+        "--truth",
+        metavar="NAME|FILE",
+        help="compare with the parameters that made the bag: a name in config/imus or a file",
+    )
+    result.add_argument(
+        "--force", action="store_true", help="go on where a check of the data fails"
+    )
+    result.add_argument("--no-files", action="store_true", help="write no files, print only")
+    common.add_output_arguments(result)
+    return result
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command; returns its exit status."""
+    arguments = parser().parse_args(argv)
+    return common.run("allan", lambda: allan(arguments))
+
+
+def allan(arguments: argparse.Namespace) -> None:
+    """Analyse, write the files and print."""
+    true_imu = truth.load_truth(arguments.truth) if arguments.truth else None
+    with common.progress("read", 0, arguments.quiet or arguments.json) as advance:
+        result = analyse(
+            _blocks(arguments.bags, arguments.topic),
+            model=arguments.model,
+            force=arguments.force,
+            advance=advance,
+        )
+    comparisons = [] if true_imu is None else truth.compare(result, true_imu)
+    output = arguments.output or Path("allan")
+    files = [] if arguments.no_files else _write(result, output, arguments)
+    if arguments.json:
+        common.print_json(_json(result, comparisons))
+    elif not arguments.quiet:
+        _print(result, comparisons, files)
+
+
+def _blocks(bags: Iterable[Path], topic: str | None) -> Iterator[Iterator[ImuMessages]]:
+    for bag in bags:
+        yield imu_blocks(bag, topic)
+
+
+def _write(result: AllanResult, output: Path, arguments: argparse.Namespace) -> list[Path]:
+    from imu_sim_ros.plots import allan as picture
+
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+        source = ", ".join(str(bag) for bag in arguments.bags)
+        noise_files.write_csv(result, output / "allan.csv")
+        noise_files.write_kalibr(result, output / "kalibr_imu.yaml", arguments.topic or "/imu0")
+        for name, continuous in (("imu_utils.yaml", False), ("imu_utils_continuous.yaml", True)):
+            noise_files.write_imu_utils(result, output / name, continuous=continuous)
+        noise_files.write_parameters(result, output / "imu.yaml", source)
+    except OSError as error:
+        raise InputError(f"{output}: {error.strerror or error}") from None
+    picture.draw(result, output / "allan.png")
+    return sorted(output.glob("*.*"))
+
+
+def _json(result: AllanResult, comparisons: Sequence[truth.Comparison]) -> Mapping[str, Any]:
+    timing = result.timing
+    values: dict[str, Any] = {
+        "rate_hz": timing.rate,
+        "duration_s": result.duration,
+        **{
+            name: {key: _json_term(result, k, key) for key in result.keys}
+            for k, name in enumerate(TRIADS)
+        },
+        "model": result.model,
+        "jitter_s": timing.jitter,
+        "lost": timing.lost,
+        "gaps": timing.gaps,
+        "warnings": list(result.warnings),
+    }
+    if comparisons:
+        values["truth"] = [
+            {
+                "triad": TRIADS[c.axis // 3],
+                "axis": "xyz"[c.axis % 3],
+                "parameter": c.key,
+                "truth": c.truth,
+                "covered": c.covered,
+            }
+            for c in comparisons
+        ]
+    return values
+
+
+def _json_term(result: AllanResult, triad: int, key: str) -> Mapping[str, Any]:
+    found = [result.estimate(3 * triad + k, key) for k in range(3)]
+    return {
+        "value": [e.value for e in found],
+        "low": [e.low for e in found],
+        "high": [e.high for e in found],
+    }
+
+
+def _print(
+    result: AllanResult, comparisons: Sequence[truth.Comparison], files: Sequence[Path]
+) -> None:
+    timing = result.timing
+    print(
+        f"{result.duration / 3600.0:.3g} h at {timing.rate:.6g} Hz, "
+        f"stamps' jitter {timing.jitter * 1e3:.3g} ms, {timing.lost} samples lost"
+    )
+    for warning in result.warnings:
+        print(f"note: {warning}")
+    header = ["", "value", "95 % interval", "unit", "", "unit"]
+    rows = []
+    by_place = {(c.axis, c.key): c for c in comparisons}
+    if comparisons:
+        header += ["truth", "covered"]
+    for axis in range(6):
+        for key in result.keys:
+            found = result.estimate(axis, key)
+            if key in _OPTIONAL and found.value is None and (axis, key) not in by_place:
+                continue
+            row = _row(axis, key, found)
+            if comparisons:
+                row += _truth_columns(by_place.get((axis, key)))
+            rows.append(row)
+    common.print_table(header, rows)
+    if comparisons:
+        covered = sum(c.covered for c in comparisons)
+        print(f"{covered} of {len(comparisons)} intervals hold the truth")
+    for path in files:
+        print(path)
+
+
+def _row(axis: int, key: str, found: Estimate) -> list[str]:
+    triad = TRIADS[axis // 3]
+    q = quantity(triad, key)
+    name = f"{triad} {'xyz'[axis % 3]}  {q.symbol} {q.text}"
+    factor = q.field_factor
+    if found.value is None:
+        return [name, f"< {found.high:.3g}", "", q.unit, f"< {found.high * factor:.3g}",
+                q.field_unit]  # fmt: skip
+    interval = f"{found.low:.4g} .. {found.high:.4g}"
+    return [name, f"{found.value:.4g}", interval, q.unit, f"{found.value * factor:.4g}",
+            q.field_unit]  # fmt: skip
+
+
+def _truth_columns(comparison: truth.Comparison | None) -> list[str]:
+    if comparison is None:
+        return ["", ""]
+    return [f"{comparison.truth:.4g}", "yes" if comparison.covered else "NO"]
+
+
+if __name__ == "__main__":
+    sys.exit(main())

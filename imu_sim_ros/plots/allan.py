@@ -1,0 +1,121 @@
+"""The Allan deviation with its band and the fitted terms."""
+
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from imu_sim_ros.calibration.analysis import TRIADS, AllanResult
+from imu_sim_ros.calibration.estimate import RAMP
+from imu_sim_ros.calibration.gauss_markov import CORRELATION_TIME, SIGMA
+from imu_sim_ros.calibration.terms import TERMS, gauss_markov_deviation, ramp_deviation
+from imu_sim_ros.calibration.units import quantity
+from imu_sim_ros.plots import style
+
+Array = NDArray[np.float64]
+
+_SHORT_UNITS: Final = {"gyroscope": "rad/s", "accelerometer": "m/s$^2$"}
+_LINES: Final = {"Q": ":", "N": "--", "B": "-.", "K": "--", "R": ":", "sigma": "-."}
+
+
+def draw(result: AllanResult, path: str | Path) -> None:
+    """Write the picture: a panel for each triad; dashed lines are the terms, of the mean axis."""
+    figure, panels = style.panels(1, 2, 12.5, 5.6)
+    for triad, axes in enumerate(panels):
+        _draw_triad(result, triad, axes)
+    hours = result.duration / 3600.0
+    figure.suptitle(
+        f"Overlapping Allan deviation: {hours:.3g} h at {result.timing.rate:.6g} Hz "
+        "(band: 95 %; black: fitted model, grey: its terms)"
+    )
+    style.save(figure, path)
+
+
+def _draw_triad(result: AllanResult, triad: int, axes: Axes) -> None:
+    deviation = result.deviation
+    tau = deviation.tau
+    for k, name in enumerate("xyz"):
+        column = 3 * triad + k
+        if result.noise[column] is None:
+            continue
+        colour = style.AXIS_COLOURS[name]
+        axes.fill_between(
+            tau, deviation.low[:, column], deviation.high[:, column], color=colour, alpha=0.15, lw=0
+        )
+        axes.loglog(tau, deviation.deviation[:, column], color=colour, label=_label(result, column))
+    _draw_model(result, triad, axes)
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    curves = deviation.deviation[:, 3 * triad : 3 * triad + 3]
+    positive = curves[curves > 0.0]
+    if len(positive):
+        axes.set_ylim(positive.min() / 3.0, positive.max() * 2.0)
+    axes.grid(True, which="minor", color="#EEEEEE", linewidth=0.4)
+    axes.set_xlabel("cluster time [s]")
+    axes.set_ylabel(f"Allan deviation [{_SHORT_UNITS[TRIADS[triad]]}]")
+    axes.set_title(TRIADS[triad])
+    axes.legend(loc="lower left" if _falls(curves) else "upper center", framealpha=0.9)
+
+
+def _falls(curves: Array) -> bool:
+    """Tell whether the curve ends below its middle: then the corner below left is free."""
+    middle = len(curves) // 2
+    return bool(np.nanmean(curves[-1]) < 3.0 * np.nanmean(curves[middle]))
+
+
+def _label(result: AllanResult, column: int) -> str:
+    words = []
+    for key in result.keys:
+        found = result.estimate(column, key)
+        symbol = quantity(TRIADS[column // 3], key).symbol
+        if found.value is not None:
+            half = 0.5 * (found.high - found.low)
+            words.append(f"{symbol} = {found.value:.3g} $\\pm$ {half:.1g}")
+        elif key == "random_walk":
+            words.append(f"{symbol} < {found.high:.2g}")
+    return f"{'xyz'[column % 3]}: " + ", ".join(words)
+
+
+def _draw_model(result: AllanResult, triad: int, axes: Axes) -> None:
+    """Draw the terms of the mean axis as grey lines and their sum in black."""
+    tau = result.deviation.tau
+    parts = [line for line in _terms(result, triad, tau) if np.any(line[1] > 0.0)]
+    if not parts:
+        return
+    for symbol, line in parts:
+        axes.loglog(tau, line, color=style.MUTED_COLOUR, linestyle=_LINES[symbol], lw=1.0)
+        end = 0 if line[0] > line[-1] else -1
+        axes.annotate(
+            symbol,
+            (tau[end], line[end]),
+            color=style.MUTED_COLOUR,
+            xytext=(-12 if end == 0 else 4, -3),
+            textcoords="offset points",
+        )
+    total = np.sqrt(np.sum([line**2 for _, line in parts], axis=0))
+    axes.loglog(tau, total, color=style.TRUTH_COLOUR, lw=1.0)
+
+
+def _terms(result: AllanResult, triad: int, tau: Array) -> list[tuple[str, Array]]:
+    lines = []
+    for term in TERMS:
+        lines.append((term.symbol, term.deviation(tau) * _mean(result, triad, term.key)))
+    if RAMP in result.keys:
+        lines.append(("R", ramp_deviation(tau) * _mean(result, triad, RAMP)))
+    if SIGMA in result.keys:
+        time = _mean(result, triad, CORRELATION_TIME)
+        if time > 0.0:
+            shape = gauss_markov_deviation(tau, time)
+            lines.append(("sigma", shape * _mean(result, triad, SIGMA)))
+    return lines
+
+
+def _mean(result: AllanResult, triad: int, key: str) -> float:
+    """Return the root mean square of the axes that have a value, 0 where none has."""
+    if key not in result.keys:
+        return 0.0
+    values = [result.estimate(3 * triad + k, key).value for k in range(3)]
+    known = [value for value in values if value is not None]
+    return float(np.sqrt(np.mean(np.square(known)))) if known else 0.0
