@@ -212,12 +212,12 @@ class PosesParameters(TrajectoryParameters):
     topic: str = text("", "Odometry or PoseStamped topic of a bag; empty: the only one")
     knot_spacing: float = number(
         0.0,
-        "time between the spline's knots; 0: 0.05 s, or the poses' interval where that is longer",
+        "time between the spline's knots; 0: 0.02 s, or the poses' interval where that is longer",
         unit="s",
         minimum=0.0,
     )
     cutoff: float = number(
-        10.0,
+        12.0,
         "motion of higher frequencies is smoothed away",
         unit="Hz",
         minimum=0.0,

@@ -13,7 +13,7 @@ from imu_sim_ros.trajectory.motion import Array, Motion, Trajectory
 from imu_sim_ros.trajectory.spline_fit import fit
 
 _LEAST_POSES: Final = 4
-_LEAST_SPACING: Final = 0.05  # s
+_LEAST_SPACING: Final = 0.02  # s
 _PEAK_SAMPLES: Final = 4  # per segment
 
 

@@ -1,0 +1,93 @@
+"""What every trajectory of config/trajectories, and every wrapper around one, must keep."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from imu_sim_ros.config import files
+
+NAMES = files.names("trajectories")
+RNG = np.random.default_rng(1)
+
+
+def some_times(trajectory, count=2000, margin=0.01):
+    return np.sort(RNG.uniform(margin, min(trajectory.duration, 100.0) - margin, count))
+
+
+def test_the_files_of_the_issue_are_there():
+    wanted = {
+        "static", "lecture", "circle", "figure_eight", "line", "spin", "coning", "sculling",
+        "excitation", "rotating_disc", "free_fall", "waypoints", "six_position", "turntable",
+        "temperature_soak", "temperature_ramp",
+    }  # fmt: skip
+    assert wanted <= set(NAMES)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_derivatives_are_exact(name, build, assert_exact_derivatives):
+    trajectory = build(type=name)
+    assert_exact_derivatives(trajectory, some_times(trajectory))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_derivatives_are_exact_with_every_wrapper(name, build, assert_exact_derivatives):
+    trajectory = build(
+        type=name,
+        length=15.0,
+        repeat=3,
+        repeat_mode="there_and_back",
+        time_scale=1.3,
+        rest_before=1.0,
+        rest_after=1.5,
+        rest_transition=1.0,
+        vibration__frequency=[7.0],
+        vibration__acceleration=[1.0, 2.0, 3.0],
+        vibration__noise_rms=0.5,
+        vibration__noise_low=2.0,
+        vibration__noise_high=9.0,
+    )
+    assert_exact_derivatives(trajectory, some_times(trajectory))
+
+
+@pytest.mark.parametrize("name", [*NAMES, "wrapped"])
+def test_samples_do_not_depend_on_their_block(name, build):
+    if name == "wrapped":
+        trajectory = build(type="lecture", rest_before=1.0, vibration__noise_rms=1.0)
+    else:
+        trajectory = build(type=name)
+    t = np.arange(1000) * 0.005
+    together = trajectory.sample(t)
+    for size in (1, 7, 64):
+        for first in range(0, 200, size):
+            alone = trajectory.sample(t[first : first + size])
+            for field, expected in zip(alone, together, strict=True):
+                np.testing.assert_array_equal(field, expected[first : first + size])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_no_times_give_no_rows(name, build):
+    motion = build(type=name).sample(np.zeros(0))
+    assert [len(field) for field in motion] == [0] * 6
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_numbers_in_lists_are_all_floats(name):
+    # rcl refuses a list such as [1.0, 2].
+    for value in files.load(files.find("trajectories", name)).values():
+        if isinstance(value, list):
+            assert all(isinstance(entry, float) for entry in value)
+
+
+@pytest.mark.parametrize("name", ["static", "lecture", "excitation", "six_position", "turntable"])
+def test_starting_needs_no_scipy(name):
+    code = (
+        "import sys, numpy as np\n"
+        "from imu_sim_ros.config.simulation import load_simulation\n"
+        "from imu_sim_ros.trajectory import build_trajectory\n"
+        f"p = load_simulation({{'trajectory.type': {name!r}}})\n"
+        "build_trajectory(p.trajectory).sample(np.arange(3.0))\n"
+        "sys.exit(any(m.split('.')[0] in ('scipy', 'matplotlib') for m in sys.modules))"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
