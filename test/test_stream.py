@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from imu_sim_ros.config import files
 from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.errors import ConfigurationError
