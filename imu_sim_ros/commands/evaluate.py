@@ -19,7 +19,7 @@ from imu_sim_ros.navigation.association import (
     interpolate_poses,
     interpolate_vectors,
 )
-from imu_sim_ros.navigation.consistency import anees_band, nees
+from imu_sim_ros.navigation.consistency import anees_band, nees, straightened
 from imu_sim_ros.navigation.evaluation import (
     AbsoluteErrors,
     absolute_errors,
@@ -228,9 +228,10 @@ def _consistency(
     if estimate.pose_covariance is None or alignment != "none":
         return None
     covariance = estimate.pose_covariance[rows]
-    blocks = {"position": (0, errors.position), "attitude": (3, errors.attitude)}
-    # The start has no error and no covariance where it is set to the truth.
-    usable = np.linalg.matrix_rank(covariance) == 6
+    along_arc = straightened(errors.attitude, errors.position)
+    blocks = {"position": (0, along_arc), "attitude": (3, errors.attitude)}
+    # Where the start is set to the truth its covariance is zero: no NEES there.
+    usable = np.linalg.matrix_rank(covariance, hermitian=True) == 6
     if not usable.any():
         return None
     result: dict[str, Any] = {"poses": int(np.count_nonzero(usable))}

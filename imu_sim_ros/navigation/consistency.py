@@ -4,6 +4,14 @@ Bar-Shalom, Li and Kirubarajan, "Estimation with applications to tracking and na
 section 5.4.2: the normalised estimation error squared (NEES) ``e^T P^-1 e`` of a consistent
 estimate is chi-square distributed with as many degrees of freedom as e has numbers, and its mean
 over independent runs (ANEES) lies in a band that shrinks with their number.
+
+Which numbers e holds matters where the attitude is off by more than a degree or so. Velocity and
+position that were integrated along a tilted gravity err along an arc, not along a straight line;
+their plain difference has an error of second order that no covariance of first order knows. In the
+coordinates of the group of attitude, velocity and position, SE_2(3), the arc is straight (Barrau
+and Bonnabel, "The invariant extended Kalman filter as a stable observer", TAC 2017; Brossard,
+Barrau, Chauchat and Bonnabel, "Associating uncertainty to extended poses for on Lie group IMU
+preintegration with rotating Earth", T-RO 2022): :func:`straightened`.
 """
 
 from typing import NamedTuple
@@ -11,7 +19,24 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros import rotation
+
 Array = NDArray[np.float64]
+
+
+def straightened(attitude: Array, error: Array) -> Array:
+    """Return ``Jl(theta)^-1 e`` (n, 3): an error of velocity or position along the arc.
+
+    It belongs to a covariance that was propagated along the estimate. Attitude and error are in one
+    frame, that of the covariance.
+
+    :param attitude: (n, 3) the error of the attitude, truth less estimate, as rotation vector theta
+        with ``R_true = Exp(theta) R`` in the world, or ``R_true = R Exp(theta)`` in the body.
+    :param error: (n, 3) truth less estimate.
+    """
+    # Jl(v) is Jr(-v).
+    result: Array = (rotation.right_jacobian_inverse(-attitude) @ error[..., None])[..., 0]
+    return result
 
 
 class Band(NamedTuple):

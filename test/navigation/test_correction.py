@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
 
+from imu_sim_ros import rotation
 from imu_sim_ros.config.integrator import IntegratorParameters, layer_integrator
 from imu_sim_ros.config.parameter import build
+from imu_sim_ros.errors import InputError
 from imu_sim_ros.navigation.correction import NO_CORRECTION, Correction, correction_of
 from imu_sim_ros.navigation.levelling import level
-from imu_sim_ros import rotation
-from imu_sim_ros.errors import InputError
 
 
 def test_correction_solves_the_model_of_the_sensor():
@@ -46,7 +46,9 @@ def test_levelling_finds_roll_pitch_and_bias(gravity):
     q_wb = rotation.from_euler([0.3, -0.4, 1.2])
     force = rotation.rotate_inverse(q_wb, [0.0, 0.0, -gravity])
     noise = 0.02 * rng.normal(size=(4000, 3))
-    found = level(noise + [0.01, 0.02, -0.03], noise + force, (0.0, 0.0, gravity), yaw=1.2)
+    found = level(
+        noise + np.array([0.01, 0.02, -0.03]), noise + force, (0.0, 0.0, gravity), yaw=1.2
+    )
     turn = rotation.log(rotation.multiply(rotation.conjugate(q_wb), found.q_wb))
     # sigma of the mean is 0.02 / sqrt(4000) = 3.2e-4: 4 sigma, over g for the tilt.
     assert np.abs(turn).max() < 1.3e-3 / 9.81
@@ -54,7 +56,9 @@ def test_levelling_finds_roll_pitch_and_bias(gravity):
 
 
 def test_no_rest_no_level():
-    with pytest.raises(InputError, match=r"force is 12 m/s\^2 and gravity 9.81 m/s\^2: .*not at rest"):
+    with pytest.raises(
+        InputError, match=r"force is 12 m/s\^2 and gravity 9.81 m/s\^2: .*not at rest"
+    ):
         level(np.zeros((9, 3)), np.tile([0.0, 0.0, 12.0], (9, 1)), (0.0, 0.0, -9.81))
     with pytest.raises(InputError, match="no readings"):
         level(np.zeros((0, 3)), np.zeros((0, 3)), (0.0, 0.0, -9.81))

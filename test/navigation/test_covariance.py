@@ -26,7 +26,7 @@ def diagonal(matrix, block):
 
 # Growth from the lecture's error model, over t: white noise of density N gives a velocity variance
 # of N^2 t and a position variance of N^2 t^3 / 3; a walk of density K gives K^2 t^3 / 3 and
-# K^2 t^5 / 20; a constant bias b gives b t and b t^2 / 2. First order over steps of h leaves O(h/t).
+# K^2 t^5 / 20; a constant bias b gives b t and b t^2 / 2. Steps of h to first order leave O(h/t).
 T, RATE = 10.0, 200.0
 
 
@@ -35,9 +35,7 @@ def test_growth_of_accelerometer_noise():
     found = at_rest(noise, T, RATE)
     expected = np.square(0.01 * AXES) * T
     np.testing.assert_allclose(diagonal(found, covariance.VELOCITY), expected, rtol=1e-9)
-    np.testing.assert_allclose(
-        diagonal(found, covariance.POSITION), expected * T**2 / 3, rtol=2e-3
-    )
+    np.testing.assert_allclose(diagonal(found, covariance.POSITION), expected * T**2 / 3, rtol=2e-3)
 
 
 def test_growth_of_accelerometer_walk():
@@ -45,9 +43,7 @@ def test_growth_of_accelerometer_walk():
     found = at_rest(noise, T, RATE)
     expected = np.square(1e-3 * AXES) * T
     np.testing.assert_allclose(diagonal(found, covariance.ACCEL_BIAS), expected, rtol=1e-9)
-    np.testing.assert_allclose(
-        diagonal(found, covariance.VELOCITY), expected * T**2 / 3, rtol=2e-3
-    )
+    np.testing.assert_allclose(diagonal(found, covariance.VELOCITY), expected * T**2 / 3, rtol=2e-3)
     np.testing.assert_allclose(
         diagonal(found, covariance.POSITION), expected * T**4 / 20, rtol=3e-3
     )
@@ -64,9 +60,7 @@ def test_growth_of_gyroscope_noise_and_walk():
     )
     walk = at_rest(SILENT._replace(gyroscope_random_walk=1e-5 * AXES), T, RATE)
     expected = np.square(1e-5 * AXES) * T
-    np.testing.assert_allclose(
-        diagonal(walk, covariance.ATTITUDE), expected * T**2 / 3, rtol=3e-3
-    )
+    np.testing.assert_allclose(diagonal(walk, covariance.ATTITUDE), expected * T**2 / 3, rtol=3e-3)
     sideways = np.array([expected[1], expected[0], 0.0]) * 9.81**2
     # Four integrals of white noise: t^7 / (7 (3!)^2) = t^7 / 252.
     np.testing.assert_allclose(

@@ -24,9 +24,7 @@ CORRECTION = Correction(
 def final_errors(record, method, attitude):
     states = dead_reckon(record.t_ns, record.gyro, record.accel, record.initial, method, attitude)
     position = np.linalg.norm(states.position[-1] - record.truth.position[-1])
-    turn = rotation.multiply(
-        rotation.conjugate(states.q_wb[-1]), record.truth.q_wb[-1]
-    )
+    turn = rotation.multiply(rotation.conjugate(states.q_wb[-1]), record.truth.q_wb[-1])
     return position, np.linalg.norm(rotation.log(turn))
 
 
@@ -230,12 +228,21 @@ def good(n=5):
     ("spoil", "message"),
     [
         (lambda t, w, f: (t[[0, 2, 1, 3, 4]], w, f), r"1 stamps are before .* number 2 \(1"),
-        (lambda t, w, f: (t[[0, 1, 1, 3, 4]], w, f), "1 stamps are repeated, the first is number 2"),
+        (
+            lambda t, w, f: (t[[0, 1, 1, 3, 4]], w, f),
+            "1 stamps are repeated, the first is number 2",
+        ),
         (lambda t, w, f: (t[:1], w[:1], f[:1]), "1 reading: integration needs at least two"),
         (lambda t, w, f: (t[:0], w[:0], f[:0]), "0 readings: integration needs at least two"),
         (lambda t, w, f: (t, np.where(np.eye(5, 3) > 0, np.nan, w), f), "3 gyroscope readings"),
-        (lambda t, w, f: (t, w, f + [np.inf, 0, 0]), "5 accelerometer readings are not finite"),
-        (lambda t, w, f: (t * 20, w, f), "4 gaps are longer than max_gap = 0.1 s, the first is 0.2"),
+        (
+            lambda t, w, f: (t, w, f + np.array([np.inf, 0, 0])),
+            "5 accelerometer readings are not finite",
+        ),
+        (
+            lambda t, w, f: (t * 20, w, f),
+            "4 gaps are longer than max_gap = 0.1 s, the first is 0.2",
+        ),
         (lambda t, w, f: (t, w[:4], f), r"gyro has \(4, 3\)"),
     ],
 )

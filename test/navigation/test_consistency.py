@@ -1,0 +1,176 @@
+"""Errors of many seeded runs of the simulator against the covariance that is predicted for them.
+
+The simulator's noise, dead reckoning or preintegration, and the propagated covariance are three
+separate pieces of code: a factor of sqrt(2) in any of them doubles or halves the NEES, far outside
+of the bands of some 7 %.
+"""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from imu_sim_ros import rotation
+from imu_sim_ros.config.simulation import load_simulation
+from imu_sim_ros.navigation import covariance
+from imu_sim_ros.navigation.consistency import anees_band, nees, straightened
+from imu_sim_ros.navigation.covariance import propagate
+from imu_sim_ros.navigation.dead_reckoning import dead_reckon
+from imu_sim_ros.navigation.noise import noise_of
+from imu_sim_ros.navigation.preintegration import Readings, preintegrate
+from imu_sim_ros.navigation.residuals import States, imu_residual
+from imu_sim_ros.navigation.state import AT_REST, NavigationStates
+from imu_sim_ros.stream import Simulation
+
+RUNS = 500
+NAMES = (
+    "imu.gyroscope_noise_density",
+    "imu.gyroscope_random_walk",
+    "imu.accelerometer_noise_density",
+    "imu.accelerometer_random_walk",
+)
+NOISE = {
+    "lecture": (0.015, 5e-5, 0.019, 5e-4),
+    "adis16448": (1.6968e-4, 1.9393e-5, 2.0e-3, 3.0e-3),
+}
+
+
+def simulate(noise, trajectory="lecture", rate=200.0, duration=10.0, first_seed=1000):
+    """Return 500 runs of the simulator over the same motion, and the parameters."""
+    values = {"imu.preset": "perfect", "trajectory.type": trajectory, "rate": rate}
+    values |= {"duration": duration + 1.0 / rate, **dict(zip(NAMES, noise, strict=True))}
+    parameters = load_simulation(values)
+    blocks = []
+    for seed in range(first_seed, first_seed + RUNS):
+        simulation = Simulation(dataclasses.replace(parameters, seed=seed))
+        blocks.append(simulation.next_block(round(rate * duration) + 1))
+    return parameters, blocks
+
+
+@pytest.fixture(scope="module", params=list(NOISE))
+def runs(request):
+    return simulate(NOISE[request.param])
+
+
+def truth_of(block):
+    motion = block.motion
+    return NavigationStates(block.t_ns, motion.position, motion.velocity, motion.q_wb)
+
+
+def check(errors, matrices):
+    low, high = anees_band(3, RUNS)
+    for name, error, matrix in zip(
+        ("attitude", "velocity", "position"), errors, matrices, strict=True
+    ):
+        mean = nees(error, matrix).mean()
+        assert low <= mean <= high, (name, mean)
+
+
+def test_dead_reckoning_is_consistent(runs):
+    """Mean NEES of 500 runs of 10 s in its 95 % band, in the body's axes.
+
+    In the body, the covariance along each run's own estimate is that along the truth, for it
+    depends on the readings alone; so one serves all runs.
+    """
+    parameters, blocks = runs
+    truth = truth_of(blocks[0])
+    accel = blocks[0].ideal_accel
+    world = propagate(truth, accel, noise_of(parameters.imu))[0]
+    to_body = rotation.to_matrix(truth.q_wb[-1]).T
+    attitude, velocity, position = [], [], []
+    for block in blocks:
+        states = dead_reckon(block.t_ns, block.gyro, block.accel, truth.at(0))
+        back = rotation.conjugate(states.q_wb[-1])
+        attitude.append(rotation.log(rotation.multiply(back, truth.q_wb[-1])))
+        velocity.append(rotation.rotate(back, truth.velocity[-1] - states.velocity[-1]))
+        position.append(rotation.rotate(back, truth.position[-1] - states.position[-1]))
+    attitude = np.array(attitude)
+    errors = [
+        attitude,
+        straightened(attitude, np.array(velocity)),
+        straightened(attitude, np.array(position)),
+    ]
+    blocks_of = (covariance.ATTITUDE, covariance.VELOCITY, covariance.POSITION)
+    check(errors, [to_body @ world[b, b] @ to_body.T for b in blocks_of])
+
+
+def test_preintegration_is_consistent(runs):
+    """The residual of the true states, in the axes of the interval's end, over 500 runs of 10 s."""
+    parameters, blocks = runs
+    h = np.diff(blocks[0].t_ns) * 1e-9
+    readings = Readings(
+        np.tile(h, (RUNS, 1)),
+        np.stack([block.gyro for block in blocks]),
+        np.stack([block.accel for block in blocks]),
+    )
+    ends = [
+        States(
+            *(np.tile(values[row], (RUNS, 1)) for values in motion_of(blocks[0])),
+            np.stack([block.accel_bias[row] for block in blocks]),
+            np.stack([block.gyro_bias[row] for block in blocks]),
+        )
+        for row in (0, -1)
+    ]
+    pre = preintegrate(readings, None, ends[0].gyro_bias, ends[0].accel_bias)
+    residual = imu_residual(pre, ends[0], ends[1], parameters.gravity).residual
+    ideal = Readings(h[None], blocks[0].ideal_gyro[None], blocks[0].ideal_accel[None])
+    exact = preintegrate(ideal, noise_of(parameters.imu))
+    to_end = rotation.to_matrix(exact.gamma[0]).T
+    # 2 vec(q) is 2 sin(angle / 2); the vector itself is wanted here.
+    vector = 0.5 * residual[:, 3:6]
+    w = np.sqrt(1.0 - np.sum(vector**2, axis=1, keepdims=True))
+    attitude = rotation.log(np.concatenate([w, vector], axis=1))
+    errors = [attitude]
+    for rows in (slice(6, 9), slice(0, 3)):
+        at_end = rotation.rotate_inverse(pre.gamma, residual[:, rows])
+        errors.append(straightened(attitude, at_end))
+    p = exact.covariance[0]
+    check(errors, [p[3:6, 3:6], *(to_end @ p[s, s] @ to_end.T for s in (slice(6, 9), slice(0, 3)))])
+    walked = residual[:, 9:]
+    assert anees_band(6, RUNS).low < nees(walked, p[9:, 9:]).mean() < anees_band(6, RUNS).high
+
+
+def motion_of(block):
+    return block.motion.position, block.motion.q_wb, block.motion.velocity
+
+
+# Growth over time. The variance of 1500 independent values (500 runs, 3 axes) is good to
+# sqrt(2 / 1500) = 3.7 %; four of these.
+SAMPLING = 4 * np.sqrt(2 / (3 * RUNS))
+
+
+@pytest.mark.parametrize(
+    ("noise", "velocity_law", "position_law"),
+    [
+        ((0.0, 0.0, 0.02, 0.0), lambda t: 0.02**2 * t, lambda t: 0.02**2 * t**3 / 3),
+        ((0.0, 0.0, 0.0, 1e-3), lambda t: 1e-6 * t**3 / 3, lambda t: 1e-6 * t**5 / 20),
+    ],
+    ids=["white noise", "random walk"],
+)
+def test_errors_grow_as_the_closed_forms_say(noise, velocity_law, position_law):
+    _, blocks = simulate(noise, "static", 100.0, 20.0)
+    rows = [200, 500, 1000, 2000]
+    states = [dead_reckon(b.t_ns, b.gyro, b.accel, AT_REST) for b in blocks]
+    t = np.array(rows) * 0.01
+    for name, law in (("velocity", velocity_law), ("position", position_law)):
+        values = np.stack(
+            [getattr(s, name)[rows] - getattr(truth_of(blocks[0]), name)[rows] for s in states]
+        )
+        found = np.mean(values**2, axis=(0, 2))
+        # Steps of 10 ms instead of continuous time: 3 h / 2 t at most, 1 % at 2 s.
+        np.testing.assert_allclose(found / law(t), 1.0, atol=SAMPLING + 0.01)
+
+
+def test_band():
+    """Against the table of chi-square: 2.5 % and 97.5 % of 60 degrees of freedom, over 20 runs."""
+    low, high = anees_band(3, 20)
+    assert low * 20 == pytest.approx(40.482, abs=1e-3)
+    assert high * 20 == pytest.approx(83.298, abs=1e-3)
+
+
+def test_nees_of_samples():
+    rng = np.random.default_rng(1)
+    root = rng.normal(size=(4, 4))
+    errors = rng.normal(size=(20_000, 4)) @ root.T
+    low, high = anees_band(4, 20_000, 0.9999)
+    assert low < nees(errors, root @ root.T).mean() < high
