@@ -55,6 +55,8 @@ class Integrator(ConfiguredNode):
         self.comparison = TruthComparison() if parameters.error else None
         self._reliable = {IMU: True, TRUTH: True}
         self._subscriptions_by_topic: dict[str, Any] = {}
+        self._received = {IMU: 0, TRUTH: 0}
+        self._published = 0
         self._add_publishers(parameters)
         self.create_service(Trigger, "~/reset", self._reset)
         self._subscribe(Imu, IMU, self._on_imu)
@@ -66,7 +68,10 @@ class Integrator(ConfiguredNode):
         self.odometer.correct_with(new)
 
     def close(self) -> None:
-        """Nothing has to be ended: all work is done in callbacks."""
+        """Say how much came and went."""
+        for topic, count in self._received.items():
+            print(f"integrator: received {topic} {count}", flush=True)
+        print(f"integrator: counted {ODOMETRY} {self._published}", flush=True)
 
     def _add_publishers(self, parameters: IntegratorParameters) -> None:
         world, body = parameters.world_frame, parameters.body_frame
@@ -146,18 +151,21 @@ class Integrator(ConfiguredNode):
         An executor's turn costs more than the integration of a reading; one turn for all of them
         lets the node catch up after a stall.
         """
+        self._received[topic] += 1
         yield first
         subscription = self._subscriptions_by_topic[topic]
         for _ in range(_DEPTH):
             taken = subscription.handle.take_message(subscription.msg_type, True)
             if taken is None:
                 return
+            self._received[topic] += 1
             yield taken[0]
 
     # ----------------------------------------------------------------------------- results
     def _publish(self, rows: list[Row]) -> None:
         if not rows:
             return
+        self._published += len(rows)
         t_ns = np.array([row.t_ns for row in rows])
         columns = list(zip(*rows, strict=True))[1:]
         if rows[0].pose_covariance is None:
