@@ -25,25 +25,34 @@ class ConfiguredNode(Node):
     """
 
     def __init__(
-        self, name: str, section: type, layering: Layering | None = None, **arguments: Any
+        self,
+        name: str,
+        section: type | Callable[[Mapping[str, object]], type],
+        layering: Layering | None = None,
+        **arguments: Any,
     ) -> None:
         """Declare all parameters.
 
         :param name: the node's name, which a remapping may change.
-        :param section: frozen dataclass made of the functions in config.parameter.
+        :param section: frozen dataclass made of the functions in config.parameter, or a function
+            that returns the one for the values that were given.
         :param layering: puts the values that were given above others, such as those of a preset.
         :raises ConfigurationError: with a line for every unknown name and every bad value.
         """
         super().__init__(name, automatically_declare_parameters_from_overrides=True, **arguments)
         given = self._take_overrides()
-        self.section = section
+        self.section = section if isinstance(section, type) else section(given)
+        self.changed: frozenset[str] = frozenset()
         self.given: dict[str, object] = given
-        self.parameters: Any = build(section, layering(given) if layering else given)
-        self._declare(flatten(self.parameters), parameters(section, flatten(self.parameters)))
+        self.parameters: Any = build(self.section, layering(given) if layering else given)
+        values = flatten(self.parameters)
+        self._declare(values, parameters(self.section, values))
         self.add_on_set_parameters_callback(self._on_set)
 
     def apply(self, new: Any) -> None:
         """Take new parameters, all of them valid; a subclass acts on them and may still refuse.
+
+        ``self.changed`` holds the names that were set, be it to the value they had.
 
         :raises ConfigurationError: for what only the running node can tell; nothing is changed.
         """
@@ -87,6 +96,7 @@ class ConfiguredNode(Node):
         if not own:
             return SetParametersResult(successful=True)
         try:
+            self.changed = frozenset(own)
             new = build(self.section, {**flatten(self.parameters), **own})
             self.apply(new)
         except ConfigurationError as error:

@@ -1,0 +1,226 @@
+"""Parameters of the simulator node: those of a simulation, and how it is played."""
+
+import dataclasses
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from imu_sim_ros.config.imu import ImuParameters
+from imu_sim_ros.config.parameter import (
+    Vector,
+    choice,
+    flag,
+    integer,
+    number,
+    section,
+    text,
+    texts,
+    vector,
+)
+from imu_sim_ros.config.simulation import SimulationParameters, layer_simulation
+from imu_sim_ros.config.triads import TRIADS
+from imu_sim_ros.errors import ConfigurationError
+
+NODE = "simulator"
+FAULTS = ("none", "bias_jump", "saturation", "stuck", "dropout", "latency")
+BODY = "/body"
+"""Name of the simulation that only tells the truth; no IMU can have it."""
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+
+
+@dataclass(frozen=True)
+class PublishParameters:
+    """Which topics there are besides ``imu/data_raw``."""
+
+    ground_truth: bool = flag(True, "publish ground_truth/odom")
+    ground_truth_imu: bool = flag(False, "publish ground_truth/imu, the readings without errors")
+    biases: bool = flag(
+        False, "publish ground_truth/gyroscope_bias and ground_truth/accelerometer_bias"
+    )
+    temperature: bool = flag(False, "publish imu/temperature")
+    clock_rate: float = number(
+        0.0, "rate of /clock, the simulated time; 0: none", unit="Hz", minimum=0.0, maximum=1000.0
+    )
+    tf_rate: float = number(
+        0.0,
+        "rate of the transform from world_frame to body_frame on /tf (needs tf2_ros); 0: none",
+        unit="Hz",
+        minimum=0.0,
+        maximum=1000.0,
+    )
+
+
+@dataclass(frozen=True)
+class InjectParameters:
+    """A fault that begins when ``kind`` is set; each setting of it injects another one."""
+
+    kind: str = choice(
+        "none",
+        FAULTS,
+        "fault that begins with the next block: set the other inject.* before it or with it",
+        live=True,
+    )
+    duration: float = number(
+        1.0, "length of the fault", unit="s", minimum=0.0, above_minimum=True, live=True
+    )
+    delay: float = number(
+        0.0, "time from the next block to the begin of the fault", unit="s", minimum=0.0, live=True
+    )
+    triad: str = choice(
+        "gyroscope", TRIADS, "which sensor a bias_jump, saturation or stuck hits", live=True
+    )
+    value: Vector = vector(
+        0.0,
+        "bias_jump: what is added to the bias [rad/s or m/s^2]; saturation: limit [rad/s or "
+        "m/s^2], 0: this axis has none; dropout: probability (1: all are lost); latency: [s]",
+        live=True,
+    )
+    imu: str = text("", "which of `imus` is hit; empty: all", live=True)
+
+
+@dataclass(frozen=True)
+class SimulatorParameters(SimulationParameters):
+    """Everything that the simulator node takes."""
+
+    real_time_factor: float = number(
+        1.0,
+        "simulated seconds per second; 0: as fast as the subscribers acknowledge",
+        minimum=0.0,
+        maximum=1000.0,
+        live=True,
+    )
+    catch_up: bool = flag(
+        True, "after a stall publish every sample late; false: skip to now", live=True
+    )
+    autostart: bool = flag(True, "start at once; false: wait for ~/pause with data: false")
+    wait_for_subscribers: int = integer(
+        0, "start when imu/data_raw has this many subscribers", minimum=0
+    )
+    wait_for_truth_subscribers: int = integer(
+        0, "start when ground_truth/odom has this many subscribers", minimum=0
+    )
+    block_duration: float = number(
+        0.1,
+        "time that is computed ahead in one piece; changes at run time take effect behind it",
+        unit="s",
+        minimum=0.001,
+        maximum=10.0,
+    )
+    step_samples: int = integer(
+        1, "samples that ~/step publishes", minimum=1, maximum=1_000_000, live=True
+    )
+    imus: tuple[str, ...] = texts(
+        (),
+        "several IMUs on the body: names, each the namespace of its topics and the prefix of its "
+        "own parameters (left.rate, left.imu.lever_arm, ...); none: one IMU",
+    )
+    publish: PublishParameters = section(PublishParameters)
+    inject: InjectParameters = section(InjectParameters)
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Say what single parameters cannot, a line each."""
+        yield from super().problems(prefix)
+        if self.wait_for_truth_subscribers and not self.publish.ground_truth:
+            yield (
+                f"{prefix}wait_for_truth_subscribers = {self.wait_for_truth_subscribers}: "
+                f"must be 0 where {prefix}publish.ground_truth is false"
+            )
+        if self.inject.imu and self.inject.imu not in self.imus:
+            yield (
+                f"{prefix}inject.imu = {self.inject.imu!r}: must be empty or one of imus, "
+                f"{list(self.imus)}"
+            )
+        for name, simulation in simulations(self).items():
+            if name not in ("", BODY):
+                yield from simulation.problems(f"{name}.")
+
+
+@dataclass(frozen=True)
+class OneImuParameters:
+    """What an IMU of several has of its own."""
+
+    rate: float = number(
+        200.0, "samples per second", unit="Hz", minimum=0.0, above_minimum=True, maximum=20000.0
+    )
+    seed: int = integer(0, "seed of all random streams", minimum=0, maximum=2**63 - 1)
+    imu_frame: str = text("imu_link", "frame of the readings")
+    imu: ImuParameters = section(ImuParameters)
+
+
+def simulations(parameters: SimulatorParameters) -> dict[str, SimulationParameters]:
+    """Return what is simulated, by the name of the IMU; a single IMU has an empty name.
+
+    Where there are several, the body itself is simulated as well, as a perfect IMU in its origin
+    with the common rate: its motion is the truth of all.
+    """
+    fields = dataclasses.fields(SimulationParameters)
+    shared = {field.name: getattr(parameters, field.name) for field in fields}
+    if not parameters.imus:
+        return {"": SimulationParameters(**shared)}
+    result = {}
+    for name in parameters.imus:
+        own: OneImuParameters = getattr(parameters, name)
+        of_its_own = {field.name: getattr(own, field.name) for field in dataclasses.fields(own)}
+        result[name] = SimulationParameters(**{**shared, **of_its_own})
+    body = {**shared, "imu": ImuParameters(preset="perfect")}
+    return {**result, BODY: SimulationParameters(**body)}
+
+
+def simulator_section(given: Mapping[str, object]) -> type[SimulatorParameters]:
+    """Return the section that holds the parameters of all IMUs that ``imus`` names."""
+    names = _imus(given)
+    if not names:
+        return SimulatorParameters
+    fields: list[Any] = [(name, OneImuParameters, section(OneImuParameters)) for name in names]
+    return dataclasses.make_dataclass(
+        "SimulatorParameters", fields, bases=(SimulatorParameters,), frozen=True
+    )
+
+
+def _imus(given: Mapping[str, object]) -> list[str]:
+    """Return the names of several IMUs; what is wrong with them."""
+    value = given.get("imus", ())
+    names = [str(name) for name in value] if isinstance(value, list | tuple) else []
+    taken = {field.name for field in dataclasses.fields(SimulatorParameters)}
+    problems = [
+        f"imus: {name!r}: must be letters, digits and underscores, and no parameter's name"
+        for name in names
+        if not _NAME.fullmatch(name) or name in taken
+    ]
+    if len(set(names)) < len(names):
+        problems.append(f"imus = {names}: names must differ")
+    if problems:
+        raise ConfigurationError(problems)
+    return names
+
+
+def layer_simulator(given: Mapping[str, object]) -> dict[str, object]:
+    """Return what was given above the presets and the trajectory that it names.
+
+    An IMU of several takes ``rate`` and ``imu.*`` from those of all, where it has none of its own;
+    its seed is the common one plus its place in ``imus``, so that no two have the same noise.
+    """
+    names = _imus(given)
+    own: dict[str, dict[str, object]] = {name: {} for name in names}
+    common: dict[str, object] = {}
+    for key, value in given.items():
+        name, dot, rest = key.partition(".")
+        if dot and name in own:
+            own[name][rest] = value
+        else:
+            common[key] = value
+    result = layer_simulation([common], NODE)
+    inherited = {
+        key: value for key, value in common.items() if key == "rate" or key.startswith("imu.")
+    }
+    first_seed = common.get("seed", 0)
+    for place, name in enumerate(names):
+        defaults: dict[str, object] = {"imu_frame": f"{name}_imu_link"}
+        if isinstance(first_seed, int):
+            defaults["seed"] = first_seed + place
+        layers = [{**inherited, **defaults}, own[name]]
+        for key, value in layer_simulation(layers, NODE).items():
+            if not key.startswith("trajectory."):
+                result[f"{name}.{key}"] = value
+    return result

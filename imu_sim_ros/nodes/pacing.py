@@ -1,0 +1,214 @@
+"""When a sample is due: simulated time against the steady clock, on absolute deadlines."""
+
+import enum
+import threading
+import time
+from collections.abc import Callable
+from typing import Final, NamedTuple
+
+STALL_NS: Final = 50_000_000
+"""A sample that is later than this shows that the process stood still."""
+
+CATCH_UP_SPEED: Final = 8
+"""How many times faster than normal samples follow after a stall: subscribers' queues are short."""
+
+_LONGEST_SLEEP: Final = 0.1
+_LONG_NS: Final = 20_000_000
+_ON_TIME_NS: Final = 1_000_000
+
+
+class Verdict(enum.Enum):
+    """What is to be done with a sample."""
+
+    GO = enum.auto()
+    SKIP = enum.auto()
+    INTERRUPTED = enum.auto()
+
+
+class Stall(NamedTuple):
+    """A stall that is over."""
+
+    late_ns: int
+    """How late the first sample was."""
+    samples: int
+    """How many were published late, or skipped."""
+    skipped: bool
+
+
+class Pacer:
+    """Lets samples pass when they are due; one thread waits, others control.
+
+    A sample at simulated time s is due at ``wall + (s - sim) / speed``; ``(sim, wall)`` is the
+    anchor, set at the start, after a pause and when the speed changes, and never moved by delays.
+    """
+
+    def __init__(
+        self, speed: float, catch_up: bool, on_stall: Callable[[Stall], None] = lambda stall: None
+    ) -> None:
+        self._on_stall = on_stall
+        self._condition = threading.Condition()
+        # Set while anything but waiting for the next deadline has to be looked at.
+        self._attention = threading.Event()
+        self._paused = self._interrupted = self._idle = self._moved = False
+        self._steps = 0
+        self._speed = speed
+        self._catch_up = catch_up
+        self._sim_ns = self._wall_ns = 0
+        self._last_sim_ns = self._last_wall_ns = 0
+        self._stall: Stall | None = None
+        self.caught_up = self.skipped = 0
+        self.lateness_ns: list[int] = []
+
+    # Control, from any thread.
+
+    @property
+    def paused(self) -> bool:
+        """Whether the simulated time stands still."""
+        return self._paused
+
+    def pause(self, paused: bool) -> None:
+        """Stop the simulated time, or let it go on from where it is."""
+        with self._condition:
+            self._moved |= self._paused and not paused
+            self._paused = paused
+            self._look()
+
+    def step(self, samples: int, timeout: float) -> bool:
+        """Let samples pass while paused; returns whether they have been published in time."""
+        with self._condition:
+            self._steps += samples
+            self._look()
+            return self._condition.wait_for(
+                lambda: self._idle and self._steps == 0, timeout=timeout
+            )
+
+    def configure(self, speed: float, catch_up: bool) -> None:
+        """Change the speed and what happens after a stall."""
+        with self._condition:
+            self._moved |= speed != self._speed
+            self._speed, self._catch_up = speed, catch_up
+            self._look()
+
+    def interrupt(self, interrupted: bool = True) -> None:
+        """Let no sample pass any more, until this is called with False."""
+        with self._condition:
+            self._interrupted = interrupted
+            self._steps = 0
+            self._look()
+
+    def take_lateness(self) -> list[int]:
+        """Return the lateness [ns] of every sample since the last call."""
+        taken, self.lateness_ns = self.lateness_ns, []
+        return taken
+
+    def _look(self) -> None:
+        self._attention.set()
+        self._condition.notify_all()
+
+    # The waiting thread.
+
+    def anchor(self, sim_ns: int, wall_ns: int) -> None:
+        """Let the sample at ``sim_ns`` be due at ``wall_ns`` of the steady clock."""
+        self._sim_ns, self._wall_ns = sim_ns, wall_ns
+        self._last_sim_ns, self._last_wall_ns = sim_ns, wall_ns
+        self._stall = None
+
+    @property
+    def unpaced(self) -> bool:
+        """Whether samples pass as fast as they come."""
+        return self._speed == 0
+
+    def wait(self, sim_ns: int) -> Verdict:
+        """Wait until the sample at a simulated time is due."""
+        while True:
+            if self._attention.is_set():
+                verdict = self._attend(sim_ns)
+                if verdict is not None:
+                    return verdict
+            if self._speed == 0:
+                return Verdict.GO
+            now = time.monotonic_ns()
+            delay = self._deadline(sim_ns) - now
+            if delay <= 0:
+                return self._due(sim_ns, now)
+            if delay > _LONG_NS:
+                self._attention.wait((delay - _LONG_NS // 2) * 1e-9)
+            else:
+                time.sleep(delay * 1e-9)
+
+    def _attend(self, sim_ns: int) -> Verdict | None:
+        with self._condition:
+            while self._paused and not self._steps and not self._interrupted:
+                self._idle = True
+                self._condition.notify_all()
+                self._condition.wait()
+            self._idle = False
+            if self._interrupted:
+                return Verdict.INTERRUPTED
+            if self._paused:
+                self._steps -= 1
+                return Verdict.GO
+            self._attention.clear()
+            if self._moved:
+                self._moved = False
+                self.anchor(sim_ns, time.monotonic_ns())
+        return None
+
+    def _due_ns(self, sim_ns: int) -> int:
+        return self._wall_ns + int((sim_ns - self._sim_ns) / self._speed)
+
+    def _deadline(self, sim_ns: int) -> int:
+        due = self._due_ns(sim_ns)
+        if self._stall is None or self._stall.skipped:
+            return due
+        spacing = int((sim_ns - self._last_sim_ns) / (self._speed * CATCH_UP_SPEED))
+        return max(due, self._last_wall_ns + spacing)
+
+    def _due(self, sim_ns: int, now: int) -> Verdict:
+        late = now - self._due_ns(sim_ns)
+        self._last_sim_ns, self._last_wall_ns = sim_ns, now
+        if self._stall is None:
+            if late < STALL_NS:
+                self.lateness_ns.append(late)
+                return Verdict.GO
+            self._stall = Stall(late, 0, skipped=not self._catch_up)
+        elif late < _ON_TIME_NS:
+            self._on_stall(self._stall)
+            self._stall = None
+            self.lateness_ns.append(late)
+            return Verdict.GO
+        self._stall = self._stall._replace(samples=self._stall.samples + 1)
+        if self._stall.skipped:
+            self.skipped += 1
+            return Verdict.SKIP
+        self.caught_up += 1
+        self.lateness_ns.append(late)
+        return Verdict.GO
+
+
+class RosClockPacer(Pacer):
+    """Lets samples pass when a clock that others drive (``use_sim_time``) reaches their times."""
+
+    def __init__(self, now_ns: Callable[[], int], catch_up: bool) -> None:
+        """Follow a clock; :meth:`tick` has to be called whenever it has moved."""
+        super().__init__(1.0, catch_up)
+        self._now_ns = now_ns
+
+    def tick(self) -> None:
+        """Look at the clock again."""
+        self._attention.set()
+
+    def wait(self, sim_ns: int) -> Verdict:
+        """Wait until the clock reaches a time."""
+        while True:
+            if self._attention.is_set():
+                verdict = self._attend(sim_ns)
+                if verdict is not None:
+                    return verdict
+            late = self._now_ns() - sim_ns
+            if late >= 0:
+                if late > STALL_NS and not self._catch_up:
+                    self.skipped += 1
+                    return Verdict.SKIP
+                return Verdict.GO
+            self._attention.wait(_LONGEST_SLEEP)

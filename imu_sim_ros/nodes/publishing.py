@@ -1,0 +1,74 @@
+"""Publishers whose quality of service can be overridden by parameters."""
+
+from collections.abc import Callable
+from typing import Any, Final
+
+from rclpy.node import Node
+from rclpy.qos import QoSPolicyKind, QoSProfile
+from rclpy.qos_overriding_options import QoSOverridingOptions
+
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.nodes.message_types import message_class
+
+_POLICIES: Final = (
+    QoSPolicyKind.HISTORY,
+    QoSPolicyKind.DEPTH,
+    QoSPolicyKind.RELIABILITY,
+    QoSPolicyKind.DURABILITY,
+)
+_OVERRIDES: Final = "qos_overrides."
+
+
+class Counter:
+    """A topic's publisher, with the number of messages that went through it."""
+
+    def __init__(self, topic: str, publisher: Any) -> None:
+        self.topic = topic
+        self.publisher = publisher
+        self.count = 0
+        self._publish: Callable[[Any], None] = publisher.publish
+
+    def send(self, message: Any) -> None:
+        """Publish a message or its bytes."""
+        self._publish(message)
+        self.count += 1
+
+
+def create(node: Node, message_type: Any, topic: str, qos: QoSProfile) -> Any:
+    """Return a publisher; ``qos_overrides./TOPIC.publisher.depth`` and so on change its QoS.
+
+    :param message_type: a message class, or its name.
+    :raises ConfigurationError: for an override that is not one.
+    """
+    if isinstance(message_type, str):
+        message_type = message_class(message_type)
+    try:
+        return node.create_publisher(
+            message_type,
+            topic,
+            qos,
+            qos_overriding_options=QoSOverridingOptions(policy_kinds=_POLICIES),
+        )
+    except (RuntimeError, TypeError, ValueError, AttributeError) as error:
+        raise ConfigurationError(
+            f"{_OVERRIDES}{node.resolve_topic_name(topic)}: {' '.join(str(error).split())}"
+        ) from None
+
+
+def check_overrides(node: Node) -> None:
+    """Look for overrides that concern no publisher of the node.
+
+    :raises ConfigurationError: with a line for each.
+    """
+    topics = [publisher.topic_name for publisher in node.publishers]
+    policies = [policy.name.lower() for policy in _POLICIES]
+    known = {f"{_OVERRIDES}{t}.publisher.{policy}" for t in topics for policy in policies}
+    given = [name for name in node.get_parameters_by_prefix("") if name.startswith(_OVERRIDES)]
+    problems = [
+        f"{name}: must be {_OVERRIDES}TOPIC.publisher.POLICY with one of the topics "
+        f"{', '.join(sorted(topics))} and one of the policies {', '.join(policies)}"
+        for name in given
+        if name not in known
+    ]
+    if problems:
+        raise ConfigurationError(problems)

@@ -1,0 +1,100 @@
+"""What the simulator says about itself: counts, lateness, faults."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+
+from imu_sim_ros.nodes.publishing import Counter
+from imu_sim_ros.sensor.faults import Fault
+
+LATE_US: Final = 500.0
+"""A 99th percentile above this is a warning."""
+
+
+class Report:
+    """Diagnostics of the time since the last ones."""
+
+    def __init__(self, name: str, hardware: str) -> None:
+        self._name, self._hardware = name, hardware
+        self._counts: dict[str, int] = {}
+        self._late: Mapping[str, int] = {}
+
+    def message(
+        self,
+        stamp: Any,
+        elapsed: float,
+        state: str,
+        counters: Sequence[Counter],
+        lateness_ns: Sequence[int],
+        late: Mapping[str, int],
+    ) -> DiagnosticArray:
+        """Return the message.
+
+        :param stamp: builtin_interfaces/Time.
+        :param elapsed: seconds since the last message.
+        :param state: running, paused or waiting, in words.
+        :param lateness_ns: of the samples since the last message.
+        :param late: how many samples were caught up and skipped since the start.
+        """
+        values: dict[str, str] = {"state": state}
+        p99 = 0.0
+        if len(lateness_ns):
+            p50, p99 = np.percentile(lateness_ns, (50, 99)) * 1e-3
+            values["lateness p50 [us]"] = f"{p50:.0f}"
+            values["lateness p99 [us]"] = f"{p99:.0f}"
+            values["lateness max [us]"] = f"{max(lateness_ns) * 1e-3:.0f}"
+        values.update({f"{key} samples": str(value) for key, value in late.items()})
+        for counter in counters:
+            before = self._counts.get(counter.topic, 0)
+            self._counts[counter.topic] = counter.count
+            rate = (counter.count - before) / elapsed
+            values[f"{counter.topic} rate [Hz]"] = f"{rate:.1f}"
+            values[f"{counter.topic} published"] = str(counter.count)
+            subscribers = counter.publisher.get_subscription_count()
+            values[f"{counter.topic} subscribers"] = str(subscribers)
+        level, words = DiagnosticStatus.OK, state
+        if late != self._late:
+            level, words = DiagnosticStatus.WARN, "samples were late"
+        elif p99 > LATE_US:
+            level, words = DiagnosticStatus.WARN, f"99 % of the samples are up to {p99:.0f} us late"
+        self._late = dict(late)
+        return _array(stamp, self._status(level, words, values))
+
+    def _status(self, level: bytes, words: str, values: Mapping[str, str]) -> DiagnosticStatus:
+        return DiagnosticStatus(
+            level=level,
+            name=self._name,
+            message=words,
+            hardware_id=self._hardware,
+            values=[KeyValue(key=key, value=value) for key, value in values.items()],
+        )
+
+
+def fault_message(name: str, fault: Fault, imu: str, stamp: Any) -> DiagnosticArray:
+    """Return what ``ground_truth/faults`` says; its stamp is that of the first sample that is hit.
+
+    :param imu: the IMU's name, where there are several.
+    """
+    values = {
+        "kind": fault.kind,
+        "imu": imu,
+        "triad": fault.triad,
+        "duration [s]": f"{fault.duration:.9g}",
+        "value": " ".join(f"{value:.9g}" for value in fault.axis_values()),
+    }
+    status = DiagnosticStatus(
+        level=DiagnosticStatus.ERROR,
+        name=name,
+        message=f"injected {fault.kind}",
+        hardware_id=imu,
+        values=[KeyValue(key=key, value=value) for key, value in values.items()],
+    )
+    return _array(stamp, status)
+
+
+def _array(stamp: Any, status: DiagnosticStatus) -> DiagnosticArray:
+    message = DiagnosticArray(status=[status])
+    message.header.stamp = stamp
+    return message
