@@ -156,7 +156,7 @@ RANDOM_TERMS = {
 }
 
 
-@pytest.mark.parametrize(("first", "second"), itertools.combinations(RANDOM_TERMS, 2))
+@pytest.mark.parametrize(("first", "second"), [*itertools.combinations(RANDOM_TERMS, 2)])
 def test_switching_one_term_on_changes_no_other(first: str, second: str) -> None:
     """At rest the ideal rate is 0, so two terms read their exact sum; addition commutes."""
     one = perfect(RANDOM_TERMS[first]).next_block(SAMPLES).gyro

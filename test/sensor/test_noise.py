@@ -1,0 +1,258 @@
+"""Statistics of every random process against theory, at several rates.
+
+Thresholds are five standard deviations of the estimate unless said otherwise (one false alarm in
+10^6; the seeds are fixed anyway), and all are far below what a factor sqrt(2) would do: it changes
+a variance by 100 % or 50 %.
+"""
+
+import numpy as np
+import pytest
+
+from imu_sim_ros.config.imu import ImuParameters
+from imu_sim_ros.config.parameter import build
+from imu_sim_ros.config.triads import TRIADS
+from imu_sim_ros.sensor.autoregressive import CHUNK, GaussMarkovBank
+from imu_sim_ros.sensor.deterministic import TurnOn
+from imu_sim_ros.sensor.noise import (
+    BiasInstability,
+    GaussMarkov,
+    RandomWalk,
+    RateRamp,
+    Term,
+    WhiteNoise,
+)
+from imu_sim_ros.sensor.streams import axis_generators, generator
+
+RATES = [50.0, 200.0, 1000.0]
+N = 1_000_000
+SEED = 7
+
+
+def imu(**values: object) -> ImuParameters:
+    return build(ImuParameters, values)
+
+
+def draw(term: Term, parameters: ImuParameters, count: int = N) -> np.ndarray:
+    """Return (3, count) samples, made in blocks."""
+    term.configure(parameters)
+    values = np.zeros((3, count))
+    for first in range(0, count, 50_000):
+        term.add_to(values[:, first : first + 50_000])
+    return values
+
+
+def allan_variance(values: np.ndarray, samples: int) -> float:
+    """Mean over axes of the non-overlapping Allan variance at a time of ``samples`` samples."""
+    clusters = values.shape[1] // samples
+    means = values[:, : clusters * samples].reshape(3, clusters, samples).mean(axis=2)
+    return float(0.5 * np.mean(np.diff(means, axis=1) ** 2))
+
+
+@pytest.mark.parametrize("triad", TRIADS)
+@pytest.mark.parametrize("rate", RATES)
+def test_white_noise(rate: float, triad: str) -> None:
+    """Variance sigma^2 / dt (lecture eq. 16); relative deviation of its estimate sqrt(2 / n)."""
+    density = np.array([0.01, 0.02, 0.03])
+    parameters = imu(**{f"{triad}_noise_density": density.tolist()})
+    noise = draw(WhiteNoise(SEED, triad, 1.0 / rate), parameters)
+    assert np.abs(noise.var(axis=1) / (density**2 * rate) - 1.0).max() < 5.0 * np.sqrt(2.0 / N)
+    assert np.abs(noise.mean(axis=1) / (density * np.sqrt(rate / N))).max() < 5.0
+    unit = noise / noise.std(axis=1, keepdims=True)
+    for lag in (1, 2, 32, 1024):
+        correlation = np.mean(unit[:, lag:] * unit[:, :-lag], axis=1)
+        assert np.abs(correlation).max() < 5.0 / np.sqrt(N)
+    # Allan variance N^2 / tau; over m pairs of clusters, which overlap by one, its relative
+    # deviation is sqrt(3 / m).
+    seconds = 0.5
+    samples = round(seconds * rate)
+    pairs = 3 * (N // samples)
+    expected = np.mean(density**2) / seconds
+    assert allan_variance(noise, samples) == pytest.approx(expected, rel=6.0 * np.sqrt(3 / pairs))
+
+
+@pytest.mark.parametrize("triad", TRIADS)
+@pytest.mark.parametrize("rate", RATES)
+def test_random_walk(rate: float, triad: str) -> None:
+    """Increments are white with variance sigma_b^2 dt (lecture eq. 20 and 21)."""
+    density = np.array([0.01, 0.02, 0.03])
+    parameters = imu(**{f"{triad}_random_walk": density.tolist()})
+    walk = draw(RandomWalk(SEED, triad, 1.0 / rate), parameters)
+    assert not walk[:, 0].any()
+    steps = np.diff(walk, axis=1)
+    assert np.abs(steps.var(axis=1) * rate / density**2 - 1.0).max() < 5.0 * np.sqrt(2.0 / N)
+    # Over m steps the variance is m times as large: none is lost at a block's edge. N / m
+    # independent increments.
+    m = 1000
+    far = np.diff(walk[:, ::m], axis=1)
+    ratio = np.mean(far**2, axis=1) * rate / (m * density**2)
+    assert np.abs(ratio - 1.0).max() < 5.0 * np.sqrt(2.0 * m / N)
+    # Allan variance K^2 tau / 3.
+    seconds = 2.0
+    samples = round(seconds * rate)
+    pairs = 3 * (N // samples)
+    expected = np.mean(density**2) * seconds / 3.0
+    assert allan_variance(walk, samples) == pytest.approx(expected, rel=6.0 * np.sqrt(3 / pairs))
+
+
+@pytest.mark.parametrize("form", ["sigma", "density"])
+@pytest.mark.parametrize("rate", RATES)
+def test_gauss_markov(rate: float, form: str) -> None:
+    """Variance sigma^2 and autocorrelation exp(-lag / tau) in seconds, whatever the rate.
+
+    With T seconds the relative variance of the estimated variance is 2 tau / T (the integral of
+    twice the squared autocorrelation), for three axes a third of it.
+    """
+    tau, sigma = 0.2, 0.05
+    strength = sigma if form == "sigma" else sigma * np.sqrt(2.0 / tau)
+    parameters = imu(
+        **{f"gyroscope_gauss_markov_{form}": strength, "gyroscope_correlation_time": tau}
+    )
+    dt = 1.0 / rate
+    values = draw(GaussMarkov(SEED, "gyroscope", dt, parameters), parameters)
+    deviation = np.sqrt(2.0 * tau / (3.0 * N * dt))
+    assert np.mean(values**2) / sigma**2 == pytest.approx(1.0, abs=5.0 * deviation)
+    for lag in (0.1, 0.2, 0.4):
+        k = round(lag * rate)
+        covariance = np.mean(values[:, k:] * values[:, :-k])
+        assert covariance / sigma**2 == pytest.approx(np.exp(-lag / tau), abs=5.0 * deviation)
+    # What is left after the recurrence is white, of the exact step's variance, also where rows
+    # (32 samples) and chunks of the scan meet.
+    phi = np.exp(-dt / tau)
+    steps = (values[:, 1:] - phi * values[:, :-1]) / (sigma * np.sqrt(1.0 - phi**2))
+    assert steps.var() == pytest.approx(1.0, abs=5.0 * np.sqrt(2.0 / (3 * N)))
+    assert np.abs(np.mean(steps[:, 1:] * steps[:, :-1])) < 5.0 / np.sqrt(3 * N)
+    for every in (32, CHUNK):
+        edges = steps[:, every - 1 :: every]
+        assert edges.var() == pytest.approx(1.0, abs=5.0 * np.sqrt(2.0 / edges.size))
+
+
+def test_gauss_markov_of_rotors_is_the_driving_density() -> None:
+    """RotorS: sigma_bd^2 = sigma_b^2 tau / 2 (1 - exp(-2 dt / tau)) for every step."""
+    tau, density, dt = 3.0, 0.02, 0.01
+    parameters = imu(accelerometer_gauss_markov_density=density, accelerometer_correlation_time=tau)
+    values = draw(GaussMarkov(SEED, "accelerometer", dt, parameters), parameters)
+    steps = values[:, 1:] - np.exp(-dt / tau) * values[:, :-1]
+    expected = density**2 * tau / 2.0 * (1.0 - np.exp(-2.0 * dt / tau))
+    assert steps.var() / expected == pytest.approx(1.0, abs=5.0 * np.sqrt(2.0 / (3 * N)))
+
+
+@pytest.mark.parametrize("seconds", [1e-3, 1.0, 1e4])
+def test_gauss_markov_starts_in_its_stationary_distribution(seconds: float) -> None:
+    """Of 900 runs: first sample, and sample 100, have variance 1."""
+    starts = []
+    for seed in range(300):
+        streams = axis_generators(seed, "test")
+        starts.append(GaussMarkovBank(streams, np.full((3, 1), seconds), 0.01).next_block(101))
+    values = np.array(starts)[:, :, [0, 100]]
+    assert np.abs(values.var(axis=(0, 1)) - 1.0).max() < 5.0 * np.sqrt(2.0 / 900)
+
+
+def test_gauss_markov_agrees_with_the_plain_recurrence() -> None:
+    """The scan's values, fed back as steps into one loop of plain floats, come out again."""
+    tau, dt = 0.05, 0.01
+    values = GaussMarkovBank(axis_generators(1, "test"), np.full((3, 1), tau), dt).next_block(3000)
+    phi = np.exp(-dt / tau)
+    steps = (values[:, 1:] - phi * values[:, :-1]).tolist()
+    for axis in range(3):
+        x = float(values[axis, 0])
+        for k, step in enumerate(steps[axis]):
+            x = phi * x + step
+            assert x == pytest.approx(values[axis, k + 1], abs=1e-12)
+
+
+def flicker_spectrum(f: np.ndarray) -> np.ndarray:
+    """Two-sided density of the approximation over that of 1/f noise, B^2 / (2 pi f)."""
+    variance = np.log(10.0) / np.pi
+    density = sum(
+        2.0 * variance * tau / (1.0 + (2.0 * np.pi * f * tau) ** 2)
+        for tau in 10.0 ** np.arange(-1, 5)
+    )
+    return density * 2.0 * np.pi * f
+
+
+def test_flicker_ripple_is_what_the_documentation_says() -> None:
+    band = np.geomspace(8e-5, 0.33, 2000)
+    assert np.abs(flicker_spectrum(band) - 1.0).max() < 0.06
+    inner = flicker_spectrum(np.geomspace(1e-3, 1e-2, 2000))
+    assert np.ptp(inner) / 2 == pytest.approx(2.0 / np.cosh(np.pi**2 / np.log(10.0)), rel=0.05)
+
+
+def test_flicker_allan_deviation_is_what_the_documentation_says() -> None:
+    """Allan variance of a Gauss-Markov process: (2 s^2 / x^2)(x - (3 - 4 e^-x + e^-2x) / 2)."""
+    for seconds in np.geomspace(2.0, 3000.0, 50):
+        x = seconds / 10.0 ** np.arange(-1, 5)
+        parts = 2.0 / x**2 * (x - 0.5 * (3.0 - 4.0 * np.exp(-x) + np.exp(-2.0 * x)))
+        variance = np.log(10.0) / np.pi * parts.sum()
+        assert np.sqrt(variance / (2.0 * np.log(2.0) / np.pi)) == pytest.approx(1.0, abs=0.02)
+
+
+@pytest.mark.parametrize("rate", RATES)
+def test_bias_instability(rate: float) -> None:
+    """Density B^2 / (2 pi f) and Allan deviation B sqrt(2 ln 2 / pi), at any rate.
+
+    Density: periodogram with a Hann window, normalised bin by bin, mean over 0.02 to 0.3 Hz. The
+    window correlates neighbours, so about two thirds of the bins count; each has a deviation of 1.
+    Allan: pairs of clusters of 2 s; for 1/f noise neighbouring means are correlated less than those
+    of white noise, so sqrt(3 / pairs) is an upper bound. The ripple comes on top.
+    """
+    b = 0.02
+    parameters = imu(gyroscope_bias_instability=b)
+    values = draw(BiasInstability(SEED, "gyroscope", 1.0 / rate), parameters)
+    window = np.hanning(N)
+    power = np.abs(np.fft.rfft(window * values, axis=1)) ** 2 / (rate * np.sum(window**2))
+    f = np.fft.rfftfreq(N, 1.0 / rate)
+    band = (f > 0.02) & (f < 0.3)
+    ratio = np.mean(power[:, band] * (2.0 * np.pi * f[band]) / b**2)
+    bins = 3 * np.count_nonzero(band) * 2.0 / 3.0
+    assert ratio == pytest.approx(1.0, abs=0.06 + 5.0 / np.sqrt(bins))
+    samples = round(2.0 * rate)
+    pairs = 3 * (N // samples)
+    flat = np.sqrt(allan_variance(values, samples) / (2.0 * np.log(2.0) / np.pi * b**2))
+    assert flat == pytest.approx(1.0, abs=0.02 + 5.0 * 0.5 * np.sqrt(3.0 / pairs))
+
+
+def test_rate_ramp() -> None:
+    ramp = draw(
+        RateRamp("gyroscope", 0.01), imu(gyroscope_rate_ramp=[1e-6, 0.0, -2e-6]), count=100_001
+    )
+    assert ramp[:, -1] == pytest.approx([1e-3, 0.0, -2e-3], rel=1e-12)
+    # Allan deviation R tau / sqrt(2).
+    assert np.sqrt(allan_variance(ramp[[0, 0, 0]], 1000)) == pytest.approx(
+        1e-6 * 10.0 / np.sqrt(2.0), rel=1e-9
+    )
+
+
+def test_turn_on_bias_and_scale_over_many_runs() -> None:
+    """1000 runs of three axes: deviation of the variance sqrt(2 / 3000) of it."""
+    parameters = imu(accelerometer_turn_on_bias_sigma=0.2, accelerometer_turn_on_scale_sigma=0.01)
+    runs = [TurnOn(seed, "accelerometer", parameters) for seed in range(1000)]
+    biases = np.array([run.bias for run in runs])
+    scales = np.array([run.scale for run in runs])
+    limit = 5.0 * np.sqrt(2.0 / 3000)
+    assert biases.var() / 0.2**2 == pytest.approx(1.0, abs=limit)
+    assert scales.var() / 0.01**2 == pytest.approx(1.0, abs=limit)
+    assert abs(np.corrcoef(biases.ravel(), scales.ravel())[0, 1]) < 5.0 / np.sqrt(3000)
+
+
+def test_every_source_has_a_stream_of_its_own() -> None:
+    names = [
+        *(
+            f"{triad}.{term}.{axis}"
+            for triad in TRIADS
+            for term in (
+                "white_noise",
+                "random_walk",
+                "gauss_markov",
+                "bias_instability",
+                "turn_on_bias",
+                "turn_on_scale",
+            )
+            for axis in "xyz"
+        ),
+        "clock.jitter",
+        *(f"transport.{name}" for name in ("latency", "dropout", "burst", "duplicate")),
+        "transport.burst_length",
+        *(f"fault.{k}" for k in range(100)),
+    ]
+    first = {name: generator(0, name).integers(2**63) for name in names}
+    assert len(set(first.values())) == len(names)
