@@ -26,8 +26,8 @@ __all__ = [
     "TYPES",
     "FreeFallParameters",
     "HarmonicParameters",
+    "PolarParameters",
     "PosesParameters",
-    "RotatingDiscParameters",
     "SeriesParameters",
     "SixPositionParameters",
     "StaticParameters",
@@ -65,13 +65,13 @@ class HarmonicParameters(TrajectoryParameters):
 
 
 @dataclass(frozen=True)
-class RotatingDiscParameters(TrajectoryParameters):
-    """The lecture's ball that slides along the radius of a turning disc, with the disc's axes."""
+class PolarParameters(TrajectoryParameters):
+    """A motion along a radius that turns about z; the body turns with it."""
 
-    type: str = text("rotating_disc", TYPE_TEXT)
+    type: str = text("polar", TYPE_TEXT)
     radius: SeriesParameters = section(SeriesParameters)
     angle: SeriesParameters = section(SeriesParameters)
-    height: float = number(0.0, "of the disc in the world", unit="m")
+    height: float = number(0.0, "of the plane in the world", unit="m")
 
 
 @dataclass(frozen=True)
@@ -79,10 +79,10 @@ class FreeFallParameters(TrajectoryParameters):
     """A body thrown and falling, tumbling at a constant rate."""
 
     type: str = text("free_fall", TYPE_TEXT)
-    position: Vector = vector(ZERO_VECTOR, "at the start", unit="m")
-    velocity: Vector = vector(ZERO_VECTOR, "at the start, in the world", unit="m/s")
+    position: Vector = vector((0.0, 0.0, 1.5), "at the start", unit="m")
+    velocity: Vector = vector((2.0, 0.0, 10.0), "at the start, in the world", unit="m/s")
     roll_pitch_yaw: Vector = vector(ZERO_VECTOR, "attitude at the start", unit="rad")
-    angular_velocity: Vector = vector(ZERO_VECTOR, "constant rate in the body", unit="rad/s")
+    angular_velocity: Vector = vector((1.0, 2.0, 0.5), "constant rate in the body", unit="rad/s")
     gravity: Vector = vector(
         (0.0, 0.0, -9.81),
         "its acceleration; that of the simulation for true free fall",
@@ -192,7 +192,7 @@ class TurntableParameters(SixPositionParameters):
         minimum=0.0,
         above_minimum=True,
     )
-    upside_down: bool = flag(False, "each axis down as well, to tell g-sensitivity from bias")
+    upside_down: bool = flag(True, "each axis down as well, to tell g-sensitivity from bias")
     tilt: float = number(
         0.0, "of the table's axis from the vertical, about the world's x", unit="rad"
     )
@@ -236,7 +236,7 @@ class PosesParameters(TrajectoryParameters):
 TYPES: dict[str, type[TrajectoryParameters]] = {
     "static": StaticParameters,
     "harmonic": HarmonicParameters,
-    "rotating_disc": RotatingDiscParameters,
+    "polar": PolarParameters,
     "free_fall": FreeFallParameters,
     "waypoints": WaypointsParameters,
     "six_position": SixPositionParameters,

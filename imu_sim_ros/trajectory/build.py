@@ -7,8 +7,8 @@ from typing import TypeAlias, cast
 from imu_sim_ros.config.trajectory import (
     FreeFallParameters,
     HarmonicParameters,
+    PolarParameters,
     PosesParameters,
-    RotatingDiscParameters,
     SixPositionParameters,
     StaticParameters,
     TrajectoryParameters,
@@ -54,10 +54,10 @@ def _motion(parameters: TrajectoryParameters, pose_reader: PoseReader) -> Trajec
             from imu_sim_ros.trajectory.harmonic import Harmonic
 
             return Harmonic(parameters)
-        case RotatingDiscParameters():
-            from imu_sim_ros.trajectory.rotating_disc import RotatingDisc
+        case PolarParameters():
+            from imu_sim_ros.trajectory.polar import Polar
 
-            return RotatingDisc(parameters)
+            return Polar(parameters)
         case FreeFallParameters():
             from imu_sim_ros.trajectory.free_fall import FreeFall
 

@@ -37,9 +37,7 @@ def assert_exact_derivatives(
     close(m.velocity, derivative(lambda s: trajectory.sample(s).position, t, h))
     close(m.acceleration, derivative(lambda s: trajectory.sample(s).velocity, t, h))
     close(m.angular_velocity, derivative(turned, t, h))
-    close(
-        m.angular_acceleration, derivative(lambda s: trajectory.sample(s).angular_velocity, t, h)
-    )
+    close(m.angular_acceleration, derivative(lambda s: trajectory.sample(s).angular_velocity, t, h))
     np.testing.assert_allclose(np.linalg.norm(m.q_wb, axis=-1), 1.0, rtol=0, atol=1e-14)
     return m
 

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from imu_sim_ros.config import files
+from imu_sim_ros.config.parameter import build as build_section
+from imu_sim_ros.config.trajectory import TYPES
 
 NAMES = files.names("trajectories")
 RNG = np.random.default_rng(1)
@@ -16,13 +18,24 @@ def some_times(trajectory, count=2000, margin=0.01):
     return np.sort(RNG.uniform(margin, min(trajectory.duration, 100.0) - margin, count))
 
 
+def relative(name):
+    """Return the file's parameters by their names within the section ``trajectory``."""
+    values = files.load(files.find("trajectories", name))
+    return {key.removeprefix("trajectory."): value for key, value in values.items()}
+
+
 def test_the_files_of_the_issue_are_there():
-    wanted = {
-        "static", "lecture", "circle", "figure_eight", "line", "spin", "coning", "sculling",
-        "excitation", "rotating_disc", "free_fall", "waypoints", "six_position", "turntable",
-        "temperature_soak", "temperature_ramp",
-    }  # fmt: skip
-    assert wanted <= set(NAMES)
+    wanted = """
+        static lecture circle figure_eight line spin coning sculling excitation rotating_disc
+        free_fall waypoints square six_position turntable temperature_soak temperature_ramp
+    """
+    assert set(wanted.split()) <= set(NAMES)
+
+
+@pytest.mark.parametrize("name", sorted(TYPES.keys() & set(NAMES)))
+def test_a_file_named_like_a_kind_holds_its_defaults(name):
+    """Else a user of the kind would find values that nobody gave below his own."""
+    assert build_section(TYPES[name], relative(name)) == TYPES[name]()
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -35,7 +48,7 @@ def test_derivatives_are_exact(name, build, assert_exact_derivatives):
 def test_derivatives_are_exact_with_every_wrapper(name, build, assert_exact_derivatives):
     trajectory = build(
         type=name,
-        length=15.0,
+        length=2.0 if name == "waypoints" else 15.0,
         repeat=3,
         repeat_mode="there_and_back",
         time_scale=1.3,

@@ -1,17 +1,17 @@
-"""The lecture's ball on a turning disc: a motion along the radius, seen with the disc's axes."""
+"""A motion along a radius that turns: the lecture's ball on a turning disc, in the disc's axes."""
 
 import math
 
 import numpy as np
 
-from imu_sim_ros.config.trajectory import RotatingDiscParameters
+from imu_sim_ros.config.trajectory import PolarParameters
 from imu_sim_ros.trajectory.euler import attitude
 from imu_sim_ros.trajectory.motion import Array, Motion
 from imu_sim_ros.trajectory.profile import Derivatives
 from imu_sim_ros.trajectory.series import SeriesSet
 
 
-class RotatingDisc:
+class Polar:
     """``p = (r cos angle, r sin angle, height)`` with the body turned by the same angle about z.
 
     In the body, x pointing outward, the acceleration is
@@ -19,7 +19,7 @@ class RotatingDisc:
     Euler terms of the lecture's eq. 4. Without end.
     """
 
-    def __init__(self, parameters: RotatingDiscParameters) -> None:
+    def __init__(self, parameters: PolarParameters) -> None:
         self._coordinates = SeriesSet([parameters.radius, parameters.angle])
         self._height = parameters.height
 

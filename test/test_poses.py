@@ -1,0 +1,177 @@
+"""Pose files: the two forms, exact stamps, and every way in which a file can be wrong."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from imu_sim_ros import rotation
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.poses import PoseSequence, read_poses, write_tum
+
+DATA = Path(__file__).parents[1].parent / "shared/data"
+GOOD = ["1.0 0 0 0 0 0 0 1", "1.1 1 2 3 0 0 0 1", "1.2 2 3 4 0 0 0 1", "1.3 3 4 5 0 0 0 1"]
+
+
+@pytest.fixture
+def read(tmp_path):
+    def write_and_read(*lines):
+        path = tmp_path / "poses.txt"
+        path.write_text("\n".join(lines) + "\n")
+        return read_poses(path)
+
+    return write_and_read
+
+
+def wrong(read, *lines):
+    with pytest.raises(InputError) as caught:
+        read(*lines)
+    return [problem.split("poses.txt: ", 1)[1] for problem in caught.value.problems]
+
+
+def test_tum_form(read):
+    half = np.sqrt(0.5)
+    poses = read(
+        "# timestamp tx ty tz qx qy qz qw",
+        "",
+        f"1305031098.6659 1 2 3 0 0 {half} {half}",
+        f"  1305031098.675800001\t4 5 6 {half} 0 0 {half}  ",
+    )
+    assert poses.t_ns.tolist() == [1305031098_665900000, 1305031098_675800001]
+    np.testing.assert_array_equal(poses.position, [[1, 2, 3], [4, 5, 6]])
+    np.testing.assert_allclose(poses.q_wb, [[half, 0, 0, half], [half, half, 0, 0]], atol=1e-15)
+
+
+def test_euroc_form(read):
+    poses = read(
+        "#timestamp, p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], ...",
+        "1403715524907143168,0.5,1.9,0.9,0.6,0.8,0,0," + ",".join(["0"] * 9),
+        "1403715524912143104,0.6,1.8,0.8,0.8,0,0.6,0," + ",".join(["0"] * 9),
+    )
+    assert poses.t_ns.tolist() == [1403715524907143168, 1403715524912143104]
+    np.testing.assert_allclose(poses.q_wb, [[0.6, 0.8, 0, 0], [0.8, 0, 0.6, 0]], atol=1e-15)
+
+
+@pytest.mark.parametrize("columns", [8, 11, 17])
+def test_euroc_with_and_without_velocity_and_biases(read, columns):
+    rows = [",".join([str(k), "0", "0", "0", "1", *["0"] * (columns - 5)]) for k in (1, 2)]
+    assert read(*rows).t_ns.tolist() == [1, 2]
+
+
+def test_stamps_with_exponents_as_other_tools_write_them(read):
+    poses = read("1.403636580863555431e+09 0 0 0 0 0 0 1", "1.5e9 0 0 0 0 0 0 1")
+    assert poses.t_ns.tolist() == [1403636580863555431, 1500000000_000000000]
+
+
+def test_quaternions_are_normalised(read):
+    poses = read("1 0 0 0 0 0 0 1.001", "2 0 0 0 0 0.6001 0 0.8")
+    np.testing.assert_allclose(np.linalg.norm(poses.q_wb, axis=-1), 1.0, rtol=0, atol=1e-15)
+
+
+def test_written_and_read_again(tmp_path):
+    random = np.random.default_rng(8)
+    q = rotation.normalise(random.standard_normal((50, 4)))
+    t_ns = 1_600_000_000_123_456_789 + np.cumsum(random.integers(1, 10**9, 50))
+    poses = PoseSequence(t_ns, random.standard_normal((50, 3)), q)
+    write_tum(tmp_path / "out.txt", poses)
+    again = read_poses(tmp_path / "out.txt")
+    np.testing.assert_array_equal(again.t_ns, t_ns)
+    np.testing.assert_allclose(again.position, poses.position, rtol=1e-11)
+    np.testing.assert_allclose(again.q_wb, q, rtol=0, atol=1e-11)
+
+
+def test_a_pose_that_stands_twice_is_taken_once(read):
+    poses = read(*GOOD[:2], GOOD[1], GOOD[1].replace("0 0 0 1", "0 0 0 -1"), *GOOD[2:])
+    assert poses.t_ns.tolist() == [1_000_000_000, 1_100_000_000, 1_200_000_000, 1_300_000_000]
+    assert poses.dropped == 2
+
+
+@pytest.mark.parametrize("lines", [[], ["# only", "# comments"], ["", "   "]])
+def test_empty_file(read, lines):
+    assert wrong(read, *lines) == ["holds no poses"]
+
+
+def test_one_line(read):
+    assert wrong(read, GOOD[0]) == ["holds one pose; a trajectory needs two or more"]
+    assert wrong(read, GOOD[0], GOOD[0]) == ["holds one pose; a trajectory needs two or more"]
+
+
+def test_every_problem_of_a_kind_is_named_with_its_line(read):
+    lines = ["# head", GOOD[0], "1.1 1 2 3 0 0 0", GOOD[2], "1.3 1 2 3 0 0 0 1 9"]
+    assert wrong(read, *lines) == [
+        "line 3: 7 columns; the TUM form has 8",
+        "line 5: 9 columns; the TUM form has 8",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("bad", "problem"),
+    [
+        ("1.1 nan 2 3 0 0 0 1", "line 2: a value that is not finite"),
+        ("1.1 1 2 3 0 0 inf 1", "line 2: a value that is not finite"),
+        ("nan 1 2 3 0 0 0 1", "line 2: 'nan' is not a stamp in seconds"),
+        ("inf 1 2 3 0 0 0 1", "line 2: 'inf' is not a stamp in seconds"),
+        ("1e300 1 2 3 0 0 0 1", "line 2: '1e300' is not a stamp in seconds"),
+        ("1.1 1 2 3 0 0 0 0", "line 2: a quaternion of length 0 instead of 1"),
+        ("1.1 1 2 3 0 0 0 0.5", "line 2: a quaternion of length 0.5 instead of 1"),
+        ("1.1 one 2 3 0 0 0 1", "line 2: 'one' is not a number"),
+        ("today 1 2 3 0 0 0 1", "line 2: 'today' is not a stamp in seconds"),
+        ("0.9 1 2 3 0 0 0 1", "line 2: the stamp is 0.1 s before that of line 1"),
+        ("1.0 1 2 3 0 0 0 1", "line 2: the stamp of line 1 with another pose"),
+        ("1.0 0 0 0 0 0 1 0", "line 2: the stamp of line 1 with another pose"),
+    ],
+)
+def test_a_bad_line_is_named(read, bad, problem):
+    assert wrong(read, GOOD[0], bad, *GOOD[2:]) == [problem]
+
+
+def test_bad_lines_of_the_euroc_form(read):
+    good = "1,0,0,0,1,0,0,0"
+    assert wrong(read, good, "2,0,0,0,1,0,0") == [
+        "line 2: 7 columns; the EuRoC form has 8 or 11 or 17"
+    ]
+    assert wrong(read, good, "2.5,0,0,0,1,0,0,0") == [
+        "line 2: '2.5' is not a stamp in whole nanoseconds"
+    ]
+    assert wrong(read, good, "2,,0,0,1,0,0,0") == ["line 2: '' is not a number"]
+    assert wrong(read, good, f"{2**63},0,0,0,1,0,0,0") == [
+        f"line 2: '{2**63}' is not a stamp in whole nanoseconds"
+    ]
+
+
+def test_a_flood_of_problems_is_cut(read):
+    problems = wrong(read, *GOOD, *["1 2 3"] * 30)
+    assert len(problems) == 11
+    assert problems[-1] == "and 20 more such lines"
+
+
+def test_files_that_cannot_be_read(tmp_path):
+    with pytest.raises(InputError, match=r"missing\.txt: No such file"):
+        read_poses(tmp_path / "missing.txt")
+    with pytest.raises(InputError, match=r"Is a directory"):
+        read_poses(tmp_path)
+    (tmp_path / "binary.bag").write_bytes(bytes(range(256)))
+    with pytest.raises(InputError, match=r"binary\.bag: not a text file of poses"):
+        read_poses(tmp_path / "binary.bag")
+
+
+def test_a_text_file_has_no_topics(tmp_path):
+    with pytest.raises(InputError, match=r"has no topic odom"):
+        read_poses(tmp_path / "a.txt", "odom")
+
+
+@pytest.mark.parametrize(
+    ("name", "count", "seconds"),
+    [
+        ("euroc_V1_02_medium_groundtruth.csv", 16702, 83.505),
+        ("kaist_vio_infinite_fast.txt", 9882, 211.44057),
+        ("tum_freiburg1_xyz_groundtruth.txt", 3000, 30.0896),
+    ],
+)
+def test_real_files(name, count, seconds):
+    if not (DATA / name).is_file():
+        pytest.skip(f"no recorded poses in {DATA}")
+    poses = read_poses(DATA / name)
+    assert len(poses.t_ns) == count
+    assert (poses.t_ns[-1] - poses.t_ns[0]) * 1e-9 == pytest.approx(seconds, abs=1e-6)
+    assert np.all(np.diff(poses.t_ns) > 0)

@@ -1,0 +1,268 @@
+"""Recorded poses: real files, gaps, signs, repeats, and how the fit is reported."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from imu_sim_ros import rotation
+from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.poses import PoseSequence, read_poses, write_tum
+from imu_sim_ros.trajectory import build_trajectory
+from imu_sim_ros.trajectory.recorded import fit_report
+
+DATA = Path(__file__).parents[2].parent / "shared/data"
+EUROC = DATA / "euroc_V1_02_medium_groundtruth.csv"
+TUM = DATA / "tum_freiburg1_xyz_groundtruth.txt"
+KAIST = DATA / "kaist_vio_infinite_fast.txt"
+DEG = np.pi / 180
+G = np.array([0.0, 0.0, -9.81])
+
+needs_data = pytest.mark.skipif(not EUROC.is_file(), reason=f"no recorded poses in {DATA}")
+
+
+@pytest.fixture
+def follow(build, tmp_path):
+    """Write poses to a file and build the trajectory that follows them."""
+
+    def write_and_build(t, position, q_wb, **parameters):
+        path = tmp_path / "poses.txt"
+        t_ns = 1_500_000_000_000_000_000 + np.round(np.asarray(t) * 1e9).astype(np.int64)
+        write_tum(path, PoseSequence(t_ns, position, q_wb))
+        return build(type="poses", file=str(path), **parameters)
+
+    return write_and_build
+
+
+def smooth_motion(t):
+    """A smooth motion of 0.5 to 2 rad/s, far below the default cut-off."""
+    position = np.column_stack([np.sin(t), np.cos(1.3 * t), 0.5 * np.sin(2 * t)])
+    euler = np.column_stack([0.4 * np.sin(1.1 * t), 0.3 * np.cos(0.9 * t), 0.8 * t])
+    return position, rotation.from_euler(euler)
+
+
+def midpoint(t, motion):
+    """Integrate ideal readings by the midpoint rule (lecture eqs. 32, 33); slow and plain."""
+    dt = np.diff(t)[:, None]
+    rate = 0.5 * (motion.angular_velocity[1:] + motion.angular_velocity[:-1])
+    turns = np.concatenate([motion.q_wb[:1], rotation.exp(rate * dt)])
+    q = rotation.cumulative_product(turns)
+    force_b = rotation.rotate_inverse(motion.q_wb, motion.acceleration - G)
+    force = rotation.rotate(q, force_b) + G
+    mean = 0.5 * (force[1:] + force[:-1])
+    v = motion.velocity[0] + np.concatenate([np.zeros((1, 3)), np.cumsum(mean * dt, axis=0)])
+    steps = v[:-1] * dt + 0.5 * mean * dt**2
+    p = motion.position[0] + np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+    return p, q
+
+
+@needs_data
+@pytest.mark.parametrize(
+    ("path", "position_rms", "angle_rms"),
+    # KAIST's stamps are times of arrival: up to ten poses, centimetres apart, within 1 ms.
+    [(EUROC, 0.1e-3, 0.03 * DEG), (TUM, 0.2e-3, 0.1 * DEG), (KAIST, 3.6e-3, 0.1 * DEG)],
+    ids=["euroc", "tum", "kaist"],
+)
+def test_real_poses_are_passed_closely(build, path, position_rms, angle_rms):
+    trajectory = build(type="poses", file=str(path))
+    report = fit_report(trajectory)
+    assert report.rms_position < position_rms
+    assert report.rms_angle < angle_rms
+    poses = read_poses(path)
+    t = (poses.t_ns - poses.t_ns[0]) * 1e-9
+    near = trajectory.sample(t)
+    distance = np.linalg.norm(near.position - poses.position, axis=-1)
+    assert np.sqrt(np.mean(distance**2)) == pytest.approx(report.rms_position)
+    assert np.max(distance) == pytest.approx(report.max_position)
+    between = rotation.multiply(rotation.conjugate(near.q_wb), poses.q_wb)
+    angle = np.linalg.norm(rotation.log(between), axis=-1)
+    assert np.sqrt(np.mean(angle**2)) == pytest.approx(report.rms_angle)
+    assert report.largest_gap == pytest.approx(np.max(np.diff(t)))
+    assert trajectory.duration == pytest.approx(t[-1])
+
+
+@needs_data
+@pytest.mark.parametrize("path", [EUROC, TUM, KAIST], ids=["euroc", "tum", "kaist"])
+def test_derivatives_of_real_poses_are_exact(build, assert_exact_derivatives, path):
+    trajectory = build(type="poses", file=str(path))
+    times = np.random.default_rng(3).uniform(1.0, trajectory.duration - 1.0, 5000)
+    assert_exact_derivatives(trajectory, times)
+
+
+@needs_data
+def test_velocity_agrees_with_the_file_s_own(build):
+    velocity = np.loadtxt(EUROC, delimiter=",", usecols=(8, 9, 10))
+    poses = read_poses(EUROC)
+    near = build(type="poses", file=str(EUROC)).sample((poses.t_ns - poses.t_ns[0]) * 1e-9)
+    rms = np.sqrt(np.mean(np.sum((near.velocity - velocity) ** 2, axis=-1)))
+    assert rms < 0.01  # m/s
+
+
+@needs_data
+@pytest.mark.parametrize("path", [EUROC, TUM, KAIST], ids=["euroc", "tum", "kaist"])
+def test_integrated_readings_converge_with_order_two(build, path):
+    trajectory = build(type="poses", file=str(path))
+    errors = []
+    for rate in (200.0, 400.0, 800.0):
+        n = int(min(80.0, np.floor(trajectory.duration)) * rate)
+        t = np.arange(n + 1) / rate
+        motion = trajectory.sample(t)
+        p, q = midpoint(t, motion)
+        turned = rotation.log(rotation.multiply(rotation.conjugate(q[-1]), motion.q_wb[-1]))
+        errors.append((np.linalg.norm(p[-1] - motion.position[-1]), np.linalg.norm(turned)))
+    orders = np.log2(np.array(errors)[:-1] / np.array(errors)[1:])
+    np.testing.assert_allclose(orders[:, 0], 2.0, atol=0.3)
+
+
+def test_smooth_motion_is_recovered(follow):
+    t = np.arange(0.0, 10.0, 0.01)
+    trajectory = follow(t, *smooth_motion(t))
+    dense = np.linspace(0.2, 9.7, 997)
+    m = trajectory.sample(dense)
+    position, q_wb = smooth_motion(dense)
+    np.testing.assert_allclose(m.position, position, rtol=0, atol=1e-7)
+    acceleration = np.column_stack(
+        [-np.sin(dense), -1.69 * np.cos(1.3 * dense), -2.0 * np.sin(2 * dense)]
+    )
+    np.testing.assert_allclose(m.acceleration, acceleration, rtol=0, atol=1e-3)
+    angle = rotation.log(rotation.multiply(rotation.conjugate(m.q_wb), q_wb))
+    assert np.max(np.abs(angle)) < 1e-6
+
+
+def test_irregular_stamps_signs_and_gaps(follow):
+    random = np.random.default_rng(4)
+    t = np.cumsum(random.uniform(0.002, 0.03, 1000))
+    t -= t[0]
+    t = t[(t < 5.0) | (t > 5.8)]
+    position, q_wb = smooth_motion(t)
+    q_wb = q_wb * random.choice([-1.0, 1.0], len(t))[:, None]
+    trajectory = follow(t, position, q_wb)
+    report = fit_report(trajectory)
+    assert report.rms_position < 1e-4
+    assert report.rms_angle < 1e-4
+    assert 0.8 <= report.largest_gap < 0.86
+    assert report.largest_gap_at == pytest.approx(5.0, abs=0.04)
+    inside = np.linspace(5.0, 5.8, 50)
+    bridged = np.linalg.norm(trajectory.sample(inside).position - smooth_motion(inside)[0], axis=-1)
+    assert np.max(bridged) < 0.01
+    assert report.peak_rate < 1.5
+    assert report.peak_acceleration < 4.0
+
+
+def test_repeated_poses_are_left_out_and_counted(tmp_path, build):
+    rows = [f"{k / 10:.1f} {k} 0 0 0 0 0 1" for k in range(20)]
+    rows.insert(5, rows[5])
+    rows.insert(9, rows[9])
+    path = tmp_path / "repeats.txt"
+    path.write_text("\n".join(rows))
+    report = fit_report(build(type="poses", file=str(path)))
+    assert (report.poses, report.repeated) == (20, 2)
+    assert any("2 that stand twice" in line for line in report.lines())
+
+
+def test_white_noise_is_smoothed_as_the_cutoff_says(follow):
+    """The filter 1 / (1 + (f/fc)^6) lets a white noise of variance s^2 at rate r through with
+
+    variance s^2 (2/r) integral_0^inf df / (1 + x^6)^2 = s^2 (2 fc / r) (5/6) (pi/6) / sin(pi/6).
+    Some 20 s of 5 Hz band: 200 independent values per axis, 3 axes: 4 % of standard error.
+    """
+    random = np.random.default_rng(5)
+    sigma, rate, cutoff = 1e-3, 200.0, 5.0
+    t = np.arange(0.0, 20.0, 1 / rate)
+    noise = sigma * random.standard_normal((len(t), 3))
+    level = np.tile(rotation.IDENTITY, (len(t), 1))
+    trajectory = follow(t, noise, level, cutoff=cutoff)
+    through = np.sqrt(np.mean(trajectory.sample(t[100:-100]).position ** 2))
+    gain = np.sqrt(2 * cutoff / rate * (5 / 6) * (np.pi / 6) / np.sin(np.pi / 6))
+    assert through == pytest.approx(sigma * gain, rel=0.12)
+
+
+def test_rotation_noise_is_smoothed_like_position_noise(follow):
+    random = np.random.default_rng(6)
+    t = np.arange(0.0, 20.0, 0.005)
+    noise = 1e-3 * random.standard_normal((len(t), 3))
+    trajectory = follow(t, noise, rotation.exp(noise), cutoff=5.0)
+    m = trajectory.sample(t)
+    # The same numbers as positions and as small turns: the fits agree up to products of turns.
+    np.testing.assert_allclose(rotation.log(m.q_wb), m.position, rtol=0, atol=2e-6)
+
+
+def test_a_wider_knot_spacing_is_smoother(follow):
+    random = np.random.default_rng(7)
+    t = np.arange(0.0, 10.0, 0.01)
+    position, q_wb = smooth_motion(t)
+    position = position + 1e-3 * random.standard_normal(position.shape)
+    peaks = [
+        fit_report(follow(t, position, q_wb, knot_spacing=h, cutoff=50.0)).peak_acceleration
+        for h in (0.02, 0.05, 0.2)
+    ]
+    assert peaks[0] > 2 * peaks[1] > 2 * peaks[2]
+
+
+def test_sparse_poses_are_met(follow):
+    """One pose a second: the spline's knots follow, and it goes through the poses."""
+    t = np.arange(0.0, 30.0)
+    position, q_wb = smooth_motion(0.3 * t)
+    report = fit_report(follow(t, position, q_wb))
+    assert report.knot_spacing == pytest.approx(1.0)
+    assert report.max_position < 1e-3
+    assert report.max_angle < 1e-3
+
+
+def test_the_report_is_found_below_wrappers(follow):
+    t = np.arange(0.0, 5.0, 0.01)
+    trajectory = follow(t, *smooth_motion(t), rest_before=1.0, repeat=2,
+                        repeat_mode="there_and_back", vibration__noise_rms=0.1)  # fmt: skip
+    assert fit_report(trajectory).poses == 500
+
+
+def test_no_report_without_poses(build):
+    assert fit_report(build(type="lecture")) is None
+
+
+def test_four_poses_are_enough_and_three_are_not(follow):
+    t = np.arange(4) * 0.1
+    position, q_wb = smooth_motion(t)
+    assert fit_report(follow(t, position, q_wb)).max_position < 1e-3
+    with pytest.raises(InputError, match=r"holds 3 poses; a spline needs 4 or more"):
+        follow(t[:3], position[:3], q_wb[:3])
+
+
+def test_a_gap_too_long_is_named(follow):
+    t = np.concatenate([np.arange(0.0, 2.0, 0.1), np.arange(9.0, 11.0, 0.1)])
+    with pytest.raises(InputError, match=r"a gap of 7.1 s at 1.900 s .*max_gap, 5 s"):
+        follow(t, *smooth_motion(t))
+    assert fit_report(follow(t, *smooth_motion(t), max_gap=10.0)).largest_gap == pytest.approx(7.1)
+
+
+def test_a_file_must_be_named(build):
+    with pytest.raises(ConfigurationError, match=r"trajectory\.file = '': must name a file"):
+        build(type="poses")
+
+
+def test_the_reader_gets_the_topic_only_where_there_is_one():
+    from imu_sim_ros.config.simulation import load_simulation
+
+    calls = []
+
+    def reader(*arguments):
+        calls.append(arguments)
+        t = np.arange(10) * 100_000_000
+        return PoseSequence(t, np.zeros((10, 3)), np.tile(rotation.IDENTITY, (10, 1)))
+
+    base = {"trajectory.type": "poses", "trajectory.file": "flight.mcap"}
+    for extra in ({}, {"trajectory.topic": "odom"}):
+        build_trajectory(load_simulation(base, extra).trajectory, reader)
+    assert calls == [(Path("flight.mcap"),), (Path("flight.mcap"), "odom")]
+
+
+def test_stamps_of_another_reader_are_checked_too():
+    from imu_sim_ros.config.simulation import load_simulation
+
+    def reader(path):
+        t = np.array([0, 1, 3, 2, 4]) * 100_000_000
+        return PoseSequence(t, np.zeros((5, 3)), np.tile(rotation.IDENTITY, (5, 1)))
+
+    parameters = load_simulation({"trajectory.type": "poses", "trajectory.file": "a.bag"})
+    with pytest.raises(InputError, match=r"a\.bag: the stamps do not increase after pose 3"):
+        build_trajectory(parameters.trajectory, reader)
