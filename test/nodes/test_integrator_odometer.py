@@ -1,0 +1,201 @@
+"""The integrator without its topics: starts, restarts, irregular readings, covariance."""
+
+import math
+
+import numpy as np
+import pytest
+
+from imu_sim_ros import rotation
+from imu_sim_ros.config.integrator import IntegratorParameters, layer_integrator
+from imu_sim_ros.config.parameter import build
+from imu_sim_ros.navigation.dead_reckoning import dead_reckon
+from imu_sim_ros.navigation.state import AT_REST
+from imu_sim_ros.nodes.decode import ImuReading, Truth
+from imu_sim_ros.nodes.odometer import Odometer, Row
+
+STEP_NS = 5_000_000
+LEVEL = (0.0, 0.0, 9.81)
+STILL = (0.0, 0.0, 0.0)
+
+
+class Harness:
+    """An odometer, what it complained of, and what a new publisher would look like."""
+
+    def __init__(self, **values: object) -> None:
+        self.complaints: list[str] = []
+        self.new_source = False
+        parameters = build(IntegratorParameters, layer_integrator(values))
+        self.odometer = Odometer(parameters, self.complaints.append, lambda: self.new_source)
+
+    def feed(self, readings: list[ImuReading]) -> list[Row]:
+        return [row for reading in readings for row in self.odometer.add_reading(reading)]
+
+
+def readings(count: int, first: int = 0, gyro=STILL, accel=LEVEL) -> list[ImuReading]:
+    return [ImuReading(10**9 + (first + k) * STEP_NS, gyro, accel) for k in range(count)]
+
+
+def truth(k: float, x: float = 7.0, velocity=STILL) -> Truth:
+    return Truth(10**9 + round(k * STEP_NS), (x, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), velocity, STILL)
+
+
+def turning(count: int) -> list[ImuReading]:
+    generator = np.random.default_rng(3)
+    gyro, accel = generator.normal(0, 0.5, (2, count, 3))
+    accel[:, 2] += 9.81
+    return [
+        ImuReading(10**9 + k * STEP_NS, tuple(gyro[k].tolist()), tuple(accel[k].tolist()))
+        for k in range(count)
+    ]
+
+
+@pytest.mark.parametrize("attitude", ["quaternion", "so3", "euler_angles"])
+@pytest.mark.parametrize("method", ["euler", "midpoint", "rk4"])
+def test_every_method_gives_what_dead_reckoning_of_the_record_gives(method, attitude):
+    stream = turning(400)
+    harness = Harness(method=method, attitude_update=attitude, initial_state="parameters")
+    rows = harness.feed(stream)
+    states = dead_reckon(
+        np.array([r.t_ns for r in stream]),
+        np.array([r.gyro for r in stream]),
+        np.array([r.accel for r in stream]),
+        AT_REST,
+        method,
+        attitude,
+    )
+    assert [row.t_ns for row in rows] == states.t_ns.tolist()
+    np.testing.assert_allclose([row.position for row in rows], states.position, atol=1e-12)
+    np.testing.assert_allclose([row.q_wb for row in rows], states.q_wb, atol=1e-12)
+    velocity_b = rotation.rotate_inverse(states.q_wb, states.velocity)
+    np.testing.assert_allclose([row.velocity_b for row in rows], velocity_b, atol=1e-12)
+
+
+def test_a_gap_is_reported_and_integration_goes_on_behind_it():
+    harness = Harness(initial_velocity=[1.0, 0.0, 0.0])
+    rows = harness.feed(readings(10) + readings(10, first=100))
+    assert len(rows) == 20
+    # 18 steps of 5 ms at 1 m/s; the 0.455 s of the gap are not travelled.
+    assert rows[-1].position[0] == pytest.approx(18 * 0.005, abs=1e-12)
+    assert harness.odometer.totals.steps.gaps == 1
+    assert harness.complaints == ["a gap of 0.455000 s, not integrated over (1)"]
+
+
+def test_repeated_backward_and_unfinite_readings_are_counted_and_passed():
+    stream = readings(10)
+    odd = [
+        *stream[:5],
+        stream[4],
+        stream[5],
+        stream[3],
+        *stream[6:],
+        stream[9]._replace(t_ns=stream[9].t_ns + STEP_NS, gyro=(math.nan, 0.0, 0.0)),
+    ]
+    harness = Harness()
+    rows = harness.feed(odd)
+    steps = harness.odometer.totals.steps
+    assert (steps.repeated, steps.backward, steps.not_finite) == (1, 1, 1)
+    assert len(rows) == 11  # all but the repeated and the unfinite one
+    assert all(np.isfinite(row.position).all() for row in rows)
+    assert len(harness.complaints) == 3
+
+
+def test_start_at_the_truth_takes_the_reading_of_its_stamp_and_loses_none():
+    harness = Harness(initial_state="truth")
+    assert harness.feed(readings(20)) == []
+    rows = list(harness.odometer.add_truth(truth(4)))
+    assert [row.t_ns for row in rows] == [r.t_ns for r in readings(20)][4:]
+    assert rows[0].position == (7.0, 0.0, 0.0)
+    assert len(harness.feed(readings(5, first=20))) == 5
+
+
+def test_start_at_the_truth_that_came_before_the_readings():
+    harness = Harness(initial_state="truth")
+    for k in range(10):
+        assert list(harness.odometer.add_truth(truth(k, x=float(k)))) == []
+    rows = harness.feed(readings(3, first=6))
+    assert [row.position[0] for row in rows] == pytest.approx([6.0, 6.0, 6.0])
+
+
+def test_start_at_a_truth_with_stamps_of_its_own_carries_it_on():
+    harness = Harness(initial_state="truth")
+    harness.feed(readings(1, first=1))
+    # The truth is 0.4 intervals older than the reading and moves at 10 m/s.
+    assert list(harness.odometer.add_truth(truth(0.6, velocity=(10.0, 0.0, 0.0)))) == []
+    rows = list(harness.odometer.add_truth(truth(1.6, velocity=(10.0, 0.0, 0.0))))
+    assert rows[0].position[0] == pytest.approx(7.0 + 10.0 * 0.4 * 0.005, abs=1e-12)
+
+
+def test_start_from_rest_finds_attitude_and_gyroscope_bias():
+    roll, pitch = 0.2, -0.3
+    q_wb = rotation.from_euler([roll, pitch, 1.0])
+    accel = tuple(rotation.rotate_inverse(q_wb, [0.0, 0.0, 9.81]).tolist())
+    bias = (0.01, -0.02, 0.03)
+    harness = Harness(initial_state="level", level_time=0.5, initial_orientation=[0.0, 0.0, 1.0])
+    rows = harness.feed(readings(300, gyro=bias, accel=accel))
+    assert len(rows) == 200  # 0.5 s are 100 intervals; the last reading of them is the first row
+    np.testing.assert_allclose(rows[0].q_wb, q_wb, atol=1e-12)
+    # With the bias known, a body at rest stays where it is.
+    np.testing.assert_allclose(rows[-1].q_wb, q_wb, atol=1e-12)
+    np.testing.assert_allclose(rows[-1].position, 0.0, atol=1e-10)
+
+
+def test_no_start_from_readings_that_are_not_at_rest():
+    harness = Harness(initial_state="level", level_time=0.1)
+    assert harness.feed(readings(30, accel=(0.0, 5.0, 9.81))) == []
+    assert "not at rest" in harness.complaints[0]
+    assert harness.feed(readings(30, first=30))
+
+
+def test_a_clock_set_back_starts_anew():
+    harness = Harness(initial_velocity=[1.0, 0.0, 0.0])
+    harness.feed(readings(1000, first=1000))
+    rows = harness.feed(readings(3))
+    assert harness.odometer.totals.starts == 2
+    assert rows[0].position == (0.0, 0.0, 0.0)
+
+
+def test_a_new_publisher_behind_a_gap_starts_anew_and_the_old_one_does_not():
+    harness = Harness(initial_velocity=[1.0, 0.0, 0.0])
+    harness.feed(readings(10))
+    harness.feed(readings(10, first=100))
+    assert harness.odometer.totals.starts == 1
+    harness.new_source = True
+    rows = harness.feed(readings(10, first=300))
+    assert harness.odometer.totals.starts == 2
+    assert rows[0].position == (0.0, 0.0, 0.0)
+
+
+def test_new_biases_hold_from_the_next_reading_on():
+    harness = Harness(method="euler")
+    harness.feed(readings(3, gyro=(0.1, 0.0, 0.0)))
+    values = {"gyroscope_bias": [0.1, 0.0, 0.0], "method": "euler"}
+    harness.odometer.correct_with(build(IntegratorParameters, layer_integrator(values)))
+    (row,) = harness.feed(readings(1, first=3, gyro=(0.1, 0.0, 0.0)))
+    assert row.angular_velocity_b == (0.0, 0.0, 0.0)
+
+
+def test_the_covariance_of_a_body_at_rest_follows_the_closed_form():
+    """White noise of density N gives var(v) = N^2 t and var(p) = N^2 t^3 / 3; a walk K of the bias
+    gives var(v) = K^2 t^3 / 3. Without gyroscope noise nothing else contributes."""
+    density, walk = 0.02, 0.003
+    harness = Harness(
+        **{
+            "imu.preset": "perfect",
+            "imu.accelerometer_noise_density": density,
+            "imu.accelerometer_random_walk": walk,
+        }
+    )
+    rows = harness.feed(readings(2001))
+    t = 10.0
+    position = rows[-1].pose_covariance
+    expected = density**2 * t**3 / 3 + walk**2 * t**5 / 20
+    # The sums of 2000 steps differ from the integrals by parts of 1/2000.
+    np.testing.assert_allclose(np.diag(position)[:3], expected, rtol=3e-3)
+    velocity = density**2 * t + walk**2 * t**3 / 3
+    np.testing.assert_allclose(np.diag(rows[-1].twist_covariance)[:3], velocity, rtol=3e-3)
+    np.testing.assert_array_equal(position, position.T)
+
+
+def test_without_covariance_none_is_given():
+    harness = Harness(covariance=False)
+    assert harness.feed(readings(3))[-1].pose_covariance is None

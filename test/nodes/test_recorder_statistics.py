@@ -1,0 +1,86 @@
+"""What the stamps of a topic tell: known losses must be found, and nothing else."""
+
+import numpy as np
+import pytest
+
+from imu_sim_ros.nodes.stamp_statistics import StampStatistics
+
+PERIOD_NS = 5_000_000
+
+
+def stamps(count: int = 1000) -> np.ndarray:
+    return 1_000_000_000 + PERIOD_NS * np.arange(count, dtype=np.int64)
+
+
+def seen(t_ns: np.ndarray, batch: int = 100, max_gap_ns: int = 0) -> StampStatistics:
+    statistics = StampStatistics(max_gap_ns)
+    for start in range(0, len(t_ns), batch):
+        statistics.add(t_ns[start : start + batch])
+    return statistics
+
+
+def counts(statistics: StampStatistics) -> tuple[int, int, int, int]:
+    return (
+        statistics.gaps,
+        statistics.missing,
+        statistics.duplicates,
+        statistics.out_of_order,
+    )
+
+
+@pytest.mark.parametrize("batch", [1, 7, 100, 1000])
+def test_an_unbroken_stream_has_nothing_to_report(batch):
+    statistics = seen(stamps(), batch)
+    assert counts(statistics) == (0, 0, 0, 0)
+    assert statistics.messages == 1000
+    assert statistics.rate == pytest.approx(200.0, rel=1e-12)
+
+
+@pytest.mark.parametrize("batch", [1, 7, 100, 1000])
+def test_gaps_are_counted_with_the_messages_that_are_missing(batch):
+    t_ns = np.delete(stamps(), [300, 500, 501, 502, 700])
+    assert counts(seen(t_ns, batch)) == (3, 5, 0, 0)
+
+
+@pytest.mark.parametrize("batch", [1, 7, 100])
+def test_repeated_stamps_are_duplicates(batch):
+    t_ns = np.sort(np.concatenate([stamps(), stamps()[[10, 400, 401]]]))
+    assert counts(seen(t_ns, batch)) == (0, 0, 3, 0)
+
+
+def test_exchanged_messages_are_out_of_order_and_no_gap():
+    t_ns = stamps()
+    t_ns[[450, 451]] = t_ns[[451, 450]]
+    assert counts(seen(t_ns)) == (0, 0, 0, 1)
+
+
+def test_a_clock_set_back_is_one_step_out_of_order_and_begins_anew():
+    t_ns = np.concatenate([stamps(500) + 10**12, stamps(500)])
+    assert counts(seen(t_ns)) == (0, 0, 0, 1)
+
+
+def test_jitter_below_half_an_interval_is_no_gap():
+    generator = np.random.default_rng(1)
+    jitter = generator.uniform(-0.2, 0.2, 1000) * PERIOD_NS
+    assert counts(seen(stamps() + jitter.astype(np.int64))) == (0, 0, 0, 0)
+
+
+def test_a_change_of_rate_is_not_a_gap_for_ever():
+    slower = stamps()[-1] + 4 * PERIOD_NS * np.arange(1, 1001)
+    statistics = seen(np.concatenate([stamps(), slower]))
+    # At the latest when half of the 256 distances are the new ones, those are the usual ones.
+    assert 0 < statistics.gaps <= 200
+    assert statistics.usual_distance_ns == 4 * PERIOD_NS
+
+
+def test_a_given_limit_takes_the_place_of_the_usual_distance():
+    t_ns = np.delete(stamps(), [300, 500, 501, 502])
+    assert seen(t_ns, max_gap_ns=3 * PERIOD_NS).gaps == 1
+
+
+def test_random_losses_are_all_found():
+    generator = np.random.default_rng(2)
+    kept = generator.random(20000) > 0.05
+    kept[[0, -1]] = True
+    t_ns = stamps(20000)[kept]
+    assert seen(t_ns).missing == 20000 - kept.sum()
