@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from imu_sim_ros.config.parameter import Value, flatten
+from imu_sim_ros.config.trajectory import find_trajectory
 from imu_sim_ros.errors import ConfigurationError
 
 _PARAMETERS = "ros__parameters"
@@ -159,11 +160,29 @@ def layer(
 
 
 def trajectory_layer(name_or_file: str, node: str = "simulator") -> dict[str, object]:
-    """Return what ``--trajectory`` stands for: a name, a parameter file, or recorded poses."""
+    """Return what ``--trajectory`` stands for.
+
+    :param name_or_file: a name in config/trajectories, a kind of trajectory, a parameter file, or
+        recorded poses: a text file, or a bag.
+    """
+    path = Path(name_or_file)
+    if name_or_file not in names("trajectories"):
+        if not path.exists() and _is_kind(name_or_file):
+            return {"trajectory.type": name_or_file}
+        if path.is_dir():
+            return {"trajectory.type": "poses", "trajectory.file": str(path)}
     path = find("trajectories", name_or_file)
     if path.suffix.lower() in (".yaml", ".yml"):
         return load(path, node)
     return {"trajectory.type": "poses", "trajectory.file": str(path)}
+
+
+def _is_kind(name: str) -> bool:
+    try:
+        find_trajectory(name)
+    except ConfigurationError:
+        return False
+    return True
 
 
 def dump(instance: object, path: Path, node: str = "/**", comment: str = "") -> None:
