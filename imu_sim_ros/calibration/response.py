@@ -1,0 +1,196 @@
+"""Least squares of what a triad makes of its known input: scale, misalignment, bias, temperature.
+
+One axis reads ``y = (1 + s(T)) (S x + G f) + b(T)`` with polynomials s, without constant, and b of
+``T - T0``. Without temperature that is the lecture's eq. 7, and linear; with it, Gauss-Newton
+converges in a few steps, for s is small.
+"""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_STEPS: Final = 8
+_LOG_WALKS: Final = (-6.0, 14.0)
+"""Range of the walk's variance over the record, in the readings' own, as a logarithm."""
+_GRID: Final = 21
+_DEPENDENT: Final = 1e-6
+"""Ratio of singular values below which the inputs do not determine all parameters."""
+
+
+class AxisResponse(NamedTuple):
+    """One axis: the parameters and how sure they are."""
+
+    gain: Array
+    """(p,) row of S, and of G where it is estimated."""
+    bias: Array
+    """(k + 1,) polynomial of the bias, lowest order first."""
+    scale: Array
+    """(l,) polynomial of the scale from the first order on."""
+    covariance: Array
+    """(q, q) of gain, bias and scale in this order."""
+    residuals: Array
+    """(n,) reading minus model."""
+    chi_square: float
+    """Of the residuals, over their degrees of freedom, with the readings' own errors."""
+    criterion: float
+    """Bayesian information criterion, chi-square + q ln n; the smallest model is the best."""
+
+    @property
+    def sigma(self) -> Array:
+        """(q,) standard errors."""
+        result: Array = np.sqrt(np.diag(self.covariance))
+        return result
+
+    @property
+    def gain_sigma(self) -> Array:
+        """(p,) standard errors of the gain."""
+        return self.sigma[: len(self.gain)]
+
+    @property
+    def bias_sigma(self) -> Array:
+        """(k + 1,)"""
+        return self.sigma[len(self.gain) : len(self.gain) + len(self.bias)]
+
+    @property
+    def scale_sigma(self) -> Array:
+        """(l,)"""
+        return self.sigma[len(self.gain) + len(self.bias) :]
+
+
+class Observations(NamedTuple):
+    """n mean readings of one axis, what was known of their input, and their noise."""
+
+    inputs: Array
+    """(n, p) known inputs: true rate or force, and force for the g-sensitivity."""
+    readings: Array
+    """(n,)"""
+    sigma: Array
+    """(n,) standard errors of the readings."""
+    time: Array
+    """(n,) after the start [s]."""
+    temperature: Array
+    """(n,) T - T0 [K]."""
+
+
+def fit_axis(
+    data: Observations, bias_order: int = 0, scale_order: int = 0, whitener: Array | None = None
+) -> AxisResponse:
+    """Return the parameters of one axis; the bias is that at the start of the record.
+
+    The readings' errors are their own noise and a bias that walks from the start on: generalised
+    least squares with the covariance ``sigma_i^2 + K^2 min(t_i, t_j)``. Without the walk every bias
+    would look far surer than it is. Standard errors are widened further by the square root of the
+    residuals' chi-square where that is above one.
+
+    :param whitener: from :func:`walk_whitener`; found for this model where it is not given.
+    """
+    weight = walk_whitener(data, bias_order, scale_order) if whitener is None else whitener
+    bias_columns, scale_columns, span = _powers(data.temperature, bias_order, scale_order)
+    p, b = data.inputs.shape[1], bias_columns.shape[1]
+    parameters = np.zeros(p + b + scale_order)
+    parameters[:p] = np.linalg.lstsq(data.inputs, data.readings, rcond=None)[0]
+    for _ in range(_STEPS if scale_order else 2):
+        scale = 1.0 + scale_columns @ parameters[p + b :]
+        response = data.inputs @ parameters[:p]
+        model = scale * response + bias_columns @ parameters[p : p + b]
+        jacobian = np.column_stack(
+            [scale[:, None] * data.inputs, bias_columns, scale_columns * response[:, None]]
+        )
+        residuals = weight @ (data.readings - model)
+        parameters = parameters + np.linalg.lstsq(weight @ jacobian, residuals, rcond=None)[0]
+    scale = 1.0 + scale_columns @ parameters[p + b :]
+    model = scale * (data.inputs @ parameters[:p]) + bias_columns @ parameters[p : p + b]
+    return _summary(parameters, weight, jacobian, data.readings - model, (p, b, scale_order), span)
+
+
+def _powers(temperature: Array, bias_order: int, scale_order: int) -> tuple[Array, Array, float]:
+    """Return the powers of T / span for bias and scale: columns of about one size."""
+    span = max(float(np.max(np.abs(temperature))), 1.0)
+    powers = (temperature / span)[:, None] ** np.arange(max(bias_order, scale_order) + 1)
+    return powers[:, : bias_order + 1], powers[:, 1 : scale_order + 1], span
+
+
+def walk_whitener(data: Observations, bias_order: int = 0, scale_order: int = 0) -> Array:
+    """Return W (n, n), W V W.T = 1, with the walk that the restricted likelihood gives.
+
+    Restricted (Patterson and Thompson 1971), so that the parameters taken from few readings do not
+    make the walk look small.
+    """
+    bias_columns, scale_columns, _ = _powers(data.temperature, bias_order, scale_order)
+    columns = np.column_stack([data.inputs, bias_columns])
+    if data.inputs.shape[1]:  # the axis' own input is the one that its readings follow
+        own = int(np.argmax(np.abs(data.inputs.T @ (data.readings - data.readings.mean()))))
+        columns = np.column_stack([columns, scale_columns * data.inputs[:, own : own + 1]])
+    basis, triangle = np.linalg.qr(columns)
+    columns = basis[:, np.abs(np.diag(triangle)) > _DEPENDENT * np.abs(triangle).max()]
+    time = np.maximum(data.time, 0.0)
+    unit = float(np.median(data.sigma)) ** 2 / max(float(time[-1]), 1e-9)
+    shape = np.minimum.outer(time, time) * unit
+
+    def objective(log_walk: float) -> float:
+        w, log_determinant = _whitener(data, shape, float(np.exp(log_walk)))
+        wx = w @ columns
+        r = w @ data.readings
+        r = r - wx @ np.linalg.lstsq(wx, r, rcond=None)[0]
+        information = np.linalg.slogdet(wx.T @ wx)[1]
+        return float(0.5 * (log_determinant + information + r @ r))
+
+    grid = np.linspace(*_LOG_WALKS, _GRID)
+    values = np.array([objective(float(x)) for x in grid])
+    # The mean of K^2 under a flat prior in K, not the most likely value: few readings can make a
+    # walk look absent, and then every bias would be claimed too sure.
+    probability = np.exp(values.min() - values + 0.5 * grid)
+    walk = float(np.sum(probability * np.exp(grid)) / np.sum(probability))
+    return _whitener(data, shape, walk)[0]
+
+
+def _whitener(data: Observations, shape: Array, walk: float) -> tuple[Array, float]:
+    """Return the inverse Cholesky factor of the covariance and the covariance's log-determinant."""
+    from scipy.linalg import solve_triangular
+
+    smallest = 1e-9 * (float(np.median(data.sigma)) + 1e-9 * float(np.abs(data.readings).max()))
+    covariance = walk * shape + np.diag(np.maximum(data.sigma, smallest + 1e-300) ** 2)
+    factor = np.linalg.cholesky(covariance)
+    inverse: Array = solve_triangular(factor, np.eye(len(factor)), lower=True)
+    return inverse, 2.0 * float(np.sum(np.log(np.diag(factor))))
+
+
+def _summary(
+    parameters: Array,
+    weight: Array,
+    jacobian: Array,
+    residuals: Array,
+    shape: tuple[int, int, int],
+    span: float,
+) -> AxisResponse:
+    p, b, scale_order = shape
+    n, q = jacobian.shape
+    total = float(np.sum((weight @ residuals) ** 2))
+    chi_square = total / max(n - q, 1)
+    whitened = weight @ jacobian
+    covariance = np.linalg.pinv(whitened.T @ whitened) * max(chi_square, 1.0)
+    orders = np.concatenate([np.zeros(p), np.arange(b), np.arange(1, scale_order + 1)])
+    units = span**-orders
+    parameters = parameters * units
+    return AxisResponse(
+        parameters[:p],
+        parameters[p : p + b],
+        parameters[p + b :],
+        covariance * np.outer(units, units),
+        residuals,
+        chi_square,
+        total + q * float(np.log(n)),
+    )
+
+
+def determined(inputs: Array) -> bool:
+    """Tell whether inputs (n, p) and a constant can be told from each other."""
+    columns = np.column_stack([inputs, np.ones(len(inputs))])
+    norms = np.linalg.norm(columns, axis=0)
+    if np.any(norms == 0.0):
+        return False
+    singular = np.linalg.svd(columns / norms, compute_uv=False)
+    return len(inputs) >= columns.shape[1] and bool(singular[-1] > _DEPENDENT * singular[0])

@@ -1,0 +1,137 @@
+"""Stretches of a record in which an IMU rests or turns at a constant rate."""
+
+from itertools import pairwise
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.calibration.record import sampling_interval
+from imu_sim_ros.errors import InputError
+
+Array = NDArray[np.float64]
+Times = NDArray[np.int64]
+
+WINDOW: Final = 0.5
+"""Length of the windows that are judged [s]."""
+_QUIET: Final = 0.2
+"""Share of the windows that are taken to be the quietest: they set the noise floor."""
+_LOUDER: Final = 3.0
+"""Variance of a steady window, at most, over the floor."""
+_PIECE: Final = 5.0
+"""Length of the pieces into which long stretches are cut [s]."""
+_PIECES: Final = 180
+"""Most pieces in all, as long as there are fewer stretches."""
+_JUMP: Final = 6.0
+"""Difference of neighbouring means within one stretch, in standard deviations."""
+
+
+class Steady(NamedTuple):
+    """m pieces of steady stretches, the stretches' margins cut off."""
+
+    stretch: NDArray[np.int64]
+    """(m,) number of the stretch that a piece belongs to."""
+
+    begin_ns: Times
+    """(m,)"""
+    end_ns: Times
+    """(m,)"""
+    gyro: Array
+    """(m, 3) mean readings [rad/s]."""
+    accel: Array
+    """(m, 3) mean readings [m/s^2]."""
+    gyro_sigma: Array
+    """(m, 3) standard errors of the means, from the scatter of windows within pieces."""
+    accel_sigma: Array
+    """(m, 3)"""
+
+    def rows(self, chosen: NDArray[np.bool_]) -> "Steady":
+        """Return some of the pieces."""
+        return Steady._make([field[chosen] for field in self])
+
+    @property
+    def stretches(self) -> int:
+        """How many stretches there are."""
+        return len(np.unique(self.stretch))
+
+    @property
+    def time(self) -> Array:
+        """(m,) middle of each piece, after the beginning of the first [s]."""
+        middle = 0.5 * (self.begin_ns - self.begin_ns[0]) + 0.5 * (self.end_ns - self.begin_ns[0])
+        return np.asarray(middle * 1e-9, dtype=np.float64)
+
+    @property
+    def duration(self) -> Array:
+        """(m,) lengths [s]."""
+        result: Array = (self.end_ns - self.begin_ns).astype(np.float64) * 1e-9
+        return result
+
+
+def find_steady(
+    t_ns: Times, gyro: Array, accel: Array, *, shortest: float = 2.0, rotating: bool = False
+) -> Steady:
+    """Return the stretches in which the readings are as quiet as they get.
+
+    Windows of half a second whose variance is near the record's floor on every axis are joined
+    where their means agree; the first and the last window of a stretch are dropped.
+
+    :param shortest: of a stretch, with its margins [s].
+    :param rotating: look at the gyroscope alone: on a tilted table gravity turns in the body.
+    :raises InputError: for readings that are not finite, or a record without steady stretches.
+    """
+    y = np.concatenate([gyro, accel], axis=1)
+    if not np.isfinite(y).all():
+        raise InputError(f"{int((~np.isfinite(y)).any(axis=1).sum())} readings are not finite")
+    size = max(round(WINDOW * 1e9 / sampling_interval(t_ns)), 8)
+    count = len(y) // size
+    if count < 10:
+        raise InputError(f"{len(y)} readings: at least {10 * size} are needed")
+    windows = y[: count * size].reshape(count, size, 6)
+    mean, variance = windows.mean(axis=1), windows.var(axis=1)
+    floor = np.quantile(variance, _QUIET, axis=0)
+    judged = slice(0, 3) if rotating else slice(0, 6)
+    calm = np.all(variance[:, judged] <= _LOUDER * floor[judged] + 1e-18, axis=1)
+    sigma = np.sqrt(2.0 * floor / size) + 1e-9
+    same = np.all(np.abs(np.diff(mean, axis=0)) <= _JUMP * sigma, axis=1, where=_mask(judged))
+    label = np.cumsum(np.concatenate([[True], ~(same & calm[1:] & calm[:-1])]))
+    least = max(round(shortest / WINDOW), 4)
+    runs = [run for run in _runs(label, calm) if run[1] - run[0] >= least]
+    if not runs:
+        raise InputError(
+            f"no {shortest:g} s at rest or at a constant rate found: the readings never settle"
+        )
+    return _summarise(t_ns, mean, size, [(first + 1, last - 1) for first, last in runs])
+
+
+def _mask(judged: slice) -> NDArray[np.bool_]:
+    mask = np.zeros(6, dtype=bool)
+    mask[judged] = True
+    return mask
+
+
+def _runs(label: NDArray[np.int64], calm: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Return first and behind-last window of each run of equal labels that is calm."""
+    starts = np.flatnonzero(np.diff(label, prepend=label[0] - 1))
+    ends = np.append(starts[1:], len(label))
+    return [(int(a), int(b)) for a, b in zip(starts, ends, strict=True) if calm[a:b].all()]
+
+
+def _summarise(t_ns: Times, mean: Array, size: int, runs: list[tuple[int, int]]) -> Steady:
+    """Cut the stretches into pieces of some seconds, which show how the bias walks."""
+    most = max(_PIECES // len(runs), 1)
+    pieces: list[tuple[int, int, int]] = []
+    for number, (a, b) in enumerate(runs):
+        count = int(np.clip((b - a) * WINDOW / _PIECE, 1, min(most, max((b - a) // 2, 1))))
+        edges = np.linspace(a, b, count + 1).astype(int)
+        pieces += [(number, int(c), int(d)) for c, d in pairwise(edges)]
+    parts = [mean[a:b] for _, a, b in pieces]
+    means = np.array([part.mean(axis=0) for part in parts])
+    squares = np.sum([np.sum((p - p.mean(axis=0)) ** 2, axis=0) for p in parts], axis=0)
+    freedom = max(sum(len(part) - 1 for part in parts), 1)
+    lengths = np.array([len(part) for part in parts], dtype=np.float64)
+    sigma = np.sqrt(squares / freedom / lengths[:, None])
+    last = len(t_ns) - 1
+    begin = t_ns[[a * size for _, a, _ in pieces]]
+    end = t_ns[[min(b * size, last) for _, _, b in pieces]]
+    stretch = np.array([number for number, _, _ in pieces], dtype=np.int64)
+    return Steady(stretch, begin, end, means[:, :3], means[:, 3:], sigma[:, :3], sigma[:, 3:])
