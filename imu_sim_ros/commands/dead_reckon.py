@@ -13,8 +13,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.bags.read import ImuMessages, open_bag, read_imu, read_odometry
+from imu_sim_ros.bags.encode import ODOMETRY
+from imu_sim_ros.bags.read import ImuMessages, read_imu
 from imu_sim_ros.commands import common
+from imu_sim_ros.commands.tracks import (
+    TRUTH_TOPIC,
+    is_bag,
+    odometry_topics,
+    read_track,
+    truth_topic,
+    write_states,
+)
 from imu_sim_ros.config.integrator import (
     ATTITUDE_UPDATES,
     INITIAL_STATES,
@@ -30,11 +39,7 @@ from imu_sim_ros.navigation.drift import Drift, Truth, drift
 from imu_sim_ros.navigation.evaluation import distances
 from imu_sim_ros.navigation.levelling import level
 from imu_sim_ros.navigation.state import NavigationState, NavigationStates
-from imu_sim_ros.poses import PoseSequence, write_tum
-from imu_sim_ros.rotation import from_euler, rotate
-
-ODOMETRY = "nav_msgs/msg/Odometry"
-TRUTH_TOPIC = "ground_truth/odom"
+from imu_sim_ros.rotation import from_euler, to_euler
 
 
 class Result(NamedTuple):
@@ -62,8 +67,9 @@ def parser() -> argparse.ArgumentParser:
     result.add_argument(
         "--initial-state",
         choices=INITIAL_STATES,
-        help="start at the truth (the default), at initial_* of the parameters, or levelled from "
-        "rest: roll and pitch from gravity, gyroscope bias from the mean",
+        help="start at the truth (the default), at initial_* of the parameters, or level: roll and "
+        "pitch from gravity at rest, gyroscope bias from the mean of level_time; position and yaw "
+        "then are the truth's where there is one",
     )
     result.add_argument(
         "--correction",
@@ -168,19 +174,17 @@ def _from(readings: ImuMessages, t_ns: int) -> ImuMessages:
 
 
 def _read_truth(arguments: argparse.Namespace) -> Truth | None:
-    topic = arguments.truth_topic
-    with open_bag(arguments.bag) as bag:
-        names = [info.name for info in bag.topics if info.type == ODOMETRY]
-    if topic is None:
-        if not names:
+    """Return the truth in the bag, None where there is none."""
+    path: Path = arguments.bag
+    if is_bag(path):
+        if arguments.truth_topic is None and not odometry_topics(path):
             return None
-        named = [name for name in names if name.strip("/").endswith(TRUTH_TOPIC)]
-        topic = named[0] if len(named) == 1 else None
-    odometry = read_odometry(arguments.bag, topic)
-    return Truth(
-        PoseSequence(odometry.t_ns, odometry.position, odometry.q_wb),
-        rotate(odometry.q_wb, odometry.velocity_b),
-    )
+    elif not path.is_dir():
+        return None  # a file of readings alone
+    track = read_track(path, truth_topic(path, arguments.truth_topic))
+    if track.velocity is None:
+        raise InputError(f"{path}: the truth has no velocity, which the initial state needs")
+    return Truth(track.poses, track.velocity)
 
 
 def _within(readings: ImuMessages, truth: Truth, tolerance: float) -> ImuMessages:
@@ -213,23 +217,23 @@ def _initial(
     correction: Correction,
 ) -> tuple[NavigationState, Correction]:
     """Return the state at the first reading, and the correction that belongs to it."""
+    if not len(readings.t_ns):
+        raise InputError("0 readings: integration needs at least two")
     if parameters.initial_state == "truth" and truth is not None:
-        if not len(readings.t_ns):
-            raise InputError("0 readings: integration needs at least two")
         return truth.at(int(readings.t_ns[0])), correction
     position = np.array(parameters.initial_position)
     velocity = np.array(parameters.initial_velocity)
     if parameters.initial_state == "parameters":
         q_wb = from_euler(parameters.initial_orientation)
         return NavigationState(position, velocity, q_wb), correction
-    end = readings.t_ns[:1] + round(parameters.level_time * 1e9)
-    rest = readings.t_ns < end if len(end) else np.zeros(0, dtype=bool)
-    found = level(
-        readings.gyro[rest],
-        correction.apply(readings.gyro[rest], readings.accel[rest])[1],
-        parameters.gravity,
-        parameters.initial_orientation[2],
-    )
+    yaw = parameters.initial_orientation[2]
+    if truth is not None and truth.poses.t_ns[0] <= readings.t_ns[0] <= truth.poses.t_ns[-1]:
+        start = truth.at(int(readings.t_ns[0]))
+        position, velocity, yaw = start.position, np.zeros(3), float(to_euler(start.q_wb)[2])
+    end = readings.t_ns[0] + round(parameters.level_time * 1e9)
+    rest = readings.t_ns < end
+    force = correction.apply(readings.gyro[rest], readings.accel[rest])[1]
+    found = level(readings.gyro[rest], force, parameters.gravity, yaw)
     x, y, z = found.gyroscope_bias.tolist()
     state = NavigationState(position, velocity, found.q_wb)
     return state, replace(correction, gyroscope_bias=(x, y, z))
@@ -304,7 +308,7 @@ def _print(summaries: Sequence[dict[str, Any]]) -> None:
 
 def _write(arguments: argparse.Namespace, results: Sequence[Result], truth: Truth | None) -> None:
     if arguments.output is not None:
-        _write_trajectory(arguments.output, results[0].states)
+        write_states(arguments.output, results[0].states)
     if arguments.plot is not None:
         _draw(arguments.plot, results, truth)
 
@@ -328,25 +332,6 @@ def _draw(path: Path, results: Sequence[Result], truth: Truth | None) -> None:
         errors["attitude"],
     )
     style.save(figure, path)
-
-
-def _write_trajectory(path: Path, states: NavigationStates) -> None:
-    try:
-        if path.suffix.lower() == ".csv":
-            _write_csv(path, states)
-        else:
-            write_tum(path, PoseSequence(states.t_ns, states.position, states.q_wb))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror}") from None
-
-
-def _write_csv(path: Path, states: NavigationStates) -> None:
-    names = "t_ns,px,py,pz,qw,qx,qy,qz,vx,vy,vz"
-    table = np.column_stack([states.position, states.q_wb, states.velocity])
-    with path.open("w", encoding="utf-8") as file:
-        file.write(f"#{names}\n")
-        for t_ns, row in zip(states.t_ns.tolist(), table.tolist(), strict=True):
-            file.write(f"{t_ns}," + ",".join(f"{value:.12g}" for value in row) + "\n")
 
 
 if __name__ == "__main__":

@@ -5,13 +5,13 @@ import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags.read import open_bag, read_odometry
 from imu_sim_ros.commands import common
+from imu_sim_ros.commands.tracks import Track, read_track, truth_topic
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.navigation.alignment import ALIGNMENTS, Alignment, align
 from imu_sim_ros.navigation.association import (
@@ -28,25 +28,12 @@ from imu_sim_ros.navigation.evaluation import (
     relative_errors,
     statistics,
 )
-from imu_sim_ros.poses import PoseSequence, read_poses, write_tum
-from imu_sim_ros.rotation import rotate
+from imu_sim_ros.poses import PoseSequence, write_tum
 
 Array = NDArray[np.float64]
 
-ODOMETRY = "nav_msgs/msg/Odometry"
-BAG_ENDINGS = (".bag", ".mcap", ".db3")
 DEFAULT_FRACTIONS = (0.1, 0.2, 0.3, 0.4, 0.5)
 """Of the path's length: the distances that RPE is given for where none is asked for."""
-
-
-class Track(NamedTuple):
-    """A trajectory as it was read."""
-
-    poses: PoseSequence
-    velocity: Array | None = None
-    """(n, 3) in the world [m/s]."""
-    pose_covariance: Array | None = None
-    """(n, 6, 6) position, rotation about the world's axes."""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -95,8 +82,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def run(arguments: argparse.Namespace) -> None:
     """Read, associate, align, compare, and say what came out."""
-    estimate = read_track(arguments.estimate, arguments.estimate_topic)
-    truth = read_track(arguments.truth, arguments.truth_topic)
+    estimate = read_track(arguments.estimate, arguments.estimate_topic, covariance=True)
+    truth = read_track(arguments.truth, truth_topic(arguments.truth, arguments.truth_topic))
     rows = common_rows(estimate.poses.t_ns, truth.poses.t_ns, arguments.max_gap)
     at_ns = estimate.poses.t_ns[rows]
     true_poses = interpolate_poses(truth.poses, at_ns)
@@ -105,22 +92,28 @@ def run(arguments: argparse.Namespace) -> None:
     poses = alignment.apply(poses)
     errors = absolute_errors(poses, true_poses)
     result = _result(arguments, estimate, poses, true_poses, errors, alignment)
+    result["velocity_error_m_s"] = None
     if estimate.velocity is not None and truth.velocity is not None:
         true_velocity = interpolate_vectors(truth.poses.t_ns, truth.velocity, at_ns)
         velocity = alignment.scale * estimate.velocity[rows] @ alignment.r.T
         lengths = np.linalg.norm(true_velocity - velocity, axis=1)
         result["velocity_error_m_s"] = statistics(lengths)._asdict()
-    consistency = _consistency(estimate, rows, errors, arguments.align)
-    if consistency is not None:
-        result["nees"] = consistency
+    result["nees"] = _consistency(estimate, rows, errors, arguments.align)
     if arguments.output is not None:
-        write_tum(arguments.output, poses)
+        _write(arguments.output, poses)
     if arguments.plot is not None:
         _draw(arguments.plot, poses, true_poses, errors)
     if arguments.json:
         common.print_json(result)
     elif not arguments.quiet:
         _print(result)
+
+
+def _write(path: Path, poses: PoseSequence) -> None:
+    try:
+        write_tum(path, poses)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror}") from None
 
 
 def _delta(words: str) -> tuple[float, str]:
@@ -136,24 +129,6 @@ def _delta(words: str) -> tuple[float, str]:
         "frames": (1.0, "frames"),
     }[match[2]]
     return float(match[1]) * scale, unit
-
-
-def read_track(path: Path, topic: str | None) -> Track:
-    """Return a trajectory of text or of a bag; odometry with what it has beside the pose."""
-    if not (path.is_dir() or path.suffix.lower() in BAG_ENDINGS):
-        return Track(read_poses(path, topic))
-    with open_bag(path) as bag:
-        odometry = [info.name for info in bag.topics if info.type == ODOMETRY]
-    if topic is not None and topic not in odometry:
-        raise InputError(f"{path}: no topic {topic} of {ODOMETRY}; it has {', '.join(odometry)}")
-    messages = read_odometry(path, topic)
-    if len(messages.t_ns) < 2:
-        raise InputError(f"{path}: {len(messages.t_ns)} poses; a trajectory needs two or more")
-    return Track(
-        PoseSequence(messages.t_ns, messages.position, messages.q_wb),
-        rotate(messages.q_wb, messages.velocity_b),
-        messages.pose_covariance,
-    )
 
 
 def _result(
@@ -269,7 +244,7 @@ def _print(result: dict[str, Any]) -> None:
         print(f"scale of the estimate: {result['alignment']['scale']:.6g}")
     names = ("rmse", "mean", "median", "std", "min", "max")
     rows = [("ATE position [m]", result["ate_m"]), ("attitude [rad]", result["attitude_error_rad"])]
-    if "velocity_error_m_s" in result:
+    if result["velocity_error_m_s"] is not None:
         rows.append(("velocity [m/s]", result["velocity_error_m_s"]))
     for entry in result["rpe"]:
         over = f"RPE over {entry['delta']:.4g} {entry['unit']}"
@@ -282,7 +257,7 @@ def _print(result: dict[str, Any]) -> None:
             f"final drift: {result['final_position_error_m']:.4g} m, "
             f"{result['final_drift_percent']:.4g} % of the distance"
         )
-    if "nees" in result:
+    if result["nees"] is not None:
         _print_consistency(result["nees"])
 
 

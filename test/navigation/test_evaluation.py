@@ -66,7 +66,7 @@ def test_alignment_is_the_best_of_its_kind(truth, estimate):
         sums.append(np.sum((aligned - truth.position) ** 2))
     assert sums == sorted(sums, reverse=True)
     turned = rotation.rotate(rotation.exp([0.0, 0.0, 1e-4]), aligned)
-    for other in (aligned + [1e-4, 0, 0], aligned * (1 + 1e-4), turned):
+    for other in (aligned + np.array([1e-4, 0, 0]), aligned * (1 + 1e-4), turned):
         assert np.sum((other - truth.position) ** 2) > sums[-1]
 
 

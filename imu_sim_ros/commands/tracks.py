@@ -1,0 +1,127 @@
+"""Trajectories from wherever the commands find them: text, folders, topics of bags."""
+
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.bags.encode import ODOMETRY
+from imu_sim_ros.bags.read import odometry_blocks, open_bag, read_poses
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.navigation.state import NavigationStates
+from imu_sim_ros.poses import PoseSequence, write_tum
+from imu_sim_ros.rotation import rotate
+
+Array = NDArray[np.float64]
+
+TRUTH_TOPIC: Final = "ground_truth/odom"
+_BAG_ENDINGS: Final = (".bag", ".mcap", ".db3", ".active")
+
+
+class Track(NamedTuple):
+    """A trajectory with what its source has beside the poses."""
+
+    poses: PoseSequence
+    velocity: Array | None = None
+    """(n, 3) in the world [m/s]."""
+    pose_covariance: Array | None = None
+    """(n, 6, 6) position, rotation about the world's axes."""
+
+
+def is_bag(path: Path) -> bool:
+    """Tell a bag from text and from EuRoC's folders by its name."""
+    return path.suffix.lower() in _BAG_ENDINGS or (path / "metadata.yaml").is_file()
+
+
+def odometry_topics(path: Path) -> list[str]:
+    """Return the names of the Odometry topics of a bag."""
+    with open_bag(path) as bag:
+        return [info.name for info in bag.topics if info.type == ODOMETRY]
+
+
+def truth_topic(path: Path, topic: str | None) -> str | None:
+    """Return the topic of the truth: the given one, or the one that is named so, if any is."""
+    if topic is not None or not is_bag(path):
+        return topic
+    named = [name for name in odometry_topics(path) if name.strip("/").endswith(TRUTH_TOPIC)]
+    return named[0] if len(named) == 1 else None
+
+
+def read_track(path: Path, topic: str | None = None, covariance: bool = False) -> Track:
+    """Return a trajectory.
+
+    :param topic: of a bag; None: the only one of Odometry, else of PoseStamped.
+    :param covariance: read the poses' covariances as well, which need three times the memory of
+        all else.
+    :raises InputError: for what cannot be read, or is no trajectory: stamps that do not increase,
+        numbers that are not finite, fewer than two poses.
+    """
+    if is_bag(path) and not odometry_topics(path):
+        track = Track(read_poses(path, topic))
+    elif is_bag(path) or path.is_dir():
+        track = _odometry(path, topic, covariance)
+    else:
+        track = Track(read_poses(path, topic))
+    _check(f"{path}{'' if topic is None else f', {topic}'}", track.poses)
+    return track
+
+
+def _odometry(path: Path, topic: str | None, covariance: bool) -> Track:
+    parts = []
+    for block in odometry_blocks(path, topic):
+        velocity = rotate(block.q_wb, block.velocity_b)
+        # Copied out of the block, whose other columns would stay in memory with it.
+        matrices = block.pose_covariance.copy() if covariance else np.empty((0, 6, 6))
+        parts.append((block.t_ns, block.position, block.q_wb, velocity, matrices))
+    if not parts:
+        raise InputError(f"{path}: 0 poses; a trajectory needs two or more")
+    t_ns, position, q_wb, velocity, matrices = map(np.concatenate, zip(*parts, strict=True))
+    return Track(PoseSequence(t_ns, position, q_wb), velocity, matrices if covariance else None)
+
+
+def _check(name: str, poses: PoseSequence) -> None:
+    if len(poses.t_ns) < 2:
+        raise InputError(f"{name}: {len(poses.t_ns)} poses; a trajectory needs two or more")
+    problems = []
+    bad = np.diff(poses.t_ns) <= 0
+    if bad.any():
+        first = int(np.argmax(bad)) + 1
+        problems.append(
+            f"{name}: {np.count_nonzero(bad)} stamps are not after the one before, the first is "
+            f"number {first} ({poses.t_ns[first]} ns)"
+        )
+    finite = np.isfinite(poses.position).all(axis=1) & np.isfinite(poses.q_wb).all(axis=1)
+    if not finite.all():
+        problems.append(
+            f"{name}: {np.count_nonzero(~finite)} poses are not finite, the first is number "
+            f"{int(np.argmin(finite))}"
+        )
+    if problems:
+        raise InputError(problems)
+
+
+def write_states(path: Path, states: NavigationStates) -> None:
+    """Write a dead-reckoned trajectory: ``.csv`` with velocity, anything else in TUM's form.
+
+    :raises InputError: where the file cannot be written.
+    """
+    try:
+        if path.suffix.lower() == ".csv":
+            _write_csv(path, states)
+        else:
+            write_tum(path, PoseSequence(states.t_ns, states.position, states.q_wb))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def _write_csv(path: Path, states: NavigationStates) -> None:
+    """The columns of EuRoC's states, without the biases, so that everything reads it."""
+    names = ["#timestamp", *(f"p_RS_R_{axis} [m]" for axis in "xyz")]
+    names += [f"q_RS_{axis} []" for axis in "wxyz"]
+    names += [f"v_RS_R_{axis} [m s^-1]" for axis in "xyz"]
+    table = np.column_stack([states.position, states.q_wb, states.velocity])
+    with path.open("w", encoding="utf-8") as file:
+        file.write(",".join(names) + "\n")
+        for t_ns, row in zip(states.t_ns.tolist(), table.tolist(), strict=True):
+            file.write(f"{t_ns}," + ",".join(f"{value:.12g}" for value in row) + "\n")

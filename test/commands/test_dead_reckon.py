@@ -1,0 +1,249 @@
+"""The command on bags, with exact readings so that every number is known."""
+
+import json
+
+import numpy as np
+import pytest
+
+from imu_sim_ros import rotation
+from imu_sim_ros.bags.encode import IMU, ODOMETRY, ImuEncoder, OdometryEncoder
+from imu_sim_ros.bags.write import open_writer
+from imu_sim_ros.commands.dead_reckon import main
+from imu_sim_ros.config.simulation import load_simulation
+from imu_sim_ros.poses import read_poses
+from imu_sim_ros.stream import Simulation
+
+KEYS = {
+    "method",
+    "attitude_update",
+    "samples",
+    "duration_s",
+    "distance_m",
+    "final_position_error_m",
+    "rms_position_error_m",
+    "final_attitude_error_rad",
+}
+
+
+def block_of(trajectory="lecture", duration=5.005, **parameters):
+    values = {"imu.preset": "perfect", "trajectory.type": trajectory, "duration": duration}
+    values |= {name.replace("__", "."): value for name, value in parameters.items()}
+    simulation = Simulation(load_simulation(values))
+    return simulation.next_block(simulation.total)
+
+
+def write(path, block, truth=slice(None), imu=slice(None), topics=("ground_truth/odom",)):
+    """Write readings and truth, each perhaps in part."""
+    motion = block.motion
+    with open_writer(path) as writer:
+        encoder = ImuEncoder("imu_link", writer.encoding)
+        handle = writer.add_topic("/imu/data_raw", IMU)
+        payloads = encoder.encode(block.t_ns[imu], block.gyro[imu], block.accel[imu])
+        writer.write(handle, block.t_ns[imu], payloads)
+        for topic in topics:
+            odometry = OdometryEncoder("world", "base_link", writer.encoding)
+            handle = writer.add_topic(f"/{topic}", ODOMETRY)
+            velocity_b = rotation.rotate_inverse(motion.q_wb, motion.velocity)
+            payloads = odometry.encode(
+                block.t_ns[truth],
+                motion.position[truth],
+                motion.q_wb[truth],
+                velocity_b[truth],
+                motion.angular_velocity[truth],
+            )
+            writer.write(handle, block.t_ns[truth], payloads)
+    return path
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory):
+    return write(tmp_path_factory.mktemp("bag") / "lecture", block_of())
+
+
+def run(capsys, *arguments):
+    """Return exit status, standard output and the lines of standard error."""
+    status = main([str(argument) for argument in arguments])
+    captured = capsys.readouterr()
+    return status, captured.out, captured.err.splitlines()
+
+
+def result(capsys, *arguments):
+    status, out, errors = run(capsys, *arguments, "--json")
+    assert (status, errors) == (0, [])
+    return json.loads(out)
+
+
+def test_json_of_one_method(bag, capsys):
+    found = result(capsys, bag)
+    assert set(found) >= KEYS
+    assert (found["method"], found["attitude_update"]) == ("midpoint", "so3")
+    assert found["samples"] == 1001
+    assert found["duration_s"] == pytest.approx(5.0)
+    # The ellipse of the lecture, a quarter of it in 5 s, with its waves of 1 m.
+    assert 25.0 < found["distance_m"] < 35.0
+    assert found["final_position_error_m"] < 1e-3
+    assert found["final_position_error_percent"] == pytest.approx(
+        100.0 * found["final_position_error_m"] / found["distance_m"]
+    )
+
+
+def test_all_is_a_list_of_every_way(bag, capsys):
+    found = result(capsys, bag, "--all")
+    assert len(found) == 9
+    assert all(set(entry) >= KEYS for entry in found)
+    errors = {(e["method"], e["attitude_update"]): e["final_position_error_m"] for e in found}
+    assert errors["euler", "so3"] > 100.0 * errors["midpoint", "so3"]
+
+
+def test_table_names_units_and_methods(bag, capsys):
+    _, out, _ = run(capsys, bag, "--all")
+    assert "final position [m]" in out
+    assert out.count("midpoint") == 3
+    assert run(capsys, bag, "--quiet")[1] == ""
+
+
+def test_method_by_argument_and_by_parameter_file(bag, capsys, tmp_path):
+    path = tmp_path / "integrator.yaml"
+    path.write_text("integrator:\n  ros__parameters:\n    method: euler\n    max_gap: 1.0\n")
+    assert result(capsys, bag, "--params-file", path)["method"] == "euler"
+    assert result(capsys, bag, "--params-file", path, "--method", "rk4")["method"] == "rk4"
+    assert result(capsys, bag, "--set", "attitude_update=quaternion")["attitude_update"] == (
+        "quaternion"
+    )
+
+
+def test_known_biases_are_corrected(tmp_path, capsys):
+    bias = {"imu__gyroscope_bias": [0.01, -0.02, 0.03], "imu__accelerometer_bias": 0.1}
+    bag = write(tmp_path / "biased", block_of(**bias))
+    calibration = tmp_path / "calibration.yaml"
+    calibration.write_text(
+        "/**:\n  ros__parameters:\n    imu:\n      gyroscope_bias: [0.01, -0.02, 0.03]\n"
+        "      accelerometer_bias: 0.1\n      gyroscope_noise_density: 0.01\n"
+    )
+    assert result(capsys, bag)["final_position_error_m"] > 1.0
+    assert result(capsys, bag, "--correction", calibration)["final_position_error_m"] < 1e-3
+
+
+def test_levelling_from_rest(tmp_path, capsys):
+    """At rest, turned: roll, pitch and the gyroscope's bias are found, the body stays."""
+    block = block_of("static", 10.0, imu__gyroscope_bias=[0.01, -0.02, 0.03])
+    bag = write(tmp_path / "rest", block, topics=())
+    found = result(capsys, bag, "--initial-state", "level", "-o", tmp_path / "level.txt")
+    assert found["final_position_error_m"] is None
+    poses = read_poses(tmp_path / "level.txt")
+    assert np.abs(poses.position).max() < 1e-9
+
+
+def test_a_turning_earth(tmp_path, capsys):
+    block = block_of(duration=20.0, earth_rotation=True, latitude_deg=50.0)
+    bag = write(tmp_path / "earth", block)
+    latitude = np.radians(50.0)
+    rate = 7.292115e-5 * np.array([0.0, np.cos(latitude), np.sin(latitude)])
+    without = result(capsys, bag)["final_position_error_m"]
+    found = result(capsys, bag, "--set", f"earth_rate={rate.tolist()}")["final_position_error_m"]
+    assert found < 2e-3
+    assert without > 100 * found
+
+
+def test_trajectory_files_and_picture(bag, capsys, tmp_path):
+    for name in ("track.txt", "track.csv", "picture.png"):
+        option = "--plot" if name.endswith("png") else "-o"
+        assert run(capsys, bag, option, tmp_path / name, "--quiet") == (0, "", [])
+    tum, csv = (read_poses(tmp_path / name) for name in ("track.txt", "track.csv"))
+    assert len(tum.t_ns) == 1001
+    np.testing.assert_array_equal(tum.t_ns, csv.t_ns)
+    np.testing.assert_allclose(tum.position, csv.position)
+    assert (tmp_path / "picture.png").stat().st_size > 20_000
+
+
+def test_truth_among_other_odometry(tmp_path, capsys):
+    bag = write(tmp_path / "two", block_of(), topics=("dead_reckoned/odom", "ground_truth/odom"))
+    assert result(capsys, bag)["final_position_error_m"] < 1e-3
+    chosen = result(capsys, bag, "--truth-topic", "dead_reckoned/odom")
+    assert chosen["final_position_error_m"] < 1e-3
+
+
+def test_a_truth_a_little_late_starts_the_integration(tmp_path, capsys):
+    bag = write(tmp_path / "late", block_of(), truth=slice(10, None))
+    assert result(capsys, bag)["samples"] == 991
+
+
+def test_skip(tmp_path, capsys):
+    bag = write(tmp_path / "late", block_of(), truth=slice(400, None))
+    assert result(capsys, bag, "--skip", "2s")["samples"] == 601
+
+
+def complain(capsys, *arguments):
+    """Return the lines of a run that fails as bad input does."""
+    status, out, errors = run(capsys, *arguments)
+    assert (status, out) == (2, "")
+    return errors
+
+
+def test_no_truth(tmp_path, capsys):
+    bag = write(tmp_path / "bare", block_of(), topics=())
+    (line,) = complain(capsys, bag)
+    assert "no topic of nav_msgs/msg/Odometry" in line
+    assert "--initial-state level or parameters" in line
+    found = result(capsys, bag, "--initial-state", "parameters")
+    assert found["final_position_error_m"] is None
+    assert found["distance_m"] > 0.0
+
+
+def test_truth_that_starts_much_later(tmp_path, capsys):
+    bag = write(tmp_path / "late", block_of(), truth=slice(400, None))
+    (line,) = complain(capsys, bag)
+    assert "the truth starts 2 s after the readings" in line
+    assert "--skip 2s" in line
+
+
+def test_no_overlap(tmp_path, capsys):
+    bag = write(tmp_path / "apart", block_of(), truth=slice(0, 300), imu=slice(400, None))
+    (line,) = complain(capsys, bag)
+    assert "readings and truth do not overlap in time" in line
+
+
+@pytest.mark.parametrize(
+    ("order", "message"),
+    [
+        ([0], "1 reading: integration needs at least two"),
+        ([0, 2, 1, 3], "1 stamps are before the one ahead of them, the first is number 2"),
+        ([0, 1, 1, 2], "1 stamps are repeated, the first is number 2"),
+        (
+            [0, 1, 2, 60],
+            "longer than max_gap = 0.1 s, the first is 0.29 s after number 2",
+        ),
+    ],
+)
+def test_bad_stamps(tmp_path, capsys, order, message):
+    bag = write(tmp_path / "bad", block_of(), imu=order)
+    (line,) = complain(capsys, bag)
+    assert message in line
+
+
+def test_not_a_number(tmp_path, capsys):
+    block = block_of()
+    block.gyro[7] = np.nan
+    (line,) = complain(capsys, write(tmp_path / "nan", block))
+    assert "1 gyroscope readings are not finite, the first is number 7" in line
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--set", "method=heun"], "method = 'heun': must be one of euler, midpoint, rk4"),
+        (["--set", "mehtod=euler"], "mehtod: unknown parameter; did you mean method?"),
+        (["--correction", "missing.yaml"], "missing.yaml: No such file or directory"),
+        (["--imu-topic", "/imu"], "has no topic /imu of sensor_msgs/msg/Imu"),
+        (["-o", "missing/track.txt"], "missing/track.txt: cannot be written"),
+        (["--plot", "missing/picture.png"], "missing/picture.png: the picture cannot be written"),
+    ],
+)
+def test_bad_arguments(bag, capsys, arguments, message):
+    errors = complain(capsys, bag, *arguments, "--quiet")
+    assert len(errors) == 1
+    assert message in errors[0]
+
+
+def test_missing_bag(tmp_path, capsys):
+    assert len(complain(capsys, tmp_path / "none")) == 1

@@ -1,0 +1,183 @@
+import json
+
+import numpy as np
+import pytest
+
+from imu_sim_ros import rotation
+from imu_sim_ros.bags.encode import ODOMETRY, OdometryEncoder
+from imu_sim_ros.bags.write import open_writer
+from imu_sim_ros.commands.evaluate import main
+from imu_sim_ros.poses import PoseSequence, read_poses, write_tum
+
+SECOND = 1_000_000_000
+START = 1_500_000_000 * SECOND
+
+
+def track(n=401, offset=0):
+    t = np.arange(n) * 0.05
+    position = np.stack([5 * np.cos(0.3 * t), 4 * np.sin(0.3 * t), np.sin(t)], axis=1)
+    q_wb = rotation.from_euler(np.stack([0.1 * np.sin(t), 0.1 * np.cos(t), 0.3 * t], axis=1))
+    return PoseSequence(START + offset + np.arange(n) * SECOND // 20, position, q_wb)
+
+
+@pytest.fixture
+def truth(tmp_path):
+    write_tum(tmp_path / "truth.txt", track())
+    return tmp_path / "truth.txt"
+
+
+def run(capsys, *arguments):
+    status = main([str(argument) for argument in arguments])
+    captured = capsys.readouterr()
+    return status, captured.out, captured.err.splitlines()
+
+
+def result(capsys, *arguments):
+    status, out, errors = run(capsys, *arguments, "--json")
+    assert (status, errors) == (0, [])
+    return json.loads(out)
+
+
+def saved(tmp_path, poses, name="estimate.txt"):
+    write_tum(tmp_path / name, poses)
+    return tmp_path / name
+
+
+def test_known_shift(tmp_path, truth, capsys):
+    poses = track()
+    estimate = saved(tmp_path, poses._replace(position=poses.position + np.array([3.0, 0.0, 4.0])))
+    found = result(capsys, estimate, truth)
+    assert found["ate_m"]["rmse"] == pytest.approx(5.0)
+    assert found["final_position_error_m"] == pytest.approx(5.0)
+    assert found["final_drift_percent"] == pytest.approx(500.0 / found["distance_m"])
+    assert found["attitude_error_rad"]["max"] < 1e-9
+    assert [entry["unit"] for entry in found["rpe"]] == ["s"] + ["m"] * 5
+    assert max(entry["translation_m"]["max"] for entry in found["rpe"]) < 1e-9
+    assert found["nees"] is None
+    for kind in ("yaw", "se3", "sim3"):
+        aligned = result(capsys, estimate, truth, "--align", kind)
+        assert aligned["ate_m"]["max"] < 1e-9
+        assert aligned["alignment"]["translation_m"] == pytest.approx([-3.0, 0.0, -4.0])
+
+
+def test_other_stamps_are_interpolated(tmp_path, truth, capsys):
+    """Estimates half way between the poses of the truth; one more on either side has no truth."""
+    poses = track(403, -SECOND // 20 - SECOND // 40)
+    t = (poses.t_ns - START) * 1e-9
+    position = np.stack([5 * np.cos(0.3 * t), 4 * np.sin(0.3 * t), np.sin(t)], axis=1)
+    found = result(capsys, saved(tmp_path, poses._replace(position=position)), truth)
+    assert found["poses"] == 400
+    assert found["poses_without_truth"] == 3
+    # A chord of 50 ms lies a h^2 / 8 off the arc, with at most 1.1 m/s^2.
+    assert found["ate_m"]["max"] < 1.1 * 0.05**2 / 8
+
+
+def test_rpe_over_what_is_asked_for(tmp_path, truth, capsys):
+    poses = track()
+    t = (poses.t_ns - START) * 1e-9
+    drifting = poses._replace(position=poses.position + 0.1 * t[:, None] * [0.0, 0.0, 1.0])
+    found = result(capsys, saved(tmp_path, drifting), truth, "--rpe", "2s", "--rpe", "5frames")
+    seconds, frames = found["rpe"]
+    assert seconds["translation_m"]["rmse"] == pytest.approx(0.2)
+    assert frames["translation_m"]["rmse"] == pytest.approx(0.025)
+    assert (seconds["pairs"], frames["pairs"]) == (361, 396)
+
+
+def test_table_picture_and_output(tmp_path, truth, capsys):
+    poses = track()
+    moved = saved(tmp_path, poses._replace(position=poses.position + np.array([1.0, 0.0, 0.0])))
+    aligned, picture = tmp_path / "aligned.txt", tmp_path / "picture.png"
+    status, out, _ = run(capsys, moved, truth, "--align", "se3", "-o", aligned, "--plot", picture)
+    assert status == 0
+    assert "ATE position [m]" in out
+    assert "alignment: se3" in out
+    np.testing.assert_allclose(read_poses(aligned).position, poses.position, atol=1e-9)
+    assert picture.stat().st_size > 20_000
+    assert run(capsys, moved, truth, "--quiet")[1] == ""
+
+
+def write_bag(path, poses, covariance=None, topic="/dead_reckoned/odom"):
+    with open_writer(path) as writer:
+        encoder = OdometryEncoder("world", "base_link", writer.encoding)
+        handle = writer.add_topic(topic, ODOMETRY)
+        zero = np.zeros((len(poses.t_ns), 3))
+        payloads = encoder.encode(
+            poses.t_ns, poses.position, poses.q_wb, zero, zero, pose_covariance=covariance
+        )
+        writer.write(handle, poses.t_ns, payloads)
+    return path
+
+
+@pytest.mark.parametrize("factor", [1.0, 2.0])
+def test_nees_of_a_bag_with_covariances(tmp_path, truth, capsys, factor):
+    """Independent errors of known size: the mean over 400 poses is 3, or 3/4 at twice the sigma."""
+    rng = np.random.default_rng(12)
+    poses = track()
+    n = len(poses.t_ns)
+    sigma = np.array([0.1, 0.2, 0.3, 0.01, 0.02, 0.03])
+    errors = sigma * rng.normal(size=(n, 6))
+    estimate = PoseSequence(
+        poses.t_ns,
+        poses.position - errors[:, :3],
+        rotation.multiply(rotation.exp(-errors[:, 3:]), poses.q_wb),
+    )
+    matrices = np.tile(np.diag(np.square(factor * sigma)), (n, 1, 1))
+    matrices[0] = 0.0
+    bag = write_bag(tmp_path / "bag", estimate, matrices)
+    found = result(capsys, bag, truth)["nees"]
+    assert found["poses"] == n - 1
+    # The variance of a NEES of 3 degrees of freedom is 6: 4 sigma of the mean of 400.
+    for name in ("position", "attitude"):
+        expected = 3.0 / factor**2
+        assert found[name]["mean"] == pytest.approx(expected, abs=4 * np.sqrt(6 / 400) / factor**2)
+    assert result(capsys, bag, truth, "--align", "se3")["nees"] is None
+
+
+def test_estimate_and_truth_in_one_bag(tmp_path, capsys):
+    bag = tmp_path / "both"
+    poses = track()
+    with open_writer(bag) as writer:
+        zero = np.zeros((len(poses.t_ns), 3))
+        for topic, shift in (("/ground_truth/odom", 0.0), ("/dead_reckoned/odom", 1.0)):
+            encoder = OdometryEncoder("world", "base_link", writer.encoding)
+            handle = writer.add_topic(topic, ODOMETRY)
+            payloads = encoder.encode(poses.t_ns, poses.position + shift, poses.q_wb, zero, zero)
+            writer.write(handle, poses.t_ns, payloads)
+    found = result(capsys, bag, bag, "--estimate-topic", "dead_reckoned/odom")
+    assert found["ate_m"]["rmse"] == pytest.approx(np.sqrt(3.0))
+    assert found["velocity_error_m_s"]["max"] == 0.0
+
+
+def complain(capsys, *arguments):
+    status, out, errors = run(capsys, *arguments)
+    assert (status, out) == (2, "")
+    assert len(errors) == 1
+    return errors[0]
+
+
+def test_bad_input(tmp_path, truth, capsys):
+    apart = saved(tmp_path, track(offset=1000 * SECOND))
+    assert "estimate and truth do not overlap in time" in complain(capsys, apart, truth)
+    assert "missing.txt" in complain(capsys, tmp_path / "missing.txt", truth)
+    still = track()._replace(position=np.zeros((401, 3)))
+    line = complain(capsys, saved(tmp_path, still), truth, "--align", "se3")
+    assert "on a line or in one place" in line
+    line = complain(capsys, truth, truth, "--rpe", "1000s")
+    assert "delta = 1000 s: the trajectory has only 20 s" in line
+    line = complain(capsys, truth, truth, "-o", tmp_path / "none" / "x.txt")
+    assert "cannot be written" in line
+
+
+def test_bag_with_stamps_out_of_order(tmp_path, truth, capsys):
+    poses = track()
+    order = np.r_[0:200, 201, 200, 202:401]
+    shuffled = PoseSequence(poses.t_ns[order], poses.position[order], poses.q_wb[order])
+    line = complain(capsys, write_bag(tmp_path / "bag", shuffled), truth)
+    assert "1 stamps are not after the one before, the first is number 201" in line
+
+
+@pytest.mark.parametrize("delta", ["0s", "5 parsec", "-1m"])
+def test_bad_delta(truth, delta, capsys):
+    with pytest.raises(SystemExit, match="2"):
+        main([str(truth), str(truth), f"--rpe={delta}"])
+    assert "is not a delta such as 1s, 10m or 5frames" in capsys.readouterr().err
