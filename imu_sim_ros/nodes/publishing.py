@@ -49,9 +49,10 @@ def create(node: Node, message_type: Any, topic: str, qos: QoSProfile) -> Any:
             qos,
             qos_overriding_options=QoSOverridingOptions(policy_kinds=_POLICIES),
         )
-    except (RuntimeError, TypeError, ValueError, AttributeError) as error:
+    except (RuntimeError, TypeError, ValueError, AttributeError, AssertionError) as error:
+        reason = " ".join(str(error).split()) or "a value of the wrong type"
         raise ConfigurationError(
-            f"{_OVERRIDES}{node.resolve_topic_name(topic)}: {' '.join(str(error).split())}"
+            f"{_OVERRIDES}{node.resolve_topic_name(topic)}: {reason}"
         ) from None
 
 

@@ -39,7 +39,7 @@ from imu_sim_ros.nodes.pacing import Pacer, RosClockPacer, Stall
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.publishing import Counter, check_overrides, create
 from imu_sim_ros.nodes.schedule import Schedule, SimulationStream, Stream, TickStream
-from imu_sim_ros.nodes.simulator_diagnostics import Report, fault_message
+from imu_sim_ros.nodes.simulator_diagnostics import Histogram, Report, fault_message
 from imu_sim_ros.nodes.transforms import transform_stream
 from imu_sim_ros.sensor.faults import Fault
 from imu_sim_ros.stream import Simulation
@@ -64,6 +64,7 @@ class Simulator(ConfiguredNode):
         super().__init__("simulator", simulator_section, layer_simulator)
         self.done = Future()
         self._counters: list[Counter] = []
+        self._lateness = Histogram()
         self._satisfied = 0.0
         parameters: SimulatorParameters = self.parameters
         self._follows = bool(self.get_parameter("use_sim_time").value)
@@ -101,8 +102,15 @@ class Simulator(ConfiguredNode):
         self.engine.start()
 
     def close(self) -> None:
-        """End the threads, and say how much was published."""
+        """End the threads, and say how much was published, and how late."""
         self.engine.stop()
+        self._lateness.add(self.engine.pacer.take_lateness())
+        if self._lateness.maximum_ns:
+            print(
+                f"simulator: lateness p50 {self._lateness.quantile_us(0.5):.0f} us, "
+                f"p99 {self._lateness.quantile_us(0.99):.0f} us, "
+                f"max {self._lateness.maximum_ns * 1e-3:.0f} us"
+            )
         for counter in self._counters:
             print(f"simulator: counted {counter.topic} {counter.count}", flush=True)
 
@@ -290,6 +298,8 @@ class Simulator(ConfiguredNode):
         now = time.monotonic()
         elapsed, self._reported = now - self._reported, now
         pacer = self.engine.pacer
+        lateness_ns = pacer.take_lateness()
+        self._lateness.add(lateness_ns)
         state = "paused" if pacer.paused else "running" if self.engine.started else "waiting"
         late = {"caught up": pacer.caught_up, "skipped": pacer.skipped}
         stamp = self.get_clock().now().to_msg()

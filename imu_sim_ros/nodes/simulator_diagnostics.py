@@ -13,6 +13,28 @@ LATE_US: Final = 500.0
 """A 99th percentile above this is a warning."""
 
 
+class Histogram:
+    """Lateness of a whole run in memory of constant size: logarithmic bins of 2 %."""
+
+    _edges = np.geomspace(1e2, 1e12, 1164)  # [ns]
+
+    def __init__(self) -> None:
+        self._counts = np.zeros(len(self._edges) + 1, dtype=np.int64)
+        self.maximum_ns = 0
+
+    def add(self, lateness_ns: Sequence[int]) -> None:
+        """Count samples."""
+        if len(lateness_ns):
+            bins = np.searchsorted(self._edges, lateness_ns)
+            self._counts += np.bincount(bins, minlength=len(self._counts))
+            self.maximum_ns = max(self.maximum_ns, *lateness_ns)
+
+    def quantile_us(self, fraction: float) -> float:
+        """Return what a fraction of the samples do not exceed [us]."""
+        place = np.searchsorted(np.cumsum(self._counts), fraction * self._counts.sum())
+        return float(self._edges[min(place, len(self._edges) - 1)]) * 1e-3
+
+
 class Report:
     """Diagnostics of the time since the last ones."""
 
