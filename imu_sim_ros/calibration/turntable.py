@@ -112,6 +112,26 @@ def known_rates(steady: Steady, rates: Array) -> tuple[Steady, Array]:
     return steady.rows(used), true_rate[used]
 
 
+def true_rates(
+    steady: Steady, t_ns: NDArray[np.int64], angular_velocity: Array
+) -> tuple[Steady, Array]:
+    """Return the pieces that a truth covers, and the truth's mean rates in them (m, 3).
+
+    :param t_ns: (n,) stamps of the truth.
+    :param angular_velocity: (n, 3) in the body frame [rad/s].
+    :raises InputError: where the truth covers no piece.
+    """
+    first = np.searchsorted(t_ns, steady.begin_ns)
+    last = np.searchsorted(t_ns, steady.end_ns)
+    covered = last > first
+    if not covered.any():
+        raise InputError("the truth in the bag covers none of the steady stretches")
+    sums = np.concatenate([np.zeros((1, 3)), np.cumsum(angular_velocity, axis=0)])
+    count = np.maximum(last - first, 1)[:, None]
+    mean = (sums[last] - sums[first]) / count
+    return steady.rows(covered), mean[covered]
+
+
 def _usual(gyro: Array) -> Array:
     """Return the reading at rest: stretches turn both ways, so that is the median."""
     result: Array = np.median(gyro, axis=0)

@@ -1,0 +1,324 @@
+"""``calibrate``: deterministic errors of an IMU from six-position, rate-table or temperature runs.
+
+Writes a parameter file for the simulator, a correction for the integrator, and a picture.
+"""
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.bags.read import (
+    ImuMessages,
+    OdometryMessages,
+    read_imu,
+    read_odometry,
+    read_temperature,
+)
+from imu_sim_ros.calibration import correction
+from imu_sim_ros.calibration.positions import calibrate_six_position
+from imu_sim_ros.calibration.steady import Steady, find_steady
+from imu_sim_ros.calibration.temperature import calibrate_temperature, temperatures_at
+from imu_sim_ros.calibration.truth import load_truth
+from imu_sim_ros.calibration.turntable import (
+    calibrate_turntable,
+    known_rates,
+    specific_force,
+    true_rates,
+)
+from imu_sim_ros.commands import common
+from imu_sim_ros.errors import InputError
+
+Array = NDArray[np.float64]
+
+STANDARD_GRAVITY = 9.81
+_UNITS = {
+    "gyroscope_bias": "rad/s",
+    "accelerometer_bias": "m/s^2",
+    "gyroscope_g_sensitivity": "(rad/s)/(m/s^2)",
+    "gyroscope_temperature_bias": "rad/s/K^k",
+    "accelerometer_temperature_bias": "m/s^2/K^k",
+    "gyroscope_temperature_scale": "1/K^k",
+    "accelerometer_temperature_scale": "1/K^k",
+    "reference_temperature": "degC",
+}
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the command's arguments."""
+    result = common.Parser(prog="calibrate", description=(__doc__ or "").replace("``", ""))
+    kinds = result.add_subparsers(dest="kind", required=True, metavar="RUN")
+    six = _kind(kinds, "six_position", "accelerometer: rest with each axis up and down")
+    six.add_argument(
+        "--simple", action="store_true", help="bias and scale only, without misalignment"
+    )
+    table = _kind(kinds, "turntable", "gyroscope: known rates about each axis, both directions")
+    _add_rates(table)
+    temperature = _kind(kinds, "temperature", "both triads against temperature: soak or ramp")
+    _add_rates(temperature)
+    temperature.add_argument(
+        "--temperature-topic", metavar="TOPIC", help="sensor_msgs/Temperature, where several are"
+    )
+    temperature.add_argument(
+        "--reference", metavar="DEGC", type=float, default=25.0, help="T0 (default: 25)"
+    )
+    return result
+
+
+def _kind(kinds: Any, name: str, text: str) -> argparse.ArgumentParser:
+    """Return the parser of one kind of run, with what all have in common."""
+    result: argparse.ArgumentParser = kinds.add_parser(name, help=text, description=text)
+    result.add_argument("bag", metavar="BAG", type=Path, help="bag, EuRoC folder or CSV file")
+    result.add_argument("--topic", help="sensor_msgs/Imu topic, where the bag has several")
+    result.add_argument(
+        "--gravity", type=float, default=STANDARD_GRAVITY, help="local gravity [m/s^2] (9.81)"
+    )
+    result.add_argument(
+        "-o", "--output", type=Path, metavar="DIR", help="folder for the files (default: RUN)"
+    )
+    result.add_argument(
+        "--truth", metavar="NAME|FILE", help="compare with the parameters that made the bag"
+    )
+    result.add_argument("--no-files", action="store_true", help="write no files, print only")
+    common.add_output_arguments(result)
+    return result
+
+
+def _add_rates(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_mutually_exclusive_group()
+    group.add_argument(
+        "--rates", metavar="R,R,...", type=_numbers, help="the table's rates [rad/s], without sign"
+    )
+    group.add_argument(
+        "--rates-deg", metavar="R,R,...", type=_numbers, help="the same in degrees per second"
+    )
+    parser.add_argument(
+        "--truth-topic",
+        metavar="TOPIC",
+        help="Odometry topic that the rates are taken from where none are given",
+    )
+
+
+def _numbers(words: str) -> Array:
+    try:
+        values = np.array([abs(float(word)) for word in words.split(",")])
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{words!r}: numbers separated by commas") from None
+    if not (np.isfinite(values).all() and (values > 0.0).all()):
+        raise argparse.ArgumentTypeError(f"{words!r}: rates must be finite and not zero")
+    return values
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command; returns its exit status."""
+    arguments = parser().parse_args(argv)
+    return common.run("calibrate", lambda: calibrate(arguments))
+
+
+def calibrate(arguments: argparse.Namespace) -> None:
+    """Calibrate, write the files and print."""
+    if not 1.0 < arguments.gravity < 30.0:
+        raise InputError(f"gravity = {arguments.gravity:g}: must be between 1 and 30 m/s^2")
+    truth = load_truth(arguments.truth) if arguments.truth else None
+    imu = read_imu(arguments.bag, arguments.topic)
+    values, facts, draw = _KINDS[arguments.kind](arguments, imu)
+    true = {} if truth is None else correction.true_parameters(truth, values)
+    files = [] if arguments.no_files else _write(arguments, values, draw)
+    if arguments.json:
+        common.print_json(_json(values, facts, true))
+    elif not arguments.quiet:
+        _print(values, facts, true, files)
+
+
+Result = tuple[correction.Parameters, dict[str, Any], Callable[[Path], None]]
+
+
+def _six_position(arguments: argparse.Namespace, imu: ImuMessages) -> Result:
+    steady = find_steady(imu.t_ns, imu.gyro, imu.accel)
+    found = calibrate_six_position(steady, arguments.gravity, simple=arguments.simple)
+    facts = {
+        "positions": found.positions.stretches,
+        "seconds_at_rest": float(found.positions.duration.sum()),
+        "rms_residual": _rms(found.residuals),
+    }
+
+    def draw(path: Path) -> None:
+        from imu_sim_ros.plots import calibration as pictures
+
+        pictures.draw_six_position(found, arguments.gravity, path)
+
+    return correction.six_position_parameters(found), facts, draw
+
+
+def _turntable(arguments: argparse.Namespace, imu: ImuMessages) -> Result:
+    steady, rate = _rates(arguments, imu)
+    found = calibrate_turntable(steady, rate, arguments.gravity)
+    facts = {
+        "stretches": steady.stretches,
+        "rates": sorted({round(float(r), 6) for r in np.abs(rate).max(axis=1)}),
+        "rms_residual": _rms(found.residuals),
+    }
+    if found.g_sensitivity is None:
+        facts["note"] = "each axis must be seen up and down to tell g-sensitivity from bias"
+
+    def draw(path: Path) -> None:
+        from imu_sim_ros.plots import calibration as pictures
+
+        pictures.draw_turntable(found, path)
+
+    return correction.turntable_parameters(found), facts, draw
+
+
+def _temperature(arguments: argparse.Namespace, imu: ImuMessages) -> Result:
+    steady, rate = _rates(arguments, imu, needed=False)
+    messages = read_temperature(arguments.bag, arguments.temperature_topic)
+    at = temperatures_at(steady, messages.t_ns, messages.temperature)
+    force = specific_force(steady, arguments.gravity)
+    found = calibrate_temperature(steady, at, rate, force, arguments.reference)
+    facts = {
+        "stretches": steady.stretches,
+        "temperature_degC": [float(at.min()), float(at.max())],
+        **{
+            f"{name}_{kind}_order": [
+                len(a.bias) - 1 if kind == "bias" else len(a.scale) for a in triad.axes
+            ]
+            for name, triad in (
+                ("gyroscope", found.gyroscope),
+                ("accelerometer", found.accelerometer),
+            )
+            for kind in ("bias", "scale")
+        },
+    }
+
+    def draw(path: Path) -> None:
+        from imu_sim_ros.plots import calibration as pictures
+
+        pictures.draw_temperature(found, path)
+
+    return correction.temperature_parameters(found), facts, draw
+
+
+_KINDS: dict[str, Callable[[argparse.Namespace, ImuMessages], Result]] = {
+    "six_position": _six_position,
+    "turntable": _turntable,
+    "temperature": _temperature,
+}
+
+
+def _rates(
+    arguments: argparse.Namespace, imu: ImuMessages, *, needed: bool = True
+) -> tuple[Steady, Array]:
+    """Return the steady pieces and their true rates, as given or from the truth in the bag."""
+    steady = find_steady(imu.t_ns, imu.gyro, imu.accel, rotating=needed)
+    rates = arguments.rates
+    if arguments.rates_deg is not None:
+        rates = np.radians(arguments.rates_deg)
+    if rates is not None:
+        return known_rates(steady, rates)
+    truth = _truth(arguments)
+    if truth is not None:
+        return true_rates(steady, truth.t_ns, truth.angular_velocity_b)
+    if needed:
+        raise InputError(
+            f"{arguments.bag}: the table's rates are not known: give --rates (rad/s) or --rates-deg"
+        )
+    return known_rates(steady, np.array([np.inf]))
+
+
+def _truth(arguments: argparse.Namespace) -> OdometryMessages | None:
+    try:
+        return read_odometry(arguments.bag, arguments.truth_topic)
+    except InputError:
+        if arguments.truth_topic is not None:
+            raise
+        return None
+
+
+def _rms(values: Array) -> list[float]:
+    return [float(x) for x in np.sqrt(np.mean(values**2, axis=0))]
+
+
+def _write(
+    arguments: argparse.Namespace, values: correction.Parameters, draw: Callable[[Path], None]
+) -> list[Path]:
+    folder: Path = arguments.output or Path(arguments.kind)
+    comment = f"Calibrated from {arguments.bag} ({arguments.kind})."
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        simulator, integrator = folder / "imu.yaml", folder / "correction.yaml"
+        correction.write_simulator(values, simulator, f"{comment} For simulator and generate.")
+        correction.write_correction(
+            values, integrator, f"{comment} For integrator and dead_reckon: x = S^-1 (reading - b)."
+        )
+    except OSError as error:
+        raise InputError(f"{folder}: {error.strerror or error}") from None
+    picture = folder / f"{arguments.kind}.png"
+    draw(picture)
+    return [simulator, integrator, picture]
+
+
+def _json(
+    values: correction.Parameters, facts: dict[str, Any], true: dict[str, Array]
+) -> dict[str, Any]:
+    parameters = {
+        name: {"value": found.value.tolist(), "sigma": found.sigma.tolist()}
+        for name, found in values.items()
+    }
+    for name, truth in true.items():
+        parameters[name]["truth"] = truth.tolist()
+    return {"parameters": parameters, **facts}
+
+
+def _print(
+    values: correction.Parameters,
+    facts: dict[str, Any],
+    true: dict[str, Array],
+    files: Sequence[Path],
+) -> None:
+    for name, fact in facts.items():
+        print(f"{name}: {_shown(fact)}")
+    header = ["", "value", "standard error", "unit"] + (["truth", "errors off"] if true else [])
+    rows = []
+    for name, found in values.items():
+        labels = _labels(len(found.value))
+        for k, label in enumerate(labels):
+            row = [
+                f"{name} {label}",
+                f"{found.value[k]:.6g}",
+                f"{found.sigma[k]:.2g}" if found.sigma[k] > 0.0 else "",
+                _UNITS.get(name, "1"),
+            ]
+            if true:
+                row += _deviation(found.value[k], found.sigma[k], true[name][k])
+            rows.append(row)
+    common.print_table(header, rows)
+    for path in files:
+        print(path)
+
+
+def _shown(fact: object) -> str:
+    if isinstance(fact, list):
+        return ", ".join(_shown(entry) for entry in fact)
+    return f"{fact:.4g}" if isinstance(fact, float) else str(fact)
+
+
+def _labels(count: int) -> list[str]:
+    if count == 9:
+        return [f"{row}{column}" for row in "xyz" for column in "xyz"]
+    if count == 1:
+        return [""]
+    orders = count // 3
+    return [f"{axis}{k + 1 if orders > 1 else ''}" for k in range(orders) for axis in "xyz"]
+
+
+def _deviation(value: float, sigma: float, truth: float) -> list[str]:
+    shown = f"{abs(value - truth) / sigma:.1f}" if sigma > 0.0 else ""
+    return [f"{truth:.6g}", shown]
+
+
+if __name__ == "__main__":
+    sys.exit(main())
