@@ -1,6 +1,5 @@
 """Recorded poses as text: the forms of TUM (``t x y z qx qy qz qw``) and of EuRoC."""
 
-import re
 from collections.abc import Iterable, Iterator
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
@@ -18,7 +17,9 @@ _POSE_COLUMNS: Final = 8
 _EUROC_COLUMNS: Final = (_POSE_COLUMNS, 11, 17)  # pose; and velocity; and both biases
 _NORM_TOLERANCE: Final = 0.05  # a quaternion of text is rounded; one of another length is a mix-up
 _SHOWN_PROBLEMS: Final = 10
-_PLAIN_SECONDS = re.compile(r"\d{1,10}(\.\d*)?")
+_STAMP_LENGTH: Final = 40
+_LAST_SECOND: Final = 9_223_372_035  # what int64 nanoseconds hold
+_SECOND_DIGITS: Final = 10
 
 
 class PoseSequence(NamedTuple):
@@ -87,13 +88,12 @@ class _Table:
     def __init__(self, path: Path, numbers: list[int], rows: list[str]) -> None:
         self._path = path
         self._numbers = numbers
+        self._rows = rows
         self._euroc = "," in rows[0]
-        self._fields = [row.split("," if self._euroc else None) for row in rows]
 
     def poses(self) -> PoseSequence:
         """Return the poses, or raise with a line for every problem."""
-        self._check(self._column_problems())
-        t_ns, values = self._numbers_of_fields()
+        t_ns, values = self._parsed()
         order = [3, 4, 5, 6] if self._euroc else [6, 3, 4, 5]
         position, q_wb = values[:, :3], values[:, order]
         norms = np.linalg.norm(q_wb, axis=-1)
@@ -108,6 +108,30 @@ class _Table:
             t_ns[keep], position[keep], q_wb[keep], dropped=int(np.count_nonzero(repeated))
         )
 
+    def _parsed(self) -> tuple[NDArray[np.int64], Array]:
+        """Return stamps (n,) and values (n, 7), converted at once; looked into if that fails."""
+        if self._euroc:
+            self._check(self._column_problems())
+        columns = range(_POSE_COLUMNS) if self._euroc else None
+        try:
+            table = np.loadtxt(
+                self._rows,
+                dtype=[("stamp", f"U{_STAMP_LENGTH}"), ("values", np.float64, (7,))],
+                delimiter="," if self._euroc else None,
+                usecols=columns,
+                comments=None,
+                ndmin=1,
+            )
+            return _nanoseconds(np.char.strip(table["stamp"]), self._euroc), table["values"]
+        except (ValueError, OverflowError) as error:
+            self._check(self._column_problems())
+            self._check(self._number_problems())
+            raise InputError(f"{self._path}: {error}") from None
+
+    def _fields(self) -> Iterator[tuple[int, list[str]]]:
+        for number, row in zip(self._numbers, self._rows, strict=True):
+            yield number, [field.strip() for field in row.split("," if self._euroc else None)]
+
     def _check(self, problems: Iterable[str]) -> None:
         lines = list(problems)
         if not lines:
@@ -121,33 +145,22 @@ class _Table:
         allowed = _EUROC_COLUMNS if self._euroc else (_POSE_COLUMNS,)
         form = "EuRoC" if self._euroc else "TUM"
         expected = " or ".join(map(str, allowed))
-        for number, fields in zip(self._numbers, self._fields, strict=True):
+        for number, fields in self._fields():
             if len(fields) not in allowed:
                 yield f"line {number}: {len(fields)} columns; the {form} form has {expected}"
 
-    def _numbers_of_fields(self) -> tuple[NDArray[np.int64], Array]:
-        """Return stamps (n,) and values (n, 7); the bulk is converted at once."""
-        stamps = [fields[0].strip() for fields in self._fields]
-        try:
-            t_ns = _nanoseconds(stamps, self._euroc)
-            values = np.array([fields[1:_POSE_COLUMNS] for fields in self._fields]).astype(float)
-        except (ValueError, OverflowError):
-            self._check(self._number_problems())
-            raise
-        return t_ns, values
-
     def _number_problems(self) -> Iterator[str]:
-        for number, fields in zip(self._numbers, self._fields, strict=True):
+        for number, fields in self._fields():
             try:
-                _nanoseconds([fields[0].strip()], self._euroc)
+                _nanoseconds(np.array(fields[:1]), self._euroc)
             except (ValueError, OverflowError):
                 unit = "whole nanoseconds" if self._euroc else "seconds"
-                yield f"line {number}: {fields[0].strip()!r} is not a stamp in {unit}"
+                yield f"line {number}: {fields[0]!r} is not a stamp in {unit}"
             for field in fields[1:_POSE_COLUMNS]:
                 try:
                     float(field)
                 except ValueError:
-                    yield f"line {number}: {field.strip()!r} is not a number"
+                    yield f"line {number}: {field!r} is not a number"
 
     def _value_problems(self, values: Array, norms: Array) -> Iterator[str]:
         finite = np.all(np.isfinite(values), axis=-1)
@@ -178,19 +191,39 @@ def _repeated(t_ns: NDArray[np.int64], position: Array, q_wb: Array) -> NDArray[
     return np.concatenate([[False], (np.diff(t_ns) == 0) & same_pose])
 
 
-def _nanoseconds(stamps: list[str], euroc: bool) -> NDArray[np.int64]:
-    """Return stamps in nanoseconds, exactly: a float of 1.6e9 s is only good to 240 ns."""
+def _nanoseconds(stamps: NDArray[np.str_], euroc: bool) -> NDArray[np.int64]:
+    """Return stamps (n,) in nanoseconds, exactly: a float of 1.6e9 s is only good to 240 ns.
+
+    :raises ValueError, OverflowError: for a stamp that is not a number, or too large.
+    """
     if euroc:
-        return np.array([int(stamp) for stamp in stamps], dtype=np.int64)
-    return np.array([_seconds_to_ns(stamp) for stamp in stamps], dtype=np.int64)
+        return np.array([int(stamp) for stamp in stamps.tolist()], dtype=np.int64)
+    whole, _, part = np.moveaxis(np.char.partition(stamps, "."), -1, 0)
+    plain = np.char.isdigit(whole) & (np.char.str_len(whole) <= _SECOND_DIGITS)
+    plain &= (np.char.isdigit(part) | (part == "")) & (np.char.str_len(part) <= 9)
+    result = np.empty(len(stamps), dtype=np.int64)
+    if plain.any():
+        result[plain] = _plain_nanoseconds(whole[plain], part[plain])
+    for k in np.flatnonzero(~plain):
+        result[k] = _decimal_nanoseconds(str(stamps[k]))
+    return result
 
 
-def _seconds_to_ns(stamp: str) -> int:
-    if _PLAIN_SECONDS.fullmatch(stamp):
-        whole, _, part = stamp.partition(".")
-        if len(part) <= 9:
-            return int(whole) * NANOSECONDS_PER_SECOND + int(part.ljust(9, "0"))
+def _plain_nanoseconds(whole: NDArray[np.str_], part: NDArray[np.str_]) -> NDArray[np.int64]:
+    """Return stamps (n,) of the digits before and after the point."""
+    seconds = whole.astype(np.int64)
+    if np.any(seconds > _LAST_SECOND):
+        raise OverflowError(f"a stamp above {_LAST_SECOND} s")
+    result: NDArray[np.int64] = seconds * NANOSECONDS_PER_SECOND
+    return result + np.char.ljust(part, 9, "0").astype(np.int64)
+
+
+def _decimal_nanoseconds(stamp: str) -> int:
+    """Return a stamp with an exponent, or with more digits than nanoseconds."""
     try:
-        return round(Decimal(stamp) * NANOSECONDS_PER_SECOND)
+        seconds = Decimal(stamp)
     except InvalidOperation:
         raise ValueError(stamp) from None
+    if seconds.adjusted() >= _SECOND_DIGITS:  # 1e999999999 would fill the memory
+        raise OverflowError(stamp)
+    return round(seconds * NANOSECONDS_PER_SECOND)

@@ -112,6 +112,8 @@ def test_every_problem_of_a_kind_is_named_with_its_line(read):
         ("nan 1 2 3 0 0 0 1", "line 2: 'nan' is not a stamp in seconds"),
         ("inf 1 2 3 0 0 0 1", "line 2: 'inf' is not a stamp in seconds"),
         ("1e300 1 2 3 0 0 0 1", "line 2: '1e300' is not a stamp in seconds"),
+        ("1e999999999 1 2 3 0 0 0 1", "line 2: '1e999999999' is not a stamp in seconds"),
+        ("9999999999.0 1 2 3 0 0 0 1", "line 2: '9999999999.0' is not a stamp in seconds"),
         ("1.1 1 2 3 0 0 0 0", "line 2: a quaternion of length 0 instead of 1"),
         ("1.1 1 2 3 0 0 0 0.5", "line 2: a quaternion of length 0.5 instead of 1"),
         ("1.1 one 2 3 0 0 0 1", "line 2: 'one' is not a number"),
