@@ -126,10 +126,15 @@ def dead_reckon_integrals(
     # The start has a stamp and no integral; it repeats the first one's for the check alone.
     with_start = np.r_[0, : len(delta_angle)]
     check_readings(t_ns, delta_angle[with_start], delta_velocity[with_start], max_gap)
-    h = np.diff(t_ns) * 1e-9
-    angle, velocity = correction.apply(delta_angle, delta_velocity, h[:, None])
     states = _States(t_ns, initial, gravity, earth_rate)
-    states.extend(h, increments.of_integrals(h, angle.T.copy(), velocity.T.copy()))
+    for first in range(0, len(delta_angle), _BLOCK):
+        # One interval more in front: coning and sculling need the one before.
+        ahead = min(first, 1)
+        rows = slice(first - ahead, first + _BLOCK)
+        h = np.diff(t_ns[first - ahead : first + _BLOCK + 1]) * 1e-9
+        angle, velocity = correction.apply(delta_angle[rows], delta_velocity[rows], h[:, None])
+        dq, dv, dp = increments.of_integrals(h, angle.T.copy(), velocity.T.copy())
+        states.extend(h[ahead:], Increments(dq[:, ahead:], dv[:, ahead:], dp[:, ahead:]))
     return states.result()
 
 

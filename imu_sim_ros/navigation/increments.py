@@ -153,8 +153,8 @@ def _quaternion_stages(
     return normalise(q2), normalise(q3), normalise(q4), normalise(end)
 
 
-def of_integrals(h: Array, delta_angle: Array, delta_velocity: Array) -> Increments:
-    """Return the increments of an IMU that gives integrals of its readings over each interval.
+def of_integrals(h: Array, delta_angle: Array, delta_velocity: Array) -> tuple[Array, Array, Array]:
+    """Return the increments (dq, dv, dp) of an IMU that gives integrals over each interval.
 
     Coning and sculling are corrected with the interval before (P. Savage, "Strapdown inertial
     navigation integration algorithm design", parts 1 and 2, J. Guidance 1998), and the rotation
@@ -180,4 +180,4 @@ def of_integrals(h: Array, delta_angle: Array, delta_velocity: Array) -> Increme
     sculling = cross(before_a, delta_velocity) + cross(before_v, delta_angle)
     dv = delta_velocity + 0.5 * turned + cross(delta_angle, turned) / 6.0 + sculling / 12.0
     dp = (before_v - delta_velocity - turned) * (h / 12.0)
-    return Increments(exp(delta_angle + cross(before_a, delta_angle) / 12.0), dv, dp)
+    return exp(delta_angle + cross(before_a, delta_angle) / 12.0), dv, dp

@@ -32,14 +32,14 @@ def trajectories(
     """
     with_errors = bool(position_errors)
     rows = 2 if with_errors else 1
-    figure, axes = style.panels(rows, 2, 9.0, 3.9 * rows)
+    figure, axes = style.panels(rows + 1, 2, 9.0, 3.9 * rows + 0.5)
     looks = _looks(list(paths))
     for axis, (across, up) in zip(axes[:2], ((0, 1), (0, 2)), strict=True):
         _view(axis, paths, truth, looks, across, up)
     if with_errors:
         _errors(axes[2], position_errors, looks, "position error [m]", 1.0)
         _errors(axes[3], attitude_errors, looks, "attitude error [deg]", 180.0 / np.pi)
-    _legend(figure, axes[0])
+    _legend(figure, axes)
     return figure
 
 
@@ -73,10 +73,17 @@ def evaluation(
     return figure
 
 
-def _legend(figure: Figure, axis: Axes) -> None:
-    """Name the lines of one panel below all panels."""
-    handles, labels = axis.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False, fontsize=8.0)
+def _legend(figure: Figure, axes: Sequence[Axes]) -> None:
+    """Turn the last row of panels into one legend for all lines of the first panel."""
+    grid = axes[0].get_gridspec()
+    assert grid is not None
+    grid.set_height_ratios([1.0] * (grid.nrows - 1) + [0.12])
+    for axis in axes[-2:]:
+        axis.remove()
+    row = figure.add_subplot(grid[-1, :])
+    row.axis("off")
+    handles, labels = axes[0].get_legend_handles_labels()
+    row.legend(handles, labels, loc="center", ncols=4, frameon=False, fontsize=8.0)
 
 
 def _view(

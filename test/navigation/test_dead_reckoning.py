@@ -103,11 +103,14 @@ def test_stepper_equals_arrays(record, method, attitude, correction, earth_rate)
 def test_blocks_do_not_show(record, monkeypatch):
     motion = record("excitation", 100.0, 10.0)
     arguments = (motion.t_ns, motion.gyro, motion.accel, motion.initial)
-    whole = dead_reckon(*arguments)
+    increments = (motion.t_ns, motion.gyro[1:] * 0.01, motion.accel[1:] * 0.01, motion.initial)
+    whole, integrated = dead_reckon(*arguments), dead_reckon_integrals(*increments)
     monkeypatch.setattr(dead_reckoning, "_BLOCK", 37)
     parts = dead_reckon(*arguments)
     np.testing.assert_allclose(parts.position, whole.position, atol=1e-12, rtol=0)
     np.testing.assert_allclose(parts.q_wb, whole.q_wb, atol=1e-13, rtol=0)
+    parts = dead_reckon_integrals(*increments)
+    np.testing.assert_allclose(parts.position, integrated.position, atol=1e-12, rtol=0)
 
 
 @pytest.mark.parametrize(("method", "attitude"), WAYS)
