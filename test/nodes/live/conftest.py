@@ -1,0 +1,122 @@
+"""Real processes for the tests of integrator and recorder, on a ROS domain of their own."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+REPOSITORY = Path(__file__).parents[3]
+FEED = Path(__file__).with_name("feed.py")
+PATIENCE = 30.0
+"""[s] A loaded machine may take long; nothing that works takes as long as this."""
+
+
+class Process:
+    """A program whose output goes into a file."""
+
+    def __init__(self, arguments: list[str], folder: Path, number: int, environment: dict) -> None:
+        self.log = folder / f"{number}.log"
+        self._out = self.log.open("w")
+        preparation = environment.pop("preparation", None)
+        self.process = subprocess.Popen(
+            [sys.executable, *arguments],
+            stdout=self._out,
+            stderr=subprocess.STDOUT,
+            cwd=folder,
+            env=environment,
+            preexec_fn=preparation,
+        )
+
+    @property
+    def output(self) -> str:
+        return self.log.read_text()
+
+    def wait_for(self, words: str) -> None:
+        """Wait until the program has printed something."""
+        until(lambda: words in self.output or self.process.poll() is not None)
+        assert words in self.output, self.output
+
+    def send(self, number: int) -> None:
+        self.process.send_signal(number)
+
+    def end(self, number: int = signal.SIGINT) -> int:
+        """Send a signal and return the exit status."""
+        self.send(number)
+        return self.status()
+
+    def status(self) -> int:
+        return self.process.wait(PATIENCE)
+
+    def kill(self) -> None:
+        if self.process.poll() is None:
+            self.process.kill()
+            self.process.wait()
+        self._out.close()
+
+
+def until(condition: Callable[[], Any]) -> Any:
+    """Wait until a condition holds; returns what it gave."""
+    deadline = time.monotonic() + PATIENCE
+    while not (result := condition()):
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.02)
+    return result
+
+
+@pytest.fixture(scope="session")
+def domain() -> Iterator[str]:
+    """A ROS domain that no other test on this machine uses."""
+    from domain_coordinator import domain_id
+
+    with domain_id() as number:
+        yield str(number)
+
+
+@pytest.fixture
+def start(tmp_path: Path, domain: str) -> Iterator[Callable[..., Process]]:
+    """Return a function that starts ``python ARGUMENTS``; all are ended with the test."""
+    started: list[Process] = []
+
+    def start_one(*arguments: str, **extra: Any) -> Process:
+        environment = {
+            **os.environ,
+            "ROS_DOMAIN_ID": domain,
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            "ROS_PYTHON_CHECK_FIELDS": "1",
+            "PYTHONPATH": str(REPOSITORY),
+            "PYTHONUNBUFFERED": "1",
+            **extra,
+        }
+        process = Process(list(arguments), tmp_path, len(started), environment)
+        started.append(process)
+        return process
+
+    yield start_one
+    for process in started:
+        process.kill()
+
+
+@pytest.fixture
+def node(start: Callable[..., Process]) -> Callable[..., Process]:
+    """Return a function that starts a node by its name."""
+    return lambda name, *arguments, **extra: start(
+        "-m", f"imu_sim_ros.nodes.{name}", *arguments, **extra
+    )
+
+
+@pytest.fixture
+def feed(start: Callable[..., Process]) -> Callable[..., Process]:
+    """Return a function that starts the driver of feed.py."""
+
+    def feed_with(**options: Any) -> Process:
+        extra = options.pop("environment", {})
+        return start(str(FEED), json.dumps(options), **extra)
+
+    return feed_with

@@ -1,0 +1,88 @@
+"""A driver for tests: publishes readings (and the truth) as told by one JSON argument.
+
+``rate`` [Hz], ``count``, ``first_ns`` stamp of the first, ``skip`` and ``repeat`` indices, ``wait``
+for so many subscribers of each topic, ``best_effort``, ``latched``, ``topics`` (imu, truth, plain),
+``accel``, ``hold`` [s] before the end.
+"""
+
+import json
+import sys
+import time
+
+import numpy as np
+import rclpy
+from nav_msgs.msg import Odometry
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import Imu
+from std_msgs.msg import Float64
+
+from imu_sim_ros.bags.encode import ImuEncoder, OdometryEncoder
+
+DEFAULTS = {
+    "rate": 200.0,
+    "count": 400,
+    "first_ns": 1_000_000_000,
+    "skip": [],
+    "repeat": [],
+    "wait": 1,
+    "best_effort": False,
+    "latched": False,
+    "topics": ["imu", "truth"],
+    "accel": [0.0, 0.0, 9.81],
+    "hold": 0.3,
+}
+
+
+def main() -> None:
+    options = {**DEFAULTS, **json.loads(sys.argv[1])}
+    rclpy.init()
+    node = rclpy.create_node("feed")
+    qos = QoSProfile(depth=5000)
+    if options["best_effort"]:
+        qos.reliability = ReliabilityPolicy.BEST_EFFORT
+    if options["latched"]:
+        qos.durability = DurabilityPolicy.TRANSIENT_LOCAL
+    outputs = [
+        (node.create_publisher(message, topic, qos), rows)
+        for message, topic, rows in (contents(name, options) for name in options["topics"])
+    ]
+    deadline = time.monotonic() + 20.0
+    while min(p.get_subscription_count() for p, _ in outputs) < options["wait"]:
+        if time.monotonic() > deadline:
+            sys.exit("no subscriber came")
+        time.sleep(0.01)
+    print("begin", flush=True)
+    begin = time.monotonic()
+    for k in range(options["count"]):
+        time.sleep(max(0.0, begin + k / options["rate"] - time.monotonic()))
+        if k in options["skip"]:
+            continue
+        for publisher, rows in outputs:
+            for _ in range(1 + options["repeat"].count(k)):
+                publisher.publish(rows[k])
+    print("end", flush=True)
+    time.sleep(options["hold"])
+    rclpy.shutdown()
+
+
+def contents(name: str, options: dict) -> tuple:
+    count = options["count"]
+    k = np.arange(count)
+    t_ns = options["first_ns"] + np.rint(k * 1e9 / options["rate"]).astype(np.int64)
+    zero, t = np.zeros((count, 3)), (t_ns - t_ns[0]) * 1e-9
+    if name == "imu":
+        rows = ImuEncoder("imu_link").encode(t_ns, zero, np.tile(options["accel"], (count, 1)))
+        return Imu, "imu/data_raw", [row.tobytes() for row in rows]
+    if name == "truth":
+        accel = np.array(options["accel"]) - [0.0, 0.0, 9.81]
+        q_wb = np.tile([1.0, 0.0, 0.0, 0.0], (count, 1))
+        rows = OdometryEncoder("world", "base_link").encode(
+            t_ns, 0.5 * accel * t[:, None] ** 2 + [5.0, 0.0, 0.0], q_wb, accel * t[:, None], zero
+        )
+        return Odometry, "ground_truth/odom", [row.tobytes() for row in rows]
+    return Float64, "plain", [serialize_message(Float64(data=float(value))) for value in k]
+
+
+if __name__ == "__main__":
+    main()
