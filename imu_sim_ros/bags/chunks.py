@@ -2,6 +2,8 @@
 
 from abc import abstractmethod
 from collections.abc import Sequence
+from contextlib import suppress
+from itertools import pairwise
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -100,10 +102,8 @@ class ChunkWriter(Writer):
     def abandon(self) -> list[Path]:
         """Finish the file where that is still possible; it keeps the name of a part."""
         self._pending, self._raw, self._pending_bytes = [], [], 0
-        try:
+        with suppress(InputError):  # without an index the chunks are complete all the same
             self._finish()
-        except InputError:
-            pass  # without an index the chunks are complete all the same
         self.file.abandon()
         return [self.file.current]
 
@@ -135,7 +135,7 @@ class ChunkWriter(Writer):
         row_bytes = sum(_bytes(block.payloads) for block in blocks) // len(t_ns)
         parts = max(1, round(len(t_ns) * row_bytes / CHUNK_BYTES))
         edges = np.linspace(0, len(t_ns), parts + 1).astype(int).tolist()
-        for start, stop in zip(edges[:-1], edges[1:], strict=True):
+        for start, stop in pairwise(edges):
             chunk = [
                 Block(topic, times[start:stop], payloads[start:stop])
                 for topic, times, payloads in blocks

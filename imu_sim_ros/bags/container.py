@@ -15,7 +15,7 @@ from imu_sim_ros.bags.schemas import Schema, schema
 from imu_sim_ros.errors import InputError
 
 Times = NDArray[np.int64]
-Payloads: TypeAlias = "Bytes | list[bytes]"
+Payloads: TypeAlias = Bytes | list[bytes]
 
 
 class Qos(NamedTuple):

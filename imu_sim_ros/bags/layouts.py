@@ -68,8 +68,8 @@ class Layout(NamedTuple):
     """Structured type of the size of a message; times are the fields sec and nanosec."""
     template: bytes
     """A message with the texts filled in and all numbers zero."""
-    fixed: NDArray[np.bool_]
-    """(size,) True where every message of this layout has the template's byte."""
+    fixed: tuple[tuple[int, int], ...]
+    """Spans (start, stop) where every message of this layout has the template's bytes."""
 
     @property
     def size(self) -> int:
@@ -81,16 +81,15 @@ class Layout(NamedTuple):
         if payloads.shape[1] != self.size:
             return False
         template = np.frombuffer(self.template, np.uint8)
-        return bool(np.array_equal(payloads[:, self.fixed], _rows(template[self.fixed], payloads)))
+        return all(
+            bool(np.all(payloads[:, start:stop] == template[start:stop]))
+            for start, stop in self.fixed
+        )
 
     def view(self, payloads: Bytes) -> NDArray[np.void]:
         """Return payloads (n, size) as structured messages (n,), without a copy."""
         fields: NDArray[np.void] = payloads.view(self.dtype)[:, 0]
         return fields
-
-
-def _rows(row: Bytes, like: Bytes) -> Bytes:
-    return np.broadcast_to(row, (len(like), len(row)))
 
 
 class _Builder:
@@ -102,18 +101,18 @@ class _Builder:
         self.formats: list[object] = []
         self.offsets: list[int] = []
         self.template = bytearray(_CDR_HEADER if self.cdr else b"")
-        self.fixed = [True] * len(self.template)
+        self.fixed = [(0, len(self.template))]
 
     def align(self, size: int) -> None:
         """Pad to a multiple of the size, counted after the encapsulation header."""
         padding = -(len(self.template) - len(_CDR_HEADER)) % size if self.cdr else 0
         # Padding is not compared: other writers leave whatever was in their buffer.
-        self.constant(bytes(padding), fixed=False)
+        self.template += bytes(padding)
 
-    def constant(self, content: bytes, fixed: bool = True) -> None:
+    def constant(self, content: bytes) -> None:
         """Add bytes that are the same in all messages."""
+        self.fixed.append((len(self.template), len(self.template) + len(content)))
         self.template += content
-        self.fixed += [fixed] * len(content)
 
     def number(self, name: str, code: str, count: int = 1) -> None:
         """Add a field of one or more numbers."""
@@ -122,7 +121,7 @@ class _Builder:
         self.names.append(name)
         self.formats.append(code if count == 1 else (code, (count,)))
         self.offsets.append(len(self.template))
-        self.constant(bytes(size * count), fixed=False)
+        self.template += bytes(size * count)
 
     def time(self) -> None:
         """Add a stamp."""
@@ -165,14 +164,7 @@ def layout(type_name: str, encoding: str, texts: Sequence[str] = ()) -> Layout:
             "itemsize": len(builder.template),
         }
     )
-    return Layout(
-        type_name, encoding, dtype, bytes(builder.template), np.array(builder.fixed, dtype=bool)
-    )
-
-
-def text_count(type_name: str) -> int:
-    """Return how many text fields a message type has."""
-    return sum(kind == "text" for _, kind, _ in FIELDS[type_name])
+    return Layout(type_name, encoding, dtype, bytes(builder.template), tuple(builder.fixed))
 
 
 def texts_of(type_name: str, encoding: str, payload: bytes) -> tuple[str, ...]:

@@ -1,6 +1,6 @@
 """MCAP files: chunks of records built by NumPy, everything else by the mcap library.
 
-The format is that of https://mcap.dev/spec, profile ``ros2``, as rosbag2's storage plugin writes it.
+The format is that of https://mcap.dev/spec, with the profile ``ros2`` of rosbag2's storage plugin.
 """
 
 import struct
@@ -131,7 +131,7 @@ class McapWriter(ChunkWriter):
     def _write_chunk(self, records: Bytes, messages: Sequence[Indexed]) -> None:
         from mcap.records import ChunkIndex
 
-        data = memoryview(records)
+        data = memoryview(records.data)
         compressed = self._compress(data)
         start_ns = min(int(t_ns.min()) for _, t_ns, _ in messages)
         end_ns = max(int(t_ns.max()) for _, t_ns, _ in messages)
@@ -192,7 +192,7 @@ class McapWriter(ChunkWriter):
         offset_start = summary_start + builder.count
         for group in offsets:
             group.write(builder)
-        summary = builder.end()
+        summary = builder.end()  # type: ignore[no-untyped-call]
         # The checksum covers the summary and the footer up to the checksum itself.
         footer = struct.pack("<BQQQ", Opcode.FOOTER, 8 + 8 + 4, summary_start, offset_start)
         crc = zlib.crc32(footer, zlib.crc32(summary))
@@ -230,5 +230,5 @@ def _packed(record: Any) -> bytes:
 
     builder = RecordBuilder()
     record.write(builder)
-    data: bytes = builder.end()
+    data: bytes = builder.end()  # type: ignore[no-untyped-call]
     return data

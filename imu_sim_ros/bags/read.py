@@ -2,23 +2,43 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.bags import text_reader
+from imu_sim_ros.bags.decode import Decoded, decode, inside_order
+from imu_sim_ros.bags.encode import IMU, ODOMETRY, POSE_STAMPED, TEMPERATURE
+from imu_sim_ros.bags.mcap_reader import McapBag
+from imu_sim_ros.bags.output import active_path
+from imu_sim_ros.bags.rosbag1_reader import Rosbag1Bag
+from imu_sim_ros.bags.rosbag2_reader import Rosbag2Folder, SqliteBag
+from imu_sim_ros.bags.source import Bag, MessageBlock, TopicInfo
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.poses import read_poses as read_pose_file
+
+__all__ = [
+    "Bag",
+    "ImuMessages",
+    "OdometryMessages",
+    "TemperatureMessages",
+    "TopicInfo",
+    "imu_blocks",
+    "odometry_blocks",
+    "open_bag",
+    "read_imu",
+    "read_odometry",
+    "read_poses",
+    "read_temperature",
+]
 
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
 
-
-class TopicInfo(NamedTuple):
-    """A topic of a bag."""
-
-    name: str
-    type: str
-    count: int
+_MAGIC_BYTES = 16
+_T = TypeVar("_T", bound=tuple[object, ...])
 
 
 class ImuMessages(NamedTuple):
@@ -56,88 +76,155 @@ class OdometryMessages(NamedTuple):
     child_frame_id: str
 
 
-class Bag:
-    """An open bag."""
+class TemperatureMessages(NamedTuple):
+    """n temperatures."""
 
-    def __init__(self, path: Path) -> None:
-        from rosbags.highlevel import AnyReader
-
-        if not path.exists():
-            raise InputError(f"{path}: does not exist")
-        self.path = path
-        self._reader = AnyReader([path])
-        self._reader.open()
-        self.topics = [TopicInfo(c.topic, c.msgtype, c.msgcount) for c in self._reader.connections]
-
-    def __enter__(self) -> "Bag":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._reader.close()
-
-    def messages(self, topic: str) -> Iterator[tuple[int, Any]]:
-        """Yield record time and message."""
-        connections = [c for c in self._reader.connections if c.topic == topic]
-        for connection, t_ns, raw in self._reader.messages(connections):
-            yield t_ns, self._reader.deserialize(raw, connection.msgtype)
+    t_ns: Times
+    """(n,) stamps of the messages."""
+    temperature: Array
+    """(n,) degC."""
 
 
-def open_bag(path: str | Path) -> Bag:
-    """Open a bag of any kind."""
-    return Bag(Path(path))
+def open_bag(path: str | Path, recover: bool = False) -> Bag:
+    """Open a ROS 1 bag, an MCAP file, or a rosbag2 folder or database; contents decide, not names.
 
-
-def _choose(bag: Bag, type_name: str, topic: str | None) -> str:
-    found = [info.name for info in bag.topics if info.type == type_name]
-    if topic is not None:
-        if topic not in found:
-            raise InputError(f"{bag.path}: no {type_name} topic {topic}; it has {found}")
-        return topic
-    if len(found) != 1:
-        raise InputError(f"{bag.path}: topics of {type_name}: {', '.join(found) or 'none'}")
-    return found[0]
-
-
-def _stamp(message: Any) -> int:
-    stamp = message.header.stamp
-    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
-
-
-def _vector(v: Any) -> tuple[float, float, float]:
-    return v.x, v.y, v.z
-
-
-def read_imu(path: str | Path, topic: str | None = None) -> ImuMessages:
-    """Return all messages of an Imu topic."""
-    with open_bag(path) as bag:
-        rows = list(bag.messages(_choose(bag, "sensor_msgs/msg/Imu", topic)))
-    return ImuMessages(
-        np.array([_stamp(m) for _, m in rows], dtype=np.int64),
-        np.array([_vector(m.angular_velocity) for _, m in rows]).reshape(-1, 3),
-        np.array([_vector(m.linear_acceleration) for _, m in rows]).reshape(-1, 3),
-        np.array([t for t, _ in rows], dtype=np.int64),
-        rows[0][1].header.frame_id if rows else "",
-    )
+    :param recover: read an interrupted or damaged bag as far as it goes; ``NAME.active`` is looked
+        for where NAME does not exist.
+    :raises InputError: for a path that is missing, no bag, or a bag that is not whole.
+    """
+    path = Path(path)
+    if recover and not path.exists() and active_path(path).exists():
+        path = active_path(path)
+    if path.is_dir():
+        return Rosbag2Folder(path, recover)
+    try:
+        with path.open("rb") as file:
+            magic = file.read(_MAGIC_BYTES)
+    except OSError as error:
+        hint = ""
+        if active_path(path).exists():
+            hint = f"; {active_path(path)} is an unfinished one, --recover takes what is there"
+        raise InputError(f"{path}: {error.strerror or error}{hint}") from None
+    if magic.startswith(b"#ROSBAG V"):
+        return Rosbag1Bag(path, recover)
+    if magic.startswith(b"\x89MCAP"):
+        return McapBag(path, recover)
+    if magic.startswith(b"SQLite format 3\0"):
+        return SqliteBag(path, recover)
+    raise InputError(f"{path}: {'an empty file' if not magic else 'not a bag'}")
 
 
 def imu_blocks(path: str | Path, topic: str | None = None) -> Iterator[ImuMessages]:
-    """Yield the messages of an Imu topic in blocks."""
-    yield read_imu(path, topic)
+    """Yield the messages of an Imu topic in blocks of bounded size, in the order of record times.
+
+    :param path: a bag, an EuRoC folder, or a CSV file in the form of EuRoC or kalibr.
+    :param topic: None: the only one.
+    :raises InputError: for an input that cannot be used; of several topics all are listed.
+    """
+    if text_reader.is_text(Path(path)):
+        for t_ns, gyro, accel in text_reader.imu_blocks(Path(path), topic):
+            yield ImuMessages(t_ns, gyro, accel, t_ns, "")
+        return
+    for block, fields in _decoded(path, IMU, topic, ("angular_velocity", "linear_acceleration")):
+        gyro, accel = fields.numbers.values()
+        yield ImuMessages(fields.t_ns, gyro, accel, block.t_ns, fields.texts[0])
+
+
+def read_imu(path: str | Path, topic: str | None = None) -> ImuMessages:
+    """Return all messages of an Imu topic; arguments as for :func:`imu_blocks`."""
+    empty = ImuMessages(_times(), _rows(3), _rows(3), _times(), "")
+    return _joined(list(imu_blocks(path, topic)), empty)
+
+
+def odometry_blocks(path: str | Path, topic: str | None = None) -> Iterator[OdometryMessages]:
+    """Yield the messages of an Odometry topic in blocks; arguments as for :func:`imu_blocks`."""
+    if text_reader.is_text(Path(path)):
+        yield OdometryMessages(*text_reader.read_states(Path(path), topic), "", "")
+        return
+    names = ("position", "orientation", "linear", "angular", "pose_covariance", "twist_covariance")
+    for _, fields in _decoded(path, ODOMETRY, topic, names):
+        position, orientation, linear, angular, pose, twist = fields.numbers.values()
+        yield OdometryMessages(
+            fields.t_ns,
+            position,
+            inside_order(orientation),
+            linear,
+            angular,
+            pose.reshape(-1, 6, 6),
+            twist.reshape(-1, 6, 6),
+            fields.texts[0],
+            fields.texts[1],
+        )
 
 
 def read_odometry(path: str | Path, topic: str | None = None) -> OdometryMessages:
-    """Return all messages of an Odometry topic."""
-    with open_bag(path) as bag:
-        rows = [m for _, m in bag.messages(_choose(bag, "nav_msgs/msg/Odometry", topic))]
-    orientations = [m.pose.pose.orientation for m in rows]
-    return OdometryMessages(
-        np.array([_stamp(m) for m in rows], dtype=np.int64),
-        np.array([_vector(m.pose.pose.position) for m in rows]).reshape(-1, 3),
-        np.array([(q.w, q.x, q.y, q.z) for q in orientations]).reshape(-1, 4),
-        np.array([_vector(m.twist.twist.linear) for m in rows]).reshape(-1, 3),
-        np.array([_vector(m.twist.twist.angular) for m in rows]).reshape(-1, 3),
-        np.array([m.pose.covariance for m in rows]).reshape(-1, 6, 6),
-        np.array([m.twist.covariance for m in rows]).reshape(-1, 6, 6),
-        rows[0].header.frame_id if rows else "",
-        rows[0].child_frame_id if rows else "",
+    """Return all messages of an Odometry topic, or the states of an EuRoC folder."""
+    square = np.empty((0, 6, 6))
+    empty = OdometryMessages(
+        _times(), _rows(3), _rows(4), _rows(3), _rows(3), square, square, "", ""
     )
+    return _joined(list(odometry_blocks(path, topic)), empty)
+
+
+def read_poses(path: str | Path, topic: str | None = None) -> PoseSequence:
+    """Return poses: of a text file (TUM, EuRoC), or a bag's Odometry or PoseStamped topic.
+
+    :param topic: None: the only topic of Odometry, else of PoseStamped.
+    """
+    path = Path(path)
+    if path.is_file() and text_reader.is_text(path):
+        return read_pose_file(path, topic)
+    if text_reader.is_text(path):
+        return read_pose_file(text_reader.state_file(path), topic)
+    with open_bag(path) as bag:
+        types = {info.type for info in bag.topics if topic is None or _same(info.name, topic)}
+    type_name = POSE_STAMPED if POSE_STAMPED in types and ODOMETRY not in types else ODOMETRY
+    parts = [fields for _, fields in _decoded(path, type_name, topic, ("position", "orientation"))]
+    return PoseSequence(
+        np.concatenate([_times(), *(part.t_ns for part in parts)]),
+        np.concatenate([_rows(3), *(part.numbers["position"] for part in parts)]),
+        inside_order(np.concatenate([_rows(4), *(p.numbers["orientation"] for p in parts)])),
+    )
+
+
+def read_temperature(path: str | Path, topic: str | None = None) -> TemperatureMessages:
+    """Return all messages of a Temperature topic."""
+    parts = [fields for _, fields in _decoded(path, TEMPERATURE, topic, ("temperature",))]
+    return TemperatureMessages(
+        np.concatenate([_times(), *(part.t_ns for part in parts)]),
+        np.concatenate([np.empty(0), *(part.numbers["temperature"] for part in parts)]),
+    )
+
+
+def _decoded(
+    path: str | Path, type_name: str, topic: str | None, names: tuple[str, ...]
+) -> Iterator[tuple[MessageBlock, Decoded]]:
+    with open_bag(path) as bag:
+        chosen = bag.topic(type_name, topic)
+        for group in bag.groups({chosen.name}):
+            for block in group:
+                if block.topic.type == type_name:
+                    yield block, decode(block, bag.encoding, names)
+
+
+def _joined(parts: list[_T], empty: _T) -> _T:
+    """Return blocks as one: arrays are concatenated, texts are those of the first block."""
+    if not parts:
+        return empty
+    columns = [
+        np.concatenate(column) if isinstance(column[0], np.ndarray) else column[0]
+        for column in zip(*parts, strict=True)
+    ]
+    return type(empty)(*columns)
+
+
+def _times() -> Times:
+    return np.empty(0, dtype=np.int64)
+
+
+def _rows(columns: int) -> Array:
+    return np.empty((0, columns))
+
+
+def _same(name: str, other: str) -> bool:
+    return name.lstrip("/") == other.lstrip("/")

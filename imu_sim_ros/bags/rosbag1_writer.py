@@ -85,7 +85,7 @@ def compressor(compression: str) -> Callable[[bytes | memoryview], bytes | memor
         import lz4.frame
 
         # roslz4 reads only independent blocks, a checksum of the content and no stored size.
-        return lambda data: lz4.frame.compress(  # type: ignore[no-any-return]
+        return lambda data: lz4.frame.compress(
             data, block_linked=False, content_checksum=True, store_size=False
         )
     if compression == "bz2":
@@ -164,7 +164,7 @@ class Rosbag1Writer(ChunkWriter):
     def _write_chunk(self, records: Bytes, messages: Sequence[Indexed]) -> None:
         # Connections stand in the first chunk after they were made, before any of their messages.
         new = b"".join(self._connection(topic) for topic in self.topics[self._announced :])
-        data = memoryview(new + records.tobytes() if new else records)
+        data = memoryview(new + records.tobytes() if new else records.data)
         compressed = self._compress(data)
         header = fields(
             compression=self._compression.encode(), op=_u1(OP_CHUNK), size=_u4(len(data))

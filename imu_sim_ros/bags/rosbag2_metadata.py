@@ -11,6 +11,12 @@ VERSION: Final = 9
 # rmw's infinite duration: the largest number of nanoseconds that an int64 holds.
 _INFINITE: Final = {"sec": 9223372036, "nsec": 854775807}
 _NO_START: Final = 2**63 - 1
+# Older versions write rmw's numbers instead of names.
+_NUMBERED: Final[dict[str, dict[object, str]]] = {
+    "reliability": {1: "reliable", 2: "best_effort"},
+    "durability": {1: "transient_local", 2: "volatile"},
+    "history": {1: "keep_last", 2: "keep_all"},
+}
 
 
 class Part(NamedTuple):
@@ -19,7 +25,7 @@ class Part(NamedTuple):
     name: str
     start_ns: int
     duration_ns: int
-    count: int
+    messages: int
 
 
 def qos_profiles(profiles: Sequence[Qos]) -> list[dict[str, Any]]:
@@ -47,6 +53,30 @@ def qos_text(profiles: Sequence[Qos]) -> str:
     return yaml.safe_dump(qos_profiles(profiles), sort_keys=False).strip() if profiles else ""
 
 
+def parse_qos(profiles: object) -> tuple[Qos, ...]:
+    """Return profiles of a bag, given as a list or as the text of one, of any version."""
+    import yaml
+
+    try:
+        entries = yaml.safe_load(profiles) if isinstance(profiles, str) else profiles
+    except yaml.YAMLError:
+        entries = None
+    if not isinstance(entries, list):
+        return (Qos(),)
+    return tuple(
+        Qos(**{name: _word(name, entry) for name in _NUMBERED}, depth=int(entry.get("depth", 10)))
+        for entry in entries
+        if isinstance(entry, dict)
+    )
+
+
+def _word(name: str, entry: dict[str, Any]) -> str:
+    value = entry.get(name)
+    default = str(Qos._field_defaults[name])
+    word = value if isinstance(value, str) else _NUMBERED[name].get(value, default)
+    return default if word in ("unknown", "system_default") else word
+
+
 def part(path: Path, topics: Sequence[Topic]) -> Part:
     """Return what the metadata says of one file."""
     filled = [topic for topic in topics if topic.count]
@@ -60,7 +90,7 @@ def document(storage: str, topics: Sequence[Topic], parts: Sequence[Part]) -> di
 
     :param storage: mcap or sqlite3.
     """
-    filled = [entry for entry in parts if entry.count]
+    filled = [entry for entry in parts if entry.messages]
     start = min((entry.start_ns for entry in filled), default=_NO_START)
     end = max((entry.start_ns + entry.duration_ns for entry in filled), default=start)
     return {
@@ -68,7 +98,7 @@ def document(storage: str, topics: Sequence[Topic], parts: Sequence[Part]) -> di
         "storage_identifier": storage,
         "duration": {"nanoseconds": end - start},
         "starting_time": {"nanoseconds_since_epoch": start},
-        "message_count": sum(entry.count for entry in filled),
+        "message_count": sum(entry.messages for entry in filled),
         "topics_with_message_count": [
             {
                 "topic_metadata": {
@@ -90,7 +120,7 @@ def document(storage: str, topics: Sequence[Topic], parts: Sequence[Part]) -> di
                 "path": entry.name,
                 "starting_time": {"nanoseconds_since_epoch": entry.start_ns},
                 "duration": {"nanoseconds": entry.duration_ns},
-                "message_count": entry.count,
+                "message_count": entry.messages,
             }
             for entry in parts
         ],

@@ -3,6 +3,7 @@
 import os
 import sqlite3
 from collections.abc import Sequence
+from contextlib import suppress
 from itertools import repeat
 from pathlib import Path
 from typing import Final
@@ -134,14 +135,14 @@ class SqliteWriter(Writer):
             (rosbag2_metadata.VERSION, yaml.safe_dump(content, sort_keys=False)),
         )
         self._execute("COMMIT")
+        self._execute("PRAGMA journal_mode = DELETE")  # takes the empty journal away
         self._database.close()
 
     def abandon(self) -> list[Path]:
         """Keep what is committed."""
-        try:
+        # Where that fails, whoever opens the file next rolls the journal back.
+        with suppress(sqlite3.Error):
             self._database.rollback()
-        except sqlite3.Error:
-            pass  # the journal is rolled back by whoever opens the file next
         self._database.close()
         return [self.path]
 
