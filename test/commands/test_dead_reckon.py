@@ -39,7 +39,8 @@ def write(path, block, truth=slice(None), imu=slice(None), topics=("ground_truth
         encoder = ImuEncoder("imu_link", writer.encoding)
         handle = writer.add_topic("/imu/data_raw", IMU)
         payloads = encoder.encode(block.t_ns[imu], block.gyro[imu], block.accel[imu])
-        writer.write(handle, block.t_ns[imu], payloads)
+        # As recorded: in the order of arrival, whatever the stamps say.
+        writer.write(handle, block.t_ns[: len(payloads)], payloads)
         for topic in topics:
             odometry = OdometryEncoder("world", "base_link", writer.encoding)
             handle = writer.add_topic(f"/{topic}", ODOMETRY)

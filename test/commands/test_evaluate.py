@@ -97,6 +97,7 @@ def test_table_picture_and_output(tmp_path, truth, capsys):
 
 
 def write_bag(path, poses, covariance=None, topic="/dead_reckoned/odom"):
+    """Write poses in the order in which they stand, as a recorder does."""
     with open_writer(path) as writer:
         encoder = OdometryEncoder("world", "base_link", writer.encoding)
         handle = writer.add_topic(topic, ODOMETRY)
@@ -104,7 +105,7 @@ def write_bag(path, poses, covariance=None, topic="/dead_reckoned/odom"):
         payloads = encoder.encode(
             poses.t_ns, poses.position, poses.q_wb, zero, zero, pose_covariance=covariance
         )
-        writer.write(handle, poses.t_ns, payloads)
+        writer.write(handle, np.sort(poses.t_ns), payloads)
     return path
 
 
