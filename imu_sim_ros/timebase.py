@@ -1,6 +1,7 @@
 """Sample times as int64 nanoseconds, each computed from its index and never by adding up."""
 
 from fractions import Fraction
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -50,6 +51,7 @@ def sample_count(duration: float, rate: float) -> int:
     return -(-samples.numerator // samples.denominator)
 
 
+@lru_cache(maxsize=64)
 def exact_rate(rate: float) -> Fraction:
     """Return a rate as the fraction that a person meant: 333.3 is 3333/10.
 

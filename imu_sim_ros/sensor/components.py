@@ -12,13 +12,11 @@ Array = NDArray[np.float64]
 
 def cross(a: Array, b: Array) -> Array:
     """Return ``a x b`` (3, n) of (3, n) or (3, 1)."""
-    return np.stack(
-        np.broadcast_arrays(
-            a[1] * b[2] - a[2] * b[1],
-            a[2] * b[0] - a[0] * b[2],
-            a[0] * b[1] - a[1] * b[0],
-        )
-    )
+    result = np.empty((3, b.shape[1] if a.shape[1] == 1 else a.shape[1]))
+    for row, (i, j) in zip(result, ((1, 2), (2, 0), (0, 1)), strict=True):
+        np.multiply(a[i], b[j], out=row)
+        row -= a[j] * b[i]
+    return result
 
 
 def rotate_inverse(q_ab: Array, v_a: Array) -> Array:

@@ -22,6 +22,8 @@ class IdealImu:
         self._gravity_w = gravity_vector(parameters)[:, None]
         self._earth_rate_w = earth_rate_vector(parameters)[:, None]
         self._lever_arm_b = np.reshape(parameters.imu.lever_arm, (3, 1))
+        self._has_lever_arm = bool(self._lever_arm_b.any())
+        self._earth_turns = bool(self._earth_rate_w.any())
         self._r_ib = np.reshape(parameters.imu.mounting, (3, 3)).T
 
     def read(self, motion: Motion) -> tuple[Array, Array]:
@@ -45,10 +47,10 @@ class IdealImu:
         rate = motion.angular_velocity.T
         force = rotate_inverse(q_wb, motion.acceleration.T - self._gravity_w)
         arm = self._lever_arm_b
-        if arm.any():
+        if self._has_lever_arm:
             force += cross(motion.angular_acceleration.T, arm)
             force += cross(rate, cross(rate, arm))
-        if self._earth_rate_w.any():
+        if self._earth_turns:
             earth_rate = rotate_inverse(q_wb, self._earth_rate_w)
             velocity = rotate_inverse(q_wb, motion.velocity.T) + cross(rate, arm)
             force += 2.0 * cross(earth_rate, velocity)

@@ -41,11 +41,12 @@ class WhiteNoise:
     def __init__(self, seed: int, triad: str, dt: float) -> None:
         self._triad, self._dt = triad, dt
         self._streams = axis_generators(seed, f"{triad}.white_noise")
-        self._sigma = np.zeros(3)
+        self._sigma = [0.0] * 3
 
     def configure(self, imu: ImuParameters) -> None:
         """Take the density."""
-        self._sigma = axis_values(imu, self._triad, "noise_density") / np.sqrt(self._dt)
+        sigma = axis_values(imu, self._triad, "noise_density") / np.sqrt(self._dt)
+        self._sigma = sigma.tolist()
 
     def add_to(self, values: Array) -> None:
         """Add n samples to values (3, n)."""
@@ -63,12 +64,13 @@ class RandomWalk:
     def __init__(self, seed: int, triad: str, dt: float) -> None:
         self._triad, self._dt = triad, dt
         self._streams = axis_generators(seed, f"{triad}.random_walk")
-        self._sigma = np.zeros(3)
-        self._state = np.zeros(3)
+        self._sigma = [0.0] * 3
+        self._state = [0.0] * 3
 
     def configure(self, imu: ImuParameters) -> None:
         """Take the density; the walk goes on from where it is."""
-        self._sigma = axis_values(imu, self._triad, "random_walk") * np.sqrt(self._dt)
+        sigma = axis_values(imu, self._triad, "random_walk") * np.sqrt(self._dt)
+        self._sigma = sigma.tolist()
 
     def add_to(self, values: Array) -> None:
         """Add n samples to values (3, n)."""
@@ -79,7 +81,7 @@ class RandomWalk:
                 walk[1:] *= sigma
                 walk[0] = self._state[k]
                 np.cumsum(walk, out=walk)  # adds one after the other, whatever the block's size
-                self._state[k] = walk[-1]
+                self._state[k] = float(walk[-1])
                 values[k] += walk[:-1]
             elif self._state[k]:
                 values[k] += self._state[k]

@@ -1,5 +1,7 @@
 """The end of a triad's chain: low-pass, saturation, quantisation."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -7,6 +9,18 @@ from imu_sim_ros.config.imu import ImuParameters
 from imu_sim_ros.sensor.noise import axis_values
 
 Array = NDArray[np.float64]
+
+
+@dataclass
+class _Group:
+    """Axes with the same cut-off, filtered in one go."""
+
+    axes: NDArray[np.intp]
+    sections: Array
+    settled: Array
+    """(sections, 2) state of one axis that has always seen 1."""
+    state: Array | None = None
+    """(sections, axes, 2)."""
 
 
 class LowPass:
@@ -18,27 +32,25 @@ class LowPass:
 
     def __init__(self, triad: str, imu: ImuParameters, rate: float) -> None:
         cutoffs = axis_values(imu, triad, "bandwidth")
-        self._sections: dict[int, Array] = {}
-        self._states: dict[int, Array] = {}
+        self._groups: list[_Group] = []
         if cutoffs.any():
-            from scipy import signal  # a second of import that only a low-pass costs
+            from scipy import signal  # half a second of import that only a low-pass costs
 
             self._filter = signal.sosfilt
-            for axis in np.flatnonzero(cutoffs):
-                self._sections[int(axis)] = signal.butter(
-                    imu.bandwidth_order, cutoffs[axis], fs=rate, output="sos"
-                )
-            self._settled = {k: signal.sosfilt_zi(s) for k, s in self._sections.items()}
+            for cutoff in np.unique(cutoffs[cutoffs > 0.0]):
+                sections = signal.butter(imu.bandwidth_order, cutoff, fs=rate, output="sos")
+                axes = np.flatnonzero(cutoffs == cutoff)
+                self._groups.append(_Group(axes, sections, signal.sosfilt_zi(sections)))
 
     def apply(self, values: Array) -> None:
         """Filter the next n samples (3, n) in place."""
         if values.shape[1] == 0:
             return
-        for axis, sections in self._sections.items():
-            state = self._states.get(axis)
-            if state is None:
-                state = self._settled[axis] * values[axis, 0]
-            values[axis], self._states[axis] = self._filter(sections, values[axis], zi=state)
+        for group in self._groups:
+            x = values[group.axes]
+            if group.state is None:
+                group.state = group.settled[:, None, :] * x[:, :1]
+            values[group.axes], group.state = self._filter(group.sections, x, zi=group.state)
 
 
 class Digitiser:

@@ -1,0 +1,88 @@
+"""How fast samples are made, by what is switched on; and how much memory a long run takes."""
+
+import resource
+import statistics
+import sys
+import time
+from pathlib import Path
+
+from imu_sim_ros.commands.common import print_table
+from imu_sim_ros.config.simulation import load_simulation
+from imu_sim_ros.stream import BLOCK_SIZE, Simulation
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from test_stream import EVERY_TERM  # the configuration of the tests of bit-identity
+
+GNSS_INS_SIM = 447e3
+"""samples/s of gnss-ins-sim, facts.md"""
+CPP_PEER = 54e3
+"""samples/s of vio_data_simulation (C++), facts.md"""
+SAMPLES = 500_000
+REPEATS = 5
+MEBIBYTE = 2**20
+
+CASES: dict[str, tuple[float, dict[str, object]]] = {
+    "at rest, no errors": (0, {"imu.preset": "perfect", "trajectory.type": "static"}),
+    "at rest, white + walk": (2e6, {"trajectory.type": "static"}),
+    "lecture, no errors": (0, {"imu.preset": "perfect"}),
+    "lecture, white + walk": (2e6, {}),
+    "lecture, white + walk, averaged": (0, {"imu.sampling": "averaged"}),
+    "lecture, mpu6000": (0, {"imu.preset": "mpu6000"}),
+    "at rest, every term": (4e5, {**EVERY_TERM, "trajectory.type": "static"}),
+    "lecture, every term": (4e5, EVERY_TERM),
+    "lecture, every term, averaged": (4e5, {**EVERY_TERM, "imu.sampling": "averaged"}),
+}
+
+
+def samples_per_second(values: dict[str, object], size: int = BLOCK_SIZE) -> float:
+    """Return the median over a few runs; all six axes and the truth are made."""
+    simulation = Simulation(load_simulation(values))
+    simulation.next_block(2000)  # imports, first chunks
+    count = SAMPLES if size >= 1000 else SAMPLES // 20
+    speeds = []
+    for _ in range(REPEATS):
+        start = time.process_time()
+        for _ in simulation.blocks(size, count):
+            pass
+        speeds.append(count / (time.process_time() - start))
+    return statistics.median(speeds)
+
+
+def growth() -> float:
+    """Return by how many MiB ten million samples with every term raise the highest memory."""
+    simulation = Simulation(load_simulation(EVERY_TERM))
+    for _ in simulation.blocks(count=200_000):
+        pass
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    for _ in simulation.blocks(count=10_000_000):
+        pass
+    return (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) * 1024 / MEBIBYTE
+
+
+def main() -> None:
+    """Print the tables."""
+    rows = []
+    for name, (goal, values) in CASES.items():
+        speed = samples_per_second(values)
+        rows.append(
+            [
+                name,
+                f"{speed / 1e3:,.0f}",
+                f"{goal / 1e3:,.0f}" if goal else "",
+                f"{speed / GNSS_INS_SIM:.1f} x",
+                f"{speed / CPP_PEER:.0f} x",
+            ]
+        )
+    header = ["samples of 6 axes, one core", "k/s", "wanted k/s", "gnss-ins-sim", "C++ peer"]
+    print_table(header, rows, f"blocks of {BLOCK_SIZE}, median of {REPEATS}, processor time")
+    rows = [
+        [str(size), *(f"{samples_per_second(v, size) / 1e3:,.0f}" for v in ({}, EVERY_TERM))]
+        for size in (10, 100, 1000, 4096, 8192, 16384, 65536)
+    ]
+    print_table(["block size", "white + walk k/s", "every term k/s"], rows, "lecture's trajectory")
+    print(f"highest memory after 10 million samples with every term: {growth():+.1f} MiB")
+
+
+if __name__ == "__main__":
+    main()
