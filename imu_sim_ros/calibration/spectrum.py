@@ -63,6 +63,7 @@ class SpectrumAccumulator:
         self._edges = _SPLIT * (0.5 / _SPLIT) ** (np.arange(count + 1) / count)
         self._sums = np.zeros((count, axes))
         self._freedom = np.zeros(count)
+        self._log_frequency = np.zeros(count)
         self._low: list[Spectrum] = []
         self._segment = np.empty((axes, _SEGMENT))
         self._begin()
@@ -110,7 +111,9 @@ class SpectrumAccumulator:
         squares = coefficient[:, inside] ** 2
         used = bins[inside][starts]
         self._sums[used] += np.add.reduceat(squares, starts, axis=1).T
-        self._freedom += np.bincount(bins[inside], minlength=len(self._freedom))
+        bins, logs = bins[inside], np.log(order[inside] / (2.0 * count))
+        self._freedom += np.bincount(bins, minlength=len(self._freedom))
+        self._log_frequency += np.bincount(bins, weights=logs, minlength=len(self._freedom))
 
     def _low_part(self, clusters: Array) -> Spectrum:
         from scipy.fft import dct
@@ -142,7 +145,7 @@ class SpectrumAccumulator:
         """Return the rows of all pieces, low frequencies first."""
         used = self._freedom > 0
         freedom = self._freedom[used]
-        frequency = np.sqrt(self._edges[1:] * self._edges[:-1])[used] / self._dt
+        frequency = np.exp(self._log_frequency[used] / freedom) / self._dt
         zeros = np.zeros(len(freedom))
         high = Spectrum(
             frequency,
