@@ -7,6 +7,7 @@ the time of each row.
 """
 
 import argparse
+import itertools
 import os
 import re
 import signal
@@ -51,7 +52,7 @@ def subscribe(seconds: float) -> None:
         pass
     for topic, taken in stamps.items():
         times = [s * 10**9 + ns for s, ns in (struct.unpack("<iI", data) for data in taken)]
-        steps = [b - a for a, b in zip(times, times[1:], strict=False)]
+        steps = [b - a for a, b in itertools.pairwise(times)]
         usual = statistics.median_low(steps) if steps else 1
         lost = sum(round(step / usual) - 1 for step in steps)
         print(f"listener: {topic} {len(times)} lost {lost}", flush=True)
@@ -164,8 +165,17 @@ def main() -> None:
         if rate == 1000:
             rows.append(measure(rate, arguments.duration, arguments.imu, plain=True))
     print_table(
-        ["publisher", "asked [Hz]", "published", "mean [Hz]", "not received", "CPU [%]"]
-        + ["late p50 [us]", "p99 [us]", "max [us]"],
+        [
+            "publisher",
+            "asked [Hz]",
+            "published",
+            "mean [Hz]",
+            "not received",
+            "CPU [%]",
+            "late p50 [us]",
+            "p99 [us]",
+            "max [us]",
+        ],
         rows,
         f"Imu + Odometry, reliable, {arguments.duration:g} s each",
     )

@@ -1,0 +1,205 @@
+"""The simulator as a real process, and a listener to it, on a ROS domain of their own."""
+
+import os
+import random
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+REPOSITORY = Path(__file__).parents[2]
+PATIENCE = 30.0
+"""[s] A loaded machine may take long; nothing that works takes as long as this."""
+QUEUE = 20000
+
+
+def until(condition: Callable[[], Any], act: Callable[[], None], what: str) -> None:
+    """Act until a condition holds."""
+    end = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < end, f"waited {PATIENCE} s for {what}"
+        act()
+
+
+@pytest.fixture(scope="session")
+def domains() -> Iterator[tuple[int, int]]:
+    """Two ROS domains that nobody else on this machine tests on; a bound port is the lock."""
+    held: list[socket.socket] = []
+    found: list[int] = []
+    for domain in random.sample(range(1, 61), 60):
+        lock = socket.socket()
+        try:
+            lock.bind(("127.0.0.1", 26000 + domain))
+        except OSError:
+            lock.close()
+            continue
+        held.append(lock)
+        found.append(domain)
+        if len(found) == 2:
+            break
+    yield found[0], found[1]
+    for lock in held:
+        lock.close()
+
+
+class NodeProcess:
+    """A node in a process of its own."""
+
+    def __init__(self, name: str, arguments: list[str], domain: int, log: Path) -> None:
+        executable = Path(sys.executable).with_name(name)
+        start = (
+            [str(executable)]
+            if executable.exists()
+            else [sys.executable, "-m", f"imu_sim_ros.nodes.{name}"]
+        )
+        environment = {
+            **os.environ,
+            "PYTHONPATH": str(REPOSITORY),
+            "ROS_DOMAIN_ID": str(domain),
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            "ROS_PYTHON_CHECK_FIELDS": "1",
+        }
+        self._log = log
+        with log.open("w") as output:
+            self.process = subprocess.Popen(
+                [*start, *arguments], stdout=output, stderr=subprocess.STDOUT, env=environment
+            )
+
+    @property
+    def output(self) -> str:
+        return self._log.read_text()
+
+    def send(self, number: int) -> None:
+        self.process.send_signal(number)
+
+    def status(self) -> int:
+        """Wait for the end and return the exit status."""
+        return self.process.wait(PATIENCE)
+
+    def end(self) -> int:
+        self.send(signal.SIGINT)
+        return self.status()
+
+
+@pytest.fixture
+def start(domains: tuple[int, int], tmp_path: Path) -> Iterator[Callable[..., NodeProcess]]:
+    """Start nodes: ``start("simulator", rate=100, ...)``; they end with the test."""
+    started: list[NodeProcess] = []
+
+    def run(name: str, *arguments: str, domain: int | None = None, **parameters: Any) -> Any:
+        words = [*arguments, "--ros-args"] if "--ros-args" not in arguments else [*arguments]
+        for key, value in parameters.items():
+            shown = str(value).lower() if isinstance(value, bool) else str(value)
+            words += ["-p", f"{key.replace('__', '.')}:={shown}"]
+        log = tmp_path / f"node{len(started)}.log"
+        started.append(NodeProcess(name, words, domain or domains[0], log))
+        return started[-1]
+
+    yield run
+    for node in started:
+        if node.process.poll() is None:
+            node.process.kill()
+            node.process.wait()
+
+
+class Listener:
+    """Subscriptions that keep every message's bytes, and clients for services."""
+
+    def __init__(self, domain: int) -> None:
+        import rclpy
+        from rclpy.executors import SingleThreadedExecutor
+
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context, domain_id=domain)
+        self.node = rclpy.create_node("listener", context=self.context)
+        self._executor = SingleThreadedExecutor(context=self.context)
+        self._executor.add_node(self.node)
+        self._types: dict[str, Any] = {}
+        self.raw: dict[str, list[bytes]] = {}
+
+    def listen(self, topic: str, kind: Any, depth: int = QUEUE, **qos: Any) -> None:
+        """Keep what is published from now on."""
+        from rclpy.qos import QoSProfile
+
+        self._types[topic] = kind
+        taken = self.raw.setdefault(topic, [])
+        profile = QoSProfile(depth=depth, **qos)
+        self.node.create_subscription(kind, topic, taken.append, profile, raw=True)
+
+    def spin(self, seconds: float = 0.05) -> None:
+        """Take what has come, for at most a moment."""
+        end = time.monotonic() + seconds
+        while (left := end - time.monotonic()) > 0:
+            self._executor.spin_once(timeout_sec=left)
+
+    def wait_for(self, topic: str, count: int) -> None:
+        """Spin until so many messages of a topic have come in all."""
+        taken = self.raw[topic]
+        until(lambda: len(taken) >= count, self.spin, f"{count} on {topic}, {len(taken)} came")
+
+    def wait_for_end(self, node: NodeProcess) -> int:
+        """Spin until a process has ended and what it sent was taken; return its status."""
+        until(lambda: node.process.poll() is not None, self.spin, "the end of a node")
+        counts: list[int] = [-1]
+        while counts[-1] != (total := sum(len(taken) for taken in self.raw.values())):
+            counts.append(total)
+            self.spin(0.3)
+        return node.status()
+
+    def messages(self, topic: str) -> list[Any]:
+        """Return a topic's messages, decoded by rclpy."""
+        from rclpy.serialization import deserialize_message
+
+        return [deserialize_message(data, self._types[topic]) for data in self.raw[topic]]
+
+    def call(self, service: str, kind: Any, **fields: Any) -> Any:
+        """Call a service and return its response."""
+        client = self.node.create_client(kind, service)
+        until(client.service_is_ready, self.spin, f"the service {service}")
+        future = client.call_async(kind.Request(**fields))
+        until(future.done, self.spin, f"the response of {service}")
+        self.node.destroy_client(client)
+        return future.result()
+
+    def set(self, node: str, **values: Any) -> Any:
+        """Set parameters of a node as one change; returns the result."""
+        from rcl_interfaces.srv import SetParametersAtomically
+        from rclpy.parameter import Parameter
+
+        parameters = [
+            Parameter(name.replace("__", "."), value=value).to_parameter_msg()
+            for name, value in values.items()
+        ]
+        service = f"{node}/set_parameters_atomically"
+        return self.call(service, SetParametersAtomically, parameters=parameters).result
+
+    def close(self) -> None:
+        self._executor.shutdown()
+        self.node.destroy_node()
+        self.context.try_shutdown()
+
+
+@pytest.fixture
+def listener_on(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[int], Listener]]:
+    """Make a listener on a domain."""
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    made: list[Listener] = []
+
+    def make(domain: int) -> Listener:
+        made.append(Listener(domain))
+        return made[-1]
+
+    yield make
+    for listener in made:
+        listener.close()
+
+
+@pytest.fixture
+def listener(listener_on: Callable[[int], Listener], domains: tuple[int, int]) -> Listener:
+    return listener_on(domains[0])

@@ -1,0 +1,176 @@
+"""What a separate subscriber receives is, sample for sample, what stream.py gives."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from imu_sim_ros.config.simulation import load_simulation
+from imu_sim_ros.rotation import rotate_inverse
+from imu_sim_ros.stream import Simulation
+
+pytestmark = pytest.mark.ros
+
+IMU, TRUTH = "imu/data_raw", "ground_truth/odom"
+READY = {"wait_for_subscribers": 1, "wait_for_truth_subscribers": 1}
+
+
+def stamps(messages: list[Any]) -> list[int]:
+    return [m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in messages]
+
+
+def xyz(vectors: list[Any]) -> np.ndarray:
+    return np.array([[v.x, v.y, v.z] for v in vectors])
+
+
+def hear(listener: Any, *others: Any) -> None:
+    from nav_msgs.msg import Odometry
+    from sensor_msgs.msg import Imu
+
+    listener.listen(IMU, Imu)
+    listener.listen(TRUTH, Odometry)
+    for topic, kind in others:
+        listener.listen(topic, kind)
+
+
+@pytest.mark.parametrize(
+    ("rate", "more"),
+    [
+        (200.0, {"imu__preset": "lecture"}),
+        (333.3, {"imu__jitter": 2e-4, "imu__stamp_offset": 0.01, "imu__clock_skew_ppm": 30}),
+        (1000.0, {"imu__dropout_probability": 0.05, "imu__duplicate_probability": 0.02}),
+        (500.0, {"imu__latency": 0.02, "imu__latency_jitter": 0.005, "block_duration": 0.03}),
+    ],
+)
+def test_readings_equal_those_of_the_stream(
+    start: Any, listener: Any, rate: float, more: dict[str, Any]
+) -> None:
+    hear(listener)
+    chosen = {"rate": rate, "seed": 7, "duration": 1.5, "start_time": 1234.5, **more}
+    node = start("simulator", **chosen, **READY)
+    assert listener.wait_for_end(node) == 0, node.output
+
+    own = {key.replace("__", "."): value for key, value in chosen.items()}
+    own.pop("block_duration", None)
+    parameters = load_simulation(own)
+    block = Simulation(parameters).next_block(10**6)
+    rows = block.delivered
+    readings = listener.messages(IMU)
+    assert stamps(readings) == block.t_ns[rows].tolist()
+    np.testing.assert_array_equal(xyz([m.angular_velocity for m in readings]), block.gyro[rows])
+    np.testing.assert_array_equal(xyz([m.linear_acceleration for m in readings]), block.accel[rows])
+    truth = listener.messages(TRUTH)
+    assert stamps(truth) == block.true_t_ns.tolist()
+    motion = block.motion
+    np.testing.assert_array_equal(xyz([m.pose.pose.position for m in truth]), motion.position)
+    np.testing.assert_array_equal(
+        xyz([m.twist.twist.linear for m in truth]), rotate_inverse(motion.q_wb, motion.velocity)
+    )
+    np.testing.assert_array_equal(
+        xyz([m.twist.twist.angular for m in truth]), motion.angular_velocity
+    )
+    quaternions = [m.pose.pose.orientation for m in truth]
+    np.testing.assert_array_equal([[q.w, q.x, q.y, q.z] for q in quaternions], motion.q_wb)
+    assert f"counted {IMU} {len(rows)}" in node.output
+
+
+def test_frames_covariances_and_spacing(start: Any, listener: Any) -> None:
+    hear(listener)
+    node = start("simulator", rate=100, duration=0.5, imu_frame="sensor", **READY)
+    assert listener.wait_for_end(node) == 0
+    (first, *_), truth = listener.messages(IMU), listener.messages(TRUTH)
+    assert np.diff(stamps(listener.messages(IMU))).tolist() == [10_000_000] * 49
+    assert first.header.frame_id == "sensor"
+    assert first.orientation_covariance[0] == -1.0
+    # The lecture's densities squared, times the rate.
+    gyro, accel = 0.015**2 * 100, 0.019**2 * 100
+    np.testing.assert_allclose(first.angular_velocity_covariance, np.eye(3).ravel() * gyro)
+    np.testing.assert_allclose(first.linear_acceleration_covariance, np.eye(3).ravel() * accel)
+    assert (truth[0].header.frame_id, truth[0].child_frame_id) == ("world", "base_link")
+
+
+def test_truth_beside_the_readings(start: Any, listener: Any) -> None:
+    from geometry_msgs.msg import Vector3Stamped
+    from sensor_msgs.msg import Imu, Temperature
+
+    bias = "ground_truth/gyroscope_bias"
+    hear(
+        listener,
+        (bias, Vector3Stamped),
+        ("ground_truth/imu", Imu),
+        ("imu/temperature", Temperature),
+    )
+    chosen = {"rate": 100, "duration": 1, "seed": 3, "imu__gyroscope_bias": [0.1, 0, -0.1]}
+    topics = {"biases": True, "ground_truth_imu": True, "temperature": True}
+    more = {f"publish__{name}": value for name, value in topics.items()}
+    node = start("simulator", **chosen, **more, **READY)
+    assert listener.wait_for_end(node) == 0, node.output
+    parameters = load_simulation({key.replace("__", "."): v for key, v in chosen.items()})
+    block = Simulation(parameters).next_block(100)
+    np.testing.assert_array_equal(xyz([m.vector for m in listener.messages(bias)]), block.gyro_bias)
+    np.testing.assert_array_equal(
+        xyz([m.angular_velocity for m in listener.messages("ground_truth/imu")]), block.ideal_gyro
+    )
+    temperatures = [m.temperature for m in listener.messages("imu/temperature")]
+    assert temperatures == block.temperature.tolist()
+
+
+def test_several_imus_share_one_truth(start: Any, listener: Any) -> None:
+    from nav_msgs.msg import Odometry
+    from sensor_msgs.msg import Imu
+
+    for topic in ("left/imu/data_raw", "right/imu/data_raw"):
+        listener.listen(topic, Imu)
+    listener.listen(TRUTH, Odometry)
+    quarter_turn = [0.0, -1, 0, 1, 0, 0, 0, 0, 1]
+    own = {
+        "left.rate": 400,
+        "left.imu.lever_arm": [0.0, 0.1, 0],
+        "right.imu.preset": "perfect",
+        "right.imu.mounting": quarter_turn,
+    }
+    common = {"rate": 200, "duration": 1.0, "seed": 5, "start_time": 10.0}
+    node = start("simulator", imus="[left, right]", **common, **own, **READY)
+    assert listener.wait_for_end(node) == 0, node.output
+    left = load_simulation(
+        common, {"rate": 400, "imu.lever_arm": [0.0, 0.1, 0], "imu_frame": "left_imu_link"}
+    )
+    right = load_simulation(
+        common, {"seed": 6, "imu.preset": "perfect", "imu.mounting": quarter_turn}
+    )
+    for name, parameters in (("left", left), ("right", right)):
+        block = Simulation(parameters).next_block(1000)
+        messages = listener.messages(f"{name}/imu/data_raw")
+        np.testing.assert_array_equal(xyz([m.linear_acceleration for m in messages]), block.accel)
+        assert stamps(messages) == block.t_ns.tolist()
+        assert messages[0].header.frame_id == f"{name}_imu_link"
+    truth = listener.messages(TRUTH)
+    block = Simulation(load_simulation(common)).next_block(1000)
+    np.testing.assert_array_equal(xyz([m.pose.pose.position for m in truth]), block.motion.position)
+    assert stamps(truth) == block.t_ns.tolist()
+
+
+def test_namespaces_and_domains_do_not_mix(
+    start: Any, listener_on: Any, domains: tuple[int, int]
+) -> None:
+    from sensor_msgs.msg import Imu
+
+    here, there = listener_on(domains[0]), listener_on(domains[1])
+    here.listen("a/imu/data_raw", Imu)
+    here.listen("b/imu/data_raw", Imu)
+    there.listen("a/imu/data_raw", Imu)
+    chosen = {"duration": 0.5, "wait_for_subscribers": 1, "start_time": 1}
+    nodes = [
+        start("simulator", "--ros-args", "-r", f"__ns:=/{name}", domain=domain, seed=seed, **chosen)
+        for name, domain, seed in (("a", domains[0], 1), ("b", domains[0], 2), ("a", domains[1], 3))
+    ]
+    for node, listener in zip(nodes, (here, here, there), strict=True):
+        assert listener.wait_for_end(node) == 0, node.output
+    for listener, topic, seed in (
+        (here, "a/imu/data_raw", 1),
+        (here, "b/imu/data_raw", 2),
+        (there, "a/imu/data_raw", 3),
+    ):
+        block = Simulation(load_simulation({"duration": 0.5, "seed": seed})).next_block(1000)
+        received = xyz([m.angular_velocity for m in listener.messages(topic)])
+        np.testing.assert_array_equal(received, block.gyro)
