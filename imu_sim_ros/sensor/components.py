@@ -37,7 +37,7 @@ def rotate_inverse(q_ab: Array, v_a: Array) -> Array:
 def transform(matrix: Array, v: Array) -> Array:
     """Return ``M @ v`` (3, n) of M (3, 3) and v (3, n); zeros and ones of M cost nothing."""
     result = np.zeros(v.shape)
-    for row, coefficients in zip(result, matrix, strict=True):
+    for row, coefficients in zip(result, matrix.tolist(), strict=True):
         for component, coefficient in zip(v, coefficients, strict=True):
             if coefficient == 1.0:
                 row += component
