@@ -23,6 +23,8 @@ Value: TypeAlias = "float | int | bool | str | tuple[float, ...] | tuple[str, ..
 IDENTITY_MATRIX: Matrix = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 ZERO_MATRIX: Matrix = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 ZERO_VECTOR: Vector = (0.0, 0.0, 0.0)
+EMPTY_LIST = "[]"
+"""An empty list as a text, for ROS, which has no empty list of numbers or texts."""
 
 _T = TypeVar("_T")
 _METADATA = "parameter"
@@ -125,6 +127,8 @@ def _choice(parameter: Parameter, value: object) -> str:
 
 
 def _list(value: object) -> Sequence[object]:
+    if value == EMPTY_LIST:
+        return []
     if isinstance(value, str) or not hasattr(value, "__iter__"):
         raise ValueError
     return list(value)

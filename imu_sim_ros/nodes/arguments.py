@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from imu_sim_ros.config import files
-from imu_sim_ros.config.parameter import Parameter, parameters, shown
+from imu_sim_ros.config.parameter import EMPTY_LIST, Parameter, parameters, shown
 from imu_sim_ros.errors import ConfigurationError
 
 _RULE = re.compile(r"(?P<name>(?:[^\s:]+:)?[^\s:=]+):=(?P<value>.*)", re.DOTALL)
@@ -109,7 +109,8 @@ def _rule(rule: str, _: Path) -> str:
     uniform = _uniform(match["name"], value, problems)
     if problems:
         raise ConfigurationError(problems)
-    return f"{match['name']}:={uniform}"
+    quoted = f'"{uniform}"' if uniform == EMPTY_LIST else uniform
+    return f"{match['name']}:={quoted}"
 
 
 def _file(name: str, folder: Path) -> str:
@@ -154,7 +155,10 @@ def _has_sections(tree: Any) -> bool:
 
 
 def _uniform(name: str, value: Any, problems: list[str]) -> Any:
-    """Return a tree whose lists hold one type each: whole numbers beside others become floats."""
+    """Return a tree whose lists hold one type each: whole numbers beside others become floats.
+
+    An empty list has no type that rcl could give it, and goes as a text.
+    """
     if isinstance(value, dict):
         return {
             key: _uniform(f"{name}.{key}" if name else str(key), entry, problems)
@@ -163,6 +167,8 @@ def _uniform(name: str, value: Any, problems: list[str]) -> Any:
     short = name.rpartition(f"{_PARAMETERS}.")[2]
     if value is None:
         problems.append(f"{short}: a value is missing")
+    if value == []:
+        return EMPTY_LIST
     if not isinstance(value, list):
         return value
     kinds = {type(entry) for entry in value}

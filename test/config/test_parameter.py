@@ -141,3 +141,9 @@ def test_rules_over_several_parameters_name_them_in_full():
 def test_parameters_follow_the_variant():
     assert "place.reach" in p.parameters(Whole)
     assert "place.points" in p.parameters(Whole, {"place.kind": "far"})
+
+
+def test_ros_gives_an_empty_list_as_a_text():
+    values = {"topics": "[]", "place.kind": "far", "place.points": p.EMPTY_LIST}
+    whole = p.build(Whole, values)
+    assert (whole.topics, whole.place.points) == ((), ())

@@ -1,0 +1,262 @@
+"""``make demo``: the three nodes as processes of their own, then what became of their messages.
+
+The simulator flies a trajectory, the integrator dead-reckons its readings, the recorder writes all
+of it into a bag. What is printed afterwards is counted in the bag, and by the nodes themselves.
+"""
+
+import argparse
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import IO, NamedTuple
+
+import numpy as np
+
+from imu_sim_ros.bags.read import open_bag, read_imu, read_odometry, read_poses
+from imu_sim_ros.commands import common
+from imu_sim_ros.config import files
+from imu_sim_ros.config.simulation import SimulationParameters, load_simulation
+from imu_sim_ros.errors import ImuSimError, InputError
+from imu_sim_ros.navigation.dead_reckoning import dead_reckon
+from imu_sim_ros.navigation.drift import Drift, Truth, drift
+from imu_sim_ros.navigation.state import NavigationStates
+from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.rotation import rotate
+from imu_sim_ros.stream import Simulation
+
+IMU, TRUTH, ESTIMATE = "imu/data_raw", "ground_truth/odom", "dead_reckoned/odom"
+METHODS = ("euler", "midpoint")
+_START_TIMEOUT = 30.0
+_END_TIMEOUT = 10.0
+
+
+class Paths(NamedTuple):
+    """What one way of integrating made of one stream of readings."""
+
+    states: NavigationStates
+    drift: Drift
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the command's arguments."""
+    result = common.Parser(prog="demo", description=__doc__)
+    result.add_argument("--trajectory", default="lecture", metavar="NAME|FILE")
+    result.add_argument("--imu", default="lecture", metavar="NAME|FILE")
+    result.add_argument("--rate", default=200.0, type=float, metavar="HZ")
+    result.add_argument("--duration", default=20.0, type=common.duration, metavar="TIME")
+    result.add_argument("-o", "--output", default=Path("demo_output"), type=Path, metavar="FOLDER")
+    return result
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the demonstration; returns its exit status."""
+    arguments = parser().parse_args(argv)
+    return common.run("demo", lambda: run(arguments))
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Simulate, integrate and record live; then compare, print and draw."""
+    layers = {
+        "imu.preset": arguments.imu,
+        **files.trajectory_layer(arguments.trajectory),
+        "rate": arguments.rate,
+        "duration": arguments.duration,
+    }
+    parameters = load_simulation(layers)
+    Simulation(parameters, read_poses)  # a file that cannot be flown is refused before the start
+    _empty(arguments.output)
+    bag = arguments.output / "bag"
+    counts = _fly(parameters, arguments.output, bag)
+    _print_counts(bag, counts)
+    _print_errors(parameters, arguments.output, bag)
+
+
+def _empty(folder: Path) -> None:
+    """Remove what an earlier demonstration left, and nothing else."""
+    folder.mkdir(parents=True, exist_ok=True)
+    shutil.rmtree(folder / "bag", ignore_errors=True)
+    for name in ("trajectory.png", "simulation.yaml", "nodes.log"):
+        (folder / name).unlink(missing_ok=True)
+
+
+def _fly(parameters: SimulationParameters, folder: Path, bag: Path) -> dict[str, dict[str, int]]:
+    """Run the nodes until the simulator is done; return what they say they counted."""
+    file = folder / "simulation.yaml"
+    files.dump(parameters, file, comment="What the demonstration simulated.")
+    print(
+        f"simulator, integrator and recorder run for {parameters.duration:g} s "
+        f"at {parameters.rate:g} Hz, {parameters.trajectory.type} trajectory"
+    )
+    with ExitStack() as stack:
+        log = stack.enter_context((folder / "nodes.log").open("w+", encoding="utf-8"))
+        topics = f"[{IMU}, {TRUTH}, {ESTIMATE}]"
+        recorder = _start(log, "recorder", "-p", f"output:={bag}", "-p", f"topics:={topics}")
+        integrator = _start(log, "integrator", "-p", "initial_state:=truth", "-p", "error:=true")
+        simulator = _start(
+            log,
+            "simulator",
+            *("--params-file", str(file)),
+            *("-p", "wait_for_subscribers:=2", "-p", "wait_for_truth_subscribers:=2"),
+        )
+        nodes = {"recorder": recorder, "integrator": integrator, "simulator": simulator}
+        try:
+            _wait(nodes, parameters.duration)
+            time.sleep(0.5)  # the last readings are on their way to the integrator and back
+            _end(integrator)
+            _end(recorder)
+        finally:
+            for process in nodes.values():
+                process.kill()
+        for name, process in nodes.items():
+            if process.returncode != 0:
+                raise ImuSimError(f"{name} ended with status {process.returncode}: see {log.name}")
+        log.seek(0)
+        return _counts(log.read())
+
+
+def _start(log: IO[str], name: str, *arguments: str) -> "subprocess.Popen[str]":
+    """Start a node that no other machine, and no other user's node, can see."""
+    environment = {
+        **os.environ,
+        "ROS_DOMAIN_ID": str(1 + os.getpid() % 100),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "RCUTILS_COLORIZED_OUTPUT": "0",
+    }
+    command = [sys.executable, "-m", f"imu_sim_ros.nodes.{name}", "--ros-args", *arguments]
+    return subprocess.Popen(command, stdout=log, stderr=log, env=environment, text=True)
+
+
+def _wait(nodes: dict[str, "subprocess.Popen[str]"], duration: float) -> None:
+    """Wait for the simulator's end, with a bar; another node's end is a failure."""
+    steps = 10
+    begin = time.monotonic()
+    with common.progress("flying", round(duration * steps)) as advance:
+        while nodes["simulator"].poll() is None:
+            time.sleep(1.0 / steps)
+            advance(1)
+            ended = [name for name, process in nodes.items() if process.poll() not in (None, 0)]
+            if ended or time.monotonic() - begin > duration + _START_TIMEOUT:
+                return
+
+
+def _end(process: "subprocess.Popen[str]") -> None:
+    process.send_signal(signal.SIGINT)
+    try:
+        process.wait(_END_TIMEOUT)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+
+
+def _counts(log: str) -> dict[str, dict[str, int]]:
+    """Return what the nodes' closing lines say they ``counted`` (published) and ``received``.
+
+    What the recorder has ``taken`` from the network stands in its closing table.
+    """
+    result: dict[str, dict[str, int]] = {"counted": {}, "received": {}, "taken": {}}
+    for verb, topic, count in re.findall(r"^\w+: (counted|received) (\S+) (\d+)$", log, re.M):
+        result[verb][topic.lstrip("/")] = int(count)
+    for topic, count in re.findall(r"^ +(/\S+) +(\d+) ", log, re.M):
+        result["taken"][topic.lstrip("/")] = int(count)
+    return result
+
+
+def _print_counts(bag: Path, counts: dict[str, dict[str, int]]) -> None:
+    """Print for each topic what was published, received and recorded."""
+    with open_bag(bag) as opened:
+        recorded = {info.name.lstrip("/"): info.count for info in opened.topics}
+    rows = []
+    for topic in (IMU, TRUTH, ESTIMATE):
+        published = counts["counted"].get(topic, 0)
+        received = counts["received"].get(topic, counts["taken"].get(topic, 0))
+        t_ns = (read_imu if topic == IMU else read_odometry)(bag, f"/{topic}").t_ns
+        rate = (len(t_ns) - 1) * 1e9 / (t_ns[-1] - t_ns[0])
+        rows.append(
+            [
+                topic,
+                str(published),
+                str(received),
+                str(recorded.get(topic, 0)),
+                str(published - recorded.get(topic, 0)),
+                f"{rate:.3f}",
+                "exact" if len(np.unique(np.diff(t_ns))) == 1 else "uneven",
+            ]
+        )
+    header = ["topic", "published", "received", "recorded", "lost", "mean rate [Hz]", "spacing"]
+    common.print_table(header, rows, "Messages")
+
+
+def _print_errors(parameters: SimulationParameters, folder: Path, bag: Path) -> None:
+    """Print and draw the errors of Euler and midpoint, with and without noise."""
+    odometry = read_odometry(bag, f"/{TRUTH}")
+    truth = Truth(
+        PoseSequence(odometry.t_ns, odometry.position, odometry.q_wb),
+        rotate(odometry.q_wb, odometry.velocity_b),
+    )
+    noisy = read_imu(bag, f"/{IMU}")
+    ideal = next(Simulation(parameters, read_poses).blocks(len(noisy.t_ns)))
+    readings = {
+        "with noise": (noisy.gyro, noisy.accel),
+        "without noise": (ideal.ideal_gyro, ideal.ideal_accel),
+    }
+    initial, results = truth.at(int(noisy.t_ns[0])), {}
+    for label, (gyro, accel) in readings.items():
+        for method in METHODS:
+            states = dead_reckon(
+                noisy.t_ns, gyro, accel, initial, method, gravity=parameters.gravity
+            )
+            results[f"{method}, {label}"] = Paths(states, drift(states, truth))
+    rows = [
+        [
+            name,
+            f"{result.drift.final('position'):.4g}",
+            f"{100 * result.drift.final('position') / max(result.drift.distance, 1e-9):.3g}",
+            f"{np.degrees(result.drift.final('attitude')):.3g}",
+        ]
+        for name, result in results.items()
+    ]
+    common.print_table(
+        ["integration", "position [m]", "of distance [%]", "attitude [deg]"],
+        rows,
+        f"Error after {parameters.duration:g} s and {result_distance(results):.1f} m",
+    )
+    picture = folder / "trajectory.png"
+    _draw(picture, results, truth)
+    print(f"bag:     {bag}\npicture: {picture}")
+
+
+def result_distance(results: dict[str, Paths]) -> float:
+    """Return the length of the true path [m]."""
+    return next(iter(results.values())).drift.distance
+
+
+def _draw(picture: Path, results: dict[str, Paths], truth: Truth) -> None:
+    from imu_sim_ros.plots import navigation, style
+
+    errors = {
+        kind: {
+            name: (
+                (result.drift.t_ns - result.drift.t_ns[0]) * 1e-9,
+                np.linalg.norm(getattr(result.drift, kind), axis=1),
+            )
+            for name, result in results.items()
+        }
+        for kind in ("position", "attitude")
+    }
+    paths = {name: result.states.position for name, result in results.items()}
+    figure = navigation.trajectories(
+        paths, truth.poses.position, errors["position"], errors["attitude"]
+    )
+    style.save(figure, picture)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
