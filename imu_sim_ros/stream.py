@@ -101,7 +101,8 @@ class Simulation:
         """
         if not (math.isfinite(delay) and delay >= 0.0):
             raise ConfigurationError(f"fault delay = {delay}: must be at least 0 s")
-        self._imu.inject(fault, self.position + timebase.sample_count(delay, self.parameters.rate))
+        first = self.position + timebase.sample_count(delay, self.parameters.rate)
+        self._imu.inject(fault, first, self.position)
 
     def next_block(self, count: int) -> ImuBlock:
         """Return the next samples: ``count``, fewer at the end of the run, none after it."""

@@ -96,13 +96,16 @@ class FaultSchedule:
     seed: int
     dt: float
     _windows: list[_Window] = field(default_factory=list)
+    _injected: int = 0
 
-    def add(self, fault: Fault, first: int) -> None:
-        """Let a fault begin at a sample."""
+    def add(self, fault: Fault, first: int, now: int) -> None:
+        """Let a fault begin at a sample; those that ended before the sample ``now`` are dropped."""
         end = first + fault.duration / self.dt
-        stream = generator(self.seed, f"fault.{len(self._windows)}")
+        stream = generator(self.seed, f"fault.{self._injected}")
+        self._injected += 1
         # The last sample that still belongs to the fault lies strictly before its end.
         end = end if math.isinf(end) else math.ceil(round(end, 6))
+        self._windows = [w for w in self._windows if w.end > now]
         self._windows.append(_Window(fault, first, end, stream))
 
     def _active(self, kind: str, first: int, count: int) -> Iterator[tuple[_Window, slice]]:

@@ -44,9 +44,12 @@ class Imu:
         self._clock.configure(parameters.imu)
         self._transport.configure(parameters.imu)
 
-    def inject(self, fault: Fault, first: int) -> None:
-        """Let a fault begin at a sample that is still to come."""
-        self._faults.add(fault, first)
+    def inject(self, fault: Fault, first: int, now: int) -> None:
+        """Let a fault begin at a sample that is still to come.
+
+        :param now: index of the next sample.
+        """
+        self._faults.add(fault, first, now)
 
     def read(self, first: int, count: int, trajectory: Trajectory) -> ImuBlock:
         """Return samples ``first .. first + count - 1``; ``first`` follows the last call's."""

@@ -96,3 +96,15 @@ def test_every_problem_is_named() -> None:
             Fault(*arguments)
     with pytest.raises(ConfigurationError, match="delay = -1"):
         run().inject(Fault("dropout", 1.0, 1.0), delay=-1.0)
+
+
+def test_old_faults_are_dropped_and_streams_are_not_reused() -> None:
+    """A thousand faults one after another: none is remembered, each loses other messages."""
+    faulty = run()
+    lost = []
+    for _ in range(1000):
+        faulty.inject(Fault("dropout", 0.1, 0.5))
+        lost.append(20 - len(faulty.next_block(20).delivered))
+    assert len(faulty._imu._faults._windows) == 1
+    assert np.mean(lost) == pytest.approx(10.0, abs=5.0 * np.sqrt(5.0 / 1000))
+    assert np.var(lost) == pytest.approx(5.0, rel=5.0 * np.sqrt(2.0 / 1000))
