@@ -19,7 +19,7 @@ from imu_sim_ros.navigation.association import (
     interpolate_poses,
     interpolate_vectors,
 )
-from imu_sim_ros.navigation.consistency import anees_band, nees, straightened
+from imu_sim_ros.navigation.consistency import Band, anees_band, nees, straightened
 from imu_sim_ros.navigation.evaluation import (
     AbsoluteErrors,
     absolute_errors,
@@ -29,6 +29,7 @@ from imu_sim_ros.navigation.evaluation import (
     statistics,
 )
 from imu_sim_ros.poses import PoseSequence, write_tum
+from imu_sim_ros.rotation import rotate_inverse
 
 Array = NDArray[np.float64]
 
@@ -92,13 +93,20 @@ def run(arguments: argparse.Namespace) -> None:
     poses = alignment.apply(poses)
     errors = absolute_errors(poses, true_poses)
     result = _result(arguments, estimate, poses, true_poses, errors, alignment)
+    velocity_b = None
     result["velocity_error_m_s"] = None
     if estimate.velocity is not None and truth.velocity is not None:
         true_velocity = interpolate_vectors(truth.poses.t_ns, truth.velocity, at_ns)
         velocity = alignment.scale * estimate.velocity[rows] @ alignment.r.T
         lengths = np.linalg.norm(true_velocity - velocity, axis=1)
         result["velocity_error_m_s"] = statistics(lengths)._asdict()
-    result["nees"] = _consistency(estimate, rows, errors, arguments.align)
+        velocity_b = rotate_inverse(true_poses.q_wb, true_velocity)
+        velocity_b -= rotate_inverse(poses.q_wb, velocity)
+    if arguments.align == "none":
+        result["nees"] = _consistency(estimate, rows, errors, velocity_b)
+    else:
+        # An alignment takes out a part of the error that the covariance still holds.
+        result["nees"] = None
     if arguments.output is not None:
         _write(arguments.output, poses)
     if arguments.plot is not None:
@@ -156,6 +164,8 @@ def _result(
         },
         "ate_m": statistics(lengths)._asdict(),
         "attitude_error_rad": statistics(np.linalg.norm(errors.attitude, axis=1))._asdict(),
+        "rms_attitude_vector_rad": np.sqrt(np.mean(errors.attitude**2, axis=0)),
+        "final_attitude_vector_rad": errors.attitude[-1],
         "final_position_error_m": float(lengths[-1]),
         "final_drift_percent": 100.0 * float(lengths[-1]) / distance if distance > 0.0 else None,
         "rpe": _relative(arguments, poses, truth, distance),
@@ -194,33 +204,41 @@ def _relative_over(
 
 
 def _consistency(
-    estimate: Track, rows: NDArray[np.intp], errors: AbsoluteErrors, alignment: str
+    estimate: Track, rows: NDArray[np.intp], errors: AbsoluteErrors, velocity_b: Array | None
 ) -> dict[str, Any] | None:
-    """Return the NEES of position and attitude where the estimate has covariances.
+    """Return the NEES of position, attitude and velocity where the estimate has covariances.
 
-    An alignment takes out a part of the error that the covariance still holds: none then.
+    :param velocity_b: (n, 3) error of the velocity in the body, as the twist's covariance has it.
     """
-    if estimate.pose_covariance is None or alignment != "none":
+    if estimate.pose_covariance is None or estimate.twist_covariance is None:
         return None
-    covariance = estimate.pose_covariance[rows]
-    along_arc = straightened(errors.attitude, errors.position)
-    blocks = {"position": (0, along_arc), "attitude": (3, errors.attitude)}
+    pose, twist = estimate.pose_covariance[rows], estimate.twist_covariance[rows]
     # Where the start is set to the truth its covariance is zero: no NEES there.
-    usable = np.linalg.matrix_rank(covariance, hermitian=True) == 6
+    usable = np.linalg.matrix_rank(pose, hermitian=True) == 6
     if not usable.any():
         return None
-    result: dict[str, Any] = {"poses": int(np.count_nonzero(usable))}
-    low, high = anees_band(3, 1)
-    result["band_95"] = [low, high]
-    for name, (start, error) in blocks.items():
-        block = covariance[usable, start : start + 3, start : start + 3]
-        values = nees(error[usable], block)
-        result[name] = {
-            "mean": float(values.mean()),
-            "final": float(values[-1]),
-            "inside_band": float(np.mean((values >= low) & (values <= high))),
-        }
+    band = anees_band(3, 1)
+    along_arc = straightened(errors.attitude, errors.position)
+    result: dict[str, Any] = {
+        "poses": int(np.count_nonzero(usable)),
+        "band_95": list(band),
+        "position": _nees(along_arc[usable], pose[usable, :3, :3], band),
+        "attitude": _nees(errors.attitude[usable], pose[usable, 3:, 3:], band),
+        "velocity": None,
+    }
+    linear = twist[usable, :3, :3]
+    if velocity_b is not None and np.all(np.linalg.matrix_rank(linear, hermitian=True) == 3):
+        result["velocity"] = _nees(velocity_b[usable], linear, band)
     return result
+
+
+def _nees(errors: Array, covariances: Array, band: Band) -> dict[str, float]:
+    values = nees(errors, covariances)
+    return {
+        "mean": float(values.mean()),
+        "final": float(values[-1]),
+        "inside_band": float(np.mean((values >= band.low) & (values <= band.high))),
+    }
 
 
 def _draw(path: Path, poses: PoseSequence, truth: PoseSequence, errors: AbsoluteErrors) -> None:
@@ -267,7 +285,8 @@ def _print_consistency(result: dict[str, Any]) -> None:
         [name]
         + [f"{result[name][key]:.3g}" for key in ("mean", "final")]
         + [f"{100.0 * result[name]['inside_band']:.0f} %"]
-        for name in ("position", "attitude")
+        for name in ("position", "attitude", "velocity")
+        if result[name] is not None
     ]
     title = f"NEES, 3 expected; 95 % of the time between {low:.3g} and {high:.3g}"
     common.print_table(["of", "mean", "final", "inside"], rows, title)

@@ -27,6 +27,8 @@ class Track(NamedTuple):
     """(n, 3) in the world [m/s]."""
     pose_covariance: Array | None = None
     """(n, 6, 6) position, rotation about the world's axes."""
+    twist_covariance: Array | None = None
+    """(n, 6, 6) velocity and angular rate, in the body."""
 
 
 def is_bag(path: Path) -> bool:
@@ -52,8 +54,7 @@ def read_track(path: Path, topic: str | None = None, covariance: bool = False) -
     """Return a trajectory.
 
     :param topic: of a bag; None: the only one of Odometry, else of PoseStamped.
-    :param covariance: read the poses' covariances as well, which need three times the memory of
-        all else.
+    :param covariance: read the covariances as well, which need five times the memory of all else.
     :raises InputError: for what cannot be read, or is no trajectory: stamps that do not increase,
         numbers that are not finite, fewer than two poses.
     """
@@ -68,16 +69,15 @@ def read_track(path: Path, topic: str | None = None, covariance: bool = False) -
 
 
 def _odometry(path: Path, topic: str | None, covariance: bool) -> Track:
-    parts = []
+    parts: list[tuple[Array | NDArray[np.int64], ...]] = []
     for block in odometry_blocks(path, topic):
         velocity = rotate(block.q_wb, block.velocity_b)
-        # Copied out of the block, whose other columns would stay in memory with it.
-        matrices = block.pose_covariance.copy() if covariance else np.empty((0, 6, 6))
-        parts.append((block.t_ns, block.position, block.q_wb, velocity, matrices))
+        matrices = (block.pose_covariance, block.twist_covariance) if covariance else ()
+        parts.append((block.t_ns, block.position, block.q_wb, velocity, *matrices))
     if not parts:
         raise InputError(f"{path}: 0 poses; a trajectory needs two or more")
-    t_ns, position, q_wb, velocity, matrices = map(np.concatenate, zip(*parts, strict=True))
-    return Track(PoseSequence(t_ns, position, q_wb), velocity, matrices if covariance else None)
+    t_ns, position, q_wb, velocity, *matrices = map(np.concatenate, zip(*parts, strict=True))
+    return Track(PoseSequence(t_ns.astype(np.int64), position, q_wb), velocity, *matrices)
 
 
 def _check(name: str, poses: PoseSequence) -> None:

@@ -96,21 +96,22 @@ def test_table_picture_and_output(tmp_path, truth, capsys):
     assert run(capsys, moved, truth, "--quiet")[1] == ""
 
 
-def write_bag(path, poses, covariance=None, topic="/dead_reckoned/odom"):
+def write_bag(path, poses, velocity_b=None, covariances=(None, None)):
     """Write poses in the order in which they stand, as a recorder does."""
     with open_writer(path) as writer:
         encoder = OdometryEncoder("world", "base_link", writer.encoding)
-        handle = writer.add_topic(topic, ODOMETRY)
+        handle = writer.add_topic("/dead_reckoned/odom", ODOMETRY)
         zero = np.zeros((len(poses.t_ns), 3))
+        velocity_b = zero if velocity_b is None else velocity_b
         payloads = encoder.encode(
-            poses.t_ns, poses.position, poses.q_wb, zero, zero, pose_covariance=covariance
+            poses.t_ns, poses.position, poses.q_wb, velocity_b, zero, *covariances
         )
         writer.write(handle, np.sort(poses.t_ns), payloads)
     return path
 
 
 @pytest.mark.parametrize("factor", [1.0, 2.0])
-def test_nees_of_a_bag_with_covariances(tmp_path, truth, capsys, factor):
+def test_nees_of_a_bag_with_covariances(tmp_path, capsys, factor):
     """Independent errors of known size: the mean over 400 poses is 3, or 3/4 at twice the sigma."""
     rng = np.random.default_rng(12)
     poses = track()
@@ -124,14 +125,18 @@ def test_nees_of_a_bag_with_covariances(tmp_path, truth, capsys, factor):
     )
     matrices = np.tile(np.diag(np.square(factor * sigma)), (n, 1, 1))
     matrices[0] = 0.0
-    bag = write_bag(tmp_path / "bag", estimate, matrices)
+    twist = np.tile(np.diag(np.square(factor * sigma)), (n, 1, 1))
+    velocity_b = sigma[:3] * rng.normal(size=(n, 3))
+    bag = write_bag(tmp_path / "estimate", estimate, velocity_b, (matrices, twist))
+    truth = write_bag(tmp_path / "truth", poses)
     found = result(capsys, bag, truth)["nees"]
     assert found["poses"] == n - 1
     # The variance of a NEES of 3 degrees of freedom is 6: 4 sigma of the mean of 400.
-    for name in ("position", "attitude"):
+    for name in ("position", "attitude", "velocity"):
         expected = 3.0 / factor**2
         assert found[name]["mean"] == pytest.approx(expected, abs=4 * np.sqrt(6 / 400) / factor**2)
     assert result(capsys, bag, truth, "--align", "se3")["nees"] is None
+    assert "NEES, 3 expected" in run(capsys, bag, truth)[1]
 
 
 def test_estimate_and_truth_in_one_bag(tmp_path, capsys):
