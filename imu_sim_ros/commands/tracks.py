@@ -76,8 +76,8 @@ def _odometry(path: Path, topic: str | None, covariance: bool) -> Track:
         parts.append((block.t_ns, block.position, block.q_wb, velocity, *matrices))
     if not parts:
         raise InputError(f"{path}: 0 poses; a trajectory needs two or more")
-    t_ns, position, q_wb, velocity, *matrices = map(np.concatenate, zip(*parts, strict=True))
-    return Track(PoseSequence(t_ns.astype(np.int64), position, q_wb), velocity, *matrices)
+    t_ns, position, q_wb, velocity, *joined = map(np.concatenate, zip(*parts, strict=True))
+    return Track(PoseSequence(t_ns.astype(np.int64), position, q_wb), velocity, *joined)
 
 
 def _check(name: str, poses: PoseSequence) -> None:
