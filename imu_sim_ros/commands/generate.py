@@ -1,29 +1,120 @@
 """``generate``: parameters in, a bag or a dataset out, as fast as the machine can."""
 
 import argparse
+import re
+import signal
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from types import FrameType
+from typing import Any, Final
 
-from imu_sim_ros.bags.encode import IMU, ODOMETRY, ImuEncoder, OdometryEncoder
-from imu_sim_ros.bags.write import open_writer
+import numpy as np
+
+from imu_sim_ros.bags import consumers, text_writer
+from imu_sim_ros.bags.source import ahead
+from imu_sim_ros.bags.write import COMPRESSIONS, STORAGES, open_writer
 from imu_sim_ros.commands import common
-from imu_sim_ros.config.simulation import load_simulation
-from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.rotation import rotate_inverse
+from imu_sim_ros.commands.generate_topics import (
+    READINGS,
+    TRUTH,
+    TYPES,
+    BagTarget,
+    DatasetTarget,
+    chosen_topics,
+    resolved,
+)
+from imu_sim_ros.config import files
+from imu_sim_ros.config.simulation import SimulationParameters, load_simulation
+from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.stream import Simulation
+
+EXAMPLES: Final = """\
+examples:
+  generate -o allan.bag --imu-only --trajectory static --duration 4h --topic imu/data_raw=/imu
+  generate -o flight.mcap --compression lz4 --trajectory groundtruth.csv
+  generate -o flight --storage sqlite3 --imu mpu_6000 --duration 10min --with-configs
+  generate -o MH_99/mav0 --format euroc --duration 2min
+"""
+BLOCK_SIZE: Final = 8192
+_SIZE_UNITS: Final = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9}
+_DATASET_SUFFIXES: Final = {".csv": "csv", ".tum": "tum", ".txt": "tum"}
 
 
 def parser() -> argparse.ArgumentParser:
     """Return the command's arguments."""
-    result = common.Parser(prog="generate", description=__doc__)
+    result = common.Parser(
+        prog="generate",
+        description=__doc__,
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     common.add_simulation_arguments(result)
-    result.add_argument("-o", "--output", required=True, type=Path, help="bag to write")
-    result.add_argument("--storage", choices=("mcap", "sqlite3"), default="mcap")
-    result.add_argument("--imu-only", action="store_true", help="no ground truth")
+    group = result.add_argument_group("output")
+    group.add_argument(
+        "-o",
+        "--output",
+        required=True,
+        type=Path,
+        metavar="PATH",
+        help="NAME.bag: ROS 1; NAME.mcap: one MCAP file; NAME.csv, NAME.tum: text; "
+        "another name: a rosbag2 folder",
+    )
+    group.add_argument("--format", choices=text_writer.FORMATS, help="a dataset instead of a bag")
+    group.add_argument("--storage", choices=STORAGES, help="of the bag (mcap)")
+    group.add_argument(
+        "--compression",
+        choices=sorted({name for names in COMPRESSIONS.values() for name in names}),
+        help="of chunks (none): "
+        + "; ".join(f"{storage}: {', '.join(names)}" for storage, names in COMPRESSIONS.items()),
+    )
+    group.add_argument(
+        "--split-duration", metavar="TIME", type=common.duration, default=0.0, help="of one file"
+    )
+    group.add_argument(
+        "--split-size", metavar="SIZE", type=size, default=0, help="of one file: 500M, 2G"
+    )
+    group.add_argument(
+        "--topics",
+        metavar="NAME,...",
+        default="",
+        help=f"what is written ({READINGS},{TRUTH}); all: {', '.join(TYPES)}",
+    )
+    group.add_argument("--imu-only", action="store_true", help="no ground truth")
+    group.add_argument(
+        "--topic",
+        metavar="NAME=NEW",
+        type=renaming,
+        action="append",
+        default=[],
+        help="another name in the bag, for instance imu/data_raw=/imu0; repeatable",
+    )
+    group.add_argument(
+        "--with-configs",
+        action="store_true",
+        help="write the noise for kalibr, VINS, OpenVINS, ORB_SLAM3 and imu_utils, and all "
+        "parameters, to OUTPUT_configs",
+    )
     common.add_output_arguments(result)
     return result
+
+
+def size(words: str) -> int:
+    """Return the bytes of ``500M``, ``2G`` or a plain number."""
+    match = re.fullmatch(r"(\d+\.?\d*)\s*([kmg]?)b?", words.strip().lower())
+    if match is None:
+        raise argparse.ArgumentTypeError(f"{words!r} is not a size such as 500M or 2G")
+    return round(float(match[1]) * _SIZE_UNITS[match[2]])
+
+
+def renaming(words: str) -> tuple[str, str]:
+    """Return both names of ``old=new``."""
+    old, equals, new = words.partition("=")
+    if not equals or not re.fullmatch(r"/?[A-Za-z_~][\w/]*", new.strip()):
+        raise argparse.ArgumentTypeError(f"{words!r} is not of the form imu/data_raw=/imu0")
+    return old.strip().lstrip("/"), new.strip()
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -36,50 +127,176 @@ def generate(arguments: argparse.Namespace) -> None:
     """Write what the arguments ask for."""
     started = time.perf_counter()
     parameters = load_simulation(*common.simulation_layers(arguments))
-    simulation = Simulation(parameters)
+    names = chosen_topics(
+        [name for name in arguments.topics.split(",") if name],
+        arguments.imu_only,
+        dict(arguments.topic),
+    )
+    for warning in parameters.warnings():
+        print(f"generate: warning: {warning}", file=sys.stderr)
+    simulation = Simulation(parameters, pose_reader=_read_poses)
     if simulation.total is None:
-        raise ConfigurationError("duration = 0: this trajectory has no end; give --duration")
-    storage = "ros1" if arguments.output.suffix == ".bag" else arguments.storage
-    counts = {"imu/data_raw": 0} if arguments.imu_only else {"imu/data_raw": 0, "ground_truth/odom": 0}
-    with open_writer(arguments.output, storage) as writer:
-        imu = ImuEncoder(parameters.imu_frame, writer.encoding)
-        odometry = OdometryEncoder(parameters.world_frame, parameters.body_frame, writer.encoding)
-        topics = {
-            name: writer.add_topic(f"/{name}", IMU if name.startswith("imu") else ODOMETRY)
-            for name in counts
-        }
-        for block in simulation.blocks():
-            rows = block.delivered
-            t_ns = block.t_ns[rows]
-            messages = imu.encode(t_ns, block.gyro[rows], block.accel[rows])
-            writer.write(topics["imu/data_raw"], t_ns, messages)
-            counts["imu/data_raw"] += len(rows)
-            if "ground_truth/odom" in topics:
-                motion = block.motion
-                messages = odometry.encode(
-                    block.true_t_ns,
-                    motion.position,
-                    motion.q_wb,
-                    rotate_inverse(motion.q_wb, motion.velocity),
-                    motion.angular_velocity,
-                )
-                writer.write(topics["ground_truth/odom"], block.true_t_ns, messages)
-                counts["ground_truth/odom"] += len(messages)
+        raise ConfigurationError(
+            "duration = 0: this trajectory has no end; say how long, for instance --duration 20s"
+        )
+    stopped = False
+    with _target(arguments, parameters, names) as target:
+        stopped = _write(simulation, target, arguments)
+    if arguments.with_configs:
+        _write_configs(arguments.output, parameters, names)
+    wall_s = time.perf_counter() - started
     result = {
         "output": str(arguments.output),
-        "messages": counts,
-        "samples": simulation.total,
-        "wall_s": time.perf_counter() - started,
-        "bytes": sum(p.stat().st_size for p in _files(arguments.output)),
+        "messages": target.counts,
+        "samples": simulation.position if not stopped else max(target.counts.values()),
+        "wall_s": wall_s,
+        "bytes": sum(file.stat().st_size for file in target.files if file.is_file()),
     }
+    _report(result, stopped, arguments)
+
+
+def _read_poses(path: str | Path) -> Any:
+    from imu_sim_ros.bags.read import read_poses
+
+    return read_poses(path)
+
+
+@contextmanager
+def _target(
+    arguments: argparse.Namespace, parameters: SimulationParameters, names: dict[str, str]
+) -> Iterator[BagTarget | DatasetTarget]:
+    """Open the output; it is whole when the block ends without an error."""
+    output = arguments.output
+    form = arguments.format or _DATASET_SUFFIXES.get(output.suffix.lower())
+    if form is None:
+        with open_writer(
+            output,
+            arguments.storage,
+            arguments.compression,
+            arguments.split_duration,
+            arguments.split_size,
+        ) as writer:
+            bag = BagTarget(writer, parameters, names)
+            yield bag
+        return
+    unfit = [
+        f"--{name.replace('_', '-')}: is not for {form}"
+        for name in ("storage", "compression", "split_duration", "split_size")
+        if getattr(arguments, name)
+    ]
+    unfit += [f"topic {name}: is not for {form}" for name in names if name not in (READINGS, TRUTH)]
+    if unfit:
+        raise InputError(unfit)
+    with text_writer.Dataset(output, form, TRUTH in names) as dataset:
+        target = DatasetTarget(dataset)
+        yield target
+        if form == "euroc":
+            _describe(output, parameters, TRUTH in names)
+    target.files = dataset.files
+
+
+def _write(
+    simulation: Simulation, target: BagTarget | DatasetTarget, arguments: argparse.Namespace
+) -> bool:
+    """Write all samples; returns whether Ctrl-C or SIGTERM ended it before."""
+    total = simulation.total or 0
+    with (
+        _stop_requests() as requests,
+        common.progress(
+            f"writing {arguments.output}", total, arguments.quiet or arguments.json
+        ) as advance,
+    ):
+        # The samples are made in a thread of their own while the messages are written.
+        blocks = ahead(simulation.blocks(BLOCK_SIZE))
+        try:
+            for block in blocks:
+                target.write(block)
+                advance(len(block.t_ns))
+                if requests:
+                    return True
+        finally:
+            blocks.close()  # type: ignore[attr-defined]
+    return False
+
+
+@contextmanager
+def _stop_requests() -> Iterator[list[int]]:
+    """Collect Ctrl-C and SIGTERM instead of being ended by them in the middle of a chunk."""
+    requests: list[int] = []
+
+    def note(number: int, _: FrameType | None) -> None:
+        requests.append(number)
+
+    try:
+        before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
+    except ValueError:  # not in the main thread: whoever runs this takes care of signals
+        yield requests
+        return
+    try:
+        yield requests
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _describe(output: Path, parameters: SimulationParameters, states: bool) -> None:
+    """Write the sensor.yaml files of a EuRoC folder."""
+    noise = _noise(parameters, "/imu0")
+    imu = parameters.imu
+    text_writer.write_euroc_descriptions(
+        output,
+        parameters.rate,
+        noise.densities(),
+        np.reshape(imu.mounting, (3, 3)),
+        np.asarray(imu.lever_arm),
+        f"simulated by imu_sim_ros, preset {imu.preset}, seed {parameters.seed}",
+        states,
+    )
+
+
+def _noise(parameters: SimulationParameters, topic: str) -> consumers.Noise:
+    imu = parameters.imu
+    return consumers.noise(
+        gyroscope_noise_density=imu.gyroscope_noise_density,
+        gyroscope_random_walk=imu.gyroscope_random_walk,
+        accelerometer_noise_density=imu.accelerometer_noise_density,
+        accelerometer_random_walk=imu.accelerometer_random_walk,
+        gyroscope_bias_instability=imu.gyroscope_bias_instability,
+        accelerometer_bias_instability=imu.accelerometer_bias_instability,
+        rate=parameters.rate,
+        gravity=float(np.linalg.norm(parameters.gravity)),
+        topic=topic,
+    )
+
+
+def _write_configs(output: Path, parameters: SimulationParameters, names: dict[str, str]) -> None:
+    topic = resolved(names.get(READINGS, READINGS))
+    folder = output.with_name(output.name + "_configs")
+    consumers.write_all(folder, _noise(parameters, topic))
+    files.dump(
+        parameters,
+        folder / "simulation.yaml",
+        comment=f"All parameters of {output.name}:\n"
+        "generate --params-file simulation.yaml makes the same samples.",
+    )
+
+
+def _report(result: dict[str, Any], stopped: bool, arguments: argparse.Namespace) -> None:
     if arguments.json:
         common.print_json(result)
     elif not arguments.quiet:
-        print(f"{arguments.output}: {counts}")
-
-
-def _files(path: Path) -> list[Path]:
-    return [p for p in path.rglob("*") if p.is_file()] if path.is_dir() else [path]
+        counts = ", ".join(f"{count:,} {name}" for name, count in result["messages"].items())
+        speed = sum(result["messages"].values()) / result["wall_s"] / 1e3
+        print(
+            f"{result['output']}: {counts}; {result['bytes'] / 1e6:,.1f} MB in "
+            f"{result['wall_s']:.2f} s ({speed:,.0f} k messages/s)"
+        )
+    if stopped:
+        print(
+            f"generate: stopped; {result['output']} is whole and holds what was written before",
+            file=sys.stderr,
+        )
+        raise KeyboardInterrupt
 
 
 if __name__ == "__main__":
