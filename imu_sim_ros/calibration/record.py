@@ -132,16 +132,16 @@ class Record:
         self.first_bad[new] = (t_ns[bad.argmax(axis=0)][new] - self.start_ns) * 1e-9
         self.bad += bad.sum(axis=0)
         self.samples += len(y)
-        y = np.where(bad, 0.0, y)
-        self._sum += y.sum(axis=0)
-        self._square += np.einsum("na,na->a", y, y)
+        columns = np.ascontiguousarray(np.where(bad, 0.0, y).T)
+        self._sum += columns.sum(axis=1)
+        self._square += np.einsum("an,an->a", columns, columns)
         for extreme, hits, find in (
             (self.minimum, self._at_minimum, np.minimum),
             (self.maximum, self._at_maximum, np.maximum),
         ):
-            now = find(extreme, find.reduce(y, axis=0))
+            now = find(extreme, find.reduce(columns, axis=1))
             hits[now != extreme] = 0
-            hits += (y == now).sum(axis=0)
+            hits += np.count_nonzero(columns == now[:, None], axis=1)
             extreme[:] = now
 
     def _pieces(self, t_ns: Times, y: Array) -> Iterator[Array | None]:

@@ -181,8 +181,8 @@ def _row(axis: int, key: str, found: Estimate) -> list[str]:
     if found.value is None:
         return [name, f"< {found.high:.3g}", "", q.unit, f"< {found.high * factor:.3g}",
                 q.field_unit]  # fmt: skip
-    interval = f"{found.low:.4g} .. {found.high:.4g}"
-    return [name, f"{found.value:.4g}", interval, q.unit, f"{found.value * factor:.4g}",
+    interval = f"{found.low:.5g} .. {found.high:.5g}"
+    return [name, f"{found.value:.5g}", interval, q.unit, f"{found.value * factor:.5g}",
             q.field_unit]  # fmt: skip
 
 
