@@ -52,7 +52,7 @@ def imu_reading(payload: bytes) -> ImuReading:
         second, nanosecond, gx, gy, gz, ax, ay, az = _imu_fields(start).unpack_from(payload, 4)
     except struct.error:
         raise InputError("a sensor_msgs/Imu that ends too early") from None
-    return ImuReading(second * 1_000_000_000 + nanosecond, (gx, gy, gz), (ax, ay, az))
+    return ImuReading(_nanoseconds(second, nanosecond), (gx, gy, gz), (ax, ay, az))
 
 
 def truth(payload: bytes) -> Truth:
@@ -67,9 +67,14 @@ def truth(payload: bytes) -> Truth:
     except struct.error:
         raise InputError("a nav_msgs/Odometry that ends too early") from None
     x, y, z, w = values[5:9]
-    return Truth(
-        values[0] * 1_000_000_000 + values[1], values[2:5], (w, x, y, z), values[9:12], values[12:]
-    )
+    t_ns = _nanoseconds(values[0], values[1])
+    return Truth(t_ns, values[2:5], (w, x, y, z), values[9:12], values[12:])
+
+
+def _nanoseconds(second: int, nanosecond: int) -> int:
+    if second < 0:
+        raise InputError(f"a stamp of {second} s, before the beginning of time")
+    return second * 1_000_000_000 + nanosecond
 
 
 def _after_text(payload: bytes, position: int) -> int:

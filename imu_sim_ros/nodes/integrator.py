@@ -1,14 +1,14 @@
 """The integrator node: IMU readings into odometry by dead reckoning."""
 
 import sys
-from collections.abc import Callable, Iterable, Iterator
+import threading
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import Vector3Stamped
 from nav_msgs.msg import Odometry, Path
-from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.task import Future
 from sensor_msgs.msg import Imu
@@ -23,6 +23,7 @@ from imu_sim_ros.nodes.integrator_diagnostics import IntegratorDiagnostics
 from imu_sim_ros.nodes.odometer import Odometer, Row
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.path import PathPublisher
+from imu_sim_ros.nodes.topic_reader import Message, TopicReader, is_weaker, matching_qos
 from imu_sim_ros.nodes.truth_comparison import ErrorAt, Estimate, TruthComparison
 
 TEXT = """Integrates imu/data_raw and publishes dead_reckoned/odom for every reading.
@@ -40,6 +41,9 @@ POSITION_ERROR = "dead_reckoned/position_error"
 ATTITUDE_ERROR = "dead_reckoned/attitude_error"
 
 _DEPTH = 2000
+_READ_PERIOD = 0.002
+"""[s] How long a reading waits at most; looking costs 1 % of a core."""
+_MATCHING_PERIOD = 0.5
 _COMPLAINT_PERIOD = 1.0
 
 
@@ -53,22 +57,26 @@ class Integrator(ConfiguredNode):
         self._sources: frozenset[bytes] = frozenset()
         self.odometer = Odometer(parameters, self._complain, self._is_new_source)
         self.comparison = TruthComparison() if parameters.error else None
-        self._reliable = {IMU: True, TRUTH: True}
-        self._subscriptions_by_topic: dict[str, Any] = {}
+        self._lock = threading.Lock()
+        """Readings are integrated in the reader's thread, all else happens in the executor's."""
+        self._qos: dict[str, QoSProfile] = {}
         self._received = {IMU: 0, TRUTH: 0}
         self._published = 0
         self._add_publishers(parameters)
         self.create_service(Trigger, "~/reset", self._reset)
-        self._subscribe(Imu, IMU, self._on_imu)
-        if parameters.error or parameters.initial_state == "truth":
-            self._subscribe(Odometry, TRUTH, self._on_truth)
+        self.reader = TopicReader(self, self._take, lambda: self.done.set_result(1), _READ_PERIOD)
+        for topic in self._inputs():
+            self._subscribe(topic, QoSProfile(depth=_DEPTH))
+        self.create_timer(_MATCHING_PERIOD, self._match_publishers)
 
     def apply(self, new: IntegratorParameters) -> None:
         """Take new biases."""
-        self.odometer.correct_with(new)
+        with self._lock:
+            self.odometer.correct_with(new)
 
     def close(self) -> None:
-        """Say how much came and went."""
+        """Take what has arrived; say how much came and went."""
+        self.reader.close()
         for topic, count in self._received.items():
             print(f"integrator: received {topic} {count}", flush=True)
         print(f"integrator: counted {ODOMETRY} {self._published}", flush=True)
@@ -90,7 +98,7 @@ class Integrator(ConfiguredNode):
         if parameters.path_rate:
             publisher = self.create_publisher(Path, PATH, 1)
             self._path = PathPublisher(publisher, world, parameters)
-            self.create_timer(1.0 / parameters.path_rate, self._path.publish)
+            self.create_timer(1.0 / parameters.path_rate, self._publish_path)
         if parameters.diagnostics:
             self._diagnostics = IntegratorDiagnostics(self)
 
@@ -98,68 +106,46 @@ class Integrator(ConfiguredNode):
         options = QoSOverridingOptions.with_default_policies()
         return self.create_publisher(message, topic, _DEPTH, qos_overriding_options=options)
 
-    def _subscribe(self, message: Any, topic: str, callback: Callable[[bytes], None]) -> None:
-        """Subscribe to bytes; where a driver offers no reliability, do without it."""
-
-        def fall_back(_: Any) -> None:
-            if self._reliable[topic]:
-                self._reliable[topic] = False
-                self.get_logger().info(f"{topic} is offered as best effort; subscribing so")
-                self.destroy_subscription(self._subscriptions_by_topic[topic])
-                self._subscribe(message, topic, callback)
-
-        reliability = ReliabilityPolicy.RELIABLE
-        if not self._reliable[topic]:
-            reliability = ReliabilityPolicy.BEST_EFFORT
-        self._subscriptions_by_topic[topic] = self.create_subscription(
-            message,
-            topic,
-            callback,
-            QoSProfile(depth=_DEPTH, reliability=reliability),
-            raw=True,
-            event_callbacks=SubscriptionEventCallbacks(incompatible_qos=fall_back),
-        )
-
     # ----------------------------------------------------------------------------- messages
-    def _on_imu(self, payload: bytes) -> None:
-        rows: list[Row] = []
-        for message in self._gathered(IMU, payload):
-            try:
-                rows += self.odometer.add_reading(decode.imu_reading(message))
-            except InputError as error:
-                self._complain(str(error))
-        self._publish(rows)
+    def _inputs(self) -> list[str]:
+        with_truth = self.parameters.error or self.parameters.initial_state == "truth"
+        return [IMU, TRUTH] if with_truth else [IMU]
 
-    def _on_truth(self, payload: bytes) -> None:
+    def _subscribe(self, topic: str, qos: QoSProfile) -> None:
+        self._qos[topic] = qos
+        self.reader.subscribe(topic, Imu if topic == IMU else Odometry, qos, stamp_offset=4)
+
+    def _match_publishers(self) -> None:
+        """Ask for less reliability where a driver offers less: else nothing would arrive."""
+        for topic, qos in list(self._qos.items()):
+            publishers = self.get_publishers_info_by_topic(topic)
+            offered = matching_qos(publishers, _DEPTH)
+            if publishers and is_weaker(offered, qos):
+                self.get_logger().info(f"{topic} is offered as best effort; subscribing so")
+                self._subscribe(topic, offered)
+
+    def _take(self, messages: list[Message]) -> None:
+        """Take the messages of one topic, as the reader delivers them."""
+        topic = messages[0].topic
+        self._received[topic] += len(messages)
         rows: list[Row] = []
         errors: list[ErrorAt] = []
-        for message in self._gathered(TRUTH, payload):
-            try:
-                truth = decode.truth(message)
-            except InputError as error:
-                self._complain(str(error))
-                continue
-            rows += self.odometer.add_truth(truth)
-            if self.comparison is not None:
-                errors += self.comparison.add_truth(truth)
-        self._publish(rows)
-        self._publish_errors(errors)
+        with self._lock:
+            for message in messages:
+                try:
+                    if topic == IMU:
+                        rows += self.odometer.add_reading(decode.imu_reading(message.payload))
+                    else:
+                        self._take_truth(decode.truth(message.payload), rows, errors)
+                except InputError as error:
+                    self._complain(str(error))
+            self._publish(rows)
+            self._publish_errors(errors)
 
-    def _gathered(self, topic: str, first: bytes) -> Iterator[bytes]:
-        """Yield a message and all that have gathered behind it.
-
-        An executor's turn costs more than the integration of a reading; one turn for all of them
-        lets the node catch up after a stall.
-        """
-        self._received[topic] += 1
-        yield first
-        subscription = self._subscriptions_by_topic[topic]
-        for _ in range(_DEPTH):
-            taken = subscription.handle.take_message(subscription.msg_type, True)
-            if taken is None:
-                return
-            self._received[topic] += 1
-            yield taken[0]
+    def _take_truth(self, truth: decode.Truth, rows: list[Row], errors: list[ErrorAt]) -> None:
+        rows += self.odometer.add_truth(truth)
+        if self.comparison is not None:
+            errors += self.comparison.add_truth(truth)
 
     # ----------------------------------------------------------------------------- results
     def _publish(self, rows: list[Row]) -> None:
@@ -193,13 +179,18 @@ class Integrator(ConfiguredNode):
         _send(self._position_error_out, position)
         _send(self._attitude_error_out, attitude)
 
+    def _publish_path(self) -> None:
+        with self._lock:
+            self._path.publish()
+
     # ----------------------------------------------------------------------------- events
     def _reset(self, _: Any, response: Any) -> Any:
-        self.odometer.begin()
-        if self._path is not None:
-            self._path.clear()
-        if self.comparison is not None:
-            self.comparison = TruthComparison()
+        with self._lock:
+            self.odometer.begin()
+            if self._path is not None:
+                self._path.clear()
+            if self.comparison is not None:
+                self.comparison = TruthComparison()
         response.success = True
         response.message = f"starting anew, initial_state = {self.parameters.initial_state}"
         return response

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
-from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rclpy.task import Future
 
 from imu_sim_ros.bags.container import Writer
@@ -22,7 +21,7 @@ from imu_sim_ros.nodes.message_types import definition, message_class, stamp_off
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.recording import Recording, Topic
 from imu_sim_ros.nodes.stamp_statistics import StampStatistics
-from imu_sim_ros.nodes.topic_reader import TopicReader, matching_qos, offered_qos
+from imu_sim_ros.nodes.topic_reader import TopicReader, is_weaker, matching_qos, offered_qos
 
 TEXT = """Records topics into a bag: rosbag2 in MCAP or SQLite form, or ROS 1.
 
@@ -35,6 +34,7 @@ Ends with status 0 after Ctrl-C, SIGTERM, duration or max_size; 1 where writing 
 
 MEGABYTE = 1_000_000
 
+_READ_PERIOD = 0.01
 _DISCOVERY_PERIOD = 0.1
 _CHECK_PERIOD = 0.02
 _STATUS_PERIOD = 0.5
@@ -58,7 +58,7 @@ class Recorder(ConfiguredNode):
         self._waiting_since = time.monotonic()
         self._live_line = parameters.status and sys.stderr.isatty()
         self.recording = Recording(self._open_bag, parameters.buffer_size * MEGABYTE)
-        self.reader = TopicReader(self, self.recording.put)
+        self.reader = TopicReader(self, self.recording.put, lambda: self._end(1), _READ_PERIOD)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(_DISCOVERY_PERIOD, self._discover, clock=steady)
         self.create_timer(_CHECK_PERIOD, self._check_end, clock=steady)
@@ -111,7 +111,7 @@ class Recorder(ConfiguredNode):
             return
         qos = matching_qos(publishers)
         known = self._qos.get(name)
-        if known is not None and not _weaker(qos, known):
+        if known is not None and not is_weaker(qos, known):
             return
         try:
             if len(types) > 1:
@@ -229,14 +229,6 @@ def _row(topic: Topic) -> tuple[str, ...]:
         return topic.name, str(seen.messages), f"{seen.rate:.2f}", "-", "-", "-", "-"
     counts = (seen.gaps, seen.missing, seen.duplicates, seen.out_of_order)
     return topic.name, str(seen.messages), f"{seen.rate:.2f}", *map(str, counts)
-
-
-def _weaker(new: Any, old: Any) -> bool:
-    """Tell whether a subscription must ask for less than before to hear all publishers."""
-    return (new.reliability, new.durability) != (old.reliability, old.durability) and (
-        new.reliability == ReliabilityPolicy.BEST_EFFORT != old.reliability
-        or new.durability == DurabilityPolicy.VOLATILE != old.durability
-    )
 
 
 def plain_arguments(arguments: Sequence[str]) -> list[str]:

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -15,17 +15,10 @@ from imu_sim_ros.bags.installed import recorded_type
 from imu_sim_ros.bags.output import active_path
 from imu_sim_ros.errors import ImuSimError, InputError
 from imu_sim_ros.nodes.stamp_statistics import StampStatistics
+from imu_sim_ros.nodes.topic_reader import Message
 
 FLUSH_PERIOD = 0.5
 """[s] What is older survives the process; twice as often as the promise of one second needs."""
-
-
-class Message(NamedTuple):
-    """One message as it came."""
-
-    topic: str
-    t_ns: int
-    payload: bytes
 
 
 @dataclass

@@ -16,14 +16,19 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from imu_sim_ros.bags.container import Qos
-from imu_sim_ros.nodes.recording import Message
 
 DEPTH = 5000
 """Messages that wait in the middleware: 2.5 s at 2 kHz, while the machine does other things."""
-PERIOD = 0.01
-"""[s] between two looks."""
 
 _STAMPS = {0: struct.Struct(">iI"), 1: struct.Struct("<iI")}
+
+
+class Message(NamedTuple):
+    """One message as it came."""
+
+    topic: str
+    t_ns: int
+    payload: bytes
 
 
 class _OutsideTheExecutor(CallbackGroup):
@@ -46,12 +51,23 @@ class _Source(NamedTuple):
 
 
 class TopicReader:
-    """Takes the messages of all subscribed topics and hands them over in batches."""
+    """Takes the messages of all subscribed topics and hands them over in batches.
 
-    def __init__(self, node: Node, deliver: Callable[[list[Message]], None]) -> None:
+    :param deliver: is given the messages of one topic, in the reader's thread.
+    :param failed: is called where that raised an error; nothing is taken any more.
+    :param period: time between two looks [s].
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        deliver: Callable[[list[Message]], None],
+        failed: Callable[[], None],
+        period: float,
+    ) -> None:
         self.first_at = 0.0
         """When the first message was taken, on the steady clock [s]; 0 before."""
-        self._node, self._deliver = node, deliver
+        self._node, self._deliver, self._failed, self._period = node, deliver, failed, period
         self._group = _OutsideTheExecutor()
         self._sources: dict[str, _Source] = {}
         self._lock = threading.Lock()
@@ -80,16 +96,21 @@ class TopicReader:
         self._thread.join()
 
     def _run(self) -> None:
-        while True:
-            last = self._ended.wait(PERIOD)
-            with self._lock:
-                for source in self._sources.values():
-                    messages = self._take(source)
-                    if messages:
-                        self.first_at = self.first_at or time.monotonic()
-                        self._deliver(messages)
-            if last:
-                return
+        try:
+            while not self._ended.wait(self._period):
+                self._look()
+            self._look()
+        except BaseException:
+            self._failed()
+            raise
+
+    def _look(self) -> None:
+        with self._lock:
+            for source in self._sources.values():
+                messages = self._take(source)
+                if messages:
+                    self.first_at = self.first_at or time.monotonic()
+                    self._deliver(messages)
 
     def _take(self, source: _Source) -> list[Message]:
         take, message = source.subscription.handle.take_message, source.subscription.msg_type
@@ -153,3 +174,10 @@ def matching_qos(publishers: Iterable[Any], depth: int = DEPTH) -> QoSProfile:
         reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
         durability=DurabilityPolicy.TRANSIENT_LOCAL if keeps else DurabilityPolicy.VOLATILE,
     )
+
+
+def is_weaker(new: QoSProfile, old: QoSProfile) -> bool:
+    """Tell whether a subscription must ask for less than before to hear all publishers."""
+    less_reliable = new.reliability == ReliabilityPolicy.BEST_EFFORT != old.reliability
+    less_durable = new.durability == DurabilityPolicy.VOLATILE != old.durability
+    return less_reliable or less_durable

@@ -1,0 +1,78 @@
+"""A listener for tests: prints what arrives on topics as JSON lines; or calls a Trigger service."""
+
+import contextlib
+import json
+import signal
+import sys
+import time
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import Vector3Stamped
+from nav_msgs.msg import Odometry, Path
+from rclpy.executors import ExternalShutdownException
+from std_srvs.srv import Trigger
+
+TYPES = {"odom": Odometry, "/diagnostics": DiagnosticArray, "path": Path}
+
+
+def numbers(message: object, names: str) -> list[float]:
+    return [getattr(message, name) for name in names]
+
+
+def plain(message: object) -> dict:
+    if isinstance(message, DiagnosticArray):
+        return {"values": {entry.key: entry.value for entry in message.status[0].values}}
+    if isinstance(message, Path):
+        return {"poses": len(message.poses)}
+    if isinstance(message, Vector3Stamped):
+        return {"vector": numbers(message.vector, "xyz")}
+    return {
+        "frames": [message.header.frame_id, message.child_frame_id],
+        "position": numbers(message.pose.pose.position, "xyz"),
+        "q_wb": numbers(message.pose.pose.orientation, "wxyz"),
+        "velocity": numbers(message.twist.twist.linear, "xyz"),
+    }
+
+
+def listen(topics: list[str]) -> None:
+    node = rclpy.create_node("catch")
+    for topic in topics:
+        message_type = TYPES.get(topic.removeprefix("dead_reckoned/"), Vector3Stamped)
+
+        def show(message: object, topic: str = topic) -> None:
+            stamp = message.header.stamp
+            entry = {"topic": topic, "t_ns": stamp.sec * 10**9 + stamp.nanosec, **plain(message)}
+            print(json.dumps(entry))
+
+        node.create_subscription(message_type, topic, show, 5000)
+    matched: set[str] = set()
+
+    def watch() -> None:
+        for topic in topics:
+            if topic not in matched and node.get_publishers_info_by_topic(topic):
+                matched.add(topic)
+                print(f"publisher of {topic}", flush=True)
+
+    node.create_timer(0.05, watch)
+    signal.signal(signal.SIGTERM, lambda *_: rclpy.try_shutdown())
+    with contextlib.suppress(ExternalShutdownException):
+        rclpy.spin(node)
+
+
+def call(service: str) -> None:
+    node = rclpy.create_node("caller")
+    client = node.create_client(Trigger, service)
+    if not client.wait_for_service(timeout_sec=20.0):
+        sys.exit(f"no service {service}")
+    future = client.call_async(Trigger.Request())
+    rclpy.spin_until_future_complete(node, future, timeout_sec=20.0)
+    time.sleep(0.1)
+    sys.exit(0 if future.result() and future.result().success else 1)
+
+
+if __name__ == "__main__":
+    rclpy.init()
+    if sys.argv[1] == "--call":
+        call(sys.argv[2])
+    listen(sys.argv[1:])

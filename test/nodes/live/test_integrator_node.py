@@ -1,0 +1,177 @@
+"""The integrator as a real process: what it publishes is the dead reckoning of what it read."""
+
+import json
+import signal
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from imu_sim_ros import rotation
+from imu_sim_ros.bags.encode import ImuEncoder, OdometryEncoder
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.nodes import decode
+
+pytestmark = pytest.mark.ros
+
+ACCEL = [0.2, 0.0, 9.81]
+CATCH = Path(__file__).with_name("catch.py")
+WITHOUT_SHARED_MEMORY = {"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
+
+
+@pytest.fixture
+def catch(start):
+    """Return a function that starts the listener of catch.py on topics with their types."""
+    return lambda *topics: start(str(CATCH), *topics)
+
+
+def caught(listener) -> dict[str, list]:
+    """End a listener and return what it received, by topic."""
+    assert listener.end(signal.SIGTERM) == 0, listener.output
+    result: dict[str, list] = {}
+    for line in listener.output.splitlines():
+        if line.startswith("{"):
+            entry = json.loads(line)
+            result.setdefault(entry.pop("topic"), []).append(entry)
+    return result
+
+
+def distance(k: int, rate: float = 200.0) -> float:
+    """Return how far ACCEL moves a body in k intervals: midpoint integrates it without error."""
+    return 0.5 * ACCEL[0] * (k / rate) ** 2
+
+
+def test_every_reading_gives_an_odometry(node, feed, catch):
+    listener = catch("dead_reckoned/odom")
+    integrator = node("integrator", "--imu", "perfect")
+    listener.wait_for("publisher of dead_reckoned/odom")
+    assert feed(count=400, topics=["imu"], accel=ACCEL).status() == 0
+    assert integrator.end() == 0
+    rows = caught(listener)["dead_reckoned/odom"]
+    assert [row["t_ns"] for row in rows] == [10**9 + 5_000_000 * k for k in range(400)]
+    assert [row["frames"] for row in rows] == [["world", "base_link"]] * 400
+    x = [row["position"][0] for row in rows]
+    np.testing.assert_allclose(x, [distance(k) for k in range(400)], atol=1e-12)
+    assert rows[-1]["velocity"][0] == pytest.approx(ACCEL[0] * 399 / 200.0, abs=1e-12)
+
+
+def test_a_driver_that_offers_best_effort_is_heard(node, feed, catch):
+    listener = catch("dead_reckoned/odom")
+    integrator = node("integrator")
+    listener.wait_for("publisher of dead_reckoned/odom")
+    feed(count=100, topics=["imu"], best_effort=True).status()
+    assert integrator.end() == 0
+    assert len(caught(listener)["dead_reckoned/odom"]) == 100
+    assert "imu/data_raw is offered as best effort" in integrator.output
+
+
+def test_gaps_and_duplicates_are_warned_of_and_counted_in_the_diagnostics(node, feed, catch):
+    listener = catch("dead_reckoned/odom", "/diagnostics")
+    integrator = node("integrator")
+    listener.wait_for("publisher of /diagnostics")
+    feed(count=400, topics=["imu"], skip=list(range(100, 130)), repeat=[50], hold=1.5).status()
+    assert integrator.end() == 0
+    assert "a reading with the stamp of the one before (1)" in integrator.output
+    found = caught(listener)
+    assert len(found["dead_reckoned/odom"]) == 370
+    values = found["/diagnostics"][-1]["values"]
+    assert values["readings"] == "371"
+    assert (values["gaps"], values["repeated"], values["backward"]) == ("1", "1", "0")
+
+
+def test_reset_begins_again_at_the_initial_state(node, feed, catch, start):
+    listener = catch("dead_reckoned/odom")
+    integrator = node("integrator", "--initial_position", "[3.0, 0.0, 0.0]")
+    source = feed(count=1200, topics=["imu"], accel=ACCEL)
+    source.wait_for("begin")
+    time.sleep(1.0)
+    assert start(str(CATCH), "--call", "integrator/reset").status() == 0
+    source.status()
+    assert integrator.end() == 0
+    x = np.array([row["position"][0] for row in caught(listener)["dead_reckoned/odom"]])
+    (again,) = np.flatnonzero(np.diff(x) < 0)
+    assert x[0] == x[again + 1] == 3.0
+    np.testing.assert_allclose(
+        x[again + 1 :], [3.0 + distance(k) for k in range(len(x) - again - 1)], atol=1e-12
+    )
+
+
+def test_a_driver_that_is_killed_and_started_again_is_integrated_anew(node, feed, catch):
+    listener = catch("dead_reckoned/odom")
+    integrator = node("integrator", **WITHOUT_SHARED_MEMORY)
+    options = {"topics": ["imu"], "accel": ACCEL, "environment": WITHOUT_SHARED_MEMORY}
+    first = feed(count=2000, **options)
+    first.wait_for("begin")
+    time.sleep(1.0)
+    first.kill()
+    # Its clock goes on, as a wall clock does.
+    assert feed(count=100, first_ns=60 * 10**9, **options).status() == 0
+    assert integrator.end() == 0
+    assert "the source began again" in integrator.output
+    rows = caught(listener)["dead_reckoned/odom"][-100:]
+    x = [row["position"][0] for row in rows]
+    np.testing.assert_allclose(x, [distance(k) for k in range(100)], atol=1e-12)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signals_end_it_with_status_0(node, number):
+    integrator = node("integrator")
+    time.sleep(1.5)
+    assert integrator.end(number) == 0
+    assert "Traceback" not in integrator.output
+
+
+def test_with_the_simulator_the_error_is_that_of_the_method(node, catch):
+    """The lecture's trajectory without noise at 1 kHz: the error of midpoint after 3 s is below
+    a millimetre, and every reading of the truth's stamps is there."""
+    topics = ("dead_reckoned/odom", "dead_reckoned/position_error", "dead_reckoned/attitude_error")
+    listener = catch(*topics, "dead_reckoned/roll_pitch_yaw", "dead_reckoned/path")
+    options = "--initial_state truth --error true --roll_pitch_yaw true --path_rate 10"
+    integrator = node("integrator", *options.split())
+    listener.wait_for("publisher of dead_reckoned/path")
+    simulator = node(
+        "simulator",
+        *["--trajectory", "lecture", "--imu", "perfect", "--rate", "1000", "--duration", "3"],
+        *["--wait_for_subscribers", "1", "--wait_for_truth_subscribers", "1"],
+    )
+    assert simulator.status() == 0, simulator.output
+    time.sleep(0.5)
+    assert integrator.end() == 0
+    found = caught(listener)
+    assert {topic: len(found[topic]) for topic in topics} == dict.fromkeys(topics, 3000)
+    position = np.array([row["vector"] for row in found["dead_reckoned/position_error"]])
+    attitude = np.array([row["vector"] for row in found["dead_reckoned/attitude_error"]])
+    assert 0 < np.abs(position).max() < 1e-3
+    assert 0 < np.abs(attitude).max() < 1e-4
+    angles = np.array([row["vector"] for row in found["dead_reckoned/roll_pitch_yaw"]])
+    q_wb = np.array([row["q_wb"] for row in found["dead_reckoned/odom"]])
+    np.testing.assert_allclose(angles, np.degrees(rotation.to_euler(q_wb)), atol=1e-9)
+    # A pose for every 0.1 s of 3 s.
+    assert 28 <= found["dead_reckoned/path"][-1]["poses"] <= 30
+
+
+@pytest.mark.parametrize("frame", ["", "i", "im", "imu", "imu_link", "a_longer_name"])
+def test_readings_are_found_in_messages_with_any_frame(frame):
+    generator = np.random.default_rng(4)
+    gyro, accel = generator.normal(size=(2, 1, 3))
+    t_ns = np.array([1_234_567_890_123_456_789])
+    (payload,) = ImuEncoder(frame).encode(t_ns, gyro, accel, 1e-4, 1e-2)
+    found = decode.imu_reading(payload.tobytes())
+    assert found == (t_ns[0], tuple(gyro[0]), tuple(accel[0]))
+    position, velocity, rate = generator.normal(size=(3, 1, 3))
+    q_wb = rotation.normalise(generator.normal(size=(1, 4)))
+    for child in ("", "b", "base_link"):
+        encoder = OdometryEncoder(frame, child)
+        (payload,) = encoder.encode(t_ns, position, q_wb, velocity, rate, np.eye(6), np.eye(6))
+        found = decode.truth(payload.tobytes())
+        numbers = (position[0], q_wb[0], velocity[0], rate[0])
+        assert found == (t_ns[0], *map(tuple, numbers))
+
+
+@pytest.mark.parametrize(
+    "payload", [b"", b"\x00\x01\x00\x00" + bytes(40), b"\x00\x00" + bytes(400)]
+)
+def test_bytes_that_are_no_reading_are_refused(payload):
+    with pytest.raises(InputError):
+        decode.imu_reading(payload)
