@@ -40,6 +40,8 @@ __all__ = [
 
 ENTRY_POINTS = "imu_sim_ros.trajectories"
 """Group of entry points under which other packages offer trajectories of their own."""
+LEAST_KNOTS = 0.02
+"""Least product of knot spacing and cut-off; below it the fit of a spline loses digits."""
 
 
 @dataclass(frozen=True)
@@ -212,7 +214,8 @@ class PosesParameters(TrajectoryParameters):
     topic: str = text("", "Odometry or PoseStamped topic of a bag; empty: the only one")
     knot_spacing: float = number(
         0.0,
-        "time between the spline's knots; 0: 0.02 s, or the poses' interval where that is longer",
+        "time between the spline's knots; 0: the longest of 0.02 s, the poses' usual interval and "
+        "0.2 / cutoff",
         unit="s",
         minimum=0.0,
     )
@@ -223,14 +226,26 @@ class PosesParameters(TrajectoryParameters):
         minimum=0.0,
         above_minimum=True,
     )
+    outlier_distance: float = number(
+        0.0,
+        "poses this far from the spline count half, farther ones less; 0: all count alike",
+        unit="m",
+        minimum=0.0,
+    )
     max_gap: float = number(
         5.0, "longer gaps between poses are an error", unit="s", minimum=0.0, above_minimum=True
     )
 
     def problems(self, prefix: str) -> Iterator[str]:
-        """Yield whether the file is missing."""
+        """Yield whether the file is missing, and whether the knots are too dense."""
         if not self.file:
             yield f"{prefix}file = '': must name a file of poses"
+        least = LEAST_KNOTS / self.cutoff
+        if 0.0 < self.knot_spacing < least:
+            yield (
+                f"{prefix}knot_spacing = {self.knot_spacing:g}: must be 0 or at least "
+                f"{LEAST_KNOTS} / {prefix}cutoff, {least:.3g} s"
+            )
 
 
 TYPES: dict[str, type[TrajectoryParameters]] = {

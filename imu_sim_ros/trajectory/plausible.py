@@ -29,6 +29,8 @@ def implausible(
     :param gravity: (3,) g_w [m/s^2].
     :param duration: length of the run [s], perhaps infinite.
     """
+    if not (np.any(gyroscope_range) or np.any(accelerometer_range)):
+        return []
     end = min(duration, trajectory.duration, _LONGEST_LOOK)
     rates, forces, times = np.zeros(3), np.zeros(3), np.zeros((2, 3))
     for first in range(0, _SAMPLES, _BLOCK):

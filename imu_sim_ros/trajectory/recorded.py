@@ -14,6 +14,8 @@ from imu_sim_ros.trajectory.spline_fit import fit
 
 _LEAST_POSES: Final = 4
 _LEAST_SPACING: Final = 0.02  # s
+_KNOTS: Final = 0.2  # spacing times cut-off: fine enough to follow, coarse enough to be solved well
+_MOST_BRIDGED: Final = 500  # knots in a gap: its shape keeps 3 digits; from 2000 on none
 _PEAK_SAMPLES: Final = 4  # per segment
 
 
@@ -62,12 +64,13 @@ class Recorded:
         :raises InputError: for poses that are too few or too far apart in time.
         """
         _check(poses, parameters)
+        spacing = _knot_spacing(poses, parameters)
         self.t0_ns = int(poses.t_ns[0])
         """Stamp of the first pose [ns]."""
         t = timebase.seconds_since(poses.t_ns, self.t0_ns)
-        spacing = parameters.knot_spacing or max(_LEAST_SPACING, float(np.median(np.diff(t))))
         knots = UniformKnots(float(t[-1]), spacing)
-        self._spline = fit(t, poses.position, poses.q_wb, knots, parameters.cutoff)
+        cutoff, outliers = parameters.cutoff, parameters.outlier_distance
+        self._spline = fit(t, poses.position, poses.q_wb, knots, cutoff, outliers)
         self.report = _report(t, poses, self._spline, knots, parameters.cutoff)
 
     @property
@@ -111,6 +114,19 @@ def _check(poses: PoseSequence, parameters: PosesParameters) -> None:
             f"longer than trajectory.max_gap, {parameters.max_gap:g} s"
             for k, at in zip(gaps, start, strict=True)
         )
+
+
+def _knot_spacing(poses: PoseSequence, parameters: PosesParameters) -> float:
+    """Return the time between knots [s]: the given one, or one that suits data and cut-off."""
+    steps = timebase.seconds_since(np.diff(poses.t_ns), 0)
+    usual = float(np.median(steps))
+    spacing = parameters.knot_spacing or max(_LEAST_SPACING, usual, _KNOTS / parameters.cutoff)
+    if np.max(steps) > _MOST_BRIDGED * spacing:
+        raise InputError(
+            f"{parameters.file}: a gap of {np.max(steps):.3g} s is too many knots long: "
+            f"trajectory.knot_spacing must be at least {np.max(steps) / _MOST_BRIDGED:.3g} s"
+        )
+    return spacing
 
 
 def _report(

@@ -18,19 +18,24 @@ from imu_sim_ros.trajectory.motion import Array
 
 _ITERATIONS: Final = 30
 _CONVERGED: Final = 1e-10  # rad
+_REWEIGHTINGS: Final = 30
+_SETTLED: Final = 1e-3
 _DIFFERENCE: Final = (-1.0, 3.0, -3.0, 1.0)
 
 
 class LeastSquares:
     """The linear system of one set of times and knots; its matrix is factored once."""
 
-    def __init__(self, t: Array, knots: UniformKnots, cutoff: float) -> None:
+    def __init__(
+        self, t: Array, knots: UniformKnots, cutoff: float, trust: Array | None = None
+    ) -> None:
         """Set up and factor the normal equations.
 
         :param t: (n,) times [s] in [0, duration].
         :param cutoff: frequency [Hz] above which motion is smoothed away: where data are dense,
             the fit is a filter of gain ``1 / (1 + (f / cutoff)^6)``. At most ``1 / spacing``
             acts: below that the knots smooth, and a penalty too small leaves gaps undetermined.
+        :param trust: (n,) factor of each pose's squared distance; None: all 1.
         """
         from scipy.linalg import cholesky_banded
 
@@ -38,7 +43,8 @@ class LeastSquares:
         segment, u = knots.locate(t)
         powers = u[:, None] ** np.arange(ORDER)
         self._columns = segment[:, None] + np.arange(ORDER)
-        self._weights: Array = powers @ BASIS.T
+        self._basis: Array = powers @ BASIS.T
+        self._weighted = self._basis if trust is None else self._basis * trust[:, None]
         self._penalty = self._penalty_rows(t, segment, cutoff)
         self._factor = cholesky_banded(self._normal_matrix(), lower=True)
 
@@ -65,7 +71,7 @@ class LeastSquares:
         bands = np.zeros((ORDER, c))
         for i in range(ORDER):
             for j in range(i + 1):
-                product = self._weights[:, i] * self._weights[:, j]
+                product = self._weighted[:, i] * self._basis[:, j]
                 bands[i - j] += np.bincount(self._columns[:, j], product, minlength=c)
         for i, a in enumerate(_DIFFERENCE):
             for j, b in enumerate(_DIFFERENCE[: i + 1]):
@@ -82,7 +88,7 @@ class LeastSquares:
         c = self._knots.control_points
         right = np.zeros((c, data.shape[1]))
         for axis in range(data.shape[1]):
-            products = self._weights * data[:, axis, None]
+            products = self._weighted * data[:, axis, None]
             right[:, axis] = np.bincount(self._columns.ravel(), products.ravel(), minlength=c)
         if bend is not None:
             for i, a in enumerate(_DIFFERENCE):
@@ -90,29 +96,70 @@ class LeastSquares:
         result: Array = cho_solve_banded((self._factor, True), right)
         return result
 
+    def fitted(self, points: Array) -> Array:
+        """Return the spline (n, 3) of control points (c, 3) at the times."""
+        result: Array = np.sum(self._basis[..., None] * points[self._columns], axis=1)
+        return result
 
-def fit(t: Array, position: Array, q_wb: Array, knots: UniformKnots, cutoff: float) -> PoseSpline:
+
+def fit(
+    t: Array,
+    position: Array,
+    q_wb: Array,
+    knots: UniformKnots,
+    cutoff: float,
+    outlier_distance: float = 0.0,
+) -> PoseSpline:
     """Return the spline near the poses.
 
     :param t: (n,) times [s], increasing from 0 to the knots' duration.
     :param position: (n, 3) [m].
     :param q_wb: (n, 4) unit quaternions, of any sign.
     :param cutoff: see :class:`LeastSquares` [Hz].
+    :param outlier_distance: poses at this distance [m] from the spline count half, farther ones
+        less; 0: all count alike.
     """
-    system = LeastSquares(t, knots, cutoff)
     # About the first position: coordinates of a large map would cost digits.
     origin = position[0]
-    points = system.solve(position - origin) + origin
+    system = LeastSquares(t, knots, cutoff)
+    points = system.solve(position - origin)
+    if outlier_distance > 0.0:
+        system, points = _without_outliers(t, position - origin, knots, cutoff, outlier_distance)
+    return PoseSpline(knots, points + origin, _fit_rotation(system, t, q_wb, knots))
+
+
+def _without_outliers(
+    t: Array, position: Array, knots: UniformKnots, cutoff: float, distance: float
+) -> tuple[LeastSquares, Array]:
+    """Return the system in which outliers count little, and the control points it gives.
+
+    Weights ``1 / (1 + (e / distance)^2)`` of the distances e, again and again (the Cauchy loss by
+    iteratively reweighted least squares).
+    """
+    trust = np.ones(len(t))
+    for _ in range(_REWEIGHTINGS):
+        system = LeastSquares(t, knots, cutoff, trust)
+        points = system.solve(position)
+        squared = np.sum((system.fitted(points) - position) ** 2, axis=-1)
+        before, trust = trust, 1.0 / (1.0 + squared / distance**2)
+        if np.max(np.abs(trust - before)) < _SETTLED:
+            break
+    return system, points
+
+
+def _fit_rotation(system: LeastSquares, t: Array, q_wb: Array, knots: UniformKnots) -> Array:
+    """Return control rotations (c, 4) near the attitudes."""
     controls = _first_controls(t, q_wb, knots)
+    still = np.zeros((knots.control_points, 3))
     for _ in range(_ITERATIONS):
-        spline = PoseSpline(knots, points, controls)
-        residual = rotation.log(rotation.multiply(rotation.conjugate(spline.sample(t).q_wb), q_wb))
+        near = PoseSpline(knots, still, controls).sample(t).q_wb
+        residual = rotation.log(rotation.multiply(rotation.conjugate(near), q_wb))
         steps = rotation.log(rotation.multiply(rotation.conjugate(controls[:-1]), controls[1:]))
         turn = system.solve(residual, bend=np.diff(steps, n=2, axis=0))
         controls = rotation.multiply(controls, rotation.exp(turn))
         if np.max(np.abs(turn)) < _CONVERGED:
             break
-    return PoseSpline(knots, points, rotation.normalise(controls))
+    return rotation.normalise(controls)
 
 
 def _first_controls(t: Array, q_wb: Array, knots: UniformKnots) -> Array:

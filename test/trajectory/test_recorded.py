@@ -235,6 +235,61 @@ def test_a_gap_too_long_is_named(follow):
     assert fit_report(follow(t, *smooth_motion(t), max_gap=10.0)).largest_gap == pytest.approx(7.1)
 
 
+def test_a_gap_of_too_many_knots_is_named(follow):
+    t = np.concatenate([np.arange(0.0, 2.0, 0.01), np.arange(60.0, 62.0, 0.01)])
+    with pytest.raises(InputError, match=r"knot_spacing must be at least 0.116 s"):
+        follow(t, *smooth_motion(0.05 * t), max_gap=100.0)
+    bridged = follow(t, *smooth_motion(0.05 * t), max_gap=100.0, knot_spacing=0.12)
+    assert fit_report(bridged).max_position < 1e-3
+
+
+def test_late_stamps_count_little_on_request(follow):
+    """One pose in twenty is stamped 50 ms late, as where messages wait: up to 8 cm off."""
+    random = np.random.default_rng(9)
+    t = np.arange(0.0, 20.0, 0.02)
+    position, q_wb = smooth_motion(t)
+    stamps = np.sort(t + 0.05 * (random.random(len(t)) < 0.05) * random.random(len(t)))
+    dense = np.linspace(1.0, 19.0, 1000)
+    true, _ = smooth_motion(dense)
+    errors, peaks = [], []
+    for distance in (0.0, 0.002):
+        trajectory = follow(stamps, position, q_wb, outlier_distance=distance)
+        errors.append(np.sqrt(np.mean((trajectory.sample(dense).position - true) ** 2)))
+        peaks.append(fit_report(trajectory).peak_acceleration)
+    assert errors[1] < 0.3 * errors[0]
+    assert peaks[1] < 0.3 * peaks[0]
+
+
+@needs_data
+def test_real_late_stamps_are_overcome(build):
+    """The drone of KAIST's file flies at no more than 1.3 m/s."""
+    report = fit_report(build(type="poses", file=str(KAIST), cutoff=6.0, outlier_distance=0.002))
+    assert report.peak_speed < 1.4
+    assert report.peak_acceleration < 10.0
+    # A file without late stamps is followed as before.
+    plain, robust = (
+        fit_report(build(type="poses", file=str(EUROC), outlier_distance=distance))
+        for distance in (0.0, 0.002)
+    )
+    assert robust.rms_position == pytest.approx(plain.rms_position, rel=0.05)
+
+
+def test_a_low_cutoff_gets_wider_knots(follow):
+    t = np.arange(0.0, 20.0, 0.01)
+    assert fit_report(follow(t, *smooth_motion(t), cutoff=2.0)).knot_spacing == pytest.approx(
+        0.1, rel=1e-3
+    )
+
+
+def test_knots_too_dense_for_the_cutoff_are_refused(build):
+    with pytest.raises(ConfigurationError) as caught:
+        build(type="poses", knot_spacing=0.001, cutoff=10.0)
+    assert caught.value.problems == (
+        "trajectory.file = '': must name a file of poses",
+        "trajectory.knot_spacing = 0.001: must be 0 or at least 0.02 / trajectory.cutoff, 0.002 s",
+    )
+
+
 def test_a_file_must_be_named(build):
     with pytest.raises(ConfigurationError, match=r"trajectory\.file = '': must name a file"):
         build(type="poses")
