@@ -304,7 +304,7 @@ class Simulator(ConfiguredNode):
         late = {"caught up": pacer.caught_up, "skipped": pacer.skipped}
         stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(
-            self._report.message(stamp, elapsed, state, self._counters, pacer.take_lateness(), late)
+            self._report.message(stamp, elapsed, state, self._counters, lateness_ns, late)
         )
 
 

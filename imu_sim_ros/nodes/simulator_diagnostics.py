@@ -77,7 +77,7 @@ class Report:
             subscribers = counter.publisher.get_subscription_count()
             values[f"{counter.topic} subscribers"] = str(subscribers)
         level, words = DiagnosticStatus.OK, state
-        if late != self._late:
+        if any(count > self._late.get(key, 0) for key, count in late.items()):
             level, words = DiagnosticStatus.WARN, "samples were late"
         elif p99 > LATE_US:
             level, words = DiagnosticStatus.WARN, f"99 % of the samples are up to {p99:.0f} us late"

@@ -1,0 +1,152 @@
+"""What the simulator refuses: one clear line for each problem, status 2, no traceback."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from imu_sim_ros.config.parameter import build, parameters
+from imu_sim_ros.config.simulator import (
+    SimulatorParameters,
+    layer_simulator,
+    simulator_section,
+)
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.nodes.arguments import help_text, ros_arguments
+
+pytestmark = pytest.mark.ros
+
+
+@pytest.mark.parametrize(
+    ("arguments", "lines"),
+    [
+        (["-p", "rate:=0"], ["rate = 0: must be a finite number above 0 and at most 20000 [Hz]"]),
+        (["-p", "rate:=-5.0", "-p", "seed:=x"], ["rate = -5.0: must", "seed = 'x': must"]),
+        (["-p", "rate:=.nan"], ["rate = nan: must be a finite number"]),
+        (["-p", "rate:=1e9"], ["rate = 1000000000.0: must be a finite number"]),
+        (["-p", "rat:=100"], ["rat: unknown parameter; did you mean rate?"]),
+        (["-p", "rate"], ["-p rate: must be name:=value"]),
+        (["--params-file", "/no/such.yaml"], ["/no/such.yaml: No such file or directory"]),
+        (["-p", "imu.preset:=none"], ["imu none: neither a file nor one of"]),
+        (["-p", "trajectory.type:=warp"], ["trajectory.type = 'warp': must be one of"]),
+        (["--nonsense"], ["--ros-args: ['--nonsense']"]),
+        (["-p", "imus:=[a, a]"], ["imus = ['a', 'a']: names must differ"]),
+        (["-p", "imus:=[a]", "-p", "a.duration:=1"], ["a.duration: unknown parameter"]),
+        (["-p", "publish.tf_rate:=10"], ["publish.tf_rate = 10: needs tf2_ros"]),
+        (["-p", "use_sim_time:=true", "-p", "real_time_factor:=2"], ["real_time_factor = 2: must"]),
+        (
+            ["-p", "qos_overrides./imu/data.publisher.depth:=3"],
+            ["qos_overrides./imu/data.publisher.depth: must be qos_overrides.TOPIC"],
+        ),
+        (
+            ["-p", "qos_overrides./imu/data_raw.publisher.depth:=many"],
+            ["qos_overrides./imu/data_raw: "],
+        ),
+    ],
+)
+def test_bad_arguments(start: Any, arguments: list[str], lines: list[str]) -> None:
+    if "publish.tf_rate:=10" in arguments:
+        try:
+            import tf2_ros  # noqa: F401
+        except ImportError:
+            pass
+        else:
+            pytest.skip("tf2_ros is installed here")
+    node = start("simulator", "--ros-args", *arguments)
+    assert node.status() == 2, node.output
+    said = node.output.splitlines()
+    assert len(said) == len(lines), node.output
+    for line, expected in zip(said, lines, strict=True):
+        assert line.startswith(f"simulator: {expected}")
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("", "not a ROS 2 parameter file"),
+        ("a: [", "not a YAML file"),
+        ("/**:\n  ros__parameters:\n    rte: 3\n", "rte: unknown parameter"),
+        ("/**:\n  ros__parameters:\n    rate:\n", "rate: a value is missing"),
+        ("/**:\n  ros__parameters:\n    gravity: [1, a, 2.0]\n", "must be a list of one type"),
+    ],
+)
+def test_bad_files(start: Any, tmp_path: Path, text: str, line: str) -> None:
+    path = tmp_path / "parameters.yaml"
+    path.write_text(text)
+    node = start("simulator", "--ros-args", "--params-file", str(path))
+    assert node.status() == 2
+    (said,) = node.output.splitlines()
+    assert line in said
+
+
+def test_files_of_every_form_are_read(start: Any, tmp_path: Path) -> None:
+    """Mixed lists, exponents without a point and kalibr's form are more than rcl can read."""
+    mixed = tmp_path / "mixed.yaml"
+    mixed.write_text(
+        "/**:\n  ros__parameters:\n    duration: 1\n    imu.gyroscope_bias: [0.1, 0, 5e-4]\n"
+    )
+    kalibr = tmp_path / "imu.yaml"
+    kalibr.write_text("gyroscope_noise_density: 1e-3\nupdate_rate: 50\nrostopic: /imu0\n")
+    files = ["--params-file", str(mixed), "--params-file", str(kalibr)]
+    node = start("simulator", "--ros-args", *files, real_time_factor=10.0)
+    assert node.status() == 0, node.output
+    assert "counted imu/data_raw 50" in node.output
+
+
+def test_parameters_are_described(start: Any, listener: Any) -> None:
+    from rcl_interfaces.srv import DescribeParameters, ListParameters
+
+    start("simulator")
+    names = listener.call("simulator/list_parameters", ListParameters).result.names
+    assert set(parameters(SimulatorParameters, layer_simulator({}))) <= set(names)
+    rate, density = listener.call(
+        "simulator/describe_parameters",
+        DescribeParameters,
+        names=["rate", "imu.gyroscope_noise_density"],
+    ).descriptors
+    assert (rate.read_only, density.read_only) == (True, False)
+    assert rate.description == "samples per second [Hz]"
+    assert "above 0 and at most 20000 [Hz]" in rate.additional_constraints
+
+
+def test_plain_arguments_become_those_of_ros(tmp_path: Path) -> None:
+    arguments = ["--rate=400", "--imu", "perfect", "--publish.clock-rate", "5", "--ros-args", "-r"]
+    result = ros_arguments([*arguments, "a:=b"], SimulatorParameters, {}, tmp_path)
+    assert result == [
+        "--ros-args",
+        *("-p", "rate:=400", "-p", 'imu.preset:="perfect"', "-p", "publish.clock_rate:=5"),
+        *("-r", "a:=b"),
+    ]
+    with pytest.raises(ConfigurationError) as raised:
+        ros_arguments(["word", "--rate"], SimulatorParameters, {}, tmp_path)
+    assert raised.value.problems == (
+        "word: not an argument (--help lists them)",
+        "--rate: a value is missing",
+    )
+
+
+def test_help_names_every_parameter() -> None:
+    words = help_text("simulator", "", SimulatorParameters, {})
+    for name, parameter in parameters(SimulatorParameters).items():
+        assert f"--{name} VALUE" in words
+        assert parameter.unit in words
+
+
+def test_own_parameters_of_several_imus() -> None:
+    given = {
+        "imus": ["left", "right"],
+        "seed": 5,
+        "rate": 300,
+        "right.rate": 100,
+        "right.imu.preset": "perfect",
+    }
+    built: Any = build(simulator_section(given), layer_simulator(given))
+    assert (built.left.rate, built.left.seed, built.left.imu_frame) == (300, 5, "left_imu_link")
+    assert (built.right.rate, built.right.seed) == (100, 6)
+    assert built.left.imu.gyroscope_noise_density == (0.015,) * 3
+    assert built.right.imu.gyroscope_noise_density == (0.0,) * 3
+    with pytest.raises(ConfigurationError, match=r"left\.imu\.gyroscope_bandwidth = 150"):
+        build(
+            simulator_section(given),
+            layer_simulator({**given, "left.imu.gyroscope_bandwidth": 150}),
+        )
