@@ -15,6 +15,10 @@ Series = tuple[Array, Array]
 """Times (n,) [s], and a value at each (n,)."""
 
 _MOST_POINTS: Final = 4000
+_LARGEST_VIEW: Final = 1.5
+"""Half the width of a view, in extents of the truth."""
+_SMALLEST_VIEW: Final = 1.0
+"""Half the width of the view of a body at rest [m]."""
 
 
 def trajectories(
@@ -77,13 +81,13 @@ def _legend(figure: Figure, axes: Sequence[Axes]) -> None:
     """Turn the last row of panels into one legend for all lines of the first panel."""
     grid = axes[0].get_gridspec()
     assert grid is not None
-    grid.set_height_ratios([1.0] * (grid.nrows - 1) + [0.12])
+    grid.set_height_ratios([1.0] * (grid.nrows - 1) + [0.16])
     for axis in axes[-2:]:
         axis.remove()
     row = figure.add_subplot(grid[-1, :])
     row.axis("off")
     handles, labels = axes[0].get_legend_handles_labels()
-    row.legend(handles, labels, loc="center", ncols=4, frameon=False, fontsize=8.0)
+    row.legend(handles, labels, loc="center", ncols=3, frameon=False, fontsize=8.0)
 
 
 def _view(
@@ -101,10 +105,26 @@ def _view(
         shown = _thinned(path)
         axis.plot(shown[:, across], shown[:, up], label=name, **looks[name])
     if up == 1:
-        axis.set_aspect("equal", adjustable="datalim")
+        axis.set_aspect("equal", adjustable="box")
+    if truth is not None:
+        _keep_in_view(axis, truth[:, (across, up)])
     axis.set_xlabel(f"{'xyz'[across]} [m]")
     axis.set_ylabel(f"{'xyz'[up]} [m]")
     axis.set_title("seen from above" if up == 1 else "seen from the side")
+
+
+def _keep_in_view(axis: Axes, truth: Array) -> None:
+    """Let a path that drifts away leave the picture, before the truth becomes a dot in it.
+
+    :param truth: (n, 2) [m].
+    """
+    centre = 0.5 * (truth.min(axis=0) + truth.max(axis=0))
+    reach = max(_LARGEST_VIEW * float(np.max(np.ptp(truth, axis=0))), _SMALLEST_VIEW)
+    for limits, set_limits, middle in (
+        (axis.get_xlim(), axis.set_xlim, centre[0]),
+        (axis.get_ylim(), axis.set_ylim, centre[1]),
+    ):
+        set_limits(max(limits[0], middle - reach), min(limits[1], middle + reach))
 
 
 def _errors(
