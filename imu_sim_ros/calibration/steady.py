@@ -20,8 +20,8 @@ _LOUDER: Final = 3.0
 """Variance of a steady window, at most, over the floor."""
 _PIECE: Final = 5.0
 """Length of the pieces into which long stretches are cut [s]."""
-_PIECES: Final = 180
-"""Most pieces in all, as long as there are fewer stretches."""
+_PIECES: Final = 400
+"""About the most pieces in all, as long as there are fewer stretches."""
 _JUMP: Final = 6.0
 """Difference of neighbouring means within one stretch, in standard deviations."""
 
@@ -41,7 +41,7 @@ class Steady(NamedTuple):
     accel: Array
     """(m, 3) mean readings [m/s^2]."""
     gyro_sigma: Array
-    """(m, 3) standard errors of the means, from the scatter of windows within pieces."""
+    """(m, 3) standard errors of the means, from the differences of neighbouring windows."""
     accel_sigma: Array
     """(m, 3)"""
 
@@ -118,16 +118,17 @@ def _runs(label: NDArray[np.int64], calm: NDArray[np.bool_]) -> list[tuple[int, 
 
 def _summarise(t_ns: Times, mean: Array, size: int, runs: list[tuple[int, int]]) -> Steady:
     """Cut the stretches into pieces of some seconds, which show how the bias walks."""
-    most = max(_PIECES // len(runs), 1)
+    windows = sum(b - a for a, b in runs)
+    length = max(_PIECE / WINDOW, windows / _PIECES)
     pieces: list[tuple[int, int, int]] = []
     for number, (a, b) in enumerate(runs):
-        count = int(np.clip((b - a) * WINDOW / _PIECE, 1, min(most, max((b - a) // 2, 1))))
-        edges = np.linspace(a, b, count + 1).astype(int)
+        edges = np.linspace(a, b, max(round((b - a) / length), 1) + 1).astype(int)
         pieces += [(number, int(c), int(d)) for c, d in pairwise(edges)]
     parts = [mean[a:b] for _, a, b in pieces]
     means = np.array([part.mean(axis=0) for part in parts])
-    squares = np.sum([np.sum((p - p.mean(axis=0)) ** 2, axis=0) for p in parts], axis=0)
-    freedom = max(sum(len(part) - 1 for part in parts), 1)
+    # Differences of neighbours see the noise and not what walks slowly (von Neumann 1941).
+    squares = np.sum([np.sum(np.diff(p, axis=0) ** 2, axis=0) for p in parts], axis=0)
+    freedom = 2.0 * max(sum(len(part) - 1 for part in parts), 1)
     lengths = np.array([len(part) for part in parts], dtype=np.float64)
     sigma = np.sqrt(squares / freedom / lengths[:, None])
     last = len(t_ns) - 1
