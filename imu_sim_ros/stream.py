@@ -28,7 +28,7 @@ from imu_sim_ros.sensor.faults import Fault
 from imu_sim_ros.sensor.imu import Imu
 from imu_sim_ros.trajectory import PoseReader, build_trajectory
 
-BLOCK_SIZE: Final = 4096
+BLOCK_SIZE: Final = 8192
 """Large enough that Python's part is small, small enough for a processor's cache."""
 DEFAULT_START_NS: Final = timebase.NANOSECONDS_PER_SECOND
 

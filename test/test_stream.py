@@ -4,6 +4,7 @@ import hashlib
 import itertools
 import subprocess
 import sys
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -362,3 +363,43 @@ def test_stamps_increase_at_any_rate(rate: float) -> None:
     )
     stamps = run.next_block(20_000).t_ns
     assert (np.diff(stamps) > 0).all()
+
+
+def test_scipy_is_imported_for_a_low_pass_only() -> None:
+    """Half a second of a node's start; every preset does without."""
+    source = (
+        "import sys\n"
+        "from imu_sim_ros.config.files import names\n"
+        "from imu_sim_ros.config.simulation import load_simulation\n"
+        "from imu_sim_ros.stream import Simulation\n"
+        "for imu in names('imus'):\n"
+        "    Simulation(load_simulation({'imu.preset': imu})).next_block(10)\n"
+        "assert not {'scipy', 'matplotlib', 'rosbags', 'rclpy'} & set(sys.modules)\n"
+        "Simulation(load_simulation({'imu.gyroscope_bandwidth': 20.0})).next_block(10)\n"
+        "assert 'scipy.signal' in sys.modules\n"
+    )
+    root = str(Path(__file__).parents[1])
+    done = subprocess.run(
+        [sys.executable, "-c", source], capture_output=True, text=True, check=False, cwd=root
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_memory_does_not_grow_with_the_run() -> None:
+    """The largest allocation of a run of 60 blocks is that of 10 blocks, within one block's tenth.
+
+    A block of 1000 samples holds some 400 kB.
+    """
+    run = perfect({**EVERY_TERM, "trajectory.type": "lecture"})
+    run.next_block(2000)
+    tracemalloc.start()
+    try:
+        peaks = []
+        for blocks in (10, 60):
+            tracemalloc.reset_peak()
+            for _ in run.blocks(1000, 1000 * blocks):
+                pass
+            peaks.append(tracemalloc.get_traced_memory()[1])
+    finally:
+        tracemalloc.stop()
+    assert peaks[1] - peaks[0] < 40_000
