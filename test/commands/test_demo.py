@@ -1,0 +1,36 @@
+"""The demonstration: three real nodes, and nothing lost between them."""
+
+import re
+import subprocess
+import sys
+
+import pytest
+
+pytestmark = pytest.mark.ros
+
+
+def demo(*arguments):
+    command = [sys.executable, "-m", "imu_sim_ros.commands.demo", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+
+
+def test_all_messages_arrive_and_the_errors_are_the_known_ones(tmp_path):
+    result = demo("--duration", "3s", "-o", str(tmp_path / "out"))
+    assert result.returncode == 0, result.stdout + result.stderr
+    for topic in ("imu/data_raw", "ground_truth/odom", "dead_reckoned/odom"):
+        row = re.search(rf"{topic} +(\d+) +(\d+) +(\d+) +(-?\d+) +([\d.]+) +(\w+)", result.stdout)
+        assert row is not None, result.stdout
+        assert row.groups() == ("600", "600", "600", "0", "200.000", "exact")
+    without_noise = dict(re.findall(r"(euler|midpoint), without noise +([\d.e-]+)", result.stdout))
+    # Orders 1 and 2 at 5 ms: the errors lie a factor of a hundred and more apart.
+    assert float(without_noise["midpoint"]) < 0.01 * float(without_noise["euler"])
+    picture = (tmp_path / "out" / "trajectory.png").read_bytes()
+    assert picture.startswith(b"\x89PNG")
+    assert (tmp_path / "out" / "bag" / "metadata.yaml").is_file()
+
+
+def test_a_trajectory_that_does_not_exist_is_one_line(tmp_path):
+    result = demo("--trajectory", "nowhere.csv", "-o", str(tmp_path / "out"))
+    assert result.returncode == 2
+    assert re.fullmatch(r"demo: trajectory nowhere.csv: neither a file nor .*\n", result.stderr)
+    assert not (tmp_path / "out").exists()
