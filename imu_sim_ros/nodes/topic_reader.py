@@ -83,7 +83,7 @@ class TopicReader:
         with self._lock:
             old = self._sources.pop(name, None)
             if old is not None:
-                self._deliver(self._take(old))
+                self._pass_on(old)
                 self._node.destroy_subscription(old.subscription)
             subscription = self._node.create_subscription(
                 message, name, _never, qos, raw=True, callback_group=self._group
@@ -107,10 +107,13 @@ class TopicReader:
     def _look(self) -> None:
         with self._lock:
             for source in self._sources.values():
-                messages = self._take(source)
-                if messages:
-                    self.first_at = self.first_at or time.monotonic()
-                    self._deliver(messages)
+                self._pass_on(source)
+
+    def _pass_on(self, source: _Source) -> None:
+        messages = self._take(source)
+        if messages:
+            self.first_at = self.first_at or time.monotonic()
+            self._deliver(messages)
 
     def _take(self, source: _Source) -> list[Message]:
         take, message = source.subscription.handle.take_message, source.subscription.msg_type

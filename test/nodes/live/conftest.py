@@ -70,24 +70,15 @@ def until(condition: Callable[[], Any]) -> Any:
     return result
 
 
-@pytest.fixture(scope="session")
-def domain() -> Iterator[str]:
-    """A ROS domain that no other test on this machine uses."""
-    from domain_coordinator import domain_id
-
-    with domain_id() as number:
-        yield str(number)
-
-
 @pytest.fixture
-def start(tmp_path: Path, domain: str) -> Iterator[Callable[..., Process]]:
+def start(tmp_path: Path, domains: tuple[int, int]) -> Iterator[Callable[..., Process]]:
     """Return a function that starts ``python ARGUMENTS``; all are ended with the test."""
     started: list[Process] = []
 
     def start_one(*arguments: str, **extra: Any) -> Process:
         environment = {
             **os.environ,
-            "ROS_DOMAIN_ID": domain,
+            "ROS_DOMAIN_ID": str(domains[0]),
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
             "ROS_PYTHON_CHECK_FIELDS": "1",
             "PYTHONPATH": str(REPOSITORY),

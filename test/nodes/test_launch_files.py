@@ -1,0 +1,145 @@
+"""Launch files and views: what they name exists."""
+
+import ast
+import importlib.util
+import json
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+import yaml
+
+from imu_sim_ros.config import files
+from imu_sim_ros.config.integrator import IntegratorParameters, layer_integrator
+from imu_sim_ros.config.parameter import build, parameters
+from imu_sim_ros.config.recorder import RecorderParameters
+from imu_sim_ros.config.simulator import SimulatorParameters
+
+pytestmark = pytest.mark.ros
+
+REPOSITORY = Path(__file__).parents[2]
+LAUNCH_FILES = sorted((REPOSITORY / "launch").glob("*.launch.py"))
+SECTIONS = {
+    "simulate": SimulatorParameters,
+    "dead_reckoning": IntegratorParameters,
+    "record": RecorderParameters,
+}
+SHORT = {"imu": "imu.preset", "trajectory": "trajectory.type"}
+NOT_PARAMETERS = {"namespace", "rviz"}
+
+
+def name_of(path: Path) -> str:
+    return path.name.removesuffix(".launch.py")
+
+
+def arguments_of(path: Path) -> dict[str, str]:
+    """Return names and defaults of a launch file's arguments."""
+    for statement in ast.parse(path.read_text()).body:
+        if isinstance(statement, ast.Assign) and statement.targets[0].id == "ARGUMENTS":
+            return {name: default for name, default, _ in ast.literal_eval(statement.value)}
+    raise AssertionError(f"{path} has no ARGUMENTS")
+
+
+def test_there_are_the_three_launch_files():
+    assert {name_of(path) for path in LAUNCH_FILES} == set(SECTIONS)
+
+
+@pytest.mark.parametrize("path", LAUNCH_FILES, ids=name_of)
+def test_arguments_are_parameters_of_the_node_and_their_defaults_are_valid(path):
+    known = parameters(SECTIONS[name_of(path)])
+    for name, default in arguments_of(path).items():
+        if name in NOT_PARAMETERS or (name == "topics" and not default):
+            continue
+        parameter = known[SHORT.get(name, name)]
+        parameter.parse(yaml.safe_load(default) if parameter.kind not in ("text",) else default)
+
+
+@pytest.mark.skipif(
+    importlib.util.find_spec("launch") is None or importlib.util.find_spec("launch").origin is None,
+    reason="the launch package comes with a ROS 2 installation, not from PyPI",
+)
+@pytest.mark.parametrize("path", LAUNCH_FILES, ids=name_of)
+def test_launch_reads_the_description(path):
+    from launch.launch_description_sources import PythonLaunchDescriptionSource
+
+    from launch import LaunchContext
+
+    source = PythonLaunchDescriptionSource(str(path))
+    description = source.get_launch_description(LaunchContext())
+    found = {argument.name for argument in description.get_launch_arguments()}
+    assert set(arguments_of(path)) <= found
+
+
+def published_topics() -> dict[str, set[str]]:
+    """Return the topics of the standard set with the fields that plots may name."""
+    vector = {f"vector.{axis}" for axis in "xyz"}
+    odometry = {f"pose.pose.position.{axis}" for axis in "xyz"}
+    readings = {
+        f"{field}.{axis}" for field in ("angular_velocity", "linear_acceleration") for axis in "xyz"
+    }
+    from imu_sim_ros.nodes import integrator
+
+    return {
+        f"/{integrator.IMU}": readings,
+        f"/{integrator.TRUTH}": odometry,
+        f"/{integrator.ODOMETRY}": odometry,
+        f"/{integrator.PATH}": set(),
+        f"/{integrator.ROLL_PITCH_YAW}": vector,
+        f"/{integrator.POSITION_ERROR}": vector,
+        f"/{integrator.ATTITUDE_ERROR}": vector,
+    }
+
+
+def test_rviz_shows_topics_that_exist_with_displays_of_their_types():
+    tree = yaml.safe_load((REPOSITORY / "config/dead_reckoning.rviz").read_text())
+    manager = tree["Visualization Manager"]
+    shown = {
+        display["Topic"]["Value"]: display["Class"].split("/")[-1]
+        for display in manager["Displays"]
+        if "Topic" in display
+    }
+    assert shown == {
+        "/ground_truth/odom": "Odometry",
+        "/dead_reckoned/odom": "Odometry",
+        "/dead_reckoned/path": "Path",
+    }
+    assert set(shown) <= set(published_topics())
+    world = build(IntegratorParameters, layer_integrator({})).world_frame
+    assert manager["Global Options"]["Fixed Frame"] == world
+
+
+def test_foxglove_plots_fields_that_exist_and_lays_out_every_panel():
+    layout = json.loads((REPOSITORY / "config/foxglove_layout.json").read_text())
+    topics = published_topics()
+    for panel in layout["configById"].values():
+        for path in panel.get("paths", []):
+            topic, _, field = path["value"].partition(".")
+            assert field in topics[topic], path["value"]
+        assert set(panel.get("topics", {})) <= set(topics)
+
+    def leaves(place):
+        if isinstance(place, str):
+            return [place]
+        assert place["direction"] in ("row", "column")
+        return [*leaves(place["first"]), *leaves(place["second"])]
+
+    assert sorted(leaves(layout["layout"])) == sorted(layout["configById"])
+
+
+def test_plotjuggler_plots_fields_that_exist():
+    root = ElementTree.parse(REPOSITORY / "config/plotjuggler_layout.xml").getroot()
+    topics = published_topics()
+    names = [curve.get("name") for curve in root.iter("curve")]
+    assert len(names) == len(set(names)) == 21
+    for name in names:
+        topic = next(t for t in topics if name.startswith(t + "/"))
+        assert name.removeprefix(topic + "/").replace("/", ".") in topics[topic]
+    for splitter in root.iter("DockSplitter"):
+        assert int(splitter.get("count")) == len(splitter) == len(splitter.get("sizes").split(";"))
+
+
+def test_the_parameter_files_of_the_nodes_are_valid():
+    integrator = files.load(REPOSITORY / "config/integrator.yaml", "integrator")
+    assert build(IntegratorParameters, layer_integrator(integrator)).initial_state == "truth"
+    recorder = files.load(REPOSITORY / "config/recorder.yaml", "recorder")
+    assert build(RecorderParameters, recorder).topics[0] == "imu/data_raw"
