@@ -79,7 +79,7 @@ def calibrate_six_position(steady: Steady, gravity: float, *, simple: bool = Fal
         np.array([axis.bias_sigma[0] for axis in gyro]),
         positions,
         faces,
-        _residuals(positions, force, axes, simple),
+        _residuals(axes, faces, simple),
         int(np.count_nonzero(~used)),
     )
 
@@ -129,8 +129,9 @@ def _row(values: Array, k: int, simple: bool) -> Array:
     return row
 
 
-def _residuals(positions: Steady, force: Array, axes: list[AxisResponse], simple: bool) -> Array:
-    s = np.array([_row(axis.gain, k, simple) for k, axis in enumerate(axes)])
-    b = np.array([axis.bias[0] for axis in axes])
-    result: Array = positions.accel - force @ s.T - b
+def _residuals(axes: list[AxisResponse], faces: NDArray[np.int64], simple: bool) -> Array:
+    """Return (m, 3) the residuals; the simple variant has none across an axis."""
+    result = np.zeros((len(faces), 3))
+    for k, axis in enumerate(axes):
+        result[faces // 2 == k if simple else slice(None), k] = axis.residuals
     return result

@@ -32,7 +32,7 @@ class AxisResponse(NamedTuple):
     covariance: Array
     """(q, q) of gain, bias and scale in this order."""
     residuals: Array
-    """(n,) reading minus model."""
+    """(n,) reading minus model and minus the bias' walk, smoothed out of all readings."""
     chi_square: float
     """Of the residuals, over their degrees of freedom, with the readings' own errors."""
     criterion: float
@@ -103,7 +103,9 @@ def fit_axis(
         parameters = parameters + np.linalg.lstsq(weight @ jacobian, residuals, rcond=None)[0]
     scale = 1.0 + scale_columns @ parameters[p + b :]
     model = scale * (data.inputs @ parameters[:p]) + bias_columns @ parameters[p : p + b]
-    return _summary(parameters, weight, jacobian, data.readings - model, (p, b, scale_order), span)
+    found = _summary(parameters, weight, jacobian, data.readings - model, (p, b, scale_order), span)
+    # Of residuals with the covariance V, diag(sigma^2) V^-1 r is the part that is no walk.
+    return found._replace(residuals=data.sigma**2 * (weight.T @ (weight @ found.residuals)))
 
 
 def _powers(temperature: Array, bias_order: int, scale_order: int) -> tuple[Array, Array, float]:

@@ -41,10 +41,10 @@ def draw_six_position(result: SixPosition, gravity: float, path: str | Path) -> 
         axes.set_xlabel("axis that points up")
         axes.set_ylabel("mm/s$^2$")
         axes.set_title(title)
-    before.legend(title="accelerometer, bias in m/s$^2$")
+    _legend_above(before, "accelerometer: bias in m/s$^2$")
     figure.suptitle(
         f"Six positions: {len(result.faces)} pieces of {result.positions.stretches} rests "
-        "(bars: 2 standard errors of the readings)"
+        "(bars: 2 standard errors of the readings; right: without the bias' walk)"
     )
     style.save(figure, path)
 
@@ -71,12 +71,19 @@ def draw_turntable(result: Turntable, path: str | Path) -> None:
         axes.set_xlabel("rate of the table [rad/s]")
         axes.set_ylabel("mrad/s")
         axes.set_title(title)
-    before.legend(title="gyroscope, bias in rad/s")
+    _legend_above(before, "gyroscope: bias in rad/s")
     figure.suptitle(
         f"Rate table: {result.stretches.stretches} stretches "
-        "(bars: 2 standard errors of the readings)"
+        "(bars: 2 standard errors of the readings; right: without the bias' walk)"
     )
     style.save(figure, path)
+
+
+def _legend_above(axes: Axes, title: str) -> None:
+    """Make room above the points and put the legend there."""
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high + 0.35 * (high - low))
+    axes.legend(title=title, loc="upper center", ncol=3, fontsize=7, handletextpad=0.1)
 
 
 def draw_temperature(result: Temperature, path: str | Path) -> None:
