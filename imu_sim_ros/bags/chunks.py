@@ -104,8 +104,8 @@ class ChunkWriter(Writer):
         self._pending, self._raw, self._pending_bytes = [], [], 0
         with suppress(InputError):  # without an index the chunks are complete all the same
             self._finish()
-        self.file.abandon()
-        return [self.file.current]
+        self.file.abandon(empty=not self.count)
+        return [self.file.current] if self.count else []
 
     def _collect_raw(self) -> None:
         """Turn single messages into blocks, one for each topic."""

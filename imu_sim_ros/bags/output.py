@@ -100,6 +100,8 @@ class OutputFile:
             self.current.rename(self.path)
             self.current = self.path
 
-    def abandon(self) -> None:
-        """Close the file and leave it under the name of a part."""
+    def abandon(self, empty: bool = False) -> None:
+        """Close the file and leave it under the name of a part; nothing is left of an empty one."""
         self._file.close()
+        if empty:
+            self.current.unlink(missing_ok=True)

@@ -137,5 +137,7 @@ class Rosbag2Writer(PartsWriter):
 
     def abandon(self) -> list[Path]:
         """Leave the folder without metadata."""
-        super().abandon()
+        if not super().abandon():
+            self.path.rmdir()
+            return []
         return [self.path]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.bags import text_reader
 from imu_sim_ros.bags.decode import Decoded, decode, inside_order
-from imu_sim_ros.bags.encode import IMU, ODOMETRY, POSE_STAMPED, TEMPERATURE
+from imu_sim_ros.bags.encode import IMU, ODOMETRY, POSE_STAMPED, TEMPERATURE, VECTOR3_STAMPED
 from imu_sim_ros.bags.mcap_reader import McapBag
 from imu_sim_ros.bags.output import active_path
 from imu_sim_ros.bags.rosbag1_reader import Rosbag1Bag
@@ -32,12 +32,14 @@ __all__ = [
     "read_odometry",
     "read_poses",
     "read_temperature",
+    "vector_blocks",
 ]
 
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
 
 _MAGIC_BYTES = 16
+_IMU_FIELDS = ("angular_velocity", "linear_acceleration")
 _T = TypeVar("_T", bound=tuple[object, ...])
 
 
@@ -114,18 +116,21 @@ def open_bag(path: str | Path, recover: bool = False) -> Bag:
     raise InputError(f"{path}: {'an empty file' if not magic else 'not a bag'}")
 
 
-def imu_blocks(path: str | Path, topic: str | None = None) -> Iterator[ImuMessages]:
+def imu_blocks(
+    path: str | Path, topic: str | None = None, recover: bool = False
+) -> Iterator[ImuMessages]:
     """Yield the messages of an Imu topic in blocks of bounded size, in the order of record times.
 
     :param path: a bag, an EuRoC folder, or a CSV file in the form of EuRoC or kalibr.
     :param topic: None: the only one.
+    :param recover: as for :func:`open_bag`.
     :raises InputError: for an input that cannot be used; of several topics all are listed.
     """
     if text_reader.is_text(Path(path)):
         for t_ns, gyro, accel in text_reader.imu_blocks(Path(path), topic):
             yield ImuMessages(t_ns, gyro, accel, t_ns, "")
         return
-    for block, fields in _decoded(path, IMU, topic, ("angular_velocity", "linear_acceleration")):
+    for block, fields in _decoded(path, IMU, topic, _IMU_FIELDS, recover):
         gyro, accel = fields.numbers.values()
         yield ImuMessages(fields.t_ns, gyro, accel, block.t_ns, fields.texts[0])
 
@@ -136,13 +141,16 @@ def read_imu(path: str | Path, topic: str | None = None) -> ImuMessages:
     return _joined(list(imu_blocks(path, topic)), empty)
 
 
-def odometry_blocks(path: str | Path, topic: str | None = None) -> Iterator[OdometryMessages]:
+def odometry_blocks(
+    path: str | Path, topic: str | None = None, recover: bool = False
+) -> Iterator[OdometryMessages]:
     """Yield the messages of an Odometry topic in blocks; arguments as for :func:`imu_blocks`."""
     if text_reader.is_text(Path(path)):
-        yield OdometryMessages(*text_reader.read_states(Path(path), topic), "", "")
+        for states in text_reader.state_blocks(Path(path), topic):
+            yield OdometryMessages(*states.odometry, "", "")
         return
     names = ("position", "orientation", "linear", "angular", "pose_covariance", "twist_covariance")
-    for _, fields in _decoded(path, ODOMETRY, topic, names):
+    for _, fields in _decoded(path, ODOMETRY, topic, names, recover):
         position, orientation, linear, angular, pose, twist = fields.numbers.values()
         yield OdometryMessages(
             fields.t_ns,
@@ -187,6 +195,14 @@ def read_poses(path: str | Path, topic: str | None = None) -> PoseSequence:
     )
 
 
+def vector_blocks(
+    path: str | Path, topic: str, recover: bool = False
+) -> Iterator[tuple[Times, Array]]:
+    """Yield stamps (n,) and vectors (n, 3) of a Vector3Stamped topic in blocks."""
+    for _, fields in _decoded(path, VECTOR3_STAMPED, topic, ("vector",), recover):
+        yield fields.t_ns, fields.numbers["vector"]
+
+
 def read_temperature(path: str | Path, topic: str | None = None) -> TemperatureMessages:
     """Return all messages of a Temperature topic."""
     parts = [fields for _, fields in _decoded(path, TEMPERATURE, topic, ("temperature",))]
@@ -197,9 +213,13 @@ def read_temperature(path: str | Path, topic: str | None = None) -> TemperatureM
 
 
 def _decoded(
-    path: str | Path, type_name: str, topic: str | None, names: tuple[str, ...]
+    path: str | Path,
+    type_name: str,
+    topic: str | None,
+    names: tuple[str, ...],
+    recover: bool = False,
 ) -> Iterator[tuple[MessageBlock, Decoded]]:
-    with open_bag(path) as bag:
+    with open_bag(path, recover) as bag:
         chosen = bag.topic(type_name, topic)
         for group in bag.groups({chosen.name}):
             for block in group:

@@ -20,6 +20,7 @@ from imu_sim_ros.errors import InputError
 
 _END_NS: Final = 2**63 - 1
 _ROWS: Final = 4096
+_SQLITE_HEADER: Final = 100
 
 
 class SqliteBag(Bag):
@@ -63,7 +64,9 @@ class SqliteBag(Bag):
             source = self.path.with_name(self.path.name + suffix)
             if source.exists():
                 shutil.copyfile(source, folder / source.name)
-        return folder / self.path.name
+        copy = folder / self.path.name
+        _accept_missing_pages(copy)
+        return copy
 
     def _read_topics(self) -> dict[int, TopicInfo]:
         columns = {row[1] for row in self._database.execute("PRAGMA table_info(topics)")}
@@ -192,6 +195,24 @@ class Rosbag2Folder(Bag):
                     ],
                 )
             self.damage += part.damage
+
+
+def _accept_missing_pages(file: Path) -> None:
+    """Let SQLite open a file whose end is missing.
+
+    The number of pages in the header counts only while two of its counters are equal
+    (https://www.sqlite.org/fileformat.html, 1.3.7); otherwise the size of the file does.
+    """
+    with file.open("rb") as stream:
+        header = stream.read(_SQLITE_HEADER)
+    if len(header) < _SQLITE_HEADER:
+        return
+    page = int.from_bytes(header[16:18], "big")
+    pages = int.from_bytes(header[28:32], "big")
+    if file.stat().st_size < pages * (65536 if page == 1 else page):
+        with file.open("r+b") as stream:
+            stream.seek(92)
+            stream.write(bytes(byte ^ 0xFF for byte in header[24:28]))
 
 
 def read_metadata(folder: Path) -> dict[str, Any]:

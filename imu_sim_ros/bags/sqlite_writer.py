@@ -144,7 +144,9 @@ class SqliteWriter(Writer):
         with suppress(sqlite3.Error):
             self._database.rollback()
         self._database.close()
-        return [self.path]
+        if not self.count:
+            self.path.unlink(missing_ok=True)
+        return [self.path] if self.count else []
 
     def _insert_raw(self) -> None:
         if self._raw:

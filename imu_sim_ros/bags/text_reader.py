@@ -20,8 +20,8 @@ _STATE_FOLDER: Final = "state_groundtruth_estimate0"
 _SUFFIXES: Final = (".csv", ".txt", ".tum")
 
 
-class States(NamedTuple):
-    """n states of a EuRoC folder; the fields are those of odometry messages."""
+class Odometry(NamedTuple):
+    """n states with the fields of odometry messages."""
 
     t_ns: Times
     position: Array
@@ -31,6 +31,16 @@ class States(NamedTuple):
     """(n, 3) zero: EuRoC's states have none."""
     pose_covariance: Array
     twist_covariance: Array
+
+
+class States(NamedTuple):
+    """n states of a EuRoC folder."""
+
+    odometry: Odometry
+    gyro_bias: Array
+    """(n, 3) rad/s."""
+    accel_bias: Array
+    """(n, 3) m/s^2."""
 
 
 def is_text(path: Path) -> bool:
@@ -60,31 +70,23 @@ def state_file(path: Path) -> Path:
     return found
 
 
-def read_states(path: Path, topic: str | None = None) -> States:
-    """Return the states of a EuRoC folder, or of its file."""
+def state_blocks(path: Path, topic: str | None = None) -> Iterator[States]:
+    """Yield the states of a EuRoC folder, or of its file, in blocks."""
     if topic is not None:
         raise InputError(f"{path}: text has no topic {topic}")
-    parts = list(_blocks(state_file(path), _STATE_COLUMNS))
-    t_ns = np.concatenate([part[0] for part in parts])
-    numbers = np.concatenate([part[1] for part in parts])
-    q_wb = normalise(numbers[:, 3:7])
-    square = np.zeros((len(t_ns), 6, 6))
-    return States(
-        t_ns,
-        numbers[:, :3],
-        q_wb,
-        rotate_inverse(q_wb, numbers[:, 7:10]),
-        np.zeros((len(t_ns), 3)),
-        square,
-        square,
-    )
-
-
-def read_biases(path: Path) -> tuple[Times, Array, Array]:
-    """Return stamps, and the biases of gyroscope and accelerometer (n, 3), of a EuRoC folder."""
-    parts = list(_blocks(state_file(path), _STATE_COLUMNS))
-    numbers = np.concatenate([part[1] for part in parts])
-    return np.concatenate([part[0] for part in parts]), numbers[:, 10:13], numbers[:, 13:16]
+    for t_ns, numbers in _blocks(state_file(path), _STATE_COLUMNS):
+        q_wb = normalise(numbers[:, 3:7])
+        square = np.zeros((len(t_ns), 6, 6))
+        odometry = Odometry(
+            t_ns,
+            numbers[:, :3],
+            q_wb,
+            rotate_inverse(q_wb, numbers[:, 7:10]),
+            np.zeros((len(t_ns), 3)),
+            square,
+            square,
+        )
+        yield States(odometry, numbers[:, 10:13], numbers[:, 13:16])
 
 
 def has_states(path: Path) -> bool:

@@ -3,6 +3,7 @@
 Times are exact nanoseconds; numbers have as many digits as a float64 needs.
 """
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -95,6 +96,8 @@ class Dataset:
         self.path, self.form = path, form
         self.imu: TextFile | None = None
         self.truth: TextFile | None = None
+        self.on_rows: Callable[[int], object] = lambda last_ns: None
+        """Is told the last time of every block that is written."""
         self._write_states: Callable[[States], None] = self._write_tum
         if form == "tum":
             self.truth = TextFile(path, TUM_HEADER)
@@ -129,11 +132,13 @@ class Dataset:
         """Write readings: times (n,), angular rates (n, 3), specific forces (n, 3)."""
         if self.imu is not None:
             self.imu.write(t_ns, np.concatenate([gyro, accel], axis=1))
+            self.on_rows(int(t_ns.max(initial=-1)))
 
     def write_states(self, states: States) -> None:
         """Write true states."""
         if self.truth is not None:
             self._write_states(states)
+            self.on_rows(int(states.t_ns.max(initial=-1)))
 
     def _write_tum(self, states: States) -> None:
         assert self.truth is not None
@@ -148,13 +153,14 @@ class Dataset:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        for file in (self.imu, self.truth):
-            if file is None:
-                continue
+        files = [file for file in (self.imu, self.truth) if file is not None]
+        for file in files:
             if kind is None:
                 file.file.finish()
             else:
-                file.file.abandon()
+                file.file.abandon(empty=not any(other.rows for other in files))
+        if kind is not None and not any(file.rows for file in files) and self.path.is_dir():
+            shutil.rmtree(self.path)
 
 
 def write_euroc_descriptions(

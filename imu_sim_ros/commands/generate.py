@@ -40,7 +40,7 @@ examples:
 """
 BLOCK_SIZE: Final = 8192
 _SIZE_UNITS: Final = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9}
-_DATASET_SUFFIXES: Final = {".csv": "csv", ".tum": "tum", ".txt": "tum"}
+DATASET_SUFFIXES: Final = {".csv": "csv", ".tum": "tum", ".txt": "tum"}
 
 
 def parser() -> argparse.ArgumentParser:
@@ -167,7 +167,7 @@ def _target(
 ) -> Iterator[BagTarget | DatasetTarget]:
     """Open the output; it is whole when the block ends without an error."""
     output = arguments.output
-    form = arguments.format or _DATASET_SUFFIXES.get(output.suffix.lower())
+    form = arguments.format or DATASET_SUFFIXES.get(output.suffix.lower())
     if form is None:
         with open_writer(
             output,
@@ -201,7 +201,7 @@ def _write(
     """Write all samples; returns whether Ctrl-C or SIGTERM ended it before."""
     total = simulation.total or 0
     with (
-        _stop_requests() as requests,
+        stop_requests() as requests,
         common.progress(
             f"writing {arguments.output}", total, arguments.quiet or arguments.json
         ) as advance,
@@ -220,7 +220,7 @@ def _write(
 
 
 @contextmanager
-def _stop_requests() -> Iterator[list[int]]:
+def stop_requests() -> Iterator[list[int]]:
     """Collect Ctrl-C and SIGTERM instead of being ended by them in the middle of a chunk."""
     requests: list[int] = []
 

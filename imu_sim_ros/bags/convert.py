@@ -1,0 +1,283 @@
+"""Bags and datasets into one another, block by block."""
+
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.bags import schemas, text_reader
+from imu_sim_ros.bags.container import Block, Payloads, Topic, Writer, as_list
+from imu_sim_ros.bags.decode import transcode
+from imu_sim_ros.bags.encode import (
+    IMU,
+    ODOMETRY,
+    POSE_STAMPED,
+    VECTOR3_STAMPED,
+    ImuEncoder,
+    OdometryEncoder,
+    PoseStampedEncoder,
+    Vector3StampedEncoder,
+)
+from imu_sim_ros.bags.read import imu_blocks, odometry_blocks, open_bag, vector_blocks
+from imu_sim_ros.bags.source import Bag, MessageBlock, TopicInfo, listed
+from imu_sim_ros.bags.text_writer import Dataset, States
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.poses import read_poses
+from imu_sim_ros.rotation import rotate
+
+Array = NDArray[np.float64]
+Times = NDArray[np.int64]
+
+READINGS: Final = "/imu/data_raw"
+POSES: Final = "/ground_truth/pose"
+TRUTH: Final = "/ground_truth/odom"
+GYRO_BIAS: Final = "/ground_truth/gyroscope_bias"
+ACCEL_BIAS: Final = "/ground_truth/accelerometer_bias"
+
+
+def chosen(bag: Bag, names: Collection[str]) -> list[TopicInfo]:
+    """Return the named topics of a bag, all where none is named.
+
+    :raises InputError: with a line for every topic that the bag lacks.
+    """
+    wanted = ["/" + name.lstrip("/") for name in names]
+    have = {"/" + topic.name.lstrip("/"): topic for topic in bag.topics}
+    missing = [name for name in wanted if name not in have]
+    if missing:
+        raise InputError(
+            [f"{bag.path}: has no topic {name}; it has {listed(bag.topics)}" for name in missing]
+        )
+    return [have[name] for name in wanted] if wanted else list(bag.topics)
+
+
+def bag_to_bag(
+    bag: Bag,
+    writer: Writer,
+    topics: Sequence[TopicInfo],
+    renamed: Mapping[str, str],
+    advance: Callable[[int], object],
+    stopped: Callable[[], bool] = lambda: False,
+) -> None:
+    """Copy topics of any type; the bytes stay as they are where the encoding does.
+
+    :param renamed: new names by old ones.
+    :param advance: is told how many messages were copied.
+    """
+    translate = _translator(bag, writer, topics)
+    handles: dict[TopicInfo, Topic] = {}
+    for info in topics:
+        name = renamed.get(info.name, info.name)
+        handles[info] = writer.add_topic(name, info.type, info.qos, translate.schema(info))
+    for group in bag.groups({info.name for info in topics}):
+        blocks = [
+            Block(handles[block.topic], block.t_ns, translate.payloads(block))
+            for block in group
+            if block.topic in handles
+        ]
+        writer.write_blocks(blocks)
+        advance(sum(len(block.t_ns) for block in blocks))
+        if stopped():
+            return
+
+
+class _Translator:
+    """Messages and definitions as they are."""
+
+    def __init__(self, encoding: str) -> None:
+        self._encoding = encoding
+
+    def schema(self, info: TopicInfo) -> schemas.Schema:
+        """Return the definition for the new bag."""
+        known = schemas.known_types(self._encoding).fielddefs
+        if not info.schema.text and info.type in known:
+            return schemas.schema(info.type, self._encoding)
+        return info.schema
+
+    def payloads(self, block: MessageBlock) -> Payloads:
+        """Return the messages for the new bag."""
+        return block.payloads
+
+
+class _Between(_Translator):
+    """Messages and definitions of one generation of ROS for the other."""
+
+    def __init__(self, source: str, target: str, topics: Sequence[TopicInfo]) -> None:
+        super().__init__(target)
+        self._source = source
+        self._types = schemas.typestore([(info.type, info.schema) for info in topics], source)
+        self._translated = schemas.translated(self._types, target)
+
+    def schema(self, info: TopicInfo) -> schemas.Schema:
+        """Return the definition in the other generation's form."""
+        return schemas.schema(info.type, self._encoding, self._translated)
+
+    def payloads(self, block: MessageBlock) -> Payloads:
+        """Return the messages in the other encoding."""
+        quick = transcode(block, self._source, self._encoding)
+        if quick is not None:
+            return quick
+        from rosbags.serde import SerdeError
+
+        type_name = block.topic.type
+        try:
+            if self._encoding == "ros1":
+                convert = self._types.cdr_to_ros1
+            else:
+                convert = self._translated.ros1_to_cdr
+            return [bytes(convert(message, type_name)) for message in as_list(block.payloads)]
+        except SerdeError as error:
+            raise InputError(f"{block.topic.name}: {error}") from None
+
+
+def _translator(bag: Bag, writer: Writer, topics: Sequence[TopicInfo]) -> _Translator:
+    if bag.encoding == writer.encoding:
+        return _Translator(writer.encoding)
+    return _Between(bag.encoding, writer.encoding, topics)
+
+
+def text_to_bag(
+    path: Path,
+    writer: Writer,
+    renamed: Mapping[str, str],
+    advance: Callable[[int], object],
+) -> None:
+    """Copy a EuRoC folder or a CSV file: readings, and truth and biases where there are states.
+
+    A file of poses in TUM's form becomes a topic of poses.
+    """
+    if path.suffix.lower() in (".tum", ".txt"):
+        _copy_poses(path, writer, renamed, advance)
+        return
+    streams = [_reading_messages(path, writer, renamed)]
+    if text_reader.has_states(path):
+        streams.append(_state_messages(path, writer, renamed))
+    for blocks in _interleaved(streams):
+        writer.write_blocks(blocks)
+        advance(sum(len(block.t_ns) for block in blocks))
+
+
+def _copy_poses(
+    path: Path, writer: Writer, renamed: Mapping[str, str], advance: Callable[[int], object]
+) -> None:
+    poses = read_poses(path)
+    encoder = PoseStampedEncoder("world", writer.encoding)
+    topic = writer.add_topic(renamed.get(POSES, POSES), POSE_STAMPED)
+    writer.write(topic, poses.t_ns, encoder.encode(*poses[:3]))
+    advance(len(poses.t_ns))
+
+
+def _reading_messages(
+    path: Path, writer: Writer, renamed: Mapping[str, str]
+) -> Iterator[list[Block]]:
+    encoder = ImuEncoder("imu_link", writer.encoding)
+    topic = writer.add_topic(renamed.get(READINGS, READINGS), IMU)
+    for t_ns, gyro, accel in text_reader.imu_blocks(path):
+        yield [Block(topic, t_ns, encoder.encode(t_ns, gyro, accel))]
+
+
+def _state_messages(
+    path: Path, writer: Writer, renamed: Mapping[str, str]
+) -> Iterator[list[Block]]:
+    odometry = OdometryEncoder("world", "base_link", writer.encoding)
+    vectors = Vector3StampedEncoder("imu_link", writer.encoding)
+    truth, gyro, accel = (
+        writer.add_topic(renamed.get(name, name), type_name)
+        for name, type_name in (
+            (TRUTH, ODOMETRY),
+            (GYRO_BIAS, VECTOR3_STAMPED),
+            (ACCEL_BIAS, VECTOR3_STAMPED),
+        )
+    )
+    for states in text_reader.state_blocks(path):
+        t_ns = states.odometry.t_ns
+        yield [
+            Block(truth, t_ns, odometry.encode(*states.odometry[:5])),
+            Block(gyro, t_ns, vectors.encode(t_ns, states.gyro_bias)),
+            Block(accel, t_ns, vectors.encode(t_ns, states.accel_bias)),
+        ]
+
+
+def _interleaved(streams: Sequence[Iterator[list[Block]]]) -> Iterator[list[Block]]:
+    """Merge streams of blocks in the order of time; the blocks of one item have the same times."""
+    waiting: list[list[Block] | None] = [next(stream, None) for stream in streams]
+    while any(waiting):
+        end_ns = min(int(blocks[0].t_ns[-1]) for blocks in waiting if blocks)
+        ready: list[Block] = []
+        for k, blocks in enumerate(waiting):
+            if not blocks:
+                continue
+            cut = int(np.searchsorted(blocks[0].t_ns, end_ns, side="right"))
+            ready += [Block(b.topic, b.t_ns[:cut], b.payloads[:cut]) for b in blocks]
+            rest = [Block(b.topic, b.t_ns[cut:], b.payloads[cut:]) for b in blocks]
+            waiting[k] = rest if len(rest[0].t_ns) else next(streams[k], None)
+        yield ready
+
+
+def to_dataset(
+    path: Path,
+    dataset: Dataset,
+    topics: Mapping[str, str | None],
+    advance: Callable[[int], object],
+    recover: bool = False,
+) -> None:
+    """Copy readings and truth of a bag or a dataset into text.
+
+    :param topics: name of the topic for each of the types Imu and Odometry that is to be copied;
+        None: the only one.
+    """
+    if dataset.imu is not None and IMU in topics:
+        for readings in imu_blocks(path, topics[IMU], recover):
+            dataset.write_imu(readings.t_ns, readings.gyro, readings.accel)
+            advance(len(readings.t_ns))
+    if dataset.truth is not None and ODOMETRY in topics:
+        for states in _states(path, topics[ODOMETRY], recover):
+            dataset.write_states(states)
+            advance(len(states.t_ns))
+
+
+def _states(path: Path, topic: str | None, recover: bool) -> Iterator[States]:
+    if text_reader.is_text(path):
+        for part in text_reader.state_blocks(path):
+            odometry = part.odometry
+            velocity_w = rotate(odometry.q_wb, odometry.velocity_b)
+            yield States(*odometry[:3], velocity_w, part.gyro_bias, part.accel_bias)
+        return
+    biases = [_Reels(path, name, topic, recover) for name in (GYRO_BIAS, ACCEL_BIAS)]
+    for message in odometry_blocks(path, topic, recover):
+        velocity_w = rotate(message.q_wb, message.velocity_b)
+        gyro, accel = (reel.at(message.t_ns) for reel in biases)
+        yield States(message.t_ns, message.position, message.q_wb, velocity_w, gyro, accel)
+
+
+class _Reels:
+    """A topic of vectors that is unwound beside another one; zero where the bag has none."""
+
+    def __init__(self, path: Path, name: str, beside: str | None, recover: bool) -> None:
+        with open_bag(path, recover) as bag:
+            counts = {topic.name: topic.count for topic in bag.topics if topic.name == name}
+            truth = bag.topic(ODOMETRY, beside).count
+        there = counts.get(name, -1) == truth
+        self._blocks = vector_blocks(path, name, recover) if there else None
+        self._t_ns, self._vectors = np.empty(0, dtype=np.int64), np.empty((0, 3))
+
+    def at(self, t_ns: Times) -> Array:
+        """Return the vectors (n, 3) of the next times.
+
+        :raises InputError: where the topic has other times.
+        """
+        if self._blocks is None:
+            return np.zeros((len(t_ns), 3))
+        while len(self._t_ns) < len(t_ns):
+            block = next(self._blocks, None)
+            if block is None:
+                break
+            self._t_ns = np.concatenate([self._t_ns, block[0]])
+            self._vectors = np.concatenate([self._vectors, block[1]])
+        count = len(t_ns)
+        if not np.array_equal(self._t_ns[:count], t_ns):
+            raise InputError("the biases have other stamps than the truth")
+        vectors = self._vectors[:count]
+        self._t_ns, self._vectors = self._t_ns[count:], self._vectors[count:]
+        return vectors

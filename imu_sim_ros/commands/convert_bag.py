@@ -1,0 +1,317 @@
+"""``convert_bag``: a bag or dataset into another form; interrupted bags into whole ones."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from imu_sim_ros.bags import convert, text_reader, text_writer
+from imu_sim_ros.bags.encode import IMU, ODOMETRY
+from imu_sim_ros.bags.read import open_bag, read_poses
+from imu_sim_ros.bags.source import Bag
+from imu_sim_ros.bags.text_writer import Dataset
+from imu_sim_ros.bags.write import COMPRESSIONS, STORAGES, Writer, open_writer
+from imu_sim_ros.commands import common
+from imu_sim_ros.commands.generate import DATASET_SUFFIXES, renaming, size, stop_requests
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.poses import PoseSequence
+
+EXAMPLES: Final = """\
+examples:
+  convert_bag recording -o recording.bag --compression lz4      rosbag2 -> ROS 1
+  convert_bag flight.bag -o flight/mav0 --format euroc          ROS 1 -> EuRoC
+  convert_bag MH_01_easy -o MH_01.mcap                          EuRoC -> MCAP
+  convert_bag torn.mcap -o whole.mcap --recover                 an interrupted recording
+"""
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the command's arguments."""
+    result = common.Parser(
+        prog="convert_bag",
+        description=__doc__,
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    result.add_argument(
+        "input", type=Path, help="ROS 1 bag, .mcap, rosbag2 folder, EuRoC folder or CSV file"
+    )
+    result.add_argument(
+        "-o",
+        "--output",
+        required=True,
+        type=Path,
+        metavar="PATH",
+        help="NAME.bag: ROS 1; NAME.mcap: one MCAP file; NAME.csv, NAME.tum: text; "
+        "another name: a rosbag2 folder",
+    )
+    result.add_argument("--format", choices=text_writer.FORMATS, help="a dataset instead of a bag")
+    result.add_argument("--storage", choices=STORAGES, help="of the bag (mcap)")
+    result.add_argument(
+        "--compression",
+        choices=sorted({name for names in COMPRESSIONS.values() for name in names}),
+        help="of chunks (none)",
+    )
+    result.add_argument(
+        "--split-duration", metavar="TIME", type=common.duration, default=0.0, help="of one file"
+    )
+    result.add_argument("--split-size", metavar="SIZE", type=size, default=0, help="of one file")
+    result.add_argument(
+        "--topics", metavar="NAME,...", default="", help="what is converted (everything)"
+    )
+    result.add_argument(
+        "--topic",
+        metavar="NAME=NEW",
+        type=renaming,
+        action="append",
+        default=[],
+        help="another name in the new bag; repeatable",
+    )
+    result.add_argument(
+        "--recover",
+        action="store_true",
+        help="take all complete messages of an interrupted or damaged bag",
+    )
+    common.add_output_arguments(result)
+    return result
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command; returns its exit status."""
+    arguments = parser().parse_args(argv)
+    return common.run("convert_bag", lambda: convert_bag(arguments))
+
+
+def convert_bag(arguments: argparse.Namespace) -> None:
+    """Convert what the arguments name."""
+    form = arguments.format or DATASET_SUFFIXES.get(arguments.output.suffix.lower())
+    unfit = [
+        f"--{name.replace('_', '-')}: is not for {form}"
+        for name in ("storage", "compression", "split_duration", "split_size")
+        if form and getattr(arguments, name)
+    ]
+    if unfit:
+        raise InputError(unfit)
+    if text_reader.is_text(arguments.input):
+        result = _from_text(arguments, form)
+    else:
+        result = _from_bag(arguments, form)
+    _report(result, arguments)
+
+
+def _from_bag(arguments: argparse.Namespace, form: str | None) -> dict[str, Any]:
+    whole = not arguments.recover or _is_whole(arguments.input)
+    with open_bag(arguments.input, arguments.recover) as bag:
+        topics = convert.chosen(bag, _names(arguments))
+        if form is None:
+            counts, last_ns = _bag_to_bag(bag, topics, arguments)
+        elif form == "tum":
+            counts, last_ns = _bag_to_tum(bag, topics, arguments)
+        else:
+            counts, last_ns = _bag_to_dataset(bag, topics, form, arguments)
+        damage = bag.damage
+    if not arguments.quiet:
+        for problem in damage:
+            print(f"convert_bag: left out: {problem}", file=sys.stderr)
+    return _result(arguments, counts, last_ns, not whole or bool(damage))
+
+
+def _names(arguments: argparse.Namespace) -> list[str]:
+    return [name for name in arguments.topics.split(",") if name]
+
+
+def _is_whole(path: Path) -> bool:
+    try:
+        open_bag(path).close()
+    except InputError:
+        return False
+    return True
+
+
+def _writer(arguments: argparse.Namespace) -> Writer:
+    return open_writer(
+        arguments.output,
+        arguments.storage,
+        arguments.compression,
+        arguments.split_duration,
+        arguments.split_size,
+    )
+
+
+def _renamed(arguments: argparse.Namespace) -> dict[str, str]:
+    return {"/" + old: "/" + new.lstrip("/") for old, new in arguments.topic}
+
+
+def _bag_to_bag(
+    bag: Bag, topics: Sequence[Any], arguments: argparse.Namespace
+) -> tuple[dict[str, int], int]:
+    total = sum(topic.count for topic in topics)
+    with (
+        stop_requests() as requests,
+        _writer(arguments) as writer,
+        _progress(arguments, total) as advance,
+    ):
+        convert.bag_to_bag(
+            bag, writer, topics, _renamed(arguments), advance, lambda: bool(requests)
+        )
+    _say_if_stopped(requests, arguments)
+    return _tally(writer)
+
+
+def _tally(writer: Writer) -> tuple[dict[str, int], int]:
+    counts = {topic.name: topic.count for topic in writer.topics}
+    return counts, max((topic.last_ns for topic in writer.topics), default=-1)
+
+
+def _bag_to_dataset(
+    bag: Bag, topics: Sequence[Any], form: str, arguments: argparse.Namespace
+) -> tuple[dict[str, int], int]:
+    readings = bag.topic(IMU, _only_named(topics, IMU, arguments))
+    truths = [topic for topic in topics if topic.type == ODOMETRY]
+    chosen: dict[str, str | None] = {IMU: readings.name}
+    if truths:
+        chosen[ODOMETRY] = bag.topic(ODOMETRY, _only_named(topics, ODOMETRY, arguments)).name
+    total = readings.count + sum(topic.count for topic in truths)
+    last = _Last()
+    with (
+        Dataset(arguments.output, form, bool(truths)) as dataset,
+        _progress(arguments, total) as advance,
+    ):
+        convert.to_dataset(bag.path, last.watch(dataset), chosen, advance, arguments.recover)
+    if form == "euroc":
+        _describe(arguments, bool(truths))
+    return _rows(dataset, readings.name, chosen.get(ODOMETRY)), last.t_ns
+
+
+def _only_named(topics: Sequence[Any], type_name: str, arguments: argparse.Namespace) -> str | None:
+    """Return the topic of a type that ``--topics`` names; None where none is named."""
+    fitting = [topic.name for topic in topics if topic.type == type_name]
+    return fitting[0] if arguments.topics and len(fitting) == 1 else None
+
+
+class _Last:
+    """The last stamp that goes into a dataset."""
+
+    t_ns = -1
+
+    def watch(self, dataset: Dataset) -> Dataset:
+        """Return the dataset, watched from now on."""
+        dataset.on_rows = self._note
+        return dataset
+
+    def _note(self, last_ns: int) -> None:
+        self.t_ns = max(self.t_ns, last_ns)
+
+
+def _rows(dataset: Dataset, readings: str, truth: str | None) -> dict[str, int]:
+    counts = {}
+    if dataset.imu is not None:
+        counts[readings] = dataset.imu.rows
+    if dataset.truth is not None and truth:
+        counts[truth] = dataset.truth.rows
+    return counts
+
+
+def _bag_to_tum(
+    bag: Bag, topics: Sequence[Any], arguments: argparse.Namespace
+) -> tuple[dict[str, int], int]:
+    named = topics[0].name if arguments.topics and len(topics) == 1 else None
+    poses = read_poses(bag.path, named)
+    return _write_tum(poses, named or convert.TRUTH, arguments)
+
+
+def _write_tum(
+    poses: PoseSequence, name: str, arguments: argparse.Namespace
+) -> tuple[dict[str, int], int]:
+    import numpy as np
+
+    none = np.zeros((len(poses.t_ns), 3))
+    with Dataset(arguments.output, "tum") as dataset:
+        dataset.write_states(text_writer.States(*poses[:3], none, none, none))
+    return {name: len(poses.t_ns)}, int(max(poses.t_ns, default=-1))
+
+
+def _from_text(arguments: argparse.Namespace, form: str | None) -> dict[str, Any]:
+    if arguments.topics:
+        raise InputError(f"{arguments.input}: text has no topics to choose from")
+    last = _Last()
+    if form == "tum":
+        return _result(
+            arguments, *_write_tum(read_poses(arguments.input), convert.TRUTH, arguments), False
+        )
+    if form is not None:
+        states = text_reader.has_states(arguments.input)
+        with (
+            Dataset(arguments.output, form, states) as dataset,
+            _progress(arguments, 0) as advance,
+        ):
+            chosen: dict[str, str | None] = {IMU: None, **({ODOMETRY: None} if states else {})}
+            convert.to_dataset(arguments.input, last.watch(dataset), chosen, advance)
+        if form == "euroc":
+            _describe(arguments, states)
+        counts = _rows(dataset, convert.READINGS, convert.TRUTH)
+        return _result(arguments, counts, last.t_ns, False)
+    with _writer(arguments) as writer, _progress(arguments, 0) as advance:
+        convert.text_to_bag(arguments.input, writer, _renamed(arguments), advance)
+    return _result(arguments, *_tally(writer), False)
+
+
+def _describe(arguments: argparse.Namespace, states: bool) -> None:
+    """Write sensor.yaml files; what the input does not tell is left out."""
+    import numpy as np
+
+    from imu_sim_ros.bags.read import imu_blocks
+
+    first = next(imu_blocks(arguments.output / "imu0" / "data.csv"))
+    period = float(np.median(np.diff(first.t_ns))) if len(first.t_ns) > 1 else 0.0
+    text_writer.write_euroc_descriptions(
+        arguments.output,
+        round(1e9 / period, 3) if period else 0.0,
+        {},
+        np.eye(3),
+        np.zeros(3),
+        f"converted from {arguments.input.name} by imu_sim_ros",
+        states,
+    )
+
+
+def _progress(arguments: argparse.Namespace, total: int) -> Any:
+    return common.progress(f"writing {arguments.output}", total, arguments.quiet or arguments.json)
+
+
+def _say_if_stopped(requests: Sequence[int], arguments: argparse.Namespace) -> None:
+    if requests:
+        print(
+            f"convert_bag: stopped; {arguments.output} is whole and holds what was copied before",
+            file=sys.stderr,
+        )
+        raise KeyboardInterrupt
+
+
+def _result(
+    arguments: argparse.Namespace, counts: dict[str, int], last_ns: int, recovered: bool
+) -> dict[str, Any]:
+    return {
+        "output": str(arguments.output),
+        "messages": counts,
+        "recovered": recovered,
+        "last_stamp_ns": last_ns if last_ns >= 0 else None,
+    }
+
+
+def _report(result: dict[str, Any], arguments: argparse.Namespace) -> None:
+    if arguments.json:
+        common.print_json(result)
+        return
+    if arguments.quiet:
+        return
+    counts = ", ".join(f"{count:,} {name}" for name, count in result["messages"].items())
+    word = "recovered" if result["recovered"] else "written"
+    last_ns = result["last_stamp_ns"]
+    until = f", up to stamp {last_ns / 1e9:.9f} s" if last_ns is not None else ""
+    print(f"{result['output']}: {word}: {counts or 'no messages'}{until}")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
