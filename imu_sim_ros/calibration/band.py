@@ -11,6 +11,10 @@ from imu_sim_ros.calibration.spectrum import Spectrum
 from imu_sim_ros.calibration.terms import TERMS
 
 _NEIGHBOURS: Final = 21
+_FALSE_ALARM: Final = 1e-10
+"""Probability (of chi-square) that a row of noise is taken for a peak."""
+_FEWEST: Final = 8
+"""Coefficients in a row below which it is not judged: the median of such rows is no level."""
 _DEVIATION: Final = 0.01
 """Relative misfit that is let pass however many samples prove it."""
 _OCTAVES: Final = 7
@@ -52,13 +56,17 @@ def _peaks(
     power: NDArray[np.float64], freedom: NDArray[np.float64], high: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
     """Return the rows that stand far above the median of their neighbours."""
+    from scipy.special import gammainccinv
+
     result = np.zeros(len(power), dtype=bool)
     if np.count_nonzero(high) < _NEIGHBOURS:
         return result
     half = _NEIGHBOURS // 2
     padded = np.pad(power[high], half, mode="reflect")
     middle = np.median(np.lib.stride_tricks.sliding_window_view(padded, _NEIGHBOURS), axis=1)
-    result[high] = power[high] > middle * (1.1 + 8.0 * np.sqrt(2.0 / freedom[high]))
+    half_freedom = 0.5 * freedom[high]
+    unlikely = gammainccinv(half_freedom, _FALSE_ALARM) / half_freedom
+    result[high] = (power[high] > middle * (0.1 + unlikely)) & (freedom[high] >= _FEWEST)
     return result
 
 

@@ -84,20 +84,26 @@ class RestCheck:
         yield from self._without(y, bad)
 
     def _note_motion(self, mean: Array, typical: Array, begin: float) -> None:
-        t = np.linspace(-1.0, 1.0, len(mean))[:, None]
-        drift = (t * mean).sum(axis=0) / (t**2).sum()
-        spread = np.std(mean - t * drift, axis=0)
+        # A single shock or shift of level is a disturbance; without it the rest must be at rest.
+        steps = np.diff(mean, axis=0)
+        steps[np.abs(steps) > self._jump_limit(np.abs(steps), typical)] = 0.0
+        level = np.concatenate([np.zeros((1, 6)), np.cumsum(steps, axis=0)])
+        t = np.linspace(-1.0, 1.0, len(level))[:, None]
+        drift = (t * (level - level.mean(axis=0))).sum(axis=0) / (t**2).sum()
+        spread = np.std(level - t * drift, axis=0)
         white = np.sqrt(typical / self._window)
         end = begin + len(mean) * self._window / self._rate
-        jumps = np.median(np.abs(np.diff(mean, axis=0)), axis=0)
-        # A single shock widens the spread, but it does not move most of the seconds.
-        usual = np.median(np.abs(mean - np.median(mean, axis=0)), axis=0)
-        steady = np.minimum(spread, 3.0 * np.maximum(usual, jumps))
-        moving = (steady > _SMALLEST_MOTION) & (steady**2 > _SLOW * white**2)
+        moving = (spread > _SMALLEST_MOTION) & (spread**2 > _SLOW * white**2)
         turning = np.abs(np.median(mean, axis=0)) > np.array([_TABLE_RATE] * 3 + [np.inf] * 3)
         size = np.where(turning, np.abs(np.median(mean, axis=0)), spread)
         for axis in np.flatnonzero(moving | turning):
             self.moving.append(Motion(int(axis), begin, end, float(size[axis])))
+
+    def _jump_limit(self, jump: Array, typical: Array) -> Array:
+        """Return (6,) the difference between neighbouring means that no noise makes."""
+        robust = 1.4826 * np.median(jump, axis=0)
+        result: Array = _JUMP * np.maximum(robust, np.sqrt(2.0 * typical / self._window))
+        return result
 
     def _disturbances(
         self, mean: Array, variance: Array, typical: Array, begin: float
@@ -106,8 +112,7 @@ class RestCheck:
         before = mean[:1] if self._before is None else self._before
         jump = np.abs(np.diff(mean, axis=0, prepend=before))
         self._before = mean[-1:]
-        robust = 1.4826 * np.median(jump, axis=0)
-        limit = _JUMP * np.maximum(robust, np.sqrt(2.0 * typical / self._window))
+        limit = self._jump_limit(jump, typical)
         # An axis that hardly changes its last digit has a typical variance of zero.
         shaken = (variance > _NOISIER * typical) & (typical > 0.0)
         bad_axis = shaken | ((jump > limit) & (limit > 0.0))

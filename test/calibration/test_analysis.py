@@ -1,0 +1,190 @@
+"""From messages to noise parameters: the checks, what each says, and what is left of the data."""
+
+import numpy as np
+import pytest
+
+from imu_sim_ros.calibration.analysis import AllanResult, analyse
+from imu_sim_ros.calibration.record import sampling_interval
+from imu_sim_ros.errors import InputError
+
+
+def says(result: AllanResult, text: str) -> bool:
+    return any(text in warning for warning in result.warnings)
+
+
+def noise(result: AllanResult) -> list[float]:
+    return [result.estimate(k, "noise_density").value or np.nan for k in range(6)]
+
+
+def right(result: AllanResult) -> None:
+    """N of n samples has the relative standard error 1/sqrt(2n): five of them, 2 %, at 30,000."""
+    assert noise(result) == pytest.approx([1e-3] * 3 + [0.01] * 3, rel=0.021)
+
+
+def test_a_clean_record(rest):
+    result = analyse([rest.blocks()])
+    right(result)
+    assert result.timing.rate == pytest.approx(100.0, rel=1e-9)
+    assert result.duration == pytest.approx(300.0)
+    assert result.timing.gaps == result.timing.lost == 0
+    assert result.mean == pytest.approx([0.01, 0, -0.01, 0, 0, 9.81], abs=0.05)
+    assert [w for w in result.warnings if "needs hours" not in w] == []
+
+
+def test_does_not_depend_on_the_blocks(rest):
+    first, second = (analyse([rest.blocks(size)]) for size in (1000, 30000))
+    assert noise(first) == pytest.approx(noise(second), rel=1e-9)
+    assert first.deviation.deviation == pytest.approx(second.deviation.deviation, rel=1e-9)
+
+
+def test_single_losses_are_filled_and_told(rest):
+    keep = np.random.default_rng(2).random(len(rest.t_ns)) > 0.005
+    keep[0] = True
+    result = analyse([rest.blocks(keep=keep)])
+    right(result)
+    lost = int(np.count_nonzero(~keep[: np.flatnonzero(keep)[-1]]))
+    assert result.timing.lost == result.timing.filled == lost
+    assert says(result, f"{lost} lost samples")
+    assert result.timing.gaps == 0
+
+
+def test_a_gap_is_not_bridged(rest):
+    """Between the pieces the accelerometer jumps; a bridge would make a walk of it."""
+    keep = np.ones(len(rest.t_ns), dtype=bool)
+    keep[14000:16000] = False
+    rest.accel[16000:] += 3.0
+    result = analyse([rest.blocks(keep=keep)])
+    right(result)
+    assert result.timing.gaps == 1
+    assert result.timing.longest_gap == pytest.approx(20.01, abs=0.02)
+    assert says(result, "1 gaps")
+    assert result.estimate(3, "random_walk").high < 5e-3
+
+
+def test_several_bags_are_combined(rest):
+    half = len(rest.t_ns) // 2
+    first = np.arange(len(rest.t_ns)) < half
+    result = analyse([rest.blocks(keep=~first), rest.blocks(keep=first)])  # in any order
+    right(result)
+    assert result.duration == pytest.approx(300.0)
+
+
+def test_jitter_is_measured_and_makes_no_gaps(rest):
+    jitter = np.random.default_rng(3).normal(0.0, 1.2e6, len(rest.t_ns))
+    rest.t_ns = rest.t_ns + jitter.astype(np.int64)
+    result = analyse([rest.blocks()])
+    right(result)
+    # The difference of two stamps has sqrt(2) of the jitter of one.
+    assert result.timing.jitter == pytest.approx(1.2e-3 * np.sqrt(2.0), rel=0.05)
+    assert result.timing.gaps == result.timing.lost == 0
+    assert says(result, "jitter")
+
+
+def test_repeated_stamps_are_dropped(rest):
+    rest.t_ns[100] = rest.t_ns[99]
+    result = analyse([rest.blocks()])
+    assert result.timing.duplicates == 1
+    right(result)
+
+
+def test_a_bump_is_cut_out_and_named(rest):
+    rest.gyro[15000:15050] += 1.0
+    result = analyse([rest.blocks()])
+    right(result)
+    assert says(result, "disturbance cut out at 150 s: gyroscope x")
+    assert 290.0 < result.duration < 299.0
+
+
+def test_a_shift_of_level_splits_the_record(rest):
+    rest.accel[15037:, 2] += 2.0
+    result = analyse([rest.blocks()])
+    right(result)
+    assert says(result, "accelerometer z")
+    assert result.estimate(5, "random_walk").high < 5e-3
+
+
+def test_saturation_is_told(rest):
+    rest.gyro = np.clip(rest.gyro, -0.5, 0.034)
+    assert says(analyse([rest.blocks()]), "gyroscope z") is False
+    result = analyse([rest.blocks()], force=True)
+    assert says(result, "are 0.034: saturated")
+
+
+def test_a_low_pass_filter_does_not_spoil_the_density():
+    """A sensor's own filter at a quarter of Nyquist: the density is the one below it."""
+    from scipy.signal import butter, lfilter
+
+    from .conftest import Rest
+
+    rest = Rest(seconds=900.0, rate=200.0)
+    b, a = butter(2, 25.0, fs=200.0)
+    rest.gyro = lfilter(b, a, rest.gyro, axis=0)[2000:]
+    rest.t_ns, rest.accel = rest.t_ns[2000:], rest.accel[2000:]
+    result = analyse([rest.blocks()])
+    assert says(result, "low-pass")
+    # About 880 s * 12 Hz * 2 coefficients are left: five standard errors are 3.5 %.
+    assert noise(result)[:3] == pytest.approx([1e-3] * 3, rel=0.035)
+    assert noise(result)[3:] == pytest.approx([0.01] * 3, rel=0.012)
+
+
+def test_a_vibration_line_is_left_out(rest):
+    t = (rest.t_ns - rest.t_ns[0]) * 1e-9
+    rest.accel[:, 1] += 0.1 * np.sin(2.0 * np.pi * 23.4 * t)
+    result = analyse([rest.blocks()])
+    assert says(result, "accelerometer y: vibration at 23.")
+    right(result)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda r: r.gyro.__setitem__((77, 1), np.nan), r"gyroscope y: 1 of .* not finite"),
+        (lambda r: r.accel.__setitem__((slice(None), 0), 0.0), r"accelerometer x: always 0"),
+        (lambda r: r.gyro.__iadd__(0.2 * np.sin(r.t_ns * 1e-9)[:, None]), r"not at rest: the gyro"),
+        (
+            lambda r: r.accel.__iadd__(np.sin(0.5e-9 * r.t_ns)[:, None] * [1, 0, 0]),
+            r"not at rest: the accelerometer x",
+        ),
+        (lambda r: r.gyro.__iadd__([0.0, 0.0, 1.0]), r"not at rest: the gyroscope z"),
+        (lambda r: r.t_ns.__setitem__(500, 0), r"backwards"),
+        (lambda r: r.gyro[::1000].__iadd__(2.0), r"disturbances"),
+    ],
+)
+def test_what_makes_an_analysis_meaningless(rest, change, message):
+    change(rest)
+    with pytest.raises(InputError, match=message):
+        analyse([rest.blocks()])
+
+
+def test_ten_seconds_are_too_short(rest):
+    keep = np.arange(len(rest.t_ns)) < 1000
+    with pytest.raises(InputError, match=r"10\.0 s at rest .* at least 60 s"):
+        analyse([rest.blocks(keep=keep)], force=True)
+
+
+def test_no_messages_at_all():
+    with pytest.raises(InputError, match="no Imu messages"):
+        analyse([iter(())])
+
+
+def test_all_problems_are_told_together(rest):
+    rest.gyro[:, 0] = 0.0
+    rest.accel[5, 2] = np.inf
+    with pytest.raises(InputError) as error:
+        analyse([rest.blocks()])
+    assert len(error.value.problems) == 2
+
+
+def test_force_leaves_a_dead_axis_out(rest):
+    rest.gyro[:, 0] = 0.0
+    result = analyse([rest.blocks()], force=True)
+    assert result.noise[0] is None
+    assert result.estimate(0, "noise_density").value is None
+    assert noise(result)[1:] == pytest.approx([1e-3] * 2 + [0.01] * 3, rel=0.021)
+
+
+def test_rate_of_stamps_in_bursts_is_their_mean():
+    t_ns = np.repeat(np.arange(0, 100) * 20_000_000, 4) + np.tile([0, 100, 200, 300], 100) * 1000
+    assert sampling_interval(t_ns) == pytest.approx(5_000_000, rel=0.02)
+    with pytest.raises(InputError, match="no rate"):
+        sampling_interval(np.array([5, 5], dtype=np.int64))
