@@ -1,0 +1,124 @@
+"""The parameter reference as Markdown, from the one description of every parameter.
+
+``python -m imu_sim_ros.commands.parameter_reference > docs/parameters.md``
+"""
+
+import argparse
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+
+from imu_sim_ros.commands import common
+from imu_sim_ros.config import files
+from imu_sim_ros.config.integrator import IntegratorParameters
+from imu_sim_ros.config.parameter import Parameter, Value, parameters
+from imu_sim_ros.config.recorder import RecorderParameters
+from imu_sim_ros.config.simulator import SimulatorParameters
+from imu_sim_ros.config.trajectory import TYPES, TrajectoryParameters
+
+_PREFIX = "trajectory."
+
+_INTRODUCTION = """\
+# Parameters
+
+Written by `python -m imu_sim_ros.commands.parameter_reference > docs/parameters.md`; a test checks
+that it is current.
+
+The same names serve everywhere: in ROS 2 parameter files (`--params-file` of nodes and commands),
+as `-p NAME:=VALUE` behind `--ros-args`, as `--NAME VALUE` of a node and as `--set NAME=VALUE` of a
+command. A vector is a list of three, or one number for all three axes; a matrix is a list of nine
+numbers, row by row. Parameters marked with * take a new value while the node runs; all others are
+fixed when it starts. An unknown name or a value out of range is an error, and all errors are
+reported together.
+"""
+_SIMULATOR = """\
+Node `simulator`, command `generate`. `imu.preset` names a file in `config/imus` ({imus}) or any
+parameter file; `trajectory.type` a file in `config/trajectories` ({trajectories}) or one of the
+kinds below.
+"""
+_INTEGRATOR = """\
+Node `integrator`. What a parameter file says below `imu.` for the simulator, and the integrator has
+no use for, is passed over, so that both can be given the same file.
+"""
+_RECORDER = """\
+Node `recorder`. Words without `--` are topics, `-o` stands for `--output`, and durations may have a
+unit (`20s`, `10min`, `4h`).
+"""
+
+
+def reference() -> str:
+    """Return the whole reference."""
+    return "\n".join(_lines())
+
+
+def _lines() -> Iterator[str]:
+    yield _INTRODUCTION
+    yield "## Simulation\n"
+    yield _SIMULATOR.format(
+        imus=", ".join(files.names("imus")), trajectories=", ".join(files.names("trajectories"))
+    )
+    simulator = parameters(SimulatorParameters)
+    yield from _table({name: p for name, p in simulator.items() if not name.startswith(_PREFIX)})
+    shared = {_PREFIX + name: p for name, p in parameters(TrajectoryParameters).items()}
+    yield "### Every trajectory\n"
+    yield from _table(shared)
+    for kind, section in TYPES.items():
+        yield f"### trajectory.type: {kind}\n"
+        yield f"{_summary(section)}\n"
+        own = {_PREFIX + name: p for name, p in parameters(section).items()}
+        yield from _table({name: p for name, p in own.items() if name not in shared})
+    yield "## Integrator\n"
+    yield _INTEGRATOR
+    yield from _table(parameters(IntegratorParameters))
+    yield "## Recorder\n"
+    yield _RECORDER
+    yield from _table(parameters(RecorderParameters))
+
+
+def _summary(section: type) -> str:
+    return (section.__doc__ or "").strip().split("\n")[0]
+
+
+def _table(rows: Mapping[str, Parameter]) -> Iterator[str]:
+    if not rows:
+        yield "It has no parameters of its own.\n"
+        return
+    yield "| parameter | default | unit | allowed | meaning |"
+    yield "|---|---|---|---|---|"
+    for name, parameter in rows.items():
+        yield _row(name, parameter)
+    yield ""
+
+
+def _row(name: str, parameter: Parameter) -> str:
+    allowed = parameter.allowed().removesuffix(f" [{parameter.unit}]")
+    cells: Iterable[str] = (
+        f"`{name}`" + (" \\*" if parameter.live else ""),
+        f"`{_plain(parameter.default)}`",
+        parameter.unit,
+        allowed,
+        parameter.text,
+    )
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+
+
+def _plain(value: Value) -> str:
+    if isinstance(value, tuple):
+        same_number = len(value) == 3 and len(set(value)) == 1
+        return _plain(value[0]) if same_number else f"[{', '.join(map(_plain, value))}]"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return value or "''"
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Print the reference."""
+    parser = common.Parser("parameter_reference", description=__doc__)
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.parse_args(arguments)
+    return common.run("parameter_reference", lambda: print(reference(), end=""))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

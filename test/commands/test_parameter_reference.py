@@ -1,0 +1,29 @@
+"""The parameter reference says what the parameters say."""
+
+from pathlib import Path
+
+from imu_sim_ros.commands.parameter_reference import reference
+from imu_sim_ros.config.integrator import IntegratorParameters
+from imu_sim_ros.config.parameter import parameters
+from imu_sim_ros.config.recorder import RecorderParameters
+from imu_sim_ros.config.simulator import SimulatorParameters
+from imu_sim_ros.config.trajectory import TYPES
+
+DOCUMENT = Path(__file__).parents[2] / "docs/parameters.md"
+
+
+def test_the_document_is_current():
+    assert DOCUMENT.read_text(encoding="utf-8") == reference(), (
+        "write it again: python -m imu_sim_ros.commands.parameter_reference > docs/parameters.md"
+    )
+
+
+def test_every_parameter_has_a_row_with_its_unit():
+    rows = {line.split("`")[1]: line for line in reference().splitlines() if line[:3] == "| `"}
+    known = {**parameters(IntegratorParameters), **parameters(RecorderParameters)}
+    for kind in TYPES:
+        known.update(parameters(SimulatorParameters, {"trajectory.type": kind}))
+    assert set(rows) == set(known)
+    # Names that several sections share have rows of their own; the last one is looked at.
+    assert "| m/s^2 |" in rows["gravity"]
+    assert all(parameter.text for parameter in known.values())
