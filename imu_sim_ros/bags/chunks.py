@@ -69,6 +69,11 @@ class ChunkWriter(Writer):
         """Bytes in the file, with what waits in memory."""
         return self.file.position + self._pending_bytes
 
+    @property
+    def files(self) -> list[Path]:
+        """The file, by the name that it has now."""
+        return [self.file.current]
+
     def write_blocks(self, blocks: Sequence[Block]) -> None:
         """Write the messages of several topics, ordered by record time among each other."""
         self._collect_raw()

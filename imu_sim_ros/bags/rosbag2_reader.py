@@ -20,7 +20,6 @@ from imu_sim_ros.errors import InputError
 
 _END_NS: Final = 2**63 - 1
 _ROWS: Final = 4096
-_SQLITE_HEADER: Final = 100
 
 
 class SqliteBag(Bag):
@@ -40,12 +39,13 @@ class SqliteBag(Bag):
         try:
             file = self._copy() if recover else path
             mode = "rw" if recover else "ro"
-            database = sqlite3.connect(f"{file.as_uri()}?mode={mode}", uri=True, timeout=1.0)
-            database.close()
             self._database = sqlite3.connect(
                 f"{file.absolute().as_uri()}?mode={mode}", uri=True, check_same_thread=False
             )
             self._stack.callback(self._database.close)
+            if recover:
+                # SQLite then opens files whose end, or whose index, is missing.
+                self._database.execute("PRAGMA writable_schema = ON")
             self._topics = self._read_topics()
         except sqlite3.Error as error:
             self._stack.close()
@@ -64,9 +64,7 @@ class SqliteBag(Bag):
             source = self.path.with_name(self.path.name + suffix)
             if source.exists():
                 shutil.copyfile(source, folder / source.name)
-        copy = folder / self.path.name
-        _accept_missing_pages(copy)
-        return copy
+        return folder / self.path.name
 
     def _read_topics(self) -> dict[int, TopicInfo]:
         columns = {row[1] for row in self._database.execute("PRAGMA table_info(topics)")}
@@ -114,19 +112,19 @@ class SqliteBag(Bag):
             f"({','.join('?' * len(ids))}) ORDER BY {order}",
             ids,
         )
-        while True:
-            try:
-                rows = cursor.fetchmany(_ROWS)
-            except sqlite3.Error as error:
-                if not self._recover:
-                    raise InputError(
-                        f"{self.path}: {error} (--recover takes what is there)"
-                    ) from None
-                self.damage.append(str(error))
-                return
-            if not rows:
-                return
-            yield Timed(rows[-1][1], self._blocks(rows))
+        rows: list[tuple[int, int, bytes]] = []
+        try:
+            for row in cursor:
+                rows.append(row)
+                if len(rows) == _ROWS:
+                    yield Timed(row[1], self._blocks(rows))
+                    rows = []
+        except sqlite3.Error as error:
+            if not self._recover:
+                raise InputError(f"{self.path}: {error} (--recover takes what is there)") from None
+            self.damage.append(str(error))
+        if rows:
+            yield Timed(_END_NS, self._blocks(rows))
 
     def _blocks(self, rows: list[tuple[int, int, bytes]]) -> list[MessageBlock]:
         by_topic: dict[int, tuple[list[int], list[bytes]]] = {}
@@ -195,24 +193,6 @@ class Rosbag2Folder(Bag):
                     ],
                 )
             self.damage += part.damage
-
-
-def _accept_missing_pages(file: Path) -> None:
-    """Let SQLite open a file whose end is missing.
-
-    The number of pages in the header counts only while two of its counters are equal
-    (https://www.sqlite.org/fileformat.html, 1.3.7); otherwise the size of the file does.
-    """
-    with file.open("rb") as stream:
-        header = stream.read(_SQLITE_HEADER)
-    if len(header) < _SQLITE_HEADER:
-        return
-    page = int.from_bytes(header[16:18], "big")
-    pages = int.from_bytes(header[28:32], "big")
-    if file.stat().st_size < pages * (65536 if page == 1 else page):
-        with file.open("r+b") as stream:
-            stream.seek(92)
-            stream.write(bytes(byte ^ 0xFF for byte in header[24:28]))
 
 
 def read_metadata(folder: Path) -> dict[str, Any]:
