@@ -1,0 +1,201 @@
+"""Allan analysis: coverage and bias over many runs, barely visible walks, speed and memory.
+
+``python test/bench/bench_allan.py [--runs 100] [--only coverage|walks|lecture|speed]``
+"""
+
+import argparse
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from imu_sim_ros.calibration.analysis import AllanResult, analyse
+from imu_sim_ros.calibration.estimate import AxisNoise, estimate
+from imu_sim_ros.calibration.gauss_markov import estimate_gauss_markov
+from imu_sim_ros.calibration.spectrum import SpectrumAccumulator
+from imu_sim_ros.calibration.truth import compare
+from imu_sim_ros.commands.common import print_table
+from imu_sim_ros.config.simulation import load_simulation
+from imu_sim_ros.sensor.block import ImuBlock
+from imu_sim_ros.stream import Simulation
+
+HOUR = 3600.0
+SENSORS: dict[str, dict[str, object]] = {
+    "white + walk": {"imu.preset": "lecture"},
+    "white + flicker": {
+        "imu.gyroscope_noise_density": 1.7e-4,
+        "imu.gyroscope_bias_instability": 5.1e-5,
+        "imu.accelerometer_noise_density": 2.0e-3,
+        "imu.accelerometer_bias_instability": 6.0e-4,
+    },
+    "white + Gauss-Markov": {
+        "imu.gyroscope_noise_density": 1.0e-3,
+        "imu.gyroscope_gauss_markov_sigma": 3.0e-4,
+        "imu.gyroscope_correlation_time": 100.0,
+        "imu.accelerometer_noise_density": 1.0e-2,
+        "imu.accelerometer_gauss_markov_sigma": 3.0e-3,
+        "imu.accelerometer_correlation_time": 200.0,
+    },
+}
+KEYS = {
+    "white + walk": ("noise_density", "random_walk"),
+    "white + flicker": ("noise_density", "bias_instability"),
+    "white + Gauss-Markov": ("noise_density", "gauss_markov_sigma", "correlation_time"),
+}
+
+
+def simulation(values: dict[str, object], hours: float, rate: float, seed: int) -> Simulation:
+    fixed = {
+        "imu.preset": "perfect",
+        "trajectory.type": "static",
+        "duration": hours * HOUR,
+        "rate": rate,
+        "seed": seed,
+    }
+    return Simulation(load_simulation(fixed, values))
+
+
+def estimates(run: Simulation, model: str) -> list[AxisNoise]:
+    accumulator = SpectrumAccumulator(run.parameters.rate, 6)
+    for block in run.blocks():
+        accumulator.add(np.concatenate([block.gyro, block.accel], axis=1))
+    accumulator.end_piece()
+    spectrum = accumulator.result()
+    chosen = estimate_gauss_markov if "Markov" in model else estimate
+    return [chosen(spectrum, axis) for axis in range(6)]
+
+
+def coverage(runs: int) -> None:
+    """Print how often the 95 % intervals hold the truth, and the mean relative bias."""
+    rows = []
+    for model, values in SENSORS.items():
+        found = [estimates(simulation(values, 2.0, 100.0, seed), model) for seed in range(runs)]
+        imu = simulation(values, 2.0, 100.0, 0).parameters.imu
+        for triad in range(2):
+            name = ("gyroscope", "accelerometer")[triad]
+            for key in KEYS[model]:
+                truth = getattr(imu, f"{name}_{key}")[0]
+                cells = [run[3 * triad + k].estimates[key] for run in found for k in range(3)]
+                known = np.array([c.value for c in cells if c.value is not None])
+                rows.append(
+                    [
+                        f"{model}: {name} {key}",
+                        f"{truth:g}",
+                        f"{100 * np.mean([c.covers(truth) for c in cells]):.1f} %",
+                        f"{100 * (known.mean() / truth - 1):+.2f} %",
+                        f"{100 * known.std() / truth:.2f} %",
+                        f"{len(cells) - len(known)} of {len(cells)}",
+                    ]
+                )
+    header = ["2 h at 100 Hz", "truth", "covered", "mean bias", "spread", "bounds only"]
+    print_table(header, rows, f"Coverage of 95 % intervals: seeds 0..{runs - 1}, three axes each")
+
+
+def walks(runs: int) -> None:
+    """Print what becomes of random walks that are hardly visible in 3 h at 100 Hz."""
+    rows = []
+    for walk in (2e-5, 2e-6, 2e-7):
+        values: dict[str, object] = {
+            "imu.gyroscope_noise_density": 1e-3,
+            "imu.gyroscope_random_walk": walk,
+            "imu.accelerometer_noise_density": 1e-3,
+            "imu.accelerometer_random_walk": walk,
+        }
+        cells = [
+            noise.estimates["random_walk"]
+            for seed in range(runs)
+            for noise in estimates(simulation(values, 3.0, 100.0, seed), "standard")
+        ]
+        known = np.array([c.value for c in cells if c.value is not None])
+        rows.append(
+            [
+                f"N = 1e-3, K = {walk:g}",
+                f"{len(known)} of {len(cells)}",
+                f"{np.median(known) / walk:.2f}" if len(known) else "",
+                f"{np.median([c.high for c in cells]) / walk:.2f}",
+                f"{100 * np.mean([c.covers(walk) for c in cells]):.1f} %",
+            ]
+        )
+    header = ["3 h at 100 Hz", "a value", "its median / K", "median upper end / K", "covered"]
+    print_table(header, rows, f"Barely visible walks: seeds 0..{runs - 1}, six axes each")
+
+
+def lecture() -> None:
+    """Print the lecture's verification: 4 h at 200 Hz."""
+    rows = []
+    for seed in range(3):
+        run = simulation({"imu.preset": "lecture"}, 4.0, 200.0, seed)
+        result = analyse([_blocks(run)])
+        cells = [c for c in compare(result, run.parameters.imu) if c.truth > 0.0]
+        worst = max(
+            abs(c.estimate.value / c.truth - 1.0)
+            for c in cells
+            if c.key == "noise_density" and c.estimate.value is not None
+        )
+        rows.append(
+            [f"seed {seed}", f"{sum(c.covered for c in cells)} of {len(cells)}"]
+            + [f"{100 * worst:.3f} %"]
+            + [_triad(result, triad) for triad in range(2)]
+        )
+    header = ["4 h at 200 Hz", "covered", "worst N", "gyroscope K", "accelerometer K"]
+    print_table(header, rows, "Lecture: N 0.015 / 0.019, K 5e-5 / 5e-4")
+
+
+def _triad(result: AllanResult, triad: int) -> str:
+    found = [result.estimate(3 * triad + k, "random_walk") for k in range(3)]
+    return " ".join(f"{e.value:.2e}" if e.value else f"<{e.high:.1e}" for e in found)
+
+
+def _blocks(run: Simulation) -> Iterator[ImuBlock]:
+    yield from run.blocks()
+
+
+def speed() -> None:
+    """Print time and memory of the whole command, 2 h and 24 h at 200 Hz."""
+    rows = []
+    for hours, name in ((2, "x.mcap"), (2, "x.bag"), (24, "day.mcap")):
+        with tempfile.TemporaryDirectory() as folder:
+            bag = Path(folder) / name
+            _run("generate", "--imu", "lecture", "--trajectory", "static", "--rate", "200",
+                 "--duration", f"{hours}h", "--imu-only", "--quiet", "-o", str(bag))  # fmt: skip
+            times = [
+                _run("allan", str(bag), "-o", f"{folder}/allan", "--quiet")
+                for _ in range(3 if hours < 10 else 1)
+            ]
+        memory = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024.0
+        rows.append([f"{hours} h at 200 Hz, {name}", f"{np.median(times):.2f} s", f"{memory:.0f}"])
+    header = ["allan: read, deviation, fit, files, picture", "whole process", "peak MB so far"]
+    print_table(header, rows, "Speed (allan_variance_ros: 63 s for 2 h, without a picture)")
+
+
+def _run(command: str, *arguments: str) -> float:
+    begin = time.perf_counter()
+    subprocess.run(
+        [sys.executable, "-m", f"imu_sim_ros.commands.{command}", *arguments], check=True
+    )
+    return time.perf_counter() - begin
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Print the chosen tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--runs", type=int, default=100)
+    parser.add_argument("--only", choices=("coverage", "walks", "lecture", "speed"))
+    arguments = parser.parse_args(argv)
+    if arguments.only in (None, "speed"):
+        speed()
+    if arguments.only in (None, "lecture"):
+        lecture()
+    if arguments.only in (None, "walks"):
+        walks(max(arguments.runs // 5, 1))
+    if arguments.only in (None, "coverage"):
+        coverage(arguments.runs)
+
+
+if __name__ == "__main__":
+    main()
