@@ -1,0 +1,119 @@
+"""Recording and integrating live: losses and CPU at 2 x 1 kHz and 2 x 2 kHz.
+
+The simulator publishes Imu and Odometry, reliable, and starts when its subscriber is there, so that
+every message counts. CPU is that of the whole recording (or integrating) process while messages
+flow, of one core, its start not counted; lost is what was published and is not in the bag, or has
+no odometry. ``--duration`` is the time of each row.
+"""
+
+import argparse
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from imu_sim_ros.commands.common import print_table
+
+RATES = (1000, 2000)
+ROWS = (
+    ("recorder", "mcap", "bag", []),
+    ("recorder", "mcap, zstd", "bag", ["--compression", "zstd"]),
+    ("recorder", "sqlite3", "bag", ["--storage", "sqlite3"]),
+    ("recorder", "ros1", "bag.bag", []),
+    ("integrator", "midpoint, covariance", "", []),
+    ("integrator", "midpoint", "", ["--covariance", "false"]),
+    ("integrator", "rk4, covariance", "", ["--method", "rk4"]),
+)
+_TICKS = os.sysconf("SC_CLK_TCK")
+_START = 2.5
+_TOPICS = ("/imu/data_raw", "/ground_truth/odom")
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--duration", type=float, default=10.0)
+    duration = parser.parse_args().duration
+    rows = [
+        measure(node, label, output, options, rate, duration)
+        for rate in RATES
+        for node, label, output, options in ROWS
+    ]
+    header = ("node", "Hz", "published", "lost", "CPU %", "MB", "us per message")
+    print_table(header, rows, f"Imu and Odometry for {duration:g} s each")
+
+
+def measure(
+    node: str, label: str, output: str, options: list[str], rate: int, duration: float
+) -> tuple[str, ...]:
+    """Run one node beside the simulator and return its row."""
+    with tempfile.TemporaryDirectory() as folder:
+        bag = Path(folder) / output
+        recording = node == "recorder"
+        arguments = ["-o", str(bag), *_TOPICS] if recording else []
+        subject = start(node, [*arguments, *options], folder)
+        time.sleep(_START)
+        before = cpu(subject.pid)
+        published = simulate(rate, duration, folder, both=recording)
+        time.sleep(0.5)
+        used = cpu(subject.pid) - before
+        subject.send_signal(signal.SIGINT)
+        words = subject.communicate()[0]
+        got = stored(words, _TOPICS) if recording else counted(words, "dead_reckoned/odom")
+        size = sum(f.stat().st_size for f in Path(folder).rglob("*") if f.is_file())
+    return (
+        f"{node}: {label}",
+        str(rate),
+        str(published),
+        str(published - got),
+        f"{100.0 * used / duration:.1f}",
+        f"{size / 1e6:.1f}" if recording else "-",
+        f"{1e6 * used / published:.0f}",
+    )
+
+
+def start(node: str, arguments: list[str], folder: str) -> subprocess.Popen[str]:
+    """Start a node on a domain of its own."""
+    return subprocess.Popen(
+        [sys.executable, "-m", f"imu_sim_ros.nodes.{node}", *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        cwd=folder,
+        env={**os.environ, "ROS_DOMAIN_ID": "97", "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"},
+    )
+
+
+def simulate(rate: int, duration: float, folder: str, both: bool) -> int:
+    """Run the simulator and return how many messages it published for the node."""
+    truth = ["--wait_for_truth_subscribers", "1"] if both else []
+    arguments = ["--rate", str(rate), "--duration", str(duration), "--imu", "adis16448"]
+    simulator = start("simulator", [*arguments, "--wait_for_subscribers", "1", *truth], folder)
+    words = simulator.communicate()[0]
+    topics = _TOPICS if both else _TOPICS[:1]
+    return sum(counted(words, topic[1:]) for topic in topics)
+
+
+def counted(words: str, topic: str) -> int:
+    """Return what a node said it published on a topic."""
+    lines = [line.split() for line in words.splitlines()]
+    return next((int(line[3]) for line in lines if line[1:3] == ["counted", topic]), 0)
+
+
+def stored(words: str, topics: tuple[str, ...]) -> int:
+    """Return what the recorder said it recorded of topics."""
+    rows = [line.split() for line in words.splitlines()]
+    return sum(int(row[1]) for row in rows if row and row[0] in topics)
+
+
+def cpu(pid: int) -> float:
+    """Return the processor time of a process so far [s]."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / _TICKS
+
+
+if __name__ == "__main__":
+    main()
