@@ -122,7 +122,8 @@ class Rosbag1Writer(ChunkWriter):
             index_pos=_u8(index_position),
             op=_u1(OP_BAG_HEADER),
         )
-        padding = BAG_HEADER_BYTES - len(header) - 4
+        # Without the two lengths, as roscpp and rospy count: rosbag reindex writes over it.
+        padding = BAG_HEADER_BYTES - (len(header) - 4)
         return header + _u4(padding) + b" " * padding
 
     def _register(self, topic: Topic) -> None:

@@ -55,7 +55,7 @@ class SqliteWriter(Writer):
             self._database = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
             # No waiting for the disk: a flush that is to survive a power cut syncs the file.
             self._database.execute("PRAGMA synchronous = OFF")
-            self._database.execute("PRAGMA journal_mode = TRUNCATE")
+            self._database.execute("PRAGMA journal_mode = DELETE")
             self._database.executescript(_TABLES)
             self._database.execute("INSERT INTO schema VALUES (?, 'jazzy')", (SCHEMA_VERSION,))
             self._database.execute("BEGIN")

@@ -1,0 +1,259 @@
+"""Every container as other people's software reads it."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from rosbags.highlevel import AnyReader
+
+from imu_sim_ros.bags.container import Block, Qos
+from imu_sim_ros.bags.encode import IMU, ImuEncoder
+from imu_sim_ros.bags.mcap_writer import McapWriter
+from imu_sim_ros.bags.read import open_bag, read_imu
+from imu_sim_ros.bags.write import open_writer
+from imu_sim_ros.errors import InputError
+
+ROS1_PYTHON = Path("/usr/bin/python3")
+ROS1_BAGS = ("none.bag", "lz4.bag", "bz2.bag")
+MCAP_FILES = ("none.mcap", "lz4.mcap", "zstd.mcap")
+
+
+def _ros1(*arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run the system's Python, where Debian's real ROS 1 lives, without anything of this venv."""
+    return subprocess.run(
+        [str(ROS1_PYTHON), *arguments],
+        env={"PATH": "/usr/bin:/bin", "HOME": os.environ.get("HOME", "/")},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+    )
+
+
+def _has_ros1() -> bool:
+    code = "import rosbag, sensor_msgs.msg, nav_msgs.msg"
+    return ROS1_PYTHON.exists() and _ros1("-c", code).returncode == 0
+
+
+ros1 = pytest.mark.skipif(
+    not _has_ros1(),
+    reason="REAL ROS 1 NOT TESTED: apt-get install python3-rosbag python3-sensor-msgs "
+    "python3-nav-msgs python3-geometry-msgs",
+)
+
+
+def test_rosbags_reads_every_message(bags, form, content):
+    with AnyReader([bags[form]]) as reader:
+        times = {connection.topic: [] for connection in reader.connections}
+        last = {}
+        for connection, t_ns, raw in reader.messages():
+            times[connection.topic].append(t_ns)
+            last[connection.topic] = reader.deserialize(raw, connection.msgtype)
+    np.testing.assert_array_equal(times["/imu/data_raw"], content.t_ns)
+    np.testing.assert_array_equal(times["/imu/temperature"], content.t_ns)
+    np.testing.assert_array_equal(times["/ground_truth/odom"], content.truth_t_ns)
+    np.testing.assert_array_equal(times["/vector"], content.truth_t_ns)
+    assert last["/imu/data_raw"].angular_velocity.z == content.gyro[-1, 2]
+    assert last["/ground_truth/odom"].pose.pose.orientation.w == content.q_wb[-1, 0]
+    assert last["/imu/temperature"].temperature == content.temperature[-1]
+    assert last["/vector"].vector.x == content.accel[-1, 0]
+
+
+@pytest.mark.parametrize("name", MCAP_FILES)
+def test_mcap_library_and_decoder_read_every_message(bags, name, content):
+    from mcap.reader import make_reader
+    from mcap_ros2.decoder import DecoderFactory
+
+    with bags[name].open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()], validate_crcs=True)
+        statistics = reader.get_summary().statistics
+        rows = [
+            (message.log_time, decoded.angular_velocity.x, decoded.linear_acceleration.z)
+            for _, channel, message, decoded in reader.iter_decoded_messages(["/imu/data_raw"])
+            if channel.topic == "/imu/data_raw"
+        ]
+    assert statistics.message_count == 4 * len(content.t_ns)
+    assert statistics.message_start_time == content.t_ns[0]
+    assert statistics.message_end_time == content.truth_t_ns[-1]
+    t_ns, gyro_x, accel_z = zip(*rows, strict=True)
+    np.testing.assert_array_equal(t_ns, content.t_ns)
+    np.testing.assert_array_equal(gyro_x, content.gyro[:, 0])
+    np.testing.assert_array_equal(accel_z, content.accel[:, 2])
+
+
+@pytest.mark.parametrize("name", MCAP_FILES)
+def test_mcap_messages_stand_in_the_order_of_time(bags, name):
+    from mcap.reader import NonSeekingReader
+
+    with bags[name].open("rb") as file:
+        times = [
+            m.log_time for _, _, m in NonSeekingReader(file).iter_messages(log_time_order=False)
+        ]
+    assert np.all(np.diff(times) >= 0)
+
+
+@pytest.mark.parametrize("name", MCAP_FILES)
+def test_mcap_doctor_finds_nothing(bags, name):
+    doctor = Path(sys.executable).with_name("pymcap-cli")
+    if not doctor.exists():
+        pytest.skip("pymcap-cli is not installed in this environment")
+    result = subprocess.run(
+        [str(doctor), "doctor", str(bags[name])], capture_output=True, text=True, check=False
+    )
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert "passed" in result.stdout
+    assert "warning" not in result.stdout.lower()
+
+
+@ros1
+@pytest.mark.parametrize("name", ROS1_BAGS)
+def test_real_ros1_info_and_check(bags, name, content):
+    path = str(bags[name])
+    info = _ros1("/usr/bin/rosbag", "info", "--yaml", path)
+    facts = yaml.safe_load(info.stdout)
+    assert facts["indexed"] is True
+    assert facts["messages"] == 4 * len(content.t_ns)
+    assert facts["compression"] == name.split(".")[0]
+    check = _ros1("/usr/bin/rosbag", "check", path)
+    assert check.returncode == 0, check.stdout + check.stderr
+    assert "does not need any migrations" in check.stdout
+
+
+READ_ALL = """
+import sys, rosbag
+with rosbag.Bag(sys.argv[1]) as bag:
+    for _, m, t in bag.read_messages(["/imu/data_raw"]):
+        v = m.angular_velocity
+        print(t.to_nsec(), m.header.stamp.to_nsec(), repr(v.x), repr(v.y), repr(v.z))
+"""
+
+
+@ros1
+@pytest.mark.parametrize("name", ROS1_BAGS)
+def test_real_ros1_reads_the_same_messages(bags, name, content):
+    result = _ros1("-c", READ_ALL, str(bags[name]))
+    assert result.returncode == 0, result.stderr
+    rows = [line.split() for line in result.stdout.splitlines()]
+    np.testing.assert_array_equal([int(row[0]) for row in rows], content.t_ns)
+    np.testing.assert_array_equal([int(row[1]) for row in rows], content.t_ns)
+    np.testing.assert_array_equal([[float(x) for x in row[2:]] for row in rows], content.gyro)
+
+
+@ros1
+def test_real_ros1_reindexes_an_interrupted_bag(tmp_path, content):
+    writer = open_writer(tmp_path / "torn.bag")
+    content.write(writer)
+    writer.flush()
+    torn = tmp_path / "torn.bag.active"
+    assert torn.exists()
+    assert not (tmp_path / "torn.bag").exists()
+    copy = tmp_path / "copy.bag"
+    copy.write_bytes(torn.read_bytes())
+    result = _ros1("/usr/bin/rosbag", "reindex", str(copy))
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert len(read_imu(copy).t_ns) == len(content.t_ns)
+    writer.close()
+
+
+def test_metadata_of_a_folder(bags, content):
+    for name in ("folder_mcap", "folder_sqlite3"):
+        text = (bags[name] / "metadata.yaml").read_text()
+        facts = yaml.safe_load(text)["rosbag2_bagfile_information"]
+        assert facts["version"] == 9
+        assert facts["message_count"] == 4 * len(content.t_ns)
+        assert facts["starting_time"]["nanoseconds_since_epoch"] == content.t_ns[0]
+        assert facts["duration"]["nanoseconds"] == content.truth_t_ns[-1] - content.t_ns[0]
+        topics = {t["topic_metadata"]["name"]: t for t in facts["topics_with_message_count"]}
+        metadata = topics["/imu/data_raw"]["topic_metadata"]
+        assert metadata["type"] == IMU
+        assert metadata["type_description_hash"].startswith("RIHS01_7d9a00ff131080897a5ec7e26e31")
+        qos = metadata["offered_qos_profiles"][0]
+        assert qos["deadline"] == {"sec": 9223372036, "nsec": 854775807}
+        assert (qos["reliability"], qos["durability"]) == ("reliable", "volatile")
+
+
+def test_splitting_by_time_and_size(tmp_path, content):
+    with open_writer(tmp_path / "time", split_duration=10.0) as writer:
+        content.write(writer)
+    with open_writer(tmp_path / "size.bag", split_size=3_000_000) as writer:
+        content.write(writer)
+    parts = sorted((tmp_path / "time").glob("*.mcap"))
+    # 9000 samples at 200 Hz are 45 s.
+    assert len(parts) == 5
+    for part in parts:
+        t_ns = read_imu(part).t_ns
+        assert t_ns[-1] - t_ns[0] < 10e9
+    np.testing.assert_array_equal(read_imu(tmp_path / "time").t_ns, content.t_ns)
+    files = sorted(tmp_path.glob("size_*.bag"))
+    assert len(files) > 2
+    joined = np.concatenate([read_imu(file).t_ns for file in files])
+    np.testing.assert_array_equal(joined, content.t_ns)
+
+
+def test_single_messages_and_varying_sizes(tmp_path, content):
+    frames = ["a", "imu_link", "some_longer_name"]
+    for name in ("x.mcap", "x.bag", "x"):
+        with open_writer(tmp_path / name) as writer:
+            topic = writer.add_topic("/imu", IMU, [Qos("best_effort", "transient_local")])
+            for k in range(300):
+                encoder = ImuEncoder(frames[k % 3], writer.encoding)
+                row = encoder.encode(
+                    content.t_ns[k : k + 1], content.gyro[k : k + 1], content.accel[k : k + 1]
+                )
+                writer.write_raw(topic, int(content.t_ns[k]), row.tobytes())
+        read = read_imu(tmp_path / name)
+        np.testing.assert_array_equal(read.t_ns, content.t_ns[:300])
+        np.testing.assert_array_equal(read.gyro, content.gyro[:300])
+        with open_bag(tmp_path / name) as bag:
+            assert bag.topics[0].qos[0].durability == "transient_local"
+
+
+def test_chunks_that_overlap_in_time_are_merged(tmp_path, content):
+    encoder = ImuEncoder("imu_link")
+    order = np.arange(4000).reshape(2, 2000).T.reshape(-1)  # 0, 2000, 1, 2001, ...
+    with McapWriter(tmp_path / "x.mcap") as writer:
+        topic = writer.add_topic("/imu", IMU)
+        for rows in np.split(order, 8):
+            t_ns = content.t_ns[rows]
+            payloads = encoder.encode(t_ns, content.gyro[rows], content.accel[rows])
+            writer.write_blocks([Block(topic, t_ns, payloads)])
+            writer.flush()
+    read = read_imu(tmp_path / "x.mcap")
+    np.testing.assert_array_equal(read.t_ns, content.t_ns[:4000])
+    np.testing.assert_array_equal(read.gyro, content.gyro[:4000])
+
+
+def test_places_and_options_that_cannot_be_used(tmp_path):
+    (tmp_path / "there.mcap").write_text("mine")
+    for path, options, words in (
+        ("there.mcap", {}, "exists already"),
+        ("missing/x.mcap", {}, "does not exist"),
+        ("x.bag", {"compression": "zstd"}, "ros1 takes none, lz4, bz2"),
+        ("x.mcap", {"storage": "sqlite3"}, "has the storage mcap"),
+        ("x", {"storage": "paper"}, "must be one of mcap, sqlite3, ros1"),
+    ):
+        with pytest.raises(InputError, match=words):
+            open_writer(tmp_path / path, **options)
+    assert (tmp_path / "there.mcap").read_text() == "mine"
+
+
+def test_a_topic_is_added_once(tmp_path):
+    with open_writer(tmp_path / "x.mcap") as writer:
+        writer.add_topic("/imu", IMU)
+        with pytest.raises(InputError, match="/imu is there already"):
+            writer.add_topic("/imu", IMU)
+        with pytest.raises(InputError, match="definition of this message type is not known"):
+            writer.add_topic("/other", "my_msgs/msg/Unknown")
+
+
+def test_a_failure_leaves_no_empty_files(tmp_path):
+    for name in ("x.mcap", "x.bag", "x", "y"):
+        storage = "sqlite3" if name == "y" else None
+        with pytest.raises(RuntimeError), open_writer(tmp_path / name, storage) as writer:
+            writer.add_topic("/imu", IMU)
+            raise RuntimeError
+    assert list(tmp_path.iterdir()) == []

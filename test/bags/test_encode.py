@@ -1,0 +1,118 @@
+"""The bytes of messages against rosbags' serialisation, for random content."""
+
+import numpy as np
+import pytest
+from rosbags.typesys import Stores, get_typestore
+
+from imu_sim_ros.bags import encode
+from imu_sim_ros.errors import InputError
+
+STORES = {"cdr": get_typestore(Stores.ROS2_JAZZY), "ros1": get_typestore(Stores.ROS1_NOETIC)}
+N = 5
+FRAMES = ("imu_link", "a", "", "imu/ä", "x" * 13)
+
+
+def _messages(name, encoding, frame, rng):
+    t_ns = rng.integers(0, 2**31 - 1, N) * 10**9 + rng.integers(0, 10**9, N)
+    a, b, c, d = rng.standard_normal((4, N, 3))
+    q = rng.standard_normal((N, 4))
+    covariances = rng.standard_normal((2, N, 6, 6))
+    if name == encode.IMU:
+        matrix = rng.standard_normal((3, 3))
+        rows = encode.ImuEncoder(frame, encoding).encode(t_ns, a, b, matrix, (1.0, 2.0, 3.0))
+        return (
+            t_ns,
+            rows,
+            lambda m, k: (
+                (m.angular_velocity, a[k]),
+                (m.linear_acceleration, b[k]),
+                (m.angular_velocity_covariance, matrix.ravel()),
+                (m.linear_acceleration_covariance, np.diag([1.0, 2.0, 3.0]).ravel()),
+                (m.orientation_covariance, [-1.0] + [0.0] * 8),
+                (m.orientation, (0.0, 0.0, 0.0, 1.0)),
+            ),
+        )
+    if name == encode.ODOMETRY:
+        encoder = encode.OdometryEncoder(frame, "child", encoding)
+        rows = encoder.encode(t_ns, a, q, c, d, *covariances)
+        return (
+            t_ns,
+            rows,
+            lambda m, k: (
+                (m.pose.pose.position, a[k]),
+                (m.pose.pose.orientation, q[k][[1, 2, 3, 0]]),
+                (m.twist.twist.linear, c[k]),
+                (m.twist.twist.angular, d[k]),
+                (m.pose.covariance, covariances[0][k].ravel()),
+                (m.twist.covariance, covariances[1][k].ravel()),
+            ),
+        )
+    if name == encode.POSE_STAMPED:
+        rows = encode.PoseStampedEncoder(frame, encoding).encode(t_ns, a, q)
+        return (
+            t_ns,
+            rows,
+            lambda m, k: (
+                (m.pose.position, a[k]),
+                (m.pose.orientation, q[k][[1, 2, 3, 0]]),
+            ),
+        )
+    if name == encode.VECTOR3_STAMPED:
+        rows = encode.Vector3StampedEncoder(frame, encoding).encode(t_ns, a)
+        return t_ns, rows, lambda m, k: ((m.vector, a[k]),)
+    rows = encode.TemperatureEncoder(frame, encoding).encode(t_ns, a[:, 0], 0.25)
+    return t_ns, rows, lambda m, k: (([m.temperature, m.variance], [a[k, 0], 0.25]),)
+
+
+def _numbers(value):
+    if hasattr(value, "x"):
+        return [value.x, value.y, value.z] + ([value.w] if hasattr(value, "w") else [])
+    return value
+
+
+@pytest.mark.parametrize("encoding", ["cdr", "ros1"])
+@pytest.mark.parametrize("frame", FRAMES)
+@pytest.mark.parametrize(
+    "name",
+    [
+        encode.IMU,
+        encode.ODOMETRY,
+        encode.POSE_STAMPED,
+        encode.VECTOR3_STAMPED,
+        encode.TEMPERATURE,
+    ],
+)
+def test_bytes_equal_those_of_rosbags(name, frame, encoding):
+    rng = np.random.default_rng(3)
+    t_ns, rows, fields = _messages(name, encoding, frame, rng)
+    store = STORES[encoding]
+    for k, row in enumerate(rows):
+        message = getattr(store, f"deserialize_{encoding}")(row.tobytes(), name)
+        assert bytes(getattr(store, f"serialize_{encoding}")(message, name)) == row.tobytes()
+        assert message.header.frame_id == frame
+        stamp = message.header.stamp
+        assert stamp.sec * 10**9 + stamp.nanosec == t_ns[k]
+        for found, expected in fields(message, k):
+            np.testing.assert_array_equal(_numbers(found), expected)
+
+
+@pytest.mark.parametrize("encoding", ["cdr", "ros1"])
+def test_clock(encoding):
+    t_ns = np.array([0, 1, 2_000_000_001])
+    rows = encode.ClockEncoder(encoding).encode(t_ns)
+    for row, expected in zip(rows, t_ns.tolist(), strict=True):
+        message = getattr(STORES[encoding], f"deserialize_{encoding}")(row.tobytes(), encode.CLOCK)
+        assert message.clock.sec * 10**9 + message.clock.nanosec == expected
+
+
+def test_no_samples_are_no_messages():
+    rows = encode.ImuEncoder("imu_link").encode(
+        np.empty(0, dtype=np.int64), np.empty((0, 3)), np.empty((0, 3))
+    )
+    assert rows.shape == (0, 324)
+
+
+@pytest.mark.parametrize("t_ns", [-1, 2**31 * 10**9])
+def test_stamps_that_a_message_cannot_hold(t_ns):
+    with pytest.raises(InputError, match="a message holds 0 to 2147483647 s"):
+        encode.ClockEncoder().encode(np.array([t_ns]))
