@@ -19,7 +19,7 @@ from imu_sim_ros.navigation.association import (
     interpolate_poses,
     interpolate_vectors,
 )
-from imu_sim_ros.navigation.consistency import Band, anees_band, nees, straightened
+from imu_sim_ros.navigation.consistency import Band, anees_band, nees
 from imu_sim_ros.navigation.evaluation import (
     AbsoluteErrors,
     absolute_errors,
@@ -218,11 +218,10 @@ def _consistency(
     if not usable.any():
         return None
     band = anees_band(3, 1)
-    along_arc = straightened(errors.attitude, errors.position)
     result: dict[str, Any] = {
         "poses": int(np.count_nonzero(usable)),
         "band_95": list(band),
-        "position": _nees(along_arc[usable], pose[usable, :3, :3], band),
+        "position": _nees(errors.position[usable], pose[usable, :3, :3], band),
         "attitude": _nees(errors.attitude[usable], pose[usable, 3:, 3:], band),
         "velocity": None,
     }

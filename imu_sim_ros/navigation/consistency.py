@@ -5,9 +5,9 @@ section 5.4.2: the normalised estimation error squared (NEES) ``e^T P^-1 e`` of 
 estimate is chi-square distributed with as many degrees of freedom as e has numbers, and its mean
 over independent runs (ANEES) lies in a band that shrinks with their number.
 
-Which numbers e holds matters where the attitude is off by more than a degree or so. Velocity and
-position that were integrated along a tilted gravity err along an arc, not along a straight line;
-their plain difference has an error of second order that no covariance of first order knows. In the
+With a covariance of first order it matters which numbers e holds, where the attitude is off by more
+than a degree or so. Velocity and position that were integrated along a tilted gravity err along an
+arc, not along a straight line; their plain difference has an error of second order. In the
 coordinates of the group of attitude, velocity and position, SE_2(3), the arc is straight (Barrau
 and Bonnabel, "The invariant extended Kalman filter as a stable observer", TAC 2017; Brossard,
 Barrau, Chauchat and Bonnabel, "Associating uncertainty to extended poses for on Lie group IMU

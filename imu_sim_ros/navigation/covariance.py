@@ -13,7 +13,7 @@ each, in the world), bias of the gyroscope and of the accelerometer (3 each, in 
 (Groves, "Principles of GNSS, inertial, and multisensor integrated navigation systems", 2nd edition,
 section 14.2, for a world that does not turn), integrated to first order over each step. The white
 noise of a reading counts once, for one step: midpoint's halves of it in two neighbouring steps add
-up to the same.
+up to the same. What a tilt adds to second order, :mod:`imu_sim_ros.navigation.second_order` says.
 """
 
 from collections.abc import Sequence
@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from imu_sim_ros import rotation
 from imu_sim_ros.navigation.noise import Noise
+from imu_sim_ros.navigation.second_order import SecondOrder
 from imu_sim_ros.navigation.state import NavigationStates
 
 Array = NDArray[np.float64]
@@ -33,6 +34,8 @@ ATTITUDE, VELOCITY, POSITION = slice(0, 3), slice(3, 6), slice(6, 9)
 GYRO_BIAS, ACCEL_BIAS = slice(9, 12), slice(12, 15)
 
 _POSE = np.r_[POSITION, ATTITUDE]
+_SECOND_ORDER_INTERVAL: Final = 0.1
+"""[s] at which the second order is brought up to date; it grows slowly and costs 0.1 ms."""
 
 
 def initial_covariance(
@@ -56,14 +59,22 @@ class Covariance:
     def __init__(self, noise: Noise, initial: Array | None = None) -> None:
         """Start with the covariance of the initial state's error (15, 15); None is no error."""
         self.matrix = np.zeros((SIZE, SIZE)) if initial is None else np.array(initial)
-        """(15, 15)"""
-        self._noise = noise
+        """(15, 15), to first order."""
         self._gyro_white = np.square(noise.gyroscope_noise_density)
         self._accel_white = np.square(noise.accelerometer_noise_density)
         walks = (noise.gyroscope_random_walk, noise.accelerometer_random_walk)
         self._walk = np.square(np.concatenate(walks))
         self._walk_diagonal = np.arange(GYRO_BIAS.start, SIZE)
         self._transition = np.eye(SIZE)
+        self._second_order = SecondOrder()
+        self._begin_interval()
+
+    def _begin_interval(self) -> None:
+        """Begin to collect what the second order needs."""
+        self._before = self.matrix
+        self._length = 0.0
+        self._gained = np.zeros(3)
+        self._turned = np.zeros((3, 3))
 
     def step(self, h: float, r_wb: Array, force_b: Array | Sequence[float]) -> None:
         """Propagate over an interval.
@@ -72,7 +83,8 @@ class Covariance:
         :param r_wb: (3, 3) attitude in the interval, its start's or its middle's.
         :param force_b: (3,) corrected specific force in the interval, in the body [m/s^2].
         """
-        x, y, z = (r_wb @ np.asarray(force_b)) * h
+        gained = (r_wb @ np.asarray(force_b)) * h
+        x, y, z = gained
         turned = r_wb * -h
         tilt = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
         f = self._transition
@@ -88,6 +100,29 @@ class Covariance:
         p[VELOCITY, VELOCITY] += (turned * (self._accel_white / h)) @ turned.T
         p[self._walk_diagonal, self._walk_diagonal] += self._walk * h
         self.matrix = p
+        self._length += h
+        self._gained += gained
+        self._turned += turned
+        if self._length >= _SECOND_ORDER_INTERVAL:
+            self._update_second_order()
+
+    def _update_second_order(self) -> None:
+        before = self._before[ATTITUDE, ATTITUDE]
+        # The error of the attitude at the end, as far as that at the start tells it.
+        by_bias = self._turned @ self._before[GYRO_BIAS, ATTITUDE]
+        kept = np.eye(3) + by_bias @ np.linalg.pinv(before, hermitian=True)
+        after = self.matrix[ATTITUDE, ATTITUDE]
+        acceleration = self._gained / self._length
+        self._second_order.step(self._length, acceleration, before, after, kept)
+        self._begin_interval()
+
+    def mean_square(self) -> Array:
+        """Return the (15, 15) mean square of the error, with the second order of a tilt."""
+        result: Array = self.matrix.copy()
+        result[VELOCITY.start : POSITION.stop, VELOCITY.start : POSITION.stop] += (
+            self._second_order.mean_square()
+        )
+        return result
 
     def pose(self) -> Array:
         """Return the (6, 6) covariance of a message's pose.
@@ -95,7 +130,7 @@ class Covariance:
         The order is that of geometry_msgs/PoseWithCovariance: x, y, z, and the rotations about the
         fixed axes X, Y, Z; all in the frame of the header, the world.
         """
-        result: Array = self.matrix[np.ix_(_POSE, _POSE)]
+        result: Array = self.mean_square()[np.ix_(_POSE, _POSE)]
         return result
 
     def twist(self, r_wb: Array, velocity: ArrayLike, rate_hz: float) -> Array:
@@ -110,7 +145,7 @@ class Covariance:
         jacobian[:3, ATTITUDE] = r_wb.T @ rotation.skew(velocity)
         jacobian[:3, VELOCITY] = r_wb.T
         jacobian[3:, GYRO_BIAS] = -np.eye(3)
-        result: Array = jacobian @ self.matrix @ jacobian.T
+        result: Array = jacobian @ self.mean_square() @ jacobian.T
         result[3:, 3:] += np.diag(self._gyro_white * rate_hz)
         return result
 
@@ -129,7 +164,7 @@ def propagate(
     :param noise: the IMU's noise.
     :param initial: (15, 15) covariance at the first row; None is no error.
     :param at: the m rows that are wanted, increasing; -1 is the last.
-    :returns: (m, 15, 15)
+    :returns: (m, 15, 15) mean squares of the error, the second order of a tilt included.
     """
     covariance = Covariance(noise, initial)
     steps = (np.diff(states.t_ns) * 1e-9).tolist()
@@ -138,7 +173,7 @@ def propagate(
     result = np.empty((len(wanted), SIZE, SIZE))
     for k in range(wanted[-1] + 1):
         for place in (place for place, row in enumerate(wanted) if row == k):
-            result[place] = covariance.matrix
+            result[place] = covariance.mean_square()
         if k < len(steps):
             covariance.step(steps[k], matrices[k], accel[k])
     return result

@@ -125,6 +125,43 @@ def test_covariance_is_that_of_perturbed_starts(record):
     assert np.abs((found - expected) / np.outer(scale, scale)).max() < 5e-3
 
 
+def second_order_of_a_bias(sigma, duration):
+    """Closed form at rest: theta = -b t turns the force g; it is off by (bb^T - |b|^2) g t^2 / 2.
+
+    The vertical loses (b_x^2 + b_y^2) g t^3 / 6 of velocity and t^4 / 24 of position; with two
+    independent normal numbers of one sigma, E[(b_x^2 + b_y^2)^2] = 8 sigma^4.
+    """
+    factor = 8.0 * sigma**4 * 9.81**2
+    return factor * (duration**3 / 6) ** 2, factor * (duration**4 / 24) ** 2
+
+
+def test_second_order_of_an_uncertain_gyroscope_bias():
+    result = Covariance(SILENT, initial_covariance(gyroscope_bias=2e-3))
+    for _ in range(2000):
+        result.step(0.005, np.eye(3), np.array([0.0, 0.0, 9.81]))
+    velocity, position = second_order_of_a_bias(2e-3, 10.0)
+    found = np.diag(result.mean_square())
+    # To first order a vertical force does not act along itself at all.
+    assert result.matrix[5, 5] == 0.0
+    assert found[5] == pytest.approx(velocity, rel=0.03)
+    assert found[8] == pytest.approx(position, rel=0.03)
+
+
+def test_second_order_of_gyroscope_noise():
+    """A tilt by white noise N: the mean of theta_x^2 + theta_y^2 is 2 N^2 t, its covariance known.
+
+    The vertical velocity loses V = g/2 times the integral of q = theta_x^2 + theta_y^2. With
+    Cov(q(t), q(u)) = 4 N^4 min(t, u)^2, E[V^2] = g^2/4 (N^4 T^4 + 4 N^4 T^4 / 6).
+    """
+    density, duration = 0.015, 10.0
+    noise = SILENT._replace(gyroscope_noise_density=np.full(3, density))
+    result = Covariance(noise)
+    for _ in range(2000):
+        result.step(0.005, np.eye(3), np.array([0.0, 0.0, 9.81]))
+    expected = 9.81**2 / 4 * density**4 * duration**4 * (1 + 4 / 6)
+    assert result.mean_square()[5, 5] == pytest.approx(expected, rel=0.03)
+
+
 def test_pose_and_twist_blocks():
     matrix = np.diag(np.arange(1.0, 16.0))
     found = Covariance(SILENT._replace(gyroscope_noise_density=0.1 * AXES), matrix)
