@@ -1,0 +1,131 @@
+"""The command calibrate on simulated bags, end to end."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from imu_sim_ros.commands import calibrate, generate
+
+FLAWS = """
+/**:
+  ros__parameters:
+    imu:
+      preset: perfect
+      gyroscope_noise_density: 1.7e-4
+      accelerometer_noise_density: 2.0e-3
+      gyroscope_bias: [0.01, -0.02, 0.03]
+      accelerometer_bias: [0.1, -0.2, 0.05]
+      accelerometer_scale_error_percent: [2.0, -1.5, 1.0]
+      gyroscope_scale_error_percent: [1.0, -1.0, 0.5]
+      gyroscope_temperature_bias: [2.0e-4, -1.0e-4, 3.0e-4]
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """A folder with the flaws and a bag of each run, 100 Hz."""
+    result = tmp_path_factory.mktemp("calibrate")
+    (result / "flaws.yaml").write_text(FLAWS)
+    for run in ("six_position", "turntable", "temperature_soak"):
+        topics = "imu/data_raw,ground_truth/odom"
+        topics += ",imu/temperature" if run == "temperature_soak" else ""
+        arguments = ["--imu", str(result / "flaws.yaml"), "--trajectory", run, "--rate", "100"]
+        arguments += ["--topics", topics, "--quiet", "-o", str(result / f"{run}.mcap")]
+        assert generate.main(arguments) == 0
+    return result
+
+
+def calibrated(capsys, folder: Path, *arguments: str) -> dict:
+    words = [*arguments, "--json", "--no-files", "--truth", str(folder / "flaws.yaml")]
+    assert calibrate.main(words) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def refused(capsys, *arguments: str) -> str:
+    assert calibrate.main([*arguments, "--no-files"]) == 2
+    message = capsys.readouterr().err
+    assert message.count("\n") == 1
+    return message
+
+
+def close(result: dict, names: set[str]) -> None:
+    """Every value within four standard errors of its truth."""
+    assert names <= set(result["parameters"])
+    for values in result["parameters"].values():
+        value, sigma, truth = (np.array(values[k]) for k in ("value", "sigma", "truth"))
+        assert np.all(np.abs(value - truth) <= 4.0 * sigma)
+
+
+def test_six_position(folder, capsys):
+    result = calibrated(capsys, folder, "six_position", str(folder / "six_position.mcap"))
+    close(result, {"accelerometer_bias", "accelerometer_scale_misalignment", "gyroscope_bias"})
+    assert result["positions"] == 6
+    simple = calibrated(
+        capsys, folder, "six_position", "--simple", str(folder / "six_position.mcap")
+    )
+    assert simple["parameters"]["accelerometer_scale_misalignment"]["sigma"][1] == 0.0
+
+
+@pytest.mark.parametrize(
+    "rates", [(), ("--rates", "0.5,1,2"), ("--rates-deg", "28.6479,57.2958,114.592")]
+)
+def test_turntable_with_rates_or_with_the_truth_in_the_bag(folder, capsys, rates):
+    result = calibrated(capsys, folder, "turntable", *rates, str(folder / "turntable.mcap"))
+    close(result, {"gyroscope_bias", "gyroscope_scale_misalignment", "gyroscope_g_sensitivity"})
+    assert result["rates"] == pytest.approx([0.0, 0.5, 1.0, 2.0], abs=1e-4)
+
+
+def test_temperature(folder, capsys):
+    result = calibrated(capsys, folder, "temperature", str(folder / "temperature_soak.mcap"))
+    close(result, {"gyroscope_temperature_bias", "reference_temperature"})
+    assert result["gyroscope_bias_order"] == [1, 1, 1]
+    assert result["temperature_degC"] == pytest.approx([-20.0, 60.0], abs=0.5)
+
+
+def test_files_and_table(folder, tmp_path, capsys):
+    for run, bag in (
+        ("six_position", "six_position"),
+        ("turntable", "turntable"),
+        ("temperature", "temperature_soak"),
+    ):
+        output = tmp_path / run
+        assert calibrate.main([run, str(folder / f"{bag}.mcap"), "-o", str(output)]) == 0
+        printed = capsys.readouterr().out
+        assert "standard error" in printed
+        assert (output / f"{run}.png").read_bytes()[:4] == b"\x89PNG"
+        assert "accelerometer_bias" in (output / "imu.yaml").read_text() or run == "turntable"
+        assert "gyroscope_bias" in (output / "correction.yaml").read_text()
+    # The parameters go back into the simulator, above a sensor's noise.
+    arguments = ["--imu", "mpu6000", "--params-file", str(tmp_path / "temperature" / "imu.yaml")]
+    arguments += ["--trajectory", "static", "--duration", "1s", "--quiet"]
+    assert generate.main([*arguments, "-o", str(tmp_path / "twin.mcap")]) == 0
+
+
+def test_bad_input_is_one_clear_line(folder, tmp_path, capsys):
+    six, table = (str(folder / f"{run}.mcap") for run in ("six_position", "turntable"))
+    assert "of 6 positions" in _half(folder, tmp_path, capsys)
+    assert "no steady rotation" in refused(capsys, "turntable", six, "--rates", "1")
+    assert "Temperature" in refused(capsys, "temperature", table)
+    assert "gravity = 0" in refused(capsys, "six_position", six, "--gravity", "0")
+    assert "missing.bag" in refused(capsys, "six_position", str(tmp_path / "missing.bag"))
+    imu_only = tmp_path / "imu_only.mcap"
+    generate.main(["--trajectory", "turntable", "--imu-only", "--duration", "60s", "--quiet", "-o",
+                   str(imu_only)])  # fmt: skip
+    assert "give --rates" in refused(capsys, "turntable", str(imu_only))
+
+
+def _half(folder: Path, tmp_path: Path, capsys) -> str:
+    """Five of the six positions."""
+    path = tmp_path / "five.mcap"
+    generate.main(["--imu", str(folder / "flaws.yaml"), "--trajectory", "six_position", "--rate",
+                   "100", "--duration", "170s", "--quiet", "-o", str(path)])  # fmt: skip
+    return refused(capsys, "six_position", str(path))
+
+
+def test_bad_arguments(capsys):
+    with pytest.raises(SystemExit) as status:
+        calibrate.main(["turntable", "x.bag", "--rates", "1,two"])
+    assert status.value.code == 2
+    assert "numbers separated by commas" in capsys.readouterr().err
