@@ -1,5 +1,6 @@
 """Message types as the machine that records has them installed, for any container."""
 
+import struct
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -7,12 +8,16 @@ from imu_sim_ros.bags.schemas import Schema, schema, translated, typestore
 from imu_sim_ros.errors import InputError
 
 
+class BrokenMessageError(InputError):
+    """Bytes that are not a message of their type."""
+
+
 class RecordedType(NamedTuple):
     """How messages that arrive as CDR get into a bag."""
 
     schema: Schema
     convert: Callable[[bytes], bytes]
-    """Turns the CDR of a message into what the bag takes."""
+    """Turns the CDR of a message into what the bag takes; BrokenMessageError where it is none."""
 
 
 def recorded_type(type_name: str, text: str, digest: str, encoding: str) -> RecordedType:
@@ -29,11 +34,16 @@ def recorded_type(type_name: str, text: str, digest: str, encoding: str) -> Reco
         return RecordedType(found, _unchanged)
     if not found.text:
         raise InputError(f"{type_name}: a ROS 1 bag needs its definition, which is not installed")
+    from rosbags.serde import SerdeError
+
     types = typestore([(type_name, found)], "cdr")
     own = schema(type_name, "ros1", translated(types, "ros1"))
 
     def to_ros1(payload: bytes) -> bytes:
-        return bytes(types.cdr_to_ros1(payload, type_name))
+        try:
+            return bytes(types.cdr_to_ros1(payload, type_name))
+        except (SerdeError, struct.error, IndexError, ValueError) as error:
+            raise BrokenMessageError(f"not a {type_name}: {error}") from None
 
     return RecordedType(own, to_ros1)
 

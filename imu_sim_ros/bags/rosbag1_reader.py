@@ -148,6 +148,7 @@ class Rosbag1Bag(Bag):
             self.damage.append(f"chunk at byte {position}: {error}")
             return
         times = []
+        end = 0
         for record in _records(data):
             if record.op == OP_CONNECTION:
                 self._note_connection(record, data[record.start : record.start + record.size])
@@ -155,6 +156,9 @@ class Rosbag1Bag(Bag):
                 connection = record.number("conn")
                 counts[connection] = counts.get(connection, 0) + 1
                 times.append(record.time("time"))
+            end = record.start + record.size
+        if end < len(data) and self._record(position).whole:
+            self.damage.append(f"chunk at byte {position}: damaged {end} bytes after its beginning")
         if times:
             self._chunks.append(_Chunk(position, min(times), False))
 
@@ -276,7 +280,7 @@ def _scanned(data: bytes) -> dict[int, NDArray[np.void]]:
 
 
 def _records(data: bytes) -> Iterator[_Record]:
-    """Yield all complete records of a chunk."""
+    """Yield the complete records of a chunk, up to the first that is none."""
     position = 0
     while position + 4 <= len(data):
         (length,) = struct.unpack_from("<I", data, position)
@@ -286,7 +290,11 @@ def _records(data: bytes) -> Iterator[_Record]:
         (size,) = struct.unpack_from("<I", data, start - 4)
         if start + size > len(data):
             return
-        yield _Record(_fields(data[position + 4 : start - 4], length), start, size, True)
+        try:
+            fields = _fields(data[position + 4 : start - 4], length)
+        except (ValueError, struct.error):
+            return
+        yield _Record(fields, start, size, True)
         position = start + size
 
 

@@ -250,10 +250,16 @@ def test_a_topic_is_added_once(tmp_path):
             writer.add_topic("/other", "my_msgs/msg/Unknown")
 
 
-def test_a_failure_leaves_no_empty_files(tmp_path):
-    for name in ("x.mcap", "x.bag", "x", "y"):
-        storage = "sqlite3" if name == "y" else None
-        with pytest.raises(RuntimeError), open_writer(tmp_path / name, storage) as writer:
-            writer.add_topic("/imu", IMU)
-            raise RuntimeError
+def _fail_with_a_topic(path, storage):
+    with open_writer(path, storage) as writer:
+        writer.add_topic("/imu", IMU)
+        raise RuntimeError
+
+
+@pytest.mark.parametrize(
+    ("name", "storage"), [("x.mcap", None), ("x.bag", None), ("x", None), ("y", "sqlite3")]
+)
+def test_a_failure_leaves_no_empty_files(tmp_path, name, storage):
+    with pytest.raises(RuntimeError):
+        _fail_with_a_topic(tmp_path / name, storage)
     assert list(tmp_path.iterdir()) == []
