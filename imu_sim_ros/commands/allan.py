@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from imu_sim_ros.bags.read import ImuMessages, imu_blocks
+from imu_sim_ros.bags.read import ImuMessages, imu_blocks, open_bag
 from imu_sim_ros.calibration import noise_files, truth
 from imu_sim_ros.calibration.analysis import MODELS, TRIADS, AllanResult, analyse
 from imu_sim_ros.calibration.estimate import Estimate
@@ -65,7 +65,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 def allan(arguments: argparse.Namespace) -> None:
     """Analyse, write the files and print."""
     true_imu = truth.load_truth(arguments.truth) if arguments.truth else None
-    with common.progress("read", 0, arguments.quiet or arguments.json) as advance:
+    count = sum(_count(bag, arguments.topic) for bag in arguments.bags)
+    with common.progress("read", count, arguments.quiet or arguments.json) as advance:
         result = analyse(
             _blocks(arguments.bags, arguments.topic),
             model=arguments.model,
@@ -79,6 +80,21 @@ def allan(arguments: argparse.Namespace) -> None:
         common.print_json(_json(result, comparisons))
     elif not arguments.quiet:
         _print(result, comparisons, files)
+
+
+def _count(path: Path, topic: str | None) -> int:
+    """Return how many messages will be read, for the progress bar; 0 for text files."""
+    if not sys.stderr.isatty():
+        return 0
+    try:
+        with open_bag(path) as bag:
+            return sum(
+                info.count
+                for info in bag.topics
+                if info.type == "sensor_msgs/msg/Imu" and topic in (None, info.name)
+            )
+    except InputError:  # not a bag: a dataset, or the reader will say what is wrong
+        return 0
 
 
 def _blocks(bags: Iterable[Path], topic: str | None) -> Iterator[Iterator[ImuMessages]]:

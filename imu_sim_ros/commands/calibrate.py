@@ -31,7 +31,11 @@ from imu_sim_ros.calibration.turntable import (
     true_rates,
 )
 from imu_sim_ros.commands import common
+from imu_sim_ros.config import files
+from imu_sim_ros.config.integrator import IntegratorParameters
+from imu_sim_ros.config.parameter import build
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.navigation.correction import correction_of
 
 Array = NDArray[np.float64]
 
@@ -58,6 +62,12 @@ def parser() -> argparse.ArgumentParser:
     )
     table = _kind(kinds, "turntable", "gyroscope: known rates about each axis, both directions")
     _add_rates(table)
+    table.add_argument(
+        "--accelerometer",
+        metavar="FILE",
+        type=Path,
+        help="correction.yaml of a six-position run: on a tilted table the force is as read",
+    )
     temperature = _kind(kinds, "temperature", "both triads against temperature: soak or ramp")
     _add_rates(temperature)
     temperature.add_argument(
@@ -155,6 +165,8 @@ def _six_position(arguments: argparse.Namespace, imu: ImuMessages) -> Result:
 
 
 def _turntable(arguments: argparse.Namespace, imu: ImuMessages) -> Result:
+    if arguments.accelerometer is not None:
+        imu = imu._replace(accel=_corrected(imu, arguments.accelerometer))
     steady, rate = _rates(arguments, imu)
     found = calibrate_turntable(steady, rate, arguments.gravity)
     facts = {
@@ -171,6 +183,12 @@ def _turntable(arguments: argparse.Namespace, imu: ImuMessages) -> Result:
         pictures.draw_turntable(found, path)
 
     return correction.turntable_parameters(found), facts, draw
+
+
+def _corrected(imu: ImuMessages, path: Path) -> Array:
+    """Return the accelerometer's readings without the errors that a calibration found."""
+    values = build(IntegratorParameters, files.load(path, "integrator"))
+    return correction_of(values).apply(imu.gyro, imu.accel)[1]
 
 
 def _temperature(arguments: argparse.Namespace, imu: ImuMessages) -> Result:

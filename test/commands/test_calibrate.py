@@ -77,6 +77,21 @@ def test_turntable_with_rates_or_with_the_truth_in_the_bag(folder, capsys, rates
     assert result["rates"] == pytest.approx([0.0, 0.5, 1.0, 2.0], abs=1e-4)
 
 
+def test_tilted_table_takes_the_force_from_a_calibrated_accelerometer(folder, tmp_path, capsys):
+    """Tilted, gravity turns in the body: its mean along the axis separates G from the bias."""
+    assert calibrate.main(["six_position", str(folder / "six_position.mcap"), "--quiet", "-o",
+                           str(tmp_path)]) == 0  # fmt: skip
+    tilted = tmp_path / "tilted.mcap"
+    generate.main(["--imu", str(folder / "flaws.yaml"), "--trajectory", "turntable", "--rate",
+                   "100", "--set", "trajectory.tilt=0.5", "--set", "trajectory.upside_down=false",
+                   "--set", "trajectory.dwell=12.5664", "--quiet", "-o", str(tilted)])  # fmt: skip
+    result = calibrated(
+        capsys, folder, "turntable", str(tilted), "--rates", "0.5,1,2",
+        "--accelerometer", str(tmp_path / "correction.yaml"),
+    )  # fmt: skip
+    close(result, {"gyroscope_scale_misalignment", "gyroscope_g_sensitivity"})
+
+
 def test_temperature(folder, capsys):
     result = calibrated(capsys, folder, "temperature", str(folder / "temperature_soak.mcap"))
     close(result, {"gyroscope_temperature_bias", "reference_temperature"})
