@@ -211,6 +211,11 @@ class Recorder(ConfiguredNode):
                 f"buffer_size was full",
                 file=sys.stderr,
             )
+        if recording.broken:
+            print(
+                f"recorder: {recording.broken} messages left out: not what their type says",
+                file=sys.stderr,
+            )
         for name, reason in recording.refused.items():
             print(f"recorder: {name} was not recorded: {reason}", file=sys.stderr)
         if recording.failure:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from imu_sim_ros.bags.container import Qos, Writer
-from imu_sim_ros.bags.installed import recorded_type
+from imu_sim_ros.bags.installed import BrokenMessageError, recorded_type
 from imu_sim_ros.bags.output import active_path
 from imu_sim_ros.errors import ImuSimError, InputError
 from imu_sim_ros.nodes.stamp_statistics import StampStatistics
@@ -57,6 +57,9 @@ class Recording:
         """Topics that the bag cannot hold, and why."""
         self.failure = ""
         self.dropped = 0
+        """Messages that found no place in memory."""
+        self.broken = 0
+        """Messages that cannot be translated for this bag."""
         self.files: list[Path] = []
         self.size = 0
         """Bytes written, as of the last flush."""
@@ -156,9 +159,14 @@ class Recording:
         write, topics = self._bag.write_raw, self.topics
         for name, t_ns, payload in messages:
             topic = topics.get(name)
-            if topic is not None:
+            if topic is None:
+                continue
+            try:
                 write(topic.handle, t_ns, topic.convert(payload))
-                topic.unseen.append(t_ns)
+            except BrokenMessageError:
+                self.broken += 1
+                continue
+            topic.unseen.append(t_ns)
         with self._lock:
             self._queued_bytes -= sum(len(message.payload) for message in messages)
 

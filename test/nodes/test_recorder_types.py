@@ -1,0 +1,135 @@
+"""Definitions of message types as installed, and of types that only their package knows."""
+
+import numpy as np
+import pytest
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from imu_sim_ros.bags.encode import ImuEncoder
+from imu_sim_ros.bags.installed import recorded_type
+from imu_sim_ros.bags.write import open_writer
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.nodes import message_types
+from imu_sim_ros.nodes.recorder import plain_arguments
+from imu_sim_ros.nodes.recording import Recording, Topic
+from imu_sim_ros.nodes.stamp_statistics import StampStatistics
+from imu_sim_ros.nodes.topic_reader import Message
+
+pytestmark = pytest.mark.ros
+
+WHEEL = "wheel_msgs/msg/Wheel"
+WHEEL_TEXT = (
+    "std_msgs/Header header\nuint8 LEFT=0\nuint8 side\nfloat64[2] angle # rad\nstring note\n"
+    + "=" * 80
+    + "\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n"
+    + "=" * 80
+    + "\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
+)
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["sensor_msgs/msg/Imu", "nav_msgs/msg/Odometry", "diagnostic_msgs/msg/DiagnosticArray"],
+)
+def test_installed_definitions_are_complete_and_carry_their_hash(name):
+    """rosbags' own copy of the definitions of Jazzy is the independent source."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    found = get_types_from_msg(message_types.definition(name), name)
+    assert found
+    for part, fields in found.items():
+        assert fields[1] == store.fielddefs[part][1], part
+    assert message_types.type_hash(name) == store.hash_rihs01(name)
+
+
+def test_stamps_are_found_where_messages_have_them():
+    at = {
+        name: message_types.stamp_offset(message_types.message_class(name))
+        for name in ("sensor_msgs/msg/Imu", "rosgraph_msgs/msg/Clock", "std_msgs/msg/Float64")
+    }
+    assert list(at.values()) == [4, 4, None]
+
+
+def test_a_type_that_is_not_installed_is_refused():
+    with pytest.raises(InputError, match="wheel_msgs is not installed here"):
+        message_types.message_class(WHEEL)
+
+
+def wheel_bytes() -> tuple[bytes, bytes]:
+    """Return one message of a type unknown to ROS as CDR and, written by hand, as ROS 1."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    store.register(
+        get_types_from_msg(
+            "std_msgs/Header header\nuint8 LEFT=0\nuint8 side\nfloat64[2] angle\nstring note\n",
+            WHEEL,
+        )
+    )
+    header = store.types["std_msgs/msg/Header"]
+    stamp = store.types["builtin_interfaces/msg/Time"](5, 7)
+    message = store.types[WHEEL](header(stamp, "hub"), 1, np.array([0.5, -2.0]), "ok")
+    ros1 = (
+        np.array([0, 5, 7, 3], "<u4").tobytes()
+        + b"hub\x01"
+        + np.array([0.5, -2.0], "<f8").tobytes()
+        + b"\x02\x00\x00\x00ok"
+    )
+    return bytes(store.serialize_cdr(message, WHEEL)), ros1
+
+
+def test_a_type_unknown_to_ros_is_recorded_by_its_installed_definition():
+    cdr, ros1 = wheel_bytes()
+    same = recorded_type(WHEEL, WHEEL_TEXT, "RIHS01_1", "cdr")
+    assert same.convert(cdr) == cdr
+    assert same.schema.text == WHEEL_TEXT
+    other = recorded_type(WHEEL, WHEEL_TEXT, "", "ros1")
+    assert other.convert(cdr) == ros1
+    assert "MSG: std_msgs/Header" in other.schema.text
+    assert "uint32 seq" in other.schema.text
+
+
+def test_a_type_without_any_definition_fits_mcap_but_not_ros1():
+    assert recorded_type(WHEEL, "", "", "cdr").schema.text == ""
+    with pytest.raises(InputError, match="needs its definition, which is not installed"):
+        recorded_type(WHEEL, "", "", "ros1")
+
+
+def topic(name: str, type_name: str = "sensor_msgs/msg/Imu") -> Topic:
+    text = message_types.definition(type_name) if type_name != WHEEL else ""
+    return Topic(name, type_name, (), text, "", True, StampStatistics())
+
+
+def test_messages_beyond_the_buffer_are_dropped_and_counted(tmp_path):
+    recording = Recording(lambda: open_writer(tmp_path / "bag"), buffer_bytes=1000)
+    recording.add_topic(topic("/imu"))
+    recording.put([Message("/imu", 10**9 + k, bytes(100)) for k in range(10)])
+    recording.put([Message("/imu", 2 * 10**9, bytes(2000))])
+    recording.close()
+    assert recording.dropped == 1
+    assert recording.messages == 10
+
+
+def test_topics_and_messages_that_the_bag_cannot_hold_do_not_stop_the_others(tmp_path):
+    recording = Recording(lambda: open_writer(tmp_path / "bag.bag"))
+    (row,) = ImuEncoder("imu_link").encode(np.array([10**9]), np.zeros((1, 3)), np.zeros((1, 3)))
+    message = row.tobytes()
+    recording.add_topic(topic("/wheel", WHEEL))
+    recording.add_topic(topic("/imu"))
+    recording.put([Message("/wheel", 10**9, wheel_bytes()[0])])
+    recording.put([Message("/imu", 10**9, message), Message("/imu", 10**9 + 1, b"rubbish")])
+    recording.put([Message("/imu", 10**9 + 2, message)])
+    recording.close()
+    assert recording.failure == ""
+    assert list(recording.refused) == ["/wheel"]
+    assert (recording.messages, recording.broken) == (2, 1)
+
+
+@pytest.mark.parametrize(
+    ("words", "long"),
+    [
+        ("-o flight a b", ["--output", "flight", "--topics", '["a", "b"]']),
+        ("--duration 2min", ["--duration", "120.0"]),
+        ("-d=4h a", ["--duration", "14400.0", "--topics", '["a"]']),
+        ("--max-size 5 --ros-args -r a:=b", ["--max-size", "5", "--ros-args", "-r", "a:=b"]),
+        ("--help", ["--help"]),
+    ],
+)
+def test_short_arguments_stand_for_long_ones(words, long):
+    assert plain_arguments(words.split()) == long
