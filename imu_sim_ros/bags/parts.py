@@ -1,5 +1,6 @@
 """Bags of several files: splitting, and the folder of rosbag2 with its metadata."""
 
+import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -138,6 +139,6 @@ class Rosbag2Writer(PartsWriter):
     def abandon(self) -> list[Path]:
         """Leave the folder without metadata."""
         if not super().abandon():
-            self.path.rmdir()
+            shutil.rmtree(self.path)
             return []
         return [self.path]

@@ -294,6 +294,8 @@ def _records(data: bytes) -> Iterator[_Record]:
             fields = _fields(data[position + 4 : start - 4], length)
         except (ValueError, struct.error):
             return
+        if len(fields.get("op", b"")) != 1:
+            return
         yield _Record(fields, start, size, True)
         position = start + size
 

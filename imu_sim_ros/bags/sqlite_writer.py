@@ -33,13 +33,13 @@ CREATE TABLE messages(
 """
 _INDEX: Final = "CREATE INDEX timestamp_idx ON messages (timestamp ASC)"
 _INSERT: Final = "INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)"
-_TRANSACTION_BYTES: Final = 64 << 20
+_TRANSACTION_BYTES: Final = 16 << 20
 
 
 class SqliteWriter(Writer):
     """One SQLite file of a rosbag2 folder.
 
-    A transaction ends with every flush, or after some 64 MiB: what is committed survives the end of
+    A transaction ends with every flush, or after some 16 MiB: what is committed survives the end of
     the process at any moment.
     """
 

@@ -187,6 +187,8 @@ def _bag_to_dataset(
 def _only_named(topics: Sequence[Any], type_name: str, arguments: argparse.Namespace) -> str | None:
     """Return the topic of a type that ``--topics`` names; None where none is named."""
     fitting = [topic.name for topic in topics if topic.type == type_name]
+    if arguments.topics and not fitting:
+        raise InputError(f"--topics {arguments.topics}: none of them is of {type_name}")
     return fitting[0] if arguments.topics and len(fitting) == 1 else None
 
 

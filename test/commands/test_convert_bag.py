@@ -1,0 +1,217 @@
+"""convert_bag: every form into every other, recovery, refusals."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
+
+from imu_sim_ros.bags.read import read_imu, read_odometry, read_poses
+from imu_sim_ros.bags.schemas import known_types
+from imu_sim_ros.commands import convert_bag, generate
+
+DATA = Path(__file__).parents[2].parent / "shared/data"
+EXTRA = (
+    "imu/data_raw,ground_truth/odom,ground_truth/gyroscope_bias,ground_truth/accelerometer_bias,"
+    "imu/temperature"
+)
+FORMS = {
+    "a.mcap": [],
+    "b.bag": ["--compression", "lz4"],
+    "c": ["--compression", "zstd"],
+    "d": ["--storage", "sqlite3"],
+}
+
+
+@pytest.fixture(scope="module")
+def sources(tmp_path_factory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("sources")
+    for name, options in FORMS.items():
+        arguments = ["-o", str(folder / name), "--duration", "4s", "--topics", EXTRA, "--quiet"]
+        assert generate.main([*arguments, *options]) == 0
+    return {name: folder / name for name in FORMS}
+
+
+def _convert(capsys, *arguments) -> dict:
+    assert convert_bag.main([*map(str, arguments), "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def _same(path: Path, other: Path) -> None:
+    for a, b in zip(read_imu(path)[:4], read_imu(other)[:4], strict=True):
+        np.testing.assert_array_equal(a, b)
+    for a, b in zip(read_odometry(path)[:7], read_odometry(other)[:7], strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+@pytest.mark.parametrize("target", list(FORMS))
+@pytest.mark.parametrize("source", list(FORMS))
+def test_bags_into_bags(sources, source, target, tmp_path, capsys):
+    output = tmp_path / target
+    result = _convert(capsys, sources[source], "-o", output, *FORMS[target])
+    assert result == {
+        "output": str(output),
+        "messages": {f"/{name}": 800 for name in EXTRA.split(",")},
+        "recovered": False,
+        "last_stamp_ns": 10**9 + 799 * 5_000_000,
+    }
+    _same(sources[source], output)
+    with AnyReader([output]) as reader:
+        assert sum(1 for _ in reader.messages()) == 5 * 800
+
+
+def test_there_and_back_again_through_euroc(sources, tmp_path, capsys):
+    euroc, back = tmp_path / "mav0", tmp_path / "back.bag"
+    _convert(capsys, sources["a.mcap"], "-o", euroc, "--format", "euroc")
+    result = _convert(capsys, euroc, "-o", back)
+    assert set(result["messages"]) == {f"/{name}" for name in EXTRA.split(",")[:4]}
+    original, imu = read_imu(sources["a.mcap"]), read_imu(back)
+    np.testing.assert_array_equal(original.gyro, imu.gyro)
+    np.testing.assert_array_equal(original.t_ns, imu.t_ns)
+    truth, odometry = read_odometry(sources["a.mcap"]), read_odometry(back)
+    np.testing.assert_array_equal(truth.position, odometry.position)
+    np.testing.assert_allclose(truth.velocity_b, odometry.velocity_b, atol=1e-13)
+    # The biases stand in the states of the folder.
+    table = np.loadtxt(euroc / "state_groundtruth_estimate0" / "data.csv", delimiter=",")
+    assert np.any(table[1:, 11:] != 0.0)
+
+
+def test_csv_and_tum(sources, tmp_path, capsys):
+    _convert(capsys, sources["b.bag"], "-o", tmp_path / "imu.csv")
+    np.testing.assert_array_equal(
+        read_imu(tmp_path / "imu.csv").accel, read_imu(sources["b.bag"]).accel
+    )
+    result = _convert(capsys, sources["c"], "-o", tmp_path / "truth.tum")
+    assert result["messages"] == {"/ground_truth/odom": 800}
+    truth = read_odometry(sources["c"])
+    np.testing.assert_array_equal(read_poses(tmp_path / "truth.tum").position, truth.position)
+    _convert(capsys, tmp_path / "truth.tum", "-o", tmp_path / "poses.mcap")
+    np.testing.assert_array_equal(
+        read_poses(tmp_path / "poses.mcap").position, read_poses(tmp_path / "truth.tum").position
+    )
+
+
+def test_topics_are_chosen_and_renamed(sources, tmp_path, capsys):
+    result = _convert(
+        capsys,
+        sources["d"],
+        *("-o", tmp_path / "x.bag", "--topics", "imu/data_raw", "--topic", "imu/data_raw=/imu0"),
+    )
+    assert result["messages"] == {"/imu0": 800}
+
+
+def _foreign(path: Path, encoding: str) -> None:
+    """Write topics of types that this package has no layout for, with varying sizes."""
+    store = known_types(encoding)
+    types = store.types
+    header = types["std_msgs/msg/Header"]
+    time = types["builtin_interfaces/msg/Time"]
+    if encoding == "ros1":
+        writer = Writer1(path)
+    else:
+        writer = Writer2(path, version=9, storage_plugin=StoragePlugin.MCAP)
+    with writer:
+        names = writer.add_connection("/words", "std_msgs/msg/String", typestore=store)
+        joints = writer.add_connection("/joints", "sensor_msgs/msg/JointState", typestore=store)
+        for k in range(200):
+            words = types["std_msgs/msg/String"](data="w" * (k % 9))
+            stamp = (time(sec=k, nanosec=k), "frame" + "x" * (k % 5))
+            joint = types["sensor_msgs/msg/JointState"](
+                header=header(k, *stamp) if encoding == "ros1" else header(*stamp),
+                name=["j"] * (k % 4),
+                position=np.arange(k % 4, dtype=np.float64),
+                velocity=np.zeros(0),
+                effort=np.ones(k % 3),
+            )
+            for connection, message in ((names, words), (joints, joint)):
+                raw = getattr(store, f"serialize_{encoding}")(message, connection.msgtype)
+                writer.write(connection, 10**9 + k, bytes(raw))
+
+
+@pytest.mark.parametrize(("source", "target"), [("ros1", "x.mcap"), ("cdr", "x.bag"), ("cdr", "y")])
+def test_topics_of_any_type(source, target, tmp_path, capsys):
+    path = tmp_path / ("s.bag" if source == "ros1" else "s")
+    _foreign(path, source)
+    result = _convert(capsys, path, "-o", tmp_path / target)
+    assert result["messages"] == {"/words": 200, "/joints": 200}
+    rows = []
+    for bag in (path, tmp_path / target):
+        with AnyReader([bag]) as reader:
+            rows.append(
+                [
+                    (c.topic, t, getattr(m, "data", None), getattr(m, "name", None))
+                    + (
+                        (m.header.stamp.sec, m.header.frame_id, m.position.tolist())
+                        if c.topic == "/joints"
+                        else ()
+                    )
+                    for c, t, raw in reader.messages()
+                    for m in [reader.deserialize(raw, c.msgtype)]
+                ]
+            )
+    assert sorted(map(repr, rows[0])) == sorted(map(repr, rows[1]))
+
+
+def test_recovery_says_how_many_and_up_to_when(sources, tmp_path, capsys):
+    data = sources["a.mcap"].read_bytes()
+    torn = tmp_path / "torn.mcap"
+    torn.write_bytes(data[: len(data) // 2])
+    assert convert_bag.main([str(torn), "-o", str(tmp_path / "no.mcap")]) == 2
+    assert "--recover" in capsys.readouterr().err
+    result = _convert(capsys, torn, "-o", tmp_path / "whole.mcap", "--recover")
+    assert result["recovered"] is True
+    imu = read_imu(tmp_path / "whole.mcap")
+    assert result["messages"]["/imu/data_raw"] == len(imu.t_ns) > 300
+    assert result["last_stamp_ns"] == imu.t_ns[-1]
+    assert convert_bag.main([str(torn), "-o", str(tmp_path / "z.bag"), "--recover"]) == 0
+    assert "recovered" in capsys.readouterr().out
+    whole = _convert(capsys, sources["a.mcap"], "-o", tmp_path / "same.mcap", "--recover")
+    assert whole["recovered"] is False
+    assert whole["messages"]["/imu/data_raw"] == 800
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["missing.bag", "-o", "x.mcap"], "No such file"),
+        (["{a}", "-o", "x.mcap", "--topics", "/nothing"], "has no topic /nothing; it has /imu"),
+        (["{a}", "-o", "there.bag"], "exists already"),
+        (["{a}", "-o", "x.csv", "--compression", "lz4"], "--compression: is not for csv"),
+        (["there.bag", "-o", "x.mcap"], "not a bag"),
+        (["{a}", "-o", "x", "--format", "euroc", "--topics", "/imu/temperature"], "none of them"),
+    ],
+)
+def test_refusals(sources, tmp_path, monkeypatch, capsys, arguments, words):
+    monkeypatch.chdir(tmp_path)
+    Path("there.bag").write_text("words, more than sixteen of them")
+    filled = [argument.replace("{a}", str(sources["a.mcap"])) for argument in arguments]
+    assert convert_bag.main(filled) == 2
+    error = capsys.readouterr().err
+    assert words in error
+    assert len(error.splitlines()) == 1
+
+
+def test_two_imus_and_none_named(tmp_path, capsys):
+    source = tmp_path / "two.mcap"
+    topics = ["--topics", "imu/data_raw,ground_truth/imu,ground_truth/odom"]
+    assert generate.main(["-o", str(source), "--duration", "1s", *topics, "--quiet"]) == 0
+    assert convert_bag.main([str(source), "-o", str(tmp_path / "e"), "--format", "euroc"]) == 2
+    error = capsys.readouterr().err
+    assert "/imu/data_raw" in error
+    assert "/ground_truth/imu" in error
+    named = ["--format", "euroc", "--topics", "/imu/data_raw,/ground_truth/odom"]
+    assert convert_bag.main([str(source), "-o", str(tmp_path / "e"), *named, "--quiet"]) == 0
+
+
+def test_a_real_flight(tmp_path, capsys):
+    flight = DATA / "euroc_V1_02_medium_groundtruth.csv"
+    if not flight.exists():
+        pytest.skip(f"{flight} is not here")
+    options = ["--trajectory", str(flight), "--duration", "5s", "--format", "euroc", "--quiet"]
+    assert generate.main(["-o", str(tmp_path / "mav0"), *options]) == 0
+    result = _convert(capsys, tmp_path / "mav0", "-o", tmp_path / "x.bag")
+    assert result["messages"]["/imu/data_raw"] == 1000
