@@ -18,8 +18,7 @@ from imu_sim_ros.bags.read import ImuMessages, read_imu
 from imu_sim_ros.commands import common
 from imu_sim_ros.commands.tracks import (
     TRUTH_TOPIC,
-    is_bag,
-    odometry_topics,
+    has_truth,
     read_track,
     truth_topic,
     write_states,
@@ -113,8 +112,8 @@ def run(arguments: argparse.Namespace) -> None:
     truth = _read_truth(arguments)
     if truth is None and parameters.initial_state == "truth":
         raise InputError(
-            f"{arguments.bag}: no topic of {ODOMETRY}, so no truth to start from and to compare "
-            "with; start with --initial-state level or parameters"
+            f"{arguments.bag}: no truth to start from and to compare with, which is a topic of "
+            f"{ODOMETRY}, or EuRoC's states; start with --initial-state level or parameters"
         )
     if parameters.initial_state == "truth" and truth is not None:
         readings = _within(readings, truth, parameters.max_gap)
@@ -176,11 +175,8 @@ def _from(readings: ImuMessages, t_ns: int) -> ImuMessages:
 def _read_truth(arguments: argparse.Namespace) -> Truth | None:
     """Return the truth in the bag, None where there is none."""
     path: Path = arguments.bag
-    if is_bag(path):
-        if arguments.truth_topic is None and not odometry_topics(path):
-            return None
-    elif not path.is_dir():
-        return None  # a file of readings alone
+    if arguments.truth_topic is None and not has_truth(path):
+        return None
     track = read_track(path, truth_topic(path, arguments.truth_topic))
     if track.velocity is None:
         raise InputError(f"{path}: the truth has no velocity, which the initial state needs")

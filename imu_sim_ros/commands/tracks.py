@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.bags.encode import ODOMETRY
 from imu_sim_ros.bags.read import odometry_blocks, open_bag, read_poses
+from imu_sim_ros.bags.text_reader import is_text, state_file
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.navigation.state import NavigationStates
 from imu_sim_ros.poses import PoseSequence, write_tum
@@ -16,7 +17,6 @@ from imu_sim_ros.rotation import rotate
 Array = NDArray[np.float64]
 
 TRUTH_TOPIC: Final = "ground_truth/odom"
-_BAG_ENDINGS: Final = (".bag", ".mcap", ".db3", ".active")
 
 
 class Track(NamedTuple):
@@ -31,11 +31,6 @@ class Track(NamedTuple):
     """(n, 6, 6) velocity and angular rate, in the body."""
 
 
-def is_bag(path: Path) -> bool:
-    """Tell a bag from text and from EuRoC's folders by its name."""
-    return path.suffix.lower() in _BAG_ENDINGS or (path / "metadata.yaml").is_file()
-
-
 def odometry_topics(path: Path) -> list[str]:
     """Return the names of the Odometry topics of a bag."""
     with open_bag(path) as bag:
@@ -44,10 +39,20 @@ def odometry_topics(path: Path) -> list[str]:
 
 def truth_topic(path: Path, topic: str | None) -> str | None:
     """Return the topic of the truth: the given one, or the one that is named so, if any is."""
-    if topic is not None or not is_bag(path):
+    if topic is not None or is_text(path):
         return topic
     named = [name for name in odometry_topics(path) if name.strip("/").endswith(TRUTH_TOPIC)]
     return named[0] if len(named) == 1 else None
+
+
+def has_truth(path: Path) -> bool:
+    """Tell whether a bag has Odometry, or a folder EuRoC's states."""
+    if not is_text(path):
+        return bool(odometry_topics(path))
+    try:
+        return path.is_dir() and state_file(path).is_file()
+    except InputError:
+        return False
 
 
 def read_track(path: Path, topic: str | None = None, covariance: bool = False) -> Track:
@@ -58,12 +63,10 @@ def read_track(path: Path, topic: str | None = None, covariance: bool = False) -
     :raises InputError: for what cannot be read, or is no trajectory: stamps that do not increase,
         numbers that are not finite, fewer than two poses.
     """
-    if is_bag(path) and not odometry_topics(path):
+    if path.is_file() if is_text(path) else not odometry_topics(path):
         track = Track(read_poses(path, topic))
-    elif is_bag(path) or path.is_dir():
-        track = _odometry(path, topic, covariance)
     else:
-        track = Track(read_poses(path, topic))
+        track = _odometry(path, topic, covariance)
     _check(f"{path}{'' if topic is None else f', {topic}'}", track.poses)
     return track
 

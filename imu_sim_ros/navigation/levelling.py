@@ -33,10 +33,13 @@ def level(gyro: Array, accel: Array, gravity: Sequence[float], yaw: float = 0.0)
     :param accel: (n, 3) readings at rest [m/s^2].
     :param gravity: (3,) along the world's z axis [m/s^2].
     :param yaw: heading, which rest does not tell [rad].
-    :raises InputError: where the readings cannot be those of a body at rest.
+    :raises InputError: where the readings cannot be those of a body at rest, or gravity is not
+        along z.
     """
     if not len(accel):
         raise InputError("no readings to level with")
+    if gravity[0] != 0.0 or gravity[1] != 0.0:
+        raise InputError(f"gravity {list(gravity)}: to level a body it must be along z")
     force = accel.mean(axis=0)
     strength = float(np.linalg.norm(gravity))
     measured = float(np.linalg.norm(force))

@@ -208,9 +208,10 @@ def _weighted(k1: V3, k2: V3, k3: V3, k4: V3, h: float) -> V3:
 
 def _vector_rate(phi: V3, w: V3) -> V3:
     """Return the rate of a rotation vector, Jr(phi)^-1 w up to the order that rk4 needs."""
-    a = cross(phi, w)
-    b = cross(phi, a)
-    return tuple(w[k] + 0.5 * a[k] + b[k] / 12.0 for k in range(3))  # type: ignore[return-value]
+    ax, ay, az = a = cross(phi, w)
+    bx, by, bz = cross(phi, a)
+    s = 1.0 / 12.0
+    return (w[0] + 0.5 * ax + s * bx, w[1] + 0.5 * ay + s * by, w[2] + 0.5 * az + s * bz)
 
 
 def so3_stages(_: Q4, h: float, w0: V3, wm: V3, w1: V3) -> tuple[Q4, Q4, Q4, Q4]:

@@ -184,11 +184,28 @@ def complain(capsys, *arguments):
 def test_no_truth(tmp_path, capsys):
     bag = write(tmp_path / "bare", block_of(), topics=())
     (line,) = complain(capsys, bag)
-    assert "no topic of nav_msgs/msg/Odometry" in line
+    assert "no truth to start from" in line
     assert "--initial-state level or parameters" in line
     found = result(capsys, bag, "--initial-state", "parameters")
     assert found["final_position_error_m"] is None
     assert found["distance_m"] > 0.0
+
+
+def write_imu_csv(path, block):
+    table = np.column_stack([block.gyro, block.accel]).tolist()
+    stamps = block.t_ns.tolist()
+    rows = [f"{t},{','.join(map(repr, row))}" for t, row in zip(stamps, table, strict=True)]
+    header = "timestamp,omega_x,omega_y,omega_z,alpha_x,alpha_y,alpha_z"
+    path.write_text("\n".join([header, *rows]) + "\n")
+
+
+def test_readings_of_a_folder_without_truth(tmp_path, capsys):
+    """The form of kalibr_bagcreater: a folder with imu0.csv."""
+    write_imu_csv(tmp_path / "imu0.csv", block_of())
+    (line,) = complain(capsys, tmp_path)
+    assert "no truth to start from" in line
+    found = result(capsys, tmp_path, "--initial-state", "parameters")
+    assert found["samples"] == 1001
 
 
 def test_truth_that_starts_much_later(tmp_path, capsys):

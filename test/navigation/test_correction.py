@@ -60,5 +60,7 @@ def test_no_rest_no_level():
         InputError, match=r"force is 12 m/s\^2 and gravity 9.81 m/s\^2: .*not at rest"
     ):
         level(np.zeros((9, 3)), np.tile([0.0, 0.0, 12.0], (9, 1)), (0.0, 0.0, -9.81))
+    with pytest.raises(InputError, match="it must be along z"):
+        level(np.zeros((9, 3)), np.tile([0.0, 0.0, 9.81], (9, 1)), (1.0, 0.0, -9.81))
     with pytest.raises(InputError, match="no readings"):
         level(np.zeros((0, 3)), np.zeros((0, 3)), (0.0, 0.0, -9.81))
