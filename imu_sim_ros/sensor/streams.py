@@ -7,9 +7,7 @@ they do not depend on the size of the blocks either.
 
 import zlib
 
-import numpy as np
 from numpy.random import SFC64, Generator, SeedSequence
-from numpy.typing import NDArray
 
 AXES = ("x", "y", "z")
 
@@ -27,11 +25,3 @@ def generator(seed: int, source: str) -> Generator:
 def axis_generators(seed: int, source: str) -> list[Generator]:
     """Return the streams of the three axes of one source."""
     return [generator(seed, f"{source}.{axis}") for axis in AXES]
-
-
-def draw_normal(generators: list[Generator], count: int) -> NDArray[np.float64]:
-    """Return standard normal numbers (3, count), each row from its own stream."""
-    out = np.empty((len(generators), count))
-    for row, source in zip(out, generators, strict=True):
-        source.standard_normal(out=row)
-    return out
