@@ -52,6 +52,13 @@ def noise(*, rate: float, gravity: float, topic: str, **per_axis: Sequence[float
     return Noise(**means, rate=rate, gravity=gravity, topic=topic)
 
 
+def decimal(value: float) -> str:
+    """Return a number as YAML 1.1 takes it for one: 5e-05 is a text there, 5.0e-05 is not."""
+    words = f"{value:.12g}"
+    mantissa, e, exponent = words.partition("e")
+    return words if "." in mantissa or not e else f"{mantissa}.0e{exponent}"
+
+
 def write_all(folder: Path, values: Noise) -> None:
     """Write all files into a new folder."""
     make_folder(folder)
@@ -78,7 +85,7 @@ def _positive(values: Noise) -> tuple[str, dict[str, float]]:
 def kalibr(values: Noise) -> str:
     """Return kalibr's imu.yaml."""
     comment, numbers = _positive(values)
-    lines = "".join(f"{name}: {value:.9g}\n" for name, value in numbers.items())
+    lines = "".join(f"{name}: {decimal(value)}\n" for name, value in numbers.items())
     return (
         "# kalibr: continuous-time densities, what the simulation has.\n"
         "# rad/s/sqrt(Hz), rad/s^2/sqrt(Hz), m/s^2/sqrt(Hz), m/s^3/sqrt(Hz)\n"
@@ -95,18 +102,18 @@ def vins(values: Noise) -> str:
         f"# and the walk are multiplied by the square root of the rate, sqrt({values.rate:g} Hz)\n"
         "# (integration_base.h uses them as discrete).\n"
         f'imu_topic: "{values.topic}"\n'
-        f"acc_n: {values.accelerometer_noise_density * root:.9g}\n"
-        f"gyr_n: {values.gyroscope_noise_density * root:.9g}\n"
-        f"acc_w: {values.accelerometer_random_walk * root:.9g}\n"
-        f"gyr_w: {values.gyroscope_random_walk * root:.9g}\n"
-        f"g_norm: {values.gravity:.9g}\n"
+        f"acc_n: {decimal(values.accelerometer_noise_density * root)}\n"
+        f"gyr_n: {decimal(values.gyroscope_noise_density * root)}\n"
+        f"acc_w: {decimal(values.accelerometer_random_walk * root)}\n"
+        f"gyr_w: {decimal(values.gyroscope_random_walk * root)}\n"
+        f"g_norm: {decimal(values.gravity)}\n"
     )
 
 
 def openvins(values: Noise) -> str:
     """Return OpenVINS' kalibr_imu_chain.yaml."""
     comment, numbers = _positive(values)
-    lines = "".join(f"  {name}: {value:.9g}\n" for name, value in numbers.items())
+    lines = "".join(f"  {name}: {decimal(value)}\n" for name, value in numbers.items())
     identity = "    - [ 1.0, 0.0, 0.0 ]\n    - [ 0.0, 1.0, 0.0 ]\n    - [ 0.0, 0.0, 1.0 ]\n"
     zero = "    - [ 0.0, 0.0, 0.0 ]\n" * 3
     pose = (
@@ -129,10 +136,10 @@ def orb_slam3(values: Noise) -> str:
         "%YAML:1.0\n"
         "# ORB_SLAM3: continuous-time densities, what the simulation has; it multiplies the noise\n"
         "# by the square root of the frequency itself.\n"
-        f"IMU.NoiseGyro: {values.gyroscope_noise_density:.9g}\n"
-        f"IMU.NoiseAcc: {values.accelerometer_noise_density:.9g}\n"
-        f"IMU.GyroWalk: {values.gyroscope_random_walk:.9g}\n"
-        f"IMU.AccWalk: {values.accelerometer_random_walk:.9g}\n"
+        f"IMU.NoiseGyro: {decimal(values.gyroscope_noise_density)}\n"
+        f"IMU.NoiseAcc: {decimal(values.accelerometer_noise_density)}\n"
+        f"IMU.GyroWalk: {decimal(values.gyroscope_random_walk)}\n"
+        f"IMU.AccWalk: {decimal(values.accelerometer_random_walk)}\n"
         f"IMU.Frequency: {values.rate:.1f}\n"
     )
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.bags import decimals
+from imu_sim_ros.bags.consumers import decimal
 from imu_sim_ros.bags.output import OutputFile, make_folder
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
@@ -179,7 +180,7 @@ def write_euroc_descriptions(
     :param p_bi: (3,) place of the IMU on the body [m].
     """
     (folder / "body.yaml").write_text(f"# body\ncomment: {comment}\n", encoding="utf-8")
-    densities = "".join(f"{name}: {value:.12g}\n" for name, value in noise.items())
+    densities = "".join(f"{name}: {decimal(value)}\n" for name, value in noise.items())
     (folder / "imu0" / "sensor.yaml").write_text(
         f"# IMU\nsensor_type: imu\ncomment: {comment}\n\n"
         f"# T_BS maps points of the sensor into the body.\n{_pose(r_bi, p_bi)}\n"
@@ -199,5 +200,5 @@ def write_euroc_descriptions(
 def _pose(r: Array, p: Array) -> str:
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = r, p
-    rows = ",\n         ".join(", ".join(f"{value:.12g}" for value in row) for row in matrix)
+    rows = ",\n         ".join(", ".join(decimal(value) for value in row) for row in matrix)
     return f"T_BS:\n  cols: 4\n  rows: 4\n  data: [{rows}]\n"
