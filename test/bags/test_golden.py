@@ -1,0 +1,58 @@
+"""Files of an earlier version are read as before, and written as before."""
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from imu_sim_ros.bags.read import read_imu, read_odometry, read_poses
+
+DATA = Path(__file__).parents[1] / "data" / "bags"
+specification = importlib.util.spec_from_file_location(
+    "golden", Path(__file__).with_name("golden.py")
+)
+golden = importlib.util.module_from_spec(specification)
+specification.loader.exec_module(golden)
+
+
+@pytest.mark.parametrize("name", [*golden.FORMS, "golden_euroc", "golden_csv"])
+def test_golden_readings(name):
+    imu = read_imu(DATA / name)
+    np.testing.assert_array_equal(imu.t_ns, golden.T_NS)
+    np.testing.assert_array_equal(imu.gyro, golden.GYRO)
+    np.testing.assert_array_equal(imu.accel, golden.ACCEL)
+
+
+@pytest.mark.parametrize("name", list(golden.FORMS))
+def test_golden_truth(name):
+    truth = read_odometry(DATA / name)
+    np.testing.assert_array_equal(truth.position, golden.POSITION)
+    np.testing.assert_array_equal(truth.q_wb, golden.Q_WB)
+
+
+def test_golden_poses():
+    poses = read_poses(DATA / "golden_csv" / "groundtruth.tum")
+    np.testing.assert_array_equal(poses.t_ns, golden.T_NS)
+    np.testing.assert_array_equal(poses.position, golden.POSITION)
+
+
+@pytest.mark.parametrize("name", ["golden.bag", "golden_bz2.bag"])
+def test_bytes_of_ros1_bags_are_as_before(name, tmp_path):
+    golden.write_bag(tmp_path / name, *golden.FORMS[name])
+    assert (tmp_path / name).read_bytes() == (DATA / name).read_bytes()
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "golden_euroc/imu0/data.csv",
+        "golden_euroc/state_groundtruth_estimate0/data.csv",
+        "golden_csv/imu0.csv",
+        "golden_csv/groundtruth.tum",
+    ],
+)
+def test_bytes_of_text_are_as_before(name, tmp_path):
+    folder, _, rest = name.partition("/")
+    golden.write_text(tmp_path / folder, folder.removeprefix("golden_"))
+    assert (tmp_path / folder / rest).read_bytes() == (DATA / name).read_bytes()
