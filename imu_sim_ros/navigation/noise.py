@@ -13,13 +13,20 @@ class NoiseSource(Protocol):
     """Any section of parameters with the four numbers of the noise, per axis."""
 
     @property
-    def gyroscope_noise_density(self) -> _Vector: ...  # noqa: D102
+    def gyroscope_noise_density(self) -> _Vector:
+        """[rad/s/sqrt(Hz)]"""
+
     @property
-    def gyroscope_random_walk(self) -> _Vector: ...  # noqa: D102
+    def gyroscope_random_walk(self) -> _Vector:
+        """[rad/s^2/sqrt(Hz)]"""
+
     @property
-    def accelerometer_noise_density(self) -> _Vector: ...  # noqa: D102
+    def accelerometer_noise_density(self) -> _Vector:
+        """[m/s^2/sqrt(Hz)]"""
+
     @property
-    def accelerometer_random_walk(self) -> _Vector: ...  # noqa: D102
+    def accelerometer_random_walk(self) -> _Vector:
+        """[m/s^3/sqrt(Hz)]"""
 
 
 class Noise(NamedTuple):

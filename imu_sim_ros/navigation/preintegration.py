@@ -26,8 +26,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from imu_sim_ros import rotation
-from imu_sim_ros.errors import ConfigurationError, InputError
-from imu_sim_ros.navigation.association import interpolate_vectors
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.navigation.intervals import Readings
 from imu_sim_ros.navigation.noise import Noise
 
 Array = NDArray[np.float64]
@@ -43,17 +43,8 @@ GYRO_BIAS_LIMIT: Final = 0.01
 """[rad/s] likewise."""
 
 _EYE: Final[Array] = np.eye(3)
-
-
-class Readings(NamedTuple):
-    """The readings of B intervals of at most m steps; shorter ones end in steps of length 0."""
-
-    h: Array
-    """(B, m) lengths of the steps [s]."""
-    gyro: Array
-    """(B, m + 1, 3) at the ends of the steps [rad/s]."""
-    accel: Array
-    """(B, m + 1, 3) at the ends of the steps [m/s^2]."""
+_BLOCK: Final = 2048
+"""Steps, of all intervals together, whose F and G are made at a time."""
 
 
 class Preintegration(NamedTuple):
@@ -75,35 +66,6 @@ class Preintegration(NamedTuple):
     """(B, 3) that was taken off [m/s^2]."""
     gyro_bias: Array
     """(B, 3) that was taken off [rad/s]."""
-
-
-def between(t_ns: NDArray[np.int64], gyro: Array, accel: Array, edges_ns: ArrayLike) -> Readings:
-    """Return the readings between neighbouring times; at these, readings are interpolated.
-
-    :param t_ns: (n,) stamps [ns], increasing.
-    :param gyro: (n, 3) [rad/s].
-    :param accel: (n, 3) [m/s^2].
-    :param edges_ns: (B + 1,) times within the stamps, increasing [ns].
-    :raises InputError: for times outside of the stamps or out of order.
-    """
-    edges = np.asarray(edges_ns, dtype=np.int64)
-    if len(edges) < 2 or np.any(np.diff(edges) <= 0):
-        raise InputError("the times between which to preintegrate must increase, two or more")
-    if edges[0] < t_ns[0] or edges[-1] > t_ns[-1]:
-        raise InputError(
-            f"preintegration from {edges[0]} to {edges[-1]} ns needs readings over all of it: "
-            f"they last from {t_ns[0]} to {t_ns[-1]} ns"
-        )
-    times = np.union1d(t_ns, edges)
-    first, last = np.searchsorted(times, edges[:-1]), np.searchsorted(times, edges[1:])
-    most = int(np.max(last - first))
-    # Behind an interval's end its last row is repeated, which makes steps of length 0.
-    rows = np.minimum(first[:, None] + np.arange(most + 1), last[:, None])
-    return Readings(
-        np.diff(times[rows], axis=1) * 1e-9,
-        interpolate_vectors(t_ns, gyro, times)[rows],
-        interpolate_vectors(t_ns, accel, times)[rows],
-    )
 
 
 def preintegrate(
@@ -138,13 +100,20 @@ def preintegrate(
     gamma = np.tile(rotation.IDENTITY, (batch, 1))
     errors = _Errors(batch, noise, _period(readings.h), shared_noise)
     step = _midpoint if method == "midpoint" else _euler
-    for k in range(readings.h.shape[1]):
-        h = readings.h[:, k, None]
-        turn, acceleration, f, g = step(h, gamma, rate[:, k : k + 2], force[:, k : k + 2])
-        alpha = alpha + beta * h + 0.5 * acceleration * h * h
-        beta = beta + acceleration * h
-        gamma = rotation.normalise(rotation.multiply(gamma, rotation.exp(turn)))
-        errors.step(readings.h[:, k], f, g)
+    block = max(1, _BLOCK // batch)
+    for first in range(0, readings.h.shape[1], block):
+        h = np.ascontiguousarray(readings.h[:, first : first + block].T)
+        ends = slice(first, first + block + 1)
+        rates, forces = _pairs(rate[:, ends]), _pairs(force[:, ends])
+        gammas = _attitudes(gamma, _turn(method, h[..., None], rates))
+        gamma = gammas[-1]
+        flat = (values.reshape(-1, *values.shape[2:]) for values in (gammas[:-1], rates, forces))
+        acceleration, f, g = step(h.reshape(-1, 1), *flat)
+        gained = acceleration.reshape(*h.shape, 3) * h[..., None]
+        betas = beta + np.concatenate([np.zeros((1, batch, 3)), np.cumsum(gained, axis=0)])
+        alpha = alpha + np.sum((betas[:-1] + 0.5 * gained) * h[..., None], axis=0)
+        beta = betas[-1]
+        errors.extend(h, f.reshape(*h.shape, SIZE, SIZE), g.reshape(*h.shape, SIZE, 12))
     return Preintegration(
         readings.h.sum(axis=1),
         alpha,
@@ -157,19 +126,41 @@ def preintegrate(
     )
 
 
+def _pairs(values: Array) -> Array:
+    """Readings (B, m + 1, 3) as those of both ends of each step (m, B, 2, 3)."""
+    result: Array = np.stack([values[:, :-1], values[:, 1:]], axis=2).swapaxes(0, 1)
+    return result
+
+
+def _turn(method: str, h: Array, rates: Array) -> Array:
+    """Rotation vectors (..., 3) of steps h (..., 1) with rates (..., 2, 3) at their ends."""
+    rate = rates[..., 0, :] if method == "euler" else 0.5 * (rates[..., 0, :] + rates[..., 1, :])
+    result: Array = rate * h
+    return result
+
+
+def _attitudes(gamma: Array, turns: Array) -> Array:
+    """Gamma (m + 1, B, 4) before each of m steps that turn by (m, B, 3), and after the last."""
+    result = np.empty((len(turns) + 1, len(gamma), 4))
+    result[0] = gamma
+    for k, increment in enumerate(rotation.exp(turns)):
+        result[k + 1] = rotation.multiply(result[k], increment)
+    return rotation.normalise(result)
+
+
 def _period(h: Array) -> float:
     """The sensor's sampling interval: partial steps at the edges are shorter, no noisier."""
     return float(np.median(h[h > 0.0])) if np.any(h > 0.0) else 1.0
 
 
-_Step = tuple[Array, Array, Array, Array]
-"""Turn (B, 3), acceleration (B, 3), F (B, 15, 15), G (B, 15, 12)."""
+_Step = tuple[Array, Array, Array]
+"""Acceleration (n, 3), F (n, 15, 15), G (n, 15, 12) of n steps."""
 
 
 def _euler(h: Array, gamma: Array, rate: Array, force: Array) -> _Step:
     """The reading at the start holds throughout; G has no part for that of the end."""
     r = rotation.to_matrix(gamma)
-    turn = rate[:, 0] * h
+    turn = _turn("euler", h, rate)
     acceleration = (r @ force[:, 0, :, None])[..., 0]
     h3 = h[..., None]
     tilt = -r @ rotation.skew(force[:, 0])
@@ -177,12 +168,12 @@ def _euler(h: Array, gamma: Array, rate: Array, force: Array) -> _Step:
     _turn_rows(f, g, turn, h3, weights=(1.0, 0.0))
     zero = np.zeros_like(r)
     _move_rows(f, g, h3, (tilt, -r, zero), (-r, zero, zero, zero))
-    return turn, acceleration, f, g
+    return acceleration, f, g
 
 
 def _midpoint(h: Array, gamma: Array, rate: Array, force: Array) -> _Step:
     """Mean rate; mean of both ends' accelerations (the form of VINS' program)."""
-    turn = 0.5 * (rate[:, 0] + rate[:, 1]) * h
+    turn = _turn("midpoint", h, rate)
     r0 = rotation.to_matrix(gamma)
     r1 = r0 @ rotation.to_matrix(rotation.exp(turn))
     acceleration = 0.5 * (r0 @ force[:, 0, :, None] + r1 @ force[:, 1, :, None])[..., 0]
@@ -197,7 +188,7 @@ def _midpoint(h: Array, gamma: Array, rate: Array, force: Array) -> _Step:
     by_gyro_noise = 0.5 * by_gyro_bias
     f_parts = (by_theta, -0.5 * (r0 + r1), by_gyro_bias)
     _move_rows(f, g, h3, f_parts, (-0.5 * r0, by_gyro_noise, -0.5 * r1, by_gyro_noise))
-    return turn, acceleration, f, g
+    return acceleration, f, g
 
 
 def _blank(batch: int) -> tuple[Array, Array]:
@@ -255,22 +246,25 @@ class _Errors:
         # Covariance of the error with the noise of the reading that the next step begins with.
         self._with_noise = np.zeros((batch, SIZE, 6))
 
-    def step(self, h: Array, f: Array, g: Array) -> None:
-        """Take a step of lengths h (B,)."""
-        self.jacobian = f @ self.jacobian
+    def extend(self, h: Array, f: Array, g: Array) -> None:
+        """Take m steps of lengths h (m, B) with F (m, B, 15, 15) and G (m, B, 15, 12)."""
         if self._noise is None:
+            for transition in f:
+                self.jacobian = transition @ self.jacobian
             return
-        start, end = g[..., :6], g[..., 6:]
-        start_t, end_t = start.swapaxes(1, 2), end.swapaxes(1, 2)
-        p = f @ self.covariance @ f.swapaxes(1, 2)
-        p += (start * self._white) @ start_t + (end * self._white) @ end_t
-        if self._shared:
-            crossed = f @ self._with_noise @ start_t
-            p += crossed + crossed.swapaxes(1, 2)
-            # A step of length 0, behind the end of a shorter interval, is none.
-            self._with_noise = end * self._white
-        p[:, self._diagonal, self._diagonal] += h[:, None] * self._walk
-        self.covariance = p
+        start_t = g[..., :6].swapaxes(-1, -2)
+        from_end = g[..., 6:] * self._white
+        added = (g[..., :6] * self._white) @ start_t + from_end @ g[..., 6:].swapaxes(-1, -2)
+        added[..., self._diagonal, self._diagonal] += h[..., None] * self._walk
+        for k, transition in enumerate(f):
+            self.jacobian = transition @ self.jacobian
+            p = transition @ self.covariance @ transition.swapaxes(1, 2) + added[k]
+            if self._shared:
+                crossed = transition @ (self._with_noise @ start_t[k])
+                p += crossed + crossed.swapaxes(1, 2)
+                # A step of length 0, behind the end of a shorter interval, has no noise.
+                self._with_noise = from_end[k]
+            self.covariance = p
 
 
 class Deltas(NamedTuple):

@@ -14,8 +14,9 @@ from imu_sim_ros.config.integrator import ATTITUDE_UPDATES, METHODS
 from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.navigation.covariance import Covariance
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon, dead_reckon_integrals
+from imu_sim_ros.navigation.intervals import Readings
 from imu_sim_ros.navigation.noise import Noise
-from imu_sim_ros.navigation.preintegration import Readings, preintegrate
+from imu_sim_ros.navigation.preintegration import preintegrate
 from imu_sim_ros.navigation.state import AT_REST, NavigationState, NavigationStates
 from imu_sim_ros.navigation.stepper import Stepper
 from imu_sim_ros.stream import Simulation

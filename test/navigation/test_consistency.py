@@ -16,8 +16,9 @@ from imu_sim_ros.navigation import covariance
 from imu_sim_ros.navigation.consistency import anees_band, nees, straightened
 from imu_sim_ros.navigation.covariance import propagate
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
+from imu_sim_ros.navigation.intervals import Readings
 from imu_sim_ros.navigation.noise import noise_of
-from imu_sim_ros.navigation.preintegration import Readings, preintegrate
+from imu_sim_ros.navigation.preintegration import preintegrate
 from imu_sim_ros.navigation.residuals import States, imu_residual
 from imu_sim_ros.navigation.state import AT_REST, NavigationStates
 from imu_sim_ros.stream import Simulation

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from imu_sim_ros import rotation
-from imu_sim_ros.navigation.preintegration import between, preintegrate
+from imu_sim_ros.navigation.intervals import between
+from imu_sim_ros.navigation.preintegration import preintegrate
 from imu_sim_ros.navigation.residuals import (
     Poses,
     States,
