@@ -52,7 +52,8 @@ def calibrate_temperature(
     """Return both triads' bias and scale as polynomials of the temperature.
 
     The orders are those of the smallest Bayesian information criterion (Schwarz 1978), for bias and
-    scale each from 0 to 4, at most one less than there are different temperatures.
+    scale each from 1 to 4, at most one less than there are different temperatures. (Without a
+    slope that is merely uncertain, the values at T0 would look surer than they are.)
 
     :param steady: stretches at rest or at constant rates.
     :param temperature: (m,) of the sensor in each piece [degC].
@@ -97,8 +98,8 @@ def _best(data: Observations) -> AxisResponse:
     whitener = walk_whitener(data, highest, highest_scale)
     fits = [
         fit_axis(data, bias_order, scale_order, whitener)
-        for bias_order in range(highest + 1)
-        for scale_order in range(highest_scale + 1)
+        for bias_order in range(1, highest + 1)
+        for scale_order in range(min(1, highest_scale), highest_scale + 1)
     ]
     return min(fits, key=lambda found: found.criterion)
 
