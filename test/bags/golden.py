@@ -16,7 +16,7 @@ T_NS = 1_700_000_000_000_000_000 + 5_000_000 * K
 GYRO = np.stack([K / 8.0, -K / 3.0, K * 1e-7], axis=1)
 ACCEL = np.stack([K * 0.1, np.sqrt(K), 9.81 - K / 1024.0], axis=1)
 POSITION = np.stack([K * 1.5, -K * 0.25, K * K / 7.0], axis=1)
-Q_WB = np.stack([np.cos(K / 10.0), np.sin(K / 10.0), 0.0 * K, 0.0 * K], axis=1)
+Q_WB = np.where(K[:, None] % 2 == 0, [0.6, 0.8, 0.0, 0.0], [0.8, 0.0, -0.6, 0.0])
 FORMS = {
     "golden.mcap": ("mcap", "none"),
     "golden_lz4.mcap": ("mcap", "lz4"),
