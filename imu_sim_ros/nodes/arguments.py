@@ -8,7 +8,7 @@ together, and numbers are written in the one form that rcl understands.
 import argparse
 import re
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +34,8 @@ def ros_arguments(
     """
     problems: list[str] = []
     own, ros = _split(arguments)
-    result = ["--ros-args", *_plain(own, parameters(section, values), problems)]
+    plain = _plain(own, parameters(section, values), problems)
+    result = ["--ros-args"]
     position = 0
     while position < len(ros):
         flag = ros[position]
@@ -51,7 +52,7 @@ def ros_arguments(
             position += 1
     if problems:
         raise ConfigurationError(problems)
-    return result
+    return [*result, *plain]  # what comes last wins: a plain argument is above every file
 
 
 def _split(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
@@ -69,9 +70,7 @@ def _split(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
     return own, ros
 
 
-def _plain(
-    own: Sequence[str], known: Mapping[str, Parameter], problems: list[str]
-) -> Iterator[str] | list[str]:
+def _plain(own: Sequence[str], known: Mapping[str, Parameter], problems: list[str]) -> list[str]:
     """Turn ``--rate 400`` and ``--rate=400`` into ROS's ``-p rate:=400``."""
     result: list[str] = []
     words = iter(own)

@@ -114,8 +114,8 @@ def test_plain_arguments_become_those_of_ros(tmp_path: Path) -> None:
     result = ros_arguments([*arguments, "a:=b"], SimulatorParameters, {}, tmp_path)
     assert result == [
         "--ros-args",
-        *("-p", "rate:=400", "-p", 'imu.preset:="perfect"', "-p", "publish.clock_rate:=5"),
         *("-r", "a:=b"),
+        *("-p", "rate:=400", "-p", 'imu.preset:="perfect"', "-p", "publish.clock_rate:=5"),
     ]
     with pytest.raises(ConfigurationError) as raised:
         ros_arguments(["word", "--rate"], SimulatorParameters, {}, tmp_path)
