@@ -44,7 +44,11 @@ def simulate(noise, trajectory="lecture", rate=200.0, duration=10.0, first_seed=
     blocks = []
     for seed in range(first_seed, first_seed + RUNS):
         simulation = Simulation(dataclasses.replace(parameters, seed=seed))
-        blocks.append(simulation.next_block(round(rate * duration) + 1))
+        block = simulation.next_block(round(rate * duration) + 1)
+        first = blocks[0] if blocks else block
+        # The motion is the same in all runs: one copy of it is enough.
+        shared = {name: getattr(first, name) for name in ("motion", "ideal_gyro", "ideal_accel")}
+        blocks.append(block._replace(**shared))
     return parameters, blocks
 
 
