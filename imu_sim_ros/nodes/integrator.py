@@ -126,6 +126,14 @@ class Integrator(ConfiguredNode):
 
     def _take(self, messages: list[Message]) -> None:
         """Take the messages of one topic, as the reader delivers them."""
+        try:
+            self._integrate(messages)
+        except RuntimeError:  # rcl's own classes have no other parent
+            # After a signal ROS ends at once: what still arrives has nowhere to go.
+            if self.context.ok():
+                raise
+
+    def _integrate(self, messages: list[Message]) -> None:
         topic = messages[0].topic
         self._received[topic] += len(messages)
         rows: list[Row] = []
@@ -151,12 +159,12 @@ class Integrator(ConfiguredNode):
     def _publish(self, rows: list[Row]) -> None:
         if not rows:
             return
-        self._published += len(rows)
         t_ns = np.array([row.t_ns for row in rows])
         columns = list(zip(*rows, strict=True))[1:]
         if rows[0].pose_covariance is None:
             columns = columns[:4]
         _send(self._odometry_out, self._odometry.encode(t_ns, *columns))
+        self._published += len(rows)
         if self._angles_out is not None:
             angles = np.degrees([to_angles(row.q_wb) for row in rows])
             _send(self._angles_out, self._angles.encode(t_ns, angles))

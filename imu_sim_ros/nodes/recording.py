@@ -69,7 +69,8 @@ class Recording:
         self._lock = threading.Lock()
         self._begun = threading.Event()
         self._refusal: ImuSimError | None = None
-        self._thread = threading.Thread(target=self._run, name="writer")
+        # A daemon: a signal may end the program before there is a node that could close this.
+        self._thread = threading.Thread(target=self._run, name="writer", daemon=True)
         self._thread.start()
         self._begun.wait()
         if self._refusal is not None:

@@ -115,11 +115,13 @@ def test_a_driver_that_is_killed_and_started_again_is_integrated_anew(node, feed
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_signals_end_it_with_status_0(node, number):
+def test_signals_end_it_with_status_0_while_readings_arrive(node, feed, number):
     integrator = node("integrator")
-    time.sleep(1.5)
+    feed(count=20000, rate=1000.0, topics=["imu"]).wait_for("begin")
+    time.sleep(0.5)
     assert integrator.end(number) == 0
     assert "Traceback" not in integrator.output
+    assert "received imu/data_raw 0" not in integrator.output
 
 
 def test_with_the_simulator_the_error_is_that_of_the_method(node, catch):
