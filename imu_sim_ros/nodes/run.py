@@ -92,6 +92,10 @@ def _start(arguments: Sequence[str], create: Callable[[], Program]) -> Program |
         return create()
     except (KeyboardInterrupt, ExternalShutdownException):
         return None
+    except RuntimeError:
+        if rclpy.ok():
+            raise
+        return None  # SIGTERM ended ROS below a node that was only half made
 
 
 def _spin(program: Any) -> int:
