@@ -128,7 +128,7 @@ def drift(runs: int) -> None:
         values = six_position(Run("six_position", seed))
         values.update(turntable(Run("turntable", seed)))
         correction = Correction(**{name: tuple(v.value) for name, v in values.items()})
-        run = Run("lecture", seed + 1000)
+        run = Run("lecture", seed + 1000, {"duration": 20.0})
         m = run.motion[0]
         start = NavigationState(m.position[0], m.velocity[0], m.q_wb[0])
         last = run.motion[-1].position[-1]
