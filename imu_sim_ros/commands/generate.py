@@ -38,7 +38,7 @@ examples:
   generate -o flight --storage sqlite3 --imu mpu_6000 --duration 10min --with-configs
   generate -o MH_99/mav0 --format euroc --duration 2min
 """
-BLOCK_SIZE: Final = 8192
+BLOCK_SIZE: Final = 16384
 _SIZE_UNITS: Final = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9}
 DATASET_SUFFIXES: Final = {".csv": "csv", ".tum": "tum", ".txt": "tum"}
 
