@@ -27,6 +27,8 @@ from imu_sim_ros.sensor.block import ImuBlock
 from imu_sim_ros.sensor.faults import Fault
 from imu_sim_ros.sensor.imu import Imu
 from imu_sim_ros.trajectory import PoseReader, build_trajectory
+from imu_sim_ros.trajectory.plausible import implausible
+from imu_sim_ros.trajectory.recorded import fit_report
 
 BLOCK_SIZE: Final = 8192
 """Large enough that Python's part is small, small enough for a processor's cache."""
@@ -69,6 +71,25 @@ class Simulation:
         if math.isinf(duration):
             return None
         return timebase.sample_count(duration, self.parameters.rate)
+
+    def warnings(self) -> list[str]:
+        """Return what is allowed and yet may not be meant, a line each.
+
+        The parameters' own warnings, and a motion that the sensor's range does not hold.
+        """
+        imu = self.parameters.imu
+        return self.parameters.warnings() + implausible(
+            self.trajectory,
+            imu.gyroscope_range,
+            imu.accelerometer_range,
+            self.parameters.gravity,
+            self.parameters.duration or self.trajectory.duration,
+        )
+
+    def notes(self) -> list[str]:
+        """Return how well the spline follows recorded poses; nothing for other trajectories."""
+        report = fit_report(self.trajectory)
+        return report.lines() if report is not None else []
 
     def reset(self) -> None:
         """Go back to the first sample: the same samples follow again."""

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from imu_sim_ros.bags import consumers, text_writer
+from imu_sim_ros.bags import consumers, read_poses, text_writer
 from imu_sim_ros.bags.source import ahead
 from imu_sim_ros.bags.write import COMPRESSIONS, STORAGES, open_writer
 from imu_sim_ros.commands import common
@@ -132,13 +132,15 @@ def generate(arguments: argparse.Namespace) -> None:
         arguments.imu_only,
         dict(arguments.topic),
     )
-    for warning in parameters.warnings():
-        print(f"generate: warning: {warning}", file=sys.stderr)
-    simulation = Simulation(parameters, pose_reader=_read_poses)
+    simulation = Simulation(parameters, pose_reader=read_poses)
     if simulation.total is None:
         raise ConfigurationError(
             "duration = 0: this trajectory has no end; say how long, for instance --duration 20s"
         )
+    for warning in simulation.warnings():
+        print(f"generate: warning: {warning}", file=sys.stderr)
+    if not (arguments.quiet or arguments.json):
+        print("\n".join(simulation.notes()), end="\n" if simulation.notes() else "")
     stopped = False
     with _target(arguments, parameters, names) as target:
         stopped = _write(simulation, target, arguments)
@@ -153,12 +155,6 @@ def generate(arguments: argparse.Namespace) -> None:
         "bytes": sum(file.stat().st_size for file in target.files if file.is_file()),
     }
     _report(result, stopped, arguments)
-
-
-def _read_poses(path: str | Path) -> Any:
-    from imu_sim_ros.bags.read import read_poses
-
-    return read_poses(path)
 
 
 @contextmanager

@@ -24,6 +24,7 @@ from rclpy.time import Time
 from std_srvs.srv import SetBool, Trigger
 
 from imu_sim_ros import timebase
+from imu_sim_ros.bags import read_poses
 from imu_sim_ros.config.simulator import (
     BODY,
     SimulatorParameters,
@@ -65,6 +66,8 @@ class Simulator(ConfiguredNode):
         self.done = Future()
         self._counters: list[Counter] = []
         self._lateness = Histogram()
+        self._remarks: list[str] = []
+        self._notes: list[str] = []
         self._satisfied = 0.0
         parameters: SimulatorParameters = self.parameters
         self._follows = bool(self.get_parameter("use_sim_time").value)
@@ -93,8 +96,10 @@ class Simulator(ConfiguredNode):
         if parameters.inject.kind != "none":
             self._inject(parameters)
         self._create_services()
-        for line in (line for p in simulations(parameters).values() for line in p.warnings()):
+        for line in dict.fromkeys(self._remarks):
             self.get_logger().warning(line)
+        for line in self._notes:
+            self.get_logger().info(line)
         self.get_logger().info(self._summary(parameters))
         sys.setswitchinterval(_SWITCH_INTERVAL)
         gc.collect()
@@ -130,7 +135,9 @@ class Simulator(ConfiguredNode):
     def _streams(self, parameters: SimulatorParameters) -> Iterator[Stream]:
         publish = parameters.publish
         for name, simulated in simulations(parameters).items():
-            simulation = Simulation(simulated)
+            simulation = Simulation(simulated, read_poses)
+            self._remarks += simulation.warnings()
+            self._notes = simulation.notes()
             outputs: list[Output] = []
             if name != BODY:
                 outputs += imu_outputs(simulated, publish, f"{name}/" if name else "")
