@@ -16,6 +16,7 @@ ROOMS = {
     "trajectory": LEAVES,
     "sensor": LEAVES | {"trajectory"},
     "stream": LEAVES | {"trajectory", "sensor"},
+    "topics": LEAVES | {"trajectory", "sensor", "bags"},
     "navigation": LEAVES,
     "calibration": LEAVES,
     "bags": LEAVES,

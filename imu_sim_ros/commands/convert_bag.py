@@ -11,9 +11,9 @@ from imu_sim_ros.bags.encode import IMU, ODOMETRY
 from imu_sim_ros.bags.read import open_bag, read_poses
 from imu_sim_ros.bags.source import Bag
 from imu_sim_ros.bags.text_writer import Dataset
-from imu_sim_ros.bags.write import COMPRESSIONS, STORAGES, Writer, open_writer
-from imu_sim_ros.commands import common
-from imu_sim_ros.commands.generate import DATASET_SUFFIXES, renaming, size, stop_requests
+from imu_sim_ros.bags.write import Writer, open_writer
+from imu_sim_ros.commands import bag_output, common
+from imu_sim_ros.commands.bag_output import DATASET_SUFFIXES, stop_requests
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.poses import PoseSequence
 
@@ -37,36 +37,9 @@ def parser() -> argparse.ArgumentParser:
     result.add_argument(
         "input", type=Path, help="ROS 1 bag, .mcap, rosbag2 folder, EuRoC folder or CSV file"
     )
-    result.add_argument(
-        "-o",
-        "--output",
-        required=True,
-        type=Path,
-        metavar="PATH",
-        help="NAME.bag: ROS 1; NAME.mcap: one MCAP file; NAME.csv, NAME.tum: text; "
-        "another name: a rosbag2 folder",
-    )
-    result.add_argument("--format", choices=text_writer.FORMATS, help="a dataset instead of a bag")
-    result.add_argument("--storage", choices=STORAGES, help="of the bag (mcap)")
-    result.add_argument(
-        "--compression",
-        choices=sorted({name for names in COMPRESSIONS.values() for name in names}),
-        help="of chunks (none)",
-    )
-    result.add_argument(
-        "--split-duration", metavar="TIME", type=common.duration, default=0.0, help="of one file"
-    )
-    result.add_argument("--split-size", metavar="SIZE", type=size, default=0, help="of one file")
+    bag_output.add_arguments(result)
     result.add_argument(
         "--topics", metavar="NAME,...", default="", help="what is converted (everything)"
-    )
-    result.add_argument(
-        "--topic",
-        metavar="NAME=NEW",
-        type=renaming,
-        action="append",
-        default=[],
-        help="another name in the new bag; repeatable",
     )
     result.add_argument(
         "--recover",

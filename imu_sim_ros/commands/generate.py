@@ -1,26 +1,20 @@
 """``generate``: parameters in, a bag or a dataset out, as fast as the machine can."""
 
 import argparse
-import re
-import signal
 import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from types import FrameType
 from typing import Any, Final
 
 import numpy as np
 
 from imu_sim_ros.bags import consumers, read_poses, text_writer
 from imu_sim_ros.bags.source import ahead
-from imu_sim_ros.bags.write import COMPRESSIONS, STORAGES, open_writer
-from imu_sim_ros.commands import common
+from imu_sim_ros.bags.write import open_writer
+from imu_sim_ros.commands import bag_output, common
 from imu_sim_ros.commands.generate_topics import (
-    READINGS,
-    TRUTH,
-    TYPES,
     BagTarget,
     DatasetTarget,
     chosen_topics,
@@ -30,17 +24,16 @@ from imu_sim_ros.config import files
 from imu_sim_ros.config.simulation import SimulationParameters, load_simulation
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.stream import Simulation
+from imu_sim_ros.topics import READINGS, TRUTH, TYPES
 
 EXAMPLES: Final = """\
 examples:
   generate -o allan.bag --imu-only --trajectory static --duration 4h --topic imu/data_raw=/imu
   generate -o flight.mcap --compression lz4 --trajectory groundtruth.csv
-  generate -o flight --storage sqlite3 --imu mpu_6000 --duration 10min --with-configs
+  generate -o flight --storage sqlite3 --imu mpu6000 --duration 10min --with-configs
   generate -o MH_99/mav0 --format euroc --duration 2min
 """
 BLOCK_SIZE: Final = 16384
-_SIZE_UNITS: Final = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9}
-DATASET_SUFFIXES: Final = {".csv": "csv", ".tum": "tum", ".txt": "tum"}
 
 
 def parser() -> argparse.ArgumentParser:
@@ -53,29 +46,7 @@ def parser() -> argparse.ArgumentParser:
     )
     common.add_simulation_arguments(result)
     group = result.add_argument_group("output")
-    group.add_argument(
-        "-o",
-        "--output",
-        required=True,
-        type=Path,
-        metavar="PATH",
-        help="NAME.bag: ROS 1; NAME.mcap: one MCAP file; NAME.csv, NAME.tum: text; "
-        "another name: a rosbag2 folder",
-    )
-    group.add_argument("--format", choices=text_writer.FORMATS, help="a dataset instead of a bag")
-    group.add_argument("--storage", choices=STORAGES, help="of the bag (mcap)")
-    group.add_argument(
-        "--compression",
-        choices=sorted({name for names in COMPRESSIONS.values() for name in names}),
-        help="of chunks (none): "
-        + "; ".join(f"{storage}: {', '.join(names)}" for storage, names in COMPRESSIONS.items()),
-    )
-    group.add_argument(
-        "--split-duration", metavar="TIME", type=common.duration, default=0.0, help="of one file"
-    )
-    group.add_argument(
-        "--split-size", metavar="SIZE", type=size, default=0, help="of one file: 500M, 2G"
-    )
+    bag_output.add_arguments(group)
     group.add_argument(
         "--topics",
         metavar="NAME,...",
@@ -84,14 +55,6 @@ def parser() -> argparse.ArgumentParser:
     )
     group.add_argument("--imu-only", action="store_true", help="no ground truth")
     group.add_argument(
-        "--topic",
-        metavar="NAME=NEW",
-        type=renaming,
-        action="append",
-        default=[],
-        help="another name in the bag, for instance imu/data_raw=/imu0; repeatable",
-    )
-    group.add_argument(
         "--with-configs",
         action="store_true",
         help="write the noise for kalibr, VINS, OpenVINS, ORB_SLAM3 and imu_utils, and all "
@@ -99,22 +62,6 @@ def parser() -> argparse.ArgumentParser:
     )
     common.add_output_arguments(result)
     return result
-
-
-def size(words: str) -> int:
-    """Return the bytes of ``500M``, ``2G`` or a plain number."""
-    match = re.fullmatch(r"(\d+\.?\d*)\s*([kmg]?)b?", words.strip().lower())
-    if match is None:
-        raise argparse.ArgumentTypeError(f"{words!r} is not a size such as 500M or 2G")
-    return round(float(match[1]) * _SIZE_UNITS[match[2]])
-
-
-def renaming(words: str) -> tuple[str, str]:
-    """Return both names of ``old=new``."""
-    old, equals, new = words.partition("=")
-    if not equals or not re.fullmatch(r"/?[A-Za-z_~][\w/]*", new.strip()):
-        raise argparse.ArgumentTypeError(f"{words!r} is not of the form imu/data_raw=/imu0")
-    return old.strip().lstrip("/"), new.strip()
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -163,7 +110,7 @@ def _target(
 ) -> Iterator[BagTarget | DatasetTarget]:
     """Open the output; it is whole when the block ends without an error."""
     output = arguments.output
-    form = arguments.format or DATASET_SUFFIXES.get(output.suffix.lower())
+    form = arguments.format or bag_output.DATASET_SUFFIXES.get(output.suffix.lower())
     if form is None:
         with open_writer(
             output,
@@ -197,7 +144,7 @@ def _write(
     """Write all samples; returns whether Ctrl-C or SIGTERM ended it before."""
     total = simulation.total or 0
     with (
-        stop_requests() as requests,
+        bag_output.stop_requests() as requests,
         common.progress(
             f"writing {arguments.output}", total, arguments.quiet or arguments.json
         ) as advance,
@@ -213,26 +160,6 @@ def _write(
         finally:
             blocks.close()  # type: ignore[attr-defined]
     return False
-
-
-@contextmanager
-def stop_requests() -> Iterator[list[int]]:
-    """Collect Ctrl-C and SIGTERM instead of being ended by them in the middle of a chunk."""
-    requests: list[int] = []
-
-    def note(number: int, _: FrameType | None) -> None:
-        requests.append(number)
-
-    try:
-        before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
-    except ValueError:  # not in the main thread: whoever runs this takes care of signals
-        yield requests
-        return
-    try:
-        yield requests
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def _describe(output: Path, parameters: SimulationParameters, states: bool) -> None:

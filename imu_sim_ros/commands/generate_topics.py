@@ -1,103 +1,14 @@
-"""What ``generate`` writes: the topics of a simulation as messages, or the columns of a dataset."""
+"""Where ``generate`` writes the topics of a simulation: a bag, or the columns of a dataset."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Final
-
-import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.bags.container import Block, Topic, Writer
-from imu_sim_ros.bags.encode import (
-    IMU,
-    ODOMETRY,
-    TEMPERATURE,
-    VECTOR3_STAMPED,
-    ImuEncoder,
-    OdometryEncoder,
-    TemperatureEncoder,
-    Vector3StampedEncoder,
-)
 from imu_sim_ros.bags.text_writer import Dataset, States
 from imu_sim_ros.config.simulation import SimulationParameters
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.rotation import rotate_inverse
 from imu_sim_ros.sensor.block import ImuBlock
-from imu_sim_ros.sensor.variance import accel_variance_discrete, gyro_variance_discrete
-
-READINGS: Final = "imu/data_raw"
-TRUTH: Final = "ground_truth/odom"
-TYPES: Final[dict[str, str]] = {
-    READINGS: IMU,
-    TRUTH: ODOMETRY,
-    "ground_truth/imu": IMU,
-    "ground_truth/gyroscope_bias": VECTOR3_STAMPED,
-    "ground_truth/accelerometer_bias": VECTOR3_STAMPED,
-    "imu/temperature": TEMPERATURE,
-}
-
-Encode = Callable[[ImuBlock], tuple[NDArray[np.int64], NDArray[np.uint8]]]
-
-
-def encoder(name: str, parameters: SimulationParameters, encoding: str) -> Encode:
-    """Return what turns a block into the record times and messages of a topic.
-
-    Readings have the stamps of the sensor's clock, and only delivered ones are written; everything
-    else has the true times.
-    """
-    if name == READINGS:
-        return _readings(parameters, encoding)
-    if name == TRUTH:
-        return _truth(parameters, encoding)
-    frame = parameters.imu_frame
-    if name == "ground_truth/imu":
-        ideal = ImuEncoder(frame, encoding)
-        return lambda b: (
-            b.true_t_ns,
-            ideal.encode(b.true_t_ns, b.ideal_gyro, b.ideal_accel),
-        )
-    if name == "imu/temperature":
-        thermometer = TemperatureEncoder(frame, encoding)
-        return lambda b: (b.true_t_ns, thermometer.encode(b.true_t_ns, b.temperature))
-    vectors = Vector3StampedEncoder(frame, encoding)
-    if name == "ground_truth/gyroscope_bias":
-        return lambda b: (b.true_t_ns, vectors.encode(b.true_t_ns, b.gyro_bias))
-    return lambda b: (b.true_t_ns, vectors.encode(b.true_t_ns, b.accel_bias))
-
-
-def _readings(parameters: SimulationParameters, encoding: str) -> Encode:
-    readings = ImuEncoder(parameters.imu_frame, encoding)
-    gyro = gyro_variance_discrete(parameters.imu, parameters.rate)
-    accel = accel_variance_discrete(parameters.imu, parameters.rate)
-
-    def encode(block: ImuBlock) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
-        t_ns, w, f = delivered(block)
-        return t_ns, readings.encode(t_ns, w, f, gyro, accel)
-
-    return encode
-
-
-def _truth(parameters: SimulationParameters, encoding: str) -> Encode:
-    odometry = OdometryEncoder(parameters.world_frame, parameters.body_frame, encoding)
-
-    def encode(block: ImuBlock) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
-        motion, t_ns = block.motion, block.true_t_ns
-        velocity_b = rotate_inverse(motion.q_wb, motion.velocity)
-        return t_ns, odometry.encode(
-            t_ns, motion.position, motion.q_wb, velocity_b, motion.angular_velocity
-        )
-
-    return encode
-
-
-def delivered(
-    block: ImuBlock,
-) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return stamps, angular rates and specific forces of the readings that are delivered."""
-    rows = block.delivered
-    if len(rows) == len(block.t_ns) and bool(np.array_equal(rows, np.arange(len(rows)))):
-        return block.t_ns, block.gyro, block.accel
-    return block.t_ns[rows], block.gyro[rows], block.accel[rows]
+from imu_sim_ros.topics import READINGS, TRUTH, TYPES, Encode, delivered, encoder
 
 
 class BagTarget:
@@ -111,6 +22,7 @@ class BagTarget:
         :param names: for each topic of TYPES that is written its name in the bag.
         """
         self.writer = writer
+        self._parameters = parameters
         self._topics: list[tuple[Topic, Encode]] = [
             (
                 writer.add_topic(resolved(name), TYPES[key]),
@@ -132,8 +44,8 @@ class BagTarget:
 
     def write(self, block: ImuBlock) -> None:
         """Write the messages of a block."""
-        blocks = [Block(topic, *encode(block)) for topic, encode in self._topics]
-        self.writer.write_blocks(blocks)
+        made = [(topic, encode(block, self._parameters)) for topic, encode in self._topics]
+        self.writer.write_blocks([Block(topic, m.t_ns, m.payloads) for topic, m in made])
 
 
 class DatasetTarget:

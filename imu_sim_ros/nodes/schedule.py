@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from imu_sim_ros import timebase
 from imu_sim_ros.config.simulation import SimulationParameters
 from imu_sim_ros.config.simulator import BODY
-from imu_sim_ros.nodes.outputs import Encode
 from imu_sim_ros.sensor.faults import Fault
 from imu_sim_ros.stream import Simulation
+from imu_sim_ros.topics import Encode
 
 Times = NDArray[np.int64]
 
@@ -66,8 +66,8 @@ class SimulationStream:
             return
         block = self.simulation.next_block(count)
         for encode, send in self._outputs:
-            times, rows = encode(block, self.simulation.parameters)
-            yield Piece(times, send, _split(rows))
+            messages = encode(block, self.simulation.parameters)
+            yield Piece(messages.due_t_ns, send, _split(messages.payloads))
 
     def next_time_ns(self, delay: float = 0.0) -> int:
         """Return the time of the first sample that is at least ``delay`` s after the next one."""

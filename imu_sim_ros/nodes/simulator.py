@@ -23,10 +23,12 @@ from rclpy.task import Future
 from rclpy.time import Time
 from std_srvs.srv import SetBool, Trigger
 
-from imu_sim_ros import timebase
+from imu_sim_ros import timebase, topics
 from imu_sim_ros.bags import read_poses
+from imu_sim_ros.bags.encode import CLOCK, ClockEncoder
 from imu_sim_ros.config.simulator import (
     BODY,
+    PublishParameters,
     SimulatorParameters,
     layer_simulator,
     simulations,
@@ -35,7 +37,6 @@ from imu_sim_ros.config.simulator import (
 from imu_sim_ros.errors import ConfigurationError, ImuSimError
 from imu_sim_ros.nodes import run
 from imu_sim_ros.nodes.engine import LEAD_NS, Engine
-from imu_sim_ros.nodes.outputs import CLOCK, Output, clock_messages, imu_outputs, truth_output
 from imu_sim_ros.nodes.pacing import Pacer, RosClockPacer, Stall
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.publishing import Counter, check_overrides, create
@@ -138,28 +139,28 @@ class Simulator(ConfiguredNode):
             simulation = Simulation(simulated, read_poses)
             self._remarks += simulation.warnings()
             self._notes = simulation.notes()
-            outputs: list[Output] = []
-            if name != BODY:
-                outputs += imu_outputs(simulated, publish, f"{name}/" if name else "")
-            if name in ("", BODY) and publish.ground_truth:
-                outputs.append(truth_output(simulated))
-            yield SimulationStream(
-                simulation, [(output.encode, self._counted(output)) for output in outputs], name
-            )
+            # Several IMUs have a namespace each; the body's truth is one, in the node's own.
+            prefix = "" if name in ("", BODY) else f"{name}/"
+            outputs = [
+                (topics.encoder(topic, simulated), self._counted(prefix + topic, kind))
+                for topic, kind in topics.TYPES.items()
+                if _is_wanted(topic, name, publish)
+            ]
+            yield SimulationStream(simulation, outputs, name)
             truth = simulation
         if publish.tf_rate:
             yield transform_stream(self, publish.tf_rate, parameters, truth.trajectory)
         if publish.clock_rate:
-            clock = Output("/clock", CLOCK, lambda block, _: (block.t_ns, block.t_ns))
+            clock = ClockEncoder()
             yield TickStream(
                 publish.clock_rate,
-                lambda t_ns, _: [row.tobytes() for row in clock_messages(t_ns)],
-                self._counted(clock),
+                lambda t_ns, _: [row.tobytes() for row in clock.encode(t_ns)],
+                self._counted("/clock", CLOCK),
             )
 
-    def _counted(self, output: Output) -> Any:
-        publisher = create(self, output.type_name, output.topic, QoSProfile(depth=QUEUE))
-        self._counters.append(Counter(output.topic, publisher))
+    def _counted(self, topic: str, type_name: str) -> Any:
+        publisher = create(self, type_name, topic, QoSProfile(depth=QUEUE))
+        self._counters.append(Counter(topic, publisher))
         return self._counters[-1].send
 
     def _pacer(self, parameters: SimulatorParameters) -> Pacer:
@@ -316,6 +317,22 @@ class Simulator(ConfiguredNode):
 
 
 _OF_THE_NODE: Final = ("inject", "real_time_factor", "catch_up", "step_samples")
+
+
+def _is_wanted(topic: str, imu: str, publish: PublishParameters) -> bool:
+    """Tell whether a topic is published for an IMU (``BODY``: for the body of several)."""
+    if topic == topics.TRUTH:
+        return publish.ground_truth and imu in ("", BODY)
+    return (
+        imu != BODY
+        and {
+            topics.READINGS: True,
+            topics.IDEAL: publish.ground_truth_imu,
+            topics.GYROSCOPE_BIAS: publish.biases,
+            topics.ACCELEROMETER_BIAS: publish.biases,
+            topics.THERMOMETER: publish.temperature,
+        }[topic]
+    )
 
 
 def main() -> int:

@@ -1,0 +1,88 @@
+"""What the commands that write bags and datasets share: their arguments, and stopping them."""
+
+import argparse
+import re
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import Any, Final
+
+from imu_sim_ros.bags import text_writer
+from imu_sim_ros.bags.write import COMPRESSIONS, STORAGES
+from imu_sim_ros.commands import common
+
+DATASET_SUFFIXES: Final = {".csv": "csv", ".tum": "tum", ".txt": "tum"}
+_SIZE_UNITS: Final = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9}
+
+
+def add_arguments(group: Any) -> None:
+    """Add what chooses the output's place, form and names to a parser or a group of it."""
+    group.add_argument(
+        "-o",
+        "--output",
+        required=True,
+        type=Path,
+        metavar="PATH",
+        help="NAME.bag: ROS 1; NAME.mcap: one MCAP file; NAME.csv, NAME.tum: text; "
+        "another name: a rosbag2 folder",
+    )
+    group.add_argument("--format", choices=text_writer.FORMATS, help="a dataset instead of a bag")
+    group.add_argument("--storage", choices=STORAGES, help="of the bag (mcap)")
+    group.add_argument(
+        "--compression",
+        choices=sorted({name for names in COMPRESSIONS.values() for name in names}),
+        help="of chunks (none): "
+        + "; ".join(f"{storage}: {', '.join(names)}" for storage, names in COMPRESSIONS.items()),
+    )
+    group.add_argument(
+        "--split-duration", metavar="TIME", type=common.duration, default=0.0, help="of one file"
+    )
+    group.add_argument(
+        "--split-size", metavar="SIZE", type=size, default=0, help="of one file: 500M, 2G"
+    )
+    group.add_argument(
+        "--topic",
+        metavar="NAME=NEW",
+        type=renaming,
+        action="append",
+        default=[],
+        help="another name in the bag, for instance imu/data_raw=/imu0; repeatable",
+    )
+
+
+def size(words: str) -> int:
+    """Return the bytes of ``500M``, ``2G`` or a plain number."""
+    match = re.fullmatch(r"(\d+\.?\d*)\s*([kmg]?)b?", words.strip().lower())
+    if match is None:
+        raise argparse.ArgumentTypeError(f"{words!r} is not a size such as 500M or 2G")
+    return round(float(match[1]) * _SIZE_UNITS[match[2]])
+
+
+def renaming(words: str) -> tuple[str, str]:
+    """Return both names of ``old=new``."""
+    old, equals, new = words.partition("=")
+    if not equals or not re.fullmatch(r"/?[A-Za-z_~][\w/]*", new.strip()):
+        raise argparse.ArgumentTypeError(f"{words!r} is not of the form imu/data_raw=/imu0")
+    return old.strip().lstrip("/"), new.strip()
+
+
+@contextmanager
+def stop_requests() -> Iterator[list[int]]:
+    """Collect Ctrl-C and SIGTERM instead of being ended by them in the middle of a chunk."""
+    requests: list[int] = []
+
+    def note(number: int, _: FrameType | None) -> None:
+        requests.append(number)
+
+    try:
+        before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
+    except ValueError:  # not in the main thread: whoever runs this takes care of signals
+        yield requests
+        return
+    try:
+        yield requests
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

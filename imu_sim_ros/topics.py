@@ -1,0 +1,148 @@
+"""The topics of a simulation: a block of samples as the messages of each of them.
+
+One home for what the simulator node publishes and the command ``generate`` writes, so that both are
+the same bytes.
+"""
+
+from collections.abc import Callable
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.bags.encode import (
+    IMU,
+    ODOMETRY,
+    TEMPERATURE,
+    VECTOR3_STAMPED,
+    ImuEncoder,
+    OdometryEncoder,
+    TemperatureEncoder,
+    Vector3StampedEncoder,
+)
+from imu_sim_ros.config.simulation import SimulationParameters
+from imu_sim_ros.rotation import rotate_inverse
+from imu_sim_ros.sensor.block import ImuBlock
+from imu_sim_ros.sensor.variance import accel_variance_discrete, gyro_variance_discrete
+
+Times = NDArray[np.int64]
+Bytes = NDArray[np.uint8]
+
+READINGS: Final = "imu/data_raw"
+TRUTH: Final = "ground_truth/odom"
+IDEAL: Final = "ground_truth/imu"
+GYROSCOPE_BIAS: Final = "ground_truth/gyroscope_bias"
+ACCELEROMETER_BIAS: Final = "ground_truth/accelerometer_bias"
+THERMOMETER: Final = "imu/temperature"
+TYPES: Final[dict[str, str]] = {
+    READINGS: IMU,
+    TRUTH: ODOMETRY,
+    IDEAL: IMU,
+    GYROSCOPE_BIAS: VECTOR3_STAMPED,
+    ACCELEROMETER_BIAS: VECTOR3_STAMPED,
+    THERMOMETER: TEMPERATURE,
+}
+
+
+class Messages(NamedTuple):
+    """The m messages of one topic in a block."""
+
+    t_ns: Times
+    """(m,) stamps; a bag takes them as record times."""
+    due_t_ns: Times
+    """(m,) when the driver would let them go [ns]."""
+    payloads: Bytes
+    """(m, size) the messages."""
+
+
+Encode = Callable[[ImuBlock, SimulationParameters], Messages]
+"""Turns a block into messages; the parameters are those that hold for the block."""
+
+
+def encoder(topic: str, parameters: SimulationParameters, encoding: str = "cdr") -> Encode:
+    """Return what makes the messages of a topic.
+
+    Readings have the stamps of the sensor's clock, and only delivered ones become messages;
+    everything else has the true times.
+
+    :param topic: one of TYPES.
+    :param encoding: ``cdr`` or ``ros1``.
+    """
+    return _MAKERS[topic](parameters, encoding)
+
+
+def delivered(block: ImuBlock) -> tuple[Times, NDArray[np.float64], NDArray[np.float64]]:
+    """Return stamps, angular rates and specific forces of the readings that are delivered."""
+    rows = block.delivered
+    if _is_all(block):
+        return block.t_ns, block.gyro, block.accel
+    return block.t_ns[rows], block.gyro[rows], block.accel[rows]
+
+
+def _is_all(block: ImuBlock) -> bool:
+    rows = block.delivered
+    return len(rows) == len(block.t_ns) and bool(np.array_equal(rows, np.arange(len(rows))))
+
+
+def _readings(parameters: SimulationParameters, encoding: str) -> Encode:
+    readings = ImuEncoder(parameters.imu_frame, encoding)
+
+    def encode(block: ImuBlock, now: SimulationParameters) -> Messages:
+        t_ns, gyro, accel = delivered(block)
+        payloads = readings.encode(
+            t_ns,
+            gyro,
+            accel,
+            gyro_variance_discrete(now.imu, now.rate),
+            accel_variance_discrete(now.imu, now.rate),
+        )
+        return Messages(t_ns, block.release_t_ns[block.delivered], payloads)
+
+    return encode
+
+
+def _truth(parameters: SimulationParameters, encoding: str) -> Encode:
+    odometry = OdometryEncoder(parameters.world_frame, parameters.body_frame, encoding)
+
+    def messages(block: ImuBlock) -> Bytes:
+        motion = block.motion
+        velocity_b = rotate_inverse(motion.q_wb, motion.velocity)
+        return odometry.encode(
+            block.true_t_ns, motion.position, motion.q_wb, velocity_b, motion.angular_velocity
+        )
+
+    return _at_true_times(messages)
+
+
+def _ideal(parameters: SimulationParameters, encoding: str) -> Encode:
+    readings = ImuEncoder(parameters.imu_frame, encoding)
+    return _at_true_times(lambda b: readings.encode(b.true_t_ns, b.ideal_gyro, b.ideal_accel))
+
+
+def _gyroscope_bias(parameters: SimulationParameters, encoding: str) -> Encode:
+    vectors = Vector3StampedEncoder(parameters.imu_frame, encoding)
+    return _at_true_times(lambda b: vectors.encode(b.true_t_ns, b.gyro_bias))
+
+
+def _accelerometer_bias(parameters: SimulationParameters, encoding: str) -> Encode:
+    vectors = Vector3StampedEncoder(parameters.imu_frame, encoding)
+    return _at_true_times(lambda b: vectors.encode(b.true_t_ns, b.accel_bias))
+
+
+def _temperature(parameters: SimulationParameters, encoding: str) -> Encode:
+    thermometer = TemperatureEncoder(parameters.imu_frame, encoding)
+    return _at_true_times(lambda b: thermometer.encode(b.true_t_ns, b.temperature))
+
+
+def _at_true_times(payloads: Callable[[ImuBlock], Bytes]) -> Encode:
+    return lambda block, _: Messages(block.true_t_ns, block.true_t_ns, payloads(block))
+
+
+_MAKERS: Final[dict[str, Callable[[SimulationParameters, str], Encode]]] = {
+    READINGS: _readings,
+    TRUTH: _truth,
+    IDEAL: _ideal,
+    GYROSCOPE_BIAS: _gyroscope_bias,
+    ACCELEROMETER_BIAS: _accelerometer_bias,
+    THERMOMETER: _temperature,
+}
