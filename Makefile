@@ -70,7 +70,8 @@ test-floor:
 	@if $(PYTHON) -c 'import sys; sys.exit(sys.version_info >= (3, 13))'; then
 	  $(MAKE) --no-print-directory .venv-floor/installed
 	  echo "make: ROS-free tests on the oldest supported versions"
-	  $(CLEAN) .venv-floor/bin/python -m pytest -q -m "not slow and not ros" -p no:cacheprovider
+	  $(CLEAN) .venv-floor/bin/python -m pytest -q -m "not slow and not ros" --ignore=test/nodes \
+	    -p no:cacheprovider
 	else
 	  echo "make: Python 3.13 has no numpy 1.26: the run on the oldest supported versions is left out"
 	fi

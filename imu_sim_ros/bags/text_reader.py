@@ -131,7 +131,7 @@ def _blocks(path: Path, columns: int) -> Iterator[tuple[Times, Array]]:
     :raises InputError: for a file of another form, with the line where that is known.
     """
     row = np.dtype([("t_ns", "<i8"), ("numbers", "<f8", (columns,))])
-    line = 0
+    line = rows = 0
     try:
         with path.open(encoding="utf-8") as file:
             start = file.tell()
@@ -146,14 +146,15 @@ def _blocks(path: Path, columns: int) -> Iterator[tuple[Times, Array]]:
                     break
                 yield block["t_ns"], block["numbers"]
                 line += len(block)
-    except (ValueError, OverflowError) as error:
+                rows += len(block)
+    except (ValueError, OverflowError, DeprecationWarning) as error:
         reason = " ".join(str(error).split()).split(";")[0]
         raise InputError(
             f"{path}: after line {line}: {reason}; expected nanoseconds and {columns} numbers"
         ) from None
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from None
-    if line <= 1:
+    if not rows:
         raise InputError(f"{path}: holds no rows")
 
 
@@ -162,4 +163,5 @@ def _load(file: Any, row: np.dtype[np.void]) -> NDArray[np.void]:
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # numpy warns of the end of the file
+        warnings.simplefilter("error", DeprecationWarning)  # numpy 1 takes 1.5 for the integer 1
         return np.loadtxt(file, row, delimiter=",", ndmin=1, max_rows=_BLOCK_ROWS)
