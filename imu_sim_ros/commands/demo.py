@@ -72,6 +72,11 @@ def run(arguments: argparse.Namespace) -> None:
     Simulation(parameters, read_poses)  # a file that cannot be flown is refused before the start
     _empty(arguments.output)
     bag = arguments.output / "bag"
+    print(
+        f"simulator, integrator and recorder run for {parameters.duration:g} s "
+        f"at {parameters.rate:g} Hz: {arguments.imu} on {arguments.trajectory}",
+        flush=True,
+    )
     counts = _fly(parameters, arguments.output, bag)
     _print_counts(bag, counts)
     _print_errors(parameters, arguments.output, bag)
@@ -89,10 +94,6 @@ def _fly(parameters: SimulationParameters, folder: Path, bag: Path) -> dict[str,
     """Run the nodes until the simulator is done; return what they say they counted."""
     file = folder / "simulation.yaml"
     files.dump(parameters, file, comment="What the demonstration simulated.")
-    print(
-        f"simulator, integrator and recorder run for {parameters.duration:g} s "
-        f"at {parameters.rate:g} Hz, {parameters.trajectory.type} trajectory"
-    )
     with ExitStack() as stack:
         log = stack.enter_context((folder / "nodes.log").open("w+", encoding="utf-8"))
         topics = f"[{IMU}, {TRUTH}, {ESTIMATE}]"
