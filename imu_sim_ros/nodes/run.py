@@ -107,6 +107,10 @@ def _spin(program: Any) -> int:
         executor.spin_until_future_complete(program.done)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
+    except RuntimeError:  # rcl's own classes have no other parent
+        if program.context.ok():
+            raise
+        # SIGTERM has ended ROS below a callback that was running.
     finally:
         # The node is closing already; a second Ctrl-C must not break that off.
         for number in (signal.SIGINT, signal.SIGTERM):

@@ -100,7 +100,10 @@ class TopicReader:
             while not self._ended.wait(self._period):
                 self._look()
             self._look()
-        except BaseException:
+        except BaseException as error:
+            # After SIGTERM ROS ends at once: that nothing can be taken any more is no failure.
+            if isinstance(error, RuntimeError) and not self._node.context.ok():
+                return
             self._failed()
             raise
 
