@@ -10,5 +10,5 @@ def pytest_collection_modifyitems(items):
     patience; what is wrong in the nodes themselves fails twice.
     """
     for item in items:
-        if item.get_closest_marker("ros") is not None:
+        if "nodes" in item.path.parts or item.path.name == "test_demo.py":
             item.add_marker(pytest.mark.flaky(reruns=1))
