@@ -6,8 +6,8 @@ import pytest
 def pytest_collection_modifyitems(items):
     """Give tests with real processes a second try; the closing line counts it as a rerun.
 
-    Fast DDS's discovery on a machine whose cores are busy now and then takes longer than any
-    patience; what is wrong in the nodes themselves fails twice.
+    Discovery and scheduling on a busy machine are not the nodes' own; what is wrong in the nodes
+    themselves fails twice.
     """
     for item in items:
         if "nodes" in item.path.parts or item.path.name == "test_demo.py":
