@@ -101,7 +101,7 @@ class SimulatorParameters(SimulationParameters):
         0, "start when ground_truth/odom has this many subscribers", minimum=0
     )
     block_duration: float = number(
-        0.1,
+        0.2,
         "time that is computed ahead in one piece; changes at run time take effect behind it",
         unit="s",
         minimum=0.001,

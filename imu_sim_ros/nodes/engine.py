@@ -13,9 +13,10 @@ from imu_sim_ros.nodes.schedule import Group, Schedule
 LEAD_NS: Final = 10_000_000
 """The first sample is due this long after time zero is chosen: its block has to be computed."""
 
-_BLOCKS_AHEAD: Final = 2
+_BLOCKS_AHEAD: Final = 1
 _UNPACED_FACTOR: Final = 10.0
-_UNPACED_GROUPS: Final = 100
+_UNACKNOWLEDGED: Final = 500
+"""Samples that are published without waiting for the subscribers, where nothing else paces them."""
 
 
 class _Block(NamedTuple):
@@ -53,8 +54,7 @@ class Engine:
         self._block_duration = block_duration
         self._ready, self._zero = ready, zero
         self._acknowledged, self._on_end = acknowledged, on_end
-        self._speed = 1.0
-        self._run = 0
+        self._run = self._unacknowledged = 0
         self._stopped = False
         self._lock = threading.Lock()
         self._changes: list[Callable[[Schedule], None]] = []
@@ -87,7 +87,6 @@ class Engine:
 
     def set_speed(self, speed: float, catch_up: bool) -> None:
         """Change the real-time factor, and what happens after a stall."""
-        self._speed = speed
         self.pacer.configure(speed, catch_up)
 
     def reset(self) -> None:
@@ -140,7 +139,8 @@ class Engine:
 
     def _block_length(self) -> float:
         """Return seconds of simulated time that take about ``block_duration`` to play."""
-        return self._block_duration * (max(self._speed, 1.0) if self._speed else _UNPACED_FACTOR)
+        speed = self.pacer.speed
+        return self._block_duration * (max(speed, 1.0) if speed else _UNPACED_FACTOR)
 
     # The publishing thread.
 
@@ -162,16 +162,19 @@ class Engine:
 
     def _play(self, block: _Block) -> bool:
         """Publish a block; False where the run was interrupted."""
-        wait = self.pacer.wait
-        for count, (time_ns, messages) in enumerate(block.groups):
+        wait, go, unpaced = self.pacer.wait, Verdict.GO, self.pacer.speed == 0
+        for time_ns, messages in block.groups:
             verdict = wait(time_ns)
-            if verdict is Verdict.INTERRUPTED:
-                return False
-            if verdict is Verdict.GO:
+            if verdict is go:
                 for send, payload in messages:
                     send(payload)
-            if self.pacer.unpaced and count % _UNPACED_GROUPS == _UNPACED_GROUPS - 1:
-                self._wait_for_acknowledgement(60.0)
+            elif verdict is Verdict.INTERRUPTED:
+                return False
+            if unpaced:
+                self._unacknowledged += 1
+                if self._unacknowledged >= _UNACKNOWLEDGED:
+                    self._unacknowledged = 0
+                    self._wait_for_acknowledgement(60.0)
         return True
 
     def _wait_for_acknowledgement(self, longest: float) -> bool:

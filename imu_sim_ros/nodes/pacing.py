@@ -2,8 +2,8 @@
 
 import enum
 import threading
-import time
 from collections.abc import Callable
+from time import monotonic_ns, sleep
 from typing import Final, NamedTuple
 
 STALL_NS: Final = 50_000_000
@@ -23,6 +23,9 @@ class Verdict(enum.Enum):
     GO = enum.auto()
     SKIP = enum.auto()
     INTERRUPTED = enum.auto()
+
+
+_GO: Final = Verdict.GO  # an enumeration's members are slow to look up
 
 
 class Stall(NamedTuple):
@@ -49,10 +52,13 @@ class Pacer:
         self._condition = threading.Condition()
         # Set while anything but waiting for the next deadline has to be looked at.
         self._attention = threading.Event()
+        # Whether samples simply follow each other in time: no attention, no stall.
+        self._calm = False
         self._paused = self._interrupted = self._idle = self._moved = False
         self._steps = 0
-        self._speed = speed
-        self._catch_up = catch_up
+        # What is wanted; the waiting thread takes it over when it looks.
+        self._wanted = (speed, catch_up)
+        self._speed, self._catch_up = self._wanted
         self._sim_ns = self._wall_ns = 0
         self._last_sim_ns = self._last_wall_ns = 0
         self._stall: Stall | None = None
@@ -85,8 +91,8 @@ class Pacer:
     def configure(self, speed: float, catch_up: bool) -> None:
         """Change the speed and what happens after a stall."""
         with self._condition:
-            self._moved |= speed != self._speed
-            self._speed, self._catch_up = speed, catch_up
+            self._moved |= speed != self._wanted[0]
+            self._wanted = (speed, catch_up)
             self._look()
 
     def interrupt(self, interrupted: bool = True) -> None:
@@ -102,6 +108,7 @@ class Pacer:
         return taken
 
     def _look(self) -> None:
+        self._calm = False
         self._attention.set()
         self._condition.notify_all()
 
@@ -110,31 +117,45 @@ class Pacer:
     def anchor(self, sim_ns: int, wall_ns: int) -> None:
         """Let the sample at ``sim_ns`` be due at ``wall_ns`` of the steady clock."""
         self._sim_ns, self._wall_ns = sim_ns, wall_ns
-        self._last_sim_ns, self._last_wall_ns = sim_ns, wall_ns
         self._stall = None
 
     @property
-    def unpaced(self) -> bool:
-        """Whether samples pass as fast as they come."""
-        return self._speed == 0
+    def speed(self) -> float:
+        """The real-time factor that is wanted; 0: samples pass as fast as they come."""
+        return self._wanted[0]
 
     def wait(self, sim_ns: int) -> Verdict:
         """Wait until the sample at a simulated time is due."""
+        if self._calm:
+            # The usual case, a few thousand times a second; whatever is unusual goes the long way.
+            due = self._wall_ns + int((sim_ns - self._sim_ns) / self._speed)
+            now = monotonic_ns()
+            if 0 < due - now <= _LONG_NS:
+                sleep((due - now) * 1e-9)
+                now = monotonic_ns()
+            late = now - due
+            if self._calm and 0 <= late < STALL_NS:
+                self.lateness_ns.append(late)
+                return _GO
+            self._calm = False
+        return self._wait_watchfully(sim_ns)
+
+    def _wait_watchfully(self, sim_ns: int) -> Verdict:
         while True:
             if self._attention.is_set():
                 verdict = self._attend(sim_ns)
                 if verdict is not None:
                     return verdict
             if self._speed == 0:
-                return Verdict.GO
-            now = time.monotonic_ns()
+                return _GO
+            now = monotonic_ns()
             delay = self._deadline(sim_ns) - now
             if delay <= 0:
                 return self._due(sim_ns, now)
             if delay > _LONG_NS:
                 self._attention.wait((delay - _LONG_NS // 2) * 1e-9)
             else:
-                time.sleep(delay * 1e-9)
+                sleep(delay * 1e-9)
 
     def _attend(self, sim_ns: int) -> Verdict | None:
         with self._condition:
@@ -147,12 +168,17 @@ class Pacer:
                 return Verdict.INTERRUPTED
             if self._paused:
                 self._steps -= 1
-                return Verdict.GO
+                return _GO
             self._attention.clear()
+            self._speed, self._catch_up = self._wanted
             if self._moved:
                 self._moved = False
-                self.anchor(sim_ns, time.monotonic_ns())
+                self.anchor(sim_ns, monotonic_ns())
         return None
+
+    def _settle(self) -> None:
+        with self._condition:  # what is asked for meanwhile must not be missed
+            self._calm = not self._attention.is_set()
 
     def _due_ns(self, sim_ns: int) -> int:
         return self._wall_ns + int((sim_ns - self._sim_ns) / self._speed)
@@ -167,23 +193,21 @@ class Pacer:
     def _due(self, sim_ns: int, now: int) -> Verdict:
         late = now - self._due_ns(sim_ns)
         self._last_sim_ns, self._last_wall_ns = sim_ns, now
-        if self._stall is None:
-            if late < STALL_NS:
-                self.lateness_ns.append(late)
-                return Verdict.GO
-            self._stall = Stall(late, 0, skipped=not self._catch_up)
-        elif late < _ON_TIME_NS:
+        if self._stall is not None and late < _ON_TIME_NS:
             self._on_stall(self._stall)
             self._stall = None
+        if self._stall is None and late < STALL_NS:
+            self._settle()
             self.lateness_ns.append(late)
-            return Verdict.GO
-        self._stall = self._stall._replace(samples=self._stall.samples + 1)
-        if self._stall.skipped:
+            return _GO
+        stall = self._stall or Stall(late, 0, skipped=not self._catch_up)
+        self._stall = stall._replace(samples=stall.samples + 1)
+        if stall.skipped:
             self.skipped += 1
             return Verdict.SKIP
         self.caught_up += 1
         self.lateness_ns.append(late)
-        return Verdict.GO
+        return _GO
 
 
 class RosClockPacer(Pacer):
@@ -210,5 +234,5 @@ class RosClockPacer(Pacer):
                 if late > STALL_NS and not self._catch_up:
                     self.skipped += 1
                     return Verdict.SKIP
-                return Verdict.GO
+                return _GO
             self._attention.wait(_LONGEST_SLEEP)

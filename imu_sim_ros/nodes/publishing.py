@@ -26,11 +26,13 @@ class Counter:
         self.topic = topic
         self.publisher = publisher
         self.count = 0
-        self._publish: Callable[[Any], None] = publisher.publish
+        # Publisher.publish does the same behind a look at the message's type, and that is a tenth
+        # of all processor time at 2 kHz.
+        self._publish: Callable[[bytes], None] = publisher.handle.publish_raw
 
-    def send(self, message: Any) -> None:
-        """Publish a message or its bytes."""
-        self._publish(message)
+    def send(self, payload: bytes) -> None:
+        """Publish a message's bytes."""
+        self._publish(payload)
         self.count += 1
 
 
