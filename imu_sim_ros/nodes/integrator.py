@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from geometry_msgs.msg import Vector3Stamped
 from nav_msgs.msg import Odometry, Path
+from rclpy.duration import Duration
 from rclpy.qos import QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.task import Future
@@ -45,6 +46,7 @@ _READ_PERIOD = 0.002
 """[s] How long a reading waits at most; looking costs 1 % of a core."""
 _MATCHING_PERIOD = 0.5
 _COMPLAINT_PERIOD = 1.0
+_FAREWELL = Duration(seconds=1)
 
 
 class Integrator(ConfiguredNode):
@@ -75,8 +77,10 @@ class Integrator(ConfiguredNode):
             self.odometer.correct_with(new)
 
     def close(self) -> None:
-        """Take what has arrived; say how much came and went."""
+        """Take what has arrived, give it to all subscribers; say how much came and went."""
         self.reader.close()
+        if self.context.ok():  # SIGTERM ends ROS at once, and nothing can be sent any more
+            self._odometry_out.wait_for_all_acked(_FAREWELL)
         for topic, count in self._received.items():
             print(f"integrator: received {topic} {count}", flush=True)
         print(f"integrator: counted {ODOMETRY} {self._published}", flush=True)

@@ -121,6 +121,7 @@ class Listener:
         self._executor = SingleThreadedExecutor(context=self.context)
         self._executor.add_node(self.node)
         self._types: dict[str, Any] = {}
+        self._clients: dict[str, Any] = {}
         self.raw: dict[str, list[bytes]] = {}
 
     def listen(self, topic: str, kind: Any, depth: int = QUEUE, **qos: Any) -> None:
@@ -160,11 +161,13 @@ class Listener:
 
     def call(self, service: str, kind: Any, **fields: Any) -> Any:
         """Call a service and return its response."""
-        client = self.node.create_client(kind, service)
-        until(client.service_is_ready, self.spin, f"the service {service}")
+        client = self._clients.get(service)
+        if client is None:
+            client = self._clients[service] = self.node.create_client(kind, service)
+            until(client.service_is_ready, self.spin, f"the service {service}")
+            self.spin(0.3)  # the server may still have to learn of this client
         future = client.call_async(kind.Request(**fields))
         until(future.done, self.spin, f"the response of {service}")
-        self.node.destroy_client(client)
         return future.result()
 
     def set(self, node: str, **values: Any) -> Any:

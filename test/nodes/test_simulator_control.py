@@ -53,7 +53,7 @@ def test_signals_end_it_with_status_0(
 def test_pause_step_and_reset(start: Any, imu: Any) -> None:
     from std_srvs.srv import SetBool, Trigger
 
-    start("simulator", rate=100, seed=1, start_time=5.0, autostart=False, step_samples=3)
+    start("simulator", rate=100, seed=1, start_time=5.0, autostart=False, step_samples=3, **READY)
     response = imu.call("simulator/step", Trigger)
     assert (response.success, response.message) == (True, "3 samples")
     imu.wait_for(IMU, 3)

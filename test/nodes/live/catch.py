@@ -1,6 +1,5 @@
 """A listener for tests: prints what arrives on topics as JSON lines; or calls a Trigger service."""
 
-import contextlib
 import json
 import signal
 import sys
@@ -10,7 +9,7 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Vector3Stamped
 from nav_msgs.msg import Odometry, Path
-from rclpy.executors import ExternalShutdownException
+from rclpy.executors import SingleThreadedExecutor
 from std_srvs.srv import Trigger
 
 TYPES = {"odom": Odometry, "/diagnostics": DiagnosticArray, "path": Path}
@@ -37,10 +36,13 @@ def plain(message: object) -> dict:
 
 def listen(topics: list[str]) -> None:
     node = rclpy.create_node("catch")
+    count = 0
     for topic in topics:
         message_type = TYPES.get(topic.removeprefix("dead_reckoned/"), Vector3Stamped)
 
         def show(message: object, topic: str = topic) -> None:
+            nonlocal count
+            count += 1
             stamp = message.header.stamp
             entry = {"topic": topic, "t_ns": stamp.sec * 10**9 + stamp.nanosec, **plain(message)}
             print(json.dumps(entry))
@@ -55,9 +57,15 @@ def listen(topics: list[str]) -> None:
                 print(f"publisher of {topic}", flush=True)
 
     node.create_timer(0.05, watch)
-    signal.signal(signal.SIGTERM, lambda *_: rclpy.try_shutdown())
-    with contextlib.suppress(ExternalShutdownException):
-        rclpy.spin(node)
+    told: list[int] = []
+    signal.signal(signal.SIGTERM, lambda number, _: told.append(number))
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    before = -1
+    while not told or before != count:  # what has arrived by the end is taken, too
+        before, end = count, time.monotonic() + 0.3
+        while time.monotonic() < end:
+            executor.spin_once(timeout_sec=0.1)
 
 
 def call(service: str) -> None:

@@ -12,6 +12,7 @@ import time
 import numpy as np
 import rclpy
 from nav_msgs.msg import Odometry
+from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import Imu
@@ -52,6 +53,7 @@ def main() -> None:
         if time.monotonic() > deadline:
             sys.exit("no subscriber came")
         time.sleep(0.01)
+    time.sleep(0.3)  # a subscriber that is known here may still have to learn of this publisher
     print("begin", flush=True)
     begin = time.monotonic()
     for k in range(options["count"]):
@@ -62,6 +64,8 @@ def main() -> None:
             for _ in range(1 + options["repeat"].count(k)):
                 publisher.publish(rows[k])
     print("end", flush=True)
+    for publisher, _ in outputs:
+        publisher.wait_for_all_acked(Duration(seconds=1))
     time.sleep(options["hold"])
     rclpy.shutdown()
 
