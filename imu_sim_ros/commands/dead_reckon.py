@@ -23,6 +23,7 @@ from imu_sim_ros.commands.tracks import (
     truth_topic,
     write_states,
 )
+from imu_sim_ros.config.files import build_layered
 from imu_sim_ros.config.integrator import (
     ATTITUDE_UPDATES,
     INITIAL_STATES,
@@ -30,7 +31,6 @@ from imu_sim_ros.config.integrator import (
     IntegratorParameters,
     layer_integrator,
 )
-from imu_sim_ros.config.parameter import build
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.navigation.correction import Correction, correction_of
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
@@ -141,7 +141,7 @@ def _parameters(arguments: argparse.Namespace) -> IntegratorParameters:
     merged: dict[str, object] = {"initial_state": "truth"}
     for values in (*layers[:-1], chosen, layers[-1]):
         merged.update(values)
-    return build(IntegratorParameters, layer_integrator(merged))
+    return build_layered(IntegratorParameters, layer_integrator, merged)
 
 
 def _ways(

@@ -5,14 +5,20 @@ The format is that of ROS 2: node names (or the wildcards ``/**`` and ``/*``) ab
 """
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Final, TypeVar
 
-from imu_sim_ros.config.parameter import Value, flatten
+from imu_sim_ros.config.parameter import Value, build, flatten
 from imu_sim_ros.config.trajectory import find_trajectory
 from imu_sim_ros.errors import ConfigurationError
 
+_T = TypeVar("_T")
+
+Layering = Callable[[Mapping[str, object]], Mapping[str, object]]
+"""Returns what was given above what the files hold that it names."""
+
+_NAMES_OF_FILES: Final = ("preset", "calibration")
 _PARAMETERS = "ros__parameters"
 _EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$")
 _KALIBR_NOISE = (
@@ -157,6 +163,31 @@ def layer(
     if str(merged["trajectory.type"]) in names("trajectories"):
         base.update(trajectory_layer(str(merged.pop("trajectory.type")), node))
     return {**base, **merged}
+
+
+def build_layered(cls: type[_T], layering: Layering, given: Mapping[str, object]) -> _T:
+    """Return the section for what was given above the files that it names.
+
+    :raises ConfigurationError: with a line for everything that is wrong; a file that cannot be
+        found hides no other problem.
+    """
+    try:
+        values = layering(given)
+    except ConfigurationError as error:
+        others = _other_problems(cls, layering, given)
+        problems = dict.fromkeys([*error.problems, *others])
+        raise ConfigurationError(list(problems)) from None
+    return build(cls, values)
+
+
+def _other_problems(cls: type, layering: Layering, given: Mapping[str, object]) -> list[str]:
+    """Return what is wrong besides the files that are named."""
+    rest = {name: value for name, value in given.items() if not name.endswith(_NAMES_OF_FILES)}
+    try:
+        build(cls, layering(rest))
+    except ConfigurationError as error:
+        return list(error.problems)
+    return []
 
 
 def trajectory_layer(name_or_file: str, node: str = "simulator") -> dict[str, object]:

@@ -4,11 +4,10 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
-from imu_sim_ros.config.files import layer
+from imu_sim_ros.config.files import build_layered, layer
 from imu_sim_ros.config.imu import ImuParameters
 from imu_sim_ros.config.parameter import (
     Vector,
-    build,
     choice,
     flag,
     integer,
@@ -21,7 +20,6 @@ from imu_sim_ros.config.parameter import (
 from imu_sim_ros.config.temperature import TemperatureParameters
 from imu_sim_ros.config.trajectory import TrajectoryParameters, find_trajectory
 from imu_sim_ros.config.triads import TRIADS
-from imu_sim_ros.errors import ConfigurationError
 
 DEFAULT_IMU = "lecture"
 DEFAULT_TRAJECTORY = "lecture"
@@ -105,23 +103,12 @@ def load_simulation(*layers: Mapping[str, object], node: str = "simulator") -> S
 
     :raises ConfigurationError: with a line for everything that is wrong.
     """
-    try:
-        values = layer_simulation(layers, node)
-    except ConfigurationError as error:
-        raise ConfigurationError([*error.problems, *_other_problems(layers, error, node)]) from None
-    return build(SimulationParameters, values)
-
-
-def _other_problems(
-    layers: Iterable[Mapping[str, object]], found: ConfigurationError, node: str
-) -> list[str]:
-    """Return what is wrong besides a preset or trajectory that cannot be found."""
-    rest = [{name: layer[name] for name in layer if name != "imu.preset"} for layer in layers]
-    try:
-        build(SimulationParameters, layer_simulation(rest, node))
-    except ConfigurationError as error:
-        return [problem for problem in error.problems if problem not in found.problems]
-    return []
+    given: dict[str, object] = {}
+    for values in layers:
+        given.update(values)
+    return build_layered(
+        SimulationParameters, lambda values: layer_simulation([values], node), given
+    )
 
 
 def layer_simulation(layers: Iterable[Mapping[str, object]], node: str) -> dict[str, object]:

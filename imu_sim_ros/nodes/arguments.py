@@ -18,6 +18,7 @@ from imu_sim_ros.errors import ConfigurationError
 
 _RULE = re.compile(r"(?P<name>(?:[^\s:]+:)?[^\s:=]+):=(?P<value>.*)", re.DOTALL)
 _PARAMETERS = "ros__parameters"
+_OF_ROS = ("-p", "--param", "--params-file", "-r", "--remap")
 
 
 def ros_arguments(
@@ -75,6 +76,9 @@ def _plain(own: Sequence[str], known: Mapping[str, Parameter], problems: list[st
     result: list[str] = []
     words = iter(own)
     for word in words:
+        if word in _OF_ROS:
+            problems.append(f"{word} {next(words, '')}: must stand behind --ros-args")
+            continue
         name, equals, value = word.removeprefix("--").partition("=")
         name = name.replace("-", "_")
         if not word.startswith("--") or not name:

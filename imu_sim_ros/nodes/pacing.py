@@ -79,14 +79,14 @@ class Pacer:
             self._paused = paused
             self._look()
 
-    def step(self, samples: int, timeout: float) -> bool:
-        """Let samples pass while paused; returns whether they have been published in time."""
+    def step(self, samples: int, timeout: float) -> int:
+        """Let samples pass while paused; returns how many did in time, the others never will."""
         with self._condition:
             self._steps += samples
             self._look()
-            return self._condition.wait_for(
-                lambda: self._idle and self._steps == 0, timeout=timeout
-            )
+            self._condition.wait_for(lambda: self._idle and self._steps == 0, timeout=timeout)
+            passed, self._steps = samples - self._steps, 0
+            return passed
 
     def configure(self, speed: float, catch_up: bool) -> None:
         """Change the speed and what happens after a stall."""
@@ -99,7 +99,8 @@ class Pacer:
         """Let no sample pass any more, until this is called with False."""
         with self._condition:
             self._interrupted = interrupted
-            self._steps = 0
+            if interrupted:
+                self._steps = 0
             self._look()
 
     def take_lateness(self) -> list[int]:

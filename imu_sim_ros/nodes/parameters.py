@@ -7,12 +7,11 @@ from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
+from imu_sim_ros.config.files import Layering, build_layered
 from imu_sim_ros.config.parameter import Parameter, Value, build, flatten, parameters, unknown
 from imu_sim_ros.errors import ConfigurationError
 
 _OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides.")
-
-Layering = Callable[[Mapping[str, object]], Mapping[str, object]]
 
 
 class ConfiguredNode(Node):
@@ -44,7 +43,7 @@ class ConfiguredNode(Node):
         self.section = section if isinstance(section, type) else section(given)
         self.changed: frozenset[str] = frozenset()
         self.given: dict[str, object] = given
-        self.parameters: Any = build(self.section, layering(given) if layering else given)
+        self.parameters: Any = build_layered(self.section, layering or dict, given)
         values = flatten(self.parameters)
         self._declare(values, parameters(self.section, values))
         self.add_on_set_parameters_callback(self._on_set)

@@ -298,8 +298,13 @@ class Simulator(ConfiguredNode):
             return response
         self._fresh = False
         count = self.parameters.step_samples
-        response.success = self.engine.pacer.step(count, _STEP_TIMEOUT)
-        response.message = f"{count} samples" if response.success else "still waiting to start"
+        passed = self.engine.pacer.step(count, _STEP_TIMEOUT)
+        response.success = passed == count
+        response.message = f"{count} samples"
+        if passed < count:
+            response.message = f"{passed} of {count} samples in {_STEP_TIMEOUT:g} s"
+            if not self.engine.started:
+                response.message += ": still waiting to start"
         return response
 
     def _diagnose(self) -> None:

@@ -82,6 +82,15 @@ def test_pause_step_and_reset(start: Any, imu: Any) -> None:
         np.testing.assert_array_equal(gyro(messages[part]), block.gyro[: len(t_ns[part])])
 
 
+def test_a_step_that_cannot_be_made_says_why(start: Any, imu: Any) -> None:
+    from std_srvs.srv import Trigger
+
+    start("simulator", autostart=False, wait_for_subscribers=2)
+    response = imu.call("simulator/step", Trigger)
+    said = "0 of 1 samples in 5 s: still waiting to start"
+    assert (response.success, response.message) == (False, said)
+
+
 def test_noise_changes_between_two_blocks_and_all_or_nothing(start: Any, imu: Any) -> None:
     node = start("simulator", rate=400, seed=2, start_time=1.0, duration=3.0, **READY)
     imu.wait_for(IMU, 10)

@@ -27,7 +27,10 @@ pytestmark = pytest.mark.ros
         (["-p", "rat:=100"], ["rat: unknown parameter; did you mean rate?"]),
         (["-p", "rate"], ["-p rate: must be name:=value"]),
         (["--params-file", "/no/such.yaml"], ["/no/such.yaml: No such file or directory"]),
-        (["-p", "imu.preset:=none"], ["imu none: neither a file nor one of"]),
+        (
+            ["-p", "imu.preset:=none", "-p", "rate:=0", "-p", "imu.latency:=-1"],
+            ["imu none: neither a file nor one of", "rate = 0: must", "imu.latency = -1: must"],
+        ),
         (["-p", "trajectory.type:=warp"], ["trajectory.type = 'warp': must be one of"]),
         (["--nonsense"], ["--ros-args: ['--nonsense']"]),
         (["-p", "imus:=[a, a]"], ["imus = ['a', 'a']: names must differ"]),
@@ -118,9 +121,10 @@ def test_plain_arguments_become_those_of_ros(tmp_path: Path) -> None:
         *("-p", "rate:=400", "-p", 'imu.preset:="perfect"', "-p", "publish.clock_rate:=5"),
     ]
     with pytest.raises(ConfigurationError) as raised:
-        ros_arguments(["word", "--rate"], SimulatorParameters, {}, tmp_path)
+        ros_arguments(["word", "-p", "rate:=1", "--rate"], SimulatorParameters, {}, tmp_path)
     assert raised.value.problems == (
         "word: not an argument (--help lists them)",
+        "-p rate:=1: must stand behind --ros-args",
         "--rate: a value is missing",
     )
 
