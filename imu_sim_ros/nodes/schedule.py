@@ -1,6 +1,7 @@
 """Everything that is published, merged in the order in which it is due."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import repeat
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -16,7 +17,7 @@ from imu_sim_ros.topics import Encode
 Times = NDArray[np.int64]
 
 Send = Callable[[Any], None]
-Group = tuple[int, list[tuple[Send, Any]]]
+Group = tuple[int, Sequence[tuple[Send, Any]]]
 """What is due at one time [ns]: functions and what they publish."""
 
 
@@ -177,19 +178,22 @@ class Schedule:
 
 def _split(rows: NDArray[np.uint8]) -> list[bytes]:
     """Return the rows (n, size) as n byte strings."""
-    count, size = rows.shape
-    whole = rows.tobytes()
-    return [whole[k * size : (k + 1) * size] for k in range(count)]
+    payloads: list[bytes] = rows.view(f"V{rows.shape[1]}")[:, 0].tolist()
+    return payloads
 
 
 def _merge(pieces: Sequence[Piece]) -> list[Group]:
     """Return all messages by time; those of one time stand together, in the pieces' order."""
     if not pieces:
         return []
+    common = pieces[0].times
+    if all(np.array_equal(piece.times, common) for piece in pieces):
+        columns = [zip(repeat(piece.send), piece.payloads) for piece in pieces]
+        return list(zip(common.tolist(), zip(*columns, strict=True), strict=True))
     times = np.concatenate([piece.times for piece in pieces])
     order = np.argsort(times, kind="stable")
     messages = [(piece.send, payload) for piece in pieces for payload in piece.payloads]
-    groups: list[Group] = []
+    groups: list[tuple[int, list[tuple[Send, Any]]]] = []
     last: int | None = None
     for time_ns, k in zip(times[order].tolist(), order.tolist(), strict=True):
         if time_ns != last:
