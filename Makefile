@@ -13,6 +13,8 @@ SHELL := /bin/bash
 PYTHON ?= python3
 TRAJECTORY ?= lecture
 BIN := .venv/bin
+# Two processes; the tests with real nodes mostly wait (test/conftest.py).
+PYTEST := python -m pytest -q -n 2 --dist loadgroup --no-loadscope-reorder
 # A sourced ROS or an active environment must not leak into ours.
 CLEAN := env -u PYTHONPATH -u PYTHONHOME -u AMENT_PREFIX_PATH -u LD_LIBRARY_PATH -u VIRTUAL_ENV \
          -u _ROS_WHEELS_BOOTSTRAP_COMPLETE PIP_DISABLE_PIP_VERSION_CHECK=1
@@ -64,13 +66,13 @@ demo: build
 
 test: build .venv/test-installed test-floor
 	@echo "make: all tests"
-	$(CLEAN) $(BIN)/python -m pytest -q -m "not slow"
+	$(CLEAN) $(BIN)/$(PYTEST) -m "not slow"
 
 test-floor:
 	@if $(PYTHON) -c 'import sys; sys.exit(sys.version_info >= (3, 13))'; then
 	  $(MAKE) --no-print-directory .venv-floor/installed
 	  echo "make: ROS-free tests on the oldest supported versions"
-	  $(CLEAN) .venv-floor/bin/python -m pytest -q -m "not slow and not ros" --ignore=test/nodes \
+	  $(CLEAN) .venv-floor/bin/$(PYTEST) -m "not slow and not ros" --ignore=test/nodes \
 	    -p no:cacheprovider
 	else
 	  echo "make: Python 3.13 has no numpy 1.26: the run on the oldest supported versions is left out"
