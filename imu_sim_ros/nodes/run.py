@@ -81,7 +81,7 @@ def main(
         return 0
     try:
         with tempfile.TemporaryDirectory() as folder:
-            _set_profile(Path(folder))
+            set_profile(Path(folder))
             program = _start(ros_arguments(arguments, section, values or {}, Path(folder)), create)
         return _spin(program) if program is not None else 0
     except ImuSimError as error:
@@ -92,7 +92,7 @@ def main(
         _shut_down()
 
 
-def _set_profile(folder: Path) -> None:
+def set_profile(folder: Path) -> None:
     """Give Fast DDS a profile, unless the user has one; other middlewares do not look at it."""
     if any(name in os.environ for name in _PROFILE_VARIABLES):
         return

@@ -7,7 +7,7 @@ the publishing call behind its deadline, said by the publisher itself.
 
 Beside it stand, over a third of the time, what a simple node does (an rclpy timer and message
 objects) and the least that a Python process can do on this machine: a loop that sleeps and
-publishes the same bytes again and again, with nothing computed.
+publishes the same bytes again and again, with nothing computed and the simulator's Fast DDS profile.
 """
 
 import argparse
@@ -19,6 +19,7 @@ import statistics
 import struct
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -120,6 +121,10 @@ def loop(rate: float, duration: float) -> None:
     from rclpy.serialization import serialize_message
     from sensor_msgs.msg import Imu
 
+    from imu_sim_ros.nodes.run import set_profile
+
+    folder = tempfile.TemporaryDirectory()
+    set_profile(Path(folder.name))
     rclpy.init()
     node = rclpy.create_node("loop")
     imu = node.create_publisher(Imu, "imu/data_raw", QoSProfile(depth=4000))
