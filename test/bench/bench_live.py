@@ -7,7 +7,8 @@ the publishing call behind its deadline, said by the publisher itself.
 
 Beside it stand, over a third of the time, what a simple node does (an rclpy timer and message
 objects) and the least that a Python process can do on this machine: a loop that sleeps and
-publishes the same bytes again and again, with nothing computed and the simulator's Fast DDS profile.
+publishes the same bytes again and again, with nothing computed and with the simulator's profile of
+Fast DDS.
 """
 
 import argparse
