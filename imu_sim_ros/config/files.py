@@ -182,7 +182,11 @@ def build_layered(cls: type[_T], layering: Layering, given: Mapping[str, object]
 
 def _other_problems(cls: type, layering: Layering, given: Mapping[str, object]) -> list[str]:
     """Return what is wrong besides the files that are named."""
-    rest = {name: value for name, value in given.items() if not name.endswith(_NAMES_OF_FILES)}
+    rest = {
+        name: value
+        for name, value in given.items()
+        if name.rpartition(".")[2] not in _NAMES_OF_FILES
+    }
     try:
         build(cls, layering(rest))
     except ConfigurationError as error:

@@ -46,7 +46,7 @@ _READ_PERIOD = 0.002
 """[s] How long a reading waits at most; looking costs 1 % of a core."""
 _MATCHING_PERIOD = 0.5
 _COMPLAINT_PERIOD = 1.0
-_FAREWELL = Duration(seconds=1)
+_ACKNOWLEDGEMENT = Duration(seconds=1)
 
 
 class Integrator(ConfiguredNode):
@@ -80,7 +80,7 @@ class Integrator(ConfiguredNode):
         """Take what has arrived, give it to all subscribers; say how much came and went."""
         self.reader.close()
         if self.context.ok():  # SIGTERM ends ROS at once, and nothing can be sent any more
-            self._odometry_out.wait_for_all_acked(_FAREWELL)
+            self._odometry_out.wait_for_all_acked(_ACKNOWLEDGEMENT)
         for topic, count in self._received.items():
             print(f"integrator: received {topic} {count}", flush=True)
         print(f"integrator: counted {ODOMETRY} {self._published}", flush=True)

@@ -44,7 +44,7 @@ def test_steps_that_are_asked_for_before_the_run_begins_are_not_lost(pacer: Pace
     passed: list[int] = []
     asking = threading.Thread(target=lambda: passed.append(pacer.step(3, 30.0)))
     asking.start()
-    time.sleep(0.2)  # it is waiting by now
+    time.sleep(0.2)  # it is waiting by now; if not, the test proves less and does not fail
     with Player(pacer) as player:
         asking.join()
         assert passed == [3]
