@@ -51,7 +51,7 @@ setup(
     extras_require={"test": ["pytest", "allantools", "evo", "mcap-ros2-support"]},
     zip_safe=False,
     entry_points={
-        "console_scripts": [f"{name} = {PACKAGE}.nodes.{name}:main" for name in NODES]
+        "console_scripts": [f"{name} = {PACKAGE}.nodes.{name}.node:main" for name in NODES]
         + [f"{name} = {PACKAGE}.commands.{name}:main" for name in COMMANDS],
     },
 )

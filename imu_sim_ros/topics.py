@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags.encode import (
+from imu_sim_ros.bags.messages.encode import (
     IMU,
     ODOMETRY,
     TEMPERATURE,

@@ -11,15 +11,16 @@ import imu_sim_ros
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "imu_sim_ros"
-LEAVES = {"errors", "rotation", "timebase", "config", "poses"}
+LEAVES = {"errors", "conventions", "rotation", "timebase", "config", "poses"}
 ROOMS = {
     "trajectory": LEAVES,
     "sensor": LEAVES | {"trajectory"},
-    "stream": LEAVES | {"trajectory", "sensor"},
+    "simulation": LEAVES | {"trajectory", "sensor"},
     "topics": LEAVES | {"trajectory", "sensor", "bags"},
     "navigation": LEAVES,
     "calibration": LEAVES,
     "bags": LEAVES,
+    "consumers": LEAVES | {"bags"},
     "plots": LEAVES | {"navigation", "calibration"},
 }
 SEE_EVERYTHING = {"nodes", "commands"}

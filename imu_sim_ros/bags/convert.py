@@ -7,10 +7,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags import schemas, text_reader
-from imu_sim_ros.bags.container import Block, Payloads, Topic, Writer, as_list
-from imu_sim_ros.bags.decode import transcode
-from imu_sim_ros.bags.encode import (
+from imu_sim_ros.bags.messages import schemas
+from imu_sim_ros.bags.messages.blocks import MessageBlock, Payloads, TopicInfo, as_list
+from imu_sim_ros.bags.messages.decode import transcode
+from imu_sim_ros.bags.messages.encode import (
     IMU,
     ODOMETRY,
     POSE_STAMPED,
@@ -21,8 +21,10 @@ from imu_sim_ros.bags.encode import (
     Vector3StampedEncoder,
 )
 from imu_sim_ros.bags.read import imu_blocks, odometry_blocks, open_bag, vector_blocks
-from imu_sim_ros.bags.source import Bag, MessageBlock, TopicInfo, listed
-from imu_sim_ros.bags.text_writer import Dataset, States
+from imu_sim_ros.bags.reader import Bag, listed
+from imu_sim_ros.bags.text import reader as text_reader
+from imu_sim_ros.bags.text.writer import Dataset, States
+from imu_sim_ros.bags.writer import Block, Topic, Writer
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.poses import read_poses
 from imu_sim_ros.rotation import rotate

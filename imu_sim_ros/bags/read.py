@@ -7,14 +7,21 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags import text_reader
-from imu_sim_ros.bags.decode import Decoded, decode, inside_order
-from imu_sim_ros.bags.encode import IMU, ODOMETRY, POSE_STAMPED, TEMPERATURE, VECTOR3_STAMPED
-from imu_sim_ros.bags.mcap_reader import McapBag
-from imu_sim_ros.bags.output import active_path
-from imu_sim_ros.bags.rosbag1_reader import Rosbag1Bag
-from imu_sim_ros.bags.rosbag2_reader import Rosbag2Folder, SqliteBag
-from imu_sim_ros.bags.source import Bag, MessageBlock, TopicInfo
+from imu_sim_ros.bags.atomic_file import active_path
+from imu_sim_ros.bags.mcap.reader import McapBag
+from imu_sim_ros.bags.messages.blocks import MessageBlock, TopicInfo
+from imu_sim_ros.bags.messages.decode import Decoded, decode, inside_order
+from imu_sim_ros.bags.messages.encode import (
+    IMU,
+    ODOMETRY,
+    POSE_STAMPED,
+    TEMPERATURE,
+    VECTOR3_STAMPED,
+)
+from imu_sim_ros.bags.reader import Bag
+from imu_sim_ros.bags.ros1.reader import Rosbag1Bag
+from imu_sim_ros.bags.rosbag2.reader import Rosbag2Folder, SqliteBag
+from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.poses import read_poses as read_pose_file

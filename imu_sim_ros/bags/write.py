@@ -3,12 +3,13 @@
 from pathlib import Path
 from typing import Final
 
-from imu_sim_ros.bags.container import Block, Qos, Topic, Writer
-from imu_sim_ros.bags.mcap_writer import McapWriter
-from imu_sim_ros.bags.output import refuse_existing
-from imu_sim_ros.bags.parts import PartsWriter, Rosbag2Writer
-from imu_sim_ros.bags.rosbag1_writer import Rosbag1Writer
-from imu_sim_ros.bags.sqlite_writer import SqliteWriter
+from imu_sim_ros.bags.atomic_file import refuse_existing
+from imu_sim_ros.bags.mcap.writer import McapWriter
+from imu_sim_ros.bags.messages.blocks import Qos
+from imu_sim_ros.bags.ros1.writer import Rosbag1Writer
+from imu_sim_ros.bags.rosbag2.sqlite_writer import SqliteWriter
+from imu_sim_ros.bags.split import PartsWriter, Rosbag2Writer
+from imu_sim_ros.bags.writer import Block, Topic, Writer
 from imu_sim_ros.errors import InputError
 
 __all__ = ["COMPRESSIONS", "STORAGES", "Block", "Qos", "Topic", "Writer", "open_writer"]

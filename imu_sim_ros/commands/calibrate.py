@@ -19,17 +19,17 @@ from imu_sim_ros.bags.read import (
     read_odometry,
     read_temperature,
 )
-from imu_sim_ros.calibration import correction
-from imu_sim_ros.calibration.positions import calibrate_six_position
-from imu_sim_ros.calibration.steady import Steady, find_steady
-from imu_sim_ros.calibration.temperature import calibrate_temperature, temperatures_at
-from imu_sim_ros.calibration.truth import load_truth
-from imu_sim_ros.calibration.turntable import (
+from imu_sim_ros.calibration.deterministic import correction
+from imu_sim_ros.calibration.deterministic.positions import calibrate_six_position
+from imu_sim_ros.calibration.deterministic.steady import Steady, find_steady
+from imu_sim_ros.calibration.deterministic.temperature import calibrate_temperature, temperatures_at
+from imu_sim_ros.calibration.deterministic.turntable import (
     calibrate_turntable,
     known_rates,
     specific_force,
     true_rates,
 )
+from imu_sim_ros.calibration.noise.truth import load_truth
 from imu_sim_ros.commands import common
 from imu_sim_ros.config import files
 from imu_sim_ros.config.integrator import IntegratorParameters

@@ -6,11 +6,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from imu_sim_ros.bags import convert, text_reader, text_writer
-from imu_sim_ros.bags.encode import IMU, ODOMETRY
+from imu_sim_ros.bags import convert
+from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY
 from imu_sim_ros.bags.read import open_bag, read_poses
-from imu_sim_ros.bags.source import Bag
-from imu_sim_ros.bags.text_writer import Dataset
+from imu_sim_ros.bags.reader import Bag
+from imu_sim_ros.bags.text import reader as text_reader
+from imu_sim_ros.bags.text import writer as text_writer
+from imu_sim_ros.bags.text.writer import Dataset
 from imu_sim_ros.bags.write import Writer, open_writer
 from imu_sim_ros.commands import bag_output, common
 from imu_sim_ros.commands.bag_output import DATASET_SUFFIXES, stop_requests

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.bags.encode import ODOMETRY
+from imu_sim_ros.bags.messages.encode import ODOMETRY
 from imu_sim_ros.bags.read import ImuMessages, read_imu
 from imu_sim_ros.commands import common
 from imu_sim_ros.commands.tracks import (

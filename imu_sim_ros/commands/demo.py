@@ -28,7 +28,7 @@ from imu_sim_ros.navigation.drift import Drift, Truth, drift
 from imu_sim_ros.navigation.state import NavigationStates
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.rotation import rotate
-from imu_sim_ros.stream import Simulation
+from imu_sim_ros.simulation import Simulation
 
 IMU, TRUTH, ESTIMATE = "imu/data_raw", "ground_truth/odom", "dead_reckoned/odom"
 METHODS = ("euler", "midpoint")
@@ -129,7 +129,7 @@ def _start(log: IO[str], name: str, *arguments: str) -> "subprocess.Popen[str]":
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         "RCUTILS_COLORIZED_OUTPUT": "0",
     }
-    command = [sys.executable, "-m", f"imu_sim_ros.nodes.{name}", "--ros-args", *arguments]
+    command = [sys.executable, "-m", f"imu_sim_ros.nodes.{name}.node", "--ros-args", *arguments]
     return subprocess.Popen(command, stdout=log, stderr=log, env=environment, text=True)
 
 

@@ -10,8 +10,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from imu_sim_ros.bags import consumers, read_poses, text_writer
-from imu_sim_ros.bags.source import ahead
+from imu_sim_ros.bags import read_poses
+from imu_sim_ros.bags.reader import ahead
+from imu_sim_ros.bags.text import writer as text_writer
 from imu_sim_ros.bags.write import open_writer
 from imu_sim_ros.commands import bag_output, common
 from imu_sim_ros.commands.generate_topics import (
@@ -22,8 +23,9 @@ from imu_sim_ros.commands.generate_topics import (
 )
 from imu_sim_ros.config import files
 from imu_sim_ros.config.simulation import SimulationParameters, load_simulation
+from imu_sim_ros.consumers import imu_noise as consumers
 from imu_sim_ros.errors import ConfigurationError, InputError
-from imu_sim_ros.stream import Simulation
+from imu_sim_ros.simulation import Simulation
 from imu_sim_ros.topics import READINGS, TRUTH, TYPES
 
 EXAMPLES: Final = """\

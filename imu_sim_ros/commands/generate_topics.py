@@ -3,8 +3,8 @@
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from imu_sim_ros.bags.container import Block, Topic, Writer
-from imu_sim_ros.bags.text_writer import Dataset, States
+from imu_sim_ros.bags.text.writer import Dataset, States
+from imu_sim_ros.bags.writer import Block, Topic, Writer
 from imu_sim_ros.config.simulation import SimulationParameters
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.sensor.block import ImuBlock

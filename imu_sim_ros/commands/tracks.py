@@ -6,9 +6,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags.encode import ODOMETRY
+from imu_sim_ros.bags.messages.encode import ODOMETRY
 from imu_sim_ros.bags.read import odometry_blocks, open_bag, read_poses
-from imu_sim_ros.bags.text_reader import is_text, state_file
+from imu_sim_ros.bags.text.reader import is_text, state_file
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.navigation.state import NavigationStates
 from imu_sim_ros.poses import PoseSequence, write_tum

@@ -6,10 +6,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from imu_sim_ros.calibration.positions import FACES, SixPosition
-from imu_sim_ros.calibration.response import AxisResponse
-from imu_sim_ros.calibration.temperature import Temperature, TriadTemperature, polynomial_sigma
-from imu_sim_ros.calibration.turntable import Turntable
+from imu_sim_ros.calibration.deterministic.positions import FACES, SixPosition
+from imu_sim_ros.calibration.deterministic.response import AxisResponse
+from imu_sim_ros.calibration.deterministic.temperature import (
+    Temperature,
+    TriadTemperature,
+    polynomial_sigma,
+)
+from imu_sim_ros.calibration.deterministic.turntable import Turntable
 from imu_sim_ros.plots import style
 
 Array = NDArray[np.float64]

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from imu_sim_ros.config.parameter import Vector
 from imu_sim_ros.config.triads import TRIADS
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.sensor.streams import generator
+from imu_sim_ros.sensor.random_streams import generator
 
 Array = NDArray[np.float64]
 

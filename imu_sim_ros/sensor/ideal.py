@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.config.simulation import SimulationParameters
-from imu_sim_ros.sensor.components import cross, rotate_inverse, transform
+from imu_sim_ros.rotation.components import cross, rotate_inverse, transform
 from imu_sim_ros.sensor.gravity import earth_rate_vector, gravity_vector
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.config.imu import ImuParameters
 from imu_sim_ros.sensor.autoregressive import GaussMarkovBank
-from imu_sim_ros.sensor.streams import axis_generators
+from imu_sim_ros.sensor.random_streams import axis_generators
 
 Array = NDArray[np.float64]
 

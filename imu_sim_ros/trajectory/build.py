@@ -67,11 +67,11 @@ def _motion(parameters: TrajectoryParameters, pose_reader: PoseReader) -> Trajec
 
             return Waypoints(parameters)
         case TurntableParameters():
-            from imu_sim_ros.trajectory.schedule import turntable
+            from imu_sim_ros.trajectory.calibration_motion import turntable
 
             return turntable(parameters)
         case SixPositionParameters():
-            from imu_sim_ros.trajectory.schedule import six_position
+            from imu_sim_ros.trajectory.calibration_motion import six_position
 
             return six_position(parameters)
         case PosesParameters():

@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imu_sim_ros.bags.container import Block
-from imu_sim_ros.bags.encode import (
+from imu_sim_ros.bags.messages.encode import (
     IMU,
     ODOMETRY,
     TEMPERATURE,
@@ -17,6 +16,7 @@ from imu_sim_ros.bags.encode import (
     Vector3StampedEncoder,
 )
 from imu_sim_ros.bags.write import open_writer
+from imu_sim_ros.bags.writer import Block
 
 COUNT = 9000
 FORMS = {

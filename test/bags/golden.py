@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
-from imu_sim_ros.bags.container import Block
-from imu_sim_ros.bags.encode import IMU, ODOMETRY, ImuEncoder, OdometryEncoder
-from imu_sim_ros.bags.text_writer import Dataset, States
+from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY, ImuEncoder, OdometryEncoder
+from imu_sim_ros.bags.text.writer import Dataset, States
 from imu_sim_ros.bags.write import open_writer
+from imu_sim_ros.bags.writer import Block
 
 COUNT = 12
 K = np.arange(COUNT)

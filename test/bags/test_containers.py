@@ -10,11 +10,12 @@ import pytest
 import yaml
 from rosbags.highlevel import AnyReader
 
-from imu_sim_ros.bags.container import Block, Qos
-from imu_sim_ros.bags.encode import IMU, ImuEncoder
-from imu_sim_ros.bags.mcap_writer import McapWriter
+from imu_sim_ros.bags.mcap.writer import McapWriter
+from imu_sim_ros.bags.messages.blocks import Qos
+from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
 from imu_sim_ros.bags.read import open_bag, read_imu
 from imu_sim_ros.bags.write import open_writer
+from imu_sim_ros.bags.writer import Block
 from imu_sim_ros.errors import InputError
 
 ROS1_PYTHON = Path("/usr/bin/python3")

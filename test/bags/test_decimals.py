@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from imu_sim_ros.bags import decimals
+from imu_sim_ros.bags.text import decimals
 
 
 def _lines(x) -> list[str]:

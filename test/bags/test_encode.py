@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from rosbags.typesys import Stores, get_typestore
 
-from imu_sim_ros.bags import encode
+from imu_sim_ros.bags.messages import encode
 from imu_sim_ros.errors import InputError
 
 STORES = {"cdr": get_typestore(Stores.ROS2_JAZZY), "ros1": get_typestore(Stores.ROS1_NOETIC)}

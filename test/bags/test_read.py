@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from imu_sim_ros.bags.encode import IMU, ImuEncoder
+from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
 from imu_sim_ros.bags.read import (
     imu_blocks,
     open_bag,
@@ -103,7 +103,7 @@ def test_writing_another_softwares_way_is_read(tmp_path, content):
     from rosbags.rosbag2 import StoragePlugin
     from rosbags.rosbag2 import Writer as Writer2
 
-    from imu_sim_ros.bags.schemas import known_types
+    from imu_sim_ros.bags.messages.schemas import known_types
 
     for name, encoding in (("one.bag", "ros1"), ("mcap", "cdr"), ("sqlite3", "cdr")):
         path = tmp_path / name

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imu_sim_ros.bags.encode import IMU, ImuEncoder
+from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
 from imu_sim_ros.bags.read import imu_blocks, open_bag
 from imu_sim_ros.bags.write import open_writer
 from imu_sim_ros.errors import InputError
@@ -86,7 +86,7 @@ def test_a_torn_database(bags, tmp_path, content):
 WRITE_FOREVER = """
 import sys
 import numpy as np
-from imu_sim_ros.bags.encode import IMU, ImuEncoder
+from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
 from imu_sim_ros.bags.write import open_writer
 writer = open_writer(sys.argv[1], sys.argv[2])
 encoder = ImuEncoder("imu_link", writer.encoding)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from imu_sim_ros.bags.read import read_imu, read_odometry, read_poses
-from imu_sim_ros.bags.text_writer import Dataset, States, write_euroc_descriptions
+from imu_sim_ros.bags.text.writer import Dataset, States, write_euroc_descriptions
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.rotation import normalise, rotate_inverse
 

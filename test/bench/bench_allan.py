@@ -14,15 +14,15 @@ from pathlib import Path
 
 import numpy as np
 
-from imu_sim_ros.calibration.analysis import AllanResult, analyse
-from imu_sim_ros.calibration.estimate import AxisNoise, estimate
-from imu_sim_ros.calibration.gauss_markov import estimate_gauss_markov
-from imu_sim_ros.calibration.spectrum import SpectrumAccumulator
-from imu_sim_ros.calibration.truth import compare
+from imu_sim_ros.calibration.noise.analysis import AllanResult, analyse
+from imu_sim_ros.calibration.noise.estimate import AxisNoise, estimate
+from imu_sim_ros.calibration.noise.gauss_markov import estimate_gauss_markov
+from imu_sim_ros.calibration.noise.spectrum import SpectrumAccumulator
+from imu_sim_ros.calibration.noise.truth import compare
 from imu_sim_ros.commands.common import print_table
 from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.sensor.block import ImuBlock
-from imu_sim_ros.stream import Simulation
+from imu_sim_ros.simulation import Simulation
 
 HOUR = 3600.0
 SENSORS: dict[str, dict[str, object]] = {

@@ -15,9 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
-from imu_sim_ros.bags.encode import IMU, ImuEncoder
+from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
+from imu_sim_ros.bags.messages.schemas import known_types
 from imu_sim_ros.bags.read import imu_blocks
-from imu_sim_ros.bags.schemas import known_types
 from imu_sim_ros.commands.common import print_table
 from imu_sim_ros.commands.generate import main as generate
 

@@ -9,18 +9,22 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from imu_sim_ros.calibration import correction as names
-from imu_sim_ros.calibration.positions import calibrate_six_position
-from imu_sim_ros.calibration.steady import find_steady
-from imu_sim_ros.calibration.temperature import calibrate_temperature, temperatures_at
-from imu_sim_ros.calibration.turntable import calibrate_turntable, known_rates, specific_force
+from imu_sim_ros.calibration.deterministic import correction as names
+from imu_sim_ros.calibration.deterministic.positions import calibrate_six_position
+from imu_sim_ros.calibration.deterministic.steady import find_steady
+from imu_sim_ros.calibration.deterministic.temperature import calibrate_temperature, temperatures_at
+from imu_sim_ros.calibration.deterministic.turntable import (
+    calibrate_turntable,
+    known_rates,
+    specific_force,
+)
 from imu_sim_ros.commands.common import print_table
 from imu_sim_ros.config import files
 from imu_sim_ros.config.simulation import SimulationParameters, load_simulation
 from imu_sim_ros.navigation.correction import Correction
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.state import NavigationState
-from imu_sim_ros.stream import Simulation
+from imu_sim_ros.simulation import Simulation
 
 G = 9.81
 SENSOR: dict[str, object] = {

@@ -157,7 +157,7 @@ def command(publisher: str, rate: int, seconds: float, preset: str) -> list[str]
     if publisher != "simulator":
         return [sys.executable, str(HERE), f"--{publisher}", str(rate), "--duration", str(seconds)]
     return [
-        *(sys.executable, "-m", "imu_sim_ros.nodes.simulator", "--imu", preset),
+        *(sys.executable, "-m", "imu_sim_ros.nodes.simulator.node", "--imu", preset),
         *("--rate", str(rate), "--duration", str(seconds), "--wait-for-subscribers", "1"),
     ]
 

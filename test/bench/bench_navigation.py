@@ -19,7 +19,7 @@ from imu_sim_ros.navigation.noise import Noise
 from imu_sim_ros.navigation.preintegration import preintegrate
 from imu_sim_ros.navigation.state import AT_REST, NavigationState, NavigationStates
 from imu_sim_ros.navigation.stepper import Stepper
-from imu_sim_ros.stream import Simulation
+from imu_sim_ros.simulation import Simulation
 
 SAMPLES = 2_000_000
 STEPS = 40_000

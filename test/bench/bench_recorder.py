@@ -78,7 +78,7 @@ def measure(
 def start(node: str, arguments: list[str], folder: str) -> subprocess.Popen[str]:
     """Start a node on a domain of its own."""
     return subprocess.Popen(
-        [sys.executable, "-m", f"imu_sim_ros.nodes.{node}", *arguments],
+        [sys.executable, "-m", f"imu_sim_ros.nodes.{node}.node", *arguments],
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         text=True,

@@ -62,7 +62,7 @@ def main() -> None:
     node.create_subscription(Imu, "imu/data_raw", keep, QoSProfile(depth=8000), raw=True)
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    command = [sys.executable, "-m", "imu_sim_ros.nodes.simulator", "--rate", str(RATE)]
+    command = [sys.executable, "-m", "imu_sim_ros.nodes.simulator.node", "--rate", str(RATE)]
     command += ["--duration", str(duration), "--wait-for-subscribers", "1"]
     simulator = subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True

@@ -19,7 +19,7 @@ from imu_sim_ros.commands.common import print_table
 
 HERE = Path(__file__).resolve()
 PUBLISHERS = {
-    "simulator": [sys.executable, "-m", "imu_sim_ros.nodes.simulator", "--imu", "mpu6000"],
+    "simulator": [sys.executable, "-m", "imu_sim_ros.nodes.simulator.node", "--imu", "mpu6000"],
     "rclpy publisher": [sys.executable, str(HERE), "--publish"],
 }
 _TOPIC = "imu/data_raw"

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from imu_sim_ros.commands.common import print_table
 from imu_sim_ros.config.simulation import load_simulation
-from imu_sim_ros.stream import BLOCK_SIZE, Simulation
+from imu_sim_ros.simulation import BLOCK_SIZE, Simulation
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 

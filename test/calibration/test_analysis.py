@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from imu_sim_ros.calibration.analysis import AllanResult, analyse
+from imu_sim_ros.calibration.noise.analysis import AllanResult, analyse
 from imu_sim_ros.calibration.record import sampling_interval
 from imu_sim_ros.errors import InputError
 

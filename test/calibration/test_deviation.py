@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from imu_sim_ros.calibration import deviation
-from imu_sim_ros.calibration.deviation import (
+from imu_sim_ros.calibration.noise import deviation
+from imu_sim_ros.calibration.noise.deviation import (
     DeviationAccumulator,
     cluster_sizes,
     confidence_factors,

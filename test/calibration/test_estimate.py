@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from imu_sim_ros.calibration.estimate import AxisNoise, estimate
-from imu_sim_ros.calibration.gauss_markov import estimate_gauss_markov
-from imu_sim_ros.calibration.likelihood import Data, fit, posterior_quantiles
-from imu_sim_ros.calibration.spectrum import Spectrum, SpectrumAccumulator
-from imu_sim_ros.calibration.terms import (
+from imu_sim_ros.calibration.noise.estimate import AxisNoise, estimate
+from imu_sim_ros.calibration.noise.gauss_markov import estimate_gauss_markov
+from imu_sim_ros.calibration.noise.likelihood import Data, fit, posterior_quantiles
+from imu_sim_ros.calibration.noise.spectrum import Spectrum, SpectrumAccumulator
+from imu_sim_ros.calibration.noise.terms import (
     FLICKER,
     QUANTISATION,
     WALK,

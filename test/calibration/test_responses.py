@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from imu_sim_ros.calibration.correction import (
+from imu_sim_ros.calibration.deterministic.correction import (
     Calibrated,
     six_position_parameters,
     temperature_parameters,
@@ -12,11 +12,11 @@ from imu_sim_ros.calibration.correction import (
     write_correction,
     write_simulator,
 )
-from imu_sim_ros.calibration.positions import calibrate_six_position
-from imu_sim_ros.calibration.response import Observations, determined, fit_axis
-from imu_sim_ros.calibration.steady import Steady, find_steady
-from imu_sim_ros.calibration.temperature import calibrate_temperature, temperatures_at
-from imu_sim_ros.calibration.turntable import (
+from imu_sim_ros.calibration.deterministic.positions import calibrate_six_position
+from imu_sim_ros.calibration.deterministic.response import Observations, determined, fit_axis
+from imu_sim_ros.calibration.deterministic.steady import Steady, find_steady
+from imu_sim_ros.calibration.deterministic.temperature import calibrate_temperature, temperatures_at
+from imu_sim_ros.calibration.deterministic.turntable import (
     calibrate_turntable,
     known_rates,
     specific_force,
@@ -26,7 +26,7 @@ from imu_sim_ros.config import files
 from imu_sim_ros.config.imu import ImuParameters
 from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.stream import Simulation
+from imu_sim_ros.simulation import Simulation
 
 G = 9.81
 FLAWS: dict[str, object] = {

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from imu_sim_ros.calibration import terms
-from imu_sim_ros.calibration.spectrum import Spectrum, SpectrumAccumulator
+from imu_sim_ros.calibration.noise import terms
+from imu_sim_ros.calibration.noise.spectrum import Spectrum, SpectrumAccumulator
 
 RATE = 50.0
 

@@ -10,8 +10,8 @@ from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 
+from imu_sim_ros.bags.messages.schemas import known_types
 from imu_sim_ros.bags.read import read_imu, read_odometry, read_poses
-from imu_sim_ros.bags.schemas import known_types
 from imu_sim_ros.commands import convert_bag, generate
 
 DATA = Path(__file__).parents[2].parent / "shared/data"

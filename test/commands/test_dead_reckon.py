@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from imu_sim_ros import rotation
-from imu_sim_ros.bags.encode import IMU, ODOMETRY, ImuEncoder, OdometryEncoder
+from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY, ImuEncoder, OdometryEncoder
 from imu_sim_ros.bags.write import open_writer
 from imu_sim_ros.commands.dead_reckon import main
 from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.poses import read_poses
-from imu_sim_ros.stream import Simulation
+from imu_sim_ros.simulation import Simulation
 
 KEYS = {
     "method",

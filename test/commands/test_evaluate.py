@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from imu_sim_ros import rotation
-from imu_sim_ros.bags.encode import ODOMETRY, OdometryEncoder
+from imu_sim_ros.bags.messages.encode import ODOMETRY, OdometryEncoder
 from imu_sim_ros.bags.write import open_writer
 from imu_sim_ros.commands.evaluate import main
 from imu_sim_ros.poses import PoseSequence, read_poses, write_tum

@@ -18,7 +18,7 @@ from imu_sim_ros.commands.generate import main
 from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.rotation import rotate
 from imu_sim_ros.sensor.variance import gyro_variance_discrete
-from imu_sim_ros.stream import Simulation
+from imu_sim_ros.simulation import Simulation
 
 LAYER = {"trajectory.type": "lecture", "imu.preset": "lecture", "duration": 4.0, "seed": 3}
 ARGUMENTS = ["--trajectory", "lecture", "--imu", "lecture", "--duration", "4s", "--seed", "3"]

@@ -21,7 +21,7 @@ from imu_sim_ros.navigation.noise import noise_of
 from imu_sim_ros.navigation.preintegration import preintegrate
 from imu_sim_ros.navigation.residuals import States, imu_residual
 from imu_sim_ros.navigation.state import AT_REST, NavigationStates
-from imu_sim_ros.stream import Simulation
+from imu_sim_ros.simulation import Simulation
 
 RUNS = 500
 NAMES = (

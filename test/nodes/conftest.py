@@ -56,7 +56,7 @@ class NodeProcess:
         start = (
             [str(executable)]
             if executable.exists()
-            else [sys.executable, "-m", f"imu_sim_ros.nodes.{name}"]
+            else [sys.executable, "-m", f"imu_sim_ros.nodes.{name}.node"]
         )
         environment = {
             **os.environ,

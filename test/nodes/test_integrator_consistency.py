@@ -8,8 +8,8 @@ from imu_sim_ros.config.integrator import IntegratorParameters, layer_integrator
 from imu_sim_ros.config.parameter import build
 from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.nodes.decode import ImuReading, Truth
-from imu_sim_ros.nodes.odometer import Odometer
-from imu_sim_ros.stream import Simulation
+from imu_sim_ros.nodes.integrator.odometer import Odometer
+from imu_sim_ros.simulation import Simulation
 
 RUNS = 40
 TURN_ON = {"gyroscope_turn_on_bias_sigma": 2e-3, "accelerometer_turn_on_bias_sigma": 0.05}

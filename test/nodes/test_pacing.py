@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from imu_sim_ros.nodes.pacing import Pacer, Verdict
+from imu_sim_ros.nodes.simulator.pacing import Pacer, Verdict
 
 SPACING_NS = 5_000_000
 

@@ -4,15 +4,14 @@ import numpy as np
 import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from imu_sim_ros.bags.encode import ImuEncoder
-from imu_sim_ros.bags.installed import recorded_type
+from imu_sim_ros.bags.messages.encode import ImuEncoder
+from imu_sim_ros.bags.messages.installed import recorded_type
 from imu_sim_ros.bags.write import open_writer
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.nodes import message_types
-from imu_sim_ros.nodes.recorder import plain_arguments
-from imu_sim_ros.nodes.recording import Recording, Topic
-from imu_sim_ros.nodes.stamp_statistics import StampStatistics
-from imu_sim_ros.nodes.topic_reader import Message
+from imu_sim_ros.nodes.raw_subscription import Message
+from imu_sim_ros.nodes.recorder.node import message_types, plain_arguments
+from imu_sim_ros.nodes.recorder.recording import Recording, Topic
+from imu_sim_ros.nodes.recorder.stamp_statistics import StampStatistics
 
 pytestmark = pytest.mark.ros
 

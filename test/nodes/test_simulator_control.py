@@ -9,7 +9,7 @@ import pytest
 
 from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.sensor.faults import Fault
-from imu_sim_ros.stream import Simulation
+from imu_sim_ros.simulation import Simulation
 
 pytestmark = pytest.mark.ros
 

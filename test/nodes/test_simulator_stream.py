@@ -7,7 +7,7 @@ import pytest
 
 from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.rotation import rotate_inverse
-from imu_sim_ros.stream import Simulation
+from imu_sim_ros.simulation import Simulation
 
 pytestmark = pytest.mark.ros
 

@@ -13,7 +13,7 @@ from imu_sim_ros.sensor import accel_variance_discrete, gyro_variance_discrete
 from imu_sim_ros.sensor.block import ImuBlock
 from imu_sim_ros.sensor.output import noise_gain
 from imu_sim_ros.sensor.temperature import TemperatureProfile, polynomial
-from imu_sim_ros.stream import Simulation
+from imu_sim_ros.simulation import Simulation
 
 S = np.array([[1.01, 0.002, -0.003], [0.004, 0.98, 0.005], [-0.006, 0.007, 1.02]])
 G_SENSITIVITY = np.array([[1e-3, 2e-3, 3e-3], [4e-3, 5e-3, 6e-3], [7e-3, 8e-3, 9e-3]])

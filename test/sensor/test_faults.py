@@ -8,7 +8,7 @@ import pytest
 from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.sensor.faults import Fault
-from imu_sim_ros.stream import Simulation
+from imu_sim_ros.simulation import Simulation
 
 
 def run(**values: object) -> Simulation:

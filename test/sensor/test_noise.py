@@ -21,7 +21,7 @@ from imu_sim_ros.sensor.noise import (
     Term,
     WhiteNoise,
 )
-from imu_sim_ros.sensor.streams import axis_generators, generator
+from imu_sim_ros.sensor.random_streams import axis_generators, generator
 
 RATES = [50.0, 200.0, 1000.0]
 N = 1_000_000

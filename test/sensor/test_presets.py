@@ -11,7 +11,7 @@ from imu_sim_ros.config import files
 from imu_sim_ros.config.parameter import flatten
 from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.sensor import accel_variance_discrete, gyro_variance_discrete
-from imu_sim_ros.stream import Simulation
+from imu_sim_ros.simulation import Simulation
 
 PRESETS = files.names("imus")
 UNITS = {"deg": math.pi / 180.0, "g": 9.80665, "hour": 3600.0, "sqrt": math.sqrt}

@@ -5,7 +5,7 @@ import pytest
 
 from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.sensor.block import ImuBlock
-from imu_sim_ros.stream import Simulation
+from imu_sim_ros.simulation import Simulation
 
 N = 100_000
 

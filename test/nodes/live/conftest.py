@@ -98,7 +98,7 @@ def start(tmp_path: Path, domains: tuple[int, int]) -> Iterator[Callable[..., Pr
 def node(start: Callable[..., Process]) -> Callable[..., Process]:
     """Return a function that starts a node by its name."""
     return lambda name, *arguments, **extra: start(
-        "-m", f"imu_sim_ros.nodes.{name}", *arguments, **extra
+        "-m", f"imu_sim_ros.nodes.{name}.node", *arguments, **extra
     )
 
 

@@ -18,7 +18,7 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import Imu
 from std_msgs.msg import Float64
 
-from imu_sim_ros.bags.encode import ImuEncoder, OdometryEncoder
+from imu_sim_ros.bags.messages.encode import ImuEncoder, OdometryEncoder
 
 DEFAULTS = {
     "rate": 200.0,

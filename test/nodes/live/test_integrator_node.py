@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from imu_sim_ros import rotation
-from imu_sim_ros.bags.encode import ImuEncoder, OdometryEncoder
+from imu_sim_ros.bags.messages.encode import ImuEncoder, OdometryEncoder
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.nodes import decode
 

@@ -256,7 +256,15 @@ def test_a_driver_that_is_killed_and_started_again_is_recorded_on(node, feed, tm
 
 def test_a_terminal_shows_a_live_line(feed, tmp_path, domains):
     terminal, stderr = os.openpty()
-    command = [sys.executable, "-m", "imu_sim_ros.nodes.recorder", "-o", "bag", "--duration", "2s"]
+    command = [
+        sys.executable,
+        "-m",
+        "imu_sim_ros.nodes.recorder.node",
+        "-o",
+        "bag",
+        "--duration",
+        "2s",
+    ]
     environment = {
         **os.environ,
         "ROS_DOMAIN_ID": str(domains[0]),

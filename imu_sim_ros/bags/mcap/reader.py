@@ -1,0 +1,298 @@
+"""MCAP files as blocks of messages; damaged and unfinished ones as far as they go."""
+
+import struct
+import zlib
+from collections.abc import Collection, Iterator, Mapping
+from pathlib import Path
+from typing import Any, BinaryIO, NamedTuple
+
+import numpy as np
+
+from imu_sim_ros.bags.decompress import decompress
+from imu_sim_ros.bags.mcap.writer import (
+    CHUNK,
+    INDEX_ENTRY,
+    MAGIC,
+    MESSAGE,
+    MESSAGE_HEADER,
+    MESSAGE_INDEX,
+)
+from imu_sim_ros.bags.messages.blocks import MessageBlock, TopicInfo
+from imu_sim_ros.bags.messages.layouts import Bytes
+from imu_sim_ros.bags.messages.schemas import Schema
+from imu_sim_ros.bags.reader import Bag, Timed, gather, in_order
+from imu_sim_ros.bags.rosbag2.metadata import parse_qos
+from imu_sim_ros.errors import InputError
+
+_HEADER_BYTES = 9
+_SCHEMA, _CHANNEL, _DATA_END, _FOOTER = 0x03, 0x04, 0x0F, 0x02
+_END_NS = 2**63 - 1
+
+
+class _Chunk(NamedTuple):
+    """Where a chunk lies in the file, and its times; a torn one ends with the file."""
+
+    offset: int
+    length: int
+    index_length: int
+    start_ns: int
+    torn: bool = False
+
+
+class McapBag(Bag):
+    """One MCAP file with ROS 2 messages."""
+
+    encoding = "cdr"
+
+    def __init__(self, path: Path, recover: bool = False) -> None:
+        """Open a file.
+
+        :param recover: do without index and footer, and leave out what is damaged.
+        :raises InputError: for a file that is damaged, unless it is to be recovered.
+        """
+        super().__init__(path)
+        self._recover = recover
+        self._file: BinaryIO = path.open("rb")
+        self._channels: dict[int, TopicInfo] = {}
+        self._records: dict[int, Any] = {}
+        self._schemas: dict[int, Any] = {}
+        self._chunks: list[_Chunk] = []
+        try:
+            if self._file.read(len(MAGIC)) != MAGIC:
+                raise InputError(f"{path}: not an MCAP file")
+            counts = None if recover else self._read_summary()
+            if counts is None:
+                counts = self._scan()
+            self._name_topics(counts)
+        except BaseException:
+            self._file.close()
+            raise
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def _read_summary(self) -> Mapping[int, int] | None:
+        """Read what the end of the file says; None where it has no index of chunks."""
+        from mcap.exceptions import McapError
+        from mcap.reader import SeekingReader
+
+        self._file.seek(0)
+        try:
+            summary = SeekingReader(self._file).get_summary()
+        except (McapError, struct.error, OSError, ValueError, KeyError, AssertionError):
+            raise InputError(
+                f"{self.path}: no valid end (interrupted or damaged); --recover takes what is there"
+            ) from None
+        statistics = summary.statistics if summary else None
+        if (
+            not summary
+            or not statistics
+            or (statistics.chunk_count == 0 and statistics.message_count)
+        ):
+            return None
+        self._schemas, self._records = dict(summary.schemas), dict(summary.channels)
+        if len(summary.chunk_indexes) != statistics.chunk_count or (
+            len(summary.channels) != statistics.channel_count
+        ):
+            return None
+        self._chunks = [
+            _Chunk(
+                index.chunk_start_offset,
+                index.chunk_length,
+                index.message_index_length,
+                index.message_start_time,
+            )
+            for index in summary.chunk_indexes
+        ]
+        counts: dict[int, int] = statistics.channel_message_counts
+        return counts
+
+    def _scan(self) -> Mapping[int, int]:
+        """Find all chunks and channels without an index, and count the messages."""
+        counts: dict[int, int] = {}
+        self._records, self._schemas, self._chunks = {}, {}, []
+        self._file.seek(0, 2)
+        end = self._file.tell()
+        position = len(MAGIC)
+        while position + _HEADER_BYTES <= end:
+            self._file.seek(position)
+            opcode, length = struct.unpack("<BQ", self._file.read(_HEADER_BYTES))
+            after = position + _HEADER_BYTES + length
+            if opcode in (_DATA_END, _FOOTER) or opcode == 0:
+                break
+            if opcode == CHUNK:
+                chunk = _Chunk(position, min(after, end) - position, 0, 0, torn=after > end)
+                self._add_scanned(chunk, counts)
+            elif opcode == MESSAGE:
+                # Messages outside of chunks: all neighbours together are read as if in one.
+                after = self._end_of_messages(position, end)
+                self._add_scanned(_Chunk(position, after - position, 0, 0), counts)
+            elif after <= end:
+                self._note_definition(opcode, self._file.read(length))
+            position = after
+        return counts
+
+    def _end_of_messages(self, position: int, end: int) -> int:
+        while position + _HEADER_BYTES <= end:
+            self._file.seek(position)
+            opcode, length = struct.unpack("<BQ", self._file.read(_HEADER_BYTES))
+            if opcode != MESSAGE or position + _HEADER_BYTES + length > end:
+                break
+            position += _HEADER_BYTES + length
+        return max(position, self._file.tell()) if opcode == MESSAGE else position
+
+    def _add_scanned(self, chunk: _Chunk, counts: dict[int, int]) -> None:
+        try:
+            data = self._chunk_data(chunk)
+        except ValueError as error:
+            problem = f"chunk at byte {chunk.offset}: {error}"
+            if not self._recover:
+                raise InputError(f"{self.path}: {problem}") from None
+            self.damage.append(problem)
+            return
+        starts = [_END_NS]
+        for opcode, start, length in _records(memoryview(data)):
+            if opcode == MESSAGE:
+                _, channel, _, log_time = struct.unpack_from("<QHIQ", data, start + 1)
+                counts[channel] = counts.get(channel, 0) + 1
+                starts.append(log_time)
+            else:
+                body = bytes(data[start + _HEADER_BYTES : start + _HEADER_BYTES + length])
+                self._note_definition(opcode, body)
+        if len(starts) > 1:
+            self._chunks.append(chunk._replace(start_ns=min(starts)))
+
+    def _note_definition(self, opcode: int, body: bytes) -> None:
+        from io import BytesIO
+
+        from mcap.data_stream import ReadDataStream
+        from mcap.records import Channel
+        from mcap.records import Schema as SchemaRecord
+
+        if opcode == _SCHEMA:
+            schema = SchemaRecord.read(ReadDataStream(BytesIO(body)))
+            self._schemas[schema.id] = schema
+        elif opcode == _CHANNEL:
+            channel = Channel.read(ReadDataStream(BytesIO(body)))
+            self._records[channel.id] = channel
+
+    def _name_topics(self, counts: Mapping[int, int]) -> None:
+        """Make a topic of all channels with the same name and type."""
+        groups: dict[tuple[str, str], list[Any]] = {}
+        for channel in self._records.values():
+            record = self._schemas.get(channel.schema_id)
+            groups.setdefault((channel.topic, record.name if record else ""), []).append(channel)
+        for (name, type_name), channels in groups.items():
+            encodings = {channel.message_encoding for channel in channels}
+            if encodings != {"cdr"}:
+                raise InputError(f"{self.path}: {name} holds {encodings.pop()}, not ROS 2 messages")
+            record = self._schemas.get(channels[0].schema_id)
+            text = record.data.decode() if record else ""
+            metadata = channels[0].metadata
+            topic = TopicInfo(
+                name,
+                type_name,
+                sum(counts.get(channel.id, 0) for channel in channels),
+                Schema(
+                    text,
+                    metadata.get("topic_type_hash", ""),
+                    record.encoding if record and record.encoding else "ros2msg",
+                ),
+                parse_qos(metadata.get("offered_qos_profiles", "")),
+            )
+            self.topics.append(topic)
+            self._channels.update({channel.id: topic for channel in channels})
+
+    def _timed(self, names: Collection[str]) -> Iterator[Timed]:
+        chunks = sorted(self._chunks, key=lambda chunk: chunk.start_ns)
+        starts = [chunk.start_ns for chunk in chunks[1:]] + [_END_NS]
+        wanted = {id_: topic for id_, topic in self._channels.items() if topic.name in names}
+        for chunk, next_start_ns in zip(chunks, starts, strict=True):
+            try:
+                yield Timed(next_start_ns, self._blocks(chunk, wanted))
+            except (ValueError, struct.error) as error:
+                raise InputError(
+                    f"{self.path}: chunk at byte {chunk.offset}: {error}; --recover leaves it out"
+                ) from None
+
+    def _blocks(self, chunk: _Chunk, wanted: Mapping[int, TopicInfo]) -> list[MessageBlock]:
+        data = np.frombuffer(self._chunk_data(chunk), np.uint8)
+        offsets = self._indexed(chunk) or _scanned(data)
+        by_topic: dict[TopicInfo, list[MessageBlock]] = {}
+        for channel, places in offsets.items():
+            if channel in wanted and len(places):
+                topic = wanted[channel]
+                by_topic.setdefault(topic, []).append(_block(topic, channel, data, places))
+        return [in_order(blocks) for blocks in by_topic.values()]
+
+    def _chunk_data(self, chunk: _Chunk) -> bytes:
+        """Return the content of a chunk, checked, or as much as there is of a torn one."""
+        self._file.seek(chunk.offset)
+        record = self._file.read(chunk.length)
+        if record[:1] == bytes([MESSAGE]):
+            return record
+        start = _HEADER_BYTES + 28
+        _, _, size, crc = struct.unpack_from("<QQQI", record, _HEADER_BYTES)
+        (name_length,) = struct.unpack_from("<I", record, start)
+        compression = record[start + 4 : start + 4 + name_length].decode()
+        data = record[start + 4 + name_length + 8 :]
+        content = decompress(data, compression, chunk.torn)
+        if not chunk.torn and (len(content) != size or (crc and zlib.crc32(content) != crc)):
+            raise ValueError("the checksum is wrong")
+        return content
+
+    def _indexed(self, chunk: _Chunk) -> dict[int, np.ndarray[Any, np.dtype[np.int64]]]:
+        """Return by channel where the index says that messages begin; empty without an index."""
+        self._file.seek(chunk.offset + chunk.length)
+        data = self._file.read(chunk.index_length)
+        found: dict[int, Any] = {}
+        for opcode, start, _ in _records(memoryview(data)):
+            if opcode != MESSAGE_INDEX:
+                return {}
+            channel, size = struct.unpack_from("<HI", data, start + _HEADER_BYTES)
+            first = start + _HEADER_BYTES + 6
+            entries = np.frombuffer(data, INDEX_ENTRY, size // INDEX_ENTRY.itemsize, first)
+            found[channel] = entries["offset"].astype(np.int64)
+        return found
+
+
+def _block(
+    topic: TopicInfo, channel: int, data: Bytes, places: np.ndarray[Any, np.dtype[np.int64]]
+) -> MessageBlock:
+    """Return the messages at given places of a chunk.
+
+    :raises ValueError: where other records stand there.
+    """
+    header = MESSAGE_HEADER.itemsize
+    sizes = np.full(len(places), header, dtype=np.int64)
+    rows = gather(data, places, sizes)
+    fields = np.ascontiguousarray(rows).view(MESSAGE_HEADER)[:, 0]
+    if bool(np.any(fields["opcode"] != MESSAGE)) or bool(np.any(fields["channel"] != channel)):
+        raise ValueError("the index of the messages is wrong")
+    lengths = fields["length"].astype(np.int64) - (header - _HEADER_BYTES)
+    payloads = gather(data, places + header, lengths)
+    return MessageBlock(topic, fields["log_time"].astype(np.int64), payloads)
+
+
+def _scanned(data: Bytes) -> dict[int, np.ndarray[Any, np.dtype[np.int64]]]:
+    """Return by channel where messages begin, found by going from record to record."""
+    found: dict[int, list[int]] = {}
+    content = memoryview(data.data)
+    for opcode, start, _ in _records(content):
+        if opcode == MESSAGE:
+            (channel,) = struct.unpack_from("<H", content, start + _HEADER_BYTES)
+            found.setdefault(channel, []).append(start)
+    return {channel: np.array(starts, dtype=np.int64) for channel, starts in found.items()}
+
+
+def _records(data: memoryview) -> Iterator[tuple[int, int, int]]:
+    """Yield opcode, start and length of all complete records."""
+    position = 0
+    while position + _HEADER_BYTES <= len(data):
+        opcode, length = struct.unpack_from("<BQ", data, position)
+        after = position + _HEADER_BYTES + length
+        if after > len(data):
+            return
+        yield opcode, position, length
+        position = after

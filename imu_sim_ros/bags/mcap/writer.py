@@ -1,0 +1,235 @@
+"""MCAP files: chunks of records built by NumPy, everything else by the mcap library.
+
+The format is that of https://mcap.dev/spec, with the profile ``ros2`` of rosbag2's storage plugin.
+"""
+
+import struct
+import zlib
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from imu_sim_ros.bags.chunks import ChunkWriter, Indexed
+from imu_sim_ros.bags.messages.blocks import Times
+from imu_sim_ros.bags.messages.layouts import Bytes
+from imu_sim_ros.bags.rosbag2 import metadata as rosbag2_metadata
+from imu_sim_ros.bags.writer import Topic
+
+MAGIC: Final = b"\x89MCAP0\r\n"
+MESSAGE: Final = 0x05
+CHUNK: Final = 0x06
+MESSAGE_INDEX: Final = 0x07
+
+MESSAGE_HEADER: Final = np.dtype(
+    [
+        ("opcode", "u1"),
+        ("length", "<u8"),
+        ("channel", "<u2"),
+        ("sequence", "<u4"),
+        ("log_time", "<u8"),
+        ("publish_time", "<u8"),
+    ]
+)
+INDEX_ENTRY: Final = np.dtype([("time", "<u8"), ("offset", "<u8")])
+_RECORD_HEADER_BYTES: Final = 9
+_UNKNOWN_SCHEMA: Final = 0
+_ZSTD_LEVEL: Final = 1
+
+
+def compressor(compression: str) -> Callable[[bytes | memoryview], bytes | memoryview]:
+    """Return the function that compresses a chunk.
+
+    :param compression: none, lz4 or zstd.
+    """
+    if compression == "lz4":
+        import lz4.frame
+
+        compress: Callable[[bytes | memoryview], bytes] = lz4.frame.compress
+        return compress
+    if compression == "zstd":
+        import zstandard
+
+        zstd: Callable[[bytes | memoryview], bytes] = zstandard.ZstdCompressor(
+            level=_ZSTD_LEVEL
+        ).compress
+        return zstd
+    return lambda data: data
+
+
+class McapWriter(ChunkWriter):
+    """One MCAP file with ROS 2 messages."""
+
+    encoding = "cdr"
+
+    def __init__(self, path: Path, compression: str = "none", renamed: bool = True) -> None:
+        from mcap.records import ChunkIndex, Header
+        from mcap.writer import LIBRARY_IDENTIFIER
+
+        super().__init__(path, renamed)
+        self._compression = "" if compression == "none" else compression
+        self._compress = compressor(compression)
+        self._chunks: list[ChunkIndex] = []
+        self._schemas: dict[str, Any] = {}
+        self._channels: list[Any] = []
+        self.file.write(MAGIC, _packed(Header("ros2", LIBRARY_IDENTIFIER)))
+
+    def _register(self, topic: Topic) -> None:
+        """Write schema and channel at once, so that a part of the file can be read."""
+        from mcap.records import Channel
+        from mcap.records import Schema as SchemaRecord
+
+        text, digest, language = topic.schema
+        schema_id = _UNKNOWN_SCHEMA
+        if text:
+            if topic.type_name not in self._schemas:
+                record = SchemaRecord(
+                    id=len(self._schemas) + 1,
+                    data=text.encode(),
+                    encoding=language,
+                    name=topic.type_name,
+                )
+                self._schemas[topic.type_name] = record
+                self.file.write(_packed(record))
+            schema_id = self._schemas[topic.type_name].id
+        metadata = {
+            "offered_qos_profiles": rosbag2_metadata.qos_text(topic.qos),
+            "topic_type_hash": digest,
+        }
+        channel = Channel(
+            id=topic.index + 1,
+            topic=topic.name,
+            message_encoding="cdr",
+            metadata=metadata,
+            schema_id=schema_id,
+        )
+        self._channels.append(channel)
+        self.file.write(_packed(channel))
+
+    def _records(self, topic: Topic, first: int, t_ns: Times, payloads: Bytes) -> Bytes:
+        count, size = payloads.shape
+        header = MESSAGE_HEADER.itemsize
+        records = np.empty((count, header + size), np.uint8)
+        records[:, header:] = payloads
+        # A structured view onto the first columns; the stride is that of the whole record.
+        fields = np.ndarray((count,), MESSAGE_HEADER, buffer=records, strides=(records.strides[0],))
+        fields["opcode"] = MESSAGE
+        fields["length"] = header - _RECORD_HEADER_BYTES + size
+        fields["channel"] = topic.index + 1
+        fields["sequence"] = (first + np.arange(count)) & 0xFFFFFFFF
+        fields["log_time"] = t_ns
+        fields["publish_time"] = t_ns
+        return records
+
+    def _record(self, topic: Topic, index: int, t_ns: int, payload: bytes) -> bytes:
+        length = MESSAGE_HEADER.itemsize - _RECORD_HEADER_BYTES + len(payload)
+        sequence = index & 0xFFFFFFFF
+        return (
+            struct.pack("<BQHIQQ", MESSAGE, length, topic.index + 1, sequence, t_ns, t_ns) + payload
+        )
+
+    def _write_chunk(self, records: Bytes, messages: Sequence[Indexed]) -> None:
+        from mcap.records import ChunkIndex
+
+        data = memoryview(records.data)
+        compressed = self._compress(data)
+        start_ns = min(int(t_ns.min()) for _, t_ns, _ in messages)
+        end_ns = max(int(t_ns.max()) for _, t_ns, _ in messages)
+        name = self._compression.encode()
+        header = struct.pack(
+            f"<QQQII{len(name)}sQ",
+            start_ns,
+            end_ns,
+            len(data),
+            zlib.crc32(data),
+            len(name),
+            name,
+            len(compressed),
+        )
+        length = len(header) + len(compressed)
+        offset = self.file.position
+        indexes = [_message_index(*entry) for entry in messages]
+        index_offsets: dict[int, int] = {}
+        position = offset + _RECORD_HEADER_BYTES + length
+        for (topic, _, _), index in zip(messages, indexes, strict=True):
+            index_offsets[topic.index + 1] = position
+            position += len(index)
+        self.file.write(struct.pack("<BQ", CHUNK, length), header, compressed, b"".join(indexes))
+        self._chunks.append(
+            ChunkIndex(
+                chunk_length=_RECORD_HEADER_BYTES + length,
+                chunk_start_offset=offset,
+                compression=self._compression,
+                compressed_size=len(compressed),
+                message_end_time=end_ns,
+                message_index_length=sum(map(len, indexes)),
+                message_index_offsets=index_offsets,
+                message_start_time=start_ns,
+                uncompressed_size=len(data),
+            )
+        )
+
+    def _finish(self) -> None:
+        from mcap.data_stream import RecordBuilder
+        from mcap.opcode import Opcode
+        from mcap.records import DataEnd, Footer, SummaryOffset
+
+        self.file.write(_packed(DataEnd(0)))
+        summary_start = self.file.position
+        builder = RecordBuilder()
+        offsets = []
+        for opcode, records in (
+            (Opcode.SCHEMA, list(self._schemas.values())),
+            (Opcode.CHANNEL, self._channels),
+            (Opcode.STATISTICS, [self._statistics()]),
+            (Opcode.CHUNK_INDEX, self._chunks),
+        ):
+            start = builder.count
+            for record in records:
+                record.write(builder)
+            if records:
+                offsets.append(SummaryOffset(opcode, summary_start + start, builder.count - start))
+        offset_start = summary_start + builder.count
+        for group in offsets:
+            group.write(builder)
+        summary = builder.end()  # type: ignore[no-untyped-call]
+        # The checksum covers the summary and the footer up to the checksum itself.
+        footer = struct.pack("<BQQQ", Opcode.FOOTER, 8 + 8 + 4, summary_start, offset_start)
+        crc = zlib.crc32(footer, zlib.crc32(summary))
+        self.file.write(summary, _packed(Footer(summary_start, offset_start, crc)), MAGIC)
+
+    def _statistics(self) -> Any:
+        from mcap.records import Statistics
+
+        return Statistics(
+            attachment_count=0,
+            channel_count=len(self._channels),
+            channel_message_counts={t.index + 1: t.count for t in self.topics if t.count},
+            chunk_count=len(self._chunks),
+            message_count=self.count,
+            message_end_time=max((t.last_ns for t in self.topics if t.count), default=0),
+            message_start_time=min((t.first_ns for t in self.topics if t.count), default=0),
+            metadata_count=0,
+            schema_count=len(self._schemas),
+        )
+
+
+def _message_index(topic: Topic, t_ns: Times, offsets: Times) -> bytes:
+    entries = np.empty(len(t_ns), INDEX_ENTRY)
+    entries["time"] = t_ns
+    entries["offset"] = offsets
+    size = entries.nbytes
+    return struct.pack("<BQHI", MESSAGE_INDEX, 2 + 4 + size, topic.index + 1, size) + (
+        entries.tobytes()
+    )
+
+
+def _packed(record: Any) -> bytes:
+    """Return one of the mcap library's records as bytes."""
+    from mcap.data_stream import RecordBuilder
+
+    builder = RecordBuilder()
+    record.write(builder)
+    data: bytes = builder.end()  # type: ignore[no-untyped-call]
+    return data

@@ -1,0 +1,1 @@
+"""What messages look like as bytes: layouts, definitions, encoding and decoding of whole blocks."""

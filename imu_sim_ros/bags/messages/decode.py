@@ -1,0 +1,114 @@
+"""Blocks of messages as arrays: constant sizes all at once, varying ones in groups."""
+
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.bags.messages.blocks import MessageBlock, Payloads
+from imu_sim_ros.bags.messages.layouts import FIELDS, Bytes, Layout, layout, texts_of
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
+
+Array = NDArray[np.float64]
+Times = NDArray[np.int64]
+
+_INSIDE_ORDER: Final = [3, 0, 1, 2]
+"""(w, x, y, z) of the message's (x, y, z, w)."""
+
+
+class Decoded(NamedTuple):
+    """The fields of n messages of one type."""
+
+    texts: tuple[str, ...]
+    """Of the first message."""
+    t_ns: Times
+    """(n,) stamps."""
+    numbers: dict[str, Array]
+    """(n, count) by field, or (n,) for a single number."""
+
+
+def decode(block: MessageBlock, encoding: str, names: Sequence[str]) -> Decoded:
+    """Return fields of a block's messages.
+
+    :param names: of :data:`imu_sim_ros.bags.messages.layouts.FIELDS` of this type.
+    :raises InputError: for a message that is not one of its type.
+    """
+    type_name = block.topic.type
+    try:
+        groups = _groups(type_name, encoding, block.payloads)
+    except (ValueError, UnicodeDecodeError) as error:
+        raise InputError(f"{block.topic.name}: not {type_name} messages: {error}") from None
+    count = len(block.t_ns)
+    t_ns = np.empty(count, dtype=np.int64)
+    first = groups[0][0]
+    numbers = {
+        name: np.empty((count, *first.dtype[name].shape), dtype=np.float64) for name in names
+    }
+    for form, rows, payloads in groups:
+        fields = form.view(payloads)
+        seconds = fields["sec"].astype(np.int64) * NANOSECONDS_PER_SECOND
+        t_ns[rows] = seconds + fields["nanosec"]
+        for name in names:
+            numbers[name][rows] = fields[name]
+    texts = texts_of(type_name, encoding, _message(block.payloads, 0))
+    return Decoded(texts, t_ns, numbers)
+
+
+def inside_order(orientation: Array) -> Array:
+    """Return quaternions (n, 4) as (w, x, y, z) of a message's (x, y, z, w)."""
+    return orientation[:, _INSIDE_ORDER]
+
+
+def _groups(
+    type_name: str, encoding: str, payloads: Payloads
+) -> list[tuple[Layout, slice | NDArray[np.int64], Bytes]]:
+    """Return messages in groups with the same texts: layout, rows and bytes of each."""
+    first = layout(type_name, encoding, texts_of(type_name, encoding, _message(payloads, 0)))
+    if not isinstance(payloads, list) and first.matches(payloads):
+        return [(first, slice(None), payloads)]
+    members: dict[tuple[int, tuple[str, ...]], list[int]] = {}
+    messages = [_message(payloads, k) for k in range(len(payloads))]
+    for k, message in enumerate(messages):
+        key = (len(message), texts_of(type_name, encoding, message))
+        members.setdefault(key, []).append(k)
+    groups: list[tuple[Layout, slice | NDArray[np.int64], Bytes]] = []
+    for (size, texts), rows in members.items():
+        form = layout(type_name, encoding, texts)
+        table = np.frombuffer(b"".join(messages[k] for k in rows), np.uint8).reshape(-1, size)
+        if not form.size <= size <= form.size + 3:
+            raise ValueError(f"{size} bytes instead of {form.size}")
+        groups.append((form, np.array(rows), np.ascontiguousarray(table[:, : form.size])))
+    return groups
+
+
+def _message(payloads: Payloads, k: int) -> bytes:
+    return payloads[k] if isinstance(payloads, list) else payloads[k].tobytes()
+
+
+def transcode(block: MessageBlock, source: str, target: str) -> Payloads | None:
+    """Return a block's messages in the other encoding; None for types without a layout here.
+
+    :param source: encoding of the block, cdr or ros1.
+    :param target: the other one.
+    """
+    type_name = block.topic.type
+    if type_name not in FIELDS:
+        return None
+    try:
+        groups = _groups(type_name, source, block.payloads)
+    except (ValueError, UnicodeDecodeError):
+        return None
+    if len(groups) > 1:
+        return None
+    form, _, payloads = groups[0]
+    texts = texts_of(type_name, source, _message(payloads, 0))
+    result = layout(type_name, target, texts)
+    rows = np.empty((len(payloads), result.size), np.uint8)
+    rows[:] = np.frombuffer(result.template, np.uint8)
+    fields, old = result.view(rows), form.view(payloads)
+    for name in result.dtype.names or ():
+        if name in (form.dtype.names or ()):
+            fields[name] = old[name]
+    return rows

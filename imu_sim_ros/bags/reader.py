@@ -1,0 +1,199 @@
+"""What all bag readers share: topics, blocks of messages, and their order in time."""
+
+import queue
+import threading
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.lib.stride_tricks import as_strided, sliding_window_view
+
+from imu_sim_ros.bags.messages.blocks import MessageBlock, Payloads, Times, TopicInfo, as_list
+from imu_sim_ros.bags.messages.layouts import Bytes
+from imu_sim_ros.errors import InputError
+
+_T = TypeVar("_T")
+_AHEAD = 2
+
+
+class Timed(NamedTuple):
+    """The messages of one chunk, before chunks that overlap in time are merged."""
+
+    next_start_ns: int
+    """Before this time no later chunk has a message."""
+    blocks: list[MessageBlock]
+
+
+class Bag(ABC):
+    """An open bag; use as a context manager."""
+
+    encoding: str
+    """cdr or ros1."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.topics: list[TopicInfo] = []
+        self.damage: list[str] = []
+        """What was left out of a bag that is being recovered."""
+
+    def __enter__(self) -> "Bag":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @abstractmethod
+    def close(self) -> None:
+        """Close the files."""
+
+    @abstractmethod
+    def _timed(self, names: Collection[str]) -> Iterator[Timed]:
+        """Yield the messages of topics, chunk by chunk in the order of their first times."""
+
+    def groups(self, names: Collection[str] | None = None) -> Iterator[list[MessageBlock]]:
+        """Yield messages in groups of a bounded size, each group after the one before in time.
+
+        Reading and decompressing go on in a thread of their own while a group is worked on.
+
+        :param names: topics; None: all.
+        """
+        if names is None:
+            names = {topic.name for topic in self.topics}
+        return ahead(_in_time_order(self._timed(names)))
+
+    def topic(self, type_name: str, name: str | None) -> TopicInfo:
+        """Return the topic of a type: the named one, or the only one.
+
+        :raises InputError: where there is none, or several; the line lists them.
+        """
+        fitting = [topic for topic in self.topics if topic.type == type_name]
+        if name is not None:
+            named = [topic for topic in fitting if topic.name.lstrip("/") == name.lstrip("/")]
+            if named:
+                return named[0]
+            raise InputError(
+                f"{self.path}: has no topic {name} of {type_name}; it has {listed(self.topics)}"
+            )
+        if len(fitting) == 1:
+            return fitting[0]
+        if not fitting:
+            raise InputError(
+                f"{self.path}: has no topic of {type_name}; it has {listed(self.topics)}"
+            )
+        raise InputError(
+            f"{self.path}: has several topics of {type_name}, name one of {listed(fitting)}"
+        )
+
+
+def listed(topics: Iterable[TopicInfo]) -> str:
+    """Return topics in words."""
+    return ", ".join(f"{topic.name} ({topic.type})" for topic in topics) or "no topics"
+
+
+def ahead(items: Iterable[_T]) -> Iterator[_T]:
+    """Yield items that are made in a thread of their own, a few ahead of the one that is used."""
+    made: queue.Queue[tuple[str, Any]] = queue.Queue(_AHEAD)
+    stopped = threading.Event()
+
+    def put(kind: str, content: Any) -> bool:
+        while not stopped.is_set():
+            try:
+                made.put((kind, content), timeout=0.1)
+                return True
+            except queue.Full:
+                continue
+        return False
+
+    def work() -> None:
+        try:
+            for item in items:
+                if not put("item", item):
+                    return
+            put("end", None)
+        except BaseException as error:
+            put("error", error)
+
+    worker = threading.Thread(target=work, daemon=True)
+    worker.start()
+    try:
+        while True:
+            kind, content = made.get()
+            if kind == "end":
+                return
+            if kind == "error":
+                raise content
+            yield content
+    finally:
+        stopped.set()
+        worker.join()
+
+
+def gather(data: Bytes, starts: Times, sizes: Times) -> Payloads:
+    """Return the messages at given places of a chunk; no copy where their distance is constant.
+
+    :param data: (bytes,) the chunk.
+    :param starts: (n,) first bytes.
+    :param sizes: (n,) lengths.
+    """
+    if not len(starts):
+        return []
+    if int((starts + sizes).max()) > len(data):
+        raise ValueError("a message reaches past the end of its chunk")
+    size = int(sizes[0])
+    if bool(np.any(sizes != size)):
+        content = data.tobytes()
+        return [
+            content[start : start + length]
+            for start, length in zip(starts.tolist(), sizes.tolist(), strict=True)
+        ]
+    strides = np.diff(starts)
+    if len(strides) and bool(np.all(strides == strides[0])) and strides[0] > 0:
+        rows = as_strided(data[starts[0] :], (len(starts), size), (int(strides[0]), 1))
+        rows.flags.writeable = False
+        return rows
+    return sliding_window_view(data, size)[starts]
+
+
+def in_order(blocks: Sequence[MessageBlock]) -> MessageBlock:
+    """Return blocks of one topic as one, in the order of time."""
+    topic, t_ns, payloads = blocks[0]
+    if len(blocks) > 1:
+        t_ns = np.concatenate([block.t_ns for block in blocks])
+        payloads = _concatenated([block.payloads for block in blocks])
+    if bool(np.all(t_ns[1:] >= t_ns[:-1])):
+        return MessageBlock(topic, t_ns, payloads)
+    order = np.argsort(t_ns, kind="stable")
+    if isinstance(payloads, list):
+        return MessageBlock(topic, t_ns[order], [payloads[k] for k in order.tolist()])
+    return MessageBlock(topic, t_ns[order], payloads[order])
+
+
+def _concatenated(payloads: Sequence[Payloads]) -> Payloads:
+    tables = [rows for rows in payloads if not isinstance(rows, list)]
+    if len(tables) == len(payloads) and len({rows.shape[1] for rows in tables}) == 1:
+        return np.concatenate(tables)
+    return [message for rows in payloads for message in as_list(rows)]
+
+
+def _in_time_order(chunks: Iterable[Timed]) -> Iterator[list[MessageBlock]]:
+    """Merge chunks that overlap: messages wait until no earlier one can follow."""
+    waiting: dict[TopicInfo, list[MessageBlock]] = {}
+    for next_start_ns, blocks in chunks:
+        for block in blocks:
+            if len(block.t_ns):
+                waiting.setdefault(block.topic, []).append(block)
+        ready = []
+        for topic in list(waiting):
+            topic, t_ns, payloads = in_order(waiting.pop(topic))
+            cut = int(np.searchsorted(t_ns, next_start_ns))
+            if cut:
+                ready.append(MessageBlock(topic, t_ns[:cut], payloads[:cut]))
+            if cut < len(t_ns):
+                waiting[topic] = [MessageBlock(topic, t_ns[cut:], payloads[cut:])]
+        if ready:
+            yield ready
+    rest = [in_order(blocks) for blocks in waiting.values()]
+    if rest:
+        yield rest

@@ -1,0 +1,1 @@
+"""rosbag2 folders: the metadata, and the sqlite3 storage."""

@@ -1,0 +1,140 @@
+"""The metadata.yaml of a rosbag2 folder, version 9, as ROS 2 Jazzy writes and reads it."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+from imu_sim_ros.bags.messages.blocks import Qos
+from imu_sim_ros.bags.writer import Topic
+
+FILE_NAME: Final = "metadata.yaml"
+VERSION: Final = 9
+# rmw's infinite duration: the largest number of nanoseconds that an int64 holds.
+_INFINITE: Final = {"sec": 9223372036, "nsec": 854775807}
+_NO_START: Final = 2**63 - 1
+# Older versions write rmw's numbers instead of names.
+_NUMBERED: Final[dict[str, dict[object, str]]] = {
+    "reliability": {1: "reliable", 2: "best_effort"},
+    "durability": {1: "transient_local", 2: "volatile"},
+    "history": {1: "keep_last", 2: "keep_all"},
+}
+
+
+class Part(NamedTuple):
+    """One file of a bag."""
+
+    name: str
+    start_ns: int
+    duration_ns: int
+    messages: int
+
+
+def qos_profiles(profiles: Sequence[Qos]) -> list[dict[str, Any]]:
+    """Return quality-of-service profiles as rosbag2's metadata lists them."""
+    return [
+        {
+            "history": qos.history,
+            "depth": qos.depth,
+            "reliability": qos.reliability,
+            "durability": qos.durability,
+            "deadline": dict(_INFINITE),
+            "lifespan": dict(_INFINITE),
+            "liveliness": "automatic",
+            "liveliness_lease_duration": dict(_INFINITE),
+            "avoid_ros_namespace_conventions": False,
+        }
+        for qos in profiles
+    ]
+
+
+def qos_text(profiles: Sequence[Qos]) -> str:
+    """Return profiles as the text that storage files hold."""
+    import yaml
+
+    return yaml.safe_dump(qos_profiles(profiles), sort_keys=False).strip() if profiles else ""
+
+
+def parse_qos(profiles: object) -> tuple[Qos, ...]:
+    """Return profiles of a bag, given as a list or as the text of one, of any version."""
+    import yaml
+
+    try:
+        entries = yaml.safe_load(profiles) if isinstance(profiles, str) else profiles
+    except yaml.YAMLError:
+        entries = None
+    if not isinstance(entries, list):
+        return (Qos(),)
+    return tuple(
+        Qos(**{name: _word(name, entry) for name in _NUMBERED}, depth=int(entry.get("depth", 10)))
+        for entry in entries
+        if isinstance(entry, dict)
+    )
+
+
+def _word(name: str, entry: dict[str, Any]) -> str:
+    value = entry.get(name)
+    default = str(Qos._field_defaults[name])
+    word = value if isinstance(value, str) else _NUMBERED[name].get(value, default)
+    return default if word in ("unknown", "system_default") else word
+
+
+def part(path: Path, topics: Sequence[Topic]) -> Part:
+    """Return what the metadata says of one file."""
+    filled = [topic for topic in topics if topic.count]
+    start = min((topic.first_ns for topic in filled), default=_NO_START)
+    end = max((topic.last_ns for topic in filled), default=start)
+    return Part(path.name, start, end - start, sum(topic.count for topic in filled))
+
+
+def document(storage: str, topics: Sequence[Topic], parts: Sequence[Part]) -> dict[str, Any]:
+    """Return the content of metadata.yaml below its root.
+
+    :param storage: mcap or sqlite3.
+    """
+    filled = [entry for entry in parts if entry.messages]
+    start = min((entry.start_ns for entry in filled), default=_NO_START)
+    end = max((entry.start_ns + entry.duration_ns for entry in filled), default=start)
+    return {
+        "version": VERSION,
+        "storage_identifier": storage,
+        "duration": {"nanoseconds": end - start},
+        "starting_time": {"nanoseconds_since_epoch": start},
+        "message_count": sum(entry.messages for entry in filled),
+        "topics_with_message_count": [
+            {
+                "topic_metadata": {
+                    "name": topic.name,
+                    "type": topic.type_name,
+                    "serialization_format": "cdr",
+                    "offered_qos_profiles": qos_profiles(topic.qos),
+                    "type_description_hash": topic.schema.digest,
+                },
+                "message_count": topic.count,
+            }
+            for topic in topics
+        ],
+        "compression_format": "",
+        "compression_mode": "",
+        "relative_file_paths": [entry.name for entry in parts],
+        "files": [
+            {
+                "path": entry.name,
+                "starting_time": {"nanoseconds_since_epoch": entry.start_ns},
+                "duration": {"nanoseconds": entry.duration_ns},
+                "message_count": entry.messages,
+            }
+            for entry in parts
+        ],
+        "custom_data": None,
+        "ros_distro": "jazzy",
+    }
+
+
+def write(folder: Path, content: dict[str, Any]) -> None:
+    """Write metadata.yaml in one step, so that it is never seen half."""
+    import yaml
+
+    text = yaml.safe_dump({"rosbag2_bagfile_information": content}, sort_keys=False)
+    temporary = folder / (FILE_NAME + ".tmp")
+    temporary.write_text(text, encoding="utf-8")
+    temporary.rename(folder / FILE_NAME)

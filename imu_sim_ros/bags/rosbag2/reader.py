@@ -1,0 +1,246 @@
+"""SQLite files and folders of rosbag2 as blocks of messages."""
+
+import re
+import shutil
+import sqlite3
+import tempfile
+from collections.abc import Callable, Collection, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from imu_sim_ros.bags.mcap.reader import McapBag
+from imu_sim_ros.bags.messages.blocks import MessageBlock, TopicInfo
+from imu_sim_ros.bags.messages.layouts import Bytes
+from imu_sim_ros.bags.messages.schemas import Schema
+from imu_sim_ros.bags.reader import Bag, Timed
+from imu_sim_ros.bags.rosbag2 import metadata as rosbag2_metadata
+from imu_sim_ros.errors import InputError
+
+_END_NS: Final = 2**63 - 1
+_ROWS: Final = 4096
+
+
+class SqliteBag(Bag):
+    """One SQLite file of rosbag2, of any schema version."""
+
+    encoding = "cdr"
+
+    def __init__(self, path: Path, recover: bool = False) -> None:
+        """Open a file.
+
+        :param recover: work on a copy, where SQLite rolls an unfinished transaction back, and stop
+            at what is damaged.
+        """
+        super().__init__(path)
+        self._recover = recover
+        self._stack = ExitStack()
+        try:
+            file = self._copy() if recover else path
+            mode = "rw" if recover else "ro"
+            self._database = sqlite3.connect(
+                f"{file.absolute().as_uri()}?mode={mode}", uri=True, check_same_thread=False
+            )
+            self._stack.callback(self._database.close)
+            if recover:
+                # SQLite then opens files whose end, or whose index, is missing.
+                self._database.execute("PRAGMA writable_schema = ON")
+            self._topics = self._read_topics()
+        except sqlite3.Error as error:
+            self._stack.close()
+            hint = "" if recover else " (--recover takes what is there)"
+            raise InputError(f"{path}: {error}{hint}") from None
+        self.topics = list(self._topics.values())
+
+    def close(self) -> None:
+        """Close the database."""
+        self._stack.close()
+
+    def _copy(self) -> Path:
+        """Copy the file and its journal, so that the original stays as it was found."""
+        folder = Path(self._stack.enter_context(tempfile.TemporaryDirectory(dir=self.path.parent)))
+        for suffix in ("", "-journal", "-wal"):
+            source = self.path.with_name(self.path.name + suffix)
+            if source.exists():
+                shutil.copyfile(source, folder / source.name)
+        return folder / self.path.name
+
+    def _read_topics(self) -> dict[int, TopicInfo]:
+        columns = {row[1] for row in self._database.execute("PRAGMA table_info(topics)")}
+        if not columns:
+            raise InputError(f"{self.path}: not a database of rosbag2")
+        schemas = {}
+        if any(self._database.execute("PRAGMA table_info(message_definitions)")):
+            schemas = {
+                name: Schema(text, digest, language)
+                for name, text, digest, language in self._database.execute(
+                    "SELECT topic_type, encoded_message_definition, type_description_hash, "
+                    "encoding FROM message_definitions"
+                )
+            }
+        counts = self._counts()
+        qos = "offered_qos_profiles" if "offered_qos_profiles" in columns else "''"
+        return {
+            id_: TopicInfo(
+                name,
+                type_name,
+                counts.get(id_, 0),
+                schemas.get(type_name, Schema("", "")),
+                rosbag2_metadata.parse_qos(profiles),
+            )
+            for id_, name, type_name, profiles in self._database.execute(
+                f"SELECT id, name, type, {qos} FROM topics ORDER BY id"
+            )
+        }
+
+    def _counts(self) -> dict[int, int]:
+        statement = "SELECT topic_id, count(*) FROM messages GROUP BY topic_id"
+        try:
+            return dict(self._database.execute(statement).fetchall())
+        except sqlite3.Error:
+            if self._recover:
+                return {}  # a torn file: how many there are is known when all are read
+            raise
+
+    def _timed(self, names: Collection[str]) -> Iterator[Timed]:
+        ids = [id_ for id_, topic in self._topics.items() if topic.name in names]
+        # A torn file is read in the order of the table: its index may lead to missing pages.
+        order = "id" if self._recover else "timestamp, id"
+        cursor = self._database.execute(
+            "SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN "
+            f"({','.join('?' * len(ids))}) ORDER BY {order}",
+            ids,
+        )
+        rows: list[tuple[int, int, bytes]] = []
+        try:
+            for row in cursor:
+                rows.append(row)
+                if len(rows) == _ROWS:
+                    yield Timed(row[1], self._blocks(rows))
+                    rows = []
+        except sqlite3.Error as error:
+            if not self._recover:
+                raise InputError(f"{self.path}: {error} (--recover takes what is there)") from None
+            self.damage.append(str(error))
+        if rows:
+            yield Timed(_END_NS, self._blocks(rows))
+
+    def _blocks(self, rows: list[tuple[int, int, bytes]]) -> list[MessageBlock]:
+        by_topic: dict[int, tuple[list[int], list[bytes]]] = {}
+        for id_, t_ns, payload in rows:
+            times, payloads = by_topic.setdefault(id_, ([], []))
+            times.append(t_ns)
+            payloads.append(payload)
+        return [
+            MessageBlock(self._topics[id_], np.array(times, dtype=np.int64), _table(payloads))
+            for id_, (times, payloads) in by_topic.items()
+        ]
+
+
+class Rosbag2Folder(Bag):
+    """A rosbag2 folder: its files one after the other."""
+
+    encoding = "cdr"
+
+    def __init__(self, path: Path, recover: bool = False) -> None:
+        """Open a folder.
+
+        :param recover: do without metadata.yaml, and leave out what is damaged.
+        :raises InputError: where there is no metadata.yaml, unless the bag is to be recovered.
+        """
+        super().__init__(path)
+        self._stack = ExitStack()
+        self._parts: list[Bag] = []
+        try:
+            for file in _files_found(path) if recover else self._files_listed():
+                opener: Callable[..., Bag] = SqliteBag if file.suffix == ".db3" else McapBag
+                part = opener(file, recover)
+                self._stack.callback(part.close)
+                self._parts.append(part)
+            self.topics = _merged([topic for part in self._parts for topic in part.topics])
+        except BaseException:
+            self._stack.close()
+            raise
+
+    def close(self) -> None:
+        """Close all files."""
+        self._stack.close()
+
+    def _files_listed(self) -> list[Path]:
+        content = read_metadata(self.path)
+        if content.get("compression_format") or content.get("compression_mode"):
+            raise InputError(
+                f"{self.path}: compressed as a whole or message by message "
+                f"({content.get('compression_format')}); ros2 bag convert unpacks it"
+            )
+        files = [self.path / Path(name).name for name in content["relative_file_paths"]]
+        missing = [file for file in files if not file.is_file()]
+        if missing:
+            raise InputError(f"{missing[0]}: missing; metadata.yaml lists it")
+        return files
+
+    def _timed(self, names: Collection[str]) -> Iterator[Timed]:
+        topics = {(topic.name, topic.type): topic for topic in self.topics}
+        for part in self._parts:
+            for next_start_ns, blocks in part._timed(names):
+                # Each file is in order of its own; what overlaps between files stays apart.
+                yield Timed(
+                    next_start_ns,
+                    [
+                        MessageBlock(topics[topic.name, topic.type], t_ns, payloads)
+                        for topic, t_ns, payloads in blocks
+                    ],
+                )
+            self.damage += part.damage
+
+
+def read_metadata(folder: Path) -> dict[str, Any]:
+    """Return the content of metadata.yaml below its root.
+
+    :raises InputError: where it is missing or has another form.
+    """
+    import yaml
+
+    file = folder / rosbag2_metadata.FILE_NAME
+    if not file.is_file():
+        hint = "; --recover takes what is there" if _files_found(folder) else ""
+        raise InputError(f"{folder}: no metadata.yaml, so not a whole rosbag2 bag{hint}")
+    try:
+        content = yaml.safe_load(file.read_text(encoding="utf-8"))["rosbag2_bagfile_information"]
+        if not isinstance(content["relative_file_paths"], list):
+            raise TypeError
+    except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError):
+        raise InputError(f"{file}: not the metadata of a rosbag2 bag") from None
+    return dict(content)
+
+
+def _files_found(folder: Path) -> list[Path]:
+    """Return the storage files of a folder in the order of their numbers."""
+    files = [file for file in folder.iterdir() if file.suffix in (".mcap", ".db3")]
+
+    def number(file: Path) -> tuple[int, str]:
+        digits = re.search(r"_(\d+)$", file.stem)
+        return (int(digits[1]) if digits else -1, file.name)
+
+    return sorted(files, key=number)
+
+
+def _merged(topics: Collection[TopicInfo]) -> list[TopicInfo]:
+    """Return the topics of several files, each once, with all their messages."""
+    from dataclasses import replace
+
+    merged: dict[tuple[str, str], TopicInfo] = {}
+    for topic in topics:
+        key = (topic.name, topic.type)
+        before = merged[key].count if key in merged else 0
+        merged[key] = replace(merged.get(key, topic), count=before + topic.count)
+    return list(merged.values())
+
+
+def _table(payloads: list[bytes]) -> Bytes | list[bytes]:
+    size = len(payloads[0])
+    if size == 0 or any(len(payload) != size for payload in payloads):
+        return payloads
+    return np.frombuffer(b"".join(payloads), np.uint8).reshape(-1, size)

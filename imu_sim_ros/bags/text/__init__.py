@@ -1,0 +1,1 @@
+"""Text forms: EuRoC, CSV, TUM."""

@@ -1,0 +1,204 @@
+"""Datasets as text: EuRoC/ASL folders, CSV in kalibr's form, TUM trajectories.
+
+Times are exact nanoseconds; numbers have as many digits as a float64 needs.
+"""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.bags.atomic_file import OutputFile, make_folder
+from imu_sim_ros.bags.text import decimals
+from imu_sim_ros.bags.text.decimals import decimal
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
+
+Array = NDArray[np.float64]
+Times = NDArray[np.int64]
+
+FORMATS: Final = ("euroc", "csv", "tum")
+_ROWS: Final = 4096
+
+EUROC_IMU_HEADER: Final = (
+    "#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],"
+    "a_RS_S_x [m s^-2],a_RS_S_y [m s^-2],a_RS_S_z [m s^-2]"
+)
+EUROC_STATE_HEADER: Final = (
+    "#timestamp, p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y [], "
+    "q_RS_z [], v_RS_R_x [m s^-1], v_RS_R_y [m s^-1], v_RS_R_z [m s^-1], "
+    "b_w_RS_S_x [rad s^-1], b_w_RS_S_y [rad s^-1], b_w_RS_S_z [rad s^-1], "
+    "b_a_RS_S_x [m s^-2], b_a_RS_S_y [m s^-2], b_a_RS_S_z [m s^-2]"
+)
+KALIBR_HEADER: Final = "timestamp,omega_x,omega_y,omega_z,alpha_x,alpha_y,alpha_z"
+TUM_HEADER: Final = "# timestamp tx ty tz qx qy qz qw"
+
+
+class States(NamedTuple):
+    """n true states of the body."""
+
+    t_ns: Times
+    position: Array
+    """(n, 3) p_wb [m]."""
+    q_wb: Array
+    """(n, 4)."""
+    velocity_w: Array
+    """(n, 3) in the world frame [m/s]."""
+    gyro_bias: Array
+    """(n, 3) rad/s."""
+    accel_bias: Array
+    """(n, 3) m/s^2."""
+
+
+class TextFile:
+    """One file of rows, written in blocks."""
+
+    def __init__(self, path: Path, header: str) -> None:
+        self.file = OutputFile(path)
+        self.file.write(header.encode() + b"\n")
+        self.rows = 0
+
+    def write(self, t_ns: Times, values: Array, separator: str = ",") -> None:
+        """Append n rows: a time, and the columns of values (n, m)."""
+        for start in range(0, len(t_ns), _ROWS):
+            part = slice(start, start + _ROWS)
+            stamp_text = decimals.integers if separator == "," else _seconds
+            text = decimals.table(
+                [stamp_text(t_ns[part]), *decimals.floats(values[part])], separator
+            )
+            self.file.write(text)
+            self.rows += len(t_ns[part])
+
+
+def _seconds(t_ns: Times) -> NDArray[np.uint8]:
+    """Return times as exact seconds with nine decimals."""
+    second, nanosecond = np.divmod(t_ns, NANOSECONDS_PER_SECOND)
+    point = np.full((len(t_ns), 1), ord("."), np.uint8)
+    return np.concatenate([decimals.integers(second), point, decimals.padded(nanosecond, 9)], 1)
+
+
+class Dataset:
+    """A dataset of text that is being written; use as a context manager."""
+
+    def __init__(self, path: Path, form: str, states: bool = True) -> None:
+        """Make the files.
+
+        ``euroc``: a folder with imu0 and state_groundtruth_estimate0. ``csv``: a folder with
+        imu0.csv and groundtruth.tum, or one file of readings where the name ends in .csv. ``tum``:
+        one file of poses.
+
+        :param states: write the truth.
+        """
+        if form not in FORMATS:
+            raise InputError(f"format {form!r}: must be one of {', '.join(FORMATS)}")
+        self.path, self.form = path, form
+        self.imu: TextFile | None = None
+        self.truth: TextFile | None = None
+        self.on_rows: Callable[[int], object] = lambda last_ns: None
+        """Is told the last time of every block that is written."""
+        self._write_states: Callable[[States], None] = self._write_tum
+        if form == "tum":
+            self.truth = TextFile(path, TUM_HEADER)
+        elif form == "csv" and path.suffix.lower() == ".csv":
+            self.imu = TextFile(path, KALIBR_HEADER)
+        else:
+            make_folder(path)
+            if form == "csv":
+                self.imu = TextFile(path / "imu0.csv", KALIBR_HEADER)
+                if states:
+                    self.truth = TextFile(path / "groundtruth.tum", TUM_HEADER)
+            else:
+                self._make_euroc(states)
+
+    def _make_euroc(self, states: bool) -> None:
+        (self.path / "imu0").mkdir()
+        self.imu = TextFile(self.path / "imu0" / "data.csv", EUROC_IMU_HEADER)
+        if states:
+            folder = self.path / "state_groundtruth_estimate0"
+            folder.mkdir()
+            self.truth = TextFile(folder / "data.csv", EUROC_STATE_HEADER)
+            self._write_states = self._write_euroc
+
+    @property
+    def files(self) -> list[Path]:
+        """The files of this dataset."""
+        if self.path.is_dir():
+            return [file for file in self.path.rglob("*") if file.is_file()]
+        return [self.path]
+
+    def write_imu(self, t_ns: Times, gyro: Array, accel: Array) -> None:
+        """Write readings: times (n,), angular rates (n, 3), specific forces (n, 3)."""
+        if self.imu is not None:
+            self.imu.write(t_ns, np.concatenate([gyro, accel], axis=1))
+            self.on_rows(int(t_ns.max(initial=-1)))
+
+    def write_states(self, states: States) -> None:
+        """Write true states."""
+        if self.truth is not None:
+            self._write_states(states)
+            self.on_rows(int(states.t_ns.max(initial=-1)))
+
+    def _write_tum(self, states: States) -> None:
+        assert self.truth is not None
+        q_xyzw = states.q_wb[:, [1, 2, 3, 0]]
+        self.truth.write(states.t_ns, np.concatenate([states.position, q_xyzw], axis=1), " ")
+
+    def _write_euroc(self, states: States) -> None:
+        assert self.truth is not None
+        self.truth.write(states.t_ns, np.concatenate(states[1:], axis=1))
+
+    def __enter__(self) -> "Dataset":
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        files = [file for file in (self.imu, self.truth) if file is not None]
+        for file in files:
+            if kind is None:
+                file.file.finish()
+            else:
+                file.file.abandon(empty=not any(other.rows for other in files))
+        if kind is not None and not any(file.rows for file in files) and self.path.is_dir():
+            shutil.rmtree(self.path)
+
+
+def write_euroc_descriptions(
+    folder: Path,
+    rate: float,
+    noise: dict[str, float],
+    r_bi: Array,
+    p_bi: Array,
+    comment: str,
+    states: bool = True,
+) -> None:
+    """Write sensor.yaml of each sensor, and body.yaml.
+
+    :param noise: the four densities by kalibr's names; nothing where they are not known.
+    :param r_bi: (3, 3) orientation of the IMU on the body.
+    :param p_bi: (3,) place of the IMU on the body [m].
+    """
+    (folder / "body.yaml").write_text(f"# body\ncomment: {comment}\n", encoding="utf-8")
+    densities = "".join(f"{name}: {decimal(value)}\n" for name, value in noise.items())
+    (folder / "imu0" / "sensor.yaml").write_text(
+        f"# IMU\nsensor_type: imu\ncomment: {comment}\n\n"
+        f"# T_BS maps points of the sensor into the body.\n{_pose(r_bi, p_bi)}\n"
+        f"rate_hz: {rate:g}\n\n"
+        "# Continuous time: rad/s/sqrt(Hz), rad/s^2/sqrt(Hz), m/s^2/sqrt(Hz), m/s^3/sqrt(Hz).\n"
+        f"{densities}",
+        encoding="utf-8",
+    )
+    if states:
+        (folder / "state_groundtruth_estimate0" / "sensor.yaml").write_text(
+            f"# Truth of the body, without error\nsensor_type: visual-inertial\n"
+            f"comment: {comment}\n\n{_pose(np.eye(3), np.zeros(3))}",
+            encoding="utf-8",
+        )
+
+
+def _pose(r: Array, p: Array) -> str:
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = r, p
+    rows = ",\n         ".join(", ".join(decimal(value) for value in row) for row in matrix)
+    return f"T_BS:\n  cols: 4\n  rows: 4\n  data: [{rows}]\n"

@@ -1,0 +1,166 @@
+"""What all bag writers share: topics, blocks of messages, and the order in which they go out."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.bags.messages.blocks import Payloads, Qos, Times
+from imu_sim_ros.bags.messages.schemas import Schema, schema
+from imu_sim_ros.errors import InputError
+
+
+@dataclass(eq=False)
+class Topic:
+    """A topic of a bag that is being written, and what it holds so far."""
+
+    index: int
+    name: str
+    type_name: str
+    schema: Schema
+    qos: tuple[Qos, ...]
+    count: int = 0
+    first_ns: int = field(default=2**63 - 1)
+    last_ns: int = field(default=-1)
+
+    def add(self, count: int, first_ns: int, last_ns: int) -> None:
+        """Count messages."""
+        self.count += count
+        self.first_ns = min(self.first_ns, first_ns)
+        self.last_ns = max(self.last_ns, last_ns)
+
+
+class Block(NamedTuple):
+    """n messages of one topic."""
+
+    topic: Topic
+    t_ns: Times
+    """(n,) record times."""
+    payloads: Payloads
+    """(n, size) bytes of messages of equal size, or a list of n messages."""
+
+
+class Writer(ABC):
+    """Messages as bytes into a bag; use as a context manager."""
+
+    encoding: str
+    """cdr or ros1: the encoding of the messages that this container takes."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.topics: list[Topic] = []
+
+    def add_topic(
+        self,
+        name: str,
+        type_name: str,
+        qos: Sequence[Any] | None = None,
+        definition: Schema | None = None,
+    ) -> Topic:
+        """Return the handle of a new topic.
+
+        :param name: with its slash, for instance /imu/data_raw.
+        :param type_name: in the form of ROS 2, for instance sensor_msgs/msg/Imu.
+        :param qos: profiles that the topic was offered with, each a Qos or a profile of rclpy.
+        :param definition: of a type that does not come with ROS.
+        """
+        if any(topic.name == name for topic in self.topics):
+            raise InputError(f"{self.path}: the topic {name} is there already")
+        found = definition or schema(type_name, self.encoding)
+        profiles = [Qos()] if qos is None else qos
+        words = tuple(q if isinstance(q, Qos) else Qos.of(q) for q in profiles)
+        topic = Topic(len(self.topics), name, type_name, found, words)
+        self._register(topic)
+        self.topics.append(topic)
+        return topic
+
+    def write(self, topic: Topic, t_ns: Times, payloads: Payloads) -> None:
+        """Write n messages with record times (n,)."""
+        self.write_blocks([Block(topic, t_ns, payloads)])
+
+    @abstractmethod
+    def write_blocks(self, blocks: Sequence[Block]) -> None:
+        """Write the messages of several topics, ordered by record time among each other."""
+
+    @abstractmethod
+    def write_raw(self, topic: Topic, t_ns: int, payload: bytes) -> None:
+        """Write one message."""
+
+    @abstractmethod
+    def flush(self, durable: bool = False) -> None:
+        """Make everything so far survive the end of this process.
+
+        :param durable: make it survive the end of the machine, too.
+        """
+
+    @abstractmethod
+    def close(self) -> None:
+        """Finish the bag: from here on it is whole."""
+
+    @abstractmethod
+    def abandon(self) -> list[Path]:
+        """Stop after a failure: keep what is valid, under a name that tells that it is a part.
+
+        :returns: the files that hold it.
+        """
+
+    @property
+    @abstractmethod
+    def size(self) -> int:
+        """Bytes written so far, with what waits in memory."""
+
+    @property
+    def count(self) -> int:
+        """Messages so far."""
+        return sum(topic.count for topic in self.topics)
+
+    @property
+    def files(self) -> list[Path]:
+        """All files of this bag so far."""
+        return [self.path]
+
+    @abstractmethod
+    def _register(self, topic: Topic) -> None:
+        """Prepare a new topic."""
+
+    def __enter__(self) -> "Writer":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if kind is None:
+            self.close()
+            return
+        kept = self.abandon()
+        if isinstance(error, InputError) and kept and self.count:
+            names = ", ".join(map(str, kept))
+            line = f"{names} holds the messages before that and is marked as a part"
+            raise InputError([*error.problems, line]) from None
+
+
+def tally(blocks: Sequence[Block]) -> list[Block]:
+    """Count the messages of blocks in their topics; returns those that are not empty."""
+    filled = [block for block in blocks if len(block.t_ns)]
+    for topic, t_ns, _ in filled:
+        topic.add(len(t_ns), int(t_ns.min()), int(t_ns.max()))
+    return filled
+
+
+def time_order(times: Sequence[Times]) -> NDArray[np.int64]:
+    """Return the order of all messages of several blocks by time; of equal ones, the first block's.
+
+    :returns: indices into the concatenation of the blocks.
+    """
+    joined = np.concatenate(times)
+    if bool(np.all(joined[1:] >= joined[:-1])):
+        return np.arange(len(joined))
+    return np.argsort(joined, kind="stable")

@@ -1,0 +1,1 @@
+"""Bias, scale, misalignment, g-sensitivity and temperature from calibration runs."""

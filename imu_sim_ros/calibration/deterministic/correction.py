@@ -1,0 +1,125 @@
+"""What a calibration writes: parameters for the simulator, a correction for the integrator."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.calibration.deterministic.positions import SixPosition
+from imu_sim_ros.calibration.deterministic.temperature import Temperature, TriadTemperature
+from imu_sim_ros.calibration.deterministic.turntable import Turntable
+from imu_sim_ros.config import files
+from imu_sim_ros.config.imu import ImuParameters
+from imu_sim_ros.config.parameter import Value
+
+Array = NDArray[np.float64]
+
+
+class Calibrated(NamedTuple):
+    """A parameter of the simulator with its standard errors, flat."""
+
+    value: Array
+    sigma: Array
+
+
+Parameters = dict[str, Calibrated]
+
+_CORRECTION = (
+    "gyroscope_bias",
+    "accelerometer_bias",
+    "gyroscope_scale_misalignment",
+    "accelerometer_scale_misalignment",
+    "gyroscope_g_sensitivity",
+)
+
+
+def six_position_parameters(result: SixPosition) -> Parameters:
+    """Return the parameters of a six-position run by their names below ``imu.``."""
+    return {
+        "accelerometer_scale_misalignment": _flat(
+            result.scale_misalignment, result.scale_misalignment_sigma
+        ),
+        "accelerometer_bias": _flat(result.bias, result.bias_sigma),
+        "gyroscope_bias": _flat(result.gyroscope_bias, result.gyroscope_bias_sigma),
+    }
+
+
+def turntable_parameters(result: Turntable) -> Parameters:
+    """Return the parameters of a run on a rate table."""
+    values = {
+        "gyroscope_scale_misalignment": _flat(
+            result.scale_misalignment, result.scale_misalignment_sigma
+        ),
+        "gyroscope_bias": _flat(result.bias, result.bias_sigma),
+    }
+    if result.g_sensitivity is not None and result.g_sensitivity_sigma is not None:
+        values["gyroscope_g_sensitivity"] = _flat(result.g_sensitivity, result.g_sensitivity_sigma)
+    return values
+
+
+def temperature_parameters(result: Temperature) -> Parameters:
+    """Return the parameters of a soak or ramp run; biases and scales are those at T0."""
+    values = {"reference_temperature": _flat(np.array([result.reference]), np.zeros(1))}
+    for name in ("gyroscope", "accelerometer"):
+        triad: TriadTemperature = getattr(result, name)
+        axes = triad.axes
+        p = triad.inputs.shape[1]
+        values[f"{name}_bias"] = _flat(
+            np.array([a.bias[0] for a in axes]), np.array([a.bias_sigma[0] for a in axes])
+        )
+        if p >= 3:
+            gain = np.array([a.gain for a in axes]), np.array([a.gain_sigma for a in axes])
+            values[f"{name}_scale_misalignment"] = _flat(gain[0][:, :3], gain[1][:, :3])
+        if p == 6:
+            values[f"{name}_g_sensitivity"] = _flat(gain[0][:, 3:], gain[1][:, 3:])
+        polynomials = {
+            "bias": [(a.bias[1:], a.bias_sigma[1:]) for a in axes],
+            "scale": [(a.scale, a.scale_sigma) for a in axes],
+        }
+        for kind, rows in polynomials.items():
+            order = max(len(row) for row, _ in rows)
+            if order:
+                table = [[np.pad(x, (0, order - len(x))) for x in pair] for pair in rows]
+                stacked: Array = np.array(table)  # (axis, value or sigma, order)
+                values[f"{name}_temperature_{kind}"] = _flat(stacked[:, 0].T, stacked[:, 1].T)
+    return values
+
+
+def _flat(value: Array, sigma: Array) -> Calibrated:
+    return Calibrated(np.ravel(value), np.ravel(sigma))
+
+
+def write_simulator(values: Parameters, path: Path, comment: str) -> None:
+    """Write the parameters for ``simulator`` and ``generate``, to be layered over a sensor."""
+    files.write({f"imu.{n}": _value(n, v.value) for n, v in values.items()}, path, comment=comment)
+
+
+def write_correction(values: Parameters, path: Path, comment: str) -> None:
+    """Write the correction for ``integrator`` and ``dead_reckon``: x = S^-1 (reading - b)."""
+    chosen = {n: _value(n, v.value) for n, v in values.items() if n in _CORRECTION}
+    files.write(chosen, path, comment=comment)
+
+
+def _value(name: str, value: Array) -> Value:
+    numbers = tuple(float(f"{x:.9g}") for x in value)
+    return numbers[0] if name == "reference_temperature" else numbers
+
+
+def true_parameters(imu: ImuParameters, values: Mapping[str, Calibrated]) -> dict[str, Array]:
+    """Return the truth of each calibrated parameter; percent forms are turned into matrices."""
+    result = {}
+    for name, found in values.items():
+        truth = np.ravel(np.asarray(getattr(imu, name), dtype=np.float64))
+        if name.endswith("scale_misalignment"):
+            truth = truth + _percent(imu, name.split("_", maxsplit=1)[0])
+        size = max(len(found.value), len(truth))
+        result[name] = np.pad(truth, (0, size - len(truth)))
+    return result
+
+
+def _percent(imu: ImuParameters, triad: str) -> Array:
+    xy, xz, yx, yz, zx, zy = getattr(imu, f"{triad}_misalignment_percent")
+    x, y, z = getattr(imu, f"{triad}_scale_error_percent")
+    return 0.01 * np.array([x, xy, xz, yx, y, yz, zx, zy, z])

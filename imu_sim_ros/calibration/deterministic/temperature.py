@@ -1,0 +1,137 @@
+"""Bias and scale against temperature, from soak or ramp runs."""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.calibration.deterministic.positions import observations
+from imu_sim_ros.calibration.deterministic.response import (
+    AxisResponse,
+    Observations,
+    determined,
+    fit_axis,
+    walk_whitener,
+)
+from imu_sim_ros.calibration.deterministic.steady import Steady
+from imu_sim_ros.errors import InputError
+
+Array = NDArray[np.float64]
+
+HIGHEST_ORDER: Final = 4
+_SMALLEST_SPAN: Final = 5.0
+"""[K]"""
+_STEP: Final = 1.0
+"""Temperatures closer than this [K] count as one for the highest order."""
+
+
+class TriadTemperature(NamedTuple):
+    """One triad: ``reading = (1 + s(T - T0)) (S x + G f) + b(T - T0)``."""
+
+    axes: tuple[AxisResponse, ...]
+    inputs: Array
+    """(m, p) what the gain of each axis multiplies; p is 0 where one orientation was seen only."""
+    readings: Array
+    """(m, 3) readings the fit was made of; less the known input where p is 0."""
+    difference: Array
+    """(m,) T - T0 [K]."""
+
+
+class Temperature(NamedTuple):
+    """Both triads against temperature."""
+
+    reference: float
+    """T0 [degC]"""
+    gyroscope: TriadTemperature
+    accelerometer: TriadTemperature
+
+
+def calibrate_temperature(
+    steady: Steady, temperature: Array, rate: Array, force: Array, reference: float
+) -> Temperature:
+    """Return both triads' bias and scale as polynomials of the temperature.
+
+    The orders are those of the smallest Bayesian information criterion (Schwarz 1978), for bias and
+    scale each from 1 to 4, at most one less than there are different temperatures. (Without a
+    slope that is merely uncertain, the values at T0 would look surer than they are.)
+
+    :param steady: stretches at rest or at constant rates.
+    :param temperature: (m,) of the sensor in each piece [degC].
+    :param rate: (m, 3) true angular rates [rad/s].
+    :param force: (m, 3) true specific forces [m/s^2].
+    :param reference: T0 [degC].
+    :raises InputError: for temperatures that hardly differ.
+    """
+    span = float(np.ptp(temperature))
+    if span < _SMALLEST_SPAN:
+        raise InputError(
+            f"temperatures from {temperature.min():.1f} to {temperature.max():.1f} degC: "
+            f"they must span {_SMALLEST_SPAN:g} K at least"
+        )
+    difference = temperature - reference
+    both = np.concatenate([rate, force], axis=1)
+    gyro_inputs = next((x for x in (both, rate) if determined(x)), rate[:, :0])
+    accel_inputs = force if determined(force) else force[:, :0]
+    return Temperature(
+        reference,
+        _triad(steady, gyro_inputs, steady.gyro, rate, steady.gyro_sigma, difference),
+        _triad(steady, accel_inputs, steady.accel, force, steady.accel_sigma, difference),
+    )
+
+
+def _triad(
+    steady: Steady, inputs: Array, readings: Array, known: Array, sigma: Array, difference: Array
+) -> TriadTemperature:
+    if inputs.shape[1] == 0:  # one orientation: all that changes is called bias
+        readings = readings - known
+    axes = tuple(
+        _best(observations(steady, inputs, readings, sigma, k, difference)) for k in range(3)
+    )
+    return TriadTemperature(axes, inputs, readings, difference)
+
+
+def _best(data: Observations) -> AxisResponse:
+    """Return the fit with the orders that the criterion prefers."""
+    different = len(np.unique(np.round(data.temperature / _STEP)))
+    highest = min(HIGHEST_ORDER, different - 1)
+    highest_scale = highest if data.inputs.shape[1] else 0
+    whitener = walk_whitener(data, highest, highest_scale)
+    fits = [
+        fit_axis(data, bias_order, scale_order, whitener)
+        for bias_order in range(1, highest + 1)
+        for scale_order in range(min(1, highest_scale), highest_scale + 1)
+    ]
+    return min(fits, key=lambda found: found.criterion)
+
+
+def polynomial_sigma(powers: Array, covariance: Array) -> Array:
+    """Return (n,) the standard error of a polynomial.
+
+    :param powers: (n, k) of the temperature difference.
+    :param covariance: (k, k) of the coefficients.
+    """
+    variance = np.sum((powers @ covariance) * powers, axis=1)
+    result: Array = np.sqrt(np.maximum(variance, 0.0))
+    return result
+
+
+def temperatures_at(steady: Steady, t_ns: NDArray[np.int64], temperature: Array) -> Array:
+    """Return (m,) the temperature in the middle of each piece, between the readings.
+
+    :param t_ns: (n,) stamps of the temperature messages.
+    :param temperature: (n,) [degC].
+    :raises InputError: for no message, or pieces outside the messages' time.
+    """
+    if len(t_ns) == 0:
+        raise InputError("no temperature messages")
+    start = int(steady.begin_ns[0])
+    at = (t_ns - start) * 1e-9
+    wanted = steady.time
+    slack = 10.0
+    if at[0] > wanted[0] + slack or at[-1] < wanted[-1] - slack:
+        raise InputError(
+            f"temperature messages from {at[0]:.1f} to {at[-1]:.1f} s do not span the readings "
+            f"from {wanted[0]:.1f} to {wanted[-1]:.1f} s"
+        )
+    result: Array = np.interp(wanted, at, temperature)
+    return result

@@ -1,0 +1,142 @@
+"""Calibration of a gyroscope on a rate table (lecture eq. 7 with known rates)."""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.calibration.deterministic.positions import (
+    face_vectors,
+    nearest_faces,
+    observations,
+)
+from imu_sim_ros.calibration.deterministic.response import determined, fit_axis
+from imu_sim_ros.calibration.deterministic.steady import Steady
+from imu_sim_ros.errors import InputError
+
+Array = NDArray[np.float64]
+
+_TURNING: Final = 0.05
+"""Smallest rate that is taken for one of the table's [rad/s]."""
+_NEAR: Final = 0.15
+"""Largest relative difference between a reading and the table's rate."""
+
+
+class Turntable(NamedTuple):
+    """The gyroscope's deterministic errors."""
+
+    scale_misalignment: Array
+    """(3, 3) S of ``reading = S omega + G f + b``."""
+    scale_misalignment_sigma: Array
+    """(3, 3)"""
+    bias: Array
+    """(3,) at the start of the record [rad/s]"""
+    bias_sigma: Array
+    """(3,)"""
+    g_sensitivity: Array | None
+    """(3, 3) [(rad/s)/(m/s^2)]; None where the positions cannot tell it from the bias."""
+    g_sensitivity_sigma: Array | None
+    """(3, 3)"""
+    stretches: Steady
+    """The m stretches that were used."""
+    rate: Array
+    """(m, 3) true angular rate [rad/s]."""
+    residuals: Array
+    """(m, 3) reading minus model [rad/s]."""
+
+
+def calibrate_turntable(steady: Steady, rate: Array, gravity: float) -> Turntable:
+    """Return bias, scale and misalignment, and the g-sensitivity where gravity's effect shows.
+
+    It does where gravity is seen along and against every axis.
+
+    :param steady: stretches at rest and at constant rates.
+    :param rate: (m, 3) their true angular rates, from :func:`known_rates` or from a truth.
+    :param gravity: its magnitude [m/s^2].
+    :raises InputError: where an axis is not turned in both directions or nothing is at rest.
+    """
+    missing = [
+        f"{sign}{name}"
+        for k, name in enumerate("xyz")
+        for sign, factor in (("+", 1.0), ("-", -1.0))
+        if not np.any(factor * rate[:, k] > _TURNING)
+    ]
+    if missing:
+        raise InputError(
+            f"no steady rotation about {', '.join(missing)}: each axis must turn at a constant "
+            "rate in both directions"
+        )
+    force = specific_force(steady, gravity)
+    inputs = np.concatenate([rate, force], axis=1)
+    with_force = determined(inputs)
+    used = inputs if with_force else rate
+    axes = [
+        fit_axis(observations(steady, used, steady.gyro, steady.gyro_sigma, k)) for k in range(3)
+    ]
+    gain = np.array([axis.gain for axis in axes])
+    sigma = np.array([axis.gain_sigma for axis in axes])
+    return Turntable(
+        gain[:, :3],
+        sigma[:, :3],
+        np.array([axis.bias[0] for axis in axes]),
+        np.array([axis.bias_sigma[0] for axis in axes]),
+        gain[:, 3:] if with_force else None,
+        sigma[:, 3:] if with_force else None,
+        steady,
+        rate,
+        np.array([axis.residuals for axis in axes]).T,
+    )
+
+
+def specific_force(steady: Steady, gravity: float) -> Array:
+    """Return (m, 3) the mean specific force: exact where an axis points up, else as read."""
+    faces, aligned = nearest_faces(steady.accel)
+    return np.where(aligned[:, None], gravity * face_vectors(faces), steady.accel)
+
+
+def known_rates(steady: Steady, rates: Array) -> tuple[Steady, Array]:
+    """Return the stretches at rest or at one of the table's rates, and their true angular rates.
+
+    :param rates: magnitudes the table was set to [rad/s].
+    :raises InputError: where nothing is at rest.
+    """
+    still = np.linalg.norm(steady.gyro - _usual(steady.gyro), axis=1) < _TURNING + 6.0 * (
+        np.linalg.norm(steady.gyro_sigma, axis=1)
+    )
+    if not still.any():
+        raise InputError("nothing at rest: the table must stand still between the rates")
+    excess = steady.gyro - np.mean(steady.gyro[still], axis=0)
+    axis = np.argmax(np.abs(excess), axis=1)
+    along = np.take_along_axis(excess, axis[:, None], axis=1)[:, 0]
+    nearest = rates[np.argmin(np.abs(np.abs(along)[:, None] - rates), axis=1)]
+    turning = ~still & (np.abs(np.abs(along) - nearest) < _NEAR * nearest)
+    true_rate = np.zeros((len(along), 3))
+    true_rate[np.arange(len(along)), axis] = np.where(turning, np.sign(along) * nearest, 0.0)
+    used = still | turning
+    return steady.rows(used), true_rate[used]
+
+
+def true_rates(
+    steady: Steady, t_ns: NDArray[np.int64], angular_velocity: Array
+) -> tuple[Steady, Array]:
+    """Return the pieces that a truth covers, and the truth's mean rates in them (m, 3).
+
+    :param t_ns: (n,) stamps of the truth.
+    :param angular_velocity: (n, 3) in the body frame [rad/s].
+    :raises InputError: where the truth covers no piece.
+    """
+    first = np.searchsorted(t_ns, steady.begin_ns)
+    last = np.searchsorted(t_ns, steady.end_ns)
+    covered = last > first
+    if not covered.any():
+        raise InputError("the truth in the bag covers none of the steady stretches")
+    sums = np.concatenate([np.zeros((1, 3)), np.cumsum(angular_velocity, axis=0)])
+    count = np.maximum(last - first, 1)[:, None]
+    mean = (sums[last] - sums[first]) / count
+    return steady.rows(covered), mean[covered]
+
+
+def _usual(gyro: Array) -> Array:
+    """Return the reading at rest: stretches turn both ways, so that is the median."""
+    result: Array = np.median(gyro, axis=0)
+    return result

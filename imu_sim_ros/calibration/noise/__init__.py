@@ -1,0 +1,1 @@
+"""Allan analysis: noise parameters with confidence intervals from a record at rest."""

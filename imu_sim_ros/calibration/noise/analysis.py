@@ -1,0 +1,255 @@
+"""Allan analysis of an IMU at rest: from messages to noise parameters."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Final, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.calibration.noise.band import Band, usable_band
+from imu_sim_ros.calibration.noise.deviation import Deviation, DeviationAccumulator
+from imu_sim_ros.calibration.noise.estimate import AxisNoise, Estimate, estimate
+from imu_sim_ros.calibration.noise.gauss_markov import estimate_gauss_markov
+from imu_sim_ros.calibration.noise.spectrum import Spectrum, SpectrumAccumulator
+from imu_sim_ros.calibration.record import AXES, Record, Timing
+from imu_sim_ros.errors import InputError
+
+Array = NDArray[np.float64]
+
+SHORTEST: Final = 60.0
+"""Seconds at rest below which nothing is said."""
+_SHORT: Final = 3600.0
+"""Seconds below which a random walk can hardly be seen."""
+_MOVING_SHARE: Final = 0.01
+_DISTURBED_SHARE: Final = 0.05
+MODELS: Final = ("standard", "gauss_markov")
+UNITS: Final = ("rad/s", "m/s^2")
+TRIADS: Final = ("gyroscope", "accelerometer")
+
+
+class Readings(Protocol):
+    """A block of messages."""
+
+    @property
+    def t_ns(self) -> NDArray[np.int64]:
+        """(n,) stamps."""
+
+    @property
+    def gyro(self) -> Array:
+        """(n, 3) [rad/s]."""
+
+    @property
+    def accel(self) -> Array:
+        """(n, 3) [m/s^2]."""
+
+
+class AllanResult(NamedTuple):
+    """What a record at rest says of its IMU; axes are gyroscope x y z, accelerometer x y z."""
+
+    timing: Timing
+    duration: float
+    """Seconds at rest that were used."""
+    deviation: Deviation
+    noise: tuple[AxisNoise | None, ...]
+    """By axis; None for one whose readings never change."""
+    bands: tuple[Band | None, ...]
+    mean: Array
+    """(6,) mean readings."""
+    model: str
+    warnings: tuple[str, ...]
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Names of the parameters that were estimated."""
+        return next((tuple(noise.estimates) for noise in self.noise if noise is not None), ())
+
+    def estimate(self, axis: int, key: str) -> Estimate:
+        """Return a parameter of one axis; of a constant axis nothing is known but zero."""
+        noise = self.noise[axis]
+        return Estimate(None, 0.0, 0.0) if noise is None else noise.estimates[key]
+
+
+@dataclass
+class _Sinks:
+    """What the pieces flow into; made when the rate is known."""
+
+    deviation: DeviationAccumulator
+    spectrum: SpectrumAccumulator
+    samples: int = 0
+    longest: int = 0
+    piece: int = 0
+
+    def take(self, y: Array | None) -> None:
+        if y is None:
+            self.end_piece()
+            return
+        self.deviation.add(y)
+        self.spectrum.add(y)
+        self.samples += len(y)
+        self.piece += len(y)
+
+    def end_piece(self) -> None:
+        if self.piece:
+            self.deviation.end_piece()
+            self.spectrum.end_piece()
+        self.longest, self.piece = max(self.longest, self.piece), 0
+
+
+def analyse(
+    bags: Iterable[Iterable[Readings]],
+    *,
+    model: str = "standard",
+    force: bool = False,
+    advance: Callable[[int], None] = lambda count: None,
+) -> AllanResult:
+    """Return the Allan deviation and the noise parameters of one IMU at rest.
+
+    :param bags: for each bag its messages, in blocks.
+    :param model: ``standard`` (Q, N, B, K, R) or ``gauss_markov`` (N and a Gauss-Markov process).
+    :param force: go on where a check says that the result would mean nothing.
+    :param advance: is told how many messages were read.
+    :raises InputError: with a line for each check that fails.
+    """
+    record = Record()
+    sinks = _read(record, bags, advance)
+    problems, warnings = _judge(record, sinks)
+    if sinks is None or sinks.longest < SHORTEST * record.rate or (problems and not force):
+        raise InputError(problems)
+    spectrum = sinks.spectrum.result()
+    constant = record.constant_axes()
+    bands = [None if k in constant else usable_band(spectrum, k) for k in range(6)]
+    noise = [
+        None if band is None else _noise(spectrum, k, band, model) for k, band in enumerate(bands)
+    ]
+    warnings += problems + list(_band_warnings(bands, record.rate))
+    return AllanResult(
+        record.timing(),
+        sinks.samples / record.rate,
+        sinks.deviation.result(),
+        tuple(noise),
+        tuple(bands),
+        record.mean,
+        model,
+        tuple(warnings),
+    )
+
+
+def _noise(spectrum: Spectrum, axis: int, band: Band, model: str) -> AxisNoise:
+    rows = spectrum.rows(band.used)
+    return estimate(rows, axis) if model == "standard" else estimate_gauss_markov(rows, axis)
+
+
+def _read(
+    record: Record, bags: Iterable[Iterable[Readings]], advance: Callable[[int], None]
+) -> _Sinks | None:
+    """Pass all messages through the checks into the sinks."""
+    sinks: _Sinks | None = None
+    for bag in bags:
+        for block in bag:
+            for piece in record.add(block.t_ns, block.gyro, block.accel):
+                if sinks is None:
+                    rate = record.rate
+                    sinks = _Sinks(DeviationAccumulator(rate, 6), SpectrumAccumulator(rate, 6))
+                for part in record.at_rest(piece):
+                    sinks.take(part)
+            advance(len(block.t_ns))
+        record.end_bag()
+        if sinks is not None:
+            for part in record.at_rest(None):
+                sinks.take(part)
+    return sinks
+
+
+def _judge(record: Record, sinks: _Sinks | None) -> tuple[list[str], list[str]]:
+    """Return what forbids an analysis, and what a user should know of it."""
+    if sinks is None or record.rest is None:
+        return ["no Imu messages"], []
+    problems = [
+        f"{AXES[k]}: {record.bad[k]} of {record.samples} readings are not finite numbers, "
+        f"the first {record.first_bad[k]:.3f} s after the start: repair or cut the record"
+        for k in np.flatnonzero(record.bad)
+    ]
+    problems += [
+        f"{AXES[k]}: always {record.minimum[k]:g}: a missing or dead axis, or no noise at all; "
+        "all six axes must be measured (--force leaves it out)"
+        for k in record.constant_axes()
+        if record.bad[k] == 0
+    ]
+    problems += _motion_problems(record)
+    longest = sinks.longest / record.rate
+    if longest < SHORTEST:
+        problems.append(
+            f"{longest:.1f} s at rest without a gap: at least {SHORTEST:.0f} s are needed, "
+            "an hour for white noise and flicker, several for a random walk"
+        )
+    return problems, list(_warnings(record, longest))
+
+
+def _motion_problems(record: Record) -> list[str]:
+    rest = record.rest
+    if rest is None:
+        return []
+    result = []
+    moving = sum(m.end - m.begin for m in {m.begin: m for m in rest.moving}.values())
+    if moving > _MOVING_SHARE * rest.seconds:
+        worst = max(rest.moving, key=lambda m: m.size / (1.0 if m.axis < 3 else 10.0))
+        result.append(
+            f"not at rest: the {AXES[worst.axis]} moves by {worst.size:.3g} "
+            f"{UNITS[worst.axis // 3]} between {worst.begin:.0f} and {worst.end:.0f} s; "
+            "record the IMU lying still"
+        )
+    disturbed = sum(m.end - m.begin for m in rest.disturbed)
+    if disturbed > _DISTURBED_SHARE * rest.seconds:
+        first = rest.disturbed[0]
+        result.append(
+            f"not at rest: {len(rest.disturbed)} disturbances of {disturbed:.0f} s in all, "
+            f"the first {first.begin:.0f} s after the start on the {AXES[first.axis]}; "
+            "record the IMU lying still"
+        )
+    return result
+
+
+def _warnings(record: Record, longest: float) -> Iterable[str]:
+    timing = record.timing()
+    if timing.filled:
+        yield f"{timing.filled} lost samples in short losses were filled with their neighbours"
+    if timing.gaps:
+        yield (
+            f"{timing.gaps} gaps, the longest {timing.longest_gap:.3f} s: "
+            "the pieces between them are analysed apart and combined"
+        )
+    if timing.duplicates:
+        yield f"{timing.duplicates} messages repeat the stamp before them and were dropped"
+    share = timing.jitter * timing.rate
+    if share > 0.1:
+        yield (
+            f"stamps jitter by {timing.jitter * 1e3:.3f} ms, {100 * share:.0f} % of the interval; "
+            "equal intervals are assumed"
+        )
+    for axis, value, hits in record.saturated_axes():
+        yield f"{AXES[axis]}: {100 * hits:.2g} % of the samples are {value:g}: saturated"
+    for motion in (record.rest.disturbed if record.rest else [])[:5]:
+        yield (
+            f"disturbance cut out at {motion.begin:.0f} s: {AXES[motion.axis]}, "
+            f"{motion.size:.3g} {UNITS[motion.axis // 3]}"
+        )
+    if longest < _SHORT:
+        yield (
+            f"{longest / 60.0:.0f} min without a gap: a random walk needs hours; "
+            "expect an upper bound for it"
+        )
+
+
+def _band_warnings(bands: Iterable[Band | None], rate: float) -> Iterable[str]:
+    for axis, band in enumerate(bands):
+        if band is None:
+            continue
+        if band.limit < 0.49 * rate:
+            yield (
+                f"{AXES[axis]}: the spectrum above {band.limit:.3g} Hz is not the model's "
+                "(low-pass filter or vibration) and was left out"
+            )
+        if band.lines:
+            shown = ", ".join(f"{f:.3g}" for f in band.lines[:5])
+            yield f"{AXES[axis]}: vibration at {shown} Hz was left out"

@@ -1,0 +1,99 @@
+"""White noise with a first-order Gauss-Markov process, for those who ask for that model."""
+
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.calibration.noise.estimate import (
+    AxisNoise,
+    Estimate,
+    axis_data,
+    component_estimate,
+)
+from imu_sim_ros.calibration.noise.likelihood import Fit, fit, profile_interval
+from imu_sim_ros.calibration.noise.spectrum import Spectrum
+from imu_sim_ros.calibration.noise.terms import TERMS, WHITE, gauss_markov_expectation
+
+Array = NDArray[np.float64]
+
+SIGMA: Final = "gauss_markov_sigma"
+CORRELATION_TIME: Final = "correlation_time"
+_EVIDENCE: Final = 4.6
+"""Log-likelihood that the process must gain with its two parameters: 1 % of chi-square(2)."""
+_GRID: Final = 30
+
+
+def estimate_gauss_markov(spectrum: Spectrum, axis: int) -> AxisNoise:
+    """Return white noise, and the standard deviation and correlation time of the process.
+
+    The correlation time is searched from ten samples to the length of the record, which is where a
+    process can be told from white noise and from a constant.
+
+    :param axis: column of ``spectrum.power``.
+    """
+    data = axis_data(spectrum, axis)
+    columns = {term.key: term.expectation(spectrum) for term in TERMS}
+    white = columns[WHITE.key][:, None]
+    duration = float(np.max(spectrum.duration[np.isfinite(spectrum.duration)]))
+    low, high = np.log(10.0 * spectrum.sample_interval), np.log(duration)
+
+    def held(log_time: float, sigma: float | None = None) -> Fit:
+        """Fit the noise, and sigma unless it is given, at one correlation time."""
+        process = gauss_markov_expectation(spectrum, float(np.exp(log_time)))
+        if sigma is None:
+            return fit(data, np.column_stack([white, process]))
+        return fit(data, white, offset=sigma**2 * process)
+
+    log_time = _minimum(lambda x: held(x).objective, low, high, _GRID)
+    best = held(log_time)
+    columns[SIGMA] = gauss_markov_expectation(spectrum, float(np.exp(log_time)))
+    chosen = (WHITE.key, SIGMA)
+    estimates = {key: component_estimate(data, columns, chosen, best, key) for key in columns}
+    sigma = float(np.sqrt(best.components[1]))
+    visible = fit(data, white).objective - best.objective > _EVIDENCE
+
+    def over_time(value: float) -> float:
+        centre = _minimum(lambda x: held(x, value).objective, low, high, _GRID // 3)
+        return held(centre, value).objective
+
+    sigma_low, sigma_high = profile_interval(over_time, sigma, best.objective, 0.2 * sigma)
+    estimates[SIGMA] = Estimate(
+        sigma if visible else None, sigma_low if visible else 0.0, sigma_high
+    )
+    estimates[CORRELATION_TIME] = _time_interval(
+        lambda x: held(x).objective, log_time, best.objective, low, high, visible
+    )
+    return AxisNoise(estimates, (*chosen, CORRELATION_TIME), best.expected)
+
+
+def _time_interval(
+    profile: Callable[[float], float],
+    best: float,
+    lowest: float,
+    low: float,
+    high: float,
+    visible: bool,
+) -> Estimate:
+    """Return the correlation time; its logarithm is profiled, within the range searched."""
+    if not visible:
+        return Estimate(None, 0.0, float(np.exp(high)))
+
+    def inside(x: float) -> float:
+        return profile(low + x) if low + x < high else np.inf
+
+    start, end = profile_interval(inside, best - low, lowest, 0.2)
+    end = min(low + end, high)
+    return Estimate(float(np.exp(best)), float(np.exp(low + start)), float(np.exp(end)))
+
+
+def _minimum(objective: Callable[[float], float], low: float, high: float, count: int) -> float:
+    """Return where a function of one variable is smallest: a grid, then Brent's search."""
+    from scipy.optimize import minimize_scalar
+
+    grid = np.linspace(low, high, count)
+    k = int(np.argmin([objective(float(x)) for x in grid]))
+    bounds = (float(grid[max(k - 1, 0)]), float(grid[min(k + 1, count - 1)]))
+    found = minimize_scalar(objective, bounds=bounds, method="bounded", options={"xatol": 1e-3})
+    return float(found.x)

@@ -1,0 +1,137 @@
+"""Files that other programs read: CSV, kalibr, imu_utils, and the simulator's own parameters."""
+
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from imu_sim_ros.calibration.noise.analysis import TRIADS, AllanResult
+from imu_sim_ros.calibration.noise.gauss_markov import CORRELATION_TIME, SIGMA
+from imu_sim_ros.config import files
+from imu_sim_ros.config.parameter import Value
+
+KALIBR_NAMES: Final = tuple(
+    f"{triad}_{key}" for triad in TRIADS[::-1] for key in ("noise_density", "random_walk")
+)
+_AXES: Final = ("x", "y", "z")
+
+
+def write_csv(result: AllanResult, path: Path) -> None:
+    """Write the Allan deviation and its 95 % band, a row for each cluster time."""
+    deviation = result.deviation
+    names = [f"{triad}_{axis}" for triad in TRIADS for axis in _AXES]
+    header = ["tau_s", "samples"] + [f"{n}{end}" for n in names for end in ("", "_low", "_high")]
+    values = np.stack([deviation.deviation, deviation.low, deviation.high], axis=2)
+    table = np.column_stack([deviation.tau, deviation.size, values.reshape(len(values), -1)])
+    formats = ["%.9g", "%d"] + ["%.9g"] * (table.shape[1] - 2)
+    np.savetxt(path, table, fmt=formats, delimiter=",", header=",".join(header), comments="")
+
+
+def _one_for_three(result: AllanResult, triad: int, key: str) -> tuple[float, bool]:
+    """Return a value for a triad, and whether it is an upper bound.
+
+    The root mean square of the axes, as a filter with one value for three wants it; where an axis
+    has a bound only, the largest bound, for a density of zero is not allowed there.
+    """
+    found = [result.estimate(3 * triad + k, key) for k in range(3)]
+    values = [e.value for e in found if e.value is not None]
+    if len(values) == 3:
+        return float(np.sqrt(np.mean(np.square(values)))), False
+    if values:
+        return float(max(values)), False
+    return float(max(e.high for e in found)), True
+
+
+def write_kalibr(result: AllanResult, path: Path, topic: str) -> None:
+    """Write kalibr's imu.yaml: continuous-time densities, one value for three axes."""
+    lines = ["# kalibr imu.yaml: continuous-time noise, root mean square of the three axes"]
+    for name in KALIBR_NAMES:
+        triad, _, key = name.partition("_")
+        value, bound = _one_for_three(result, TRIADS.index(triad), key)
+        note = "  # upper bound: the record does not tell it from zero" if bound else ""
+        lines.append(f"{name}: {max(value, 1e-12):.6e}{note}")
+    lines += [f"rostopic: {topic}", f"update_rate: {result.timing.rate:.6g}"]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def write_imu_utils(result: AllanResult, path: Path, *, continuous: bool) -> None:
+    """Write imu_utils' form in one of the two meanings that are in use.
+
+    :param continuous: densities, N and K, as kalibr's documentation and filters take the names;
+        else what the program itself writes: ``*_n`` is the noise of a single sample,
+        N * sqrt(rate), and ``*_w`` the minimum of the Allan deviation, which is no random walk.
+    """
+    meaning = (
+        "*_n: noise density N; *_w: random walk K; both continuous-time (kalibr's meaning)"
+        if continuous
+        else "*_n: N * sqrt(rate), noise of one sample; *_w: minimum of the Allan deviation "
+        "(what imu_utils itself writes)"
+    )
+    lines = ["%YAML:1.0", "---", f"# {meaning}", "type: IMU", "name: imu_sim_ros"]
+    units = (("rad/s", "rad/s"), ("m/s^2", "m/s^2"))
+    if continuous:
+        units = (
+            ("rad/s/sqrt(Hz)", "rad/s^2/sqrt(Hz)"),
+            ("m/s^2/sqrt(Hz)", "m/s^3/sqrt(Hz)"),
+        )
+    for triad, (name, letters) in enumerate((("Gyr", "gyr"), ("Acc", "acc"))):
+        rows = [_imu_utils_pair(result, 3 * triad + k, continuous) for k in range(3)]
+        average = tuple(float(np.mean(column)) for column in zip(*rows, strict=True))
+        lines += [f"{name}:", f'   unit: " {units[triad][0]} / {units[triad][1]}"']
+        for label, pair in zip(
+            ("avg-axis", "x-axis", "y-axis", "z-axis"), [average, *rows], strict=True
+        ):
+            lines.append(f"   {label}:")
+            lines += [f"      {letters}_{c}: {v:.16e}" for c, v in zip("nw", pair, strict=True)]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _imu_utils_pair(result: AllanResult, axis: int, continuous: bool) -> tuple[float, float]:
+    noise, walk = (result.estimate(axis, key) for key in ("noise_density", "random_walk"))
+    density = noise.high if noise.value is None else noise.value
+    if continuous:
+        return density, walk.high if walk.value is None else walk.value
+    lowest = float(np.min(result.deviation.deviation[:, axis]))
+    return density * float(np.sqrt(result.timing.rate)), lowest
+
+
+def simulator_parameters(result: AllanResult) -> dict[str, Value]:
+    """Return what makes the simulator produce such noise; terms not told from zero stay zero."""
+    values: dict[str, Value] = {"rate": round(result.timing.rate, 6), "imu.preset": "perfect"}
+    for triad, name in enumerate(TRIADS):
+        for key in result.keys:
+            if key == "quantisation":
+                continue
+            entries = [result.estimate(3 * triad + k, key).value or 0.0 for k in range(3)]
+            if key == "rate_ramp":
+                signs = [_sign(result, 3 * triad + k) for k in range(3)]
+                entries = [s * e for s, e in zip(signs, entries, strict=True)]
+            if any(entries):
+                values[f"imu.{name}_{key}"] = tuple(float(f"{e:.6g}") for e in entries)
+        _complete_process(values, f"imu.{name}_")
+    return values
+
+
+def _sign(result: AllanResult, axis: int) -> float:
+    noise = result.noise[axis]
+    return -1.0 if noise is not None and noise.trend < 0.0 else 1.0
+
+
+def _complete_process(values: dict[str, Value], prefix: str) -> None:
+    """Keep a process only on axes where both of its parameters are known."""
+    sigma, time = values.get(prefix + SIGMA), values.get(prefix + CORRELATION_TIME)
+    if not isinstance(sigma, tuple) or not isinstance(time, tuple):
+        values.pop(prefix + SIGMA, None)
+        values.pop(prefix + CORRELATION_TIME, None)
+
+
+def write_parameters(result: AllanResult, path: Path, source: str) -> None:
+    """Write a parameter file for ``simulator`` and ``generate --imu``: a twin of this IMU."""
+    mean = ", ".join(f"{value:.6g}" for value in result.mean)
+    comment = (
+        f"Noise of the IMU in {source}: {result.duration / 3600.0:.3g} h at "
+        f"{result.timing.rate:.6g} Hz.\n"
+        "Terms that the record does not tell from zero are left out.\n"
+        f"Mean readings (gyroscope x y z, accelerometer x y z): {mean}"
+    )
+    files.write(simulator_parameters(result), path, comment=comment)

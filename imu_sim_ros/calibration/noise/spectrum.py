@@ -1,0 +1,178 @@
+"""The spectrum of a record, made so that white noise and a random walk are exactly separable.
+
+The cosine transform (DCT-II, orthonormal) of a record diagonalises the covariance of white noise
+plus a random walk of unknown start: its coefficients are independent and normal, with the variance
+given in :mod:`imu_sim_ros.calibration.noise.terms`. (The inverse covariance of the walk is the
+second difference matrix with free ends, whose eigenvectors are the DCT-II's; Strang, "The discrete
+cosine transform", SIAM Review 41, 1999.) No window, no differencing and no leakage.
+"""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+CLUSTER: Final = 16
+"""Samples averaged for the low part of the spectrum, which must see the whole record at once."""
+_SPLIT: Final = 0.02 / CLUSTER
+"""Cycles per sample; below it the averages are used, above it the samples."""
+_SEGMENT: Final = 1 << 17
+"""Samples transformed at once for the high part."""
+_SHORTEST: Final = 256
+"""Samples below which a piece or the rest of one is left out."""
+_SINGLE: Final = 128
+"""Coefficients of each piece that are kept one by one."""
+_WIDTH: Final = 0.02
+"""Relative width of the bins in which the others are averaged."""
+
+
+class Spectrum(NamedTuple):
+    """Rows of averaged squared coefficients; densities are two-sided, white noise N gives N^2."""
+
+    frequency: Array
+    """(m,) [Hz]."""
+    power: Array
+    """(m, axes) density [unit^2/Hz]."""
+    freedom: Array
+    """(m,) squared coefficients averaged in the row."""
+    order: Array
+    """(m,) index of a single coefficient, 0 for an average of several."""
+    interval: Array
+    """(m,) sample interval of the transformed series [s]."""
+    duration: Array
+    """(m,) length of the transformed series [s]."""
+    amplitude: Array
+    """(m, axes) single coefficient with its sign, its square is ``power``; 0 for averages."""
+    sample_interval: float
+    """[s]"""
+
+    def rows(self, chosen: NDArray[np.bool_]) -> "Spectrum":
+        """Return some of the rows."""
+        return concatenate([self], chosen)
+
+
+class SpectrumAccumulator:
+    """Takes a record block by block, in pieces between which nothing is assumed."""
+
+    def __init__(self, rate: float, axes: int) -> None:
+        self._dt = 1.0 / rate
+        self._axes = axes
+        count = int(np.ceil(np.log(0.5 / _SPLIT) / _WIDTH))
+        self._edges = _SPLIT * (0.5 / _SPLIT) ** (np.arange(count + 1) / count)
+        self._sums = np.zeros((count, axes))
+        self._freedom = np.zeros(count)
+        self._log_frequency = np.zeros(count)
+        self._low: list[Spectrum] = []
+        self._segment = np.empty((axes, _SEGMENT))
+        self._begin()
+
+    def _begin(self) -> None:
+        self._filled = 0
+        self._offset: Array | None = None
+        self._clusters: list[Array] = []
+
+    def add(self, y: Array) -> None:
+        """Take the next readings (n, axes) of the piece."""
+        first = 0
+        while first < len(y):
+            count = min(len(y) - first, _SEGMENT - self._filled)
+            self._segment[:, self._filled : self._filled + count] = y[first : first + count].T
+            self._filled += count
+            first += count
+            if self._filled == _SEGMENT:
+                self._flush()
+
+    def end_piece(self) -> None:
+        """Close the piece: what comes next is not connected with it."""
+        self._flush()
+        if self._clusters:
+            self._low.append(self._low_part(np.concatenate(self._clusters, axis=1)))
+        self._begin()
+
+    def _flush(self) -> None:
+        """Transform the samples of the segment, add them to the bins, and keep their averages."""
+        from scipy.fft import dct
+
+        count, self._filled = self._filled, 0
+        if count < _SHORTEST:
+            return
+        y = self._segment[:, :count]
+        whole = count // CLUSTER * CLUSTER
+        self._clusters.append(y[:, :whole].reshape(self._axes, -1, CLUSTER).mean(axis=2))
+        if self._offset is None:
+            self._offset = y.mean(axis=1, keepdims=True)
+        coefficient = dct(y - self._offset, norm="ortho", axis=1)
+        order = np.arange(count)
+        bins = np.searchsorted(self._edges, order / (2.0 * count), side="right") - 1
+        inside = (bins >= 0) & (bins < len(self._freedom))
+        starts = np.flatnonzero(np.diff(bins[inside], prepend=-1))
+        squares = coefficient[:, inside] ** 2
+        used = bins[inside][starts]
+        self._sums[used] += np.add.reduceat(squares, starts, axis=1).T
+        bins, logs = bins[inside], np.log(order[inside] / (2.0 * count))
+        self._freedom += np.bincount(bins, minlength=len(self._freedom))
+        self._log_frequency += np.bincount(bins, weights=logs, minlength=len(self._freedom))
+
+    def _low_part(self, clusters: Array) -> Spectrum:
+        from scipy.fft import dct
+
+        n = clusters.shape[1]
+        interval = CLUSTER * self._dt
+        last = int(np.ceil(2.0 * n * _SPLIT * CLUSTER))  # the first coefficient at the split
+        centred = clusters - clusters.mean(axis=1, keepdims=True)
+        amplitude = dct(centred, norm="ortho", axis=1)[:, 1:last].T * np.sqrt(interval)
+        order = np.arange(1, last)
+        single = min(_SINGLE, last - 1)
+        edges = _single_then_bins(order, single)
+        freedom = np.diff(np.append(edges, len(order))).astype(np.float64)
+        power = np.add.reduceat(amplitude**2, edges, axis=0) / freedom[:, None]
+        mean_order = np.exp(np.add.reduceat(np.log(order), edges) / freedom)
+        alone = freedom == 1
+        return Spectrum(
+            mean_order / (2.0 * n * interval),
+            power,
+            freedom,
+            np.where(alone, mean_order.round(), 0.0),
+            np.full(len(edges), interval),
+            np.full(len(edges), n * interval),
+            np.where(alone[:, None], amplitude[edges], 0.0),
+            self._dt,
+        )
+
+    def result(self) -> Spectrum:
+        """Return the rows of all pieces, low frequencies first."""
+        used = self._freedom > 0
+        freedom = self._freedom[used]
+        frequency = np.exp(self._log_frequency[used] / freedom) / self._dt
+        zeros = np.zeros(len(freedom))
+        high = Spectrum(
+            frequency,
+            self._sums[used] * self._dt / freedom[:, None],
+            freedom,
+            zeros,
+            zeros + self._dt,
+            zeros + np.inf,
+            np.zeros((len(freedom), self._axes)),
+            self._dt,
+        )
+        return concatenate([*self._low, high])
+
+
+def concatenate(parts: list[Spectrum], chosen: NDArray[np.bool_] | None = None) -> Spectrum:
+    """Return the rows of several spectra of one sensor as one, or those of them that are chosen."""
+    columns = zip(*(part[:-1] for part in parts), strict=True)
+    arrays = [np.concatenate(column) for column in columns]
+    if chosen is not None:
+        arrays = [array[chosen] for array in arrays]
+    return Spectrum._make([*arrays, parts[0].sample_interval])
+
+
+def _single_then_bins(order: NDArray[np.int64], single: int) -> NDArray[np.int64]:
+    """Return where rows start: at each of the first coefficients, then at log-spaced ones."""
+    if len(order) <= single:
+        return np.arange(len(order))
+    count = int(np.ceil(np.log(len(order) / single) / _WIDTH)) + 1
+    bins = np.geomspace(single, len(order), count).astype(np.int64)
+    return np.unique(np.concatenate([np.arange(single), bins[bins < len(order)]]))

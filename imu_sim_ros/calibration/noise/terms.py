@@ -1,0 +1,144 @@
+"""The terms of an inertial sensor's random error: spectrum, Allan deviation, name and unit.
+
+The classical five are those of IEEE Std 952-1997, Annex C; spectra are two-sided densities. What is
+compared with the data is not the spectrum itself but the expectation of a squared coefficient of
+the finite record, edges included, so that no estimate is biased where a record is short ("debiased
+Whittle likelihood", Sykulski, Olhede, Guillaumin, Lilly and Early, Biometrika 106, 2019).
+"""
+
+from collections.abc import Callable
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.calibration.noise.spectrum import CLUSTER, Spectrum
+
+Array = NDArray[np.float64]
+
+FLICKER_FLOOR: Final = float(np.sqrt(2.0 * np.log(2.0) / np.pi))
+"""Flat Allan deviation of a bias instability of 1: 0.664."""
+
+
+class Term(NamedTuple):
+    """One term with a coefficient whose square is proportional to its part of the spectrum."""
+
+    key: str
+    """Name in results."""
+    symbol: str
+    text: str
+    power: float
+    """Unit is the reading's times s to this power."""
+    expectation: Callable[[Spectrum], Array]
+    """(m,) expected row of the spectrum for a coefficient of 1."""
+    deviation: Callable[[Array], Array]
+    """Allan deviation at cluster times for a coefficient of 1."""
+
+
+def _white(spectrum: Spectrum) -> Array:
+    return np.ones(len(spectrum.frequency))
+
+
+def _walk(spectrum: Spectrum) -> Array:
+    """Return ``tau^2 (1 / (4 sin^2(pi f tau)) - (1 - 1/c^2) / 6)`` for averages of c samples.
+
+    Averages of a walk: their differences have the covariance q tau (2/3, 1/6), a tridiagonal
+    matrix again, so that the cosine transform still diagonalises it exactly.
+    """
+    tau = spectrum.interval
+    samples = np.where(tau > 1.5 * spectrum.sample_interval, CLUSTER, 1)
+    sine = 4.0 * np.sin(np.pi * spectrum.frequency * tau) ** 2
+    result: Array = tau**2 * (1.0 / sine - (1.0 - 1.0 / samples**2) / 6.0)
+    return result
+
+
+def _flicker(spectrum: Spectrum) -> Array:
+    """Return ``g(k) / (2 pi f)``: a coefficient k sees less of 1/f noise than the density at f.
+
+    The exact integral of 1/f over the response of the k-th cosine on a finite record is the
+    density times ``g = (2 / pi) (Si(pi k) - (1 - (-1)^k) / (pi k))``: 0.77, 0.90, 0.93, ... 1.
+    """
+    from scipy.special import sici
+
+    order = np.where(spectrum.order > 0, spectrum.order, 1e9)
+    odd = (spectrum.order % 2 == 1).astype(np.float64)
+    edge = 2.0 / np.pi * (sici(np.pi * order)[0] - 2.0 * odd / (np.pi * order))
+    result: Array = edge / (2.0 * np.pi * spectrum.frequency)
+    return result
+
+
+def _quantisation(spectrum: Spectrum) -> Array:
+    sine = np.sin(np.pi * spectrum.frequency * spectrum.interval)
+    result: Array = 4.0 * sine**2 / spectrum.interval
+    return result
+
+
+def gauss_markov_expectation(spectrum: Spectrum, correlation_time: float) -> Array:
+    """Return the expected rows for a first-order Gauss-Markov process with sigma = 1.
+
+    The discrete-time density ``dt (1 - phi^2) / |1 - phi e^{i w}|^2``, ``phi = exp(-dt / T)``,
+    times the exact effect of the record's edges,
+    ``1 - 2 b (1 - (-1)^k e^{-b D}) / (D (a^2 + b^2))`` with ``b = 1 / T``, ``a = 2 pi f`` and the
+    record's length D.
+    """
+    dt, b = spectrum.sample_interval, 1.0 / correlation_time
+    phi = np.exp(-dt * b)
+    angle = 2.0 * np.pi * spectrum.frequency
+    half_sine = np.sin(0.5 * angle * dt)
+    density = dt * (1.0 - phi**2) / ((1.0 - phi) ** 2 + 4.0 * phi * half_sine**2)
+    sign = np.where(spectrum.order > 0, (-1.0) ** spectrum.order, 0.0)
+    duration = spectrum.duration
+    edge = 2.0 * b * (1.0 - sign * np.exp(-b * duration)) / (duration * (angle**2 + b**2))
+    result: Array = density * (1.0 - edge)
+    return result
+
+
+def gauss_markov_deviation(tau: Array, correlation_time: float) -> Array:
+    """Return the Allan deviation of a Gauss-Markov process with sigma = 1 (IEEE 952 eq. C.17).
+
+    :param tau: cluster times [s].
+    """
+    x = tau / correlation_time
+    # 2/x (1 - (3 - 4 e^-x + e^-2x) / (2x)) is 2 x / 3 for small x, where it cancels.
+    small = x < 1e-3
+    safe = np.where(small, 1.0, x)
+    exact = 2.0 / safe * (1.0 - (3.0 - 4.0 * np.exp(-safe) + np.exp(-2.0 * safe)) / (2.0 * safe))
+    result: Array = np.sqrt(np.where(small, 2.0 * x / 3.0, exact))
+    return result
+
+
+WHITE: Final = Term(
+    "noise_density", "N", "white noise", 0.5, _white, lambda tau: 1.0 / np.sqrt(tau)
+)
+FLICKER: Final = Term(
+    "bias_instability",
+    "B",
+    "bias instability",
+    0.0,
+    _flicker,
+    lambda tau: np.full(len(tau), FLICKER_FLOOR),
+)
+WALK: Final = Term("random_walk", "K", "random walk", -0.5, _walk, lambda tau: np.sqrt(tau / 3.0))
+QUANTISATION: Final = Term(
+    "quantisation", "Q", "quantisation", 1.0, _quantisation, lambda tau: np.sqrt(3.0) / tau
+)
+TERMS: Final = (QUANTISATION, WHITE, FLICKER, WALK)
+"""The terms that are random, by growing cluster time; the ramp is a trend and handled as one."""
+
+
+def ramp_amplitude(spectrum: Spectrum) -> Array:
+    """Return (m,) what a rate ramp of 1 per second adds to the single coefficients.
+
+    The cosine transform of a straight line: ``-sqrt(2 D) D 2 / (pi k)^2`` for odd k (in the scaling
+    of :class:`Spectrum`), 0 for even k, exact to ``(k / n)^2``.
+    """
+    order = np.where(spectrum.order % 2 == 1, spectrum.order, np.inf)
+    duration = np.where(np.isfinite(spectrum.duration), spectrum.duration, 0.0)
+    result: Array = -2.0 * np.sqrt(2.0) * duration**1.5 / (np.pi * order) ** 2
+    return result
+
+
+def ramp_deviation(tau: Array) -> Array:
+    """Return the Allan deviation of a rate ramp of 1 per second."""
+    result: Array = tau / np.sqrt(2.0)
+    return result

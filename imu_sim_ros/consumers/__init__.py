@@ -1,0 +1,1 @@
+"""The files each consumer wants beside a bag; one file per stack."""

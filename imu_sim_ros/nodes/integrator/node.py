@@ -1,0 +1,234 @@
+"""The integrator node: IMU readings into odometry by dead reckoning."""
+
+import sys
+import threading
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import Vector3Stamped
+from nav_msgs.msg import Odometry, Path
+from rclpy.duration import Duration
+from rclpy.qos import QoSProfile
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.task import Future
+from sensor_msgs.msg import Imu
+from std_srvs.srv import Trigger
+
+from imu_sim_ros.bags.messages.encode import OdometryEncoder, Vector3StampedEncoder
+from imu_sim_ros.config.integrator import IntegratorParameters, layer_integrator
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.navigation.plain import to_angles
+from imu_sim_ros.nodes import decode, run
+from imu_sim_ros.nodes.integrator.diagnostics import IntegratorDiagnostics
+from imu_sim_ros.nodes.integrator.odometer import Odometer, Row
+from imu_sim_ros.nodes.integrator.path import PathPublisher
+from imu_sim_ros.nodes.integrator.truth_comparison import ErrorAt, Estimate, TruthComparison
+from imu_sim_ros.nodes.parameters import ConfiguredNode
+from imu_sim_ros.nodes.raw_subscription import Message, TopicReader, is_weaker, matching_qos
+
+TEXT = """Integrates imu/data_raw and publishes dead_reckoned/odom for every reading.
+
+On request it also publishes dead_reckoned/path, dead_reckoned/roll_pitch_yaw (degrees) and, against
+ground_truth/odom, dead_reckoned/position_error and dead_reckoned/attitude_error.
+The service ~/reset starts anew at initial_state."""
+
+IMU = "imu/data_raw"
+TRUTH = "ground_truth/odom"
+ODOMETRY = "dead_reckoned/odom"
+PATH = "dead_reckoned/path"
+ROLL_PITCH_YAW = "dead_reckoned/roll_pitch_yaw"
+POSITION_ERROR = "dead_reckoned/position_error"
+ATTITUDE_ERROR = "dead_reckoned/attitude_error"
+
+_DEPTH = 2000
+_READ_PERIOD = 0.002
+"""[s] How long a reading waits at most; looking costs 1 % of a core."""
+_MATCHING_PERIOD = 0.5
+_COMPLAINT_PERIOD = 1.0
+_ACKNOWLEDGEMENT = Duration(seconds=1)
+
+
+class Integrator(ConfiguredNode):
+    """Topics, services and parameters around an :class:`Odometer`."""
+
+    def __init__(self, **arguments: Any) -> None:
+        super().__init__("integrator", IntegratorParameters, layer_integrator, **arguments)
+        parameters: IntegratorParameters = self.parameters
+        self.done = Future()
+        self._sources: frozenset[bytes] = frozenset()
+        self.odometer = Odometer(parameters, self._complain, self._is_new_source)
+        self.comparison = TruthComparison() if parameters.error else None
+        self._lock = threading.Lock()
+        """Readings are integrated in the reader's thread, all else happens in the executor's."""
+        self._qos: dict[str, QoSProfile] = {}
+        self._received = {IMU: 0, TRUTH: 0}
+        self._published = 0
+        self._add_publishers(parameters)
+        self.create_service(Trigger, "~/reset", self._reset)
+        self.reader = TopicReader(self, self._take, lambda: self.done.set_result(1), _READ_PERIOD)
+        for topic in self._inputs():
+            self._subscribe(topic, QoSProfile(depth=_DEPTH))
+        self.create_timer(_MATCHING_PERIOD, self._match_publishers)
+
+    def apply(self, new: IntegratorParameters) -> None:
+        """Take new biases."""
+        with self._lock:
+            self.odometer.correct_with(new)
+
+    def close(self) -> None:
+        """Take what has arrived, give it to all subscribers; say how much came and went."""
+        self.reader.close()
+        if self.context.ok():  # SIGTERM ends ROS at once, and nothing can be sent any more
+            self._odometry_out.wait_for_all_acked(_ACKNOWLEDGEMENT)
+        for topic, count in self._received.items():
+            print(f"integrator: received {topic} {count}", flush=True)
+        print(f"integrator: counted {ODOMETRY} {self._published}", flush=True)
+
+    def _add_publishers(self, parameters: IntegratorParameters) -> None:
+        world, body = parameters.world_frame, parameters.body_frame
+        self._odometry = OdometryEncoder(world, body)
+        self._odometry_out = self._publisher(Odometry, ODOMETRY)
+        self._angles_out = self._position_error_out = None
+        self._path = None
+        if parameters.roll_pitch_yaw:
+            self._angles = Vector3StampedEncoder(world)
+            self._angles_out = self._publisher(Vector3Stamped, ROLL_PITCH_YAW)
+        if parameters.error:
+            self._position_error = Vector3StampedEncoder(world)
+            self._attitude_error = Vector3StampedEncoder(body)
+            self._position_error_out = self._publisher(Vector3Stamped, POSITION_ERROR)
+            self._attitude_error_out = self._publisher(Vector3Stamped, ATTITUDE_ERROR)
+        if parameters.path_rate:
+            publisher = self.create_publisher(Path, PATH, 1)
+            self._path = PathPublisher(publisher, world, parameters)
+            self.create_timer(1.0 / parameters.path_rate, self._publish_path)
+        if parameters.diagnostics:
+            self._diagnostics = IntegratorDiagnostics(self)
+
+    def _publisher(self, message: Any, topic: str) -> Any:
+        options = QoSOverridingOptions.with_default_policies()
+        return self.create_publisher(message, topic, _DEPTH, qos_overriding_options=options)
+
+    # ----------------------------------------------------------------------------- messages
+    def _inputs(self) -> list[str]:
+        with_truth = self.parameters.error or self.parameters.initial_state == "truth"
+        return [IMU, TRUTH] if with_truth else [IMU]
+
+    def _subscribe(self, topic: str, qos: QoSProfile) -> None:
+        self._qos[topic] = qos
+        self.reader.subscribe(topic, Imu if topic == IMU else Odometry, qos, stamp_offset=4)
+
+    def _match_publishers(self) -> None:
+        """Ask for less reliability where a driver offers less: else nothing would arrive."""
+        for topic, qos in list(self._qos.items()):
+            publishers = self.get_publishers_info_by_topic(topic)
+            offered = matching_qos(publishers, _DEPTH)
+            if publishers and is_weaker(offered, qos):
+                self.get_logger().info(f"{topic} is offered as best effort; subscribing so")
+                self._subscribe(topic, offered)
+
+    def _take(self, messages: list[Message]) -> None:
+        """Take the messages of one topic, as the reader delivers them."""
+        try:
+            self._integrate(messages)
+        except RuntimeError:  # rcl's own classes have no other parent
+            # After a signal ROS ends at once: what still arrives has nowhere to go.
+            if self.context.ok():
+                raise
+
+    def _integrate(self, messages: list[Message]) -> None:
+        topic = messages[0].topic
+        self._received[topic] += len(messages)
+        rows: list[Row] = []
+        errors: list[ErrorAt] = []
+        with self._lock:
+            for message in messages:
+                try:
+                    if topic == IMU:
+                        rows += self.odometer.add_reading(decode.imu_reading(message.payload))
+                    else:
+                        self._take_truth(decode.truth(message.payload), rows, errors)
+                except InputError as error:
+                    self._complain(str(error))
+            self._publish(rows)
+            self._publish_errors(errors)
+
+    def _take_truth(self, truth: decode.Truth, rows: list[Row], errors: list[ErrorAt]) -> None:
+        rows += self.odometer.add_truth(truth)
+        if self.comparison is not None:
+            errors += self.comparison.add_truth(truth)
+
+    # ----------------------------------------------------------------------------- results
+    def _publish(self, rows: list[Row]) -> None:
+        if not rows:
+            return
+        t_ns = np.array([row.t_ns for row in rows])
+        columns = list(zip(*rows, strict=True))[1:]
+        if rows[0].pose_covariance is None:
+            columns = columns[:4]
+        _send(self._odometry_out, self._odometry.encode(t_ns, *columns))
+        self._published += len(rows)
+        if self._angles_out is not None:
+            angles = np.degrees([to_angles(row.q_wb) for row in rows])
+            _send(self._angles_out, self._angles.encode(t_ns, angles))
+        if self._path is not None:
+            for row in rows:
+                self._path.add(row)
+        if self.comparison is not None:
+            estimates = [Estimate(row.t_ns, row.position, row.q_wb) for row in rows]
+            self._publish_errors(
+                error for each in estimates for error in self.comparison.add_estimate(each)
+            )
+
+    def _publish_errors(self, errors: Iterable[ErrorAt]) -> None:
+        errors = list(errors)
+        if not errors:
+            return
+        t_ns = np.array([error.t_ns for error in errors])
+        position = self._position_error.encode(t_ns, [error.position for error in errors])
+        attitude = self._attitude_error.encode(t_ns, [error.attitude for error in errors])
+        _send(self._position_error_out, position)
+        _send(self._attitude_error_out, attitude)
+
+    def _publish_path(self) -> None:
+        with self._lock:
+            self._path.publish()
+
+    # ----------------------------------------------------------------------------- events
+    def _reset(self, _: Any, response: Any) -> Any:
+        with self._lock:
+            self.odometer.begin()
+            if self._path is not None:
+                self._path.clear()
+            if self.comparison is not None:
+                self.comparison = TruthComparison()
+        response.success = True
+        response.message = f"starting anew, initial_state = {self.parameters.initial_state}"
+        return response
+
+    def _complain(self, words: str) -> None:
+        self.get_logger().warning(words, throttle_duration_sec=_COMPLAINT_PERIOD)
+
+    def _is_new_source(self) -> bool:
+        """Tell whether a publisher of readings has appeared since the last call."""
+        found = frozenset(
+            bytes(publisher.endpoint_gid) for publisher in self.get_publishers_info_by_topic(IMU)
+        )
+        new = bool(found - self._sources)
+        self._sources |= found
+        return new
+
+
+def _send(publisher: Any, messages: np.ndarray) -> None:
+    for message in messages:
+        publisher.publish(message.tobytes())
+
+
+def main() -> int:
+    """Run the node."""
+    return run.main("integrator", TEXT, IntegratorParameters, Integrator)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

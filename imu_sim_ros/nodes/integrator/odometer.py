@@ -1,0 +1,183 @@
+"""Readings in, rows of odometry out: the integrator without its topics."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.config.integrator import IntegratorParameters
+from imu_sim_ros.navigation.correction import correction_of
+from imu_sim_ros.navigation.covariance import Covariance
+from imu_sim_ros.navigation.noise import noise_of
+from imu_sim_ros.navigation.plain import Q4, V3, rotate
+from imu_sim_ros.navigation.stepper import Counts, Stepper
+from imu_sim_ros.nodes.decode import ImuReading, Truth
+from imu_sim_ros.nodes.integrator.initialiser import Start, starting
+
+RESTART_NS = 1_000_000_000
+"""A step back by more than this is a source that began again, not a message out of order."""
+_SMOOTHING = 0.02
+
+
+class Row(NamedTuple):
+    """One message's worth of dead reckoning."""
+
+    t_ns: int
+    position: V3
+    q_wb: Q4
+    velocity_b: V3
+    angular_velocity_b: V3
+    pose_covariance: NDArray[np.float64] | None
+    twist_covariance: NDArray[np.float64] | None
+
+
+@dataclass
+class Totals:
+    """What was met since the node started."""
+
+    readings: int = 0
+    starts: int = 0
+    steps: Counts = field(default_factory=Counts)
+
+
+class Odometer:
+    """Starts as the parameters say, integrates, and starts anew where the source did.
+
+    :param complain: is told, in words, what was met that was no ordinary step.
+    :param is_new_source: tells whether a publisher has appeared since it was asked last.
+    """
+
+    def __init__(
+        self,
+        parameters: IntegratorParameters,
+        complain: Callable[[str], None],
+        is_new_source: Callable[[], bool],
+    ) -> None:
+        self.totals = Totals()
+        self.parameters = parameters
+        self._complain, self._is_new_source = complain, is_new_source
+        self.begin()
+
+    def begin(self) -> None:
+        """Start anew with the next readings."""
+        self._starting = starting(self.parameters, self._complain)
+        self._stepper: Stepper | None = None
+        self._covariance: Covariance | None = None
+        self._r_wb = np.eye(3)
+        """Attitude at the last reading."""
+        self._interval = 0.0
+
+    @property
+    def waiting(self) -> bool:
+        """Tell whether integration has not begun yet."""
+        return self._stepper is None
+
+    @property
+    def rate(self) -> float:
+        """Readings per second, smoothed [Hz]; 0 before there are two."""
+        return 1.0 / self._interval if self._interval else 0.0
+
+    def correct_with(self, parameters: IntegratorParameters) -> None:
+        """Take new biases; they hold from the next reading on."""
+        self.parameters = parameters
+        if self._stepper is None:
+            self._starting = starting(parameters, self._complain)
+        else:
+            self._stepper.correction = correction_of(parameters)
+
+    def add_truth(self, truth: Truth) -> Iterator[Row]:
+        """Take a true state; yields the rows of readings that were waiting for it."""
+        if self._stepper is None:
+            yield from self._begin_at(self._starting.add_truth(truth))
+
+    def add_reading(self, reading: ImuReading) -> Iterator[Row]:
+        """Take a reading; yields one row, none while waiting, or many after it."""
+        self.totals.readings += 1
+        if self._stepper is not None and self._began_again(reading.t_ns):
+            self._complain("the source began again: so does the integration")
+            self.begin()
+        if self._stepper is None:
+            yield from self._begin_at(self._starting.add_reading(reading))
+        else:
+            yield from self._step(self._stepper, reading)
+
+    def _began_again(self, t_ns: int) -> bool:
+        before = self._stepper.t_ns if self._stepper else None
+        if before is None:
+            return False
+        if t_ns - before < -RESTART_NS:
+            return True
+        return t_ns - before >= self.parameters.max_gap * 1e9 and self._is_new_source()
+
+    def _begin_at(self, start: Start | None) -> Iterator[Row]:
+        if start is None:
+            return
+        parameters = self.parameters
+        self.totals.starts += 1
+        self._is_new_source()
+        self._stepper = stepper = Stepper(
+            start.state,
+            parameters.method,
+            parameters.attitude_update,
+            parameters.gravity,
+            start.correction,
+            parameters.max_gap,
+            parameters.earth_rate,
+        )
+        stepper.counts = self.totals.steps
+        if parameters.covariance:
+            self._covariance = Covariance(noise_of(parameters.imu), start.covariance)
+        for reading in start.readings:
+            yield from self._step(stepper, reading)
+
+    def _step(self, stepper: Stepper, reading: ImuReading) -> Iterator[Row]:
+        before, force = stepper.t_ns, stepper.specific_force
+        if stepper.add(*reading):
+            assert before is not None
+            h = (reading.t_ns - before) * 1e-9
+            self._interval += (h - self._interval) * (_SMOOTHING if self._interval else 1.0)
+            if self._covariance is not None:
+                self._covariance.step(h, self._r_wb, force)
+        elif before is not None and not self._is_usable(before, reading):
+            return
+        yield self._row(stepper, reading.t_ns)
+
+    def _is_usable(self, before: int, reading: ImuReading) -> bool:
+        """Complain about a reading that made no step; tell whether its stamp is a new one."""
+        counts, step = self.totals.steps, (reading.t_ns - before) * 1e-9
+        if not np.isfinite(reading.gyro + reading.accel).all():
+            self._complain(f"a reading that is not finite was passed over ({counts.not_finite})")
+            return False
+        if step == 0:
+            self._complain(f"a reading with the stamp of the one before ({counts.repeated})")
+            return False
+        if step < 0:
+            self._complain(f"a stamp {-step:.6f} s before the last one ({counts.backward})")
+        else:
+            self._complain(f"a gap of {step:.6f} s, not integrated over ({counts.gaps})")
+        return True
+
+    def _row(self, stepper: Stepper, t_ns: int) -> Row:
+        pose = twist = None
+        if self._covariance is not None:
+            self._r_wb = _matrix(stepper.q_wb)
+            pose = self._covariance.pose()
+            twist = self._covariance.twist(self._r_wb, stepper.velocity, self.rate)
+        return Row(
+            t_ns,
+            stepper.position,
+            stepper.q_wb,
+            stepper.velocity_b,
+            stepper.angular_velocity,
+            pose,
+            twist,
+        )
+
+
+def _matrix(q_wb: Q4) -> NDArray[np.float64]:
+    """Return R_wb, whose columns are the body's axes in the world."""
+    axes = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    r_bw = np.array([rotate(q_wb, axis) for axis in axes])
+    return r_bw.T

@@ -1,0 +1,189 @@
+"""Subscriptions that one thread empties at its own pace, as bytes.
+
+An executor wakes up for every message and builds a new wait set each time, some 70 us of Python; a
+thread that takes whatever has gathered every few milliseconds needs a few. The middleware's queue
+holds the messages meanwhile.
+"""
+
+import struct
+import threading
+import time
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple
+
+from rclpy.callback_groups import CallbackGroup
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+from imu_sim_ros.bags.messages.blocks import Qos
+
+DEPTH = 5000
+"""Messages that wait in the middleware: 2.5 s at 2 kHz, while the machine does other things."""
+
+_STAMPS = {0: struct.Struct(">iI"), 1: struct.Struct("<iI")}
+
+
+class Message(NamedTuple):
+    """One message as it came."""
+
+    topic: str
+    t_ns: int
+    payload: bytes
+
+
+class _OutsideTheExecutor(CallbackGroup):
+    """A group whose members the executor leaves alone."""
+
+    def can_execute(self, entity: Any) -> bool:
+        return False
+
+    def beginning_execution(self, entity: Any) -> bool:
+        return False
+
+    def ending_execution(self, entity: Any) -> None:
+        raise AssertionError("nothing of this group is ever executed")
+
+
+class _Source(NamedTuple):
+    name: str
+    subscription: Any
+    stamp_offset: int | None
+
+
+class TopicReader:
+    """Takes the messages of all subscribed topics and hands them over in batches.
+
+    :param deliver: is given the messages of one topic, in the reader's thread.
+    :param failed: is called where that raised an error; nothing is taken any more.
+    :param period: time between two looks [s].
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        deliver: Callable[[list[Message]], None],
+        failed: Callable[[], None],
+        period: float,
+    ) -> None:
+        self.first_at = 0.0
+        """When the first message was taken, on the steady clock [s]; 0 before."""
+        self._node, self._deliver, self._failed, self._period = node, deliver, failed, period
+        self._group = _OutsideTheExecutor()
+        self._sources: dict[str, _Source] = {}
+        self._lock = threading.Lock()
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="reader", daemon=True)
+        self._thread.start()
+
+    def subscribe(self, name: str, message: Any, qos: QoSProfile, stamp_offset: int | None) -> None:
+        """Subscribe to a topic; an older subscription of it is emptied and replaced.
+
+        :param stamp_offset: where the stamp is in the bytes; None: the time of reception counts.
+        """
+        with self._lock:
+            old = self._sources.pop(name, None)
+            if old is not None:
+                self._pass_on(old)
+                self._node.destroy_subscription(old.subscription)
+            subscription = self._node.create_subscription(
+                message, name, _never, qos, raw=True, callback_group=self._group
+            )
+            self._sources[name] = _Source(name, subscription, stamp_offset)
+
+    def close(self) -> None:
+        """Take what has arrived and end the thread."""
+        self._ended.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        try:
+            while not self._ended.wait(self._period):
+                self._look()
+            self._look()
+        except BaseException as error:
+            # After SIGTERM ROS ends at once: that nothing can be taken any more is no failure.
+            if isinstance(error, RuntimeError) and not self._node.context.ok():
+                return
+            self._failed()
+            raise
+
+    def _look(self) -> None:
+        with self._lock:
+            for source in self._sources.values():
+                self._pass_on(source)
+
+    def _pass_on(self, source: _Source) -> None:
+        messages = self._take(source)
+        if messages:
+            self.first_at = self.first_at or time.monotonic()
+            self._deliver(messages)
+
+    def _take(self, source: _Source) -> list[Message]:
+        take, message = source.subscription.handle.take_message, source.subscription.msg_type
+        result = []
+        while len(result) < DEPTH and (taken := take(message, True)) is not None:
+            payload, info = taken
+            t_ns = _stamp_ns(payload, source.stamp_offset)
+            result.append(Message(source.name, self._now(info) if t_ns is None else t_ns, payload))
+        return result
+
+    def _now(self, info: dict[str, int]) -> int:
+        clock = self._node.get_clock()
+        if clock.ros_time_is_active:
+            return clock.now().nanoseconds
+        return info["received_timestamp"] or time.time_ns()
+
+
+def _never(message: bytes) -> None:
+    raise AssertionError("the reader takes messages itself")
+
+
+def _stamp_ns(payload: bytes, offset: int | None) -> int | None:
+    """Return the stamp [ns] in a message's bytes; None where there is none that a bag can hold."""
+    if offset is None:
+        return None
+    second, nanosecond = _STAMPS[payload[1] & 1].unpack_from(payload, offset)
+    return second * 1_000_000_000 + nanosecond if second >= 0 else None
+
+
+def offered_qos(publishers: Iterable[Any]) -> tuple[Qos, ...]:
+    """Return what the publishers offer, each different profile once, in the words of a bag."""
+    profiles = (publisher.qos_profile for publisher in publishers)
+    words = {
+        Qos(
+            _word(profile.reliability),
+            _word(profile.durability),
+            # The graph does not tell the history of others: rosbag2 writes keep_last, too.
+            "keep_last",
+            max(profile.depth, 10),
+        ): None
+        for profile in profiles
+    }
+    return tuple(words)
+
+
+def _word(policy: Any) -> str:
+    return str(policy.name).lower()
+
+
+def matching_qos(publishers: Iterable[Any], depth: int = DEPTH) -> QoSProfile:
+    """Return the strictest profile that every one of the publishers satisfies.
+
+    :param publishers: ``TopicEndpointInfo`` of each.
+    """
+    profiles = [publisher.qos_profile for publisher in publishers]
+    reliable = all(p.reliability == ReliabilityPolicy.RELIABLE for p in profiles)
+    keeps = all(p.durability == DurabilityPolicy.TRANSIENT_LOCAL for p in profiles)
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=depth,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if keeps else DurabilityPolicy.VOLATILE,
+    )
+
+
+def is_weaker(new: QoSProfile, old: QoSProfile) -> bool:
+    """Tell whether a subscription must ask for less than before to hear all publishers."""
+    less_reliable = new.reliability == ReliabilityPolicy.BEST_EFFORT != old.reliability
+    less_durable = new.durability == DurabilityPolicy.VOLATILE != old.durability
+    return less_reliable or less_durable

@@ -1,0 +1,291 @@
+"""The recorder node: topics into a bag that survives whatever happens to the recorder."""
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from rclpy.clock import Clock, ClockType
+from rclpy.task import Future
+
+from imu_sim_ros.bags.write import open_writer
+from imu_sim_ros.bags.writer import Writer
+from imu_sim_ros.commands import common
+from imu_sim_ros.config.recorder import RecorderParameters
+from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.nodes import run
+from imu_sim_ros.nodes.parameters import ConfiguredNode
+from imu_sim_ros.nodes.raw_subscription import TopicReader, is_weaker, matching_qos, offered_qos
+from imu_sim_ros.nodes.recorder.message_types import (
+    definition,
+    message_class,
+    stamp_offset,
+    type_hash,
+)
+from imu_sim_ros.nodes.recorder.recording import Recording, Topic
+from imu_sim_ros.nodes.recorder.stamp_statistics import StampStatistics
+
+TEXT = """Records topics into a bag: rosbag2 in MCAP or SQLite form, or ROS 1.
+
+  recorder                                     all topics, into a folder named after the time
+  recorder -o flight imu/data_raw /ground_truth/odom
+  recorder -o flight.bag --duration 20s        ROS 1
+
+Whatever kills it, the bag holds all but the last second; convert_bag --recover opens it again.
+Ends with status 0 after Ctrl-C, SIGTERM, duration or max_size; 1 where writing failed."""
+
+MEGABYTE = 1_000_000
+
+_READ_PERIOD = 0.01
+_DISCOVERY_PERIOD = 0.1
+_CHECK_PERIOD = 0.02
+_STATUS_PERIOD = 0.5
+_WAITING_PERIOD = 5.0
+
+
+class Recorder(ConfiguredNode):
+    """Finds topics, subscribes to them, and has what arrives written."""
+
+    def __init__(self, **arguments: Any) -> None:
+        super().__init__("recorder", RecorderParameters, **arguments)
+        parameters: RecorderParameters = self.parameters
+        self.done = Future()
+        self.output = Path(parameters.output or time.strftime("recording_%Y-%m-%d_%H-%M-%S"))
+        self._wanted = [self.resolve_topic_name(name) for name in parameters.topics]
+        self._excluded = {self.resolve_topic_name(name) for name in parameters.exclude}
+        self._qos: dict[str, Any] = {}
+        self._refused: set[str] = set()
+        self._began_at = 0.0
+        self._shown = 0
+        self._waiting_since = time.monotonic()
+        self._live_line = parameters.status and sys.stderr.isatty()
+        self.recording = Recording(self._open_bag, parameters.buffer_size * MEGABYTE)
+        self.reader = TopicReader(self, self.recording.put, lambda: self._end(1), _READ_PERIOD)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(_DISCOVERY_PERIOD, self._discover, clock=steady)
+        self.create_timer(_CHECK_PERIOD, self._check_end, clock=steady)
+        if self._live_line:
+            self.create_timer(_STATUS_PERIOD, self._show_status, clock=steady)
+        self._discover()
+
+    def close(self) -> None:
+        """Take and write what has arrived, finish the bag, say what is in it."""
+        self.reader.close()
+        self.recording.close()
+        if self._live_line:
+            print("\r\x1b[2K", end="", file=sys.stderr)
+        self._summarise()
+        if self.recording.failure:
+            self._end(1)
+
+    def _open_bag(self) -> Writer:
+        parameters: RecorderParameters = self.parameters
+        return open_writer(
+            self.output,
+            storage=parameters.form(),
+            compression=parameters.compression,
+            split_duration=parameters.split_duration,
+            split_size=round(parameters.split_size * MEGABYTE),
+        )
+
+    # ------------------------------------------------------------------------------- topics
+    def _discover(self) -> None:
+        """Subscribe to what is wanted and new, and anew where the publishers' QoS changed."""
+        for name, types in self.get_topic_names_and_types():
+            if self._is_wanted(name):
+                publishers = [
+                    publisher
+                    for publisher in self.get_publishers_info_by_topic(name)
+                    if publisher.node_name != self.get_name()
+                ]
+                if publishers:
+                    self._take_topic(name, types, publishers)
+        self._report_waiting()
+
+    def _is_wanted(self, name: str) -> bool:
+        if self._wanted:
+            return name in self._wanted
+        hidden = any(part.startswith("_") for part in name.split("/"))
+        return not hidden and name not in self._excluded
+
+    def _take_topic(self, name: str, types: Sequence[str], publishers: Sequence[Any]) -> None:
+        if name in self._refused:
+            return
+        qos = matching_qos(publishers)
+        known = self._qos.get(name)
+        if known is not None and not is_weaker(qos, known):
+            return
+        try:
+            if len(types) > 1:
+                raise InputError(f"it has several types: {', '.join(types)}")
+            message = message_class(types[0])
+        except InputError as error:
+            self._refused.add(name)
+            self.get_logger().error(f"{name} is not recorded: {error}")
+            return
+        offset = stamp_offset(message)
+        if known is None:
+            statistics = StampStatistics(round(self.parameters.max_gap * 1e9))
+            topic = Topic(
+                name,
+                types[0],
+                offered_qos(publishers),
+                definition(types[0]),
+                type_hash(types[0]),
+                offset is not None,
+                statistics,
+            )
+            self.recording.add_topic(topic)
+            self.get_logger().info(f"recording {name} [{types[0]}]")
+        else:
+            self.get_logger().warning(f"{name}: a publisher offers less; subscribing again")
+        self._qos[name] = qos
+        self.reader.subscribe(name, message, qos, offset)
+
+    def _report_waiting(self) -> None:
+        missing = [name for name in self._wanted if name not in {*self._qos, *self._refused}]
+        if (self._wanted and not missing) or (not self._wanted and self._qos):
+            self._waiting_since = time.monotonic()
+        elif time.monotonic() - self._waiting_since > 1.0:
+            self._waiting_since = time.monotonic() + _WAITING_PERIOD - 1.0
+            names = ", ".join(missing) or "any topic"
+            self.get_logger().warning(f"waiting for a publisher of {names}")
+
+    # ------------------------------------------------------------------------------- the end
+    def _check_end(self) -> None:
+        """End where it is time to."""
+        recording, parameters = self.recording, self.parameters
+        if recording.failure:
+            self._end(1)
+        elif 0 < parameters.max_size * MEGABYTE <= recording.size:
+            self._end(0)
+        elif self.reader.first_at:
+            self._began_at = self._began_at or self._seconds(self.reader.first_at)
+            if 0 < parameters.duration <= self._seconds() - self._began_at:
+                self._end(0)
+
+    def _seconds(self, steady: float = 0.0) -> float:
+        """Return the time on the node's clock: simulated, or the steady one."""
+        clock = self.get_clock()
+        if clock.ros_time_is_active:
+            return clock.now().nanoseconds * 1e-9
+        return steady or time.monotonic()
+
+    def _end(self, status: int) -> None:
+        if not self.done.done():
+            self.done.set_result(status)
+
+    # ------------------------------------------------------------------------------- words
+    def _show_status(self) -> None:
+        recording = self.recording
+        topics = list(recording.topics.values())
+        elapsed = time.monotonic() - (self.reader.first_at or time.monotonic())
+        rate = (recording.messages - self._shown) / _STATUS_PERIOD
+        self._shown = recording.messages
+        gaps = sum(topic.statistics.gaps for topic in topics)
+        line = (
+            f"{elapsed:7.1f} s  {len(topics)} topics  {recording.messages} messages  "
+            f"{rate:.0f}/s  {recording.size / MEGABYTE:.1f} MB  {gaps} gaps"
+        )
+        print("\r\x1b[2K" + line, end="", file=sys.stderr, flush=True)
+
+    def _summarise(self) -> None:
+        """Print what was recorded, and what the stamps say about losses."""
+        recording = self.recording
+        rows = [_row(topic) for topic in recording.topics.values()]
+        where = str(self.output)
+        if rows:
+            header = (
+                "topic",
+                "messages",
+                "rate Hz",
+                "gaps",
+                "missing",
+                "duplicates",
+                "out of order",
+            )
+            common.print_table(header, rows, where)
+        else:
+            print(f"{where}: no message was recorded", flush=True)
+        if recording.dropped:
+            print(
+                f"recorder: {recording.dropped} messages dropped: the disk did not keep up and "
+                f"buffer_size was full",
+                file=sys.stderr,
+            )
+        if recording.broken:
+            print(
+                f"recorder: {recording.broken} messages left out: not what their type says",
+                file=sys.stderr,
+            )
+        for name, reason in recording.refused.items():
+            print(f"recorder: {name} was not recorded: {reason}", file=sys.stderr)
+        if recording.failure:
+            kept = ", ".join(map(str, recording.files))
+            print(f"recorder: {recording.failure}", file=sys.stderr)
+            print(
+                f"recorder: {kept} keeps what was written before; convert_bag --recover makes a "
+                "whole bag of it",
+                file=sys.stderr,
+            )
+
+
+def _row(topic: Topic) -> tuple[str, ...]:
+    seen = topic.statistics
+    if not topic.stamped:  # times of reception say nothing about the source
+        return topic.name, str(seen.messages), f"{seen.rate:.2f}", "-", "-", "-", "-"
+    counts = (seen.gaps, seen.missing, seen.duplicates, seen.out_of_order)
+    return topic.name, str(seen.messages), f"{seen.rate:.2f}", *map(str, counts)
+
+
+def plain_arguments(arguments: Sequence[str]) -> list[str]:
+    """Return a recorder's short command line in the long form that every node understands.
+
+    Words are topics, ``-o`` is ``--output``, a duration may have a unit; all from ``--ros-args``
+    on stays as it is.
+
+    :raises ConfigurationError: for a duration that is none.
+    """
+    end = arguments.index("--ros-args") if "--ros-args" in arguments else len(arguments)
+    result: list[str] = []
+    topics: list[str] = []
+    words = iter(arguments[:end])
+    for word in words:
+        name, equals, value = word.partition("=")
+        name = {"-o": "--output", "-d": "--duration"}.get(name, name)
+        if name in ("-h", "--help"):
+            result.append(name)
+        elif not name.startswith("-"):
+            topics.append(word)
+        else:
+            value = value if equals else next(words, "")
+            if name in ("--duration", "--split-duration", "--split_duration"):
+                value = _seconds(name, value)
+            result += [name, value]
+    if topics:
+        result += ["--topics", json.dumps(topics)]
+    return [*result, *arguments[end:]]
+
+
+def _seconds(name: str, words: str) -> str:
+    try:
+        return repr(common.duration(words))
+    except argparse.ArgumentTypeError as error:
+        raise ConfigurationError(f"{name}: {error}") from None
+
+
+def main() -> int:
+    """Run the node."""
+    try:
+        arguments = plain_arguments(sys.argv[1:])
+    except ConfigurationError as error:
+        print(f"recorder: {error}", file=sys.stderr)
+        return 2
+    return run.main("recorder", TEXT, RecorderParameters, Recorder, arguments=arguments)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

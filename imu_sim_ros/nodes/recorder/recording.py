@@ -1,0 +1,185 @@
+"""A bag that is written while messages arrive: in its own thread, safe against sudden ends."""
+
+import queue
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from imu_sim_ros.bags.atomic_file import active_path
+from imu_sim_ros.bags.messages.blocks import Qos
+from imu_sim_ros.bags.messages.installed import BrokenMessageError, recorded_type
+from imu_sim_ros.bags.writer import Writer
+from imu_sim_ros.errors import ImuSimError, InputError
+from imu_sim_ros.nodes.raw_subscription import Message
+from imu_sim_ros.nodes.recorder.stamp_statistics import StampStatistics
+
+FLUSH_PERIOD = 0.5
+"""[s] What is older survives the process; twice as often as the promise of one second needs."""
+
+
+@dataclass
+class Topic:
+    """A recorded topic: how it is described in the bag, and what was seen of it."""
+
+    name: str
+    type_name: str
+    qos: tuple[Qos, ...]
+    definition: str
+    digest: str
+    stamped: bool
+    statistics: StampStatistics
+    handle: Any = None
+    convert: Callable[[bytes], bytes] = bytes
+    unseen: list[int] = field(default_factory=list)
+    """Stamps that the statistics do not know yet."""
+
+    def look(self) -> None:
+        """Let the statistics see the stamps that have gathered."""
+        self.statistics.add(np.array(self.unseen, dtype=np.int64))
+        self.unseen.clear()
+
+
+class Recording:
+    """Writes messages into a bag and finishes it properly, whatever happens.
+
+    :param open_bag: opens the bag.
+    :param buffer_bytes: how much may wait in memory while the disk stalls.
+    :raises ImuSimError: from ``open_bag``, where the bag cannot be begun.
+    """
+
+    def __init__(self, open_bag: Callable[[], Writer], buffer_bytes: float = 512e6) -> None:
+        self.topics: dict[str, Topic] = {}
+        self.refused: dict[str, str] = {}
+        """Topics that the bag cannot hold, and why."""
+        self.failure = ""
+        self.dropped = 0
+        """Messages that found no place in memory."""
+        self.broken = 0
+        """Messages that cannot be translated for this bag."""
+        self.files: list[Path] = []
+        self.size = 0
+        """Bytes written, as of the last flush."""
+        self._open_bag, self._buffer_bytes = open_bag, buffer_bytes
+        self._queue: queue.SimpleQueue[list[Message] | Topic | None] = queue.SimpleQueue()
+        self._queued_bytes = 0
+        self._lock = threading.Lock()
+        self._begun = threading.Event()
+        self._refusal: ImuSimError | None = None
+        # A daemon: a signal may end the program before there is a node that could close this.
+        self._thread = threading.Thread(target=self._run, name="writer", daemon=True)
+        self._thread.start()
+        self._begun.wait()
+        if self._refusal is not None:
+            raise self._refusal
+
+    @property
+    def messages(self) -> int:
+        """Messages written, of all topics."""
+        topics = list(self.topics.values())
+        return sum(topic.statistics.messages + len(topic.unseen) for topic in topics)
+
+    def add_topic(self, topic: Topic) -> None:
+        """Begin a topic; its messages may follow at once."""
+        self._queue.put(topic)
+
+    def put(self, messages: list[Message]) -> None:
+        """Hand over messages to be written; never blocks.
+
+        While the disk stalls they wait in memory. What no longer fits there is dropped and counted.
+        """
+        size = sum(len(message.payload) for message in messages)
+        with self._lock:
+            if self.failure or self._queued_bytes + size > self._buffer_bytes:
+                self.dropped += len(messages)
+                return
+            self._queued_bytes += size
+        self._queue.put(messages)
+
+    def close(self) -> None:
+        """Write what waits, finish the bag and end the thread."""
+        self._queue.put(None)
+        self._thread.join()
+
+    def _run(self) -> None:
+        # Opened here, not by the caller: a database may belong to the thread that opened it.
+        try:
+            self._bag = self._open_bag()
+            # Loads what translates messages, lest the first ones wait for it.
+            recorded_type("std_msgs/msg/Header", "", "", self._bag.encoding)
+        except ImuSimError as error:
+            self._refusal = error
+            return
+        finally:
+            self._begun.set()
+        self.files = self._bag.files
+        try:
+            self._write_all()
+            self._bag.close()
+        except Exception as error:  # whatever it is, the node must hear of it and end
+            self.failure = str(error) or type(error).__name__
+            self.files = self._bag.abandon()
+        else:
+            self.files = self._bag.files
+        for topic in self.topics.values():
+            topic.look()
+
+    def _write_all(self) -> None:
+        due = time.monotonic() + FLUSH_PERIOD
+        while True:
+            try:
+                item = self._queue.get(timeout=max(due - time.monotonic(), 0.0))
+            except queue.Empty:
+                item = []
+            if item is None:
+                self._flush()
+                return
+            if isinstance(item, Topic):
+                self._begin(item)
+            else:
+                self._write(item)
+            if time.monotonic() >= due:
+                self._flush()
+                due = time.monotonic() + FLUSH_PERIOD
+
+    def _begin(self, topic: Topic) -> None:
+        try:
+            schema, topic.convert = recorded_type(
+                topic.type_name, topic.definition, topic.digest, self._bag.encoding
+            )
+        except InputError as error:
+            self.refused[topic.name] = str(error)
+            return
+        topic.handle = self._bag.add_topic(topic.name, topic.type_name, topic.qos, schema)
+        self.topics[topic.name] = topic
+
+    def _write(self, messages: list[Message]) -> None:
+        write, topics = self._bag.write_raw, self.topics
+        for name, t_ns, payload in messages:
+            topic = topics.get(name)
+            if topic is None:
+                continue
+            try:
+                write(topic.handle, t_ns, topic.convert(payload))
+            except BrokenMessageError:
+                self.broken += 1
+                continue
+            topic.unseen.append(t_ns)
+        with self._lock:
+            self._queued_bytes -= sum(len(message.payload) for message in messages)
+
+    def _flush(self) -> None:
+        """Bring everything into the file, and notice a file into which nothing can be brought."""
+        self._bag.flush()
+        self.size = self._bag.size
+        self.files = self._bag.files
+        for topic in self.topics.values():
+            topic.look()
+        # Writing into a removed file goes on succeeding, for nobody.
+        last = self.files[-1]
+        if not (last.exists() or active_path(last).exists()):
+            raise InputError(f"{last}: it was removed while it was being written")

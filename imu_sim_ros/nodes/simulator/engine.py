@@ -1,0 +1,186 @@
+"""The two threads of the simulator: one computes blocks ahead, one publishes them on time."""
+
+import queue
+import threading
+import time
+from collections.abc import Callable
+from typing import Final, NamedTuple
+
+from imu_sim_ros.errors import ImuSimError
+from imu_sim_ros.nodes.simulator.pacing import Pacer, Verdict
+from imu_sim_ros.nodes.simulator.publish_queue import Group, Schedule
+
+LEAD_NS: Final = 10_000_000
+"""The first sample is due this long after time zero is chosen: its block has to be computed."""
+
+_BLOCKS_AHEAD: Final = 1
+_UNPACED_FACTOR: Final = 10.0
+_UNACKNOWLEDGED: Final = 500
+"""Samples that are published without waiting for the subscribers, where nothing else paces them."""
+
+
+class _Block(NamedTuple):
+    run: int
+    t0_ns: int
+    start_ns: int
+    groups: list[Group]
+    last: bool
+
+
+class Engine:
+    """Plays a schedule; all methods may be called from any thread."""
+
+    def __init__(
+        self,
+        schedule: Schedule,
+        pacer: Pacer,
+        block_duration: float,
+        *,
+        ready: Callable[[], bool],
+        zero: Callable[[], int],
+        acknowledged: Callable[[], bool],
+        on_end: Callable[[ImuSimError | None], None],
+    ) -> None:
+        """Set up the threads; :meth:`start` lets them run.
+
+        :param ready: whether the first sample may be published.
+        :param zero: returns the time of the first sample [ns] at the moment of the start.
+        :param acknowledged: waits for a moment; whether all subscribers have everything.
+        :param on_end: called at the end of the run, with what went wrong.
+        """
+        self.pacer = pacer
+        self.started = False
+        self._schedule = schedule
+        self._block_duration = block_duration
+        self._ready, self._zero = ready, zero
+        self._acknowledged, self._on_end = acknowledged, on_end
+        self._run = self._unacknowledged = 0
+        self._stopped = False
+        self._lock = threading.Lock()
+        self._changes: list[Callable[[Schedule], None]] = []
+        self._blocks: queue.SimpleQueue[_Block | None] = queue.SimpleQueue()
+        self._room = threading.Semaphore(_BLOCKS_AHEAD)
+        self._threads = [
+            threading.Thread(target=self._guard, args=(work,), daemon=True, name=work.__name__)
+            for work in (self._compute, self._publish)
+        ]
+
+    def start(self) -> None:
+        """Start the threads."""
+        for thread in self._threads:
+            thread.start()
+
+    def stop(self) -> None:
+        """End the threads; what is not yet published stays so."""
+        self._stopped = True
+        self.pacer.interrupt()
+        self._room.release()
+        self._blocks.put(None)
+        for thread in self._threads:
+            if thread is not threading.current_thread() and thread.is_alive():
+                thread.join(timeout=1.0)
+
+    def change(self, change: Callable[[Schedule], None]) -> None:
+        """Let a function change the schedule before the next block is computed."""
+        with self._lock:
+            self._changes.append(change)
+
+    def set_speed(self, speed: float, catch_up: bool) -> None:
+        """Change the real-time factor, and what happens after a stall."""
+        self.pacer.configure(speed, catch_up)
+
+    def reset(self) -> None:
+        """Begin again with the first sample."""
+        with self._lock:
+            self._run += 1
+            self.pacer.interrupt()
+
+    def _guard(self, work: Callable[[], None]) -> None:
+        try:
+            work()
+        except ImuSimError as error:
+            self._on_end(error)
+        except RuntimeError:
+            # rclpy's objects are gone as soon as a signal has shut the context down.
+            if not self._stopped and self._running():
+                raise
+
+    @staticmethod
+    def _running() -> bool:
+        import rclpy
+
+        return bool(rclpy.ok())
+
+    # The computing thread.
+
+    def _compute(self) -> None:
+        while not self._ready():
+            if self._stopped:
+                return
+            time.sleep(0.01)
+        run, t0_ns, start_ns = -1, 0, 0
+        while True:
+            self._room.acquire()
+            if self._stopped:
+                return
+            if run != self._run:
+                run = self._run
+                t0_ns, start_ns = self._zero(), time.monotonic_ns() + LEAD_NS
+                self._schedule.restart(t0_ns)
+                self.started = True
+            with self._lock:
+                changes, self._changes = self._changes, []
+            for change in changes:
+                change(self._schedule)
+            groups = self._schedule.next_groups(self._block_length())
+            self._blocks.put(_Block(run, t0_ns, start_ns, groups, self._schedule.finished))
+            while self._schedule.finished and run == self._run and not self._stopped:
+                time.sleep(0.01)
+
+    def _block_length(self) -> float:
+        """Return seconds of simulated time that take about ``block_duration`` to play."""
+        speed = self.pacer.speed
+        return self._block_duration * (max(speed, 1.0) if speed else _UNPACED_FACTOR)
+
+    # The publishing thread.
+
+    def _publish(self) -> None:
+        anchored = -1
+        while (block := self._blocks.get()) is not None:
+            self._room.release()
+            with self._lock:  # a reset that comes now must not be undone
+                if block.run != self._run:
+                    continue
+                if block.run != anchored:
+                    anchored = block.run
+                    self.pacer.interrupt(False)
+                    self.pacer.anchor(block.t0_ns, block.start_ns)
+            complete = self._play(block)
+            if complete and block.last and self._wait_for_acknowledgement(5.0):
+                self._on_end(None)
+                return
+
+    def _play(self, block: _Block) -> bool:
+        """Publish a block; False where the run was interrupted."""
+        wait, go, unpaced = self.pacer.wait, Verdict.GO, self.pacer.speed == 0
+        for time_ns, messages in block.groups:
+            verdict = wait(time_ns)
+            if verdict is go:
+                for send, payload in messages:
+                    send(payload)
+            elif verdict is Verdict.INTERRUPTED:
+                return False
+            if unpaced:
+                self._unacknowledged += 1
+                if self._unacknowledged >= _UNACKNOWLEDGED:
+                    self._unacknowledged = 0
+                    self._wait_for_acknowledgement(60.0)
+        return True
+
+    def _wait_for_acknowledgement(self, longest: float) -> bool:
+        """Wait until the subscribers have everything, or too long; False where a reset came."""
+        run, end = self._run, time.monotonic() + longest
+        while not self._acknowledged() and time.monotonic() < end:
+            if self._stopped or run != self._run:
+                return False
+        return run == self._run and not self._stopped

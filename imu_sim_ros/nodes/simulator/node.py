@@ -1,0 +1,349 @@
+"""``simulator``: an IMU on a moving body, live.
+
+Samples come from :mod:`imu_sim_ros.simulation`, are turned into the bytes of messages block by
+block, and are published by a thread of their own on absolute deadlines of the steady clock. rclpy's
+executor keeps parameters, services and diagnostics in the main thread.
+
+The node is a plain one with ``autostart``, not a managed one: a VIO stack's launch file expects a
+driver that streams once it runs, and ``autostart: false`` with ``~/pause`` gives the same control
+over the first sample without five more services at every start.
+"""
+
+import gc
+import sys
+import time
+from collections.abc import Iterator
+from typing import Any, Final
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.clock import Clock, ClockType, JumpThreshold
+from rclpy.duration import Duration
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.task import Future
+from rclpy.time import Time
+from std_srvs.srv import SetBool, Trigger
+
+from imu_sim_ros import timebase, topics
+from imu_sim_ros.bags import read_poses
+from imu_sim_ros.bags.messages.encode import CLOCK, ClockEncoder
+from imu_sim_ros.config.simulator import (
+    BODY,
+    PublishParameters,
+    SimulatorParameters,
+    layer_simulator,
+    simulations,
+    simulator_section,
+)
+from imu_sim_ros.errors import ConfigurationError, ImuSimError
+from imu_sim_ros.nodes import run
+from imu_sim_ros.nodes.parameters import ConfiguredNode
+from imu_sim_ros.nodes.publishing import Counter, check_overrides, create
+from imu_sim_ros.nodes.simulator.diagnostics import Histogram, Report, fault_message
+from imu_sim_ros.nodes.simulator.engine import LEAD_NS, Engine
+from imu_sim_ros.nodes.simulator.pacing import Pacer, RosClockPacer, Stall
+from imu_sim_ros.nodes.simulator.publish_queue import Schedule, SimulationStream, Stream, TickStream
+from imu_sim_ros.nodes.simulator.transforms import transform_stream
+from imu_sim_ros.sensor.faults import Fault
+from imu_sim_ros.simulation import Simulation
+
+TEXT: Final = "Publish the readings of a simulated IMU, and the truth beside them."
+
+QUEUE: Final = 4000
+"""Messages kept for a reliable subscriber that has not acknowledged them: 2 s at 2 kHz."""
+
+_SWITCH_INTERVAL: Final = 1e-4
+"""[s] Python lets the publishing thread in after this long; its own 5 ms are 10 samples late."""
+_SETTLE: Final = 0.3
+"""[s] A subscriber that is known here may still have to learn of this publisher."""
+_ACKNOWLEDGEMENT: Final = Duration(nanoseconds=50_000_000)
+_STEP_TIMEOUT: Final = 5.0
+
+
+class Simulator(ConfiguredNode):
+    """Plays a simulation; see the module's text."""
+
+    def __init__(self) -> None:
+        super().__init__("simulator", simulator_section, layer_simulator)
+        self.done = Future()
+        self._counters: list[Counter] = []
+        self._lateness = Histogram()
+        self._remarks: list[str] = []
+        self._notes: list[str] = []
+        self._satisfied = 0.0
+        parameters: SimulatorParameters = self.parameters
+        self._follows = bool(self.get_parameter("use_sim_time").value)
+        self._check_clocks(parameters)
+        self._faults = create(
+            self,
+            DiagnosticArray,
+            "ground_truth/faults",
+            QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL),
+        )
+        self._diagnostics = create(self, DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
+        streams = list(self._streams(parameters))
+        first = next(s.simulation for s in streams if isinstance(s, SimulationStream))
+        check_overrides(self)
+        self.engine = Engine(
+            Schedule(streams, parameters.duration or first.trajectory.duration),
+            self._pacer(parameters),
+            parameters.block_duration,
+            ready=self._ready,
+            zero=self._zero,
+            acknowledged=self._acknowledged,
+            on_end=self._end,
+        )
+        self._fresh = not parameters.autostart
+        self.engine.pacer.pause(self._fresh)
+        if parameters.inject.kind != "none":
+            self._inject(parameters)
+        self._create_services()
+        for line in dict.fromkeys(self._remarks):
+            self.get_logger().warning(line)
+        for line in self._notes:
+            self.get_logger().info(line)
+        self.get_logger().info(self._summary(parameters))
+        sys.setswitchinterval(_SWITCH_INTERVAL)
+        gc.collect()
+        gc.freeze()  # what stays for good need not be looked through again and again
+        self.engine.start()
+
+    def close(self) -> None:
+        """End the threads, and say how much was published, and how late."""
+        self.engine.stop()
+        self._lateness.add(self.engine.pacer.take_lateness())
+        if self._lateness.maximum_ns:
+            print(
+                f"simulator: lateness p50 {self._lateness.quantile_us(0.5):.0f} us, "
+                f"p99 {self._lateness.quantile_us(0.99):.0f} us, "
+                f"max {self._lateness.maximum_ns * 1e-3:.0f} us"
+            )
+        for counter in self._counters:
+            print(f"simulator: counted {counter.topic} {counter.count}", flush=True)
+
+    # ------------------------------------------------------------------------- set-up
+    def _check_clocks(self, parameters: SimulatorParameters) -> None:
+        if self._follows and parameters.publish.clock_rate:
+            raise ConfigurationError(
+                f"publish.clock_rate = {parameters.publish.clock_rate:g}: must be 0 where "
+                "use_sim_time is true; somebody else gives the time then"
+            )
+        if self._follows and parameters.real_time_factor != 1.0:
+            raise ConfigurationError(
+                f"real_time_factor = {parameters.real_time_factor:g}: must be 1 where use_sim_time "
+                "is true; somebody else gives the time then"
+            )
+
+    def _streams(self, parameters: SimulatorParameters) -> Iterator[Stream]:
+        publish = parameters.publish
+        for name, simulated in simulations(parameters).items():
+            simulation = Simulation(simulated, read_poses)
+            self._remarks += simulation.warnings()
+            self._notes = simulation.notes()
+            # Several IMUs have a namespace each; the body's truth is one, in the node's own.
+            prefix = "" if name in ("", BODY) else f"{name}/"
+            outputs = [
+                (topics.encoder(topic, simulated), self._counted(prefix + topic, kind))
+                for topic, kind in topics.TYPES.items()
+                if _is_wanted(topic, name, publish)
+            ]
+            yield SimulationStream(simulation, outputs, name)
+            truth = simulation
+        if publish.tf_rate:
+            yield transform_stream(self, publish.tf_rate, parameters, truth.trajectory)
+        if publish.clock_rate:
+            clock = ClockEncoder()
+            yield TickStream(
+                publish.clock_rate,
+                lambda t_ns, _: [row.tobytes() for row in clock.encode(t_ns)],
+                self._counted("/clock", CLOCK),
+            )
+
+    def _counted(self, topic: str, type_name: str) -> Any:
+        publisher = create(self, type_name, topic, QoSProfile(depth=QUEUE))
+        self._counters.append(Counter(topic, publisher))
+        return self._counters[-1].send
+
+    def _pacer(self, parameters: SimulatorParameters) -> Pacer:
+        if not self._follows:
+            return Pacer(parameters.real_time_factor, parameters.catch_up, self._after_stall)
+        clock = self.get_clock()
+        pacer = RosClockPacer(lambda: clock.now().nanoseconds, parameters.catch_up)
+
+        def moved(jump: Any) -> None:
+            if jump.delta.nanoseconds < 0:
+                self.get_logger().warning("the clock went back: beginning again")
+                self.engine.reset()
+            pacer.tick()
+
+        self._jumps = clock.create_jump_callback(
+            JumpThreshold(
+                min_forward=Duration(nanoseconds=1),
+                min_backward=Duration(nanoseconds=-1),
+                on_clock_change=True,
+            ),
+            post_callback=moved,
+        )
+        return pacer
+
+    def _create_services(self) -> None:
+        self.create_service(SetBool, "~/pause", self._on_pause)
+        self.create_service(Trigger, "~/reset", self._on_reset)
+        self.create_service(Trigger, "~/step", self._on_step)
+        hardware = f"simulated, {self.parameters.imu.preset}, seed {self.parameters.seed}"
+        self._report = Report(f"{self.get_name()}: stream", hardware)
+        self._reported = time.monotonic()
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(1.0, self._diagnose, clock=steady)
+
+    def _summary(self, parameters: SimulatorParameters) -> str:
+        imus = ", ".join(
+            f"{name + ': ' if name else ''}{p.imu.preset} at {p.rate:g} Hz, seed {p.seed}"
+            for name, p in simulations(parameters).items()
+            if name != BODY
+        )
+        return f"{imus}; trajectory {parameters.trajectory.type}"
+
+    # ------------------------------------------------------------------------- the run
+    def _ready(self) -> bool:
+        """Tell whether all who are waited for are there; asked again and again."""
+        if self._follows and self.get_clock().now().nanoseconds == 0:
+            return False
+        wanted = {
+            "imu/data_raw": self.parameters.wait_for_subscribers,
+            "ground_truth/odom": self.parameters.wait_for_truth_subscribers,
+        }
+        missing = False
+        for counter in self._counters:
+            for topic, count in wanted.items():
+                if counter.topic.endswith(topic):
+                    missing |= counter.publisher.get_subscription_count() < count
+        if missing or not any(wanted.values()):
+            self._satisfied = 0.0
+            return not missing
+        now = time.monotonic()
+        self._satisfied = self._satisfied or now
+        return now - self._satisfied >= _SETTLE
+
+    def _zero(self) -> int:
+        """Return the time of the first sample [ns]."""
+        if self.parameters.start_time >= 0:
+            return timebase.to_nanoseconds(self.parameters.start_time)
+        if self._follows:
+            return int(self.get_clock().now().nanoseconds)
+        return time.time_ns() + LEAD_NS
+
+    def _acknowledged(self) -> bool:
+        return all(
+            counter.publisher.wait_for_all_acked(_ACKNOWLEDGEMENT) for counter in self._counters
+        )
+
+    def _end(self, error: ImuSimError | None) -> None:
+        for problem in error.problems if error else ():
+            print(f"simulator: {problem}", file=sys.stderr, flush=True)
+        self.done.set_result(2 if error else 0)
+
+    def _after_stall(self, stall: Stall) -> None:
+        what = "skipped" if stall.skipped else "published late, none lost"
+        self.get_logger().warning(
+            f"stood still for {stall.late_ns * 1e-9:.3f} s: {stall.samples} samples {what}"
+        )
+
+    # ------------------------------------------------------------------------- control
+    def apply(self, new: SimulatorParameters) -> None:
+        """Let new parameters take effect with the next block.
+
+        :raises ConfigurationError: for a fault that cannot be.
+        """
+        if self._follows and new.real_time_factor != 1.0:
+            raise ConfigurationError("real_time_factor: must be 1 where use_sim_time is true")
+        if "inject.kind" in self.changed and new.inject.kind != "none":
+            self._inject(new)
+        self.engine.set_speed(new.real_time_factor, new.catch_up)
+        if any(name.partition(".")[0] not in _OF_THE_NODE for name in self.changed):
+            parameters = simulations(new)
+            self.engine.change(lambda schedule: schedule.update(parameters))
+
+    def _inject(self, parameters: SimulatorParameters) -> None:
+        wanted = parameters.inject
+        of_triad = wanted.kind in ("bias_jump", "saturation", "stuck")
+        value = wanted.value if of_triad else wanted.value[0]
+        triad = wanted.triad if of_triad else ""
+        fault = Fault(wanted.kind, wanted.duration, value, triad)
+
+        def begin(schedule: Schedule) -> None:
+            for imu, t_ns in schedule.inject(fault, wanted.delay, wanted.imu).items():
+                stamp = Time(nanoseconds=t_ns).to_msg()
+                self._faults.publish(fault_message(f"{self.get_name()}: fault", fault, imu, stamp))
+
+        self.engine.change(begin)
+
+    def _on_pause(self, request: Any, response: Any) -> Any:
+        if self._fresh and not request.data:
+            # Nothing was published yet: time zero is now, not when the node was started.
+            self._fresh = False
+            self.engine.reset()
+        self.engine.pacer.pause(request.data)
+        response.success = True
+        response.message = "paused" if request.data else "running"
+        return response
+
+    def _on_reset(self, _: Any, response: Any) -> Any:
+        self.engine.reset()
+        response.success, response.message = True, "back at the first sample"
+        return response
+
+    def _on_step(self, _: Any, response: Any) -> Any:
+        if not self.engine.pacer.paused:
+            response.success, response.message = False, "not paused: call ~/pause with true first"
+            return response
+        self._fresh = False
+        count = self.parameters.step_samples
+        passed = self.engine.pacer.step(count, _STEP_TIMEOUT)
+        response.success = passed == count
+        response.message = f"{count} samples"
+        if passed < count:
+            response.message = f"{passed} of {count} samples in {_STEP_TIMEOUT:g} s"
+            if not self.engine.started:
+                response.message += ": still waiting to start"
+        return response
+
+    def _diagnose(self) -> None:
+        now = time.monotonic()
+        elapsed, self._reported = now - self._reported, now
+        pacer = self.engine.pacer
+        lateness_ns = pacer.take_lateness()
+        self._lateness.add(lateness_ns)
+        state = "paused" if pacer.paused else "running" if self.engine.started else "waiting"
+        late = {"caught up": pacer.caught_up, "skipped": pacer.skipped}
+        stamp = self.get_clock().now().to_msg()
+        self._diagnostics.publish(
+            self._report.message(stamp, elapsed, state, self._counters, lateness_ns, late)
+        )
+
+
+_OF_THE_NODE: Final = ("inject", "real_time_factor", "catch_up", "step_samples")
+
+
+def _is_wanted(topic: str, imu: str, publish: PublishParameters) -> bool:
+    """Tell whether a topic is published for an IMU (``BODY``: for the body of several)."""
+    if topic == topics.TRUTH:
+        return publish.ground_truth and imu in ("", BODY)
+    return (
+        imu != BODY
+        and {
+            topics.READINGS: True,
+            topics.IDEAL: publish.ground_truth_imu,
+            topics.GYROSCOPE_BIAS: publish.biases,
+            topics.ACCELEROMETER_BIAS: publish.biases,
+            topics.THERMOMETER: publish.temperature,
+        }[topic]
+    )
+
+
+def main() -> int:
+    """Run the node."""
+    return run.main("simulator", TEXT, SimulatorParameters, Simulator)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

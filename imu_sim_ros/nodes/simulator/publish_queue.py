@@ -1,0 +1,203 @@
+"""Everything that is published, merged in the order in which it is due."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import repeat
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros import timebase
+from imu_sim_ros.config.simulation import SimulationParameters
+from imu_sim_ros.config.simulator import BODY
+from imu_sim_ros.sensor.faults import Fault
+from imu_sim_ros.simulation import Simulation
+from imu_sim_ros.topics import Encode
+
+Times = NDArray[np.int64]
+
+Send = Callable[[Any], None]
+Group = tuple[int, Sequence[tuple[Send, Any]]]
+"""What is due at one time [ns]: functions and what they publish."""
+
+
+class Piece(NamedTuple):
+    """Messages of one topic."""
+
+    times: Times
+    """(m,) when each is due [ns], never decreasing."""
+    send: Send
+    payloads: Sequence[Any]
+
+
+class Stream(Protocol):
+    """What makes messages, piece by piece."""
+
+    def restart(self, t0_ns: int) -> None:
+        """Go back to the first message, with another time zero."""
+
+    def advance(self, end: float) -> Iterator[Piece]:
+        """Yield the messages that were not yielded yet, up to ``end`` seconds after zero."""
+
+
+class SimulationStream:
+    """The topics of one simulation."""
+
+    def __init__(
+        self, simulation: Simulation, outputs: Sequence[tuple[Encode, Send]], name: str = ""
+    ) -> None:
+        """Join a simulation with its topics.
+
+        :param name: of the IMU, where there are several.
+        """
+        self.simulation = simulation
+        self.name = name
+        self._outputs = outputs
+
+    def restart(self, t0_ns: int) -> None:
+        """Go back to the first sample: the same samples follow again."""
+        self.simulation.t0_ns = t0_ns
+        self.simulation.reset()
+
+    def advance(self, end: float) -> Iterator[Piece]:
+        """Yield the messages of the samples before ``end``."""
+        rate = self.simulation.parameters.rate
+        count = timebase.sample_count(end, rate) - self.simulation.position
+        if count <= 0:
+            return
+        block = self.simulation.next_block(count)
+        for encode, send in self._outputs:
+            messages = encode(block, self.simulation.parameters)
+            yield Piece(messages.due_t_ns, send, _split(messages.payloads))
+
+    def next_time_ns(self, delay: float = 0.0) -> int:
+        """Return the time of the first sample that is at least ``delay`` s after the next one."""
+        rate = self.simulation.parameters.rate
+        index = self.simulation.position + timebase.sample_count(delay, rate)
+        return int(timebase.sample_times_ns(index, 1, rate, self.simulation.t0_ns)[0])
+
+
+class TickStream:
+    """Messages at a rate of their own that depend on nothing but the time."""
+
+    def __init__(
+        self, rate: float, make: Callable[[Times, int], Sequence[Any]], send: Send
+    ) -> None:
+        """Set up the stream.
+
+        :param make: returns the messages at times (n,) [ns]; the second argument is time zero.
+        """
+        self._rate, self._make, self._send = rate, make, send
+        self._position = self._t0_ns = 0
+
+    def restart(self, t0_ns: int) -> None:
+        """Go back to the first message."""
+        self._position, self._t0_ns = 0, t0_ns
+
+    def advance(self, end: float) -> Iterator[Piece]:
+        """Yield the messages before ``end``."""
+        count = timebase.sample_count(end, self._rate) - self._position
+        if count <= 0:
+            return
+        times = timebase.sample_times_ns(self._position, count, self._rate, self._t0_ns)
+        self._position += count
+        yield Piece(times, self._send, self._make(times, self._t0_ns))
+
+
+class Schedule:
+    """All streams of a node."""
+
+    def __init__(self, streams: Sequence[Stream], duration: float) -> None:
+        """Join streams.
+
+        :param duration: length of the run [s]; ``math.inf``: no end.
+        """
+        self._streams = streams
+        self._duration = duration
+        self.restart(0)
+
+    @property
+    def simulations(self) -> list[SimulationStream]:
+        """The streams that are simulations."""
+        return [stream for stream in self._streams if isinstance(stream, SimulationStream)]
+
+    @property
+    def finished(self) -> bool:
+        """Whether every message was yielded."""
+        return self._end >= self._duration
+
+    def restart(self, t0_ns: int) -> None:
+        """Go back to time zero."""
+        self._t0_ns = t0_ns
+        self._end = 0.0
+        self._held: list[Piece] = []
+        for stream in self._streams:
+            stream.restart(t0_ns)
+
+    def update(self, parameters: Mapping[str, SimulationParameters]) -> None:
+        """Give new live parameters, by the IMU's name, to the simulations."""
+        for stream in self.simulations:
+            stream.simulation.update(parameters[stream.name])
+
+    def inject(self, fault: Fault, delay: float, imu: str = "") -> dict[str, int]:
+        """Let a fault begin; returns the time of the first sample it hits [ns] by IMU.
+
+        :param imu: the IMU's name; empty: all.
+        """
+        times: dict[str, int] = {}
+        for stream in self.simulations:
+            if imu in ("", stream.name) and stream.name != BODY:
+                times[stream.name] = stream.next_time_ns(delay)
+                stream.simulation.inject(fault, delay)
+        return times
+
+    def next_groups(self, length: float) -> list[Group]:
+        """Return what is due in the next ``length`` seconds, in order."""
+        self._end = min(self._end + length, self._duration)
+        pieces = self._held
+        for stream in self._streams:
+            pieces = [*pieces, *stream.advance(self._end)]
+        if self.finished:
+            self._held = []
+            return _merge(pieces)
+        # What is late by latency waits for the block in whose time it is due.
+        limit = self._t0_ns + timebase.to_nanoseconds(self._end)
+        cuts = [int(np.searchsorted(piece.times, limit)) for piece in pieces]
+        self._held = [
+            Piece(piece.times[cut:], piece.send, piece.payloads[cut:])
+            for piece, cut in zip(pieces, cuts, strict=True)
+            if cut < len(piece.times)
+        ]
+        return _merge(
+            [
+                Piece(piece.times[:cut], piece.send, piece.payloads[:cut])
+                for piece, cut in zip(pieces, cuts, strict=True)
+            ]
+        )
+
+
+def _split(rows: NDArray[np.uint8]) -> list[bytes]:
+    """Return the rows (n, size) as n byte strings."""
+    payloads: list[bytes] = rows.view(f"V{rows.shape[1]}")[:, 0].tolist()
+    return payloads
+
+
+def _merge(pieces: Sequence[Piece]) -> list[Group]:
+    """Return all messages by time; those of one time stand together, in the pieces' order."""
+    if not pieces:
+        return []
+    common = pieces[0].times
+    if all(np.array_equal(piece.times, common) for piece in pieces):
+        columns = [zip(repeat(piece.send), piece.payloads) for piece in pieces]
+        return list(zip(common.tolist(), zip(*columns, strict=True), strict=True))
+    times = np.concatenate([piece.times for piece in pieces])
+    order = np.argsort(times, kind="stable")
+    messages = [(piece.send, payload) for piece in pieces for payload in piece.payloads]
+    groups: list[tuple[int, list[tuple[Send, Any]]]] = []
+    last: int | None = None
+    for time_ns, k in zip(times[order].tolist(), order.tolist(), strict=True):
+        if time_ns != last:
+            groups.append((time_ns, []))
+            last = time_ns
+        groups[-1][1].append(messages[k])
+    return groups
