@@ -77,7 +77,7 @@ def published_topics() -> dict[str, set[str]]:
     readings = {
         f"{field}.{axis}" for field in ("angular_velocity", "linear_acceleration") for axis in "xyz"
     }
-    from imu_sim_ros.nodes.integrator.node import node as integrator
+    from imu_sim_ros.nodes.integrator import node as integrator
 
     return {
         f"/{integrator.IMU}": readings,
