@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Build description of imu_sim_ros; the version and the texts come from package.xml."""
 
 from pathlib import Path

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Simulation of inertial measurement units, and everything that is recovered from their readings.
 
 Conventions

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The errors that a user can cause; everything else is a bug and shows its traceback."""
 
 from collections.abc import Iterable

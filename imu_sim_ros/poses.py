@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Recorded poses as text: the forms of TUM (``t x y z qx qy qz qw``) and of EuRoC."""
 
 from collections.abc import Iterable, Iterator

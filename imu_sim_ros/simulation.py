@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Trajectory and sensor joined: blocks of samples, the one engine behind node and command.
 
 For one configuration and seed the samples are the same, bit for bit, in blocks of any size. While a

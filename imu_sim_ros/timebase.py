@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Sample times as int64 nanoseconds, each computed from its index and never by adding up."""
 
 from fractions import Fraction

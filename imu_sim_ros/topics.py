@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The topics of a simulation: a block of samples as the messages of each of them.
 
 One home for what the simulator node publishes and the command ``generate`` writes, so that both are

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """An IMU and its dead reckoning: `ros2 launch imu_sim_ros dead_reckoning.launch.py rviz:=true`.
 
 Takes the arguments of simulate.launch.py as well.

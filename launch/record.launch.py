@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Topics into a bag: `ros2 launch imu_sim_ros record.launch.py output:=flight duration:=20.0`."""
 
 from launch.actions import DeclareLaunchArgument, OpaqueFunction

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """An IMU on a moving body: `ros2 launch imu_sim_ros simulate.launch.py imu:=lecture`."""
 
 from launch.actions import DeclareLaunchArgument

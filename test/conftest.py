@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """How the tests are shared out where pytest-xdist runs them in two processes."""
 
 from pathlib import Path

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The rooms of the package and the arrows between them, read from the import statements."""
 
 import ast
@@ -110,3 +113,29 @@ def test_dependencies_of_package_xml_and_setup_py_are_the_same():
     required = {re.split(r"[<>=]", name)[0] for name in re.findall(r'"([^"]+)"', block)}
     assert required - {"setuptools"} == set(rosdep)
     assert {rosdep[name] for name in rosdep} <= keys
+
+
+HEADER = "# Copyright 2026 imu_sim_ros maintainers\n# SPDX-License-Identifier: Apache-2.0\n"
+OF_THE_BUILD = {"build", "install", "log"}
+
+
+def sources():
+    """Every file of code, whatever its room; the folders that a build makes are left out."""
+    for entry in sorted(ROOT.iterdir()):
+        if entry.is_dir() and not entry.name.startswith(".") and entry.name not in OF_THE_BUILD:
+            yield from sorted(entry.rglob("*.py"))
+        elif entry.suffix == ".py" or entry.name == "Makefile":
+            yield entry
+    yield ROOT / ".ci" / "run"
+
+
+@pytest.mark.parametrize("path", sources(), ids=lambda path: str(path.relative_to(ROOT)))
+def test_every_source_file_names_copyright_and_license_at_the_top(path):
+    text = path.read_text(encoding="utf-8")
+    if text.startswith("#!"):
+        text = text.partition("\n")[2]
+    assert text.startswith(HEADER), f"{path} must begin with\n{HEADER}"
+
+
+def test_the_header_names_the_license_of_the_package():
+    assert HEADER.rstrip().endswith(manifest().findtext("license"))

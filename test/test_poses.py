@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Pose files: the two forms, exact stamps, and every way in which a file can be wrong."""
 
 from pathlib import Path

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The engine as a whole: bit-identity, independence of the terms, live updates, ends, bad input."""
 
 import hashlib

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Sample times: exact, independent of the block, and without drift."""
 
 from fractions import Fraction

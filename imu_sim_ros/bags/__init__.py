@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Messages as bytes, bytes in files: encode, write, read, convert."""
 
 from pathlib import Path

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Writers of chunked containers: blocks of messages become chunks of records, built by NumPy."""
 
 from abc import abstractmethod

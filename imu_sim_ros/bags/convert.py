@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Bags and datasets into one another, block by block."""
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence

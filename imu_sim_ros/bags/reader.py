@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What all bag readers share: topics, blocks of messages, and their order in time."""
 
 import queue

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Bags of several files: splitting, and the folder of rosbag2 with its metadata."""
 
 import shutil

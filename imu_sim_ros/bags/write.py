@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Opening a bag for writing: one interface for every container."""
 
 from pathlib import Path

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What is checked of a record at rest before anything is computed from it.
 
 A :class:`Record` is fed with the messages as they come; it hands on gap-free pieces and keeps what

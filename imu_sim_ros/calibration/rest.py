@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Whether a record is at rest: slow motion is named, single disturbances are cut out."""
 
 from collections.abc import Iterator

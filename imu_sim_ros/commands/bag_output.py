@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What the commands that write bags and datasets share: their arguments, and stopping them."""
 
 import argparse

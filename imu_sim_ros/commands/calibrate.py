@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``calibrate``: deterministic errors of an IMU from six-position, rate-table or temperature runs.
 
 Writes a parameter file for the simulator, a correction for the integrator, and a picture.

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``convert_bag``: a bag or dataset into another form; interrupted bags into whole ones."""
 
 import argparse

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``make demo``: the three nodes as processes of their own, then what became of their messages.
 
 The simulator flies a trajectory, the integrator dead-reckons its readings, the recorder writes all

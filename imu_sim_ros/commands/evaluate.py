@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``evaluate``: an estimated trajectory against the truth: ATE, RPE, drift, attitude, NEES."""
 
 import argparse

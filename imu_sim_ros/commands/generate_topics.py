@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Where ``generate`` writes the topics of a simulation: a bag, or the columns of a dataset."""
 
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The parameter reference as Markdown, from the one description of every parameter.
 
 ``python -m imu_sim_ros.commands.parameter_reference > docs/parameters.md``

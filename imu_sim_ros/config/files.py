@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Parameter files: finding, reading and layering them.
 
 The format is that of ROS 2: node names (or the wildcards ``/**`` and ``/*``) above

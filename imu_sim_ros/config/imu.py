@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Parameters of the IMU: the triads' errors, mounting and timing.
 
 The order in which the errors act is in :mod:`imu_sim_ros.sensor`.

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """How a parameter is described once and read from anywhere.
 
 A section is a frozen dataclass whose fields are made by the functions below; each field carries its

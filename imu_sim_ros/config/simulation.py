@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Parameters of a simulation: what the simulator node and the command generate have in common."""
 
 import math

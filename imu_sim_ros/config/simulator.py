@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Parameters of the simulator node: those of a simulation, and how it is played."""
 
 import dataclasses

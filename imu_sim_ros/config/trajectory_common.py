@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Parameters that trajectories share, and the pieces that several of them are made of."""
 
 from collections.abc import Iterator

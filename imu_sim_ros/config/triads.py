@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Parameters of the errors of gyroscope and accelerometer: each off at zero, each per axis.
 
 Names and units of the noise are kalibr's. ``live`` marks what may change between two blocks without

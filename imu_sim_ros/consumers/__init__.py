@@ -1,1 +1,4 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The files each consumer wants beside a bag; one file per stack."""

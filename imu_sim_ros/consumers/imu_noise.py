@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The noise of an IMU in the files and conventions of the programs that take its data.
 
 Continuous-time densities (kalibr, OpenVINS, ORB_SLAM3) and per-sample values (VINS, imu_utils) are

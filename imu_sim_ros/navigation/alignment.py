@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The transformation that lays an estimated trajectory onto the truth.
 
 S. Umeyama, "Least-squares estimation of transformation parameters between two point patterns",

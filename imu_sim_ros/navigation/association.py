@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Truth and estimate at the same times: by stamp, with interpolation."""
 
 import numpy as np

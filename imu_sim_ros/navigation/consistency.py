@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Do the errors have the size that their covariance says?
 
 Bar-Shalom, Li and Kirubarajan, "Estimation with applications to tracking and navigation", 2001,

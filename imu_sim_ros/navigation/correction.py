@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Removal of the known, deterministic errors from readings.
 
 The sensor reads ``omega_m = S_g omega + G f + b_g`` and ``f_m = S_a f + b_a`` (lecture eq. 7 and

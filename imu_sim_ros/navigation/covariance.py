@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The covariance of a dead-reckoned state, propagated from the noise of the IMU.
 
 The error state has 15 numbers, each the truth less the estimate, in this order: attitude (3, a

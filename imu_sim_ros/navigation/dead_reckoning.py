@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Dead reckoning of whole records: readings in, positions, velocities and attitudes out.
 
 Between two readings the attitude turns by an increment that depends on the readings alone, so the

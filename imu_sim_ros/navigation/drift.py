@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What dead reckoning has drifted from the truth at the end, and on the way."""
 
 from typing import NamedTuple

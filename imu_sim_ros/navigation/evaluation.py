@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """How far an estimated trajectory is from the truth.
 
 Zhang and Scaramuzza, "A tutorial on quantitative trajectory evaluation for visual(-inertial)

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What moves the body during one interval, seen from its attitude at the interval's start.
 
 An increment depends on the readings alone, not on the state, which is what makes whole records

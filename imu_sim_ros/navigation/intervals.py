@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A record of readings, cut at given times into the intervals that are preintegrated."""
 
 from typing import NamedTuple

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Roll, pitch and the gyroscope's bias from readings at rest."""
 
 from collections.abc import Sequence

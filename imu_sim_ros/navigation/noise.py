@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The random errors of an IMU, as a covariance takes them."""
 
 from typing import NamedTuple, Protocol

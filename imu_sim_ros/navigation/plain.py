@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Rotations of one vector and increments of one interval in plain floats, for the stepper.
 
 A step of a node handles a dozen numbers; NumPy's cost per call would be ten times that of the

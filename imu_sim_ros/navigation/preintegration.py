@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Preintegration: what the readings between two times say, whatever the state at the first one.
 
 With the body's frame at the first time i as reference and the biases taken off the readings,

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The residuals of visual-inertial estimation, with their analytic Jacobians, in batches.
 
 Qin, Li and Shen, "VINS-Mono", T-RO 2018, eq. 24 and 25; the derivatives here are exact for these

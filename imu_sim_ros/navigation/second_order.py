@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What a tilt that is no longer small adds to the errors of velocity and position.
 
 To first order a tilt theta turns the specific force a by ``theta x a``, across it; along it nothing

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Dead reckoning one reading at a time, for a node: plain floats, no array per step.
 
 The steps and attitude updates are those of :mod:`imu_sim_ros.navigation.dead_reckoning`, where the

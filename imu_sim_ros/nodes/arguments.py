@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The command line of a node: what ROS takes, checked and put into the form that it can take.
 
 rcl ends a process on a list such as ``[1.0, 0, 0]``, and says so in three lines. The files and

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The numbers in the CDR bytes of Imu and Odometry messages, without making message objects.
 
 Deserialising an Imu takes 15 us, unpacking its nine numbers at known places one. The places depend

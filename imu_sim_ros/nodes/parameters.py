@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The bridge between a section of parameters and the parameters of a ROS node."""
 
 from collections.abc import Callable, Iterable, Mapping

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Publishers whose quality of service can be overridden by parameters."""
 
 from collections.abc import Callable

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Subscriptions that one thread empties at its own pace, as bytes.
 
 An executor wakes up for every message and builds a new wait set each time, some 70 us of Python; a

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Pictures of the calibrations: what is left of the readings, and curves against temperature."""
 
 from pathlib import Path

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Pictures of trajectories, their errors, and what evaluation says of them."""
 
 from collections.abc import Mapping, Sequence

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The common look of all pictures: colours, figures without a display, saving."""
 
 from pathlib import Path

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Unit quaternions and SO(3): ``arrays`` with time first, ``components`` with components first."""
 
 from imu_sim_ros.rotation.arrays import (

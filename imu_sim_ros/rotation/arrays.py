@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Unit quaternions and SO(3), vectorised over leading axes.
 
 Quaternions are Hamilton, ``(w, x, y, z)`` on the last axis; ``q_wb`` maps body to world. Equation

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Vectors with the components first, (3, n): every operand of the arithmetic is then contiguous.
 
 Only additions and multiplications element by element, so that a sample has the same value, bit for

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What an IMU on a moving body reads: the ideal reading, then its errors in one fixed order.
 
 For each triad, x its ideal input and f the ideal specific force::

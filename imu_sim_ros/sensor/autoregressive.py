@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """First-order Gauss-Markov processes, exactly discretised, in chunks of a fixed size.
 
 The recurrence ``x_k = phi x_(k-1) + sqrt(1 - phi^2) w_k`` with ``phi = exp(-dt / tau)`` has unit

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A block of samples: what the IMU says, and the truth beside it."""
 
 from typing import NamedTuple

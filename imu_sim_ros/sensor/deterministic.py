@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Deterministic errors of one triad: response to the input, constant and turn-on terms."""
 
 import numpy as np

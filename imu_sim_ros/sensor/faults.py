@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Faults that are injected while a simulation runs, each for a given time.
 
 ===========  =======================================================================  ============

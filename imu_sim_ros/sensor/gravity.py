@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The Earth: normal gravity of WGS84 and the Earth's rotation.
 
 Numbers and formulae: NIMA TR8350.2, "Department of Defense World Geodetic System 1984", third

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The ideal reading: specific force and angular rate of a perfect IMU."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """An IMU on a moving body: both triads, the temperature and the clock."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The random errors of one triad, each with its own streams and state.
 
 A term takes its strength from the parameters by ``configure`` at any time and goes on from where it

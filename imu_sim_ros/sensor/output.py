@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The end of a triad's chain: low-pass, saturation, quantisation."""
 
 from dataclasses import dataclass

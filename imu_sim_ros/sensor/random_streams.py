@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Random streams: one for each source and axis, derived from the seed and the source's name.
 
 Because a stream depends on nothing but the seed and its own name, switching one source on or off

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Errors in time: the sensor's clock, the transport of the messages, losses and duplicates."""
 
 from typing import Final

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The error chain of one triad, from the ideal reading to the digital output."""
 
 from typing import NamedTuple

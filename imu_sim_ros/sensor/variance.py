@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Per-sample variances, for the covariance fields of the messages.
 
 They are the variances of what differs at random from sample to sample: white noise, as much of it

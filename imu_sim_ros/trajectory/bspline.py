@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Uniform B-splines of degree 5 (C4): a position, and a rotation as a cumulative spline on SO(3).
 
 Lovegrove, Patron-Perez, Sibley, "Spline Fusion", BMVC 2013 (the cumulative form); Sommer et al.,

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Calibration runs: a body that rests, turns over and spins in place, one axis at a time."""
 
 from collections.abc import Sequence

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Attitude, body rates and body accelerations from Euler angles and their time derivatives."""
 
 import numpy as np

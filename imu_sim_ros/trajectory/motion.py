@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Where a body is at given times: the one thing that every trajectory answers."""
 
 from typing import NamedTuple, Protocol

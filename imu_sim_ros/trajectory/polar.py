@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A motion along a radius that turns: the lecture's ball on a turning disc, in the disc's axes."""
 
 import math

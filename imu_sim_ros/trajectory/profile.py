@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Quantities whose rate goes smoothly from one constant value to the next."""
 
 from collections.abc import Sequence

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A recorded motion: poses followed by a B-spline, and how well it follows them."""
 
 from typing import Final, NamedTuple

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """One motion at another pace: repeated, scaled in time, with rest before and after."""
 
 import math

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Functions of time made of polynomials and sinusoids, with their exact derivatives."""
 
 from collections.abc import Sequence

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Least-squares control points of a pose spline near recorded poses.
 
 Minimised is ``sum |p_i - s(t_i)|^2 + lambda sum |third difference of the control points|^2``, a

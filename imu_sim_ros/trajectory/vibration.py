@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Vibration of the body on top of its motion: sinusoids and band-limited noise."""
 
 from typing import Final

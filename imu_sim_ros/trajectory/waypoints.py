@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A smooth way through given places: a C4 spline of degree 5, at rest at both ends."""
 
 from typing import Any, Final

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Makes the golden files in test/data/bags: run once, kept as they are; see the README there."""
 
 import sys

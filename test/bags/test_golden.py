@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Files of an earlier version are read as before, and written as before."""
 
 import importlib.util

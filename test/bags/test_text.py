@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """EuRoC folders, CSV and TUM, written and read; by evo as well."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Allan analysis: coverage and bias over many runs, barely visible walks, speed and memory.
 
 ``python test/bench/bench_allan.py [--runs 100] [--only coverage|walks|lecture|speed]``

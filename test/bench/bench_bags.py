@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Bags: generate into every form, beside rosbags' own loop and the raw speed of the disk; reading.
 
 MESSAGES sets the number of messages of the main rows (default 2,880,000: 4 h at 200 Hz); LONG=1

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Deterministic calibrations over many seeds: errors in standard errors, and the drift they save.
 
 ``python test/bench/bench_calibration.py [--runs 10]``

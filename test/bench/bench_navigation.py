@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Dead reckoning and preintegration: throughput, orders of convergence, consistency."""
 
 import statistics

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Recording and integrating live: losses and CPU at 2 x 1 kHz and 2 x 2 kHz.
 
 The simulator publishes Imu and Odometry, reliable, and starts when its subscriber is there, so that

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Ten minutes at 1 kHz while subscribers come and go: memory, and stamps against the steady clock.
 
 ``--duration`` is the time of the run. The memory is that of the simulator's process; what it grows

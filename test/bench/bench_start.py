@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Time from the start of a process to the first message: the simulator's, and a plain node's.
 
 Each of ``--starts`` times one process is started while the other one runs, at another moment of the

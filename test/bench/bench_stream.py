@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """How fast samples are made, by what is switched on; and how much memory a long run takes."""
 
 import resource

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Run every benchmark of this folder, one after another, each in a process of its own.
 
 make bench                                    all of them

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Records at rest with known noise, in blocks as a bag reader gives them."""
 
 from collections.abc import Iterator

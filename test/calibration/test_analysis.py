@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """From messages to noise parameters: the checks, what each says, and what is left of the data."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Allan deviation against allantools, the published NBS14 values, and itself in pieces."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Noise terms from spectra of known parameters: values, intervals, bounds, selection."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The cosine spectrum and the terms' expectations, against exact covariances."""
 
 from itertools import pairwise

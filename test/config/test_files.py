@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Parameter files: ROS 2's form, kalibr's form, layering, and everything that can be wrong."""
 
 import pytest

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The one description of a parameter: parsing, ranges, nesting, and all problems at once."""
 
 from dataclasses import dataclass

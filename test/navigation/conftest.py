@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Exact motions with the readings of a perfect IMU, made from closed forms."""
 
 from collections.abc import Callable

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Errors of many seeded runs of the simulator against the covariance that is predicted for them.
 
 The simulator's noise, dead reckoning or preintegration, and the propagated covariance are three

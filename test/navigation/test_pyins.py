@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """An independent strapdown as oracle: pyins integrates on the ellipsoid of the Earth, which turns.
 
 Both get the same readings, those of a body at rest on the turning Earth that is then moved. Over

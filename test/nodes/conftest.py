@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The simulator as a real process, and a listener to it, on a ROS domain of their own."""
 
 import os

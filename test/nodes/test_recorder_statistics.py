@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What the stamps of a topic tell: known losses must be found, and nothing else."""
 
 import numpy as np

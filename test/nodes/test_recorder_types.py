@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Definitions of message types as installed, and of types that only their package knows."""
 
 import numpy as np

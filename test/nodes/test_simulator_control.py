@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The simulator while it runs: services, parameters, faults, stalls, signals."""
 
 import signal

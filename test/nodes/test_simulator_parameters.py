@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What the simulator refuses: one clear line for each problem, status 2, no traceback."""
 
 from pathlib import Path

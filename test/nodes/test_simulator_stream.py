@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What a separate subscriber receives is, sample for sample, what stream.py gives."""
 
 from typing import Any

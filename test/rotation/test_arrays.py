@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Rotations against SciPy, an implementation that is not ours, and against their definitions."""
 
 import numpy as np

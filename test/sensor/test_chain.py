@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The deterministic terms, temperature, digital output and covariance against closed forms."""
 
 import math

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Injected faults one by one: when they begin and end, what they change, what is refused."""
 
 import math

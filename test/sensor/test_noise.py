@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Statistics of every random process against theory, at several rates.
 
 Thresholds are five standard deviations of the estimate unless said otherwise (one false alarm in

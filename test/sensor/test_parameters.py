@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What the parameters of a sensor refuse, all together, and what they warn of."""
 
 import math

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Every preset loads and runs, and each of its numbers is computed from a source in its comment."""
 
 import math

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What every trajectory of config/trajectories, and every wrapper around one, must keep."""
 
 import subprocess

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A trajectory of another package, found through its entry point: the example of the README."""
 
 import math

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Recorded poses: real files, gaps, signs, repeats, and how the fit is reported."""
 
 from pathlib import Path

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Calibration runs: what is up, what turns, and how long."""
 
 import numpy as np

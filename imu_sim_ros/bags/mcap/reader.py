@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """MCAP files as blocks of messages; damaged and unfinished ones as far as they go."""
 
 import struct

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """MCAP files: chunks of records built by NumPy, everything else by the mcap library.
 
 The format is that of https://mcap.dev/spec, with the profile ``ros2`` of rosbag2's storage plugin.

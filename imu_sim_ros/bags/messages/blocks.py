@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Blocks of encoded messages, and the topics that they belong to."""
 
 from dataclasses import dataclass

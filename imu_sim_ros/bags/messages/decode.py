@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Blocks of messages as arrays: constant sizes all at once, varying ones in groups."""
 
 from collections.abc import Sequence

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 # ruff: noqa: E501 - the lines of the definitions are as long as their authors made them
 """The text of the ROS 1 message definitions that this package writes.
 

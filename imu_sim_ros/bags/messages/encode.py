@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Blocks of samples as the bytes of ROS messages, built by NumPy in one go.
 
 Every encoder turns arrays of n samples into an array (n, size) of uint8; a row is one message as

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Where each field of a message lies in its bytes, as a NumPy structured type.
 
 A message whose texts (the frame names) have known lengths has a constant size. A block of such

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Message definitions: the text and the digest that a bag carries for each of its topics."""
 
 from collections.abc import Iterable

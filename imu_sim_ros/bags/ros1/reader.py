@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """ROS 1 bags (format 2.0) as blocks of messages; unindexed and torn ones as far as they go."""
 
 import struct

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The metadata.yaml of a rosbag2 folder, version 9, as ROS 2 Jazzy writes and reads it."""
 
 from collections.abc import Sequence

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """SQLite files of rosbag2, schema version 4 (that of ROS 2 Jazzy)."""
 
 import os

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Numbers as decimal text, whole tables at a time.
 
 Python needs 0.5 us and more for each float. Here 17 significant digits, which tell every float64

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """IMU readings and states of text: EuRoC folders, and CSV in the forms of EuRoC and kalibr."""
 
 from collections.abc import Iterator

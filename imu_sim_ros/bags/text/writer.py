@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Datasets as text: EuRoC/ASL folders, CSV in kalibr's form, TUM trajectories.
 
 Times are exact nanoseconds; numbers have as many digits as a float64 needs.

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Six-position calibration of an accelerometer (lecture eq. 6 and 7)."""
 
 from typing import Final, NamedTuple

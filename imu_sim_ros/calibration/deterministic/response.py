@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Least squares of what a triad makes of its known input: scale, misalignment, bias, temperature.
 
 One axis reads ``y = (1 + s(T)) (S x + G f) + b(T)`` with polynomials s, without constant, and b of

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Stretches of a record in which an IMU rests or turns at a constant rate."""
 
 from itertools import pairwise

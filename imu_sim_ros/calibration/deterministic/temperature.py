@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Bias and scale against temperature, from soak or ramp runs."""
 
 from typing import Final, NamedTuple

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Calibration of a gyroscope on a rate table (lecture eq. 7 with known rates)."""
 
 from typing import Final, NamedTuple

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Allan analysis of an IMU at rest: from messages to noise parameters."""
 
 from collections.abc import Callable, Iterable

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Which part of a spectrum the model may be held against."""
 
 from typing import Final, NamedTuple

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Overlapping Allan deviation of records of any length, in bounded memory."""
 
 from collections.abc import Iterable

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Which terms a record shows, how large they are, and how sure that is.
 
 White noise and a random walk are the model that estimators use (kalibr, VINS), so they are the

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """White noise with a first-order Gauss-Markov process, for those who ask for that model."""
 
 from collections.abc import Callable

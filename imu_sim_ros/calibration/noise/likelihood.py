@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Maximum likelihood of variance components on a spectrum, with profile-likelihood intervals.
 
 The rows of a :class:`~imu_sim_ros.calibration.noise.spectrum.Spectrum` are independent means of

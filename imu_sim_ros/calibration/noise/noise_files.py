@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Files that other programs read: CSV, kalibr, imu_utils, and the simulator's own parameters."""
 
 from pathlib import Path

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The spectrum of a record, made so that white noise and a random walk are exactly separable.
 
 The cosine transform (DCT-II, orthonormal) of a record diagonalises the covariance of white noise

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The terms of an inertial sensor's random error: spectrum, Allan deviation, name and unit.
 
 The classical five are those of IEEE Std 952-1997, Annex C; spectra are two-sided densities. What is

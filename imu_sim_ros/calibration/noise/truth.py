@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Comparison of what was recovered with what was put in."""
 
 from typing import NamedTuple

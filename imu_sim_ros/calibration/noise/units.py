@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Names, symbols and units of the noise parameters, in SI and as data sheets print them."""
 
 from typing import Final, NamedTuple

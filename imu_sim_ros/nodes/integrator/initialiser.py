@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Where integration starts: at given values, at the truth, or levelled at rest.
 
 Each start is given readings and truths as they arrive, keeps what it may still need, and returns a

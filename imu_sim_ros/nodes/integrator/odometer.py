@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Readings in, rows of odometry out: the integrator without its topics."""
 
 from collections.abc import Callable, Iterator

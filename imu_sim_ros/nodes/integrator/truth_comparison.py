@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The error of dead-reckoned states against true ones, matched by their stamps."""
 
 import math

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A bag that is written while messages arrive: in its own thread, safe against sudden ends."""
 
 import queue

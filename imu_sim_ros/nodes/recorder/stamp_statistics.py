@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What the stamps of a topic tell about losses, kept in constant memory while messages arrive."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The two threads of the simulator: one computes blocks ahead, one publishes them on time."""
 
 import queue

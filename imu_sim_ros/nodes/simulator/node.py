@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``simulator``: an IMU on a moving body, live.
 
 Samples come from :mod:`imu_sim_ros.simulation`, are turned into the bytes of messages block by

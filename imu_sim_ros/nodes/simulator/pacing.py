@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """When a sample is due: simulated time against the steady clock, on absolute deadlines."""
 
 import enum

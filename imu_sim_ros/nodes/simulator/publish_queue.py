@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Everything that is published, merged in the order in which it is due."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence

@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The body's pose as a transform, where tf2_ros is installed."""
 
 from typing import Any

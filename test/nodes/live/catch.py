@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A listener for tests: prints what arrives on topics as JSON lines; or calls a Trigger service."""
 
 import json

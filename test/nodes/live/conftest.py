@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Real processes for the tests of integrator and recorder, on a ROS domain of their own."""
 
 import json

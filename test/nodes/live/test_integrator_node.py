@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The integrator as a real process: what it publishes is the dead reckoning of what it read."""
 
 import json

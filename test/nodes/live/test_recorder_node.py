@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The recorder as a real process: what is published is in the bag, whatever ends it."""
 
 import os
