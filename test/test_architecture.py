@@ -20,6 +20,7 @@ ROOMS = {
     "sensor": LEAVES | {"trajectory"},
     "simulation": LEAVES | {"trajectory", "sensor"},
     "topics": LEAVES | {"trajectory", "sensor", "bags"},
+    "datasets": LEAVES | {"trajectory", "sensor", "bags", "topics"},
     "navigation": LEAVES,
     "calibration": LEAVES,
     "bags": LEAVES,

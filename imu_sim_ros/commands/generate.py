@@ -18,15 +18,15 @@ from imu_sim_ros.bags.reader import ahead
 from imu_sim_ros.bags.text import writer as text_writer
 from imu_sim_ros.bags.write import open_writer
 from imu_sim_ros.commands import bag_output, common
-from imu_sim_ros.commands.generate_topics import (
+from imu_sim_ros.config import files
+from imu_sim_ros.config.simulation import SimulationParameters, load_simulation
+from imu_sim_ros.consumers import imu_noise as consumers
+from imu_sim_ros.datasets import (
     BagTarget,
     DatasetTarget,
     chosen_topics,
     resolved,
 )
-from imu_sim_ros.config import files
-from imu_sim_ros.config.simulation import SimulationParameters, load_simulation
-from imu_sim_ros.consumers import imu_noise as consumers
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.simulation import Simulation
 from imu_sim_ros.topics import READINGS, TRUTH, TYPES

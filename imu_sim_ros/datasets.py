@@ -1,7 +1,10 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where ``generate`` writes the topics of a simulation: a bag, or the columns of a dataset."""
+"""Where the topics of a simulation are written: a bag, or the columns of a dataset.
+
+One home for ``generate``, the public interface and campaigns.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
