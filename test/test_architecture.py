@@ -37,6 +37,8 @@ ONLY_IN = {
     "mcap": {"bags"},
     "matplotlib": {"plots"},
 }
+LONGEST_FILE = 400
+LONGEST_FUNCTION = 50
 # Reading a file of poses must not cost what only some commands need.
 HEAVY = {"scipy", "matplotlib", "rosbags", "mcap", "rich", "yaml"}
 
@@ -140,3 +142,15 @@ def test_every_source_file_names_copyright_and_license_at_the_top(path):
 
 def test_the_header_names_the_license_of_the_package():
     assert HEADER.rstrip().endswith(manifest().findtext("license"))
+
+
+@pytest.mark.parametrize("room", ["bags", "consumers", "trajectory"])
+def test_functions_and_files_are_short(room):
+    """What cannot be seen at once is not understood at once."""
+    for path in sorted((PACKAGE / room).rglob("*.py")):
+        text = path.read_text(encoding="utf-8")
+        assert text.count("\n") <= LONGEST_FILE, path
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                length = (node.end_lineno or 0) - node.lineno + 1
+                assert length <= LONGEST_FUNCTION, f"{path}: {node.name}"

@@ -61,9 +61,9 @@ class Imu:
         motion = trajectory.sample(t)
         ideal_gyro, ideal_accel = self._ideal_readings(first, t, motion, trajectory)
         temperature = self._temperature.at(t)
-        warmth = temperature - self._reference_temperature
+        temperature_offset = temperature - self._reference_temperature
         gyro, accel = (
-            triad.read(first, ideal, ideal_accel, warmth, self._faults)
+            triad.read(first, ideal, ideal_accel, temperature_offset, self._faults)
             for triad, ideal in zip(self._triads, (ideal_gyro, ideal_accel), strict=True)
         )
         return ImuBlock(

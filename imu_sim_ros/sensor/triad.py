@@ -64,22 +64,27 @@ class Triad:
         self._digitiser.configure(imu)
 
     def read(
-        self, first: int, ideal: Array, force: Array, warmth: Array, faults: FaultSchedule
+        self,
+        first: int,
+        ideal: Array,
+        force: Array,
+        temperature_offset: Array,
+        faults: FaultSchedule,
     ) -> Reading:
         """Return the next n samples.
 
         :param first: index of the first of them.
         :param ideal: (3, n) ideal reading of this triad.
         :param force: (3, n) ideal specific force [m/s^2].
-        :param warmth: (n,) temperature above the reference [K].
+        :param temperature_offset: (n,) temperature above the reference [K].
         """
         reading = self._response.apply(ideal, force)
-        scale = self._scale(warmth)
+        scale = self._scale(temperature_offset)
         if scale is None:
             scale = np.broadcast_to(1.0, reading.shape)
         else:
             reading *= scale
-        bias = self._bias(first, warmth, faults)
+        bias = self._bias(first, temperature_offset, faults)
         reading += bias
         self._white.add_to(reading)
         self._low_pass.apply(reading)
@@ -90,22 +95,24 @@ class Triad:
             self._last = reading[:, -1].copy()
         return Reading(reading, bias, scale)
 
-    def _scale(self, warmth: Array) -> Array | None:
+    def _scale(self, temperature_offset: Array) -> Array | None:
         """Return the scale by temperature and turn-on (3, n); None where it is 1."""
-        thermal = polynomial(getattr(self._imu, f"{self._triad}_temperature_scale"), warmth)
+        thermal = polynomial(
+            getattr(self._imu, f"{self._triad}_temperature_scale"), temperature_offset
+        )
         if thermal is None and not self._turn_on.scale.any():
             return None
         drawn = (1.0 + self._turn_on.scale)[:, None]
         if thermal is None:
-            return np.broadcast_to(drawn, (3, len(warmth)))
+            return np.broadcast_to(drawn, (3, len(temperature_offset)))
         thermal += drawn
         return thermal
 
-    def _bias(self, first: int, warmth: Array, faults: FaultSchedule) -> Array:
+    def _bias(self, first: int, temperature_offset: Array, faults: FaultSchedule) -> Array:
         """Return the sum of all biases (3, n)."""
-        bias = polynomial(getattr(self._imu, f"{self._triad}_temperature_bias"), warmth)
+        bias = polynomial(getattr(self._imu, f"{self._triad}_temperature_bias"), temperature_offset)
         if bias is None:
-            bias = np.zeros((3, len(warmth)))
+            bias = np.zeros((3, len(temperature_offset)))
         if self._turn_on.bias.any():
             bias += self._turn_on.bias[:, None]
         for term in self._bias_terms:

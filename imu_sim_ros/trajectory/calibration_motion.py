@@ -33,7 +33,7 @@ class Turn(NamedTuple):
     """(3,) unit vector in the body."""
 
 
-class Schedule:
+class CalibrationMotion:
     """A body in one place that turns about one body axis after the other."""
 
     def __init__(self, first_q_wb: Array, turns: Sequence[Turn]) -> None:
@@ -67,7 +67,7 @@ class Schedule:
         )
 
 
-def six_position(parameters: SixPositionParameters) -> Schedule:
+def six_position(parameters: SixPositionParameters) -> CalibrationMotion:
     """Return the run: in each position rest to settle and to measure, then the next one.
 
     The positions are z up, z down, x up, x down, y up, y down; at the end the body is back in the
@@ -78,10 +78,10 @@ def six_position(parameters: SixPositionParameters) -> Schedule:
     for k, q in enumerate(positions):
         turns += _rest(parameters.settle + parameters.dwell)
         turns += _turn_over(q, positions[(k + 1) % len(positions)], parameters.transition)
-    return Schedule(positions[0], turns)
+    return CalibrationMotion(positions[0], turns)
 
 
-def turntable(parameters: TurntableParameters) -> Schedule:
+def turntable(parameters: TurntableParameters) -> CalibrationMotion:
     """Return the run: each axis up, at rest, then at each rate in both directions.
 
     Between two rates the table stops and settles; at the end the body is back where it started.
@@ -97,7 +97,7 @@ def turntable(parameters: TurntableParameters) -> Schedule:
             turns += _spin(np.array(axis), -rate, parameters)
         # Both directions for the same time: the body is back in its position.
         turns += _turn_over(q, positions[(k + 1) % len(positions)], parameters.transition)
-    return Schedule(positions[0], turns)
+    return CalibrationMotion(positions[0], turns)
 
 
 def upright(axis: Vector) -> Array:

@@ -18,7 +18,7 @@ _MEETING: Final = 1e-6
 _HALF_TURN: Final = 0.34375  # integral of 1 - 2 smooth_step over [0, 1/2]
 
 
-class Clock(Protocol):
+class TimeMap(Protocol):
     """Time within a motion as a function of the time outside."""
 
     @property
@@ -30,20 +30,20 @@ class Clock(Protocol):
 
 
 class Retimed:
-    """A motion whose time runs by another clock u(t), with the chain rule's derivatives."""
+    """A motion whose time is mapped by u(t), with the chain rule's derivatives."""
 
-    def __init__(self, inner: Trajectory, clock: Clock) -> None:
+    def __init__(self, inner: Trajectory, time_map: TimeMap) -> None:
         self.inner = inner
-        self._clock = clock
+        self._time_map = time_map
 
     @property
     def duration(self) -> float:
         """Length [s]."""
-        return self._clock.duration
+        return self._time_map.duration
 
     def sample(self, t: Array) -> Motion:
         """Return the motion at times t (n,) [s]."""
-        u, rate, acceleration = (np.asarray(x)[..., None] for x in self._clock.sample(t))
+        u, rate, acceleration = (np.asarray(x)[..., None] for x in self._time_map.sample(t))
         p, v, a, q_wb, omega, alpha = self.inner.sample(u[:, 0])
         square = rate * rate
         return Motion(
@@ -69,7 +69,7 @@ class Cut:
 
 
 class Loop:
-    """The clock of a motion that starts anew when it has ended."""
+    """The time map of a motion that starts again when it has ended."""
 
     def __init__(self, length: float, passes: float) -> None:
         """Take the length of one pass [s] and the number of passes, perhaps infinite."""
@@ -84,7 +84,7 @@ class Loop:
 
 
 class ThereAndBack:
-    """The clock of a motion that runs to its end, turns smoothly and runs back.
+    """The time map of a motion that runs to its end, turns smoothly and runs back.
 
     Time within the motion slows down, stands still at the very end and runs backwards, over the
     given time; so any motion can be repeated without a jump.
@@ -176,7 +176,7 @@ def _check_closed(inner: Trajectory, repeat: int) -> None:
 
 
 def _rests(length: float, parameters: TrajectoryParameters) -> RateProfile:
-    """Return the clock of a motion of the given length between two rests."""
+    """Return the time map of a motion of the given length between two rests."""
     before, after = parameters.rest_before, parameters.rest_after
     ramp, scale = parameters.rest_transition, parameters.time_scale
     if math.isinf(length) and after > 0.0:

@@ -1,0 +1,136 @@
+"""Where integration starts: at given values, at the truth, or levelled at rest.
+
+One home for the integrator node and the command dead_reckon: both start from the same readings with
+the same state, correction and covariance.
+"""
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from imu_sim_ros import rotation
+from imu_sim_ros.config.integrator import IntegratorParameters
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.navigation.correction import Correction, correction_of
+from imu_sim_ros.navigation.covariance import initial_covariance
+from imu_sim_ros.navigation.levelling import level
+from imu_sim_ros.navigation.state import NavigationState
+
+Array = NDArray[np.float64]
+Times = NDArray[np.int64]
+
+
+class Initial(NamedTuple):
+    """What integration starts with."""
+
+    state: NavigationState
+    correction: Correction
+    covariance: Array
+    """(15, 15) of the state's error, see :mod:`imu_sim_ros.navigation.covariance`."""
+
+
+def from_parameters(parameters: IntegratorParameters) -> Initial:
+    """Return the start at ``initial_position``, ``initial_velocity`` and ``initial_orientation``."""
+    state = NavigationState(
+        np.array(parameters.initial_position),
+        np.array(parameters.initial_velocity),
+        rotation.from_euler(parameters.initial_orientation),
+    )
+    return from_state(parameters, state)
+
+
+def from_state(parameters: IntegratorParameters, state: NavigationState) -> Initial:
+    """Return the start at a known state, such as the truth's; the sensor's biases are not known."""
+    covariance = initial_covariance(
+        gyroscope_bias=parameters.imu.gyroscope_turn_on_bias_sigma,
+        accelerometer_bias=parameters.imu.accelerometer_turn_on_bias_sigma,
+    )
+    return Initial(state, correction_of(parameters), covariance)
+
+
+def is_gap(parameters: IntegratorParameters, before_ns: int, t_ns: int) -> bool:
+    """Tell whether rest begins again with a reading, seen from the one before."""
+    return not 0 < t_ns - before_ns < parameters.max_gap * 1e9
+
+
+def is_long_enough(parameters: IntegratorParameters, first_ns: int, t_ns: int) -> bool:
+    """Tell whether the readings from one time to another are the rest that ``level`` averages."""
+    return t_ns - first_ns >= round(parameters.level_time * 1e9)
+
+
+def rest_rows(parameters: IntegratorParameters, t_ns: Times) -> slice:
+    """Return which of a record's readings ``level`` averages: the first ``level_time`` without gap.
+
+    The last of them is the reading that integration starts at.
+
+    :param t_ns: (n,) stamps.
+    :raises InputError: where no stretch is long enough.
+    """
+    step = np.diff(t_ns)
+    gaps = np.flatnonzero((step <= 0) | (step >= parameters.max_gap * 1e9)) + 1
+    ends = [*gaps.tolist(), len(t_ns)]
+    for first, end in zip([0, *gaps.tolist()], ends, strict=True):
+        length = round(parameters.level_time * 1e9)
+        last = first + int(np.searchsorted(t_ns[first:end], t_ns[first:end][:1] + length)[0])
+        if last < end:
+            return slice(first, last + 1)
+    longest = max((int(t_ns[b - 1] - t_ns[a]) for a, b in zip([0, *ends], ends) if b > a), default=0)
+    raise InputError(
+        f"level_time = {parameters.level_time:g} s: the readings without a gap last "
+        f"{longest * 1e-9:.6g} s; levelling needs more than level_time of rest"
+    )
+
+
+def from_rest(
+    parameters: IntegratorParameters,
+    gyro: ArrayLike,
+    accel: ArrayLike,
+    *,
+    position: Sequence[float] | Array | None = None,
+    yaw: float | None = None,
+) -> Initial:
+    """Return the start of a body at rest: roll, pitch and the gyroscope's bias from its readings.
+
+    The known errors are removed first, so that what is left of the gyroscope's mean is the part of
+    its bias that was not known. The bias is wanted in the readings themselves, ahead of scale and
+    misalignment: ``reading = S (omega + delta) + G f + b`` is ``S omega + G f + (b + S delta)``.
+    Where the world turns, the gyroscope reads its rate as well (Groves, section 5.6.1).
+
+    :param gyro: (n, 3) readings [rad/s]; those that are not finite are passed over.
+    :param accel: (n, 3) readings [m/s^2].
+    :param position: (3,) in the world [m]; None: ``initial_position``.
+    :param yaw: [rad]; None: that of ``initial_orientation``.
+    :raises InputError: where the readings cannot be those of a body at rest.
+    """
+    rates, forces = np.asarray(gyro, dtype=np.float64), np.asarray(accel, dtype=np.float64)
+    finite = np.isfinite(rates).all(axis=1) & np.isfinite(forces).all(axis=1)
+    known = correction_of(parameters)
+    rates, forces = known.apply(rates[finite], forces[finite])
+    heading = parameters.initial_orientation[2] if yaw is None else yaw
+    found = level(rates, forces, parameters.gravity, heading)
+    turning = rotation.rotate_inverse(found.q_wb, np.asarray(parameters.earth_rate))
+    scale = np.reshape(parameters.gyroscope_scale_misalignment, (3, 3))
+    bias = np.asarray(parameters.gyroscope_bias) + scale @ (found.gyroscope_bias - turning)
+    x, y, z = bias.tolist()
+    place = parameters.initial_position if position is None else position
+    state = NavigationState(np.array(place), np.zeros(3), found.q_wb)
+    correction = dataclasses.replace(known, gyroscope_bias=(x, y, z))
+    return Initial(state, correction, _covariance_at_rest(parameters))
+
+
+def _covariance_at_rest(parameters: IntegratorParameters) -> Array:
+    """Levelling turns the accelerometer's error into a tilt and averages the gyroscope's."""
+    imu, time = parameters.imu, parameters.level_time
+    strength = math.hypot(*parameters.gravity)
+    white = np.square(imu.accelerometer_noise_density) / time
+    error = np.sqrt(white + np.square(imu.accelerometer_turn_on_bias_sigma))
+    tilt = np.array([error[1], error[0], 0.0]) / strength
+    return initial_covariance(
+        attitude=tilt,
+        gyroscope_bias=np.asarray(imu.gyroscope_noise_density) / math.sqrt(time),
+        accelerometer_bias=imu.accelerometer_turn_on_bias_sigma,
+    )
