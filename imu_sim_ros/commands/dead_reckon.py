@@ -10,11 +10,11 @@ import argparse
 import math
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from imu_sim_ros.bags.messages.encode import ODOMETRY
 from imu_sim_ros.bags.read import ImuMessages, read_imu
@@ -35,13 +35,13 @@ from imu_sim_ros.config.integrator import (
     layer_integrator,
 )
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.navigation.correction import Correction, correction_of
+from imu_sim_ros.navigation import initialisation
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.drift import Drift, Truth, drift
 from imu_sim_ros.navigation.evaluation import distances
-from imu_sim_ros.navigation.levelling import level
-from imu_sim_ros.navigation.state import NavigationState, NavigationStates
-from imu_sim_ros.rotation import from_euler, to_euler
+from imu_sim_ros.navigation.initialisation import Initial
+from imu_sim_ros.navigation.state import NavigationStates
+from imu_sim_ros.rotation import to_euler
 
 
 class Result(NamedTuple):
@@ -110,7 +110,6 @@ def main(argv: Sequence[str] | None = None) -> int:
 def run(arguments: argparse.Namespace) -> None:
     """Integrate, compare, and say what came out."""
     parameters = _parameters(arguments)
-    correction = correction_of(parameters)
     readings = _skipped(read_imu(arguments.bag, arguments.imu_topic), arguments.skip)
     truth = _read_truth(arguments)
     if truth is None and parameters.initial_state == "truth":
@@ -120,9 +119,9 @@ def run(arguments: argparse.Namespace) -> None:
         )
     if parameters.initial_state == "truth" and truth is not None:
         readings = _within(readings, truth, parameters.max_gap)
-    initial, correction = _initial(parameters, readings, truth, correction)
+    readings, initial = _initial(parameters, readings, truth)
     results = [
-        _integrate(parameters, method, attitude, readings, initial, correction, truth)
+        _integrate(parameters, method, attitude, readings, initial, truth)
         for method, attitude in _ways(arguments, parameters)
     ]
     _write(arguments, results, truth)
@@ -166,7 +165,10 @@ def _skipped(readings: ImuMessages, skip: float) -> ImuMessages:
 
 
 def _from(readings: ImuMessages, t_ns: int) -> ImuMessages:
-    keep = readings.t_ns >= t_ns
+    return _rows(readings, readings.t_ns >= t_ns)
+
+
+def _rows(readings: ImuMessages, keep: NDArray[np.bool_] | slice) -> ImuMessages:
     return readings._replace(
         t_ns=readings.t_ns[keep],
         gyro=readings.gyro[keep],
@@ -210,32 +212,26 @@ def _within(readings: ImuMessages, truth: Truth, tolerance: float) -> ImuMessage
 
 
 def _initial(
-    parameters: IntegratorParameters,
-    readings: ImuMessages,
-    truth: Truth | None,
-    correction: Correction,
-) -> tuple[NavigationState, Correction]:
-    """Return the state at the first reading, and the correction that belongs to it."""
+    parameters: IntegratorParameters, readings: ImuMessages, truth: Truth | None
+) -> tuple[ImuMessages, Initial]:
+    """Return the readings from the start on, and what integration starts with."""
     if not len(readings.t_ns):
         raise InputError("0 readings: integration needs at least two")
     if parameters.initial_state == "truth" and truth is not None:
-        return truth.at(int(readings.t_ns[0])), correction
-    position = np.array(parameters.initial_position)
-    velocity = np.array(parameters.initial_velocity)
+        state = truth.at(int(readings.t_ns[0]))
+        return readings, initialisation.from_state(parameters, state)
     if parameters.initial_state == "parameters":
-        q_wb = from_euler(parameters.initial_orientation)
-        return NavigationState(position, velocity, q_wb), correction
-    yaw = parameters.initial_orientation[2]
-    if truth is not None and truth.poses.t_ns[0] <= readings.t_ns[0] <= truth.poses.t_ns[-1]:
-        start = truth.at(int(readings.t_ns[0]))
-        position, velocity, yaw = start.position, np.zeros(3), float(to_euler(start.q_wb)[2])
-    end = readings.t_ns[0] + round(parameters.level_time * 1e9)
-    rest = readings.t_ns < end
-    force = correction.apply(readings.gyro[rest], readings.accel[rest])[1]
-    found = level(readings.gyro[rest], force, parameters.gravity, yaw)
-    x, y, z = found.gyroscope_bias.tolist()
-    state = NavigationState(position, velocity, found.q_wb)
-    return state, replace(correction, gyroscope_bias=(x, y, z))
+        return readings, initialisation.from_parameters(parameters)
+    rest = initialisation.rest_rows(parameters, readings.t_ns)
+    start_ns = int(readings.t_ns[rest.stop - 1])
+    position = yaw = None
+    if truth is not None and truth.poses.t_ns[0] <= start_ns <= truth.poses.t_ns[-1]:
+        start = truth.at(start_ns)
+        position, yaw = start.position, float(to_euler(start.q_wb)[2])
+    initial = initialisation.from_rest(
+        parameters, readings.gyro[rest], readings.accel[rest], position=position, yaw=yaw
+    )
+    return _rows(readings, slice(rest.stop - 1, None)), initial
 
 
 def _integrate(
@@ -243,19 +239,18 @@ def _integrate(
     method: str,
     attitude: str,
     readings: ImuMessages,
-    initial: NavigationState,
-    correction: Correction,
+    initial: Initial,
     truth: Truth | None,
 ) -> Result:
     states = dead_reckon(
         readings.t_ns,
         readings.gyro,
         readings.accel,
-        initial,
+        initial.state,
         method,
         attitude,
         parameters.gravity,
-        correction,
+        initial.correction,
         parameters.max_gap,
         parameters.earth_rate,
     )

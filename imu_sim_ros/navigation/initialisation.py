@@ -1,3 +1,6 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Where integration starts: at given values, at the truth, or levelled at rest.
 
 One home for the integrator node and the command dead_reckon: both start from the same readings with
@@ -5,6 +8,7 @@ the same state, correction and covariance.
 """
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -34,7 +38,7 @@ class Initial(NamedTuple):
 
 
 def from_parameters(parameters: IntegratorParameters) -> Initial:
-    """Return the start at ``initial_position``, ``initial_velocity`` and ``initial_orientation``."""
+    """Return the start at ``initial_position``, ``initial_velocity``, ``initial_orientation``."""
     state = NavigationState(
         np.array(parameters.initial_position),
         np.array(parameters.initial_velocity),
@@ -72,16 +76,18 @@ def rest_rows(parameters: IntegratorParameters, t_ns: Times) -> slice:
     """
     step = np.diff(t_ns)
     gaps = np.flatnonzero((step <= 0) | (step >= parameters.max_gap * 1e9)) + 1
-    ends = [*gaps.tolist(), len(t_ns)]
-    for first, end in zip([0, *gaps.tolist()], ends, strict=True):
-        length = round(parameters.level_time * 1e9)
-        last = first + int(np.searchsorted(t_ns[first:end], t_ns[first:end][:1] + length)[0])
-        if last < end:
-            return slice(first, last + 1)
-    longest = max((int(t_ns[b - 1] - t_ns[a]) for a, b in zip([0, *ends], ends) if b > a), default=0)
+    longest, length = 0, round(parameters.level_time * 1e9)
+    for first, end in itertools.pairwise([0, *gaps.tolist(), len(t_ns)]):
+        piece = t_ns[first:end]
+        if not len(piece):
+            continue
+        rest = int(np.searchsorted(piece, piece[0] + length))
+        if rest < len(piece):
+            return slice(first, first + rest + 1)
+        longest = max(longest, int(piece[-1] - piece[0]))
     raise InputError(
-        f"level_time = {parameters.level_time:g} s: the readings without a gap last "
-        f"{longest * 1e-9:.6g} s; levelling needs more than level_time of rest"
+        f"level_time = {parameters.level_time:g}: the readings without a gap last only "
+        f"{longest * 1e-9:.6g} s"
     )
 
 

@@ -7,21 +7,17 @@ Each start is given readings and truths as they arrive, keeps what it may still 
 :class:`Start` once it knows; from then on it is not asked again.
 """
 
-import dataclasses
-import math
 from collections import deque
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
 from imu_sim_ros.config.integrator import IntegratorParameters
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.navigation.correction import Correction, correction_of
-from imu_sim_ros.navigation.covariance import initial_covariance
-from imu_sim_ros.navigation.levelling import level
+from imu_sim_ros.navigation import initialisation
+from imu_sim_ros.navigation.initialisation import Initial
 from imu_sim_ros.navigation.state import NavigationState
 from imu_sim_ros.nodes.decode import ImuReading, Truth
 
@@ -32,16 +28,13 @@ _KEPT = 20000
 class Start(NamedTuple):
     """What integration starts with."""
 
-    state: NavigationState
-    """The state at the first of the readings."""
+    initial: Initial
+    """State, correction and covariance at the first of the readings."""
     readings: list[ImuReading]
     """All that have arrived since; the first one is that of the state."""
-    correction: Correction
-    covariance: NDArray[np.float64]
-    """(15, 15) of the state's error, see :mod:`imu_sim_ros.navigation.covariance`."""
 
 
-class Starting(Protocol):
+class Initialiser(Protocol):
     """One of the ways to start."""
 
     def add_reading(self, reading: ImuReading) -> Start | None:
@@ -51,7 +44,7 @@ class Starting(Protocol):
         """Take a true state."""
 
 
-def starting(parameters: IntegratorParameters, complain: Callable[[str], None]) -> Starting:
+def initialiser(parameters: IntegratorParameters, complain: Callable[[str], None]) -> Initialiser:
     """Return the start that the parameters choose.
 
     :param complain: is told why a start is not possible yet.
@@ -68,13 +61,7 @@ class _FromParameters:
         self._parameters = parameters
 
     def add_reading(self, reading: ImuReading) -> Start | None:
-        parameters = self._parameters
-        state = NavigationState(
-            np.array(parameters.initial_position),
-            np.array(parameters.initial_velocity),
-            rotation.from_euler(parameters.initial_orientation),
-        )
-        return Start(state, [reading], correction_of(parameters), _biases_unknown(parameters))
+        return Start(initialisation.from_parameters(self._parameters), [reading])
 
     def add_truth(self, truth: Truth) -> Start | None:
         return None
@@ -118,9 +105,7 @@ class _FromTruth:
         if truths[0].t_ns < t_ns and len(truths) == 1:
             return None
         state = _carried(truths[0], t_ns)
-        parameters = self._parameters
-        covariance = _biases_unknown(parameters)
-        return Start(state, list(readings), correction_of(parameters), covariance)
+        return Start(initialisation.from_state(self._parameters, state), list(readings))
 
 
 class _FromRest:
@@ -128,18 +113,19 @@ class _FromRest:
 
     def __init__(self, parameters: IntegratorParameters, complain: Callable[[str], None]) -> None:
         self._parameters, self._complain = parameters, complain
-        self._correction = correction_of(parameters)
         self._readings: list[ImuReading] = []
 
     def add_reading(self, reading: ImuReading) -> Start | None:
-        readings = self._readings
-        if readings and not 0 < reading.t_ns - readings[-1].t_ns < self._parameters.max_gap * 1e9:
+        parameters, readings = self._parameters, self._readings
+        if readings and initialisation.is_gap(parameters, readings[-1].t_ns, reading.t_ns):
             readings.clear()
         readings.append(reading)
-        if reading.t_ns - readings[0].t_ns < self._parameters.level_time * 1e9:
+        if not initialisation.is_long_enough(parameters, readings[0].t_ns, reading.t_ns):
             return None
+        gyro = [reading.gyro for reading in readings]
+        accel = [reading.accel for reading in readings]
         try:
-            return self._start(readings)
+            return Start(initialisation.from_rest(parameters, gyro, accel), [reading])
         except InputError as error:
             self._complain(str(error))
             self._readings = []
@@ -147,41 +133,6 @@ class _FromRest:
 
     def add_truth(self, truth: Truth) -> Start | None:
         return None
-
-    def _start(self, readings: list[ImuReading]) -> Start:
-        parameters = self._parameters
-        gyro = np.array([reading.gyro for reading in readings])
-        accel = np.array([reading.accel for reading in readings])
-        corrected_gyro, corrected_accel = self._correction.apply(gyro, accel)
-        yaw = parameters.initial_orientation[2]
-        found = level(corrected_gyro, corrected_accel, parameters.gravity, yaw)
-        # The bias is wanted in the readings themselves, before scale and misalignment.
-        scale = np.reshape(parameters.gyroscope_scale_misalignment, (3, 3))
-        bias = np.asarray(parameters.gyroscope_bias) + scale @ found.gyroscope_bias
-        x, y, z = bias.tolist()
-        correction = dataclasses.replace(self._correction, gyroscope_bias=(x, y, z))
-        state = NavigationState(np.array(parameters.initial_position), np.zeros(3), found.q_wb)
-        return Start(state, [readings[-1]], correction, self._covariance())
-
-    def _covariance(self) -> NDArray[np.float64]:
-        """Levelling turns the accelerometer's error into a tilt and averages the gyroscope's."""
-        imu, time = self._parameters.imu, self._parameters.level_time
-        strength = math.hypot(*self._parameters.gravity)
-        white = np.square(imu.accelerometer_noise_density) / time
-        error = np.sqrt(white + np.square(imu.accelerometer_turn_on_bias_sigma))
-        tilt = np.array([error[1], error[0], 0.0]) / strength
-        return initial_covariance(
-            attitude=tilt,
-            gyroscope_bias=np.asarray(imu.gyroscope_noise_density) / math.sqrt(time),
-            accelerometer_bias=imu.accelerometer_turn_on_bias_sigma,
-        )
-
-
-def _biases_unknown(parameters: IntegratorParameters) -> NDArray[np.float64]:
-    return initial_covariance(
-        gyroscope_bias=parameters.imu.gyroscope_turn_on_bias_sigma,
-        accelerometer_bias=parameters.imu.accelerometer_turn_on_bias_sigma,
-    )
 
 
 def _carried(truth: Truth, t_ns: int) -> NavigationState:

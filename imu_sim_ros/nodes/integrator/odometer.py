@@ -17,7 +17,7 @@ from imu_sim_ros.navigation.noise import noise_of
 from imu_sim_ros.navigation.plain import Q4, V3, rotate
 from imu_sim_ros.navigation.stepper import Counts, Stepper
 from imu_sim_ros.nodes.decode import ImuReading, Truth
-from imu_sim_ros.nodes.integrator.initialiser import Start, starting
+from imu_sim_ros.nodes.integrator.initialiser import Start, initialiser
 
 RESTART_NS = 1_000_000_000
 """A step back by more than this is a source that began again, not a message out of order."""
@@ -65,7 +65,7 @@ class Odometer:
 
     def begin(self) -> None:
         """Start anew with the next readings."""
-        self._starting = starting(self.parameters, self._complain)
+        self._initialiser = initialiser(self.parameters, self._complain)
         self._stepper: Stepper | None = None
         self._covariance: Covariance | None = None
         self._r_wb = np.eye(3)
@@ -86,14 +86,14 @@ class Odometer:
         """Take new biases; they hold from the next reading on."""
         self.parameters = parameters
         if self._stepper is None:
-            self._starting = starting(parameters, self._complain)
+            self._initialiser = initialiser(parameters, self._complain)
         else:
             self._stepper.correction = correction_of(parameters)
 
     def add_truth(self, truth: Truth) -> Iterator[Row]:
         """Take a true state; yields the rows of readings that were waiting for it."""
         if self._stepper is None:
-            yield from self._begin_at(self._starting.add_truth(truth))
+            yield from self._begin_at(self._initialiser.add_truth(truth))
 
     def add_reading(self, reading: ImuReading) -> Iterator[Row]:
         """Take a reading; yields one row, none while waiting, or many after it."""
@@ -102,7 +102,7 @@ class Odometer:
             self._complain("the source began again: so does the integration")
             self.begin()
         if self._stepper is None:
-            yield from self._begin_at(self._starting.add_reading(reading))
+            yield from self._begin_at(self._initialiser.add_reading(reading))
         else:
             yield from self._step(self._stepper, reading)
 
@@ -121,17 +121,17 @@ class Odometer:
         self.totals.starts += 1
         self._is_new_source()
         self._stepper = stepper = Stepper(
-            start.state,
+            start.initial.state,
             parameters.method,
             parameters.attitude_update,
             parameters.gravity,
-            start.correction,
+            start.initial.correction,
             parameters.max_gap,
             parameters.earth_rate,
         )
         stepper.counts = self.totals.steps
         if parameters.covariance:
-            self._covariance = Covariance(noise_of(parameters.imu), start.covariance)
+            self._covariance = Covariance(noise_of(parameters.imu), start.initial.covariance)
         for reading in start.readings:
             yield from self._step(stepper, reading)
 

@@ -1,0 +1,122 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""One start for node and command: the same readings give the same state, bit for bit."""
+
+import json
+
+import numpy as np
+import pytest
+
+from imu_sim_ros import rotation
+from imu_sim_ros.bags.read import ImuMessages
+from imu_sim_ros.commands import dead_reckon, generate
+from imu_sim_ros.config.integrator import IntegratorParameters, layer_integrator
+from imu_sim_ros.config.parameter import build
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.navigation import initialisation
+from imu_sim_ros.nodes.decode import ImuReading
+from imu_sim_ros.nodes.integrator.initialiser import initialiser
+
+STEP_NS = 5_000_000
+G_SENSITIVITY = [1e-3, 0.0, 2e-3, 0.0, -1e-3, 5e-4, 3e-4, 0.0, 1e-3]
+KNOWN = {
+    "initial_state": "level",
+    "level_time": 0.5,
+    "initial_position": [1.0, 2.0, 3.0],
+    "initial_velocity": [4.0, 5.0, 6.0],
+    "initial_orientation": [0.0, 0.0, 1.0],
+    "gyroscope_bias": [0.01, -0.02, 0.03],
+    "accelerometer_bias": [0.1, 0.0, -0.1],
+    "gyroscope_scale_misalignment": [1.02, 0.01, 0.0, 0.0, 0.98, 0.0, 0.0, 0.02, 1.01],
+    "gyroscope_g_sensitivity": G_SENSITIVITY,
+    "imu.gyroscope_noise_density": 0.01,
+    "imu.accelerometer_turn_on_bias_sigma": 0.2,
+}
+
+
+def parameters(**values) -> IntegratorParameters:
+    return build(IntegratorParameters, layer_integrator({**KNOWN, **values}))
+
+
+def record(count=300, gap=None):
+    """Noisy readings at rest, with a stretch of lost ones ahead of row ``gap``."""
+    generator = np.random.default_rng(7)
+    rows = np.arange(count)
+    if gap is not None:
+        rows[gap:] += 100
+    gyro = generator.normal([0.02, 0.01, -0.01], 0.001, (count, 3))
+    accel = generator.normal([0.5, -0.3, 9.78], 0.01, (count, 3))
+    t_ns = 10**9 + rows * STEP_NS
+    return ImuMessages(t_ns=t_ns, gyro=gyro, accel=accel, record_t_ns=t_ns, frame_id="imu")
+
+
+def of_the_node(chosen, readings):
+    """The start that the node's initialiser finds, reading by reading."""
+    start = initialiser(chosen, pytest.fail)
+    columns = (readings.t_ns.tolist(), readings.gyro.tolist(), readings.accel.tolist())
+    for t_ns, gyro, accel in zip(*columns, strict=True):
+        found = start.add_reading(ImuReading(t_ns, tuple(gyro), tuple(accel)))
+        if found is not None:
+            return found.readings[0].t_ns, found.initial
+    return None
+
+
+@pytest.mark.parametrize("state", ["level", "parameters"])
+@pytest.mark.parametrize("gap", [None, 50])
+def test_node_and_command_start_alike(state, gap):
+    chosen, readings = parameters(initial_state=state), record(gap=gap)
+    rest, initial = dead_reckon._initial(chosen, readings, None)
+    start_ns, of_node = of_the_node(chosen, readings)
+    assert rest.t_ns[0] == start_ns
+    for mine, other in zip(initial.state, of_node.state, strict=True):
+        np.testing.assert_array_equal(mine, other)
+    assert initial.correction == of_node.correction
+    np.testing.assert_array_equal(initial.covariance, of_node.covariance)
+
+
+def test_the_bias_found_at_rest_makes_the_corrected_rate_zero():
+    """Whatever was known before, the mean of the corrected readings is that of a body at rest."""
+    chosen, readings = parameters(), record()
+    rest = initialisation.rest_rows(chosen, readings.t_ns)
+    initial = initialisation.from_rest(chosen, readings.gyro[rest], readings.accel[rest])
+    rate, force = initial.correction.apply(readings.gyro[rest], readings.accel[rest])
+    np.testing.assert_allclose(rate.mean(axis=0), 0.0, atol=1e-15)
+    up = rotation.rotate(initial.state.q_wb, force.mean(axis=0))
+    np.testing.assert_allclose(up[:2], 0.0, atol=1e-14)
+
+
+def test_the_turning_of_the_earth_is_no_bias():
+    earth_rate = [0.0, 4e-5, 6e-5]
+    chosen = parameters(earth_rate=earth_rate)
+    readings = record()
+    initial = initialisation.from_rest(chosen, readings.gyro, readings.accel)
+    rate, _ = initial.correction.apply(readings.gyro, readings.accel)
+    found = rotation.rotate(initial.state.q_wb, rate.mean(axis=0))
+    np.testing.assert_allclose(found, earth_rate, atol=1e-15)
+
+
+def test_readings_that_are_not_finite_are_passed_over():
+    chosen, readings = parameters(), record()
+    readings.gyro[3] = np.nan
+    readings.accel[5] = np.inf
+    initial = initialisation.from_rest(chosen, readings.gyro, readings.accel)
+    assert np.isfinite(np.concatenate(initial.state)).all()
+    assert np.isfinite(initial.correction.gyroscope_bias).all()
+
+
+@pytest.mark.parametrize("count", [1, 2, 100])
+def test_too_short_a_rest_is_said(count):
+    with pytest.raises(InputError, match=r"level_time = 0.5: the readings .* last only"):
+        initialisation.rest_rows(parameters(), record(count).t_ns)
+
+
+def test_levelling_with_a_known_g_sensitivity_stays_in_place(tmp_path, capsys):
+    """A perfect IMU at rest but for its g-sensitivity, which the correction knows."""
+    values = f"gyroscope_g_sensitivity={json.dumps(G_SENSITIVITY)}"
+    bag = str(tmp_path / "rest.mcap")
+    options = ["--imu", "perfect", "--trajectory", "static", "--duration", "30s", "--quiet"]
+    assert generate.main([*options, "--set", f"imu.{values}", "-o", bag]) == 0
+    options = ["--initial-state", "level", "--set", values, "--json"]
+    assert dead_reckon.main([bag, *options]) == 0
+    assert json.loads(capsys.readouterr().out)["final_position_error_m"] < 1e-9
