@@ -159,13 +159,39 @@ def layer(
     :param imu: the preset where no layer names one.
     :param trajectory: the type where no layer names one.
     """
-    merged: dict[str, object] = {"imu.preset": imu, "trajectory.type": trajectory}
+    given: dict[str, object] = {}
     for values in layers:
-        merged.update(values)
-    base = load(find("imus", str(merged["imu.preset"])), node)
-    if str(merged["trajectory.type"]) in names("trajectories"):
-        base.update(trajectory_layer(str(merged.pop("trajectory.type")), node))
-    return {**base, **merged}
+        given.update(values)
+    given.setdefault("imu.preset", imu)
+    sensor = sensor_layer(str(given["imu.preset"]), node)
+    # A sensor's file may be one of all parameters: its motion counts where no other is named.
+    motion = {name: sensor.pop(name) for name in list(sensor) if name.startswith("trajectory.")}
+    if "trajectory.type" not in given:
+        given = {"trajectory.type": trajectory, **motion, **given}
+    if str(given["trajectory.type"]) in names("trajectories"):
+        sensor.update(trajectory_layer(str(given.pop("trajectory.type")), node))
+    return {**sensor, **given}
+
+
+def sensor_layer(name_or_file: str, node: str = "simulator") -> dict[str, object]:
+    """Return what ``imu.preset`` stands for, above the presets that its file names in turn.
+
+    :param name_or_file: a name in config/imus, or a parameter file.
+    :raises ConfigurationError: for a preset that cannot be read, or that leads back to itself.
+    """
+    result: dict[str, object] = {}
+    passed: list[Path] = []
+    while True:
+        path = find("imus", name_or_file)
+        if path.resolve() in passed:
+            raise ConfigurationError(f"{path}: imu.preset = {name_or_file} leads back to this file")
+        passed.append(path.resolve())
+        values = load(path, node)
+        below = values.pop("imu.preset", None)
+        result = {**values, **result}
+        if below is None:
+            return result
+        name_or_file = str(below)
 
 
 def build_layered(cls: type[_T], layering: Layering, given: Mapping[str, object]) -> _T:

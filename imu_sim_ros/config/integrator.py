@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from imu_sim_ros.config.files import find, load
+from imu_sim_ros.config.files import load, sensor_layer
 from imu_sim_ros.config.imu import ImuParameters
 from imu_sim_ros.config.parameter import (
     IDENTITY_MATRIX,
@@ -163,7 +163,7 @@ def layer_integrator(given: Mapping[str, object]) -> dict[str, object]:
     own = parameters(IntegratorParameters)
     result: dict[str, object] = {}
     preset = given.get("imu.preset", DEFAULT_IMU)
-    for name, value in load(find("imus", str(preset))).items():
+    for name, value in sensor_layer(str(preset)).items():
         if name in own:
             result[name] = value
     if given.get("calibration"):

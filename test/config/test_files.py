@@ -6,6 +6,7 @@
 import pytest
 
 from imu_sim_ros.config import files
+from imu_sim_ros.config.integrator import layer_integrator
 from imu_sim_ros.config.parameter import flatten
 from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.errors import ConfigurationError
@@ -112,3 +113,52 @@ def test_an_unknown_preset_hides_no_other_problem():
     with pytest.raises(ConfigurationError) as error:
         load_simulation({"imu.preset": "nonsense"}, {"rate": -1.0, "sed": 1})
     assert [line.split(" ")[0] for line in error.value.problems] == ["imu", "sed:", "rate"]
+
+
+def chain(tmp_path):
+    """A sensor's file whose preset is a file whose preset is a name."""
+    first = written(
+        tmp_path,
+        "/**:\n  ros__parameters:\n    imu: {preset: mpu6000, gyroscope_bias: [0.1, 0.2, 0.3]}\n",
+        "first.yaml",
+    )
+    return written(
+        tmp_path,
+        f"/**:\n  ros__parameters:\n    imu: {{preset: {first}, accelerometer_bias: 0.5}}\n",
+        "second.yaml",
+    )
+
+
+def test_a_sensor_file_lies_above_the_preset_that_it_names(tmp_path):
+    """``--imu FILE`` takes the preset within FILE as ``--params-file FILE`` does."""
+    path = chain(tmp_path)
+    short = load_simulation({"imu.preset": str(path)}).imu
+    layered = load_simulation(files.load(path)).imu
+    assert short.gyroscope_noise_density == (8.7266e-5,) * 3
+    assert short.gyroscope_bias == (0.1, 0.2, 0.3)
+    assert short.accelerometer_bias == (0.5,) * 3
+    assert flatten(short) | {"preset": ""} == flatten(layered) | {"preset": ""}
+
+
+def test_the_integrator_takes_the_noise_of_a_chain_of_presets(tmp_path):
+    values = layer_integrator({"imu.preset": str(chain(tmp_path))})
+    assert values["imu.gyroscope_noise_density"] == 8.7266e-5
+
+
+def test_presets_in_a_circle_are_said(tmp_path):
+    path = tmp_path / "a.yaml"
+    written(tmp_path, f"/**:\n  ros__parameters:\n    imu: {{preset: {path}}}\n", "a.yaml")
+    with pytest.raises(ConfigurationError, match="leads back to this file"):
+        load_simulation({"imu.preset": str(path)})
+
+
+def test_a_file_of_all_parameters_is_a_sensors_file_too(tmp_path):
+    """Its motion counts where no other is named, and is left out where one is."""
+    whole = load_simulation({"trajectory.type": "coning", "imu.preset": "bmi088"})
+    files.dump(whole, tmp_path / "whole.yaml")
+    path = str(tmp_path / "whole.yaml")
+    again = load_simulation({"imu.preset": path})
+    assert flatten(again) | {"imu.preset": "bmi088"} == flatten(whole)
+    still = load_simulation({"imu.preset": path, "trajectory.type": "static"})
+    assert still.trajectory.type == "static"
+    assert still.imu.gyroscope_noise_density == whole.imu.gyroscope_noise_density

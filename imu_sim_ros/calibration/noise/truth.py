@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from imu_sim_ros.calibration.noise.analysis import TRIADS, AllanResult
 from imu_sim_ros.calibration.noise.estimate import Estimate
 from imu_sim_ros.calibration.noise.gauss_markov import CORRELATION_TIME, SIGMA
-from imu_sim_ros.config import files
 from imu_sim_ros.config.imu import ImuParameters
 from imu_sim_ros.config.simulation import load_simulation
 
@@ -33,8 +32,7 @@ def load_truth(path: str) -> ImuParameters:
 
     :raises ConfigurationError: for a file that cannot be read or does not fit.
     """
-    perfect = {"imu.preset": "perfect"}
-    return load_simulation(perfect, files.load(files.find("imus", path))).imu
+    return load_simulation({"imu.preset": path}).imu
 
 
 def true_noise(imu: ImuParameters, rate: float) -> dict[str, Array]:
