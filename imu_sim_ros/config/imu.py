@@ -51,8 +51,8 @@ class TimingParameters:
     )
     jitter: float = number(
         0.0,
-        "standard deviation of the stamps' error; at most a quarter of the interval, cut off at "
-        "0.45 of it so that stamps always increase",
+        "standard deviation of the stamps' error, after the cut-off at 0.45 of the interval that "
+        "keeps stamps increasing; at most a quarter of the interval",
         unit="s",
         minimum=0.0,
         live=True,

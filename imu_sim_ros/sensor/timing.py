@@ -3,6 +3,7 @@
 
 """Errors in time: the sensor's clock, the transport of the messages, losses and duplicates."""
 
+import math
 from typing import Final
 
 import numpy as np
@@ -38,7 +39,9 @@ class Clock:
 
     def configure(self, imu: ImuParameters) -> None:
         """Take the jitter."""
-        self._jitter_ns = imu.jitter * timebase.NANOSECONDS_PER_SECOND
+        limit = LARGEST_JITTER * self._interval_ns
+        stated = imu.jitter * timebase.NANOSECONDS_PER_SECOND
+        self._jitter_ns = deviation_before_cut(stated, limit) if stated else 0.0
 
     def stamp(self, true_t_ns: Times) -> Times:
         """Return the stamps (n,) of the next n samples."""
@@ -119,3 +122,30 @@ class Transport:
                 np.maximum.accumulate(ends, out=ends)
                 self._burst_end = int(ends[-1])
             lost |= ends > index
+
+
+def deviation_before_cut(deviation: float, limit: float) -> float:
+    """Return the deviation s of normal numbers that have the given one once they are cut off.
+
+    Numbers beyond ``+-limit`` are set to it. With ``c = limit / s`` what is left has the variance
+    ``s^2 (erf(c / sqrt 2) - c sqrt(2 / pi) exp(-c^2 / 2) + c^2 erfc(c / sqrt 2))``, the integral of
+    ``min(x^2, limit^2)`` over the normal density; it grows with s up to ``limit^2``.
+
+    :param deviation: what is wanted, > 0 and below limit.
+    """
+    low, high = deviation, deviation
+    while _deviation_after_cut(high, limit) < deviation:
+        high *= 2.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        if _deviation_after_cut(middle, limit) < deviation:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+def _deviation_after_cut(s: float, limit: float) -> float:
+    c = limit / s
+    inner = math.erf(c / math.sqrt(2.0)) - c * math.sqrt(2.0 / math.pi) * math.exp(-0.5 * c * c)
+    return s * math.sqrt(inner + c * c * math.erfc(c / math.sqrt(2.0)))

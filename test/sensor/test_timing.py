@@ -44,6 +44,18 @@ def test_jitter(rate: float) -> None:
     assert (np.diff(block.true_t_ns) == round(1e9 / rate)).all()
 
 
+@pytest.mark.parametrize("share", [0.15, 0.2, 0.25])
+def test_jitter_has_the_stated_deviation_after_the_cut_off(share: float) -> None:
+    """Uncorrected, the cut-off at 0.45 would leave 0.94 of a deviation of 0.25.
+
+    The numbers' kurtosis is below the normal one, so that sigma / sqrt(2 n) bounds the error.
+    """
+    block = read(jitter=share * 0.005)
+    error = (block.t_ns - block.true_t_ns) * 1e-9
+    assert error.std() / (share * 0.005) == pytest.approx(1.0, abs=4.0 / np.sqrt(2 * N))
+    assert np.abs(error).max() <= 0.45 * 0.005 + 1e-9
+
+
 def test_the_largest_jitter_does_not_reorder() -> None:
     block = read(jitter=0.25 * 0.005)
     assert (np.diff(block.t_ns) > 0).all()
