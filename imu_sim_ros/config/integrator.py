@@ -6,6 +6,7 @@
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from imu_sim_ros.config.files import load, sensor_layer
 from imu_sim_ros.config.imu import ImuParameters
@@ -34,32 +35,47 @@ _EARTH_GRAVITY_MAXIMUM = 30.0
 """[m/s^2] above any planet's that an IMU flies on; a larger value is a slip of the pen."""
 
 
+def _of_the_imu(name: str, words: str = "") -> Any:
+    """Describe a parameter that the simulator has, too: its unit and range, by default its text."""
+    described = parameters(ImuParameters)[name]
+    return vector(
+        ZERO_VECTOR, words or described.text, unit=described.unit, minimum=described.minimum
+    )
+
+
 @dataclass(frozen=True)
 class NoiseParameters:
-    """The IMU's noise as the covariance of the odometry takes it; names and units are kalibr's."""
+    """The IMU's errors as the covariance of the odometry takes them; each as in the simulator."""
 
     preset: str = text(DEFAULT_IMU, "file in config/imus, or a path, that the noise comes from")
-    gyroscope_noise_density: Vector = vector(
-        ZERO_VECTOR, "white noise of the gyroscope", unit="rad/s/sqrt(Hz)", minimum=0.0
+    gyroscope_noise_density: Vector = _of_the_imu("gyroscope_noise_density")
+    gyroscope_random_walk: Vector = _of_the_imu("gyroscope_random_walk")
+    gyroscope_gauss_markov_sigma: Vector = _of_the_imu("gyroscope_gauss_markov_sigma")
+    gyroscope_gauss_markov_density: Vector = _of_the_imu("gyroscope_gauss_markov_density")
+    gyroscope_correlation_time: Vector = _of_the_imu("gyroscope_correlation_time")
+    gyroscope_bias_instability: Vector = _of_the_imu("gyroscope_bias_instability")
+    gyroscope_turn_on_bias_sigma: Vector = _of_the_imu(
+        "gyroscope_turn_on_bias_sigma", "uncertainty of gyroscope_bias at the start"
     )
-    gyroscope_random_walk: Vector = vector(
-        ZERO_VECTOR, "random walk of the gyroscope's bias", unit="rad/s^2/sqrt(Hz)", minimum=0.0
+    gyroscope_turn_on_scale_sigma: Vector = _of_the_imu(
+        "gyroscope_turn_on_scale_sigma",
+        "uncertainty of the diagonal of gyroscope_scale_misalignment",
     )
-    gyroscope_turn_on_bias_sigma: Vector = vector(
-        ZERO_VECTOR, "uncertainty of gyroscope_bias at the start", unit="rad/s", minimum=0.0
+    gyroscope_resolution: Vector = _of_the_imu("gyroscope_resolution")
+    accelerometer_noise_density: Vector = _of_the_imu("accelerometer_noise_density")
+    accelerometer_random_walk: Vector = _of_the_imu("accelerometer_random_walk")
+    accelerometer_gauss_markov_sigma: Vector = _of_the_imu("accelerometer_gauss_markov_sigma")
+    accelerometer_gauss_markov_density: Vector = _of_the_imu("accelerometer_gauss_markov_density")
+    accelerometer_correlation_time: Vector = _of_the_imu("accelerometer_correlation_time")
+    accelerometer_bias_instability: Vector = _of_the_imu("accelerometer_bias_instability")
+    accelerometer_turn_on_bias_sigma: Vector = _of_the_imu(
+        "accelerometer_turn_on_bias_sigma", "uncertainty of accelerometer_bias at the start"
     )
-    accelerometer_noise_density: Vector = vector(
-        ZERO_VECTOR, "white noise of the accelerometer", unit="m/s^2/sqrt(Hz)", minimum=0.0
+    accelerometer_turn_on_scale_sigma: Vector = _of_the_imu(
+        "accelerometer_turn_on_scale_sigma",
+        "uncertainty of the diagonal of accelerometer_scale_misalignment",
     )
-    accelerometer_random_walk: Vector = vector(
-        ZERO_VECTOR,
-        "random walk of the accelerometer's bias",
-        unit="m/s^3/sqrt(Hz)",
-        minimum=0.0,
-    )
-    accelerometer_turn_on_bias_sigma: Vector = vector(
-        ZERO_VECTOR, "uncertainty of accelerometer_bias at the start", unit="m/s^2", minimum=0.0
-    )
+    accelerometer_resolution: Vector = _of_the_imu("accelerometer_resolution")
 
 
 @dataclass(frozen=True)

@@ -3,37 +3,22 @@
 
 """The random errors of an IMU, as a covariance takes them."""
 
-from typing import NamedTuple, Protocol
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-_Vector = tuple[float, float, float]
 
-
-class NoiseSource(Protocol):
-    """Any section of parameters with the four numbers of the noise, per axis."""
-
-    @property
-    def gyroscope_noise_density(self) -> _Vector:
-        """[rad/s/sqrt(Hz)]"""
-
-    @property
-    def gyroscope_random_walk(self) -> _Vector:
-        """[rad/s^2/sqrt(Hz)]"""
-
-    @property
-    def accelerometer_noise_density(self) -> _Vector:
-        """[m/s^2/sqrt(Hz)]"""
-
-    @property
-    def accelerometer_random_walk(self) -> _Vector:
-        """[m/s^3/sqrt(Hz)]"""
+_NONE: Final = np.zeros(3)
 
 
 class Noise(NamedTuple):
-    """Densities in continuous time, each (3,) per axis; names and units are kalibr's."""
+    """Sizes of the errors, each (3,) per axis, named as the parameters of an IMU are.
+
+    The first four are densities in continuous time with kalibr's names and units. Preintegration
+    takes these alone, :mod:`imu_sim_ros.navigation.covariance` takes them all.
+    """
 
     gyroscope_noise_density: Array
     """[rad/s/sqrt(Hz)]"""
@@ -43,8 +28,32 @@ class Noise(NamedTuple):
     """[m/s^2/sqrt(Hz)]"""
     accelerometer_random_walk: Array
     """[m/s^3/sqrt(Hz)]"""
+    gyroscope_gauss_markov_sigma: Array = _NONE
+    """[rad/s]"""
+    gyroscope_gauss_markov_density: Array = _NONE
+    """[rad/s^2/sqrt(Hz)]"""
+    gyroscope_correlation_time: Array = _NONE
+    """[s]"""
+    gyroscope_bias_instability: Array = _NONE
+    """[rad/s]"""
+    gyroscope_turn_on_scale_sigma: Array = _NONE
+    """[1]"""
+    gyroscope_resolution: Array = _NONE
+    """[rad/s]"""
+    accelerometer_gauss_markov_sigma: Array = _NONE
+    """[m/s^2]"""
+    accelerometer_gauss_markov_density: Array = _NONE
+    """[m/s^3/sqrt(Hz)]"""
+    accelerometer_correlation_time: Array = _NONE
+    """[s]"""
+    accelerometer_bias_instability: Array = _NONE
+    """[m/s^2]"""
+    accelerometer_turn_on_scale_sigma: Array = _NONE
+    """[1]"""
+    accelerometer_resolution: Array = _NONE
+    """[m/s^2]"""
 
 
-def noise_of(parameters: NoiseSource) -> Noise:
-    """Return the noise that a section of parameters describes."""
+def noise_of(parameters: object) -> Noise:
+    """Return the noise that a section of parameters describes; each has the fields of `Noise`."""
     return Noise(*(np.asarray(getattr(parameters, name), dtype=float) for name in Noise._fields))

@@ -128,6 +128,56 @@ def test_covariance_is_that_of_perturbed_starts(record):
     assert np.abs((found - expected) / np.outer(scale, scale)).max() < 5e-3
 
 
+def test_growth_of_a_gauss_markov_bias():
+    """Integrated from its stationary state: Var v = 2 s^2 tau^2 (T / tau - 1 + exp(-T / tau))."""
+    sigma, tau = 0.02 * AXES, 3.0
+    given = {"accelerometer_correlation_time": tau * np.ones(3)}
+    by_sigma = SILENT._replace(accelerometer_gauss_markov_sigma=sigma, **given)
+    by_density = SILENT._replace(
+        accelerometer_gauss_markov_density=sigma * np.sqrt(2.0 / tau), **given
+    )
+    expected = 2 * sigma**2 * tau**2 * (T / tau - 1 + np.exp(-T / tau))
+    for noise in (by_sigma, by_density):
+        found = at_rest(noise, T, RATE)
+        np.testing.assert_allclose(diagonal(found, covariance.VELOCITY), expected, rtol=2e-3)
+
+
+def test_growth_of_bias_instability():
+    """1/f noise of density B^2 / (2 pi f) over a decade of times grows as a bias does, nearly.
+
+    The sum of Gauss-Markov biases, each by the closed form; with variances B^2 ln 10 / pi.
+    """
+    b = 1e-3
+    noise = SILENT._replace(accelerometer_bias_instability=b * AXES)
+    found = diagonal(at_rest(noise, T, RATE), covariance.VELOCITY)
+    tau = 10.0 ** np.arange(-1, 5)
+    one = 2 * tau**2 * (T / tau - 1 + np.exp(-T / tau))
+    expected = b**2 * np.log(10) / np.pi * one.sum()
+    np.testing.assert_allclose(found, expected * AXES**2, rtol=2e-3)
+
+
+def test_growth_of_an_unknown_scale():
+    """At rest gravity is off by s g, up only; turning, the attitude is off by s times the angle."""
+    noise = SILENT._replace(
+        accelerometer_turn_on_scale_sigma=1e-3 * AXES, gyroscope_turn_on_scale_sigma=1e-2 * AXES
+    )
+    found = diagonal(at_rest(noise, T, RATE), covariance.VELOCITY)
+    np.testing.assert_allclose(found, [0.0, 0.0, (3e-3 * 9.81 * T) ** 2], rtol=1e-9)
+    result = Covariance(noise)
+    for _ in range(100):
+        result.step(0.01, np.eye(3), np.zeros(3), [0.5, -0.4, 0.1])
+    angle = np.array([0.5, -0.4, 0.1]) * 1e-2 * AXES
+    np.testing.assert_allclose(diagonal(result.matrix, covariance.ATTITUDE), angle**2, rtol=1e-9)
+    # The latest reading's own error, which the twist of a message has: scale times rate.
+    np.testing.assert_allclose(np.diag(result.twist(np.eye(3), np.zeros(3), 100.0))[3:], angle**2)
+
+
+def test_rounding_is_noise_of_a_twelfth_of_a_step():
+    noise = SILENT._replace(accelerometer_resolution=0.1 * AXES)
+    found = diagonal(at_rest(noise, T, RATE), covariance.VELOCITY)
+    np.testing.assert_allclose(found, np.square(0.1 * AXES) / 12 / RATE * T, rtol=1e-9)
+
+
 def second_order_of_a_bias(sigma, duration):
     """Closed form at rest: theta = -b t turns the force g; it is off by (bb^T - |b|^2) g t^2 / 2.
 

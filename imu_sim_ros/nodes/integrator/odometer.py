@@ -136,13 +136,14 @@ class Odometer:
             yield from self._step(stepper, reading)
 
     def _step(self, stepper: Stepper, reading: ImuReading) -> Iterator[Row]:
-        before, force = stepper.t_ns, stepper.specific_force
+        before = stepper.t_ns
+        force, rate = stepper.specific_force, stepper.angular_velocity
         if stepper.add(*reading):
             assert before is not None
             h = (reading.t_ns - before) * 1e-9
             self._interval += (h - self._interval) * (_SMOOTHING if self._interval else 1.0)
             if self._covariance is not None:
-                self._covariance.step(h, self._r_wb, force)
+                self._covariance.step(h, self._r_wb, force, rate)
         elif before is not None and not self._is_usable(before, reading):
             return
         yield self._row(stepper, reading.t_ns)

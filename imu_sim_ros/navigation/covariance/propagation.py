@@ -16,7 +16,11 @@ each, in the world), bias of the gyroscope and of the accelerometer (3 each, in 
 (Groves, "Principles of GNSS, inertial, and multisensor integrated navigation systems", 2nd edition,
 section 14.2, for a world that does not turn), integrated to first order over each step. The white
 noise of a reading counts once, for one step: midpoint's halves of it in two neighbouring steps add
-up to the same. What a tilt adds to second order, :mod:`imu_sim_ros.navigation.second_order` says.
+up to the same; rounding to steps of LSB is white noise of ``LSB^2 / 12`` per reading (Widrow 1956).
+What a tilt adds to second order, :mod:`imu_sim_ros.navigation.covariance.second_order` says, what
+1/f noise, Gauss-Markov biases and unknown scales add, :mod:`~.slow_errors`.
+
+Not in it: temperature, range, bandwidth and losses, and what steps of the integration leave out.
 """
 
 from collections.abc import Sequence
@@ -26,8 +30,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from imu_sim_ros import rotation
+from imu_sim_ros.navigation.covariance.second_order import SecondOrder
+from imu_sim_ros.navigation.covariance.slow_errors import SlowErrors
 from imu_sim_ros.navigation.noise import Noise
-from imu_sim_ros.navigation.second_order import SecondOrder
 from imu_sim_ros.navigation.state import NavigationStates
 
 Array = NDArray[np.float64]
@@ -67,24 +72,38 @@ class Covariance:
         self._accel_white = np.square(noise.accelerometer_noise_density)
         walks = (noise.gyroscope_random_walk, noise.accelerometer_random_walk)
         self._walk = np.square(np.concatenate(walks))
+        self._gyro_rounding = np.square(noise.gyroscope_resolution) / 12.0
+        self._accel_rounding = np.square(noise.accelerometer_resolution) / 12.0
         self._walk_diagonal = np.arange(GYRO_BIAS.start, SIZE)
         self._transition = np.eye(SIZE)
+        self._by_bias = np.zeros((SIZE, 6))
+        self._slow = SlowErrors(noise, SIZE)
         self._second_order = SecondOrder()
         self._begin_interval()
 
     def _begin_interval(self) -> None:
         """Begin to collect what the second order needs."""
         self._before = self.matrix
+        """(15, 15)"""
+        self._slow_before = self._slow.bias()[1][ATTITUDE, :3].T
+        """(3, 3) covariance of the gyroscope's slow errors with the attitude's"""
         self._length = 0.0
         self._gained = np.zeros(3)
         self._turned = np.zeros((3, 3))
 
-    def step(self, h: float, r_wb: Array, force_b: Array | Sequence[float]) -> None:
+    def step(
+        self,
+        h: float,
+        r_wb: Array,
+        force_b: Array | Sequence[float],
+        rate_b: Array | Sequence[float] = (0.0, 0.0, 0.0),
+    ) -> None:
         """Propagate over an interval.
 
         :param h: its length [s].
         :param r_wb: (3, 3) attitude in the interval, its start's or its middle's.
         :param force_b: (3,) corrected specific force in the interval, in the body [m/s^2].
+        :param rate_b: (3,) corrected rate in the interval [rad/s]; an unknown scale acts on it.
         """
         gained = (r_wb @ np.asarray(force_b)) * h
         x, y, z = gained
@@ -99,9 +118,14 @@ class Covariance:
         f[6, 3] = f[7, 4] = f[8, 5] = h
         p = f @ self.matrix @ f.T
         # (R h) diag(density^2 / h) (R h)^T: white noise of one sample of length h.
-        p[ATTITUDE, ATTITUDE] += (turned * (self._gyro_white / h)) @ turned.T
-        p[VELOCITY, VELOCITY] += (turned * (self._accel_white / h)) @ turned.T
+        white = self._gyro_white / h + self._gyro_rounding
+        p[ATTITUDE, ATTITUDE] += (turned * white) @ turned.T
+        white = self._accel_white / h + self._accel_rounding
+        p[VELOCITY, VELOCITY] += (turned * white) @ turned.T
         p[self._walk_diagonal, self._walk_diagonal] += self._walk * h
+        if self._slow:
+            self._by_bias[: GYRO_BIAS.start] = f[: GYRO_BIAS.start, GYRO_BIAS.start :]
+            p += self._slow.step(h, f, self._by_bias, rate_b, force_b)
         self.matrix = p
         self._length += h
         self._gained += gained
@@ -112,7 +136,7 @@ class Covariance:
     def _update_second_order(self) -> None:
         before = self._before[ATTITUDE, ATTITUDE]
         # The error of the attitude at the end, as far as that at the start tells it.
-        by_bias = self._turned @ self._before[GYRO_BIAS, ATTITUDE]
+        by_bias = self._turned @ (self._before[GYRO_BIAS, ATTITUDE] + self._slow_before)
         kept = np.eye(3) + by_bias @ np.linalg.pinv(before, hermitian=True)
         after = self.matrix[ATTITUDE, ATTITUDE]
         acceleration = self._gained / self._length
@@ -120,8 +144,17 @@ class Covariance:
         self._begin_interval()
 
     def mean_square(self) -> Array:
-        """Return the (15, 15) mean square of the error, with the second order of a tilt."""
+        """Return the (15, 15) mean square of the error, with the second order of a tilt.
+
+        The biases are here all that the latest reading is off by, white noise apart.
+        """
         result: Array = self.matrix.copy()
+        if self._slow:
+            own, with_state = self._slow.bias()
+            biases = slice(GYRO_BIAS.start, SIZE)
+            result[:, biases] += with_state
+            result[biases, :] += with_state.T
+            result[biases, biases] += own
         result[VELOCITY.start : POSITION.stop, VELOCITY.start : POSITION.stop] += (
             self._second_order.mean_square()
         )
@@ -149,7 +182,7 @@ class Covariance:
         jacobian[:3, VELOCITY] = r_wb.T
         jacobian[3:, GYRO_BIAS] = -np.eye(3)
         result: Array = jacobian @ self.mean_square() @ jacobian.T
-        result[3:, 3:] += np.diag(self._gyro_white * rate_hz)
+        result[3:, 3:] += np.diag(self._gyro_white * rate_hz + self._gyro_rounding)
         return result
 
 
@@ -164,13 +197,15 @@ def propagate(
 
     :param states: what :func:`~imu_sim_ros.navigation.dead_reckoning.dead_reckon` returned, n rows.
     :param accel: (n, 3) corrected specific forces [m/s^2].
-    :param noise: the IMU's noise.
+    :param noise: the IMU's errors.
     :param initial: (15, 15) covariance at the first row; None is no error.
     :param at: the m rows that are wanted, increasing; -1 is the last.
     :returns: (m, 15, 15) mean squares of the error, the second order of a tilt included.
     """
     covariance = Covariance(noise, initial)
     steps = (np.diff(states.t_ns) * 1e-9).tolist()
+    turns = rotation.log(rotation.multiply(rotation.conjugate(states.q_wb[:-1]), states.q_wb[1:]))
+    rates = turns / np.reshape(steps, (-1, 1))
     matrices = rotation.to_matrix(states.q_wb)
     wanted = [row % len(states.t_ns) for row in at]
     result = np.empty((len(wanted), SIZE, SIZE))
@@ -178,5 +213,5 @@ def propagate(
         for place in (place for place, row in enumerate(wanted) if row == k):
             result[place] = covariance.mean_square()
         if k < len(steps):
-            covariance.step(steps[k], matrices[k], accel[k])
+            covariance.step(steps[k], matrices[k], accel[k], rates[k])
     return result

@@ -1,0 +1,28 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The covariance of a dead-reckoned state, from every error of the IMU that is known in size."""
+
+from imu_sim_ros.navigation.covariance.propagation import (
+    ACCEL_BIAS,
+    ATTITUDE,
+    GYRO_BIAS,
+    POSITION,
+    SIZE,
+    VELOCITY,
+    Covariance,
+    initial_covariance,
+    propagate,
+)
+
+__all__ = [
+    "ACCEL_BIAS",
+    "ATTITUDE",
+    "GYRO_BIAS",
+    "POSITION",
+    "SIZE",
+    "VELOCITY",
+    "Covariance",
+    "initial_covariance",
+    "propagate",
+]

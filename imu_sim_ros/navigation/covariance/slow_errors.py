@@ -1,0 +1,142 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Errors of the readings that are neither white noise nor a walk: what they add to a covariance.
+
+Each is a number of its own with constant variance d: a Gauss-Markov bias, one of the processes that
+1/f noise is made of, or, with an endless correlation time, the unknown scale of an axis. Together
+they are a vector a of m independent entries, which decays by ``phi = exp(-h / tau)`` in a step and
+is driven so that its variance D, diagonal, stays as it is. It acts as a bias of the readings,
+``(db_g, db_a) = H a``: a Gauss-Markov process by 1 on its axis, a scale by what the axis reads.
+
+With F the transition of the state's error x over a step, and G what a bias does to it there,
+``x' = F x + G H a``, so that the covariance ``C = E[x a^T]`` and that of x itself pass on as
+
+    P' = F P F^T + (F C) (G H)^T + (G H) (F C)^T + (G H) D (G H)^T,   C' = (F C + G H D) phi
+
+(the Schmidt-Kalman filter's time update: the errors are considered, not estimated; Jazwinski,
+"Stochastic processes and filtering theory", 1970, section 8.4). D never being a full matrix makes
+fifty such numbers as cheap as a few.
+"""
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.navigation.noise import Noise
+
+Array = NDArray[np.float64]
+
+FLICKER_CORRELATION_TIMES: Final = (0.1, 1.0, 10.0, 100.0, 1000.0, 10000.0)
+"""[s] of the Gauss-Markov processes whose sum is 1/f noise, a decade apart, of equal variance."""
+_FLICKER_SHARE: Final = np.log(10.0) / np.pi
+"""Variance of each over B^2: their sum has the density ``B^2 / (2 pi f)`` of IEEE Std 952-1997."""
+_TRIADS: Final = ("gyroscope", "accelerometer")
+
+
+class SlowErrors:
+    """The vector a, its covariance C with the error of the state, and how it acts on readings."""
+
+    def __init__(self, noise: Noise, size: int) -> None:
+        """Start with errors that the state knows nothing of.
+
+        :param size: n, how many numbers the error of the state has; its last six are the biases.
+        """
+        entries = [*_gauss_markov(noise), *_flicker(noise)]
+        scales = list(_scales(noise))
+        axes = [axis for axis, _, _ in entries] + [axis for axis, _, _ in scales]
+        self.variance = np.square([sigma for _, _, sigma in entries + scales])
+        """(m,) D"""
+        times = [tau for _, tau, _ in entries] + [np.inf] * len(scales)
+        self._decay_rate = -1.0 / np.array(times)
+        self.cross = np.zeros((size, len(axes)))
+        """(n, m) C"""
+        self.effect = np.zeros((6, len(axes)))
+        """(6, m) H, gyroscope first; a scale's entry is that of the latest reading."""
+        self.effect[axes[: len(entries)], np.arange(len(entries))] = 1.0
+        self._scale_rows = np.array([axis for axis, _, _ in scales], dtype=np.intp)
+        self._scale_columns = np.arange(len(entries), len(axes))
+        self._scale_inputs = np.array([source for _, source, _ in scales], dtype=np.intp)
+        self._h, self._decay = 0.0, np.ones(len(axes))
+
+    def __bool__(self) -> bool:
+        """Tell whether there is any such error."""
+        return len(self.variance) > 0
+
+    def step(
+        self,
+        h: float,
+        transition: Array,
+        by_bias: Array,
+        rate_b: Array | Sequence[float],
+        force_b: Array | Sequence[float],
+    ) -> Array:
+        """Pass over an interval of length h [s]; return what the covariance of the state gains.
+
+        :param transition: (n, n) F.
+        :param by_bias: (n, 6) G.
+        :param rate_b: (3,) corrected rate in the interval, in the body [rad/s].
+        :param force_b: (3,) corrected specific force [m/s^2].
+        """
+        if h != self._h:
+            self._h, self._decay = h, np.exp(self._decay_rate * h)
+        self._act_on(rate_b, force_b)
+        gain = by_bias @ self.effect
+        passed = transition @ self.cross
+        driven = gain * self.variance
+        both = (passed + 0.5 * driven) @ gain.T
+        self.cross = (passed + driven) * self._decay
+        result: Array = both + both.T
+        return result
+
+    def _act_on(self, rate_b: Array | Sequence[float], force_b: Array | Sequence[float]) -> None:
+        """Let the scales act on a reading."""
+        if len(self._scale_rows):
+            inputs = np.concatenate([rate_b, force_b])[self._scale_inputs]
+            self.effect[self._scale_rows, self._scale_columns] = inputs
+
+    def bias(self) -> tuple[Array, Array]:
+        """Return covariance (6, 6) of H a, and (n, 6) with the error of the state."""
+        own: Array = (self.effect * self.variance) @ self.effect.T
+        with_state: Array = self.cross @ self.effect.T
+        return own, with_state
+
+
+_Entry = tuple[int, float, float]
+"""Axis 0 to 5, gyroscope first; correlation time [s]; standard deviation."""
+
+
+def _gauss_markov(noise: Noise) -> list[_Entry]:
+    """Return the Gauss-Markov biases, whichever of the two ways their strength is given in."""
+    entries = []
+    for k, triad in enumerate(_TRIADS):
+        tau = getattr(noise, f"{triad}_correlation_time")
+        # The density b drives a stationary variance of b^2 tau / 2.
+        sigma = getattr(noise, f"{triad}_gauss_markov_sigma") + getattr(
+            noise, f"{triad}_gauss_markov_density"
+        ) * np.sqrt(0.5 * tau)
+        entries += [(3 * k + i, float(tau[i]), float(sigma[i])) for i in range(3) if sigma[i] > 0]
+    return entries
+
+
+def _flicker(noise: Noise) -> list[_Entry]:
+    """Return the processes of the 1/f noise."""
+    return [
+        (3 * k + i, tau, float(b * np.sqrt(_FLICKER_SHARE)))
+        for k, triad in enumerate(_TRIADS)
+        for i, b in enumerate(getattr(noise, f"{triad}_bias_instability"))
+        if b > 0
+        for tau in FLICKER_CORRELATION_TIMES
+    ]
+
+
+def _scales(noise: Noise) -> list[tuple[int, int, float]]:
+    """Return the unknown scales: axis, the input 0 to 5 that it is multiplied by, and its sigma."""
+    return [
+        (3 * k + i, 3 * k + i, float(sigma))
+        for k, triad in enumerate(_TRIADS)
+        for i, sigma in enumerate(getattr(noise, f"{triad}_turn_on_scale_sigma"))
+        if sigma > 0
+    ]
