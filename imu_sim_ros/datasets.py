@@ -12,9 +12,10 @@ from pathlib import Path
 from imu_sim_ros.bags.text.writer import Dataset, States
 from imu_sim_ros.bags.writer import Block, Topic, Writer
 from imu_sim_ros.config.simulation import SimulationParameters
+from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.sensor.block import ImuBlock
-from imu_sim_ros.topics import READINGS, TRUTH, TYPES, Encode, delivered, encoder
+from imu_sim_ros.topics import TYPES, Encode, delivered, encoder
 
 
 class BagTarget:
@@ -64,7 +65,7 @@ class DatasetTarget:
     @property
     def counts(self) -> dict[str, int]:
         """Rows by topic."""
-        files = {READINGS: self.dataset.imu, TRUTH: self.dataset.truth}
+        files = {IMU_TOPIC: self.dataset.imu, TRUTH_TOPIC: self.dataset.truth}
         return {resolved(name): file.rows for name, file in files.items() if file is not None}
 
     def write(self, block: ImuBlock) -> None:
@@ -97,7 +98,7 @@ def chosen_topics(
 
     :raises InputError: with a line for every name that is unknown or stands twice.
     """
-    names = list(topics) or ([READINGS] if imu_only else [READINGS, TRUTH])
+    names = list(topics) or ([IMU_TOPIC] if imu_only else [IMU_TOPIC, TRUTH_TOPIC])
     names = [name.strip().lstrip("/") for name in names]
     problems = list(_topic_problems(names, renamed))
     if problems:

@@ -24,6 +24,14 @@ from imu_sim_ros.bags.messages.encode import (
     Vector3StampedEncoder,
 )
 from imu_sim_ros.config.simulation import SimulationParameters
+from imu_sim_ros.conventions import (
+    ACCELEROMETER_BIAS_TOPIC,
+    GYROSCOPE_BIAS_TOPIC,
+    IDEAL_IMU_TOPIC,
+    IMU_TOPIC,
+    TEMPERATURE_TOPIC,
+    TRUTH_TOPIC,
+)
 from imu_sim_ros.rotation import rotate_inverse
 from imu_sim_ros.sensor.block import ImuBlock
 from imu_sim_ros.sensor.variance import accel_variance_discrete, gyro_variance_discrete
@@ -31,19 +39,13 @@ from imu_sim_ros.sensor.variance import accel_variance_discrete, gyro_variance_d
 Times = NDArray[np.int64]
 Bytes = NDArray[np.uint8]
 
-READINGS: Final = "imu/data_raw"
-TRUTH: Final = "ground_truth/odom"
-IDEAL: Final = "ground_truth/imu"
-GYROSCOPE_BIAS: Final = "ground_truth/gyroscope_bias"
-ACCELEROMETER_BIAS: Final = "ground_truth/accelerometer_bias"
-THERMOMETER: Final = "imu/temperature"
 TYPES: Final[dict[str, str]] = {
-    READINGS: IMU,
-    TRUTH: ODOMETRY,
-    IDEAL: IMU,
-    GYROSCOPE_BIAS: VECTOR3_STAMPED,
-    ACCELEROMETER_BIAS: VECTOR3_STAMPED,
-    THERMOMETER: TEMPERATURE,
+    IMU_TOPIC: IMU,
+    TRUTH_TOPIC: ODOMETRY,
+    IDEAL_IMU_TOPIC: IMU,
+    GYROSCOPE_BIAS_TOPIC: VECTOR3_STAMPED,
+    ACCELEROMETER_BIAS_TOPIC: VECTOR3_STAMPED,
+    TEMPERATURE_TOPIC: TEMPERATURE,
 }
 
 
@@ -142,10 +144,10 @@ def _at_true_times(payloads: Callable[[ImuBlock], Bytes]) -> Encode:
 
 
 _MAKERS: Final[dict[str, Callable[[SimulationParameters, str], Encode]]] = {
-    READINGS: _readings,
-    TRUTH: _truth,
-    IDEAL: _ideal,
-    GYROSCOPE_BIAS: _gyroscope_bias,
-    ACCELEROMETER_BIAS: _accelerometer_bias,
-    THERMOMETER: _temperature,
+    IMU_TOPIC: _readings,
+    TRUTH_TOPIC: _truth,
+    IDEAL_IMU_TOPIC: _ideal,
+    GYROSCOPE_BIAS_TOPIC: _gyroscope_bias,
+    ACCELEROMETER_BIAS_TOPIC: _accelerometer_bias,
+    TEMPERATURE_TOPIC: _temperature,
 }

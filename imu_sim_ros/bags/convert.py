@@ -28,6 +28,16 @@ from imu_sim_ros.bags.reader import Bag, listed
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text.writer import Dataset, States
 from imu_sim_ros.bags.writer import Block, Topic, Writer
+from imu_sim_ros.conventions import (
+    ACCELEROMETER_BIAS_TOPIC,
+    BODY_FRAME,
+    GYROSCOPE_BIAS_TOPIC,
+    IMU_FRAME,
+    IMU_TOPIC,
+    TRUTH_POSE_TOPIC,
+    TRUTH_TOPIC,
+    WORLD_FRAME,
+)
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.poses import read_poses
 from imu_sim_ros.rotation import rotate
@@ -35,11 +45,11 @@ from imu_sim_ros.rotation import rotate
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
 
-READINGS: Final = "/imu/data_raw"
-POSES: Final = "/ground_truth/pose"
-TRUTH: Final = "/ground_truth/odom"
-GYRO_BIAS: Final = "/ground_truth/gyroscope_bias"
-ACCEL_BIAS: Final = "/ground_truth/accelerometer_bias"
+READINGS: Final = "/" + IMU_TOPIC
+POSES: Final = "/" + TRUTH_POSE_TOPIC
+TRUTH: Final = "/" + TRUTH_TOPIC
+GYRO_BIAS: Final = "/" + GYROSCOPE_BIAS_TOPIC
+ACCEL_BIAS: Final = "/" + ACCELEROMETER_BIAS_TOPIC
 
 
 def chosen(bag: Bag, names: Collection[str]) -> list[TopicInfo]:
@@ -167,7 +177,7 @@ def _copy_poses(
     path: Path, writer: Writer, renamed: Mapping[str, str], advance: Callable[[int], object]
 ) -> None:
     poses = read_poses(path)
-    encoder = PoseStampedEncoder("world", writer.encoding)
+    encoder = PoseStampedEncoder(WORLD_FRAME, writer.encoding)
     topic = writer.add_topic(renamed.get(POSES, POSES), POSE_STAMPED)
     writer.write(topic, poses.t_ns, encoder.encode(*poses[:3]))
     advance(len(poses.t_ns))
@@ -176,7 +186,7 @@ def _copy_poses(
 def _reading_messages(
     path: Path, writer: Writer, renamed: Mapping[str, str]
 ) -> Iterator[list[Block]]:
-    encoder = ImuEncoder("imu_link", writer.encoding)
+    encoder = ImuEncoder(IMU_FRAME, writer.encoding)
     topic = writer.add_topic(renamed.get(READINGS, READINGS), IMU)
     for t_ns, gyro, accel in text_reader.imu_blocks(path):
         yield [Block(topic, t_ns, encoder.encode(t_ns, gyro, accel))]
@@ -185,8 +195,8 @@ def _reading_messages(
 def _state_messages(
     path: Path, writer: Writer, renamed: Mapping[str, str]
 ) -> Iterator[list[Block]]:
-    odometry = OdometryEncoder("world", "base_link", writer.encoding)
-    vectors = Vector3StampedEncoder("imu_link", writer.encoding)
+    odometry = OdometryEncoder(WORLD_FRAME, BODY_FRAME, writer.encoding)
+    vectors = Vector3StampedEncoder(IMU_FRAME, writer.encoding)
     truth, gyro, accel = (
         writer.add_topic(renamed.get(name, name), type_name)
         for name, type_name in (

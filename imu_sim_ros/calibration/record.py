@@ -13,15 +13,15 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros import conventions
 from imu_sim_ros.calibration.rest import RestCheck
+from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import InputError
 
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
 
-AXES: Final = tuple(
-    f"{triad} {axis}" for triad in ("gyroscope", "accelerometer") for axis in ("x", "y", "z")
-)
+AXES: Final = tuple(f"{triad} {axis}" for triad in TRIADS for axis in conventions.AXES)
 _FILLED_AT_MOST: Final = 10
 """Samples: a longer loss ends the piece."""
 _SATURATED: Final = 1e-4

@@ -37,12 +37,12 @@ from imu_sim_ros.commands import common
 from imu_sim_ros.config import files
 from imu_sim_ros.config.integrator import IntegratorParameters
 from imu_sim_ros.config.parameter import build
+from imu_sim_ros.conventions import GRAVITY
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.navigation.correction import correction_of
 
 Array = NDArray[np.float64]
 
-STANDARD_GRAVITY = 9.81
 _UNITS = {
     "gyroscope_bias": "rad/s",
     "accelerometer_bias": "m/s^2",
@@ -88,7 +88,7 @@ def _kind(kinds: Any, name: str, text: str) -> argparse.ArgumentParser:
     result.add_argument("bag", metavar="BAG", type=Path, help="bag, EuRoC folder or CSV file")
     result.add_argument("--topic", help="sensor_msgs/Imu topic, where the bag has several")
     result.add_argument(
-        "--gravity", type=float, default=STANDARD_GRAVITY, help="local gravity [m/s^2] (9.81)"
+        "--gravity", type=float, default=-GRAVITY[2], help="local gravity [m/s^2] (%(default)s)"
     )
     result.add_argument(
         "-o", "--output", type=Path, metavar="DIR", help="folder for the files (default: RUN)"

@@ -20,7 +20,6 @@ from imu_sim_ros.bags.messages.encode import ODOMETRY
 from imu_sim_ros.bags.read import ImuMessages, read_imu
 from imu_sim_ros.commands import common
 from imu_sim_ros.commands.tracks import (
-    TRUTH_TOPIC,
     has_truth,
     read_track,
     truth_topic,
@@ -34,6 +33,7 @@ from imu_sim_ros.config.integrator import (
     IntegratorParameters,
     layer_integrator,
 )
+from imu_sim_ros.conventions import TRUTH_TOPIC
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.navigation import initialisation
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon

@@ -26,6 +26,7 @@ from imu_sim_ros.bags.read import open_bag, read_imu, read_odometry, read_poses
 from imu_sim_ros.commands import common
 from imu_sim_ros.config import files
 from imu_sim_ros.config.simulation import SimulationParameters, load_simulation
+from imu_sim_ros.conventions import DEAD_RECKONED_TOPIC, IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.drift import Drift, Truth, drift
 from imu_sim_ros.navigation.state import NavigationStates
@@ -33,7 +34,6 @@ from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.rotation import rotate
 from imu_sim_ros.simulation import Simulation
 
-IMU, TRUTH, ESTIMATE = "imu/data_raw", "ground_truth/odom", "dead_reckoned/odom"
 METHODS = ("euler", "midpoint")
 _START_TIMEOUT = 30.0
 _END_TIMEOUT = 10.0
@@ -99,7 +99,7 @@ def _fly(parameters: SimulationParameters, folder: Path, bag: Path) -> dict[str,
     files.dump(parameters, file, comment="What the demonstration simulated.")
     with ExitStack() as stack:
         log = stack.enter_context((folder / "nodes.log").open("w+", encoding="utf-8"))
-        topics = f"[{IMU}, {TRUTH}, {ESTIMATE}]"
+        topics = f"[{IMU_TOPIC}, {TRUTH_TOPIC}, {DEAD_RECKONED_TOPIC}]"
         recorder = _start(log, "recorder", "-p", f"output:={bag}", "-p", f"topics:={topics}")
         integrator = _start(log, "integrator", "-p", "initial_state:=truth", "-p", "error:=true")
         simulator = _start(
@@ -176,10 +176,10 @@ def _print_counts(bag: Path, counts: dict[str, dict[str, int]]) -> None:
     with open_bag(bag) as opened:
         recorded = {info.name.lstrip("/"): info.count for info in opened.topics}
     rows = []
-    for topic in (IMU, TRUTH, ESTIMATE):
+    for topic in (IMU_TOPIC, TRUTH_TOPIC, DEAD_RECKONED_TOPIC):
         published = counts["counted"].get(topic, 0)
         received = counts["received"].get(topic, counts["taken"].get(topic, 0))
-        t_ns = (read_imu if topic == IMU else read_odometry)(bag, f"/{topic}").t_ns
+        t_ns = (read_imu if topic == IMU_TOPIC else read_odometry)(bag, f"/{topic}").t_ns
         rate = (len(t_ns) - 1) * 1e9 / (t_ns[-1] - t_ns[0])
         rows.append(
             [
@@ -198,12 +198,12 @@ def _print_counts(bag: Path, counts: dict[str, dict[str, int]]) -> None:
 
 def _print_errors(parameters: SimulationParameters, folder: Path, bag: Path) -> None:
     """Print and draw the errors of Euler and midpoint, with and without noise."""
-    odometry = read_odometry(bag, f"/{TRUTH}")
+    odometry = read_odometry(bag, f"/{TRUTH_TOPIC}")
     truth = Truth(
         PoseSequence(odometry.t_ns, odometry.position, odometry.q_wb),
         rotate(odometry.q_wb, odometry.velocity_b),
     )
-    noisy = read_imu(bag, f"/{IMU}")
+    noisy = read_imu(bag, f"/{IMU_TOPIC}")
     ideal = next(Simulation(parameters, read_poses).blocks(len(noisy.t_ns)))
     readings = {
         "with noise": (noisy.gyro, noisy.accel),

@@ -21,6 +21,7 @@ from imu_sim_ros.commands import bag_output, common
 from imu_sim_ros.config import files
 from imu_sim_ros.config.simulation import SimulationParameters, load_simulation
 from imu_sim_ros.consumers import imu_noise as consumers
+from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.datasets import (
     BagTarget,
     DatasetTarget,
@@ -29,7 +30,7 @@ from imu_sim_ros.datasets import (
 )
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.simulation import Simulation
-from imu_sim_ros.topics import READINGS, TRUTH, TYPES
+from imu_sim_ros.topics import TYPES
 
 EXAMPLES: Final = """\
 examples:
@@ -56,7 +57,7 @@ def parser() -> argparse.ArgumentParser:
         "--topics",
         metavar="NAME,...",
         default="",
-        help=f"what is written ({READINGS},{TRUTH}); all: {', '.join(TYPES)}",
+        help=f"what is written ({IMU_TOPIC},{TRUTH_TOPIC}); all: {', '.join(TYPES)}",
     )
     group.add_argument("--imu-only", action="store_true", help="no ground truth")
     group.add_argument(
@@ -132,14 +133,16 @@ def _target(
         for name in ("storage", "compression", "split_duration", "split_size")
         if getattr(arguments, name)
     ]
-    unfit += [f"topic {name}: is not for {form}" for name in names if name not in (READINGS, TRUTH)]
+    unfit += [
+        f"topic {name}: is not for {form}" for name in names if name not in (IMU_TOPIC, TRUTH_TOPIC)
+    ]
     if unfit:
         raise InputError(unfit)
-    with text_writer.Dataset(output, form, TRUTH in names) as dataset:
+    with text_writer.Dataset(output, form, TRUTH_TOPIC in names) as dataset:
         target = DatasetTarget(dataset)
         yield target
         if form == "euroc":
-            _describe(output, parameters, TRUTH in names)
+            _describe(output, parameters, TRUTH_TOPIC in names)
     target.files = dataset.files
 
 
@@ -198,7 +201,7 @@ def _noise(parameters: SimulationParameters, topic: str) -> consumers.Noise:
 
 
 def _write_configs(output: Path, parameters: SimulationParameters, names: dict[str, str]) -> None:
-    topic = resolved(names.get(READINGS, READINGS))
+    topic = resolved(names.get(IMU_TOPIC, IMU_TOPIC))
     folder = output.with_name(output.name + "_configs")
     consumers.write_all(folder, _noise(parameters, topic))
     files.dump(

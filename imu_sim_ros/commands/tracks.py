@@ -4,7 +4,7 @@
 """Trajectories from wherever the commands find them: text, folders, topics of bags."""
 
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,14 +12,13 @@ from numpy.typing import NDArray
 from imu_sim_ros.bags.messages.encode import ODOMETRY
 from imu_sim_ros.bags.read import odometry_blocks, open_bag, read_poses
 from imu_sim_ros.bags.text.reader import is_text, state_file
+from imu_sim_ros.conventions import TRUTH_TOPIC
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.navigation.state import NavigationStates
 from imu_sim_ros.poses import PoseSequence, write_tum
 from imu_sim_ros.rotation import rotate
 
 Array = NDArray[np.float64]
-
-TRUTH_TOPIC: Final = "ground_truth/odom"
 
 
 class Track(NamedTuple):

@@ -24,10 +24,10 @@ from imu_sim_ros.config.parameter import (
 )
 from imu_sim_ros.config.triads import (
     NO_CROSS_AXIS,
-    TRIADS,
     AccelerometerParameters,
     GyroscopeParameters,
 )
+from imu_sim_ros.conventions import TRIADS
 
 ORTHONORMAL_TOLERANCE = 1e-6
 

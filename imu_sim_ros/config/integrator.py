@@ -25,6 +25,7 @@ from imu_sim_ros.config.parameter import (
     text,
     vector,
 )
+from imu_sim_ros.conventions import BODY_FRAME, GRAVITY, TRIADS, WORLD_FRAME
 
 DEFAULT_IMU = "lecture"
 METHODS = ("euler", "midpoint", "rk4")
@@ -96,7 +97,7 @@ class IntegratorParameters:
         minimum=0.0,
         above_minimum=True,
     )
-    gravity: Vector = vector((0.0, 0.0, -9.81), "gravity in the world frame", unit="m/s^2")
+    gravity: Vector = vector(GRAVITY, "gravity in the world frame", unit="m/s^2")
     earth_rate: Vector = vector(
         ZERO_VECTOR, "rate of the world in the world frame, if it turns", unit="rad/s"
     )
@@ -132,8 +133,8 @@ class IntegratorParameters:
     level_time: float = number(
         2.0, "length of the rest that level averages", unit="s", minimum=0.01, maximum=3600.0
     )
-    world_frame: str = text("world", "frame of the pose")
-    body_frame: str = text("base_link", "frame of the body, in which the twist is given")
+    world_frame: str = text(WORLD_FRAME, "frame of the pose")
+    body_frame: str = text(BODY_FRAME, "frame of the body, in which the twist is given")
     covariance: bool = flag(True, "propagate the covariance of pose and twist from imu.*")
     imu: NoiseParameters = section(NoiseParameters)
     path_rate: float = number(
@@ -155,13 +156,13 @@ class IntegratorParameters:
     def problems(self, prefix: str) -> Iterator[str]:
         """Yield what single parameters cannot say."""
         if max(self.gravity) == min(self.gravity) != 0:
-            yield f"{prefix}gravity = {self.gravity[0]}: must be a vector such as [0, 0, -9.81]"
+            yield f"{prefix}gravity = {self.gravity[0]}: must be a vector such as {list(GRAVITY)}"
         elif math.hypot(*self.gravity) > _EARTH_GRAVITY_MAXIMUM:
             yield (
                 f"{prefix}gravity = {list(self.gravity)}: must be at most "
                 f"{_EARTH_GRAVITY_MAXIMUM:g} m/s^2 long"
             )
-        for triad in ("gyroscope", "accelerometer"):
+        for triad in TRIADS:
             name = f"{triad}_scale_misalignment"
             if abs(_determinant(getattr(self, name))) < 1e-3:
                 yield f"{prefix}{name} = {list(getattr(self, name))}: must be invertible"

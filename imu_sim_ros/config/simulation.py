@@ -22,11 +22,10 @@ from imu_sim_ros.config.parameter import (
 )
 from imu_sim_ros.config.temperature import TemperatureParameters
 from imu_sim_ros.config.trajectory import TrajectoryParameters, find_trajectory
-from imu_sim_ros.config.triads import TRIADS
+from imu_sim_ros.conventions import BODY_FRAME, GRAVITY, IMU_FRAME, TRIADS, WORLD_FRAME
 
 DEFAULT_IMU = "lecture"
 DEFAULT_TRAJECTORY = "lecture"
-DEFAULT_GRAVITY = (0.0, 0.0, -9.81)
 LARGEST_JITTER = 0.25
 """The largest standard deviation of the stamps, in intervals between two samples."""
 
@@ -49,10 +48,10 @@ class SimulationParameters:
         minimum=-1.0,
         maximum=4294967295.0,
     )
-    world_frame: str = text("world", "frame of the truth's pose")
-    body_frame: str = text("base_link", "frame of the body, child of the world frame")
-    imu_frame: str = text("imu_link", "frame of the readings")
-    gravity: Vector = vector(DEFAULT_GRAVITY, "gravity in the world frame", unit="m/s^2")
+    world_frame: str = text(WORLD_FRAME, "frame of the truth's pose")
+    body_frame: str = text(BODY_FRAME, "frame of the body, child of the world frame")
+    imu_frame: str = text(IMU_FRAME, "frame of the readings")
+    gravity: Vector = vector(GRAVITY, "gravity in the world frame", unit="m/s^2")
     gravity_model: str = choice(
         "constant",
         ("constant", "wgs84"),
@@ -90,7 +89,7 @@ class SimulationParameters:
                 f"{prefix}imu.jitter = {self.imu.jitter:g}: must be at most a quarter of the "
                 f"interval, {LARGEST_JITTER / self.rate:g} s"
             )
-        if self.gravity_model != "constant" and self.gravity != DEFAULT_GRAVITY:
+        if self.gravity_model != "constant" and self.gravity != GRAVITY:
             yield (
                 f"{prefix}gravity = {self.gravity}: must be left out "
                 f"where gravity_model is {self.gravity_model}"

@@ -22,7 +22,7 @@ from imu_sim_ros.config.parameter import (
     vector,
 )
 from imu_sim_ros.config.simulation import SimulationParameters, layer_simulation
-from imu_sim_ros.config.triads import TRIADS
+from imu_sim_ros.conventions import IMU_FRAME, TRIADS
 from imu_sim_ros.errors import ConfigurationError
 
 NODE = "simulator"
@@ -147,7 +147,7 @@ class OneImuParameters:
         200.0, "samples per second", unit="Hz", minimum=0.0, above_minimum=True, maximum=20000.0
     )
     seed: int = integer(0, "seed of all random streams", minimum=0, maximum=2**63 - 1)
-    imu_frame: str = text("imu_link", "frame of the readings")
+    imu_frame: str = text(IMU_FRAME, "frame of the readings")
     imu: ImuParameters = section(ImuParameters)
 
 

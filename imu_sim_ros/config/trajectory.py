@@ -22,6 +22,7 @@ from imu_sim_ros.config.trajectory_common import (
     TrajectoryParameters,
     VibrationParameters,
 )
+from imu_sim_ros.conventions import GRAVITY
 from imu_sim_ros.errors import ConfigurationError
 
 __all__ = [
@@ -89,7 +90,7 @@ class FreeFallParameters(TrajectoryParameters):
     roll_pitch_yaw: Vector = vector(ZERO_VECTOR, "attitude at the start", unit="rad")
     angular_velocity: Vector = vector((1.0, 2.0, 0.5), "constant rate in the body", unit="rad/s")
     gravity: Vector = vector(
-        (0.0, 0.0, -9.81),
+        GRAVITY,
         "its acceleration; that of the simulation for true free fall",
         unit="m/s^2",
     )

@@ -19,7 +19,6 @@ from imu_sim_ros.config.parameter import (
     vector,
 )
 
-TRIADS = ("gyroscope", "accelerometer")
 NO_CROSS_AXIS = (0.0,) * 6
 
 

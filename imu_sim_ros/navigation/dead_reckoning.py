@@ -38,6 +38,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
+from imu_sim_ros.conventions import GRAVITY
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.navigation import increments
 from imu_sim_ros.navigation.correction import NO_CORRECTION, Correction
@@ -45,13 +46,13 @@ from imu_sim_ros.navigation.increments import Increments
 from imu_sim_ros.navigation.readings import check_readings
 from imu_sim_ros.navigation.state import NavigationState, NavigationStates
 from imu_sim_ros.navigation.stepper import Stepper, check_method
+from imu_sim_ros.rotation import components
 
-__all__ = ["GRAVITY", "Stepper", "dead_reckon", "dead_reckon_integrals"]
+__all__ = ["Stepper", "dead_reckon", "dead_reckon_integrals"]
 
 Array = NDArray[np.float64]
 _Vector = tuple[float, float, float]
 
-GRAVITY: Final[_Vector] = (0.0, 0.0, -9.81)
 """g_w of the lecture [m/s^2]."""
 _STILL: Final[_Vector] = (0.0, 0.0, 0.0)
 _BLOCK: Final = 16384
@@ -167,21 +168,21 @@ class _States:
         rows = slice(first, self._last + 1)
         start = self._q[first]
         chain = np.concatenate([start[None], increment.dq.T])
-        q = increments.normalise(np.ascontiguousarray(rotation.cumulative_product(chain).T))
+        q = components.normalise(np.ascontiguousarray(rotation.cumulative_product(chain).T))
         velocity = np.empty((3, len(h) + 1))
         velocity[:, 0] = self._velocity[first]
         if self._earth_rate.any():
             q = self._turned_world(h, increment, q, velocity)
         else:
             np.add(
-                increments.rotate(q[:, :-1], increment.dv), self._gravity * h, out=velocity[:, 1:]
+                components.rotate(q[:, :-1], increment.dv), self._gravity * h, out=velocity[:, 1:]
             )
             np.cumsum(velocity, axis=1, out=velocity)
         position = np.empty_like(velocity)
         position[:, 0] = self._position[first]
         np.multiply(velocity[:, :-1] + velocity[:, 1:], 0.5 * h, out=position[:, 1:])
         if increment.dp is not None:
-            position[:, 1:] += increments.rotate(q[:, :-1], increment.dp)
+            position[:, 1:] += components.rotate(q[:, :-1], increment.dp)
         np.cumsum(position, axis=1, out=position)
         self._q[rows], self._velocity[rows] = q.T, velocity.T
         self._position[rows] = position.T
@@ -193,14 +194,14 @@ class _States:
         ``u(t) = Exp(2 E t) v(t)`` is free of Coriolis' acceleration.
         """
         t = np.concatenate([np.zeros(1), np.cumsum(h)])
-        back = increments.exp(-self._earth_rate * t)
-        q_wb = increments.multiply(back, q)
-        half = increments.exp(-self._earth_rate * (0.5 * h))
-        force = increments.rotate(increments.multiply(half, q_wb[:, :-1]), increment.dv)
-        middle = increments.exp(self._earth_rate * (t[:-1] + t[1:]))
-        velocity[:, 1:] = increments.rotate(middle, force + self._gravity * h)
+        back = components.exp(-self._earth_rate * t)
+        q_wb = components.multiply(back, q)
+        half = components.exp(-self._earth_rate * (0.5 * h))
+        force = components.rotate(components.multiply(half, q_wb[:, :-1]), increment.dv)
+        middle = components.exp(self._earth_rate * (t[:-1] + t[1:]))
+        velocity[:, 1:] = components.rotate(middle, force + self._gravity * h)
         np.cumsum(velocity, axis=1, out=velocity)
-        velocity[:] = increments.rotate(increments.multiply(back, back), velocity)
+        velocity[:] = components.rotate(components.multiply(back, back), velocity)
         return q_wb
 
     def result(self) -> NavigationStates:

@@ -11,9 +11,9 @@ vector's components on the first axis, ``(3, n)`` and ``(4, n)``: every operand 
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from imu_sim_ros.rotation import Array
+from imu_sim_ros.rotation.components import cross, exp, multiply, normalise, rotate
 
 
 class Increments(NamedTuple):
@@ -29,59 +29,6 @@ class Increments(NamedTuple):
     """(3, n) integral of a(s) [m/s]."""
     dp: Array | None
     """(3, n) double integral of a(s) less ``dv h / 2`` [m]; None where it is zero."""
-
-
-def multiply(p: Array, q: Array) -> Array:
-    """Return the Hamilton products (4, ...) of quaternions with components first."""
-    pw, px, py, pz = p
-    qw, qx, qy, qz = q
-    result = np.empty(np.broadcast_shapes(p.shape, q.shape))
-    result[0] = pw * qw - px * qx - py * qy - pz * qz
-    result[1] = pw * qx + px * qw + py * qz - pz * qy
-    result[2] = pw * qy - px * qz + py * qw + pz * qx
-    result[3] = pw * qz + px * qy - py * qx + pz * qw
-    return result
-
-
-def rotate(q: Array, v: Array) -> Array:
-    """Return ``R v`` (3, ...) of unit quaternions (4, ...) and vectors (3, ...)."""
-    w, x, y, z = q
-    a, b, c = v
-    cx, cy, cz = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
-    result = np.empty((3, *np.broadcast_shapes(w.shape, a.shape)))
-    result[0] = a + w * cx + y * cz - z * cy
-    result[1] = b + w * cy + z * cx - x * cz
-    result[2] = c + w * cz + x * cy - y * cx
-    return result
-
-
-def cross(a: Array, b: Array) -> Array:
-    """Return the vector products (3, n)."""
-    return np.stack(
-        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-    )
-
-
-def exp(v: Array) -> Array:
-    """Return the quaternions (4, n) of rotation vectors (3, n)."""
-    half = 0.5 * np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
-    result = np.empty((4, *half.shape))
-    np.cos(half, out=result[0])
-    # sin(x) / x; below 1e-4 its series, exact to the last digit there.
-    small = half < 1e-4
-    factor = np.sin(half)
-    np.divide(0.5 * factor, half, out=factor, where=~small)
-    if small.any():
-        factor[small] = 0.5 - half[small] ** 2 / 12.0
-    np.multiply(v, factor, out=result[1:])
-    return result
-
-
-def normalise(q: Array) -> Array:
-    """Return quaternions (4, n) at unit length."""
-    w, x, y, z = q
-    result: Array = q * (1.0 / np.sqrt(w * w + x * x + y * y + z * z))
-    return result
 
 
 def first_order(v: Array) -> Array:

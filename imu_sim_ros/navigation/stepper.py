@@ -15,23 +15,24 @@ import numpy as np
 
 from imu_sim_ros.config.integrator import ATTITUDE_UPDATES, METHODS
 from imu_sim_ros.config.parameter import IDENTITY_MATRIX, ZERO_MATRIX
+from imu_sim_ros.conventions import GRAVITY
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.navigation.correction import NO_CORRECTION, Correction
-from imu_sim_ros.navigation.plain import (
-    INCREMENTS,
+from imu_sim_ros.navigation.scalar_increments import INCREMENTS
+from imu_sim_ros.navigation.state import NavigationState
+from imu_sim_ros.rotation.scalars import (
     M9,
     Q4,
     V3,
     ZERO,
-    apply,
     conjugate,
     exp,
     multiply,
     normalise,
     rotate,
     scaled,
+    transform,
 )
-from imu_sim_ros.navigation.state import NavigationState
 
 GIMBAL_LOCK_MARGIN = math.radians(1.0)
 """[rad] nearer than this, or than two steps, to a pitch of +-90 degrees Euler angles are not
@@ -83,7 +84,7 @@ class Stepper:
         initial: NavigationState,
         method: str = "midpoint",
         attitude: str = "so3",
-        gravity: Sequence[float] = (0.0, 0.0, -9.81),
+        gravity: Sequence[float] = GRAVITY,
         correction: Correction = NO_CORRECTION,
         max_gap: float = 0.1,
         earth_rate: Sequence[float] = ZERO,
@@ -214,9 +215,9 @@ class Stepper:
         bx, by, bz = self._gyro_bias
         rate = (gyro[0] - bx, gyro[1] - by, gyro[2] - bz)
         if self._scaled:
-            force = apply(self._accel_inverse, force)
-            gx, gy, gz = apply(self._correction.gyroscope_g_sensitivity, force)
-            rate = apply(self._gyro_inverse, (rate[0] - gx, rate[1] - gy, rate[2] - gz))
+            force = transform(self._accel_inverse, force)
+            gx, gy, gz = transform(self._correction.gyroscope_g_sensitivity, force)
+            rate = transform(self._gyro_inverse, (rate[0] - gx, rate[1] - gy, rate[2] - gz))
         return rate, force
 
     def _advance(self, h: float, rate: V3, force: V3) -> None:

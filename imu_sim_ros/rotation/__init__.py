@@ -1,11 +1,17 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Unit quaternions and SO(3): ``arrays`` with time first, ``components`` with components first."""
+"""Unit quaternions and SO(3), in the three layouts that the rooms need.
 
+The functions exported here take arrays with time first, (n, 4) and (n, 3). :mod:`components` has
+the same for components first, (4, n) and (3, n), where a record is processed in bulk;
+:mod:`scalars` for tuples of floats, where a node takes one step. One set of properties is tested
+for all of them. Imports nothing of the package.
+"""
+
+from imu_sim_ros.rotation import components, scalars
 from imu_sim_ros.rotation.arrays import (
     IDENTITY,
-    Array,
     body_rates_to_euler_rates,
     canonical,
     conjugate,
@@ -26,12 +32,14 @@ from imu_sim_ros.rotation.arrays import (
     to_euler,
     to_matrix,
 )
+from imu_sim_ros.rotation.components import Array
 
 __all__ = [
     "IDENTITY",
     "Array",
     "body_rates_to_euler_rates",
     "canonical",
+    "components",
     "conjugate",
     "continuous",
     "cumulative_product",
@@ -46,6 +54,7 @@ __all__ = [
     "right_jacobian_inverse",
     "rotate",
     "rotate_inverse",
+    "scalars",
     "skew",
     "to_euler",
     "to_matrix",

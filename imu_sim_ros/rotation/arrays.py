@@ -11,9 +11,10 @@ kinematics for the error-state Kalman filter", arXiv:1711.02508.
 from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from imu_sim_ros.rotation import components
+from imu_sim_ros.rotation.components import Array
 
 IDENTITY: Final[Array] = np.array([1.0, 0.0, 0.0, 0.0])
 _SMALL_ANGLE: Final = 1e-4
@@ -25,11 +26,11 @@ def multiply(p: ArrayLike, q: ArrayLike) -> Array:
     :param p: (..., 4) quaternions.
     :param q: (..., 4) quaternions, broadcast against p.
     """
-    components = _multiply_components(
+    product = components.multiply(
         np.moveaxis(np.asarray(p, dtype=np.float64), -1, 0),
         np.moveaxis(np.asarray(q, dtype=np.float64), -1, 0),
     )
-    result: Array = np.moveaxis(components, 0, -1)
+    result: Array = np.moveaxis(product, 0, -1)
     return result
 
 
@@ -258,24 +259,10 @@ def cumulative_product(q: ArrayLike) -> Array:
     padded = np.concatenate([q, np.broadcast_to(IDENTITY, (rows * columns - n, 4))])
     table[:] = padded.reshape(rows, columns, 4).transpose(2, 1, 0)
     for k in range(1, columns):
-        table[:, k] = _multiply_components(table[:, k - 1], table[:, k])
+        table[:, k] = components.multiply(table[:, k - 1], table[:, k])
     before = np.empty((4, 1, rows))
     before[:, 0, 0] = IDENTITY
     for r in range(1, rows):
-        before[:, 0, r] = _multiply_components(before[:, 0, r - 1], table[:, -1, r - 1])
-    table = _multiply_components(before, table)
+        before[:, 0, r] = components.multiply(before[:, 0, r - 1], table[:, -1, r - 1])
+    table = components.multiply(before, table)
     return np.ascontiguousarray(table.transpose(2, 1, 0).reshape(-1, 4)[:n])
-
-
-def _multiply_components(p: Array, q: Array) -> Array:
-    """Hamilton product with the components on the first axis."""
-    pw, px, py, pz = p
-    qw, qx, qy, qz = q
-    return np.stack(
-        [
-            pw * qw - px * qx - py * qy - pz * qz,
-            pw * qx + px * qw + py * qz - pz * qy,
-            pw * qy - px * qz + py * qw + pz * qx,
-            pw * qz + px * qy - py * qx + pz * qw,
-        ]
-    )

@@ -1,10 +1,10 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Vectors with the components first, (3, n): every operand of the arithmetic is then contiguous.
+"""Vectors and quaternions with the components first, (3, n) and (4, n).
 
-Only additions and multiplications element by element, so that a sample has the same value, bit for
-bit, in whatever block it is computed.
+Every operand of the arithmetic is then contiguous. Only operations element by element, so that a
+sample has the same value, bit for bit, in whatever block it is computed.
 """
 
 import numpy as np
@@ -12,13 +12,37 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+_SMALL_ANGLE = 1e-4
 
-def cross(a: Array, b: Array) -> Array:
-    """Return ``a x b`` (3, n) of (3, n) or (3, 1)."""
-    result = np.empty((3, b.shape[1] if a.shape[1] == 1 else a.shape[1]))
-    for row, (i, j) in zip(result, ((1, 2), (2, 0), (0, 1)), strict=True):
-        np.multiply(a[i], b[j], out=row)
-        row -= a[j] * b[i]
+
+def multiply(p: Array, q: Array) -> Array:
+    """Return the Hamilton products (4, ...) of quaternions (Sola eq. 12)."""
+    pw, px, py, pz = p
+    qw, qx, qy, qz = q
+    result = np.empty((4, *np.broadcast_shapes(pw.shape, qw.shape)))
+    result[0] = pw * qw - px * qx - py * qy - pz * qz
+    result[1] = pw * qx + px * qw + py * qz - pz * qy
+    result[2] = pw * qy - px * qz + py * qw + pz * qx
+    result[3] = pw * qz + px * qy - py * qx + pz * qw
+    return result
+
+
+def normalise(q: Array) -> Array:
+    """Return quaternions (4, n) at unit length."""
+    w, x, y, z = q
+    result: Array = q * (1.0 / np.sqrt(w * w + x * x + y * y + z * z))
+    return result
+
+
+def rotate(q_ab: Array, v_b: Array) -> Array:
+    """Return ``v_a = R_ab v_b`` (3, ...) of unit quaternions (4, ...) and vectors (3, ...)."""
+    w, x, y, z = q_ab
+    a, b, c = v_b
+    cx, cy, cz = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
+    result = np.empty((3, *np.broadcast_shapes(w.shape, a.shape)))
+    result[0] = a + w * cx + y * cz - z * cy
+    result[1] = b + w * cy + z * cx - x * cz
+    result[2] = c + w * cz + x * cy - y * cx
     return result
 
 
@@ -34,6 +58,30 @@ def rotate_inverse(q_ab: Array, v_a: Array) -> Array:
     result += v_a
     twice *= w
     result -= twice
+    return result
+
+
+def exp(v: Array) -> Array:
+    """Return the quaternions (4, n) of rotation vectors (3, n) [rad] (Sola eq. 101)."""
+    half = 0.5 * np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    result = np.empty((4, *half.shape))
+    np.cos(half, out=result[0])
+    # sin(x) / x; for small x its series, exact to the last digit there.
+    small = half < _SMALL_ANGLE
+    factor = np.sin(half)
+    np.divide(0.5 * factor, half, out=factor, where=~small)
+    if small.any():
+        factor[small] = 0.5 - half[small] ** 2 / 12.0
+    np.multiply(v, factor, out=result[1:])
+    return result
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Return ``a x b`` (3, n) of (3, n) or (3, 1)."""
+    result = np.empty((3, b.shape[1] if a.shape[1] == 1 else a.shape[1]))
+    for row, (i, j) in zip(result, ((1, 2), (2, 0), (0, 1)), strict=True):
+        np.multiply(a[i], b[j], out=row)
+        row -= a[j] * b[i]
     return result
 
 

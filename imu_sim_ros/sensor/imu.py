@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros import timebase
 from imu_sim_ros.config.simulation import SimulationParameters
-from imu_sim_ros.config.triads import TRIADS
+from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.sensor.block import ImuBlock
 from imu_sim_ros.sensor.faults import Fault, FaultSchedule
 from imu_sim_ros.sensor.ideal import IdealImu

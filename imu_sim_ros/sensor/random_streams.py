@@ -12,7 +12,7 @@ import zlib
 
 from numpy.random import SFC64, Generator, SeedSequence
 
-AXES = ("x", "y", "z")
+from imu_sim_ros.conventions import AXES
 
 
 def generator(seed: int, source: str) -> Generator:

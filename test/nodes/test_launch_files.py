@@ -17,6 +17,15 @@ from imu_sim_ros.config.integrator import IntegratorParameters, layer_integrator
 from imu_sim_ros.config.parameter import build, parameters
 from imu_sim_ros.config.recorder import RecorderParameters
 from imu_sim_ros.config.simulator import SimulatorParameters
+from imu_sim_ros.conventions import (
+    ATTITUDE_ERROR_TOPIC,
+    DEAD_RECKONED_TOPIC,
+    IMU_TOPIC,
+    PATH_TOPIC,
+    POSITION_ERROR_TOPIC,
+    ROLL_PITCH_YAW_TOPIC,
+    TRUTH_TOPIC,
+)
 
 pytestmark = pytest.mark.ros
 
@@ -80,16 +89,14 @@ def published_topics() -> dict[str, set[str]]:
     readings = {
         f"{field}.{axis}" for field in ("angular_velocity", "linear_acceleration") for axis in "xyz"
     }
-    from imu_sim_ros.nodes.integrator import node as integrator
-
     return {
-        f"/{integrator.IMU}": readings,
-        f"/{integrator.TRUTH}": odometry,
-        f"/{integrator.ODOMETRY}": odometry,
-        f"/{integrator.PATH}": set(),
-        f"/{integrator.ROLL_PITCH_YAW}": vector,
-        f"/{integrator.POSITION_ERROR}": vector,
-        f"/{integrator.ATTITUDE_ERROR}": vector,
+        f"/{IMU_TOPIC}": readings,
+        f"/{TRUTH_TOPIC}": odometry,
+        f"/{DEAD_RECKONED_TOPIC}": odometry,
+        f"/{PATH_TOPIC}": set(),
+        f"/{ROLL_PITCH_YAW_TOPIC}": vector,
+        f"/{POSITION_ERROR_TOPIC}": vector,
+        f"/{ATTITUDE_ERROR_TOPIC}": vector,
     }
 
 

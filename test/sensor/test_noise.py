@@ -13,7 +13,7 @@ import pytest
 
 from imu_sim_ros.config.imu import ImuParameters
 from imu_sim_ros.config.parameter import build
-from imu_sim_ros.config.triads import TRIADS
+from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.sensor.autoregressive import CHUNK, GaussMarkovBank
 from imu_sim_ros.sensor.deterministic import TurnOn
 from imu_sim_ros.sensor.noise import (

@@ -16,6 +16,7 @@ from imu_sim_ros.calibration.deterministic.turntable import Turntable
 from imu_sim_ros.config import files
 from imu_sim_ros.config.imu import ImuParameters
 from imu_sim_ros.config.parameter import Value
+from imu_sim_ros.conventions import TRIADS
 
 Array = NDArray[np.float64]
 
@@ -65,7 +66,7 @@ def turntable_parameters(result: Turntable) -> Parameters:
 def temperature_parameters(result: Temperature) -> Parameters:
     """Return the parameters of a soak or ramp run; biases and scales are those at T0."""
     values = {"reference_temperature": _flat(np.array([result.reference]), np.zeros(1))}
-    for name in ("gyroscope", "accelerometer"):
+    for name in TRIADS:
         triad: TriadTemperature = getattr(result, name)
         axes = triad.axes
         p = triad.inputs.shape[1]

@@ -28,7 +28,6 @@ _MOVING_SHARE: Final = 0.01
 _DISTURBED_SHARE: Final = 0.05
 MODELS: Final = ("standard", "gauss_markov")
 UNITS: Final = ("rad/s", "m/s^2")
-TRIADS: Final = ("gyroscope", "accelerometer")
 
 
 class Readings(Protocol):

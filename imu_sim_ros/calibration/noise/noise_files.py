@@ -8,21 +8,21 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros.calibration.noise.analysis import TRIADS, AllanResult
+from imu_sim_ros.calibration.noise.analysis import AllanResult
 from imu_sim_ros.calibration.noise.gauss_markov import CORRELATION_TIME, SIGMA
 from imu_sim_ros.config import files
 from imu_sim_ros.config.parameter import Value
+from imu_sim_ros.conventions import AXES, TRIADS
 
 KALIBR_NAMES: Final = tuple(
     f"{triad}_{key}" for triad in TRIADS[::-1] for key in ("noise_density", "random_walk")
 )
-_AXES: Final = ("x", "y", "z")
 
 
 def write_csv(result: AllanResult, path: Path) -> None:
     """Write the Allan deviation and its 95 % band, a row for each cluster time."""
     deviation = result.deviation
-    names = [f"{triad}_{axis}" for triad in TRIADS for axis in _AXES]
+    names = [f"{triad}_{axis}" for triad in TRIADS for axis in AXES]
     header = ["tau_s", "samples"] + [f"{n}{end}" for n in names for end in ("", "_low", "_high")]
     values = np.stack([deviation.deviation, deviation.low, deviation.high], axis=2)
     table = np.column_stack([deviation.tau, deviation.size, values.reshape(len(values), -1)])

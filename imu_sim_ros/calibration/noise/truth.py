@@ -8,11 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.calibration.noise.analysis import TRIADS, AllanResult
+from imu_sim_ros.calibration.noise.analysis import AllanResult
 from imu_sim_ros.calibration.noise.estimate import Estimate
 from imu_sim_ros.calibration.noise.gauss_markov import CORRELATION_TIME, SIGMA
 from imu_sim_ros.config.imu import ImuParameters
 from imu_sim_ros.config.simulation import load_simulation
+from imu_sim_ros.conventions import TRIADS
 
 Array = NDArray[np.float64]
 

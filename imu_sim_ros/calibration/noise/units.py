@@ -7,9 +7,11 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from imu_sim_ros.conventions import STANDARD_GRAVITY
+
 _DEGREES: Final = 180.0 / np.pi
 _HOUR: Final = 3600.0
-_MILLI_G: Final = 1e3 / 9.80665
+_MILLI_G: Final = 1e3 / STANDARD_GRAVITY
 
 
 class Quantity(NamedTuple):

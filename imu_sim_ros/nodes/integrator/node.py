@@ -20,8 +20,16 @@ from std_srvs.srv import Trigger
 
 from imu_sim_ros.bags.messages.encode import OdometryEncoder, Vector3StampedEncoder
 from imu_sim_ros.config.integrator import IntegratorParameters, layer_integrator
+from imu_sim_ros.conventions import (
+    ATTITUDE_ERROR_TOPIC,
+    DEAD_RECKONED_TOPIC,
+    IMU_TOPIC,
+    PATH_TOPIC,
+    POSITION_ERROR_TOPIC,
+    ROLL_PITCH_YAW_TOPIC,
+    TRUTH_TOPIC,
+)
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.navigation.plain import to_angles
 from imu_sim_ros.nodes import decode, run
 from imu_sim_ros.nodes.integrator.diagnostics import IntegratorDiagnostics
 from imu_sim_ros.nodes.integrator.odometer import Odometer, Row
@@ -29,6 +37,7 @@ from imu_sim_ros.nodes.integrator.path import PathPublisher
 from imu_sim_ros.nodes.integrator.truth_comparison import ErrorAt, Estimate, TruthComparison
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.raw_subscription import Message, TopicReader, is_weaker, matching_qos
+from imu_sim_ros.rotation.scalars import to_euler
 
 TEXT = """Integrates imu/data_raw and publishes dead_reckoned/odom for every reading.
 
@@ -36,13 +45,6 @@ On request it also publishes dead_reckoned/path, dead_reckoned/roll_pitch_yaw (d
 ground_truth/odom, dead_reckoned/position_error and dead_reckoned/attitude_error.
 The service ~/reset starts anew at initial_state."""
 
-IMU = "imu/data_raw"
-TRUTH = "ground_truth/odom"
-ODOMETRY = "dead_reckoned/odom"
-PATH = "dead_reckoned/path"
-ROLL_PITCH_YAW = "dead_reckoned/roll_pitch_yaw"
-POSITION_ERROR = "dead_reckoned/position_error"
-ATTITUDE_ERROR = "dead_reckoned/attitude_error"
 
 _DEPTH = 2000
 _READ_PERIOD = 0.002
@@ -65,7 +67,7 @@ class Integrator(ConfiguredNode):
         self._lock = threading.Lock()
         """Readings are integrated in the reader's thread, all else happens in the executor's."""
         self._qos: dict[str, QoSProfile] = {}
-        self._received = {IMU: 0, TRUTH: 0}
+        self._received = {IMU_TOPIC: 0, TRUTH_TOPIC: 0}
         self._published = 0
         self._add_publishers(parameters)
         self.create_service(Trigger, "~/reset", self._reset)
@@ -86,24 +88,24 @@ class Integrator(ConfiguredNode):
             self._odometry_out.wait_for_all_acked(_ACKNOWLEDGEMENT)
         for topic, count in self._received.items():
             print(f"integrator: received {topic} {count}", flush=True)
-        print(f"integrator: counted {ODOMETRY} {self._published}", flush=True)
+        print(f"integrator: counted {DEAD_RECKONED_TOPIC} {self._published}", flush=True)
 
     def _add_publishers(self, parameters: IntegratorParameters) -> None:
         world, body = parameters.world_frame, parameters.body_frame
         self._odometry = OdometryEncoder(world, body)
-        self._odometry_out = self._publisher(Odometry, ODOMETRY)
+        self._odometry_out = self._publisher(Odometry, DEAD_RECKONED_TOPIC)
         self._angles_out = self._position_error_out = None
         self._path = None
         if parameters.roll_pitch_yaw:
             self._angles = Vector3StampedEncoder(world)
-            self._angles_out = self._publisher(Vector3Stamped, ROLL_PITCH_YAW)
+            self._angles_out = self._publisher(Vector3Stamped, ROLL_PITCH_YAW_TOPIC)
         if parameters.error:
             self._position_error = Vector3StampedEncoder(world)
             self._attitude_error = Vector3StampedEncoder(body)
-            self._position_error_out = self._publisher(Vector3Stamped, POSITION_ERROR)
-            self._attitude_error_out = self._publisher(Vector3Stamped, ATTITUDE_ERROR)
+            self._position_error_out = self._publisher(Vector3Stamped, POSITION_ERROR_TOPIC)
+            self._attitude_error_out = self._publisher(Vector3Stamped, ATTITUDE_ERROR_TOPIC)
         if parameters.path_rate:
-            publisher = self.create_publisher(Path, PATH, 1)
+            publisher = self.create_publisher(Path, PATH_TOPIC, 1)
             self._path = PathPublisher(publisher, world, parameters)
             self.create_timer(1.0 / parameters.path_rate, self._publish_path)
         if parameters.diagnostics:
@@ -116,11 +118,11 @@ class Integrator(ConfiguredNode):
     # ----------------------------------------------------------------------------- messages
     def _inputs(self) -> list[str]:
         with_truth = self.parameters.error or self.parameters.initial_state == "truth"
-        return [IMU, TRUTH] if with_truth else [IMU]
+        return [IMU_TOPIC, TRUTH_TOPIC] if with_truth else [IMU_TOPIC]
 
     def _subscribe(self, topic: str, qos: QoSProfile) -> None:
         self._qos[topic] = qos
-        self.reader.subscribe(topic, Imu if topic == IMU else Odometry, qos, stamp_offset=4)
+        self.reader.subscribe(topic, Imu if topic == IMU_TOPIC else Odometry, qos, stamp_offset=4)
 
     def _match_publishers(self) -> None:
         """Ask for less reliability where a driver offers less: else nothing would arrive."""
@@ -148,7 +150,7 @@ class Integrator(ConfiguredNode):
         with self._lock:
             for message in messages:
                 try:
-                    if topic == IMU:
+                    if topic == IMU_TOPIC:
                         rows += self.odometer.add_reading(decode.imu_reading(message.payload))
                     else:
                         self._take_truth(decode.truth(message.payload), rows, errors)
@@ -173,7 +175,7 @@ class Integrator(ConfiguredNode):
         _send(self._odometry_out, self._odometry.encode(t_ns, *columns))
         self._published += len(rows)
         if self._angles_out is not None:
-            angles = np.degrees([to_angles(row.q_wb) for row in rows])
+            angles = np.degrees([to_euler(row.q_wb) for row in rows])
             _send(self._angles_out, self._angles.encode(t_ns, angles))
         if self._path is not None:
             for row in rows:
@@ -216,7 +218,8 @@ class Integrator(ConfiguredNode):
     def _is_new_source(self) -> bool:
         """Tell whether a publisher of readings has appeared since the last call."""
         found = frozenset(
-            bytes(publisher.endpoint_gid) for publisher in self.get_publishers_info_by_topic(IMU)
+            bytes(publisher.endpoint_gid)
+            for publisher in self.get_publishers_info_by_topic(IMU_TOPIC)
         )
         new = bool(found - self._sources)
         self._sources |= found

@@ -14,10 +14,10 @@ from imu_sim_ros.config.integrator import IntegratorParameters
 from imu_sim_ros.navigation.correction import correction_of
 from imu_sim_ros.navigation.covariance import Covariance
 from imu_sim_ros.navigation.noise import noise_of
-from imu_sim_ros.navigation.plain import Q4, V3, rotate
 from imu_sim_ros.navigation.stepper import Counts, Stepper
 from imu_sim_ros.nodes.decode import ImuReading, Truth
 from imu_sim_ros.nodes.integrator.initialiser import Start, initialiser
+from imu_sim_ros.rotation.scalars import Q4, V3, rotate
 
 RESTART_NS = 1_000_000_000
 """A step back by more than this is a source that began again, not a message out of order."""

@@ -26,7 +26,7 @@ from rclpy.task import Future
 from rclpy.time import Time
 from std_srvs.srv import SetBool, Trigger
 
-from imu_sim_ros import timebase, topics
+from imu_sim_ros import conventions, timebase, topics
 from imu_sim_ros.bags import read_poses
 from imu_sim_ros.bags.messages.encode import CLOCK, ClockEncoder
 from imu_sim_ros.config.simulator import (
@@ -79,7 +79,7 @@ class Simulator(ConfiguredNode):
         self._faults = create(
             self,
             DiagnosticArray,
-            "ground_truth/faults",
+            conventions.FAULTS_TOPIC,
             QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL),
         )
         self._diagnostics = create(self, DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
@@ -212,8 +212,8 @@ class Simulator(ConfiguredNode):
         if self._follows and self.get_clock().now().nanoseconds == 0:
             return False
         wanted = {
-            "imu/data_raw": self.parameters.wait_for_subscribers,
-            "ground_truth/odom": self.parameters.wait_for_truth_subscribers,
+            conventions.IMU_TOPIC: self.parameters.wait_for_subscribers,
+            conventions.TRUTH_TOPIC: self.parameters.wait_for_truth_subscribers,
         }
         missing = False
         for counter in self._counters:
@@ -329,16 +329,16 @@ _OF_THE_NODE: Final = ("inject", "real_time_factor", "catch_up", "step_samples")
 
 def _is_wanted(topic: str, imu: str, publish: PublishParameters) -> bool:
     """Tell whether a topic is published for an IMU (``BODY``: for the body of several)."""
-    if topic == topics.TRUTH:
+    if topic == conventions.TRUTH_TOPIC:
         return publish.ground_truth and imu in ("", BODY)
     return (
         imu != BODY
         and {
-            topics.READINGS: True,
-            topics.IDEAL: publish.ground_truth_imu,
-            topics.GYROSCOPE_BIAS: publish.biases,
-            topics.ACCELEROMETER_BIAS: publish.biases,
-            topics.THERMOMETER: publish.temperature,
+            conventions.IMU_TOPIC: True,
+            conventions.IDEAL_IMU_TOPIC: publish.ground_truth_imu,
+            conventions.GYROSCOPE_BIAS_TOPIC: publish.biases,
+            conventions.ACCELEROMETER_BIAS_TOPIC: publish.biases,
+            conventions.TEMPERATURE_TOPIC: publish.temperature,
         }[topic]
     )
 

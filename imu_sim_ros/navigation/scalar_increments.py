@@ -1,128 +1,36 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rotations of one vector and increments of one interval in plain floats, for the stepper.
+"""The increment of one interval in plain floats, for the stepper.
 
-A step of a node handles a dozen numbers; NumPy's cost per call would be ten times that of the
-arithmetic. The formulas are those of :mod:`imu_sim_ros.navigation.increments`, where they are
-written for arrays. Quaternions are (w, x, y, z) tuples.
+The formulas are those of :mod:`imu_sim_ros.navigation.increments`, where they are written for
+arrays.
 """
 
-import math
 from collections.abc import Callable
 from typing import TypeAlias
 
-V3: TypeAlias = tuple[float, float, float]
-Q4: TypeAlias = tuple[float, float, float, float]
-M9: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
+from imu_sim_ros.rotation.scalars import (
+    Q4,
+    V3,
+    ZERO,
+    conjugate,
+    cross,
+    euler_rates,
+    exp,
+    from_euler,
+    mean,
+    multiply,
+    normalise,
+    rotate,
+    scaled,
+    to_euler,
+)
+
 Increment: TypeAlias = tuple[Q4, V3, V3]
 """(dq, dv, dp) of an interval, see :class:`imu_sim_ros.navigation.increments.Increments`."""
 IncrementOf: TypeAlias = Callable[[Q4, float, V3, V3, V3, V3], Increment]
 """(attitude at the start, length, rate at start and end, force at start and end) -> increment."""
-
-ZERO: V3 = (0.0, 0.0, 0.0)
-
-_SMALL_ANGLE = 1e-4
-
-
-def multiply(p: Q4, q: Q4) -> Q4:
-    """Return the Hamilton product."""
-    pw, px, py, pz = p
-    qw, qx, qy, qz = q
-    return (
-        pw * qw - px * qx - py * qy - pz * qz,
-        pw * qx + px * qw + py * qz - pz * qy,
-        pw * qy - px * qz + py * qw + pz * qx,
-        pw * qz + px * qy - py * qx + pz * qw,
-    )
-
-
-def normalise(q: Q4) -> Q4:
-    """Return the quaternion at unit length."""
-    w, x, y, z = q
-    s = 1.0 / math.sqrt(w * w + x * x + y * y + z * z)
-    return (w * s, x * s, y * s, z * s)
-
-
-def conjugate(q: Q4) -> Q4:
-    """Return the inverse rotation."""
-    return (q[0], -q[1], -q[2], -q[3])
-
-
-def rotate(q: Q4, v: V3) -> V3:
-    """Return ``R v``."""
-    w, x, y, z = q
-    a, b, c = v
-    cx, cy, cz = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
-    return (
-        a + w * cx + y * cz - z * cy,
-        b + w * cy + z * cx - x * cz,
-        c + w * cz + x * cy - y * cx,
-    )
-
-
-def exp(v: V3) -> Q4:
-    """Return the quaternion of a rotation vector."""
-    x, y, z = v
-    half = 0.5 * math.sqrt(x * x + y * y + z * z)
-    s = 0.5 * math.sin(half) / half if half > _SMALL_ANGLE else 0.5 - half * half / 12.0
-    return (math.cos(half), s * x, s * y, s * z)
-
-
-def scaled(v: V3, s: float) -> V3:
-    """Return ``s v``."""
-    return (v[0] * s, v[1] * s, v[2] * s)
-
-
-def mean(a: V3, b: V3) -> V3:
-    """Return the mean of two vectors."""
-    return (0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]), 0.5 * (a[2] + b[2]))
-
-
-def cross(a: V3, b: V3) -> V3:
-    """Return the vector product."""
-    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
-
-
-def apply(m: M9, v: V3) -> V3:
-    """Return the product of a matrix, row by row, and a vector."""
-    x, y, z = v
-    return (
-        m[0] * x + m[1] * y + m[2] * z,
-        m[3] * x + m[4] * y + m[5] * z,
-        m[6] * x + m[7] * y + m[8] * z,
-    )
-
-
-def to_angles(q: Q4) -> V3:
-    """Return roll, pitch and yaw [rad]."""
-    w, x, y, z = q
-    return (
-        math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)),
-        math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x)))),
-        math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)),
-    )
-
-
-def from_angles(angles: V3) -> Q4:
-    """Return the quaternion of roll, pitch and yaw [rad]."""
-    roll, pitch, yaw = (0.5 * angle for angle in angles)
-    cr, cp, cy = math.cos(roll), math.cos(pitch), math.cos(yaw)
-    sr, sp, sy = math.sin(roll), math.sin(pitch), math.sin(yaw)
-    return (
-        cr * cp * cy + sr * sp * sy,
-        sr * cp * cy - cr * sp * sy,
-        cr * sp * cy + sr * cp * sy,
-        cr * cp * sy - sr * sp * cy,
-    )
-
-
-def angle_rates(angles: V3, rate: V3) -> V3:
-    """Return the rates of roll, pitch and yaw of a body rate (lecture eq. 38)."""
-    x, y, z = rate
-    sr, cr = math.sin(angles[0]), math.cos(angles[0])
-    across = sr * y + cr * z
-    return (x + math.tan(angles[1]) * across, cr * y - sr * z, across / math.cos(angles[1]))
 
 
 def _moved(angles: V3, rates: V3, h: float) -> V3:
@@ -142,17 +50,17 @@ def turn_so3(_: Q4, rate: V3, h: float) -> Q4:
 
 def turn_angles(q: Q4, rate: V3, h: float) -> Q4:
     """Return the increment of attitude by Euler angles (lecture eq. 36)."""
-    angles = to_angles(q)
-    moved = _moved(angles, angle_rates(angles, rate), h)
-    return multiply(conjugate(q), from_angles(moved))
+    angles = to_euler(q)
+    moved = _moved(angles, euler_rates(angles, rate), h)
+    return multiply(conjugate(q), from_euler(moved))
 
 
 def turn_angles_midpoint(q: Q4, rate: V3, h: float) -> Q4:
     """Return the same with the matrix of eq. 38 at the interval's middle: second order."""
-    angles = to_angles(q)
-    middle = _moved(angles, angle_rates(angles, rate), 0.5 * h)
-    moved = _moved(angles, angle_rates(middle, rate), h)
-    return multiply(conjugate(q), from_angles(moved))
+    angles = to_euler(q)
+    middle = _moved(angles, euler_rates(angles, rate), 0.5 * h)
+    moved = _moved(angles, euler_rates(middle, rate), h)
+    return multiply(conjugate(q), from_euler(moved))
 
 
 Turn: TypeAlias = Callable[[Q4, V3, float], Q4]
@@ -255,19 +163,19 @@ def quaternion_stages(_: Q4, h: float, w0: V3, wm: V3, w1: V3) -> tuple[Q4, Q4, 
 
 def angles_stages(q: Q4, h: float, w0: V3, wm: V3, w1: V3) -> tuple[Q4, Q4, Q4, Q4]:
     """Return the stages of roll, pitch and yaw, as attitudes relative to the start."""
-    angles = to_angles(q)
+    angles = to_euler(q)
     back = conjugate(q)
 
     def attitude(stage: V3) -> Q4:
-        return multiply(back, from_angles(stage))
+        return multiply(back, from_euler(stage))
 
-    k1 = angle_rates(angles, w0)
+    k1 = euler_rates(angles, w0)
     s2 = _moved(angles, k1, 0.5 * h)
-    k2 = angle_rates(s2, wm)
+    k2 = euler_rates(s2, wm)
     s3 = _moved(angles, k2, 0.5 * h)
-    k3 = angle_rates(s3, wm)
+    k3 = euler_rates(s3, wm)
     s4 = _moved(angles, k3, h)
-    k4 = angle_rates(s4, w1)
+    k4 = euler_rates(s4, w1)
     end = _moved(angles, _weighted(k1, k2, k3, k4, h), 1.0)
     return attitude(s2), attitude(s3), attitude(s4), attitude(end)
 

@@ -1,0 +1,40 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What the whole package agrees on: gravity, the two triads, frames and topics, each once.
+
+Imports nothing, so that every room may import it. The frames' letters, units and shapes are in the
+package's docstring.
+"""
+
+from typing import Final, Literal
+
+Vector = tuple[float, float, float]
+Triad = Literal["gyroscope", "accelerometer"]
+
+GRAVITY: Final[Vector] = (0.0, 0.0, -9.81)
+"""[m/s^2] default g_w in the world frame; the lecture's value."""
+STANDARD_GRAVITY: Final = 9.80665
+"""[m/s^2] the unit g of data sheets (CGPM 1901)."""
+
+TRIADS: Final[tuple[Triad, Triad]] = ("gyroscope", "accelerometer")
+"""In the order of arrays that hold both, (6, ...): gyroscope x, y, z, accelerometer x, y, z."""
+AXES: Final = ("x", "y", "z")
+
+WORLD_FRAME: Final = "world"
+BODY_FRAME: Final = "base_link"
+IMU_FRAME: Final = "imu_link"
+
+IMU_TOPIC: Final = "imu/data_raw"
+TEMPERATURE_TOPIC: Final = "imu/temperature"
+TRUTH_TOPIC: Final = "ground_truth/odom"
+TRUTH_POSE_TOPIC: Final = "ground_truth/pose"
+IDEAL_IMU_TOPIC: Final = "ground_truth/imu"
+GYROSCOPE_BIAS_TOPIC: Final = "ground_truth/gyroscope_bias"
+ACCELEROMETER_BIAS_TOPIC: Final = "ground_truth/accelerometer_bias"
+FAULTS_TOPIC: Final = "ground_truth/faults"
+DEAD_RECKONED_TOPIC: Final = "dead_reckoned/odom"
+PATH_TOPIC: Final = "dead_reckoned/path"
+ROLL_PITCH_YAW_TOPIC: Final = "dead_reckoned/roll_pitch_yaw"
+POSITION_ERROR_TOPIC: Final = "dead_reckoned/position_error"
+ATTITUDE_ERROR_TOPIC: Final = "dead_reckoned/attitude_error"
