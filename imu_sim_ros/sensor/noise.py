@@ -7,20 +7,17 @@ A term takes its strength from the parameters by ``configure`` at any time and g
 is. ``add_to`` adds the next n samples to an array (3, n).
 """
 
-from typing import Final, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.config.imu import ImuParameters
 from imu_sim_ros.sensor.autoregressive import GaussMarkovBank
+from imu_sim_ros.sensor.flicker import FlickerNoise
 from imu_sim_ros.sensor.random_streams import axis_generators
 
 Array = NDArray[np.float64]
-
-INSTABILITY_CORRELATION_TIMES: Final = (0.1, 1.0, 10.0, 100.0, 1000.0, 10000.0)
-"""[s]; the band of the 1/f noise."""
-_INSTABILITY_RATIO: Final = 10.0
 
 
 class Term(Protocol):
@@ -125,35 +122,25 @@ class GaussMarkov:
 class BiasInstability:
     """Flicker noise with the power spectral density ``B^2 / (2 pi f)`` (IEEE Std 952-1997, C.1.3).
 
-    Approximated by six stationary Gauss-Markov processes of equal variance, their correlation times
-    a decade apart, from 0.1 s to 10^4 s. The sum over all decades of
-    ``2 s^2 tau / (1 + (2 pi f tau)^2)`` is ``s^2 / (2 f ln 10)`` on average, so each has the
-    variance ``s^2 = B^2 ln 10 / pi``. Steps of a decade leave a ripple of
-    ``2 / cosh(pi^2 / ln 10)`` = 5.5 % in the density, 2.7 % in its root. With the ends of the band
-    the density is within 6 % of 1/f from 8e-5 Hz to 0.33 Hz, and the Allan deviation within 2 % of
-    ``B sqrt(2 ln 2 / pi)`` from 2 s to 3000 s. Below that band the density is flat; above it falls
-    with 1/f^2, where white noise is far stronger in any real sensor.
-    Each process is discretised exactly, so nothing of this depends on the rate.
+    White noise through a filter (:mod:`imu_sim_ros.sensor.flicker`): the density is within 3.2 % of
+    1/f from 1e-4 Hz to the Nyquist frequency and within 6 % from 3.5e-5 Hz, at any rate from 50 Hz
+    to 8 kHz, and the Allan deviation that of exact 1/f noise, ``B sqrt(2 ln 2 / pi)``. Below that
+    band the density is flat. The noise is stationary from the first sample on.
     """
 
     def __init__(self, seed: int, triad: str, dt: float) -> None:
         self._triad = triad
-        self._bank = GaussMarkovBank(
-            axis_generators(seed, f"{triad}.bias_instability"),
-            np.tile(INSTABILITY_CORRELATION_TIMES, (3, 1)),
-            dt,
-        )
+        self._noise = FlickerNoise(axis_generators(seed, f"{triad}.bias_instability"), dt)
         self._scale = np.zeros(3)
 
     def configure(self, imu: ImuParameters) -> None:
         """Take B."""
-        b = axis_values(imu, self._triad, "bias_instability")
-        self._scale = b * np.sqrt(np.log(_INSTABILITY_RATIO) / np.pi)
+        self._scale = axis_values(imu, self._triad, "bias_instability")
 
     def add_to(self, values: Array) -> None:
         """Add n samples to values (3, n)."""
         if self._scale.any():
-            values += self._scale[:, None] * self._bank.next_block(values.shape[1])
+            values += self._scale[:, None] * self._noise.next_block(values.shape[1])
 
 
 class RateRamp:

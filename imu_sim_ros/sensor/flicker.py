@@ -1,0 +1,131 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""1/f noise from white noise by one filter, from the lowest frequency that matters to Nyquist.
+
+In ``S = 2 sin(w / 2)``, w = 2 pi f dt, a real pole or zero phi of a discrete filter is an exact
+first-order corner: ``|1 - phi e^(-i w)|^2 = phi (S^2 + (1 - phi)^2 / phi)``. Poles at corners S_p
+that are half a decade apart, with zeros midway (on the logarithmic axis) above them, therefore give
+``|H|^2 = 1 / S`` with a ripple below 0.1 % (Keshner, "1/f noise", Proc. IEEE 70, 1982). One more
+pole and zero turn 1/S into 1/w: within 3.2 % up to the Nyquist frequency (minimax; a test looks).
+
+The filter is run as a sum of first-order recursions that all see the same white noise, so that it
+costs one random number a sample. A chunk is R rows of C samples: within a row the response to the
+row's own noise and to the state before it are two products with constant matrices; the states
+before the rows follow by a scan. Chunks start at fixed sample indices and are made whole, so the
+result does not depend on how many samples are asked for at a time.
+"""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+LONGEST_TIME: Final = 1e4
+"""[s]; below 1 / (2 pi LONGEST_TIME) the density is flat."""
+_RATIO: Final = float(np.sqrt(10.0))
+_HIGHEST_CORNER: Final = 2.0 * float(np.sqrt(_RATIO))
+_GAIN, _ZERO, _POLE = 0.9328682, -0.36991621, -0.27052661
+_ROWS: Final = 64
+_COLUMNS: Final = 32
+CHUNK: Final = _ROWS * _COLUMNS
+
+
+class FlickerFilter(NamedTuple):
+    """``H = direct + sum_p gains_p / (1 - poles_p z^-1)`` with ``|H|^2 = 1 / (2 pi f dt)``."""
+
+    poles: Array
+    """(p,)"""
+    gains: Array
+    """(p,)"""
+    direct: float
+
+    @classmethod
+    def design(cls, dt: float) -> "FlickerFilter":
+        """Return the filter for a sample interval [s]."""
+        count = max(int(np.ceil(np.log(_HIGHEST_CORNER * LONGEST_TIME / dt) / np.log(_RATIO))), 1)
+        corners = _HIGHEST_CORNER * _RATIO ** -np.arange(count + 1.0)
+        # 1 - phi, which at the low end has the digits that phi has not.
+        below = np.append(_below_one(corners), 1.0 - _POLE)
+        below_zeros = np.append(_below_one(corners * np.sqrt(_RATIO)), 1.0 - _ZERO)
+        poles, zeros = 1.0 - below, 1.0 - below_zeros
+        own = np.eye(len(poles), dtype=bool)
+        ratio = (below_zeros[None, :] - below[:, None]) / poles[:, None]
+        distance = np.where(own, 1.0, (below[None, :] - below[:, None]) / poles[:, None])
+        gains = _GAIN * np.prod(ratio / distance, axis=1)
+        return cls(poles, gains, float(_GAIN * np.prod(zeros / poles)))
+
+    def density(self, angle: Array) -> Array:
+        """Return ``|H|^2`` at angular frequencies per sample ``2 pi f dt``."""
+        delay = np.exp(-1j * np.atleast_1d(angle))[:, None]
+        response = self.direct + np.sum(self.gains / (1.0 - self.poles * delay), axis=1)
+        result: Array = np.abs(response) ** 2
+        return result
+
+
+def _below_one(corner: Array) -> Array:
+    """Return ``1 - phi`` of a pole at a corner: ``(1 - phi)^2 / phi = S^2``."""
+    result: Array = corner * (np.sqrt(1.0 + 0.25 * corner**2) - 0.5 * corner)
+    return result
+
+
+class FlickerNoise:
+    """1/f noise of density ``1 / (2 pi f)``, stationary from the first sample on."""
+
+    def __init__(self, streams: list[Generator], dt: float) -> None:
+        """Draw the initial states from the stationary distribution.
+
+        :param streams: one for each axis.
+        :param dt: time between two samples [s].
+        """
+        self._streams = streams
+        design = FlickerFilter.design(dt)
+        poles, gains = design.poles, design.gains
+        powers = poles ** np.arange(_COLUMNS + 1)[:, None]  # (C + 1, p)
+        impulse = powers[:-1] @ gains
+        impulse[0] += design.direct
+        lag = np.subtract.outer(np.arange(_COLUMNS), np.arange(_COLUMNS))
+        own = np.where(lag >= 0, impulse[np.abs(lag)], 0.0)
+        self._from_noise = np.ascontiguousarray(own.T)  # (C, C): noise of a row -> its values
+        self._from_state = np.ascontiguousarray((powers[1:] * gains).T)  # (p, C)
+        self._to_state = np.ascontiguousarray(powers[:-1][::-1])  # (C, p)
+        self._decay = poles**_COLUMNS
+        # Covariance of recursions that see the same unit noise: 1 / (1 - phi_i phi_j).
+        covariance = 1.0 / (1.0 - np.outer(poles, poles))
+        root = np.linalg.cholesky(covariance)
+        self._state = np.stack([root @ s.standard_normal(len(poles)) for s in streams])
+        self._noise = np.empty((len(streams), _ROWS, _COLUMNS))
+        self._chunk = np.empty((len(streams), CHUNK))
+        self._used = CHUNK
+
+    def next_block(self, count: int) -> Array:
+        """Return the next values (axes, count)."""
+        out = np.empty((len(self._streams), count))
+        done = 0
+        while done < count:
+            if self._used == CHUNK:
+                self._make_chunk()
+            take = min(count - done, CHUNK - self._used)
+            out[:, done : done + take] = self._chunk[:, self._used : self._used + take]
+            done += take
+            self._used += take
+        return out
+
+    def _make_chunk(self) -> None:
+        for stream, numbers in zip(self._streams, self._noise, strict=True):
+            stream.standard_normal(out=numbers)
+        ends = self._noise @ self._to_state  # (axes, R, p), of rows that start at 0
+        ends[:, 0] += self._decay * self._state
+        decay, step = self._decay, 1
+        while step < _ROWS:  # a scan by doubling
+            ends[:, step:] += decay * ends[:, :-step].copy()
+            decay, step = decay * decay, 2 * step
+        starts = np.concatenate([self._state[:, None], ends[:, :-1]], axis=1)
+        values = self._noise @ self._from_noise
+        values += starts @ self._from_state
+        self._chunk = values.reshape(len(self._streams), CHUNK)
+        self._state = ends[:, -1].copy()
+        self._used = 0
