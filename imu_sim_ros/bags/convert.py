@@ -82,9 +82,12 @@ def bag_to_bag(
     """
     translate = _translator(bag, writer, topics)
     handles: dict[TopicInfo, Topic] = {}
+    keeps_seq = bag.encoding == "ros1"
     for info in topics:
         name = renamed.get(info.name, info.name)
-        handles[info] = writer.add_topic(name, info.type, info.qos, translate.schema(info))
+        handles[info] = writer.add_topic(
+            name, info.type, info.qos, translate.schema(info), keeps_seq
+        )
     for group in bag.groups({info.name for info in topics}):
         blocks = [
             Block(handles[block.topic], block.t_ns, translate.payloads(block))

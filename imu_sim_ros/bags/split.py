@@ -48,7 +48,10 @@ class PartsWriter(Writer):
         return [file for part in [*self._closed, self._part] for file in part.files]
 
     def _register(self, topic: Topic) -> None:
-        self._part.add_topic(topic.name, topic.type_name, topic.qos, topic.schema)
+        here = self._part.add_topic(
+            topic.name, topic.type_name, topic.qos, topic.schema, topic.keeps_seq
+        )
+        here.before = sum(part.topics[topic.index].count for part in self._closed)
 
     def write_blocks(self, blocks: Sequence[Block]) -> None:
         """Write the messages of several topics; those after a boundary go into the next part."""

@@ -30,6 +30,10 @@ class Topic:
     count: int = 0
     first_ns: int = field(default=2**63 - 1)
     last_ns: int = field(default=-1)
+    keeps_seq: bool = False
+    """ROS 1: the messages come with a header.seq of their own; else the writer counts."""
+    before: int = 0
+    """Messages of this topic in earlier parts of the same bag."""
 
     def add(self, count: int, first_ns: int, last_ns: int) -> None:
         """Count messages."""
@@ -64,6 +68,7 @@ class Writer(ABC):
         type_name: str,
         qos: Sequence[Any] | None = None,
         definition: Schema | None = None,
+        keeps_seq: bool = False,
     ) -> Topic:
         """Return the handle of a new topic.
 
@@ -71,13 +76,14 @@ class Writer(ABC):
         :param type_name: in the form of ROS 2, for instance sensor_msgs/msg/Imu.
         :param qos: profiles that the topic was offered with, each a Qos or a profile of rclpy.
         :param definition: of a type that does not come with ROS.
+        :param keeps_seq: the messages come from a ROS 1 bag, with a header.seq of their own.
         """
         if any(topic.name == name for topic in self.topics):
             raise InputError(f"{self.path}: the topic {name} is there already")
         found = definition or schema(type_name, self.encoding)
         profiles = [Qos()] if qos is None else qos
         words = tuple(q if isinstance(q, Qos) else Qos.of(q) for q in profiles)
-        topic = Topic(len(self.topics), name, type_name, found, words)
+        topic = Topic(len(self.topics), name, type_name, found, words, keeps_seq=keeps_seq)
         self._register(topic)
         self.topics.append(topic)
         return topic

@@ -3,6 +3,7 @@
 
 """ROS 1 bags, format 2.0 (http://wiki.ros.org/Bags/Format/2.0), chunks built by NumPy."""
 
+import re
 import struct
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -29,6 +30,8 @@ OP_CONNECTION: Final = 7
 
 INDEX_ENTRY: Final = np.dtype([("sec", "<u4"), ("nanosec", "<u4"), ("offset", "<u4")])
 _BZIP2_LEVEL: Final = 9
+_SEQ_BYTES: Final = 4
+"""Of header.seq, which publishers of ROS 1 count: consumers see in it what was lost."""
 
 
 def fields(**values: bytes) -> bytes:
@@ -80,6 +83,13 @@ def _message_header() -> tuple[bytes, np.dtype[np.void]]:
 _HEADER, _HEADER_TYPE = _message_header()
 
 
+def _begins_with_header(definition: str) -> bool:
+    """Tell whether the first field of a message is a header, whose first field is seq."""
+    lines = (line.partition("#")[0].strip() for line in definition.splitlines())
+    first = next((line for line in lines if line and "=" not in line), "")
+    return re.fullmatch(r"(std_msgs/)?Header\s+\w+", first) is not None
+
+
 def compressor(compression: str) -> Callable[[bytes | memoryview], bytes | memoryview]:
     """Return the function that compresses a chunk.
 
@@ -117,6 +127,7 @@ class Rosbag1Writer(ChunkWriter):
         self._compress = compressor(compression)
         self._chunks: list[_ChunkInfo] = []
         self._announced = 0
+        self._numbered: set[Topic] = set()
         self.file.write(MAGIC, self._bag_header(0))
 
     def _bag_header(self, index_position: int) -> bytes:
@@ -136,6 +147,8 @@ class Rosbag1Writer(ChunkWriter):
                 f"{topic.name}: a ROS 1 bag needs the definition of {topic.type_name}, "
                 "which is not known"
             )
+        if not topic.keeps_seq and _begins_with_header(topic.schema.text):
+            self._numbered.add(topic)
 
     def _connection(self, topic: Topic) -> bytes:
         name = topic.name.encode()
@@ -157,6 +170,10 @@ class Rosbag1Writer(ChunkWriter):
         records[:, :header] = np.frombuffer(_HEADER, np.uint8)
         records[:, header:] = payloads
         numbers = np.ndarray((count,), _HEADER_TYPE, buffer=records, strides=(records.strides[0],))
+        if topic in self._numbered and size >= _SEQ_BYTES:
+            first += topic.before
+            seq = np.arange(first, first + count, dtype=np.uint64).astype("<u4")
+            records[:, header : header + _SEQ_BYTES] = seq.view(np.uint8).reshape(count, -1)
         numbers["connection"] = topic.index
         numbers["length"] = size
         numbers["sec"], numbers["nanosec"] = np.divmod(t_ns, NANOSECONDS_PER_SECOND)
@@ -164,6 +181,8 @@ class Rosbag1Writer(ChunkWriter):
 
     def _record(self, topic: Topic, index: int, t_ns: int, payload: bytes) -> bytes:
         header = fields(conn=_u4(topic.index), op=_u1(OP_MESSAGE), time=_time(t_ns))
+        if topic in self._numbered and len(payload) >= _SEQ_BYTES:
+            payload = _u4((topic.before + index) & 0xFFFFFFFF) + payload[_SEQ_BYTES:]
         return header + _u4(len(payload)) + payload
 
     def _write_chunk(self, records: Bytes, messages: Sequence[Indexed]) -> None:
