@@ -20,8 +20,9 @@ from imu_sim_ros import rotation
 from imu_sim_ros.config.integrator import IntegratorParameters
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.navigation.correction import Correction, correction_of
-from imu_sim_ros.navigation.covariance import initial_covariance
+from imu_sim_ros.navigation.covariance import Covariance, after_rest, initial_covariance
 from imu_sim_ros.navigation.levelling import level
+from imu_sim_ros.navigation.noise import noise_of
 from imu_sim_ros.navigation.state import NavigationState
 
 Array = NDArray[np.float64]
@@ -33,8 +34,8 @@ class Initial(NamedTuple):
 
     state: NavigationState
     correction: Correction
-    covariance: Array
-    """(15, 15) of the state's error, see :mod:`imu_sim_ros.navigation.covariance`."""
+    covariance: Covariance
+    """Of the state's error."""
 
 
 def from_parameters(parameters: IntegratorParameters) -> Initial:
@@ -53,7 +54,9 @@ def from_state(parameters: IntegratorParameters, state: NavigationState) -> Init
         gyroscope_bias=parameters.imu.gyroscope_turn_on_bias_sigma,
         accelerometer_bias=parameters.imu.accelerometer_turn_on_bias_sigma,
     )
-    return Initial(state, correction_of(parameters), covariance)
+    return Initial(
+        state, correction_of(parameters), Covariance(noise_of(parameters.imu), covariance)
+    )
 
 
 def is_gap(parameters: IntegratorParameters, before_ns: int, t_ns: int) -> bool:
@@ -117,7 +120,10 @@ def from_rest(
     known = correction_of(parameters)
     rates, forces = known.apply(rates[finite], forces[finite])
     heading = parameters.initial_orientation[2] if yaw is None else yaw
-    found = level(rates, forces, parameters.gravity, heading)
+    imu = parameters.imu
+    by_scale = np.max(imu.accelerometer_turn_on_scale_sigma) * np.linalg.norm(parameters.gravity)
+    uncertainty = math.hypot(max(imu.accelerometer_turn_on_bias_sigma), by_scale)
+    found = level(rates, forces, parameters.gravity, heading, uncertainty)
     turning = rotation.rotate_inverse(found.q_wb, np.asarray(parameters.earth_rate))
     scale = np.reshape(parameters.gyroscope_scale_misalignment, (3, 3))
     bias = np.asarray(parameters.gyroscope_bias) + scale @ (found.gyroscope_bias - turning)
@@ -125,18 +131,12 @@ def from_rest(
     place = parameters.initial_position if position is None else position
     state = NavigationState(np.array(place), np.zeros(3), found.q_wb)
     correction = dataclasses.replace(known, gyroscope_bias=(x, y, z))
-    return Initial(state, correction, _covariance_at_rest(parameters))
-
-
-def _covariance_at_rest(parameters: IntegratorParameters) -> Array:
-    """Levelling turns the accelerometer's error into a tilt and averages the gyroscope's."""
-    imu, time = parameters.imu, parameters.level_time
-    strength = math.hypot(*parameters.gravity)
-    white = np.square(imu.accelerometer_noise_density) / time
-    error = np.sqrt(white + np.square(imu.accelerometer_turn_on_bias_sigma))
-    tilt = np.array([error[1], error[0], 0.0]) / strength
-    return initial_covariance(
-        attitude=tilt,
-        gyroscope_bias=np.asarray(imu.gyroscope_noise_density) / math.sqrt(time),
-        accelerometer_bias=imu.accelerometer_turn_on_bias_sigma,
+    covariance = after_rest(
+        noise_of(parameters.imu),
+        parameters.level_time,
+        parameters.imu.accelerometer_turn_on_bias_sigma,
+        rotation.to_matrix(found.q_wb),
+        parameters.gravity,
+        len(rates) / parameters.level_time,
     )
+    return Initial(state, correction, covariance)

@@ -4,7 +4,7 @@
 """Roll, pitch and the gyroscope's bias from readings at rest."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,9 @@ from imu_sim_ros.errors import InputError
 
 Array = NDArray[np.float64]
 
-_GRAVITY_TOLERANCE = 0.05
+_GRAVITY_TOLERANCE: Final = 0.05
+"""Of gravity, by which the mean force may differ from it at least."""
+_SIGMAS: Final = 4.0
 
 
 class Level(NamedTuple):
@@ -26,7 +28,13 @@ class Level(NamedTuple):
     """(3,) [rad/s]."""
 
 
-def level(gyro: Array, accel: Array, gravity: Sequence[float], yaw: float = 0.0) -> Level:
+def level(
+    gyro: Array,
+    accel: Array,
+    gravity: Sequence[float],
+    yaw: float = 0.0,
+    uncertainty: float = 0.0,
+) -> Level:
     """Return the attitude of a body at rest, and its gyroscope's bias.
 
     The mean specific force points against gravity: ``f = -R^T g`` (Groves, section 5.6.2), which
@@ -36,6 +44,8 @@ def level(gyro: Array, accel: Array, gravity: Sequence[float], yaw: float = 0.0)
     :param accel: (n, 3) readings at rest [m/s^2].
     :param gravity: (3,) along the world's z axis [m/s^2].
     :param yaw: heading, which rest does not tell [rad].
+    :param uncertainty: standard deviation of the mean force's length by the sensor's own errors
+        [m/s^2]; gravity may be missed by four of it, or by 5 %, whichever is more.
     :raises InputError: where the readings cannot be those of a body at rest, or gravity is not
         along z.
     """
@@ -46,7 +56,8 @@ def level(gyro: Array, accel: Array, gravity: Sequence[float], yaw: float = 0.0)
     force = accel.mean(axis=0)
     strength = float(np.linalg.norm(gravity))
     measured = float(np.linalg.norm(force))
-    if strength == 0.0 or abs(measured - strength) > _GRAVITY_TOLERANCE * strength:
+    tolerance = max(_GRAVITY_TOLERANCE * strength, _SIGMAS * uncertainty)
+    if strength == 0.0 or abs(measured - strength) > tolerance:
         raise InputError(
             f"the mean specific force is {measured:.4g} m/s^2 and gravity {strength:.4g} m/s^2: "
             "the body is not at rest, it cannot be levelled"

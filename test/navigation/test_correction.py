@@ -67,3 +67,11 @@ def test_no_rest_no_level():
         level(np.zeros((9, 3)), np.tile([0.0, 0.0, 9.81], (9, 1)), (1.0, 0.0, -9.81))
     with pytest.raises(InputError, match="no readings"):
         level(np.zeros((0, 3)), np.zeros((0, 3)), (0.0, 0.0, -9.81))
+
+
+def test_level_takes_a_sensor_as_it_is():
+    """10.4 m/s^2 at rest is 6 % off: refused of a good accelerometer, 3 sigma of a cheap one."""
+    still = np.zeros((9, 3)), np.tile([0.0, 0.0, 10.4], (9, 1)), (0.0, 0.0, -9.81)
+    with pytest.raises(InputError, match="not at rest"):
+        level(*still)
+    assert level(*still, uncertainty=0.2).q_wb[0] == 1.0

@@ -72,7 +72,7 @@ def test_node_and_command_start_alike(state, gap):
     for mine, other in zip(initial.state, of_node.state, strict=True):
         np.testing.assert_array_equal(mine, other)
     assert initial.correction == of_node.correction
-    np.testing.assert_array_equal(initial.covariance, of_node.covariance)
+    np.testing.assert_array_equal(initial.covariance.matrix, of_node.covariance.matrix)
 
 
 def test_the_bias_found_at_rest_makes_the_corrected_rate_zero():

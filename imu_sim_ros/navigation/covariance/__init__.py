@@ -14,6 +14,7 @@ from imu_sim_ros.navigation.covariance.propagation import (
     initial_covariance,
     propagate,
 )
+from imu_sim_ros.navigation.covariance.rest import after_rest
 
 __all__ = [
     "ACCEL_BIAS",
@@ -23,6 +24,7 @@ __all__ = [
     "SIZE",
     "VELOCITY",
     "Covariance",
+    "after_rest",
     "initial_covariance",
     "propagate",
 ]

@@ -64,8 +64,13 @@ def initial_covariance(
 class Covariance:
     """The covariance of the error state, step by step."""
 
-    def __init__(self, noise: Noise, initial: Array | None = None) -> None:
-        """Start with the covariance of the initial state's error (15, 15); None is no error."""
+    def __init__(
+        self, noise: Noise, initial: Array | None = None, cross: Array | None = None
+    ) -> None:
+        """Start with the covariance of the initial state's error (15, 15); None is no error.
+
+        :param cross: (15, m) its covariance with the slow errors; None: there is none.
+        """
         self.matrix = np.zeros((SIZE, SIZE)) if initial is None else np.array(initial)
         """(15, 15), to first order."""
         self._gyro_white = np.square(noise.gyroscope_noise_density)
@@ -77,7 +82,9 @@ class Covariance:
         self._walk_diagonal = np.arange(GYRO_BIAS.start, SIZE)
         self._transition = np.eye(SIZE)
         self._by_bias = np.zeros((SIZE, 6))
-        self._slow = SlowErrors(noise, SIZE)
+        self.slow = SlowErrors(noise, SIZE)
+        if cross is not None:
+            self.slow.cross = np.array(cross)
         self._second_order = SecondOrder()
         self._begin_interval()
 
@@ -85,7 +92,7 @@ class Covariance:
         """Begin to collect what the second order needs."""
         self._before = self.matrix
         """(15, 15)"""
-        self._slow_before = self._slow.bias()[1][ATTITUDE, :3].T
+        self._slow_before = self.slow.bias()[1][ATTITUDE, :3].T
         """(3, 3) covariance of the gyroscope's slow errors with the attitude's"""
         self._length = 0.0
         self._gained = np.zeros(3)
@@ -123,9 +130,9 @@ class Covariance:
         white = self._accel_white / h + self._accel_rounding
         p[VELOCITY, VELOCITY] += (turned * white) @ turned.T
         p[self._walk_diagonal, self._walk_diagonal] += self._walk * h
-        if self._slow:
+        if self.slow:
             self._by_bias[: GYRO_BIAS.start] = f[: GYRO_BIAS.start, GYRO_BIAS.start :]
-            p += self._slow.step(h, f, self._by_bias, rate_b, force_b)
+            p += self.slow.step(h, f, self._by_bias, rate_b, force_b)
         self.matrix = p
         self._length += h
         self._gained += gained
@@ -149,8 +156,8 @@ class Covariance:
         The biases are here all that the latest reading is off by, white noise apart.
         """
         result: Array = self.matrix.copy()
-        if self._slow:
-            own, with_state = self._slow.bias()
+        if self.slow:
+            own, with_state = self.slow.bias()
             biases = slice(GYRO_BIAS.start, SIZE)
             result[:, biases] += with_state
             result[biases, :] += with_state.T
@@ -190,7 +197,7 @@ def propagate(
     states: NavigationStates,
     accel: Array,
     noise: Noise,
-    initial: Array | None = None,
+    initial: Array | Covariance | None = None,
     at: Sequence[int] = (-1,),
 ) -> Array:
     """Return the covariance of a dead-reckoned record at some of its rows.
@@ -198,11 +205,12 @@ def propagate(
     :param states: what :func:`~imu_sim_ros.navigation.dead_reckoning.dead_reckon` returned, n rows.
     :param accel: (n, 3) corrected specific forces [m/s^2].
     :param noise: the IMU's errors.
-    :param initial: (15, 15) covariance at the first row; None is no error.
+    :param initial: (15, 15) covariance at the first row, or one such as
+        :func:`~imu_sim_ros.navigation.covariance.after_rest` gives; None is no error.
     :param at: the m rows that are wanted, increasing; -1 is the last.
     :returns: (m, 15, 15) mean squares of the error, the second order of a tilt included.
     """
-    covariance = Covariance(noise, initial)
+    covariance = initial if isinstance(initial, Covariance) else Covariance(noise, initial)
     steps = (np.diff(states.t_ns) * 1e-9).tolist()
     turns = rotation.log(rotation.multiply(rotation.conjugate(states.q_wb[:-1]), states.q_wb[1:]))
     rates = turns / np.reshape(steps, (-1, 1))

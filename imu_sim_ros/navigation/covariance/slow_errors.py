@@ -82,7 +82,7 @@ class SlowErrors:
         """
         if h != self._h:
             self._h, self._decay = h, np.exp(self._decay_rate * h)
-        self._act_on(rate_b, force_b)
+        self.act_on(rate_b, force_b)
         gain = by_bias @ self.effect
         passed = transition @ self.cross
         driven = gain * self.variance
@@ -91,7 +91,16 @@ class SlowErrors:
         result: Array = both + both.T
         return result
 
-    def _act_on(self, rate_b: Array | Sequence[float], force_b: Array | Sequence[float]) -> None:
+    def over(self, time: float) -> tuple[Array, Array]:
+        """Return the variance (m,) of the mean over a time [s], and its covariance with the end.
+
+        With ``u = T / tau``: ``2 d (u - 1 + exp(-u)) / u^2`` and ``d (1 - exp(-u)) / u``.
+        """
+        u = np.maximum(-self._decay_rate * time, 1e-6)  # below, both are d to 1e-6
+        gone = -np.expm1(-u)
+        return self.variance * 2.0 * (u - gone) / u**2, self.variance * gone / u
+
+    def act_on(self, rate_b: Array | Sequence[float], force_b: Array | Sequence[float]) -> None:
         """Let the scales act on a reading."""
         if len(self._scale_rows):
             inputs = np.concatenate([rate_b, force_b])[self._scale_inputs]

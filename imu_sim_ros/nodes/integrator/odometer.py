@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from imu_sim_ros.config.integrator import IntegratorParameters
 from imu_sim_ros.navigation.correction import correction_of
 from imu_sim_ros.navigation.covariance import Covariance
-from imu_sim_ros.navigation.noise import noise_of
 from imu_sim_ros.navigation.stepper import Counts, Stepper
 from imu_sim_ros.nodes.decode import ImuReading, Truth
 from imu_sim_ros.nodes.integrator.initialiser import Start, initialiser
@@ -22,6 +21,8 @@ from imu_sim_ros.rotation.scalars import Q4, V3, rotate
 RESTART_NS = 1_000_000_000
 """A step back by more than this is a source that began again, not a message out of order."""
 _SMOOTHING = 0.02
+_SMALL_ANGLE = 0.5
+"""[rad] an attitude that is less certain than this has no honest covariance of first order."""
 
 
 class Row(NamedTuple):
@@ -71,6 +72,7 @@ class Odometer:
         self._r_wb = np.eye(3)
         """Attitude at the last reading."""
         self._interval = 0.0
+        self._uncertain = False
 
     @property
     def waiting(self) -> bool:
@@ -131,7 +133,7 @@ class Odometer:
         )
         stepper.counts = self.totals.steps
         if parameters.covariance:
-            self._covariance = Covariance(noise_of(parameters.imu), start.initial.covariance)
+            self._covariance = start.initial.covariance
         for reading in start.readings:
             yield from self._step(stepper, reading)
 
@@ -163,11 +165,21 @@ class Odometer:
             self._complain(f"a gap of {step:.6f} s, not integrated over ({counts.gaps})")
         return True
 
+    def _complain_about_attitude(self, sigma: float) -> None:
+        """Say once that the attitude is no longer known well enough for the covariance to hold."""
+        if sigma > _SMALL_ANGLE and not self._uncertain:
+            self._uncertain = True
+            self._complain(
+                f"the attitude is uncertain by {sigma:.2g} rad: from {_SMALL_ANGLE:g} rad on the "
+                "covariance, which holds for small angles, is no longer right"
+            )
+
     def _row(self, stepper: Stepper, t_ns: int) -> Row:
         pose = twist = None
         if self._covariance is not None:
             self._r_wb = _matrix(stepper.q_wb)
             pose = self._covariance.pose()
+            self._complain_about_attitude(float(np.sqrt(pose[3:, 3:].diagonal().max())))
             twist = self._covariance.twist(self._r_wb, stepper.velocity, self.rate)
         return Row(
             t_ns,

@@ -1,0 +1,82 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What is not known after a rest in which a body was levelled and its gyroscope's bias averaged.
+
+The mean force of the rest is taken to point up. With e the accelerometer's mean error in world axes
+and g the strength of gravity, the attitude is then wrong by ``theta = A e``, ``theta_x = -e_y / g``
+and ``theta_y = e_x / g`` (Groves, "Principles of GNSS, inertial, and multisensor integrated
+navigation systems", 2nd edition, section 5.6.2), and the two go together: what the bias does to the
+velocity, the tilt undoes. The gyroscope's bias that is left is what changed since the rest.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from imu_sim_ros.navigation.covariance.propagation import (
+    ACCEL_BIAS,
+    ATTITUDE,
+    GYRO_BIAS,
+    Covariance,
+)
+from imu_sim_ros.navigation.noise import Noise
+
+Array = NDArray[np.float64]
+
+
+def after_rest(
+    noise: Noise,
+    time: float,
+    accelerometer_bias: ArrayLike,
+    r_wb: Array,
+    gravity: Sequence[float],
+    rate_hz: float,
+    *,
+    levelled: bool = True,
+) -> Covariance:
+    """Return the covariance at the end of a rest.
+
+    :param noise: the IMU's errors.
+    :param time: length of the rest [s].
+    :param accelerometer_bias: (3,) standard deviation of the constant bias, or one number [m/s^2].
+    :param r_wb: (3, 3) attitude.
+    :param gravity: (3,) in the world, along z [m/s^2].
+    :param rate_hz: readings per second; it decides how far rounding averages out.
+    :param levelled: roll and pitch are from the rest as well, and not known otherwise.
+    """
+    result = Covariance(noise)
+    p, slow = result.matrix, result.slow
+    slow.act_on(np.zeros(3), -r_wb.T @ np.asarray(gravity))
+    mean, end = slow.over(time)
+    gyro, accel = slow.effect[:3], slow.effect[3:]
+    # A walk w of density K is off its mean over the rest by K^2 T / 3; E[mean(w) w] = K^2 T / 2.
+    walk = np.square(noise.gyroscope_random_walk) * time
+    white = _mean_of_white(noise.gyroscope_noise_density, noise.gyroscope_resolution, time, rate_hz)
+    p[GYRO_BIAS, GYRO_BIAS] = np.diag(white + walk / 3.0) + (gyro * mean) @ gyro.T
+    slow.cross[GYRO_BIAS] = -gyro * end
+    walk = np.square(noise.accelerometer_random_walk) * time
+    constant = np.diag(np.broadcast_to(np.square(accelerometer_bias), 3))
+    p[ACCEL_BIAS, ACCEL_BIAS] = constant + np.diag(walk)
+    if levelled:
+        tilt = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]) @ r_wb / -gravity[2]
+        white = _mean_of_white(
+            noise.accelerometer_noise_density, noise.accelerometer_resolution, time, rate_hz
+        )
+        own = constant + np.diag(white + walk / 3.0) + (accel * mean) @ accel.T
+        p[ATTITUDE, ATTITUDE] = tilt @ own @ tilt.T
+        p[ATTITUDE, ACCEL_BIAS] = tilt @ (constant + np.diag(0.5 * walk))
+        p[ACCEL_BIAS, ATTITUDE] = p[ATTITUDE, ACCEL_BIAS].T
+        slow.cross[ATTITUDE] = tilt @ accel * end
+        # The gyroscope's slow errors share no axis with the accelerometer's; scales may.
+        shared = -tilt @ (accel * mean) @ gyro.T
+        p[ATTITUDE, GYRO_BIAS] = shared
+        p[GYRO_BIAS, ATTITUDE] = shared.T
+    return Covariance(noise, p, slow.cross)
+
+
+def _mean_of_white(density: Array, step: Array, time: float, rate_hz: float) -> Array:
+    """Return the variance (3,) of the mean of white and rounded readings."""
+    result: Array = np.square(density) / time + np.square(step) / (12.0 * time * rate_hz)
+    return result
