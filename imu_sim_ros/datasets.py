@@ -9,12 +9,12 @@ One home for ``generate``, the public interface and campaigns.
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from imu_sim_ros.bags.text.writer import Dataset, States
-from imu_sim_ros.bags.writer import Block, Topic, Writer
-from imu_sim_ros.config.simulation import SimulationParameters
+from imu_sim_ros.bags import Block, Topic, Writer
+from imu_sim_ros.bags.text import Dataset, States
+from imu_sim_ros.config import SimulationParameters
 from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.sensor.block import ImuBlock
+from imu_sim_ros.sensor import ImuBlock
 from imu_sim_ros.topics import TYPES, Encode, delivered, encoder
 
 

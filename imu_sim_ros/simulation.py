@@ -21,17 +21,12 @@ from collections.abc import Iterator
 from typing import Final
 
 from imu_sim_ros import timebase
-from imu_sim_ros.config.parameter import flatten
-from imu_sim_ros.config.parameter import parameters as described
-from imu_sim_ros.config.simulation import SimulationParameters
+from imu_sim_ros.config import SimulationParameters, flatten
+from imu_sim_ros.config import parameters as described
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.poses import read_poses
-from imu_sim_ros.sensor.block import ImuBlock
-from imu_sim_ros.sensor.faults import Fault
-from imu_sim_ros.sensor.imu import Imu
-from imu_sim_ros.trajectory import PoseReader, build_trajectory
-from imu_sim_ros.trajectory.plausible import implausible
-from imu_sim_ros.trajectory.recorded import fit_report
+from imu_sim_ros.sensor import Fault, Imu, ImuBlock
+from imu_sim_ros.trajectory import PoseReader, build_trajectory, fit_report, implausible
 
 BLOCK_SIZE: Final = 8192
 """Large enough that Python's part is small, small enough for a processor's cache."""

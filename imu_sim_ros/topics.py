@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags.messages.encode import (
+from imu_sim_ros.bags.messages import (
     IMU,
     ODOMETRY,
     TEMPERATURE,
@@ -23,7 +23,7 @@ from imu_sim_ros.bags.messages.encode import (
     TemperatureEncoder,
     Vector3StampedEncoder,
 )
-from imu_sim_ros.config.simulation import SimulationParameters
+from imu_sim_ros.config import SimulationParameters
 from imu_sim_ros.conventions import (
     ACCELEROMETER_BIAS_TOPIC,
     GYROSCOPE_BIAS_TOPIC,
@@ -33,8 +33,7 @@ from imu_sim_ros.conventions import (
     TRUTH_TOPIC,
 )
 from imu_sim_ros.rotation import rotate_inverse
-from imu_sim_ros.sensor.block import ImuBlock
-from imu_sim_ros.sensor.variance import accel_variance_discrete, gyro_variance_discrete
+from imu_sim_ros.sensor import ImuBlock, accel_variance_discrete, gyro_variance_discrete
 
 Times = NDArray[np.int64]
 Bytes = NDArray[np.uint8]

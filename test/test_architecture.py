@@ -4,7 +4,9 @@
 """The rooms of the package and the arrows between them, read from the import statements."""
 
 import ast
+import importlib
 import re
+import types
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -14,7 +16,7 @@ import imu_sim_ros
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "imu_sim_ros"
-LEAVES = {"errors", "conventions", "rotation", "timebase", "config", "poses"}
+LEAVES = {"errors", "conventions", "lazy", "rotation", "timebase", "config", "poses"}
 ROOMS = {
     "trajectory": LEAVES,
     "sensor": LEAVES | {"trajectory"},
@@ -73,6 +75,70 @@ def test_imports_follow_the_arrows(path):
             assert room in ONLY_IN[top], f"{room} imports {name}"
         if top == "imu_sim_ros" and rest and room not in SEE_EVERYTHING:
             assert rest[0] in allowed | {room}, f"{room} imports {name}"
+
+
+def rooms():
+    return sorted(path.parent for path in PACKAGE.rglob("__init__.py") if path.parent != PACKAGE)
+
+
+def dotted(folder):
+    return ".".join(folder.relative_to(PACKAGE.parent).parts)
+
+
+def exports(folder):
+    return getattr(importlib.import_module(dotted(folder)), "__all__", ())
+
+
+def doors_passed(module, names):
+    """The (room, name) pairs that an import statement takes something through, outside in."""
+    folder = PACKAGE
+    *parts, last = module.split(".")[1:] or [""]
+    for part in parts:
+        if folder != PACKAGE:
+            yield folder, part
+        folder /= part
+    if (folder / last).is_dir() and last:
+        if folder != PACKAGE:
+            yield folder, last
+        yield from ((folder / last, name) for name in names)
+    elif folder != PACKAGE:
+        yield folder, last
+
+
+@pytest.mark.parametrize("path", modules(), ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_rooms_are_imported_through_their_door(path):
+    """Outside a room only what its ``__init__`` exports is used; an inner room is a door, too."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.module.startswith("imu_sim_ros."):
+            for room, name in doors_passed(node.module, [alias.name for alias in node.names]):
+                open_door = room in path.parents or (room / name).is_dir()
+                assert open_door or name in exports(room), f"{dotted(room)} exports no {name}"
+
+
+@pytest.mark.parametrize("room", rooms(), ids=dotted)
+def test_rooms_say_what_they_are_and_export_what_exists(room):
+    module = importlib.import_module(dotted(room))
+    assert module.__doc__
+    for name in exports(room):
+        value = getattr(module, name)
+        is_module = (room / f"{name}.py").exists() or (room / name).is_dir()
+        assert is_module == isinstance(value, types.ModuleType), (
+            f"{name}: a module and something else"
+        )
+
+
+@pytest.mark.parametrize("room", rooms(), ids=dotted)
+def test_lazy_exports_are_those_that_the_type_checker_sees(room):
+    """The imports under TYPE_CHECKING and the table for run time are one list, written twice."""
+    tree = ast.parse((room / "__init__.py").read_text(encoding="utf-8"))
+    for branch in (node for node in tree.body if isinstance(node, ast.If)):
+        seen = {
+            (statement.module.removeprefix(dotted(room)).removeprefix("."), alias.asname)
+            for statement in branch.body
+            for alias in statement.names
+        }
+        table = ast.literal_eval(branch.orelse[0].value.args[1])
+        assert seen == {(home, name) for home, names in table.items() for name in names}
 
 
 @pytest.mark.parametrize("path", modules(), ids=lambda path: str(path.relative_to(PACKAGE)))

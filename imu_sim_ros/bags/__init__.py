@@ -1,18 +1,57 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Messages as bytes, bytes in files: encode, write, read, convert."""
+"""Messages as bytes, bytes in files: encode, write, read, convert.
 
-from pathlib import Path
+``messages/`` knows the bytes; ``mcap/``, ``ros1/``, ``rosbag2/`` and ``text/`` a form each; on top
+are the reader and writer of any form. The only room that imports rosbags and mcap; it imports the
+leaves. What it exports is imported when it is first used.
+"""
 
-from imu_sim_ros.poses import PoseSequence
+from typing import TYPE_CHECKING
 
+from imu_sim_ros.lazy import exported
 
-def read_poses(path: str | Path, topic: str | None = None) -> PoseSequence:
-    """Return the poses of a text file or a bag; the bags' libraries are loaded when asked only.
-
-    :raises InputError: for a file that cannot be read, a topic that is not there.
-    """
-    from imu_sim_ros.bags import read
-
-    return read.read_poses(path, topic)
+if TYPE_CHECKING:
+    from imu_sim_ros.bags import convert as convert
+    from imu_sim_ros.bags.atomic_file import active_path as active_path
+    from imu_sim_ros.bags.atomic_file import make_folder as make_folder
+    from imu_sim_ros.bags.read import ImuMessages as ImuMessages
+    from imu_sim_ros.bags.read import OdometryMessages as OdometryMessages
+    from imu_sim_ros.bags.read import imu_blocks as imu_blocks
+    from imu_sim_ros.bags.read import odometry_blocks as odometry_blocks
+    from imu_sim_ros.bags.read import open_bag as open_bag
+    from imu_sim_ros.bags.read import read_imu as read_imu
+    from imu_sim_ros.bags.read import read_odometry as read_odometry
+    from imu_sim_ros.bags.read import read_poses as read_poses
+    from imu_sim_ros.bags.read import read_temperature as read_temperature
+    from imu_sim_ros.bags.reader import Bag as Bag
+    from imu_sim_ros.bags.reader import ahead as ahead
+    from imu_sim_ros.bags.write import COMPRESSIONS as COMPRESSIONS
+    from imu_sim_ros.bags.write import STORAGES as STORAGES
+    from imu_sim_ros.bags.write import open_writer as open_writer
+    from imu_sim_ros.bags.writer import Block as Block
+    from imu_sim_ros.bags.writer import Topic as Topic
+    from imu_sim_ros.bags.writer import Writer as Writer
+else:
+    __getattr__, __dir__, __all__ = exported(
+        __name__,
+        {
+            "": ["convert"],
+            "atomic_file": ["active_path", "make_folder"],
+            "read": [
+                "ImuMessages",
+                "OdometryMessages",
+                "imu_blocks",
+                "odometry_blocks",
+                "open_bag",
+                "read_imu",
+                "read_odometry",
+                "read_poses",
+                "read_temperature",
+            ],
+            "reader": ["Bag", "ahead"],
+            "write": ["COMPRESSIONS", "STORAGES", "open_writer"],
+            "writer": ["Block", "Topic", "Writer"],
+        },
+    )

@@ -13,8 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros.bags.atomic_file import OutputFile
-from imu_sim_ros.bags.messages.blocks import Payloads, Times, as_list
-from imu_sim_ros.bags.messages.layouts import Bytes
+from imu_sim_ros.bags.messages import Bytes, Payloads, Times, as_list
 from imu_sim_ros.bags.writer import Block, Topic, Writer, tally, time_order
 from imu_sim_ros.errors import InputError
 

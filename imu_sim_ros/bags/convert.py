@@ -10,23 +10,26 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags.messages import schemas
-from imu_sim_ros.bags.messages.blocks import MessageBlock, Payloads, TopicInfo, as_list
-from imu_sim_ros.bags.messages.decode import transcode
-from imu_sim_ros.bags.messages.encode import (
+from imu_sim_ros.bags.messages import (
     IMU,
     ODOMETRY,
     POSE_STAMPED,
     VECTOR3_STAMPED,
     ImuEncoder,
+    MessageBlock,
     OdometryEncoder,
+    Payloads,
     PoseStampedEncoder,
+    TopicInfo,
     Vector3StampedEncoder,
+    as_list,
+    schemas,
+    transcode,
 )
 from imu_sim_ros.bags.read import imu_blocks, odometry_blocks, open_bag, vector_blocks
 from imu_sim_ros.bags.reader import Bag, listed
+from imu_sim_ros.bags.text import Dataset, States
 from imu_sim_ros.bags.text import reader as text_reader
-from imu_sim_ros.bags.text.writer import Dataset, States
 from imu_sim_ros.bags.writer import Block, Topic, Writer
 from imu_sim_ros.conventions import (
     ACCELEROMETER_BIAS_TOPIC,

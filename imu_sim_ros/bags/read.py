@@ -11,19 +11,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.bags.atomic_file import active_path
-from imu_sim_ros.bags.mcap.reader import McapBag
-from imu_sim_ros.bags.messages.blocks import MessageBlock, TopicInfo
-from imu_sim_ros.bags.messages.decode import Decoded, decode, inside_order
-from imu_sim_ros.bags.messages.encode import (
+from imu_sim_ros.bags.mcap import McapBag
+from imu_sim_ros.bags.messages import (
     IMU,
     ODOMETRY,
     POSE_STAMPED,
     TEMPERATURE,
     VECTOR3_STAMPED,
+    Decoded,
+    MessageBlock,
+    TopicInfo,
+    decode_block,
+    inside_order,
 )
 from imu_sim_ros.bags.reader import Bag
-from imu_sim_ros.bags.ros1.reader import Rosbag1Bag
-from imu_sim_ros.bags.rosbag2.reader import Rosbag2Folder, SqliteBag
+from imu_sim_ros.bags.ros1 import Rosbag1Bag
+from imu_sim_ros.bags.rosbag2 import Rosbag2Folder, SqliteBag
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.poses import PoseSequence
@@ -234,7 +237,7 @@ def _decoded(
         for group in bag.groups({chosen.name}):
             for block in group:
                 if block.topic.type == type_name:
-                    yield block, decode(block, bag.encoding, names)
+                    yield block, decode_block(block, bag.encoding, names)
 
 
 def _joined(parts: list[_T], empty: _T) -> _T:

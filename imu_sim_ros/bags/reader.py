@@ -13,8 +13,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.lib.stride_tricks import as_strided, sliding_window_view
 
-from imu_sim_ros.bags.messages.blocks import MessageBlock, Payloads, Times, TopicInfo, as_list
-from imu_sim_ros.bags.messages.layouts import Bytes
+from imu_sim_ros.bags.messages import Bytes, MessageBlock, Payloads, Times, TopicInfo, as_list
 from imu_sim_ros.errors import InputError
 
 _T = TypeVar("_T")

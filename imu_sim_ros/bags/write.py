@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Final
 
 from imu_sim_ros.bags.atomic_file import refuse_existing
-from imu_sim_ros.bags.mcap.writer import McapWriter
-from imu_sim_ros.bags.messages.blocks import Qos
-from imu_sim_ros.bags.ros1.writer import Rosbag1Writer
-from imu_sim_ros.bags.rosbag2.sqlite_writer import SqliteWriter
+from imu_sim_ros.bags.mcap import McapWriter
+from imu_sim_ros.bags.messages import Qos
+from imu_sim_ros.bags.ros1 import Rosbag1Writer
+from imu_sim_ros.bags.rosbag2 import SqliteWriter
 from imu_sim_ros.bags.split import PartsWriter, Rosbag2Writer
 from imu_sim_ros.bags.writer import Block, Topic, Writer
 from imu_sim_ros.errors import InputError

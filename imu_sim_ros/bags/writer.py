@@ -13,8 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags.messages.blocks import Payloads, Qos, Times
-from imu_sim_ros.bags.messages.schemas import Schema, schema
+from imu_sim_ros.bags.messages import Payloads, Qos, Schema, Times, schema
 from imu_sim_ros.errors import InputError
 
 

@@ -13,11 +13,16 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from imu_sim_ros.bags.read import ImuMessages, imu_blocks, open_bag
-from imu_sim_ros.calibration.noise import noise_files, truth
-from imu_sim_ros.calibration.noise.analysis import MODELS, AllanResult, analyse
-from imu_sim_ros.calibration.noise.estimate import Estimate
-from imu_sim_ros.calibration.noise.units import quantity
+from imu_sim_ros.bags import ImuMessages, imu_blocks, open_bag
+from imu_sim_ros.calibration.noise import (
+    MODELS,
+    AllanResult,
+    Estimate,
+    analyse,
+    noise_files,
+    quantity,
+    truth,
+)
 from imu_sim_ros.commands import common
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import InputError

@@ -12,8 +12,8 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, Final
 
+from imu_sim_ros.bags import COMPRESSIONS, STORAGES
 from imu_sim_ros.bags.text import writer as text_writer
-from imu_sim_ros.bags.write import COMPRESSIONS, STORAGES
 from imu_sim_ros.commands import common
 
 DATASET_SUFFIXES: Final = {".csv": "csv", ".tum": "tum", ".txt": "tum"}

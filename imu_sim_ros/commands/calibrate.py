@@ -15,31 +15,31 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags.read import (
+from imu_sim_ros.bags import (
     ImuMessages,
     OdometryMessages,
     read_imu,
     read_odometry,
     read_temperature,
 )
-from imu_sim_ros.calibration.deterministic import correction
-from imu_sim_ros.calibration.deterministic.positions import calibrate_six_position
-from imu_sim_ros.calibration.deterministic.steady import Steady, find_steady
-from imu_sim_ros.calibration.deterministic.temperature import calibrate_temperature, temperatures_at
-from imu_sim_ros.calibration.deterministic.turntable import (
+from imu_sim_ros.calibration.deterministic import (
+    Steady,
+    calibrate_six_position,
+    calibrate_temperature,
     calibrate_turntable,
+    correction,
+    find_steady,
     known_rates,
     specific_force,
+    temperatures_at,
     true_rates,
 )
-from imu_sim_ros.calibration.noise.truth import load_truth
+from imu_sim_ros.calibration.noise import load_truth
 from imu_sim_ros.commands import common
-from imu_sim_ros.config import files
-from imu_sim_ros.config.integrator import IntegratorParameters
-from imu_sim_ros.config.parameter import build
+from imu_sim_ros.config import IntegratorParameters, build, files
 from imu_sim_ros.conventions import GRAVITY
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.navigation.correction import correction_of
+from imu_sim_ros.navigation import correction_of
 
 Array = NDArray[np.float64]
 

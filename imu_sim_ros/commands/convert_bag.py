@@ -9,14 +9,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from imu_sim_ros.bags import convert
-from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY
-from imu_sim_ros.bags.read import open_bag, read_poses
-from imu_sim_ros.bags.reader import Bag
+from imu_sim_ros.bags import Bag, Writer, convert, open_bag, open_writer, read_poses
+from imu_sim_ros.bags.messages import IMU, ODOMETRY
+from imu_sim_ros.bags.text import Dataset
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text import writer as text_writer
-from imu_sim_ros.bags.text.writer import Dataset
-from imu_sim_ros.bags.write import Writer, open_writer
 from imu_sim_ros.commands import bag_output, common
 from imu_sim_ros.commands.bag_output import DATASET_SUFFIXES, stop_requests
 from imu_sim_ros.errors import InputError
@@ -241,7 +238,7 @@ def _describe(arguments: argparse.Namespace, states: bool) -> None:
     """Write sensor.yaml files; what the input does not tell is left out."""
     import numpy as np
 
-    from imu_sim_ros.bags.read import imu_blocks
+    from imu_sim_ros.bags import imu_blocks
 
     first = next(imu_blocks(arguments.output / "imu0" / "data.csv"))
     period = float(np.median(np.diff(first.t_ns))) if len(first.t_ns) > 1 else 0.0

@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags.messages.encode import ODOMETRY
-from imu_sim_ros.bags.read import ImuMessages, read_imu
+from imu_sim_ros.bags import ImuMessages, read_imu
+from imu_sim_ros.bags.messages import ODOMETRY
 from imu_sim_ros.commands import common
 from imu_sim_ros.commands.tracks import (
     has_truth,
@@ -25,22 +25,26 @@ from imu_sim_ros.commands.tracks import (
     truth_topic,
     write_states,
 )
-from imu_sim_ros.config.files import build_layered
-from imu_sim_ros.config.integrator import (
+from imu_sim_ros.config import (
     ATTITUDE_UPDATES,
     INITIAL_STATES,
     METHODS,
     IntegratorParameters,
+    build_layered,
     layer_integrator,
 )
 from imu_sim_ros.conventions import TRUTH_TOPIC
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.navigation import initialisation
-from imu_sim_ros.navigation.dead_reckoning import dead_reckon
-from imu_sim_ros.navigation.drift import Drift, Truth, drift
-from imu_sim_ros.navigation.evaluation import distances
-from imu_sim_ros.navigation.initialisation import Initial
-from imu_sim_ros.navigation.state import NavigationStates
+from imu_sim_ros.navigation import (
+    Drift,
+    Initial,
+    NavigationStates,
+    Truth,
+    dead_reckon,
+    distances,
+    drift_from,
+    initialisation,
+)
 from imu_sim_ros.rotation import to_euler
 
 
@@ -254,7 +258,7 @@ def _integrate(
         parameters.max_gap,
         parameters.earth_rate,
     )
-    return Result(method, attitude, states, None if truth is None else drift(states, truth))
+    return Result(method, attitude, states, None if truth is None else drift_from(states, truth))
 
 
 def _summary(result: Result, initial_state: str) -> dict[str, Any]:

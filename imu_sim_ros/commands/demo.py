@@ -22,14 +22,11 @@ from typing import IO, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.bags.read import open_bag, read_imu, read_odometry, read_poses
+from imu_sim_ros.bags import open_bag, read_imu, read_odometry, read_poses
 from imu_sim_ros.commands import common
-from imu_sim_ros.config import files
-from imu_sim_ros.config.simulation import SimulationParameters, load_simulation
+from imu_sim_ros.config import SimulationParameters, files, load_simulation
 from imu_sim_ros.conventions import DEAD_RECKONED_TOPIC, IMU_TOPIC, TRUTH_TOPIC
-from imu_sim_ros.navigation.dead_reckoning import dead_reckon
-from imu_sim_ros.navigation.drift import Drift, Truth, drift
-from imu_sim_ros.navigation.state import NavigationStates
+from imu_sim_ros.navigation import Drift, NavigationStates, Truth, dead_reckon, drift_from
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.rotation import rotate
 from imu_sim_ros.simulation import Simulation
@@ -215,7 +212,7 @@ def _print_errors(parameters: SimulationParameters, folder: Path, bag: Path) -> 
             states = dead_reckon(
                 noisy.t_ns, gyro, accel, initial, method, gravity=parameters.gravity
             )
-            results[f"{method}, {label}"] = Paths(states, drift(states, truth))
+            results[f"{method}, {label}"] = Paths(states, drift_from(states, truth))
     rows = [
         [
             name,

@@ -16,17 +16,19 @@ from numpy.typing import NDArray
 from imu_sim_ros.commands import common
 from imu_sim_ros.commands.tracks import Track, read_track, truth_topic
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.navigation.alignment import ALIGNMENTS, Alignment, align
-from imu_sim_ros.navigation.association import (
+from imu_sim_ros.navigation import (
+    ALIGNMENTS,
+    AbsoluteErrors,
+    Alignment,
+    Band,
+    absolute_errors,
+    align,
+    anees_band,
     common_rows,
+    distances,
     interpolate_poses,
     interpolate_vectors,
-)
-from imu_sim_ros.navigation.consistency import Band, anees_band, nees
-from imu_sim_ros.navigation.evaluation import (
-    AbsoluteErrors,
-    absolute_errors,
-    distances,
+    nees,
     pairs,
     relative_errors,
     statistics,

@@ -13,13 +13,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from imu_sim_ros.bags import read_poses
-from imu_sim_ros.bags.reader import ahead
+from imu_sim_ros.bags import ahead, open_writer, read_poses
 from imu_sim_ros.bags.text import writer as text_writer
-from imu_sim_ros.bags.write import open_writer
 from imu_sim_ros.commands import bag_output, common
-from imu_sim_ros.config import files
-from imu_sim_ros.config.simulation import SimulationParameters, load_simulation
+from imu_sim_ros.config import SimulationParameters, files, load_simulation
 from imu_sim_ros.consumers import imu_noise as consumers
 from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.datasets import (

@@ -11,12 +11,17 @@ import sys
 from collections.abc import Iterable, Iterator, Mapping
 
 from imu_sim_ros.commands import common
-from imu_sim_ros.config import files
-from imu_sim_ros.config.integrator import IntegratorParameters
-from imu_sim_ros.config.parameter import Parameter, Value, parameters
-from imu_sim_ros.config.recorder import RecorderParameters
-from imu_sim_ros.config.simulator import SimulatorParameters
-from imu_sim_ros.config.trajectory import TYPES, TrajectoryParameters
+from imu_sim_ros.config import (
+    TYPES,
+    IntegratorParameters,
+    Parameter,
+    RecorderParameters,
+    SimulatorParameters,
+    TrajectoryParameters,
+    Value,
+    files,
+    parameters,
+)
 
 _PREFIX = "trajectory."
 

@@ -9,12 +9,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags.messages.encode import ODOMETRY
-from imu_sim_ros.bags.read import odometry_blocks, open_bag, read_poses
-from imu_sim_ros.bags.text.reader import is_text, state_file
+from imu_sim_ros.bags import odometry_blocks, open_bag, read_poses
+from imu_sim_ros.bags.messages import ODOMETRY
+from imu_sim_ros.bags.text import is_text, state_file
 from imu_sim_ros.conventions import TRUTH_TOPIC
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.navigation.state import NavigationStates
+from imu_sim_ros.navigation import NavigationStates
 from imu_sim_ros.poses import PoseSequence, write_tum
 from imu_sim_ros.rotation import rotate
 

@@ -1,4 +1,106 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Every parameter once: frozen dataclasses, and the files that set them."""
+"""Every parameter once: frozen dataclasses with unit, range and text, and the files that set them.
+
+``files`` finds, reads, layers and writes ROS 2 parameter files; the other modules hold the
+parameters of one thing each. Imports conventions and errors.
+"""
+
+from imu_sim_ros.config import files
+from imu_sim_ros.config.files import Layering, build_layered
+from imu_sim_ros.config.imu import ImuParameters
+from imu_sim_ros.config.integrator import (
+    ATTITUDE_UPDATES,
+    INITIAL_STATES,
+    METHODS,
+    IntegratorParameters,
+    layer_integrator,
+)
+from imu_sim_ros.config.parameter import (
+    EMPTY_LIST,
+    IDENTITY_MATRIX,
+    ZERO_MATRIX,
+    ZERO_VECTOR,
+    Matrix,
+    Parameter,
+    Value,
+    Vector,
+    build,
+    flatten,
+    parameters,
+    shown,
+    unknown,
+)
+from imu_sim_ros.config.recorder import RecorderParameters
+from imu_sim_ros.config.simulation import SimulationParameters, load_simulation
+from imu_sim_ros.config.simulator import (
+    BODY,
+    PublishParameters,
+    SimulatorParameters,
+    layer_simulator,
+    simulations,
+    simulator_section,
+)
+from imu_sim_ros.config.temperature import TemperatureParameters
+from imu_sim_ros.config.trajectory import (
+    TYPES,
+    FreeFallParameters,
+    HarmonicParameters,
+    PolarParameters,
+    PosesParameters,
+    SeriesParameters,
+    SixPositionParameters,
+    StaticParameters,
+    TrajectoryParameters,
+    TurntableParameters,
+    VibrationParameters,
+    WaypointsParameters,
+)
+
+__all__ = [
+    "ATTITUDE_UPDATES",
+    "BODY",
+    "EMPTY_LIST",
+    "IDENTITY_MATRIX",
+    "INITIAL_STATES",
+    "METHODS",
+    "TYPES",
+    "ZERO_MATRIX",
+    "ZERO_VECTOR",
+    "FreeFallParameters",
+    "HarmonicParameters",
+    "ImuParameters",
+    "IntegratorParameters",
+    "Layering",
+    "Matrix",
+    "Parameter",
+    "PolarParameters",
+    "PosesParameters",
+    "PublishParameters",
+    "RecorderParameters",
+    "SeriesParameters",
+    "SimulationParameters",
+    "SimulatorParameters",
+    "SixPositionParameters",
+    "StaticParameters",
+    "TemperatureParameters",
+    "TrajectoryParameters",
+    "TurntableParameters",
+    "Value",
+    "Vector",
+    "VibrationParameters",
+    "WaypointsParameters",
+    "build",
+    "build_layered",
+    "files",
+    "flatten",
+    "layer_integrator",
+    "layer_simulator",
+    "load_simulation",
+    "parameters",
+    "shown",
+    "simulations",
+    "simulator_section",
+    "unknown",
+]

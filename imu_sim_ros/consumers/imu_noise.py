@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from imu_sim_ros.bags.atomic_file import make_folder
-from imu_sim_ros.bags.text.decimals import decimal
+from imu_sim_ros.bags import make_folder
+from imu_sim_ros.bags.text import decimal
 
 _FLICKER: Final = math.sqrt(2.0 * math.log(2.0) / math.pi)
 _SMALLEST: Final = 1e-12  # kalibr and OpenVINS divide by these numbers

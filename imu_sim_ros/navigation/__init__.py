@@ -1,4 +1,57 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is made of readings: dead reckoning, preintegration, and their comparison with the truth."""
+"""What is made of readings: dead reckoning, preintegration, and their comparison with a truth.
+
+Works on arrays and knows neither bags nor nodes. Imports the leaves.
+"""
+
+from imu_sim_ros.navigation import initialisation
+from imu_sim_ros.navigation.alignment import ALIGNMENTS, Alignment, align
+from imu_sim_ros.navigation.association import common_rows, interpolate_poses, interpolate_vectors
+from imu_sim_ros.navigation.consistency import Band, anees_band, nees
+from imu_sim_ros.navigation.correction import correction_of
+from imu_sim_ros.navigation.dead_reckoning import dead_reckon
+from imu_sim_ros.navigation.drift import Drift, Truth, drift_from
+from imu_sim_ros.navigation.evaluation import (
+    AbsoluteErrors,
+    absolute_errors,
+    distances,
+    pairs,
+    relative_errors,
+    statistics,
+)
+from imu_sim_ros.navigation.initialisation import Initial
+from imu_sim_ros.navigation.noise import noise_of
+from imu_sim_ros.navigation.state import NavigationState, NavigationStates
+from imu_sim_ros.navigation.stepper import Counts, Stepper
+
+__all__ = [
+    "ALIGNMENTS",
+    "AbsoluteErrors",
+    "Alignment",
+    "Band",
+    "Counts",
+    "Drift",
+    "Initial",
+    "NavigationState",
+    "NavigationStates",
+    "Stepper",
+    "Truth",
+    "absolute_errors",
+    "align",
+    "anees_band",
+    "common_rows",
+    "correction_of",
+    "dead_reckon",
+    "distances",
+    "drift_from",
+    "initialisation",
+    "interpolate_poses",
+    "interpolate_vectors",
+    "nees",
+    "noise_of",
+    "pairs",
+    "relative_errors",
+    "statistics",
+]

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.config.integrator import IntegratorParameters
-from imu_sim_ros.config.parameter import (
+from imu_sim_ros.config import (
     IDENTITY_MATRIX,
     ZERO_MATRIX,
     ZERO_VECTOR,
+    IntegratorParameters,
     Matrix,
     Vector,
 )

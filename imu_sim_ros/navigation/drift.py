@@ -57,7 +57,7 @@ class Drift(NamedTuple):
         return float(np.sqrt(np.mean(np.sum(np.square(getattr(self, name)), axis=1))))
 
 
-def drift(states: NavigationStates, truth: Truth) -> Drift:
+def drift_from(states: NavigationStates, truth: Truth) -> Drift:
     """Return the errors of states at all stamps at which the truth is known.
 
     :raises InputError: where both do not overlap in time.

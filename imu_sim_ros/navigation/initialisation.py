@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from imu_sim_ros import rotation
-from imu_sim_ros.config.integrator import IntegratorParameters
+from imu_sim_ros.config import IntegratorParameters
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.navigation.correction import Correction, correction_of
 from imu_sim_ros.navigation.covariance import Covariance, after_rest, initial_covariance

@@ -13,8 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imu_sim_ros.config.integrator import ATTITUDE_UPDATES, METHODS
-from imu_sim_ros.config.parameter import IDENTITY_MATRIX, ZERO_MATRIX
+from imu_sim_ros.config import ATTITUDE_UPDATES, IDENTITY_MATRIX, METHODS, ZERO_MATRIX
 from imu_sim_ros.conventions import GRAVITY
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.navigation.correction import NO_CORRECTION, Correction

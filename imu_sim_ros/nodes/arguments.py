@@ -15,8 +15,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from imu_sim_ros.config import files
-from imu_sim_ros.config.parameter import EMPTY_LIST, Parameter, parameters, shown
+from imu_sim_ros.config import EMPTY_LIST, Parameter, files, parameters, shown
 from imu_sim_ros.errors import ConfigurationError
 
 _RULE = re.compile(r"(?P<name>(?:[^\s:]+:)?[^\s:=]+):=(?P<value>.*)", re.DOTALL)

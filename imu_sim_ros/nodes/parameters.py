@@ -10,8 +10,16 @@ from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
-from imu_sim_ros.config.files import Layering, build_layered
-from imu_sim_ros.config.parameter import Parameter, Value, build, flatten, parameters, unknown
+from imu_sim_ros.config import (
+    Layering,
+    Parameter,
+    Value,
+    build,
+    build_layered,
+    flatten,
+    parameters,
+    unknown,
+)
 from imu_sim_ros.errors import ConfigurationError
 
 _OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides.")

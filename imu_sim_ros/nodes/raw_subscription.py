@@ -18,7 +18,7 @@ from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-from imu_sim_ros.bags.messages.blocks import Qos
+from imu_sim_ros.bags.messages import Qos
 
 DEPTH = 5000
 """Messages that wait in the middleware: 2.5 s at 2 kHz, while the machine does other things."""

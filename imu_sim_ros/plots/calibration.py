@@ -9,14 +9,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from imu_sim_ros.calibration.deterministic.positions import FACES, SixPosition
-from imu_sim_ros.calibration.deterministic.response import AxisResponse
-from imu_sim_ros.calibration.deterministic.temperature import (
+from imu_sim_ros.calibration.deterministic import (
+    FACES,
+    AxisResponse,
+    SixPosition,
     Temperature,
     TriadTemperature,
+    Turntable,
     polynomial_sigma,
 )
-from imu_sim_ros.calibration.deterministic.turntable import Turntable
 from imu_sim_ros.plots import style
 
 Array = NDArray[np.float64]

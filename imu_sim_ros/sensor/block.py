@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.trajectory.motion import Motion
+from imu_sim_ros.trajectory import Motion
 
 Array = NDArray[np.float64]
 

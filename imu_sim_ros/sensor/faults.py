@@ -23,7 +23,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from imu_sim_ros.config.parameter import Vector
+from imu_sim_ros.config import Vector
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.sensor.random_streams import generator

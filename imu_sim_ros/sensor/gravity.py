@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.config.simulation import SimulationParameters
+from imu_sim_ros.config import SimulationParameters
 
 Array = NDArray[np.float64]
 

@@ -6,10 +6,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.config.simulation import SimulationParameters
+from imu_sim_ros.config import SimulationParameters
 from imu_sim_ros.rotation.components import cross, rotate_inverse, transform
 from imu_sim_ros.sensor.gravity import earth_rate_vector, gravity_vector
-from imu_sim_ros.trajectory.motion import Motion, Trajectory
+from imu_sim_ros.trajectory import Motion, Trajectory
 
 Array = NDArray[np.float64]
 

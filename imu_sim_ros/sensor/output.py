@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.config.imu import ImuParameters
+from imu_sim_ros.config import ImuParameters
 from imu_sim_ros.sensor.noise import axis_values
 
 Array = NDArray[np.float64]

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.config.temperature import TemperatureParameters
+from imu_sim_ros.config import TemperatureParameters
 
 Array = NDArray[np.float64]
 

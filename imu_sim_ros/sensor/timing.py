@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros import timebase
-from imu_sim_ros.config.imu import ImuParameters
+from imu_sim_ros.config import ImuParameters
 from imu_sim_ros.sensor.faults import FaultSchedule
 from imu_sim_ros.sensor.random_streams import generator
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.config.imu import ImuParameters
+from imu_sim_ros.config import ImuParameters
 from imu_sim_ros.sensor.deterministic import ConstantBias, Response, TurnOn
 from imu_sim_ros.sensor.faults import FaultSchedule
 from imu_sim_ros.sensor.noise import (

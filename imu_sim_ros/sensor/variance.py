@@ -8,8 +8,7 @@ as the low-pass leaves, and rounding to whole steps, ``LSB^2 / 12`` (uniform, wh
 noise spans a step). Biases of every kind are not noise of a sample and are left out.
 """
 
-from imu_sim_ros.config.imu import ImuParameters
-from imu_sim_ros.config.parameter import Vector
+from imu_sim_ros.config import ImuParameters, Vector
 from imu_sim_ros.sensor.noise import axis_values
 from imu_sim_ros.sensor.output import noise_gain
 

@@ -1,9 +1,15 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where the body is: position, attitude and their derivatives at any time."""
+"""Where the body is: position, velocity, attitude, rates and their derivatives at any time.
+
+One file per kind of trajectory; :func:`build_trajectory` makes the one that the parameters name.
+Imports the leaves: conventions, errors, rotation, timebase, config, poses.
+"""
 
 from imu_sim_ros.trajectory.build import PoseReader, build_trajectory
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
+from imu_sim_ros.trajectory.plausible import implausible
+from imu_sim_ros.trajectory.recorded import fit_report
 
-__all__ = ["Motion", "PoseReader", "Trajectory", "build_trajectory"]
+__all__ = ["Motion", "PoseReader", "Trajectory", "build_trajectory", "fit_report", "implausible"]

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeAlias, cast
 
-from imu_sim_ros.config.trajectory import (
+from imu_sim_ros.config import (
     FreeFallParameters,
     HarmonicParameters,
     PolarParameters,

@@ -9,8 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros import rotation
-from imu_sim_ros.config.parameter import Vector
-from imu_sim_ros.config.trajectory import SixPositionParameters, TurntableParameters
+from imu_sim_ros.config import SixPositionParameters, TurntableParameters, Vector
 from imu_sim_ros.trajectory.motion import Array, Motion
 from imu_sim_ros.trajectory.profile import Phase, RateProfile
 

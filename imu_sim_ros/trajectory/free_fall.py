@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from imu_sim_ros import rotation
-from imu_sim_ros.config.trajectory import FreeFallParameters
+from imu_sim_ros.config import FreeFallParameters
 from imu_sim_ros.trajectory.motion import Array, Motion
 
 

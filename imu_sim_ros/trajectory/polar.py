@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from imu_sim_ros.config.trajectory import PolarParameters
+from imu_sim_ros.config import PolarParameters
 from imu_sim_ros.trajectory.euler import attitude
 from imu_sim_ros.trajectory.motion import Array, Motion
 from imu_sim_ros.trajectory.profile import Derivatives

@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros import rotation, timebase
-from imu_sim_ros.config.trajectory import PosesParameters
+from imu_sim_ros.config import PosesParameters
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.trajectory.bspline import PoseSpline, UniformKnots

@@ -8,7 +8,7 @@ from typing import Final, Protocol
 
 import numpy as np
 
-from imu_sim_ros.config.trajectory import TrajectoryParameters
+from imu_sim_ros.config import TrajectoryParameters
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.trajectory.motion import Array, Motion, Trajectory
 from imu_sim_ros.trajectory.profile import Derivatives, Phase, RateProfile, smooth_step

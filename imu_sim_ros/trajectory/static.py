@@ -8,8 +8,7 @@ import math
 import numpy as np
 
 from imu_sim_ros import rotation
-from imu_sim_ros.config.parameter import Vector
-from imu_sim_ros.config.trajectory import StaticParameters
+from imu_sim_ros.config import StaticParameters, Vector
 from imu_sim_ros.trajectory.motion import Array, Motion
 
 

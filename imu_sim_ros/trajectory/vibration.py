@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from imu_sim_ros import rotation
-from imu_sim_ros.config.trajectory import VibrationParameters
+from imu_sim_ros.config import VibrationParameters
 from imu_sim_ros.trajectory.motion import Array, Motion, Trajectory
 
 _AXES: Final = 3

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from imu_sim_ros.config.trajectory import WaypointsParameters
+from imu_sim_ros.config import WaypointsParameters
 from imu_sim_ros.trajectory.euler import attitude
 from imu_sim_ros.trajectory.motion import Array, Motion
 from imu_sim_ros.trajectory.profile import Derivatives

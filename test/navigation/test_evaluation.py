@@ -12,7 +12,7 @@ from imu_sim_ros.navigation.association import (
     interpolate_poses,
     interpolate_vectors,
 )
-from imu_sim_ros.navigation.drift import Truth, drift
+from imu_sim_ros.navigation.drift import Truth, drift_from
 from imu_sim_ros.navigation.evaluation import (
     absolute_errors,
     distances,
@@ -163,7 +163,7 @@ def test_drift_of_known_errors(record):
     states = NavigationStates(
         motion.t_ns, motion.truth.position + shift, motion.truth.velocity, motion.truth.q_wb
     )
-    found = drift(states, truth)
+    found = drift_from(states, truth)
     assert found.final("position") == pytest.approx(3.0)
     # The mean of a square from 0 to 3 over 501 points.
     assert found.rms("position") == pytest.approx(np.sqrt(3.0 * (1 + 0.5 / 500)), rel=1e-5)

@@ -20,11 +20,8 @@ from imu_sim_ros.bags.mcap.writer import (
     MESSAGE_HEADER,
     MESSAGE_INDEX,
 )
-from imu_sim_ros.bags.messages.blocks import MessageBlock, TopicInfo
-from imu_sim_ros.bags.messages.layouts import Bytes
-from imu_sim_ros.bags.messages.schemas import Schema
+from imu_sim_ros.bags.messages import Bytes, MessageBlock, Schema, TopicInfo, parse_qos
 from imu_sim_ros.bags.reader import Bag, Timed, gather, in_order
-from imu_sim_ros.bags.rosbag2.metadata import parse_qos
 from imu_sim_ros.errors import InputError
 
 _HEADER_BYTES = 9

@@ -15,9 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 from imu_sim_ros.bags.chunks import ChunkWriter, Indexed
-from imu_sim_ros.bags.messages.blocks import Times
-from imu_sim_ros.bags.messages.layouts import Bytes
-from imu_sim_ros.bags.rosbag2 import metadata as rosbag2_metadata
+from imu_sim_ros.bags.messages import Bytes, Times, qos_text
 from imu_sim_ros.bags.writer import Topic
 
 MAGIC: Final = b"\x89MCAP0\r\n"
@@ -97,7 +95,7 @@ class McapWriter(ChunkWriter):
                 self.file.write(_packed(record))
             schema_id = self._schemas[topic.type_name].id
         metadata = {
-            "offered_qos_profiles": rosbag2_metadata.qos_text(topic.qos),
+            "offered_qos_profiles": qos_text(topic.qos),
             "topic_type_hash": digest,
         }
         channel = Channel(

@@ -1,4 +1,65 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What messages look like as bytes: layouts, definitions, encoding and decoding of whole blocks."""
+"""What messages look like as bytes: layouts, definitions, encoding and decoding of whole blocks.
+
+Works on arrays of bytes and knows no file. Imports the leaves.
+"""
+
+from imu_sim_ros.bags.messages import schemas
+from imu_sim_ros.bags.messages.blocks import MessageBlock, Payloads, Times, TopicInfo, as_list
+from imu_sim_ros.bags.messages.decode import Decoded, decode_block, inside_order, transcode
+from imu_sim_ros.bags.messages.encode import (
+    CLOCK,
+    IMU,
+    ODOMETRY,
+    POSE_STAMPED,
+    TEMPERATURE,
+    VECTOR3_STAMPED,
+    ClockEncoder,
+    ImuEncoder,
+    OdometryEncoder,
+    PoseStampedEncoder,
+    TemperatureEncoder,
+    Vector3StampedEncoder,
+)
+from imu_sim_ros.bags.messages.installed import BrokenMessageError, recorded_type
+from imu_sim_ros.bags.messages.layouts import Bytes
+from imu_sim_ros.bags.messages.qos import Qos, parse_qos, qos_profiles, qos_text
+from imu_sim_ros.bags.messages.schemas import Schema, ros1_name, ros2_name, schema
+
+__all__ = [
+    "CLOCK",
+    "IMU",
+    "ODOMETRY",
+    "POSE_STAMPED",
+    "TEMPERATURE",
+    "VECTOR3_STAMPED",
+    "BrokenMessageError",
+    "Bytes",
+    "ClockEncoder",
+    "Decoded",
+    "ImuEncoder",
+    "MessageBlock",
+    "OdometryEncoder",
+    "Payloads",
+    "PoseStampedEncoder",
+    "Qos",
+    "Schema",
+    "TemperatureEncoder",
+    "Times",
+    "TopicInfo",
+    "Vector3StampedEncoder",
+    "as_list",
+    "decode_block",
+    "inside_order",
+    "parse_qos",
+    "qos_profiles",
+    "qos_text",
+    "recorded_type",
+    "ros1_name",
+    "ros2_name",
+    "schema",
+    "schemas",
+    "transcode",
+]

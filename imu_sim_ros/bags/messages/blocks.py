@@ -4,35 +4,17 @@
 """Blocks of encoded messages, and the topics that they belong to."""
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.bags.messages.layouts import Bytes
+from imu_sim_ros.bags.messages.qos import Qos
 from imu_sim_ros.bags.messages.schemas import Schema
 
 Times = NDArray[np.int64]
 Payloads: TypeAlias = Bytes | list[bytes]
-
-
-class Qos(NamedTuple):
-    """Quality of service that a topic was offered with, in the words of rosbag2's metadata."""
-
-    reliability: str = "reliable"
-    durability: str = "volatile"
-    history: str = "keep_last"
-    depth: int = 10
-
-    @classmethod
-    def of(cls, profile: Any) -> "Qos":
-        """Return a profile of rclpy in these words."""
-        return cls(
-            profile.reliability.name.lower(),
-            profile.durability.name.lower(),
-            profile.history.name.lower(),
-            int(profile.depth),
-        )
 
 
 @dataclass(frozen=True)

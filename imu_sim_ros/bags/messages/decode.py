@@ -32,7 +32,7 @@ class Decoded(NamedTuple):
     """(n, count) by field, or (n,) for a single number."""
 
 
-def decode(block: MessageBlock, encoding: str, names: Sequence[str]) -> Decoded:
+def decode_block(block: MessageBlock, encoding: str, names: Sequence[str]) -> Decoded:
     """Return fields of a block's messages.
 
     :param names: of :data:`imu_sim_ros.bags.messages.layouts.FIELDS` of this type.

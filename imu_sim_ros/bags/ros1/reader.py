@@ -12,9 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.bags.decompress import decompress
-from imu_sim_ros.bags.messages.blocks import MessageBlock, Qos, TopicInfo
-from imu_sim_ros.bags.messages.layouts import Bytes
-from imu_sim_ros.bags.messages.schemas import Schema, ros2_name
+from imu_sim_ros.bags.messages import Bytes, MessageBlock, Qos, Schema, TopicInfo, ros2_name
 from imu_sim_ros.bags.reader import Bag, Timed, gather, in_order
 from imu_sim_ros.bags.ros1.writer import (
     INDEX_ENTRY,

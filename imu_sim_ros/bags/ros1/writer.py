@@ -12,9 +12,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros.bags.chunks import ChunkWriter, Indexed
-from imu_sim_ros.bags.messages.blocks import Times
-from imu_sim_ros.bags.messages.layouts import Bytes
-from imu_sim_ros.bags.messages.schemas import ros1_name
+from imu_sim_ros.bags.messages import Bytes, Times, ros1_name
 from imu_sim_ros.bags.writer import Topic
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND

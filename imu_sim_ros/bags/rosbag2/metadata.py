@@ -7,20 +7,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from imu_sim_ros.bags.messages.blocks import Qos
+from imu_sim_ros.bags.messages import qos_profiles
 from imu_sim_ros.bags.writer import Topic
 
 FILE_NAME: Final = "metadata.yaml"
 VERSION: Final = 9
-# rmw's infinite duration: the largest number of nanoseconds that an int64 holds.
-_INFINITE: Final = {"sec": 9223372036, "nsec": 854775807}
 _NO_START: Final = 2**63 - 1
-# Older versions write rmw's numbers instead of names.
-_NUMBERED: Final[dict[str, dict[object, str]]] = {
-    "reliability": {1: "reliable", 2: "best_effort"},
-    "durability": {1: "transient_local", 2: "volatile"},
-    "history": {1: "keep_last", 2: "keep_all"},
-}
 
 
 class Part(NamedTuple):
@@ -30,55 +22,6 @@ class Part(NamedTuple):
     start_ns: int
     duration_ns: int
     messages: int
-
-
-def qos_profiles(profiles: Sequence[Qos]) -> list[dict[str, Any]]:
-    """Return quality-of-service profiles as rosbag2's metadata lists them."""
-    return [
-        {
-            "history": qos.history,
-            "depth": qos.depth,
-            "reliability": qos.reliability,
-            "durability": qos.durability,
-            "deadline": dict(_INFINITE),
-            "lifespan": dict(_INFINITE),
-            "liveliness": "automatic",
-            "liveliness_lease_duration": dict(_INFINITE),
-            "avoid_ros_namespace_conventions": False,
-        }
-        for qos in profiles
-    ]
-
-
-def qos_text(profiles: Sequence[Qos]) -> str:
-    """Return profiles as the text that storage files hold."""
-    import yaml
-
-    return yaml.safe_dump(qos_profiles(profiles), sort_keys=False).strip() if profiles else ""
-
-
-def parse_qos(profiles: object) -> tuple[Qos, ...]:
-    """Return profiles of a bag, given as a list or as the text of one, of any version."""
-    import yaml
-
-    try:
-        entries = yaml.safe_load(profiles) if isinstance(profiles, str) else profiles
-    except yaml.YAMLError:
-        entries = None
-    if not isinstance(entries, list):
-        return (Qos(),)
-    return tuple(
-        Qos(**{name: _word(name, entry) for name in _NUMBERED}, depth=int(entry.get("depth", 10)))
-        for entry in entries
-        if isinstance(entry, dict)
-    )
-
-
-def _word(name: str, entry: dict[str, Any]) -> str:
-    value = entry.get(name)
-    default = str(Qos._field_defaults[name])
-    word = value if isinstance(value, str) else _NUMBERED[name].get(value, default)
-    return default if word in ("unknown", "system_default") else word
 
 
 def part(path: Path, topics: Sequence[Topic]) -> Part:

@@ -14,10 +14,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from imu_sim_ros.bags.mcap.reader import McapBag
-from imu_sim_ros.bags.messages.blocks import MessageBlock, TopicInfo
-from imu_sim_ros.bags.messages.layouts import Bytes
-from imu_sim_ros.bags.messages.schemas import Schema
+from imu_sim_ros.bags.mcap import McapBag
+from imu_sim_ros.bags.messages import Bytes, MessageBlock, Schema, TopicInfo, parse_qos
 from imu_sim_ros.bags.reader import Bag, Timed
 from imu_sim_ros.bags.rosbag2 import metadata as rosbag2_metadata
 from imu_sim_ros.errors import InputError
@@ -91,7 +89,7 @@ class SqliteBag(Bag):
                 type_name,
                 counts.get(id_, 0),
                 schemas.get(type_name, Schema("", "")),
-                rosbag2_metadata.parse_qos(profiles),
+                parse_qos(profiles),
             )
             for id_, name, type_name, profiles in self._database.execute(
                 f"SELECT id, name, type, {qos} FROM topics ORDER BY id"

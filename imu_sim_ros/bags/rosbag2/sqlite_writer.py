@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from imu_sim_ros.bags.atomic_file import refuse_existing
-from imu_sim_ros.bags.messages.blocks import as_list
+from imu_sim_ros.bags.messages import as_list, qos_text
 from imu_sim_ros.bags.rosbag2 import metadata as rosbag2_metadata
 from imu_sim_ros.bags.writer import Block, Topic, Writer, tally, time_order
 from imu_sim_ros.errors import InputError
@@ -78,7 +78,7 @@ class SqliteWriter(Writer):
             topic.name,
             topic.type_name,
             "cdr",
-            rosbag2_metadata.qos_text(topic.qos),
+            qos_text(topic.qos),
             digest,
         )
         self._execute("INSERT INTO topics VALUES (?, ?, ?, ?, ?, ?)", row)

@@ -13,9 +13,7 @@ from numpy.typing import NDArray
 from imu_sim_ros.calibration.deterministic.positions import SixPosition
 from imu_sim_ros.calibration.deterministic.temperature import Temperature, TriadTemperature
 from imu_sim_ros.calibration.deterministic.turntable import Turntable
-from imu_sim_ros.config import files
-from imu_sim_ros.config.imu import ImuParameters
-from imu_sim_ros.config.parameter import Value
+from imu_sim_ros.config import ImuParameters, Value, files
 from imu_sim_ros.conventions import TRIADS
 
 Array = NDArray[np.float64]

@@ -10,8 +10,7 @@ import numpy as np
 
 from imu_sim_ros.calibration.noise.analysis import AllanResult
 from imu_sim_ros.calibration.noise.gauss_markov import CORRELATION_TIME, SIGMA
-from imu_sim_ros.config import files
-from imu_sim_ros.config.parameter import Value
+from imu_sim_ros.config import Value, files
 from imu_sim_ros.conventions import AXES, TRIADS
 
 KALIBR_NAMES: Final = tuple(

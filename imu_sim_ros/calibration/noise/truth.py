@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from imu_sim_ros.calibration.noise.analysis import AllanResult
 from imu_sim_ros.calibration.noise.estimate import Estimate
 from imu_sim_ros.calibration.noise.gauss_markov import CORRELATION_TIME, SIGMA
-from imu_sim_ros.config.imu import ImuParameters
-from imu_sim_ros.config.simulation import load_simulation
+from imu_sim_ros.config import ImuParameters, load_simulation
 from imu_sim_ros.conventions import TRIADS
 
 Array = NDArray[np.float64]

@@ -14,11 +14,9 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from imu_sim_ros import rotation
-from imu_sim_ros.config.integrator import IntegratorParameters
+from imu_sim_ros.config import IntegratorParameters
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.navigation import initialisation
-from imu_sim_ros.navigation.initialisation import Initial
-from imu_sim_ros.navigation.state import NavigationState
+from imu_sim_ros.navigation import Initial, NavigationState, initialisation
 from imu_sim_ros.nodes.decode import ImuReading, Truth
 
 _KEPT = 20000

@@ -18,8 +18,8 @@ from rclpy.task import Future
 from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 
-from imu_sim_ros.bags.messages.encode import OdometryEncoder, Vector3StampedEncoder
-from imu_sim_ros.config.integrator import IntegratorParameters, layer_integrator
+from imu_sim_ros.bags.messages import OdometryEncoder, Vector3StampedEncoder
+from imu_sim_ros.config import IntegratorParameters, layer_integrator
 from imu_sim_ros.conventions import (
     ATTITUDE_ERROR_TOPIC,
     DEAD_RECKONED_TOPIC,

@@ -10,10 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.config.integrator import IntegratorParameters
-from imu_sim_ros.navigation.correction import correction_of
+from imu_sim_ros.config import IntegratorParameters
+from imu_sim_ros.navigation import Counts, Stepper, correction_of
 from imu_sim_ros.navigation.covariance import Covariance
-from imu_sim_ros.navigation.stepper import Counts, Stepper
 from imu_sim_ros.nodes.decode import ImuReading, Truth
 from imu_sim_ros.nodes.integrator.initialiser import Start, initialiser
 from imu_sim_ros.rotation.scalars import Q4, V3, rotate

@@ -11,7 +11,7 @@ from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
 from nav_msgs.msg import Path
 from std_msgs.msg import Header
 
-from imu_sim_ros.config.integrator import IntegratorParameters
+from imu_sim_ros.config import IntegratorParameters
 from imu_sim_ros.nodes.integrator.odometer import Row
 
 

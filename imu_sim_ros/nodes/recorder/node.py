@@ -14,20 +14,19 @@ from typing import Any
 from rclpy.clock import Clock, ClockType
 from rclpy.task import Future
 
-from imu_sim_ros.bags.write import open_writer
-from imu_sim_ros.bags.writer import Writer
+from imu_sim_ros.bags import Writer, open_writer
 from imu_sim_ros.commands import common
-from imu_sim_ros.config.recorder import RecorderParameters
+from imu_sim_ros.config import RecorderParameters
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.nodes import run
-from imu_sim_ros.nodes.parameters import ConfiguredNode
-from imu_sim_ros.nodes.raw_subscription import TopicReader, is_weaker, matching_qos, offered_qos
-from imu_sim_ros.nodes.recorder.message_types import (
+from imu_sim_ros.nodes.message_types import (
     definition,
     message_class,
     stamp_offset,
     type_hash,
 )
+from imu_sim_ros.nodes.parameters import ConfiguredNode
+from imu_sim_ros.nodes.raw_subscription import TopicReader, is_weaker, matching_qos, offered_qos
 from imu_sim_ros.nodes.recorder.recording import Recording, Topic
 from imu_sim_ros.nodes.recorder.stamp_statistics import StampStatistics
 

@@ -13,10 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from imu_sim_ros.bags.atomic_file import active_path
-from imu_sim_ros.bags.messages.blocks import Qos
-from imu_sim_ros.bags.messages.installed import BrokenMessageError, recorded_type
-from imu_sim_ros.bags.writer import Writer
+from imu_sim_ros.bags import Writer, active_path
+from imu_sim_ros.bags.messages import BrokenMessageError, Qos, recorded_type
 from imu_sim_ros.errors import ImuSimError, InputError
 from imu_sim_ros.nodes.raw_subscription import Message
 from imu_sim_ros.nodes.recorder.stamp_statistics import StampStatistics

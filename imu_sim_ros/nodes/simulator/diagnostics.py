@@ -10,7 +10,7 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from imu_sim_ros.nodes.publishing import Counter
-from imu_sim_ros.sensor.faults import Fault
+from imu_sim_ros.sensor import Fault
 
 LATE_US: Final = 500.0
 """A 99th percentile above this is a warning."""

@@ -28,8 +28,8 @@ from std_srvs.srv import SetBool, Trigger
 
 from imu_sim_ros import conventions, timebase, topics
 from imu_sim_ros.bags import read_poses
-from imu_sim_ros.bags.messages.encode import CLOCK, ClockEncoder
-from imu_sim_ros.config.simulator import (
+from imu_sim_ros.bags.messages import CLOCK, ClockEncoder
+from imu_sim_ros.config import (
     BODY,
     PublishParameters,
     SimulatorParameters,
@@ -46,7 +46,7 @@ from imu_sim_ros.nodes.simulator.engine import LEAD_NS, Engine
 from imu_sim_ros.nodes.simulator.pacing import Pacer, RosClockPacer, Stall
 from imu_sim_ros.nodes.simulator.publish_queue import Schedule, SimulationStream, Stream, TickStream
 from imu_sim_ros.nodes.simulator.transforms import transform_stream
-from imu_sim_ros.sensor.faults import Fault
+from imu_sim_ros.sensor import Fault
 from imu_sim_ros.simulation import Simulation
 
 TEXT: Final = "Publish the readings of a simulated IMU, and the truth beside them."

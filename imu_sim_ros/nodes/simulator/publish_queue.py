@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros import timebase
-from imu_sim_ros.config.simulation import SimulationParameters
-from imu_sim_ros.config.simulator import BODY
-from imu_sim_ros.sensor.faults import Fault
+from imu_sim_ros.config import BODY, SimulationParameters
+from imu_sim_ros.sensor import Fault
 from imu_sim_ros.simulation import Simulation
 from imu_sim_ros.topics import Encode
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rclpy.time import Time
 
 from imu_sim_ros import timebase
-from imu_sim_ros.config.simulation import SimulationParameters
+from imu_sim_ros.config import SimulationParameters
 from imu_sim_ros.errors import MissingDependencyError
 from imu_sim_ros.nodes.simulator.publish_queue import TickStream
 from imu_sim_ros.trajectory import Trajectory
