@@ -11,8 +11,8 @@ from imu_sim_ros.bags.messages.encode import ImuEncoder
 from imu_sim_ros.bags.messages.installed import recorded_type
 from imu_sim_ros.bags.write import open_writer
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.nodes import message_types
 from imu_sim_ros.nodes.raw_subscription import Message
-from imu_sim_ros.nodes.recorder import message_types
 from imu_sim_ros.nodes.recorder.node import plain_arguments
 from imu_sim_ros.nodes.recorder.recording import Recording, Topic
 from imu_sim_ros.nodes.recorder.stamp_statistics import StampStatistics
