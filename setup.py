@@ -54,7 +54,7 @@ setup(
     extras_require={"test": ["pytest", "allantools", "evo", "mcap-ros2-support"]},
     zip_safe=False,
     entry_points={
-        "console_scripts": [f"{name} = {PACKAGE}.nodes.{name}.node:main" for name in NODES]
-        + [f"{name} = {PACKAGE}.commands.{name}:main" for name in COMMANDS],
+        "console_scripts": [f"{name} = {PACKAGE}.nodes.start:{name}" for name in NODES]
+        + [f"{name} = {PACKAGE}.commands.start:{name}" for name in COMMANDS],
     },
 )

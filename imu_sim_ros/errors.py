@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The errors that a user can cause; everything else is a bug and shows its traceback."""
+"""The errors that a user can cause, and how any error is told in lines and an exit status."""
 
 from collections.abc import Iterable
 
@@ -26,3 +26,21 @@ class InputError(ImuSimError):
 
 class MissingDependencyError(ImuSimError):
     """An optional library that is wanted and not installed; the text says how to get it."""
+
+
+def explain(error: BaseException) -> tuple[tuple[str, ...], int]:
+    """Return what to print about an error, line by line, and the exit status that it means.
+
+    :returns: the status is 2 for what the user can mend (:class:`ImuSimError`), 1 for errors of the
+        machine (a full disk, a missing permission) and for what nobody has foreseen.
+    """
+    if isinstance(error, ImuSimError):
+        return error.problems, 2
+    if isinstance(error, OSError) and error.strerror:
+        names = [str(name) for name in (error.filename, error.filename2) if name is not None]
+        return (": ".join([*names, error.strerror]),), 1
+    if isinstance(error, MemoryError):
+        return ("not enough memory",), 1
+    words = " ".join(str(error).split())
+    what = f"{type(error).__name__}: {words}" if words else type(error).__name__
+    return (f"unexpected: {what}; run with --debug for the traceback",), 1

@@ -265,14 +265,14 @@ def _states(path: Path, topic: str | None, recover: bool) -> Iterator[States]:
             velocity_w = rotate(odometry.q_wb, odometry.velocity_b)
             yield States(*odometry[:3], velocity_w, part.gyro_bias, part.accel_bias)
         return
-    biases = [_Reels(path, name, topic, recover) for name in (GYRO_BIAS, ACCEL_BIAS)]
+    biases = [BiasTopicReader(path, name, topic, recover) for name in (GYRO_BIAS, ACCEL_BIAS)]
     for message in odometry_blocks(path, topic, recover):
         velocity_w = rotate(message.q_wb, message.velocity_b)
         gyro, accel = (reel.at(message.t_ns) for reel in biases)
         yield States(message.t_ns, message.position, message.q_wb, velocity_w, gyro, accel)
 
 
-class _Reels:
+class BiasTopicReader:
     """A topic of vectors that is unwound beside another one; zero where the bag has none."""
 
     def __init__(self, path: Path, name: str, beside: str | None, recover: bool) -> None:

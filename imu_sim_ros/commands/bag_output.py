@@ -1,15 +1,11 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the commands that write bags and datasets share: their arguments, and stopping them."""
+"""What the commands that write bags and datasets share: their arguments."""
 
 import argparse
 import re
-import signal
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from types import FrameType
 from typing import Any, Final
 
 from imu_sim_ros.bags import COMPRESSIONS, STORAGES
@@ -69,23 +65,3 @@ def renaming(words: str) -> tuple[str, str]:
     if not equals or not re.fullmatch(r"/?[A-Za-z_~][\w/]*", new.strip()):
         raise argparse.ArgumentTypeError(f"{words!r} is not of the form imu/data_raw=/imu0")
     return old.strip().lstrip("/"), new.strip()
-
-
-@contextmanager
-def stop_requests() -> Iterator[list[int]]:
-    """Collect Ctrl-C and SIGTERM instead of being ended by them in the middle of a chunk."""
-    requests: list[int] = []
-
-    def note(number: int, _: FrameType | None) -> None:
-        requests.append(number)
-
-    try:
-        before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
-    except ValueError:  # not in the main thread: whoever runs this takes care of signals
-        yield requests
-        return
-    try:
-        yield requests
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NoReturn
 
+from imu_sim_ros.commands import signals
 from imu_sim_ros.config import files
 from imu_sim_ros.errors import ConfigurationError, ImuSimError
 
@@ -27,9 +28,13 @@ class Parser(argparse.ArgumentParser):
 
 
 def run(program: str, command: Callable[[], None]) -> int:
-    """Run a command; return 0, or 2 after printing one line for each problem of its input."""
+    """Run a command; return 0, or 2 after printing one line for each problem of its input.
+
+    A signal ends it with 128 and its number, as a shell counts.
+    """
     try:
-        command()
+        with signals.raised():
+            command()
     except ImuSimError as error:
         for problem in error.problems:
             print(f"{program}: {problem}", file=sys.stderr)
@@ -39,7 +44,7 @@ def run(program: str, command: Callable[[], None]) -> int:
         return 1
     except KeyboardInterrupt:
         print(f"{program}: interrupted", file=sys.stderr)
-        return 130
+        return signals.status()
     return 0
 
 

@@ -14,8 +14,8 @@ from imu_sim_ros.bags.messages import IMU, ODOMETRY
 from imu_sim_ros.bags.text import Dataset
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text import writer as text_writer
-from imu_sim_ros.commands import bag_output, common
-from imu_sim_ros.commands.bag_output import DATASET_SUFFIXES, stop_requests
+from imu_sim_ros.commands import bag_output, common, signals
+from imu_sim_ros.commands.bag_output import DATASET_SUFFIXES
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.poses import PoseSequence
 
@@ -123,7 +123,7 @@ def _bag_to_bag(
 ) -> tuple[dict[str, int], int]:
     total = sum(topic.count for topic in topics)
     with (
-        stop_requests() as requests,
+        signals.collected() as requests,
         _writer(arguments) as writer,
         _progress(arguments, total) as advance,
     ):
@@ -263,7 +263,7 @@ def _say_if_stopped(requests: Sequence[int], arguments: argparse.Namespace) -> N
             f"convert_bag: stopped; {arguments.output} is whole and holds what was copied before",
             file=sys.stderr,
         )
-        raise KeyboardInterrupt
+        raise signals.Interrupted
 
 
 def _result(

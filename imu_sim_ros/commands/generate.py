@@ -15,7 +15,7 @@ import numpy as np
 
 from imu_sim_ros.bags import ahead, open_writer, read_poses
 from imu_sim_ros.bags.text import writer as text_writer
-from imu_sim_ros.commands import bag_output, common
+from imu_sim_ros.commands import bag_output, common, signals
 from imu_sim_ros.config import SimulationParameters, files, load_simulation
 from imu_sim_ros.consumers import imu_noise as consumers
 from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
@@ -149,7 +149,7 @@ def _write(
     """Write all samples; returns whether Ctrl-C or SIGTERM ended it before."""
     total = simulation.total or 0
     with (
-        bag_output.stop_requests() as requests,
+        signals.collected() as requests,
         common.progress(
             f"writing {arguments.output}", total, arguments.quiet or arguments.json
         ) as advance,
@@ -224,7 +224,7 @@ def _report(result: dict[str, Any], stopped: bool, arguments: argparse.Namespace
             f"generate: stopped; {result['output']} is whole and holds what was written before",
             file=sys.stderr,
         )
-        raise KeyboardInterrupt
+        raise signals.Interrupted
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ parameters of one thing each. Imports conventions and errors.
 
 from imu_sim_ros.config import files
 from imu_sim_ros.config.files import Layering, build_layered
-from imu_sim_ros.config.imu import ImuParameters
+from imu_sim_ros.config.imu import LARGEST_LATENCY, ImuParameters
 from imu_sim_ros.config.integrator import (
     ATTITUDE_UPDATES,
     INITIAL_STATES,
@@ -64,6 +64,7 @@ __all__ = [
     "EMPTY_LIST",
     "IDENTITY_MATRIX",
     "INITIAL_STATES",
+    "LARGEST_LATENCY",
     "METHODS",
     "TYPES",
     "ZERO_MATRIX",

@@ -30,6 +30,10 @@ from imu_sim_ros.config.triads import (
 from imu_sim_ros.conventions import TRIADS
 
 ORTHONORMAL_TOLERANCE = 1e-6
+LARGEST_LATENCY = 10.0
+"""[s] of a message: the node keeps what is under way in memory."""
+LONGEST = 1e6
+"""[s] for times that must only stay within what stamps can hold."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +41,11 @@ class TimingParameters:
     """Errors of stamps and transport. The samples themselves are taken at the true times."""
 
     stamp_offset: float = number(
-        0.0, "constant error of the stamps: stamp = true time + offset", unit="s"
+        0.0,
+        "constant error of the stamps: stamp = true time + offset",
+        unit="s",
+        minimum=-LONGEST,
+        maximum=LONGEST,
     )
     clock_skew_ppm: float = number(
         0.0,
@@ -58,13 +66,19 @@ class TimingParameters:
         live=True,
     )
     latency: float = number(
-        0.0, "time from a sample to its message, at least", unit="s", minimum=0.0, live=True
+        0.0,
+        "time from a sample to its message, at least; lowered, what is under way arrives at once",
+        unit="s",
+        minimum=0.0,
+        maximum=LARGEST_LATENCY,
+        live=True,
     )
     latency_jitter: float = number(
         0.0,
         "mean of the exponentially distributed extra time to the message; order is kept",
         unit="s",
         minimum=0.0,
+        maximum=LARGEST_LATENCY / 10,
         live=True,
     )
     dropout_probability: float = number(
@@ -76,13 +90,19 @@ class TimingParameters:
         live=True,
     )
     dropout_burst_rate: float = number(
-        0.0, "bursts of lost messages, on average", unit="1/s", minimum=0.0, live=True
+        0.0,
+        "bursts of lost messages, on average",
+        unit="1/s",
+        minimum=0.0,
+        maximum=20000.0,
+        live=True,
     )
     dropout_burst_duration: float = number(
         0.0,
         "mean duration of a burst (exponentially distributed)",
         unit="s",
         minimum=0.0,
+        maximum=LONGEST,
         live=True,
     )
     duplicate_probability: float = number(

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from imu_sim_ros.config.imu import ImuParameters
+from imu_sim_ros.config.imu import LARGEST_LATENCY, LONGEST, ImuParameters
 from imu_sim_ros.config.parameter import (
     Vector,
     choice,
@@ -65,10 +65,21 @@ class InjectParameters:
         live=True,
     )
     duration: float = number(
-        1.0, "length of the fault", unit="s", minimum=0.0, above_minimum=True, live=True
+        1.0,
+        "length of the fault",
+        unit="s",
+        minimum=0.0,
+        above_minimum=True,
+        maximum=LONGEST,
+        live=True,
     )
     delay: float = number(
-        0.0, "time from the next block to the begin of the fault", unit="s", minimum=0.0, live=True
+        0.0,
+        "time from the next block to the begin of the fault",
+        unit="s",
+        minimum=0.0,
+        maximum=LONGEST,
+        live=True,
     )
     triad: str = choice(
         "gyroscope", TRIADS, "which sensor a bias_jump, saturation or stuck hits", live=True
@@ -76,7 +87,8 @@ class InjectParameters:
     value: Vector = vector(
         0.0,
         "bias_jump: what is added to the bias [rad/s or m/s^2]; saturation: limit [rad/s or "
-        "m/s^2], 0: this axis has none; dropout: probability (1: all are lost); latency: [s]",
+        "m/s^2], 0: this axis has none; dropout: probability (1: all are lost); latency: [s], at "
+        f"most {LARGEST_LATENCY:g}",
         live=True,
     )
     imu: str = text("", "which of `imus` is hit; empty: all", live=True)

@@ -21,6 +21,7 @@ from imu_sim_ros.config import (
     unknown,
 )
 from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.nodes.ending import Ending
 
 _OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 
@@ -53,11 +54,16 @@ class ConfiguredNode(Node):
         given = self._take_overrides()
         self.section = section if isinstance(section, type) else section(given)
         self.changed: frozenset[str] = frozenset()
+        self.ending = Ending(self)
         self.given: dict[str, object] = given
         self.parameters: Any = build_layered(self.section, layering or dict, given)
         values = flatten(self.parameters)
         self._declare(values, parameters(self.section, values))
         self.add_on_set_parameters_callback(self._on_set)
+
+    def get_logger(self) -> Any:
+        """Return the node's logger; rclpy does not say of what type it is."""
+        return super().get_logger()  # type: ignore[no-untyped-call]
 
     def apply(self, new: Any) -> None:
         """Take new parameters, all of them valid; a subclass acts on them and may still refuse.
@@ -72,13 +78,13 @@ class ConfiguredNode(Node):
         given: dict[str, object] = {}
         for name, parameter in self.get_parameters_by_prefix("").items():
             if not name.startswith(_OF_ROS):
-                given[name] = plain(parameter)
+                given[name] = plain(parameter)  # type: ignore[arg-type]  # rclpy says: of values
                 self.undeclare_parameter(name)
         return given
 
     def _declare(self, values: Mapping[str, Value], known: Mapping[str, Parameter]) -> None:
         self._known = known
-        entries = [
+        entries: list[Any] = [
             (name, _to_ros(values[name]), describe(parameter)) for name, parameter in known.items()
         ]
         self.declare_parameters("", entries, ignore_override=True)
@@ -107,7 +113,7 @@ class ConfiguredNode(Node):
             return SetParametersResult(successful=True)
         try:
             self.changed = frozenset(own)
-            new = build(self.section, {**flatten(self.parameters), **own})
+            new: Any = build(self.section, {**flatten(self.parameters), **own})
             self.apply(new)
         except ConfigurationError as error:
             return SetParametersResult(successful=False, reason="; ".join(error.problems))

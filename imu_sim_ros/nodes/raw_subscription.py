@@ -15,10 +15,12 @@ from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 from rclpy.callback_groups import CallbackGroup
+from rclpy.clock import ROSClock
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from imu_sim_ros.bags.messages import Qos
+from imu_sim_ros.nodes.supervised_thread import Fail, SupervisedThread
 
 DEPTH = 5000
 """Messages that wait in the middleware: 2.5 s at 2 kHz, while the machine does other things."""
@@ -53,11 +55,11 @@ class _Source(NamedTuple):
     stamp_offset: int | None
 
 
-class TopicReader:
+class RawSubscriptions:
     """Takes the messages of all subscribed topics and hands them over in batches.
 
     :param deliver: is given the messages of one topic, in the reader's thread.
-    :param failed: is called where that raised an error; nothing is taken any more.
+    :param fail: is given the error that this raised; nothing is taken any more.
     :param period: time between two looks [s].
     """
 
@@ -65,17 +67,17 @@ class TopicReader:
         self,
         node: Node,
         deliver: Callable[[list[Message]], None],
-        failed: Callable[[], None],
+        fail: Fail,
         period: float,
     ) -> None:
         self.first_at = 0.0
         """When the first message was taken, on the steady clock [s]; 0 before."""
-        self._node, self._deliver, self._failed, self._period = node, deliver, failed, period
+        self._node, self._deliver, self._period = node, deliver, period
         self._group = _OutsideTheExecutor()
         self._sources: dict[str, _Source] = {}
         self._lock = threading.Lock()
         self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="reader", daemon=True)
+        self._thread = SupervisedThread("reader", self._run, fail)
         self._thread.start()
 
     def subscribe(self, name: str, message: Any, qos: QoSProfile, stamp_offset: int | None) -> None:
@@ -99,16 +101,9 @@ class TopicReader:
         self._thread.join()
 
     def _run(self) -> None:
-        try:
-            while not self._ended.wait(self._period):
-                self._look()
+        while not self._ended.wait(self._period):
             self._look()
-        except BaseException as error:
-            # After SIGTERM ROS ends at once: that nothing can be taken any more is no failure.
-            if isinstance(error, RuntimeError) and not self._node.context.ok():
-                return
-            self._failed()
-            raise
+        self._look()
 
     def _look(self) -> None:
         with self._lock:
@@ -123,7 +118,7 @@ class TopicReader:
 
     def _take(self, source: _Source) -> list[Message]:
         take, message = source.subscription.handle.take_message, source.subscription.msg_type
-        result = []
+        result: list[Message] = []
         while len(result) < DEPTH and (taken := take(message, True)) is not None:
             payload, info = taken
             t_ns = _stamp_ns(payload, source.stamp_offset)
@@ -132,7 +127,7 @@ class TopicReader:
 
     def _now(self, info: dict[str, int]) -> int:
         clock = self._node.get_clock()
-        if clock.ros_time_is_active:
+        if isinstance(clock, ROSClock) and clock.ros_time_is_active:
             return clock.now().nanoseconds
         return info["received_timestamp"] or time.time_ns()
 
@@ -189,4 +184,4 @@ def is_weaker(new: QoSProfile, old: QoSProfile) -> bool:
     """Tell whether a subscription must ask for less than before to hear all publishers."""
     less_reliable = new.reliability == ReliabilityPolicy.BEST_EFFORT != old.reliability
     less_durable = new.durability == DurabilityPolicy.VOLATILE != old.durability
-    return less_reliable or less_durable
+    return bool(less_reliable or less_durable)

@@ -3,15 +3,17 @@
 
 """What the nodes' programs share: arguments, start, spinning, signals and the exit status."""
 
+import itertools
 import os
-import signal
 import sys
 import tempfile
+import traceback
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, Protocol
 
-from imu_sim_ros.errors import ConfigurationError, ImuSimError
+from imu_sim_ros.errors import ConfigurationError, explain
+from imu_sim_ros.nodes import signals
 from imu_sim_ros.nodes.arguments import help_text, ros_arguments
 
 _HEARTBEAT_NS: Final = 50_000_000
@@ -48,15 +50,21 @@ _PROFILE: Final = """<?xml version="1.0" encoding="UTF-8"?>
 """
 _PROFILE_VARIABLES: Final = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 
+_SHUTDOWN: Final = 0.1
+"""[s] How long the executor waits for callbacks that are still waiting for something themselves."""
+
 
 class Program(Protocol):
-    """A node that can be run: it spins until ``done`` has a result, its exit status."""
+    """A node that can be run until its ending is reached."""
 
-    done: Any
-    """rclpy Future; a thread of the node may set its result."""
+    ending: Any
+    """:class:`imu_sim_ros.nodes.ending.Ending`."""
 
     def close(self) -> None:
         """End threads and close files; called once, whatever the reason for the end."""
+
+    def destroy_node(self) -> None:
+        """As rclpy defines it."""
 
 
 def main(
@@ -67,7 +75,7 @@ def main(
     values: Mapping[str, object] | None = None,
     arguments: Sequence[str] | None = None,
 ) -> int:
-    """Run a node until it is done or a signal ends it.
+    """Run a node until its ending is reached or a signal ends it.
 
     :param name: the executable's name.
     :param text: what it does, for ``--help``.
@@ -75,24 +83,50 @@ def main(
     :param create: makes the node; rclpy is initialised by then.
     :param values: chosen values that decide which parameters exist.
     :param arguments: the command line without the program's name.
-    :returns: exit status: the node's own, 0 after SIGINT or SIGTERM, 2 after printing one line for
-        each thing that is wrong with the parameters.
+    :returns: exit status: the node's own; 0 after SIGINT, SIGTERM or SIGHUP; 2 after printing one
+        line for each thing that is wrong with the parameters; 1 after any other error.
     """
     arguments = sys.argv[1:] if arguments is None else arguments
     if "--help" in arguments or "-h" in arguments:
         print(help_text(name, text, section, values or {}), end="")
         return 0
+    arguments, debug = debugging(arguments)
+    watch = signals.watch()
     try:
+        watch.begin()
         with tempfile.TemporaryDirectory() as folder:
             set_profile(Path(folder))
             program = _start(ros_arguments(arguments, section, values or {}, Path(folder)), create)
-        return _spin(program) if program is not None else 0
-    except ImuSimError as error:
-        for problem in error.problems:
-            print(f"{name}: {problem}", file=sys.stderr)
-        return 2
+        _spin(program, watch)
+        error = program.ending.failure
+        if error is not None:
+            report(name, error, debug)
+        return int(program.ending.status or 0)
+    except Exception as error:
+        report(name, error, debug)
+        return explain(error)[1]
     finally:
         _shut_down()
+        watch.close()
+
+
+def debugging(arguments: Sequence[str]) -> tuple[list[str], bool]:
+    """Return the arguments without ``--debug``, and whether errors are to show a traceback.
+
+    ROS's own ``--log-level debug`` (or ``NODE:=debug``) asks for it as well, and stays.
+    """
+    rest = [argument for argument in arguments if argument != "--debug"]
+    levels = [value for flag, value in itertools.pairwise(rest) if flag == "--log-level"]
+    of_ros = any(level.lower().rpartition(":=")[2] == "debug" for level in levels)
+    return rest, of_ros or len(rest) < len(arguments)
+
+
+def report(name: str, error: BaseException, debug: bool) -> None:
+    """Print what an error means, a line for each problem; its traceback above them on request."""
+    if debug:
+        traceback.print_exception(error)
+    for line in explain(error)[0]:
+        print(f"{name}: {line}", file=sys.stderr, flush=True)
 
 
 def set_profile(folder: Path) -> None:
@@ -105,46 +139,32 @@ def set_profile(folder: Path) -> None:
     os.environ[_PROFILE_VARIABLES[0]] = str(path)
 
 
-def _start(arguments: Sequence[str], create: Callable[[], Program]) -> Program | None:
-    """Return the node; None where a signal came first."""
+def _start(arguments: Sequence[str], create: Callable[[], Program]) -> Program:
+    """Initialise ROS, which leaves the signals to us, and make the node."""
     import rclpy
-    from rclpy.executors import ExternalShutdownException
+    from rclpy.signals import SignalHandlerOptions
 
     try:
-        rclpy.init(args=["", *arguments])
+        rclpy.init(args=["", *arguments], signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:  # rcl's own classes have no other parent
         raise ConfigurationError(f"--ros-args: {' '.join(str(error).split())}") from None
-    try:
-        return create()
-    except (KeyboardInterrupt, ExternalShutdownException):
-        return None
-    except RuntimeError:
-        if rclpy.ok():
-            raise
-        return None  # SIGTERM ended ROS below a node that was only half made
+    return create()
 
 
-def _spin(program: Any) -> int:
-    from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+def _spin(program: Any, watch: signals.EndSignals) -> None:
+    """Run the node until its ending is reached, and close it whatever happens."""
+    from rclpy.executors import SingleThreadedExecutor
 
     executor = SingleThreadedExecutor()
     executor.add_node(program)
+    watch.deliver_to(program.ending.finish)
     try:
-        executor.spin_until_future_complete(program.done)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    except RuntimeError:  # rcl's own classes have no other parent
-        if program.context.ok():
-            raise
-        # SIGTERM has ended ROS below a callback that was running.
+        while not program.ending.reached:
+            executor.spin_once()
     finally:
-        # The node is closing already; a second Ctrl-C must not break that off.
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, signal.SIG_IGN)
         program.close()
         program.destroy_node()
-        executor.shutdown(timeout_sec=0.5)
-    return int(program.done.result() or 0) if program.done.done() else 0
+        executor.shutdown(timeout_sec=_SHUTDOWN)
 
 
 def _shut_down() -> None:

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from imu_sim_ros.config import Vector
+from imu_sim_ros.config import LARGEST_LATENCY, Vector
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.sensor.random_streams import generator
@@ -67,6 +67,8 @@ class Fault:
             yield f"fault value = {self.value}: must be at least 0"
         elif self.kind == "dropout" and (values > 1.0).any():
             yield f"fault value = {self.value}: must be a probability, at most 1"
+        elif self.kind == "latency" and (values > LARGEST_LATENCY).any():
+            yield f"fault value = {self.value}: must be a latency of at most {LARGEST_LATENCY:g} s"
         if self.kind in _OF_A_TRIAD and self.triad not in TRIADS:
             yield f"fault triad = {self.triad!r}: must be one of {', '.join(TRIADS)}"
 

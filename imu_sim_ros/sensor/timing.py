@@ -69,11 +69,18 @@ class Transport:
         self._duplicates = generator(seed, "transport.duplicate")
         self._last_release_ns = int(_NEVER)
         self._burst_end = 0
+        self._latency_ns, self._latency_jitter_ns = 0, 0.0
 
     def configure(self, imu: ImuParameters) -> None:
-        """Take latency, losses and duplicates."""
+        """Take latency, losses and duplicates.
+
+        A latency that is lowered holds for the next message at once: what waits leaves before it.
+        """
+        before = (self._latency_ns, self._latency_jitter_ns)
         self._latency_ns = timebase.to_nanoseconds(imu.latency)
         self._latency_jitter_ns = imu.latency_jitter * timebase.NANOSECONDS_PER_SECOND
+        if self._latency_ns < before[0] or self._latency_jitter_ns < before[1]:
+            self._last_release_ns = int(_NEVER)
         self._dropout = imu.dropout_probability
         # The first burst of an interval; a Poisson process of the given rate.
         self._burst = -np.expm1(-imu.dropout_burst_rate * self._dt)

@@ -100,7 +100,7 @@ def topic(name: str, type_name: str = "sensor_msgs/msg/Imu") -> Topic:
 
 
 def test_messages_beyond_the_buffer_are_dropped_and_counted(tmp_path):
-    recording = Recording(lambda: open_writer(tmp_path / "bag"), buffer_bytes=1000)
+    recording = Recording(lambda: open_writer(tmp_path / "bag"), pytest.fail, buffer_bytes=1000)
     recording.add_topic(topic("/imu"))
     recording.put([Message("/imu", 10**9 + k, bytes(100)) for k in range(10)])
     recording.put([Message("/imu", 2 * 10**9, bytes(2000))])
@@ -110,7 +110,7 @@ def test_messages_beyond_the_buffer_are_dropped_and_counted(tmp_path):
 
 
 def test_topics_and_messages_that_the_bag_cannot_hold_do_not_stop_the_others(tmp_path):
-    recording = Recording(lambda: open_writer(tmp_path / "bag.bag"))
+    recording = Recording(lambda: open_writer(tmp_path / "bag.bag"), pytest.fail)
     (row,) = ImuEncoder("imu_link").encode(np.array([10**9]), np.zeros((1, 3)), np.zeros((1, 3)))
     message = row.tobytes()
     recording.add_topic(topic("/wheel", WHEEL))
@@ -119,7 +119,7 @@ def test_topics_and_messages_that_the_bag_cannot_hold_do_not_stop_the_others(tmp
     recording.put([Message("/imu", 10**9, message), Message("/imu", 10**9 + 1, b"rubbish")])
     recording.put([Message("/imu", 10**9 + 2, message)])
     recording.close()
-    assert recording.failure == ""
+    assert not recording.failed
     assert list(recording.refused) == ["/wheel"]
     assert (recording.messages, recording.broken) == (2, 1)
 

@@ -94,6 +94,43 @@ def test_a_step_that_cannot_be_made_says_why(start: Any, imu: Any) -> None:
     assert (response.success, response.message) == (False, said)
 
 
+def test_a_step_that_waits_keeps_nobody_waiting(start: Any, imu: Any) -> None:
+    from rcl_interfaces.srv import ListParameters
+    from std_srvs.srv import Trigger
+
+    node = start("simulator", autostart=False, wait_for_subscribers=2)
+    imu.call("simulator/list_parameters", ListParameters)
+    client = imu.node.create_client(Trigger, "simulator/step")
+    while not client.service_is_ready():
+        imu.spin()
+    imu.spin(0.3)
+    step = client.call_async(Trigger.Request())
+    imu.spin(0.2)  # the step waits for samples that do not come
+    imu.call("simulator/list_parameters", ListParameters)
+    refused = imu.call("simulator/step", Trigger)
+    assert (refused.success, refused.message) == (False, "a step is under way")
+    assert not step.done()
+    node.send(signal.SIGTERM)
+    assert node.process.wait(2.0) == 0, node.output
+    assert "Traceback" not in node.output
+    assert "never awaited" not in node.output
+
+
+def test_a_latency_that_cannot_be_is_refused_and_the_run_goes_on(start: Any, imu: Any) -> None:
+    node = start("simulator", rate=200, **READY)
+    imu.wait_for(IMU, 10)
+    result = imu.set("simulator", inject__kind="latency", inject__value=[1e308, 0.0, 0.0])
+    assert not result.successful
+    assert "must be a latency of at most 10 s" in result.reason
+    for name in ("delay", "duration"):
+        huge = {f"inject__{name}": 1e308}
+        result = imu.set("simulator", inject__kind="dropout", **huge)
+        assert not result.successful
+        assert f"inject.{name} = 1e+308: must be" in result.reason
+    imu.wait_for(IMU, len(imu.raw[IMU]) + 100)
+    assert node.end() == 0
+
+
 def test_noise_changes_between_two_blocks_and_all_or_nothing(start: Any, imu: Any) -> None:
     node = start("simulator", rate=400, seed=2, start_time=1.0, duration=3.0, **READY)
     imu.wait_for(IMU, 10)
@@ -101,6 +138,7 @@ def test_noise_changes_between_two_blocks_and_all_or_nothing(start: Any, imu: An
     for name, value, reason in (
         ("rate", 100.0, "rate is read-only"),
         ("imu__latency", -1.0, "imu.latency = -1.0: must be a finite number at least 0"),
+        ("imu__latency", 1e9, "must be a finite number at least 0 and at most 10 [s]"),
         ("imu__jitter", 1.0, "imu.jitter = 1: must be at most a quarter of the interval"),
         ("imu__gyroscope_noise_dnsity", 1.0, "did you mean imu.gyroscope_noise_density?"),
         ("inject__kind", "gremlins", "must be one of none, bias_jump"),

@@ -8,6 +8,7 @@ import math
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.clock import Clock, ClockType
 
 _PERIOD = 1.0
 
@@ -19,7 +20,8 @@ class IntegratorDiagnostics:
         self._node = node
         self._before = (0, 0)
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 1)
-        node.create_timer(_PERIOD, self._publish)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        node.create_timer(_PERIOD, self._publish, clock=steady)
 
     def _publish(self) -> None:
         array = DiagnosticArray(status=[self._status()])

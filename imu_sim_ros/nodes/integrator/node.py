@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from geometry_msgs.msg import Vector3Stamped
 from nav_msgs.msg import Odometry, Path
+from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.qos import QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
-from rclpy.task import Future
 from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 
@@ -36,7 +36,7 @@ from imu_sim_ros.nodes.integrator.odometer import Odometer, Row
 from imu_sim_ros.nodes.integrator.path import PathPublisher
 from imu_sim_ros.nodes.integrator.truth_comparison import ErrorAt, Estimate, TruthComparison
 from imu_sim_ros.nodes.parameters import ConfiguredNode
-from imu_sim_ros.nodes.raw_subscription import Message, TopicReader, is_weaker, matching_qos
+from imu_sim_ros.nodes.raw_subscription import Message, RawSubscriptions, is_weaker, matching_qos
 from imu_sim_ros.rotation.scalars import to_euler
 
 TEXT = """Integrates imu/data_raw and publishes dead_reckoned/odom for every reading.
@@ -51,7 +51,8 @@ _READ_PERIOD = 0.002
 """[s] How long a reading waits at most; looking costs 1 % of a core."""
 _MATCHING_PERIOD = 0.5
 _COMPLAINT_PERIOD = 1.0
-_ACKNOWLEDGEMENT = Duration(seconds=1)
+_ACKNOWLEDGEMENT = Duration(nanoseconds=300_000_000)
+"""How long the end waits for subscribers; a signal is to end the node within a second."""
 
 
 class Integrator(ConfiguredNode):
@@ -60,7 +61,6 @@ class Integrator(ConfiguredNode):
     def __init__(self, **arguments: Any) -> None:
         super().__init__("integrator", IntegratorParameters, layer_integrator, **arguments)
         parameters: IntegratorParameters = self.parameters
-        self.done = Future()
         self._sources: frozenset[bytes] = frozenset()
         self.odometer = Odometer(parameters, self._complain, self._is_new_source)
         self.comparison = TruthComparison() if parameters.error else None
@@ -71,10 +71,12 @@ class Integrator(ConfiguredNode):
         self._published = 0
         self._add_publishers(parameters)
         self.create_service(Trigger, "~/reset", self._reset)
-        self.reader = TopicReader(self, self._take, lambda: self.done.set_result(1), _READ_PERIOD)
+        self.reader = RawSubscriptions(self, self._take, self.ending.fail, _READ_PERIOD)
         for topic in self._inputs():
             self._subscribe(topic, QoSProfile(depth=_DEPTH))
-        self.create_timer(_MATCHING_PERIOD, self._match_publishers)
+        # On the steady clock: with use_sim_time and a silent /clock, the node's own stands still.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(_MATCHING_PERIOD, self._match_publishers, clock=steady)
 
     def apply(self, new: IntegratorParameters) -> None:
         """Take new biases."""
@@ -84,8 +86,7 @@ class Integrator(ConfiguredNode):
     def close(self) -> None:
         """Take what has arrived, give it to all subscribers; say how much came and went."""
         self.reader.close()
-        if self.context.ok():  # SIGTERM ends ROS at once, and nothing can be sent any more
-            self._odometry_out.wait_for_all_acked(_ACKNOWLEDGEMENT)
+        self._odometry_out.wait_for_all_acked(_ACKNOWLEDGEMENT)
         for topic, count in self._received.items():
             print(f"integrator: received {topic} {count}", flush=True)
         print(f"integrator: counted {DEAD_RECKONED_TOPIC} {self._published}", flush=True)
@@ -107,7 +108,8 @@ class Integrator(ConfiguredNode):
         if parameters.path_rate:
             publisher = self.create_publisher(Path, PATH_TOPIC, 1)
             self._path = PathPublisher(publisher, world, parameters)
-            self.create_timer(1.0 / parameters.path_rate, self._publish_path)
+            steady = Clock(clock_type=ClockType.STEADY_TIME)
+            self.create_timer(1.0 / parameters.path_rate, self._publish_path, clock=steady)
         if parameters.diagnostics:
             self._diagnostics = IntegratorDiagnostics(self)
 
@@ -134,15 +136,7 @@ class Integrator(ConfiguredNode):
                 self._subscribe(topic, offered)
 
     def _take(self, messages: list[Message]) -> None:
-        """Take the messages of one topic, as the reader delivers them."""
-        try:
-            self._integrate(messages)
-        except RuntimeError:  # rcl's own classes have no other parent
-            # After a signal ROS ends at once: what still arrives has nowhere to go.
-            if self.context.ok():
-                raise
-
-    def _integrate(self, messages: list[Message]) -> None:
+        """Take the messages of one topic, as they are delivered."""
         topic = messages[0].topic
         self._received[topic] += len(messages)
         rows: list[Row] = []
@@ -198,7 +192,8 @@ class Integrator(ConfiguredNode):
 
     def _publish_path(self) -> None:
         with self._lock:
-            self._path.publish()
+            if self._path is not None:
+                self._path.publish()
 
     # ----------------------------------------------------------------------------- events
     def _reset(self, _: Any, response: Any) -> Any:

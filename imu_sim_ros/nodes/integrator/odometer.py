@@ -194,5 +194,5 @@ class Odometer:
 def _matrix(q_wb: Q4) -> NDArray[np.float64]:
     """Return R_wb, whose columns are the body's axes in the world."""
     axes = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-    r_bw = np.array([rotate(q_wb, axis) for axis in axes])
-    return r_bw.T
+    r_wb: NDArray[np.float64] = np.array([rotate(q_wb, axis) for axis in axes]).T
+    return r_wb

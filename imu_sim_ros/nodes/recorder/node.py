@@ -11,8 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from rclpy.clock import Clock, ClockType
-from rclpy.task import Future
+from rclpy.clock import Clock, ClockType, ROSClock
 
 from imu_sim_ros.bags import Writer, open_writer
 from imu_sim_ros.commands import common
@@ -26,7 +25,12 @@ from imu_sim_ros.nodes.message_types import (
     type_hash,
 )
 from imu_sim_ros.nodes.parameters import ConfiguredNode
-from imu_sim_ros.nodes.raw_subscription import TopicReader, is_weaker, matching_qos, offered_qos
+from imu_sim_ros.nodes.raw_subscription import (
+    RawSubscriptions,
+    is_weaker,
+    matching_qos,
+    offered_qos,
+)
 from imu_sim_ros.nodes.recorder.recording import Recording, Topic
 from imu_sim_ros.nodes.recorder.stamp_statistics import StampStatistics
 
@@ -54,7 +58,6 @@ class Recorder(ConfiguredNode):
     def __init__(self, **arguments: Any) -> None:
         super().__init__("recorder", RecorderParameters, **arguments)
         parameters: RecorderParameters = self.parameters
-        self.done = Future()
         self.output = Path(parameters.output or time.strftime("recording_%Y-%m-%d_%H-%M-%S"))
         self._wanted = [self.resolve_topic_name(name) for name in parameters.topics]
         self._excluded = {self.resolve_topic_name(name) for name in parameters.exclude}
@@ -64,8 +67,12 @@ class Recorder(ConfiguredNode):
         self._shown = 0
         self._waiting_since = time.monotonic()
         self._live_line = parameters.status and sys.stderr.isatty()
-        self.recording = Recording(self._open_bag, parameters.buffer_size * MEGABYTE)
-        self.reader = TopicReader(self, self.recording.put, lambda: self._end(1), _READ_PERIOD)
+        self.recording = Recording(
+            self._open_bag,
+            lambda error: self.ending.fail(error, status=1),
+            parameters.buffer_size * MEGABYTE,
+        )
+        self.reader = RawSubscriptions(self, self.recording.put, self.ending.fail, _READ_PERIOD)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(_DISCOVERY_PERIOD, self._discover, clock=steady)
         self.create_timer(_CHECK_PERIOD, self._check_end, clock=steady)
@@ -80,8 +87,6 @@ class Recorder(ConfiguredNode):
         if self._live_line:
             print("\r\x1b[2K", end="", file=sys.stderr)
         self._summarise()
-        if self.recording.failure:
-            self._end(1)
 
     def _open_bag(self) -> Writer:
         parameters: RecorderParameters = self.parameters
@@ -160,25 +165,19 @@ class Recorder(ConfiguredNode):
     def _check_end(self) -> None:
         """End where it is time to."""
         recording, parameters = self.recording, self.parameters
-        if recording.failure:
-            self._end(1)
-        elif 0 < parameters.max_size * MEGABYTE <= recording.size:
-            self._end(0)
+        if 0 < parameters.max_size * MEGABYTE <= recording.size:
+            self.ending.finish()
         elif self.reader.first_at:
             self._began_at = self._began_at or self._seconds(self.reader.first_at)
             if 0 < parameters.duration <= self._seconds() - self._began_at:
-                self._end(0)
+                self.ending.finish()
 
     def _seconds(self, steady: float = 0.0) -> float:
         """Return the time on the node's clock: simulated, or the steady one."""
         clock = self.get_clock()
-        if clock.ros_time_is_active:
+        if isinstance(clock, ROSClock) and clock.ros_time_is_active:
             return clock.now().nanoseconds * 1e-9
         return steady or time.monotonic()
-
-    def _end(self, status: int) -> None:
-        if not self.done.done():
-            self.done.set_result(status)
 
     # ------------------------------------------------------------------------------- words
     def _show_status(self) -> None:
@@ -225,9 +224,8 @@ class Recorder(ConfiguredNode):
             )
         for name, reason in recording.refused.items():
             print(f"recorder: {name} was not recorded: {reason}", file=sys.stderr)
-        if recording.failure:
+        if recording.failed:
             kept = ", ".join(map(str, recording.files))
-            print(f"recorder: {recording.failure}", file=sys.stderr)
             print(
                 f"recorder: {kept} keeps what was written before; convert_bag --recover makes a "
                 "whole bag of it",

@@ -15,9 +15,10 @@ import numpy as np
 
 from imu_sim_ros.bags import Writer, active_path
 from imu_sim_ros.bags.messages import BrokenMessageError, Qos, recorded_type
-from imu_sim_ros.errors import ImuSimError, InputError
+from imu_sim_ros.errors import InputError
 from imu_sim_ros.nodes.raw_subscription import Message
 from imu_sim_ros.nodes.recorder.stamp_statistics import StampStatistics
+from imu_sim_ros.nodes.supervised_thread import Fail, SupervisedThread
 
 FLUSH_PERIOD = 0.5
 """[s] What is older survives the process; twice as often as the promise of one second needs."""
@@ -49,15 +50,19 @@ class Recording:
     """Writes messages into a bag and finishes it properly, whatever happens.
 
     :param open_bag: opens the bag.
+    :param fail: is given the error that ended the writing; what was written before is kept.
     :param buffer_bytes: how much may wait in memory while the disk stalls.
-    :raises ImuSimError: from ``open_bag``, where the bag cannot be begun.
+    :raises Exception: whatever ``open_bag`` raised, where the bag cannot be begun.
     """
 
-    def __init__(self, open_bag: Callable[[], Writer], buffer_bytes: float = 512e6) -> None:
+    def __init__(
+        self, open_bag: Callable[[], Writer], fail: Fail, buffer_bytes: float = 512e6
+    ) -> None:
         self.topics: dict[str, Topic] = {}
         self.refused: dict[str, str] = {}
         """Topics that the bag cannot hold, and why."""
-        self.failure = ""
+        self.failed = False
+        """Whether writing ended with an error."""
         self.dropped = 0
         """Messages that found no place in memory."""
         self.broken = 0
@@ -65,14 +70,13 @@ class Recording:
         self.files: list[Path] = []
         self.size = 0
         """Bytes written, as of the last flush."""
-        self._open_bag, self._buffer_bytes = open_bag, buffer_bytes
+        self._open_bag, self._fail, self._buffer_bytes = open_bag, fail, buffer_bytes
         self._queue: queue.SimpleQueue[list[Message] | Topic | None] = queue.SimpleQueue()
         self._queued_bytes = 0
         self._lock = threading.Lock()
         self._begun = threading.Event()
-        self._refusal: ImuSimError | None = None
-        # A daemon: a signal may end the program before there is a node that could close this.
-        self._thread = threading.Thread(target=self._run, name="writer", daemon=True)
+        self._refusal: BaseException | None = None
+        self._thread = SupervisedThread("writer", self._run, self._take_failure)
         self._thread.start()
         self._begun.wait()
         if self._refusal is not None:
@@ -95,7 +99,7 @@ class Recording:
         """
         size = sum(len(message.payload) for message in messages)
         with self._lock:
-            if self.failure or self._queued_bytes + size > self._buffer_bytes:
+            if self.failed or self._queued_bytes + size > self._buffer_bytes:
                 self.dropped += len(messages)
                 return
             self._queued_bytes += size
@@ -106,28 +110,32 @@ class Recording:
         self._queue.put(None)
         self._thread.join()
 
+    def _take_failure(self, error: BaseException) -> None:
+        """Hear of the error that ended the thread: a refusal to begin, or a failure later."""
+        if self._begun.is_set():
+            self.failed = True
+            self._fail(error)
+        else:
+            self._refusal = error
+            self._begun.set()
+
     def _run(self) -> None:
         # Opened here, not by the caller: a database may belong to the thread that opened it.
+        self._bag = self._open_bag()
         try:
-            self._bag = self._open_bag()
             # Loads what translates messages, lest the first ones wait for it.
             recorded_type("std_msgs/msg/Header", "", "", self._bag.encoding)
-        except ImuSimError as error:
-            self._refusal = error
-            return
-        finally:
+            self.files = self._bag.files
             self._begun.set()
-        self.files = self._bag.files
-        try:
             self._write_all()
             self._bag.close()
-        except Exception as error:  # whatever it is, the node must hear of it and end
-            self.failure = str(error) or type(error).__name__
-            self.files = self._bag.abandon()
-        else:
             self.files = self._bag.files
-        for topic in self.topics.values():
-            topic.look()
+        except BaseException:
+            self.files = self._bag.abandon()
+            raise
+        finally:
+            for topic in self.topics.values():
+                topic.look()
 
     def _write_all(self) -> None:
         due = time.monotonic() + FLUSH_PERIOD

@@ -9,9 +9,9 @@ import time
 from collections.abc import Callable
 from typing import Final, NamedTuple
 
-from imu_sim_ros.errors import ImuSimError
 from imu_sim_ros.nodes.simulator.pacing import Pacer, Verdict
-from imu_sim_ros.nodes.simulator.publish_queue import Group, Schedule
+from imu_sim_ros.nodes.simulator.publish_queue import Group, PublishQueue
+from imu_sim_ros.nodes.supervised_thread import Fail, SupervisedThread
 
 LEAD_NS: Final = 10_000_000
 """The first sample is due this long after time zero is chosen: its block has to be computed."""
@@ -20,6 +20,8 @@ _BLOCKS_AHEAD: Final = 1
 _UNPACED_FACTOR: Final = 10.0
 _UNACKNOWLEDGED: Final = 500
 """Samples that are published without waiting for the subscribers, where nothing else paces them."""
+_LONGEST_END: Final = 0.2
+"""[s] A block that is still being computed by then need not be finished."""
 
 
 class _Block(NamedTuple):
@@ -31,41 +33,43 @@ class _Block(NamedTuple):
 
 
 class Engine:
-    """Plays a schedule; all methods may be called from any thread."""
+    """Plays a queue of messages; all methods may be called from any thread."""
 
     def __init__(
         self,
-        schedule: Schedule,
+        publish_queue: PublishQueue,
         pacer: Pacer,
         block_duration: float,
         *,
         ready: Callable[[], bool],
         zero: Callable[[], int],
         acknowledged: Callable[[], bool],
-        on_end: Callable[[ImuSimError | None], None],
+        on_end: Callable[[], None],
+        fail: Fail,
     ) -> None:
         """Set up the threads; :meth:`start` lets them run.
 
         :param ready: whether the first sample may be published.
         :param zero: returns the time of the first sample [ns] at the moment of the start.
         :param acknowledged: waits for a moment; whether all subscribers have everything.
-        :param on_end: called at the end of the run, with what went wrong.
+        :param on_end: called at the end of the run.
+        :param fail: is given what went wrong in one of the threads.
         """
         self.pacer = pacer
         self.started = False
-        self._schedule = schedule
+        self._queue = publish_queue
         self._block_duration = block_duration
         self._ready, self._zero = ready, zero
-        self._acknowledged, self._on_end = acknowledged, on_end
+        self._acknowledged, self._on_end, self._fail = acknowledged, on_end, fail
         self._run = self._unacknowledged = 0
         self._stopped = False
         self._lock = threading.Lock()
-        self._changes: list[Callable[[Schedule], None]] = []
+        self._changes: list[Callable[[PublishQueue], None]] = []
         self._blocks: queue.SimpleQueue[_Block | None] = queue.SimpleQueue()
         self._room = threading.Semaphore(_BLOCKS_AHEAD)
         self._threads = [
-            threading.Thread(target=self._guard, args=(work,), daemon=True, name=work.__name__)
-            for work in (self._compute, self._publish)
+            SupervisedThread("compute", self._compute, self._take_failure),
+            SupervisedThread("publish", self._publish, self._take_failure),
         ]
 
     def start(self) -> None:
@@ -80,11 +84,10 @@ class Engine:
         self._room.release()
         self._blocks.put(None)
         for thread in self._threads:
-            if thread is not threading.current_thread() and thread.is_alive():
-                thread.join(timeout=1.0)
+            thread.join(_LONGEST_END)
 
-    def change(self, change: Callable[[Schedule], None]) -> None:
-        """Let a function change the schedule before the next block is computed."""
+    def change(self, change: Callable[[PublishQueue], None]) -> None:
+        """Let a function change the queue before the next block is computed."""
         with self._lock:
             self._changes.append(change)
 
@@ -98,21 +101,9 @@ class Engine:
             self._run += 1
             self.pacer.interrupt()
 
-    def _guard(self, work: Callable[[], None]) -> None:
-        try:
-            work()
-        except ImuSimError as error:
-            self._on_end(error)
-        except RuntimeError:
-            # rclpy's objects are gone as soon as a signal has shut the context down.
-            if not self._stopped and self._running():
-                raise
-
-    @staticmethod
-    def _running() -> bool:
-        import rclpy
-
-        return bool(rclpy.ok())
+    def _take_failure(self, error: BaseException) -> None:
+        if not self._stopped:  # after the end the publishers are gone, and nobody needs them
+            self._fail(error)
 
     # The computing thread.
 
@@ -129,15 +120,15 @@ class Engine:
             if run != self._run:
                 run = self._run
                 t0_ns, start_ns = self._zero(), time.monotonic_ns() + LEAD_NS
-                self._schedule.restart(t0_ns)
+                self._queue.restart(t0_ns)
                 self.started = True
             with self._lock:
                 changes, self._changes = self._changes, []
             for change in changes:
-                change(self._schedule)
-            groups = self._schedule.next_groups(self._block_length())
-            self._blocks.put(_Block(run, t0_ns, start_ns, groups, self._schedule.finished))
-            while self._schedule.finished and run == self._run and not self._stopped:
+                change(self._queue)
+            groups = self._queue.next_groups(self._block_length())
+            self._blocks.put(_Block(run, t0_ns, start_ns, groups, self._queue.finished))
+            while self._queue.finished and run == self._run and not self._stopped:
                 time.sleep(0.01)
 
     def _block_length(self) -> float:
@@ -160,7 +151,7 @@ class Engine:
                     self.pacer.anchor(block.t0_ns, block.start_ns)
             complete = self._play(block)
             if complete and block.last and self._wait_for_acknowledgement(5.0):
-                self._on_end(None)
+                self._on_end()
                 return
 
     def _play(self, block: _Block) -> bool:

@@ -19,10 +19,10 @@ from collections.abc import Iterator
 from typing import Any, Final
 
 from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType, JumpThreshold
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rclpy.task import Future
 from rclpy.time import Time
 from std_srvs.srv import SetBool, Trigger
 
@@ -37,14 +37,19 @@ from imu_sim_ros.config import (
     simulations,
     simulator_section,
 )
-from imu_sim_ros.errors import ConfigurationError, ImuSimError
+from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.nodes import run
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.publishing import Counter, check_overrides, create
 from imu_sim_ros.nodes.simulator.diagnostics import Histogram, Report, fault_message
 from imu_sim_ros.nodes.simulator.engine import LEAD_NS, Engine
 from imu_sim_ros.nodes.simulator.pacing import Pacer, RosClockPacer, Stall
-from imu_sim_ros.nodes.simulator.publish_queue import Schedule, SimulationStream, Stream, TickStream
+from imu_sim_ros.nodes.simulator.publish_queue import (
+    PublishQueue,
+    SimulationStream,
+    Stream,
+    TickStream,
+)
 from imu_sim_ros.nodes.simulator.transforms import transform_stream
 from imu_sim_ros.sensor import Fault
 from imu_sim_ros.simulation import Simulation
@@ -67,7 +72,6 @@ class Simulator(ConfiguredNode):
 
     def __init__(self) -> None:
         super().__init__("simulator", simulator_section, layer_simulator)
-        self.done = Future()
         self._counters: list[Counter] = []
         self._lateness = Histogram()
         self._remarks: list[str] = []
@@ -87,13 +91,14 @@ class Simulator(ConfiguredNode):
         first = next(s.simulation for s in streams if isinstance(s, SimulationStream))
         check_overrides(self)
         self.engine = Engine(
-            Schedule(streams, parameters.duration or first.trajectory.duration),
+            PublishQueue(streams, parameters.duration or first.trajectory.duration),
             self._pacer(parameters),
             parameters.block_duration,
             ready=self._ready,
             zero=self._zero,
             acknowledged=self._acknowledged,
-            on_end=self._end,
+            on_end=self.ending.finish,
+            fail=self.ending.fail,
         )
         self._fresh = not parameters.autostart
         self.engine.pacer.pause(self._fresh)
@@ -191,7 +196,10 @@ class Simulator(ConfiguredNode):
     def _create_services(self) -> None:
         self.create_service(SetBool, "~/pause", self._on_pause)
         self.create_service(Trigger, "~/reset", self._on_reset)
-        self.create_service(Trigger, "~/step", self._on_step)
+        self._stepping = False
+        # While it awaits the samples, the callbacks of the node's own group go on.
+        own = ReentrantCallbackGroup()
+        self.create_service(Trigger, "~/step", self._on_step, callback_group=own)
         hardware = f"simulated, {self.parameters.imu.preset}, seed {self.parameters.seed}"
         self._report = Report(f"{self.get_name()}: stream", hardware)
         self._reported = time.monotonic()
@@ -240,11 +248,6 @@ class Simulator(ConfiguredNode):
             counter.publisher.wait_for_all_acked(_ACKNOWLEDGEMENT) for counter in self._counters
         )
 
-    def _end(self, error: ImuSimError | None) -> None:
-        for problem in error.problems if error else ():
-            print(f"simulator: {problem}", file=sys.stderr, flush=True)
-        self.done.set_result(2 if error else 0)
-
     def _after_stall(self, stall: Stall) -> None:
         what = "skipped" if stall.skipped else "published late, none lost"
         self.get_logger().warning(
@@ -264,7 +267,7 @@ class Simulator(ConfiguredNode):
         self.engine.set_speed(new.real_time_factor, new.catch_up)
         if any(name.partition(".")[0] not in _OF_THE_NODE for name in self.changed):
             parameters = simulations(new)
-            self.engine.change(lambda schedule: schedule.update(parameters))
+            self.engine.change(lambda queue: queue.update(parameters))
 
     def _inject(self, parameters: SimulatorParameters) -> None:
         wanted = parameters.inject
@@ -273,8 +276,8 @@ class Simulator(ConfiguredNode):
         triad = wanted.triad if of_triad else ""
         fault = Fault(wanted.kind, wanted.duration, value, triad)
 
-        def begin(schedule: Schedule) -> None:
-            for imu, t_ns in schedule.inject(fault, wanted.delay, wanted.imu).items():
+        def begin(queue: PublishQueue) -> None:
+            for imu, t_ns in queue.inject(fault, wanted.delay, wanted.imu).items():
                 stamp = Time(nanoseconds=t_ns).to_msg()
                 self._faults.publish(fault_message(f"{self.get_name()}: fault", fault, imu, stamp))
 
@@ -295,13 +298,22 @@ class Simulator(ConfiguredNode):
         response.success, response.message = True, "back at the first sample"
         return response
 
-    def _on_step(self, _: Any, response: Any) -> Any:
-        if not self.engine.pacer.paused:
-            response.success, response.message = False, "not paused: call ~/pause with true first"
+    async def _on_step(self, _: Any, response: Any) -> Any:
+        """Let samples pass in a thread that waits for them; everything else goes on meanwhile."""
+        pacer, count = self.engine.pacer, self.parameters.step_samples
+        refusal = (
+            "not paused: call ~/pause with true first"
+            if not pacer.paused
+            else "a step is under way"
+            if self._stepping
+            else ""
+        )
+        if refusal:
+            response.success, response.message = False, refusal
             return response
-        self._fresh = False
-        count = self.parameters.step_samples
-        passed = self.engine.pacer.step(count, _STEP_TIMEOUT)
+        self._fresh, self._stepping = False, True
+        passed = await self.ending.in_thread("step", lambda: pacer.step(count, _STEP_TIMEOUT))
+        self._stepping = False
         response.success = passed == count
         response.message = f"{count} samples"
         if passed < count:

@@ -58,7 +58,7 @@ class Pacer:
         # Whether samples simply follow each other in time: no attention, no stall.
         self._calm = False
         self._paused = self._interrupted = self._idle = self._moved = False
-        self._steps = 0
+        self._steps = self._interruptions = 0
         # What is wanted; the waiting thread takes it over when it looks.
         self._wanted = (speed, catch_up)
         self._speed, self._catch_up = self._wanted
@@ -83,11 +83,19 @@ class Pacer:
             self._look()
 
     def step(self, samples: int, timeout: float) -> int:
-        """Let samples pass while paused; returns how many did in time, the others never will."""
+        """Let samples pass while paused; returns how many did in time, the others never will.
+
+        An interruption meanwhile ends the wait; then nobody knows how many, and 0 is returned.
+        """
         with self._condition:
             self._steps += samples
             self._look()
-            self._condition.wait_for(lambda: self._idle and self._steps == 0, timeout=timeout)
+            begun = self._interruptions
+            self._condition.wait_for(
+                lambda: self._interruptions > begun or (self._idle and self._steps == 0), timeout
+            )
+            if self._interruptions > begun:
+                return 0
             passed, self._steps = samples - self._steps, 0
             return passed
 
@@ -104,6 +112,7 @@ class Pacer:
             self._interrupted = interrupted
             if interrupted:
                 self._steps = 0
+                self._interruptions += 1
             self._look()
 
     def take_lateness(self) -> list[int]:

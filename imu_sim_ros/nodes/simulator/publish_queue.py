@@ -106,8 +106,8 @@ class TickStream:
         yield Piece(times, self._send, self._make(times, self._t0_ns))
 
 
-class Schedule:
-    """All streams of a node."""
+class PublishQueue:
+    """All streams of a node, merged; what is late by latency waits here."""
 
     def __init__(self, streams: Sequence[Stream], duration: float) -> None:
         """Join streams.
@@ -156,9 +156,8 @@ class Schedule:
     def next_groups(self, length: float) -> list[Group]:
         """Return what is due in the next ``length`` seconds, in order."""
         self._end = min(self._end + length, self._duration)
-        pieces = self._held
-        for stream in self._streams:
-            pieces = [*pieces, *stream.advance(self._end)]
+        new = [piece for stream in self._streams for piece in stream.advance(self._end)]
+        pieces = [*_hurried(self._held, new), *new]
         if self.finished:
             self._held = []
             return _merge(pieces)
@@ -178,6 +177,19 @@ class Schedule:
         )
 
 
+def _hurried(held: Sequence[Piece], new: Sequence[Piece]) -> list[Piece]:
+    """Return what waits, due at the latest when the next message of its topic is.
+
+    Where the latency is as before that changes nothing, for no message overtakes another. Where it
+    was lowered, what is under way arrives before what follows sooner.
+    """
+    first = {piece.send: int(piece.times[0]) for piece in reversed(new) if len(piece.times)}
+    return [
+        piece._replace(times=np.minimum(piece.times, first.get(piece.send, piece.times[-1])))
+        for piece in held
+    ]
+
+
 def _split(rows: NDArray[np.uint8]) -> list[bytes]:
     """Return the rows (n, size) as n byte strings."""
     payloads: list[bytes] = rows.view(f"V{rows.shape[1]}")[:, 0].tolist()
@@ -195,11 +207,12 @@ def _merge(pieces: Sequence[Piece]) -> list[Group]:
     times = np.concatenate([piece.times for piece in pieces])
     order = np.argsort(times, kind="stable")
     messages = [(piece.send, payload) for piece in pieces for payload in piece.payloads]
-    groups: list[tuple[int, list[tuple[Send, Any]]]] = []
+    groups: list[Group] = []
     last: int | None = None
     for time_ns, k in zip(times[order].tolist(), order.tolist(), strict=True):
         if time_ns != last:
-            groups.append((time_ns, []))
+            together: list[tuple[Send, Any]] = []
+            groups.append((time_ns, together))
             last = time_ns
-        groups[-1][1].append(messages[k])
+        together.append(messages[k])
     return groups

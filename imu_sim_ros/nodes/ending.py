@@ -1,0 +1,73 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""How a node's run ends: any thread may say so. The first one counts, and an error above all."""
+
+import threading
+from collections.abc import Callable
+from typing import TypeVar
+
+from rclpy.node import Node
+from rclpy.task import Future
+
+from imu_sim_ros.errors import explain
+from imu_sim_ros.nodes.supervised_thread import SupervisedThread
+
+_Result = TypeVar("_Result")
+
+
+class Ending:
+    """The end of a node's run, with its exit status and what went wrong."""
+
+    def __init__(self, node: Node) -> None:
+        self.status: int | None = None
+        """The exit status; None while the run goes on."""
+        self.failure: BaseException | None = None
+        """What ended the run where it was an error."""
+        self._node = node
+        self._lock = threading.Lock()
+
+    @property
+    def reached(self) -> bool:
+        """Whether the run is over."""
+        return self.status is not None
+
+    def finish(self, status: int = 0) -> None:
+        """End the run."""
+        self._end(status, None)
+
+    def fail(self, error: BaseException, status: int | None = None) -> None:
+        """End the run with an error.
+
+        :param status: exit status; None is the one that the error means.
+        """
+        self._end(explain(error)[1] if status is None else status, error)
+
+    def in_thread(self, name: str, work: Callable[[], _Result]) -> Future:
+        """Let a thread of its own do what takes long; callbacks may ``await`` the result."""
+        future: Future = Future()
+
+        def run() -> None:
+            future.set_result(work())
+            self._wake()
+
+        SupervisedThread(name, run, self.fail).start()
+        return future
+
+    def _end(self, status: int, error: BaseException | None) -> None:
+        with self._lock:
+            # An error while files are being closed is told, though the run was over.
+            if self.failure is not None or (self.reached and error is None):
+                return
+            self.status, self.failure = status, error
+        self._wake()
+
+    def _wake(self) -> None:
+        """Let the executor look around, whatever it is waiting for."""
+        executor = self._node.executor
+        if executor is not None:
+            executor.create_task(_nothing)
+
+
+def _nothing() -> None:
+    pass

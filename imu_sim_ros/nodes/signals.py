@@ -1,0 +1,97 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Ctrl-C, SIGTERM and SIGHUP end a node with status 0, from the first moment of its process.
+
+A thread of its own hears of them, through the pipe into which Python writes the number of a signal:
+the main thread may be waiting in the middleware for long, and what is just closing a file must not
+be broken off.
+"""
+
+import os
+import signal
+import threading
+from collections.abc import Callable
+from types import FrameType
+from typing import Final
+
+_LONGEST_START: Final = 0.8
+"""[s] A node that is not made by then has nothing to close that would be worth waiting for."""
+
+
+class EndSignals:
+    """Waits for the signals that end the process.
+
+    Before :meth:`begin` there is nothing to close, and the process ends at once. From then on a
+    signal is kept until :meth:`deliver_to` says who ends the run; later signals change nothing.
+    """
+
+    def __init__(self) -> None:
+        wanted = [signal.SIGINT, signal.SIGTERM]
+        if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # nohup wants it ignored
+            wanted.append(signal.SIGHUP)
+        self.arrived = False
+        self._begun = False
+        self._end: Callable[[], None] | None = None
+        self._known = threading.Event()
+        self._lock = threading.Lock()
+        self._heard, self._told = os.pipe()
+        os.set_blocking(self._told, False)
+        self._wakeup = signal.set_wakeup_fd(self._told, warn_on_full_buffer=False)
+        self._handlers = {number: signal.signal(number, _nothing) for number in wanted}
+        self._thread = threading.Thread(target=self._wait, name="signals", daemon=True)
+        self._thread.start()
+
+    def begin(self) -> None:
+        """Keep signals from now on: there is something to close."""
+        self._begun = True
+
+    def deliver_to(self, end: Callable[[], None]) -> None:
+        """Call a function at the first signal, at once where it has arrived already."""
+        with self._lock:
+            self._end = end
+            self._known.set()
+            arrived = self.arrived
+        if arrived:
+            end()
+
+    def close(self) -> None:
+        """End the thread and let the signals act as before."""
+        global _signals
+        _signals = None
+        for number, handler in self._handlers.items():
+            signal.signal(number, handler)
+        signal.set_wakeup_fd(self._wakeup)
+        os.close(self._told)
+        self._known.set()
+        self._thread.join()
+        os.close(self._heard)
+
+    def _wait(self) -> None:
+        while number := os.read(self._heard, 1):  # empty: the pipe was closed
+            if number[0] not in self._handlers:
+                continue
+            if not self._begun:
+                os._exit(0)
+            with self._lock:
+                first, self.arrived = not self.arrived, True
+                end = self._end
+            if first and end is not None:
+                end()
+            elif not self._known.wait(_LONGEST_START):
+                os._exit(0)
+
+
+def _nothing(number: int, frame: FrameType | None) -> None:
+    """Be there: the signal does not end the process, and its number goes into the pipe."""
+
+
+_signals: EndSignals | None = None
+
+
+def watch() -> EndSignals:
+    """Return the process's watch over its signals; it begins with the first call."""
+    global _signals
+    if _signals is None:
+        _signals = EndSignals()
+    return _signals

@@ -1,0 +1,29 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Where the nodes' executables begin: signals are watched before anything slow is imported."""
+
+import importlib
+
+from imu_sim_ros.nodes import signals
+
+
+def _run(name: str) -> int:
+    signals.watch()
+    status: int = importlib.import_module(f"imu_sim_ros.nodes.{name}.node").main()
+    return status
+
+
+def simulator() -> int:
+    """Run the simulator; returns its exit status."""
+    return _run("simulator")
+
+
+def integrator() -> int:
+    """Run the integrator; returns its exit status."""
+    return _run("integrator")
+
+
+def recorder() -> int:
+    """Run the recorder; returns its exit status."""
+    return _run("recorder")

@@ -1,0 +1,109 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Signals end every command with the status that a shell expects, from the first moment on."""
+
+import importlib
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from pathlib import Path
+
+import pytest
+
+from imu_sim_ros.commands import common, signals
+
+COMMANDS = ("allan", "calibrate", "convert_bag", "dead_reckon", "evaluate", "generate")
+STATUS = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGHUP: 129}
+START = (
+    "import sys; from imu_sim_ros.commands import start; print(flush=True); sys.exit(start.{}())"
+)
+
+
+def started(program: str, *arguments: str) -> subprocess.Popen:
+    """Start a program and wait until the first line of its own code has run."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", START.format(program), *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    process.stdout.readline()
+    return process
+
+
+@pytest.mark.parametrize("program", COMMANDS)
+@pytest.mark.parametrize("number", STATUS, ids=lambda number: number.name)
+def test_a_signal_while_the_libraries_are_loaded_ends_it(tmp_path, program, number):
+    # A named pipe that nobody writes to: a command that missed the signal would wait.
+    pipe = tmp_path / "in.mcap"
+    os.mkfifo(pipe)
+    arguments = ["-o", str(pipe), "--duration", "40h"] if program == "generate" else [str(pipe)]
+    process = started(program, *arguments)
+    time.sleep(0.02)
+    process.send_signal(number)
+    error = process.communicate(timeout=20)[1]
+    assert process.returncode == STATUS[number], error
+    assert error == f"{program}: interrupted by {number.name}; nothing was written\n"
+
+
+@pytest.mark.parametrize("number", STATUS, ids=lambda number: number.name)
+def test_a_signal_during_the_work_runs_what_cleans_up(number):
+    program = textwrap.dedent("""
+        import time
+        from imu_sim_ros.commands import common
+
+        def work():
+            try:
+                print("begun", flush=True)
+                time.sleep(60)
+            finally:
+                print("cleaned up")
+
+        raise SystemExit(common.run("work", work))
+    """)
+    process = subprocess.Popen(
+        [sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "begun\n"
+    process.send_signal(number)
+    output, error = process.communicate(timeout=20)
+    assert process.returncode == STATUS[number]
+    assert output == "cleaned up\n"
+    assert error == "work: interrupted\n"
+
+
+@pytest.mark.parametrize("number", STATUS, ids=lambda number: number.name)
+def test_a_step_that_must_not_be_broken_off_keeps_the_signal(number):
+    def work() -> None:
+        with signals.collected() as requests:
+            os.kill(os.getpid(), number)
+            assert requests == [number]
+        raise signals.Interrupted
+
+    before = [signal.getsignal(each) for each in signals.SIGNALS]
+    assert common.run("work", work) == STATUS[number]
+    assert [signal.getsignal(each) for each in signals.SIGNALS] == before
+
+
+def test_nohup_is_respected():
+    program = (
+        "import os, signal; from imu_sim_ros.commands import common\n"
+        "raise SystemExit(common.run('work', lambda: os.kill(os.getpid(), signal.SIGHUP)))"
+    )
+    command = ["nohup", sys.executable, "-c", program]
+    assert subprocess.run(command, capture_output=True, timeout=20).returncode == 0
+
+
+def test_every_executable_begins_where_signals_are_looked_after():
+    text = Path(__file__).parents[2].joinpath("setup.py").read_text(encoding="utf-8")
+    programs = text.split("COMMANDS = (")[1].split(")")[0].replace('"', "").split(", ")
+    start = importlib.import_module("imu_sim_ros.commands.start")
+    assert all(callable(getattr(start, name.strip())) for name in programs)
+    assert "commands.start:{name}" in text
+    assert "nodes.start:{name}" in text

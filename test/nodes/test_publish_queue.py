@@ -1,0 +1,68 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What is due when: latency that is raised and lowered while the stream runs."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from imu_sim_ros import topics
+from imu_sim_ros.config.simulation import load_simulation
+from imu_sim_ros.conventions import IMU_TOPIC
+from imu_sim_ros.nodes.simulator.publish_queue import PublishQueue, SimulationStream
+from imu_sim_ros.simulation import Simulation
+
+pytestmark = pytest.mark.ros
+
+RATE = 200.0
+
+
+def stamps(groups: list[Any]) -> list[int]:
+    """Return the stamps [ns] in the messages of groups, in order."""
+    payloads = [payload for _, messages in groups for _, payload in messages]
+    return [int(second) * 10**9 + int(ns) for second, ns in map(_stamp, payloads)]
+
+
+def _stamp(payload: bytes) -> Any:
+    return np.frombuffer(payload, dtype="<u4", count=2, offset=4)
+
+
+def queue_of(**imu: float) -> PublishQueue:
+    given = {f"imu.{name}": value for name, value in imu.items()}
+    parameters = load_simulation({"rate": RATE, "imu.preset": "perfect", **given})
+    outputs = [(topics.encoder(IMU_TOPIC, parameters), len)]
+    queue = PublishQueue([SimulationStream(Simulation(parameters), outputs)], math.inf)
+    queue.restart(0)
+    return queue
+
+
+@pytest.mark.parametrize(
+    "latency", [{"latency": 10.0}, {"latency": 5.0, "latency_jitter": 1.0}], ids=["same", "random"]
+)
+def test_a_lowered_latency_lets_go_of_everything_at_once(latency: dict[str, float]) -> None:
+    queue = queue_of(**latency)
+    assert queue.next_groups(1.0) == []
+    lower = load_simulation(
+        {"rate": RATE, "imu.preset": "perfect"}, {"imu.latency": 0.001, "imu.latency_jitter": 0.0}
+    )
+    queue.update({"": lower})
+    groups = queue.next_groups(1.0)
+    assert stamps(groups) == [5_000_000 * k for k in range(400)]
+    due = [time_ns for time_ns, _ in groups]
+    # What was under way arrives with the first message that has the new latency.
+    assert due[0] == 1_001_000_000
+    assert len(groups[0][1]) == 201
+
+
+def test_a_raised_latency_keeps_the_order_and_loses_nothing() -> None:
+    queue = queue_of(latency=0.5)
+    groups = queue.next_groups(1.0)
+    raised = load_simulation({"rate": RATE, "imu.preset": "perfect", "imu.latency": 2.0})
+    queue.update({"": raised})
+    for _ in range(3):
+        groups += queue.next_groups(1.0)
+    assert stamps(groups) == [5_000_000 * k for k in range(len(stamps(groups)))]
+    assert stamps(groups)[-1] == 1_995_000_000
