@@ -37,6 +37,8 @@ setup(
         share("config", "*.*"),
         share("config/imus", "*.yaml"),
         share("config/trajectories", "*.yaml"),
+        share("config/cameras", "*.yaml"),
+        share("config/scenes", "*.yaml"),
         share("launch", "*.launch.py"),
     ],
     install_requires=[

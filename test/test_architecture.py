@@ -16,10 +16,20 @@ import imu_sim_ros
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "imu_sim_ros"
-LEAVES = {"errors", "conventions", "lazy", "rotation", "timebase", "config", "poses"}
+LEAVES = {
+    "errors",
+    "conventions",
+    "lazy",
+    "random_streams",
+    "rotation",
+    "timebase",
+    "config",
+    "poses",
+}
 ROOMS = {
     "trajectory": LEAVES,
     "sensor": LEAVES | {"trajectory"},
+    "camera": LEAVES | {"trajectory"},
     "simulation": LEAVES | {"trajectory", "sensor"},
     "topics": LEAVES | {"trajectory", "sensor", "bags"},
     "datasets": LEAVES | {"trajectory", "sensor", "bags", "topics"},
@@ -38,11 +48,12 @@ ONLY_IN = {
     "rosbags": {"bags"},
     "mcap": {"bags"},
     "matplotlib": {"plots"},
+    "cv2": {"camera"},
 }
 LONGEST_FILE = 400
 LONGEST_FUNCTION = 50
 # Reading a file of poses must not cost what only some commands need.
-HEAVY = {"scipy", "matplotlib", "rosbags", "mcap", "rich", "yaml"}
+HEAVY = {"cv2", "scipy", "matplotlib", "rosbags", "mcap", "rich", "yaml"}
 
 
 def modules():

@@ -22,6 +22,7 @@ from imu_sim_ros.config import (
     files,
     parameters,
 )
+from imu_sim_ros.config.cameras import SCENES, CameraParameters, RigParameters, SceneParameters
 
 _PREFIX = "trajectory."
 
@@ -42,6 +43,12 @@ _SIMULATOR = """\
 Node `simulator`, command `generate`. `imu.preset` names a file in `config/imus` ({imus}) or any
 parameter file; `trajectory.type` a file in `config/trajectories` ({trajectories}) or one of the
 kinds below.
+"""
+_CAMERAS = """\
+Cameras of the command `generate`. `cameras` names them (`--camera` does so as well); `camera.*`
+holds for all, `NAME.camera.*` for one. `camera.preset` names a file in `config/cameras`
+({cameras}) or any parameter file, and `scene.type` a file in `config/scenes` ({scenes}) or one of
+the kinds below.
 """
 _INTEGRATOR = """\
 Node `integrator`. What a parameter file says below `imu.` for the simulator, and the integrator has
@@ -74,12 +81,30 @@ def _lines() -> Iterator[str]:
         yield f"{_summary(section)}\n"
         own = {_PREFIX + name: p for name, p in parameters(section).items()}
         yield from _table({name: p for name, p in own.items() if name not in shared})
+    yield from _cameras()
     yield "## Integrator\n"
     yield _INTEGRATOR
     yield from _table(parameters(IntegratorParameters))
     yield "## Recorder\n"
     yield _RECORDER
     yield from _table(parameters(RecorderParameters))
+
+
+def _cameras() -> Iterator[str]:
+    yield "## Cameras\n"
+    yield _CAMERAS.format(
+        cameras=", ".join(files.names("cameras")), scenes=", ".join(files.names("scenes"))
+    )
+    own = {f"camera.{name}": p for name, p in parameters(CameraParameters).items()}
+    yield from _table({"cameras": parameters(RigParameters)["cameras"], **own})
+    shared = {f"scene.{name}": p for name, p in parameters(SceneParameters).items()}
+    yield "### Every scene\n"
+    yield from _table(shared)
+    for kind, section in SCENES.items():
+        yield f"### scene.type: {kind}\n"
+        yield f"{_summary(section)}\n"
+        own = {f"scene.{name}": p for name, p in parameters(section).items()}
+        yield from _table({name: p for name, p in own.items() if name not in shared})
 
 
 def _summary(section: type) -> str:

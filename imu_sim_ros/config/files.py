@@ -22,6 +22,12 @@ Layering = Callable[[Mapping[str, object]], Mapping[str, object]]
 """Returns what was given above what the files hold that it names."""
 
 _NAMES_OF_FILES: Final = ("preset", "calibration")
+_OPTIONS: Final = {
+    "imus": "imu",
+    "trajectories": "trajectory",
+    "cameras": "camera",
+    "scenes": "scene",
+}
 _PARAMETERS = "ros__parameters"
 _EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$")
 _KALIBR_NOISE = (
@@ -45,14 +51,14 @@ def config_folder() -> Path:
 
 
 def names(kind: str) -> list[str]:
-    """Return the names of the files of one kind, ``imus`` or ``trajectories``."""
+    """Return the names of the files of one kind: ``imus``, ``trajectories``, ``cameras``, ..."""
     return sorted(path.stem for path in (config_folder() / kind).glob("*.yaml"))
 
 
 def find(kind: str, name_or_file: str) -> Path:
     """Return the parameter file of a name in config/, or the given file.
 
-    :param kind: ``imus`` or ``trajectories``.
+    :param kind: ``imus``, ``trajectories``, ``cameras`` or ``scenes``.
     :raises ConfigurationError: where there is neither; all names are listed.
     """
     named = config_folder() / kind / f"{name_or_file}.yaml"
@@ -60,7 +66,7 @@ def find(kind: str, name_or_file: str) -> Path:
         return named
     if Path(name_or_file).is_file():
         return Path(name_or_file)
-    option = {"imus": "imu", "trajectories": "trajectory"}[kind]
+    option = _OPTIONS[kind]
     raise ConfigurationError(
         f"{option} {name_or_file}: neither a file nor one of {', '.join(names(kind))}"
     )

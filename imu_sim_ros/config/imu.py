@@ -136,7 +136,7 @@ class ImuParameters(TimingParameters, AccelerometerParameters, GyroscopeParamete
 
     def problems(self, prefix: str) -> Iterator[str]:
         """Say which parameters contradict each other, a line each."""
-        yield from _mounting_problems(self.mounting, prefix)
+        yield from rotation_problems(self.mounting, f"{prefix}mounting")
         for triad in TRIADS:
             yield from self._gauss_markov_problems(triad, prefix)
             yield from self._scale_problems(triad, prefix)
@@ -188,13 +188,17 @@ class ImuParameters(TimingParameters, AccelerometerParameters, GyroscopeParamete
             )
 
 
-def _mounting_problems(mounting: Matrix, prefix: str) -> Iterator[str]:
-    r = np.reshape(mounting, (3, 3))
+def rotation_problems(values: Matrix, name: str) -> Iterator[str]:
+    """Say why nine numbers, row by row, are no rotation matrix.
+
+    :param name: of the parameter, for the message.
+    """
+    r = np.reshape(values, (3, 3))
     error = float(np.abs(r @ r.T - np.eye(3)).max())
     if error > ORTHONORMAL_TOLERANCE:
         yield (
-            f"{prefix}mounting: must be a rotation matrix; "
+            f"{name}: must be a rotation matrix; "
             f"R R^T differs from the identity by {error:.2g}, allowed is {ORTHONORMAL_TOLERANCE:g}"
         )
     elif np.linalg.det(r) < 0:
-        yield f"{prefix}mounting: must be a rotation matrix; this one mirrors (determinant -1)"
+        yield f"{name}: must be a rotation matrix; this one mirrors (determinant -1)"

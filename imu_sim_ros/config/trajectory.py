@@ -18,6 +18,7 @@ from imu_sim_ros.config.parameter import (
 )
 from imu_sim_ros.config.trajectory_common import (
     TYPE_TEXT,
+    LeadInParameters,
     SeriesParameters,
     TrajectoryParameters,
     VibrationParameters,
@@ -30,6 +31,7 @@ __all__ = [
     "TYPES",
     "FreeFallParameters",
     "HarmonicParameters",
+    "LeadInParameters",
     "PolarParameters",
     "PosesParameters",
     "SeriesParameters",

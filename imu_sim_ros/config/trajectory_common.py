@@ -67,6 +67,24 @@ class VibrationParameters:
 
 
 @dataclass(frozen=True)
+class LeadInParameters:
+    """Rest and a jerk before any motion: what visual-inertial estimators initialise from."""
+
+    rest: float = number(
+        0.0, "rest before the jerk; 0: neither rest nor jerk", unit="s", minimum=0.0
+    )
+    jerk: Vector = vector(
+        (0.1, 0.1, 0.2), "how far the jerk goes, in the world, and comes back from", unit="m"
+    )
+    jerk_time: float = number(1.0, "length of the jerk", unit="s", minimum=0.05, maximum=100.0)
+
+    @property
+    def duration(self) -> float:
+        """Time until the jerk is over [s]; 0: there is none."""
+        return self.rest + self.jerk_time if self.rest > 0.0 else 0.0
+
+
+@dataclass(frozen=True)
 class TrajectoryParameters:
     """What every trajectory has; applied in the order length, repeat, time scale and rests."""
 
@@ -94,6 +112,7 @@ class TrajectoryParameters:
         minimum=0.0,
         above_minimum=True,
     )
+    lead_in: LeadInParameters = section(LeadInParameters)
     vibration: VibrationParameters = section(VibrationParameters)
 
 

@@ -22,7 +22,7 @@ the scale (4), the bias (5 and 6), the temperature, the true times. So without 2
 ``reading = scale * ideal + bias + n``.
 
 Samples are made in blocks with carried state. Every random source has its own stream for each axis
-(:mod:`imu_sim_ros.sensor.random_streams`), and a sample does not depend, not in a single bit, on
+(:mod:`imu_sim_ros.random_streams`), and a sample does not depend, not in a single bit, on
 the size of the block in which it is made.
 """
 

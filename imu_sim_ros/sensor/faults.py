@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from imu_sim_ros.config import LARGEST_LATENCY, Vector
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.sensor.random_streams import generator
+from imu_sim_ros.random_streams import generator
 
 Array = NDArray[np.float64]
 

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.config import ImuParameters
+from imu_sim_ros.random_streams import axis_generators
 from imu_sim_ros.sensor.autoregressive import GaussMarkovBank
 from imu_sim_ros.sensor.flicker import FlickerNoise
-from imu_sim_ros.sensor.random_streams import axis_generators
 
 Array = NDArray[np.float64]
 

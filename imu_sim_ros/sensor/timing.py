@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from imu_sim_ros import timebase
 from imu_sim_ros.config import ImuParameters
+from imu_sim_ros.random_streams import generator
 from imu_sim_ros.sensor.faults import FaultSchedule
-from imu_sim_ros.sensor.random_streams import generator
 
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]

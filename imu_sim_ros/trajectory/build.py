@@ -38,6 +38,10 @@ def build_trajectory(
     :raises InputError: for a file of poses that cannot be used.
     """
     trajectory = retimed(_motion(parameters, pose_reader), parameters)
+    if parameters.lead_in.rest > 0.0:
+        from imu_sim_ros.trajectory.lead_in import LeadIn
+
+        trajectory = LeadIn(trajectory, parameters.lead_in)
     vibration = parameters.vibration
     if any(vibration.acceleration) or any(vibration.noise_rms):
         from imu_sim_ros.trajectory.vibration import Vibrating, Vibration

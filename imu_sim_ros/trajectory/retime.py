@@ -126,7 +126,7 @@ def retimed(inner: Trajectory, parameters: TrajectoryParameters) -> Trajectory:
     """
     inner = _cut(inner, parameters)
     inner = _repeated(inner, parameters)
-    before, after, scale = parameters.rest_before, parameters.rest_after, parameters.time_scale
+    before, after, scale = _before(parameters), parameters.rest_after, parameters.time_scale
     if before == 0.0 and after == 0.0 and scale == 1.0:
         return inner
     return Retimed(inner, _rests(inner.duration, parameters))
@@ -177,7 +177,7 @@ def _check_closed(inner: Trajectory, repeat: int) -> None:
 
 def _rests(length: float, parameters: TrajectoryParameters) -> RateProfile:
     """Return the time map of a motion of the given length between two rests."""
-    before, after = parameters.rest_before, parameters.rest_after
+    before, after = _before(parameters), parameters.rest_after
     ramp, scale = parameters.rest_transition, parameters.time_scale
     if math.isinf(length) and after > 0.0:
         raise ConfigurationError(
@@ -194,6 +194,11 @@ def _rests(length: float, parameters: TrajectoryParameters) -> RateProfile:
     if after > 0.0:
         phases += [Phase(ramp, scale, 0.0), Phase(after, 0.0, 0.0)]
     return RateProfile(phases)
+
+
+def _before(parameters: TrajectoryParameters) -> float:
+    """Return the rest before the motion [s], with the time of a lead-in."""
+    return parameters.rest_before + parameters.lead_in.duration
 
 
 def _too_short(transition: float, length: float) -> str:

@@ -6,6 +6,7 @@
 from pathlib import Path
 
 from imu_sim_ros.commands.parameter_reference import reference
+from imu_sim_ros.config.cameras import SCENES, CameraParameters, RigParameters
 from imu_sim_ros.config.integrator import IntegratorParameters
 from imu_sim_ros.config.parameter import parameters
 from imu_sim_ros.config.recorder import RecorderParameters
@@ -26,6 +27,11 @@ def test_every_parameter_has_a_row_with_its_unit():
     known = {**parameters(IntegratorParameters), **parameters(RecorderParameters)}
     for kind in TYPES:
         known.update(parameters(SimulatorParameters, {"trajectory.type": kind}))
+    known["cameras"] = parameters(RigParameters)["cameras"]
+    sections = {"camera": [CameraParameters], "scene": list(SCENES.values())}
+    for prefix, classes in sections.items():
+        for one in classes:
+            known.update({f"{prefix}.{name}": p for name, p in parameters(one).items()})
     assert set(rows) == set(known)
     # Names that several sections share have rows of their own; the last one is looked at.
     assert "| m/s^2 |" in rows["gravity"]

@@ -15,6 +15,7 @@ from scipy.integrate import trapezoid
 from imu_sim_ros.config.imu import ImuParameters
 from imu_sim_ros.config.parameter import build
 from imu_sim_ros.conventions import TRIADS
+from imu_sim_ros.random_streams import axis_generators, generator
 from imu_sim_ros.sensor.autoregressive import CHUNK, GaussMarkovBank
 from imu_sim_ros.sensor.deterministic import TurnOn
 from imu_sim_ros.sensor.flicker import CHUNK as FLICKER_CHUNK
@@ -27,7 +28,6 @@ from imu_sim_ros.sensor.noise import (
     Term,
     WhiteNoise,
 )
-from imu_sim_ros.sensor.random_streams import axis_generators, generator
 
 RATES = [50.0, 200.0, 1000.0]
 N = 1_000_000

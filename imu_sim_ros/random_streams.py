@@ -25,6 +25,17 @@ def generator(seed: int, source: str) -> Generator:
     return Generator(SFC64(SeedSequence(entropy=seed, spawn_key=(key,))))
 
 
+def generator_at(seed: int, source: str, index: int) -> Generator:
+    """Return the random stream of one source for one item, a frame for instance.
+
+    What an item draws depends on nothing drawn before, so items can be made in any order.
+
+    :param index: of the item, >= 0.
+    """
+    key = (zlib.crc32(source.encode()), index)
+    return Generator(SFC64(SeedSequence(entropy=seed, spawn_key=key)))
+
+
 def axis_generators(seed: int, source: str) -> list[Generator]:
     """Return the streams of the three axes of one source."""
     return [generator(seed, f"{source}.{axis}") for axis in AXES]

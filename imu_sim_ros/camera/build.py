@@ -1,0 +1,240 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""From parameters to a scene: places and sizes drawn from the scene's seed."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros import rotation
+from imu_sim_ros.camera.point_file import read_points
+from imu_sim_ros.camera.scene import Scene, Surfaces, joined, surfaces
+from imu_sim_ros.camera.view import View, in_camera
+from imu_sim_ros.config.cameras import (
+    AprilgridParameters,
+    CheckerboardParameters,
+    CloudParameters,
+    HouseParameters,
+    PlanesParameters,
+    PointFileParameters,
+    RoomParameters,
+    SceneParameters,
+    TargetParameters,
+)
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.random_streams import generator
+from imu_sim_ros.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+_LOOKS: Final = 20_000
+"""Places of a path at which a scene is fitted to it."""
+_LONGEST: Final = 600.0
+"""Of a path without end, so much is looked at [s]; closed motions repeat long before."""
+_AHEAD: Final = 0.1
+"""Cosine of the largest angle from the axis at which a cloud has points."""
+_FURNITURE: Final = 0.8
+"""How far a box may stand into the room, in distances of the path from the wall."""
+
+
+def build_scene(
+    parameters: SceneParameters, views: Sequence[View], trajectory: Trajectory, duration: float
+) -> Scene:
+    """Return the scene that the parameters describe.
+
+    :param views: the cameras that see it; a cloud is made for them, a room holds them all.
+    :param duration: of the simulation [s], perhaps infinite.
+    :raises ConfigurationError: where the path leaves a room.
+    :raises InputError: for a file of points that cannot be used.
+    """
+    match parameters:
+        case RoomParameters():
+            return _room(parameters, _path(views, trajectory, duration))
+        case HouseParameters():
+            return _house(parameters)
+        case CloudParameters():
+            return _cloud(parameters, views, trajectory, min(duration, _LONGEST))
+        case PlanesParameters():
+            return _planes(parameters)
+        case AprilgridParameters():
+            return _target(parameters, *_aprilgrid(parameters))
+        case CheckerboardParameters():
+            return _target(parameters, *_checkerboard(parameters))
+        case PointFileParameters():
+            return Scene.of_points(read_points(Path(parameters.file)))
+    raise ConfigurationError(f"scene.type = {parameters.type!r}: no scene is made of it")
+
+
+def _path(views: Sequence[View], trajectory: Trajectory, duration: float) -> Array:
+    """Return places (n, 3) of all cameras along the path."""
+    t = np.linspace(0.0, min(duration, _LONGEST), _LOOKS)
+    return np.concatenate([view.poses(trajectory, t).position for view in views])
+
+
+def _room(p: RoomParameters, path: Array) -> Scene:
+    low, high = path.min(axis=0), path.max(axis=0)
+    if any(p.size):
+        size, center = np.asarray(p.size), np.asarray(p.center)
+        corner, end = center - 0.5 * size, center + 0.5 * size
+        if (low <= corner).any() or (high >= end).any():
+            raise ConfigurationError(
+                f"scene.size = {list(p.size)}: the path, from {_shown(low)} to {_shown(high)} m, "
+                f"leaves the room, from {_shown(corner)} to {_shown(end)} m"
+            )
+    else:
+        corner, end = low - p.margin, high + p.margin
+    walls = surfaces(_inner_faces(corner, end), hides=False)
+    stream = generator(p.seed, "scene.boxes")
+    boxes: list[tuple[Array, Array, Array]] = []
+    for _ in range(p.boxes):
+        boxes += _outer_faces(*_box(stream, corner, end, low, high))
+    everything = joined(walls, surfaces(boxes, hides=True))
+    landmarks, normals = _scattered(everything, p.landmarks, p.seed)
+    extent = float(np.linalg.norm(end - corner))
+    return Scene(landmarks, normals, np.zeros((0, 2, 3)), everything, extent)
+
+
+def _shown(place: Array) -> str:
+    return "(" + ", ".join(f"{x:.2f}" for x in place) + ")"
+
+
+def _box(
+    stream: np.random.Generator, corner: Array, end: Array, low: Array, high: Array
+) -> tuple[Array, Array]:
+    """Return two opposite corners of a box that stands against a wall, off the path."""
+    axis, side = int(stream.integers(0, 2)), int(stream.integers(0, 2))
+    free = (low - corner)[axis] if side == 0 else (end - high)[axis]
+    depth = _FURNITURE * free * stream.uniform(0.4, 1.0)
+    size = (end - corner) * stream.uniform(0.08, 0.2, 3)
+    size[axis] = depth
+    size[2] = (end - corner)[2] * stream.uniform(0.2, 0.7)
+    first = corner + (end - corner - size) * stream.random(3)
+    first[axis] = corner[axis] if side == 0 else end[axis] - depth
+    first[2] = corner[2]
+    return first, first + size
+
+
+def _inner_faces(low: Array, high: Array) -> list[tuple[Array, Array, Array]]:
+    """Return the six faces of a box, their normals inwards."""
+    return [(o + b, a, -b) for o, a, b in _outer_faces(low, high)]
+
+
+def _outer_faces(low: Array, high: Array) -> list[tuple[Array, Array, Array]]:
+    """Return the six faces of a box, their normals outwards."""
+    x, y, z = np.diag(high - low)
+    return [
+        (low, z, y),
+        (low + x, y, z),
+        (low, x, z),
+        (low + y, z, x),
+        (low, y, x),
+        (low + z, x, y),
+    ]
+
+
+def _scattered(
+    where: Surfaces, count: int, seed: int, both_sides: bool = False
+) -> tuple[Array, Array]:
+    """Return landmarks (n, 3) spread evenly over all surfaces, and their normals (n, 3)."""
+    stream = generator(seed, "scene.landmarks")
+    areas = np.linalg.norm(np.cross(where.across, where.up), axis=1)
+    surface = np.searchsorted(np.cumsum(areas) / areas.sum(), stream.random(count))
+    surface = np.minimum(surface, len(areas) - 1)
+    s, t = stream.uniform(0.02, 0.98, (2, count, 1))
+    points = where.origin[surface] + s * where.across[surface] + t * where.up[surface]
+    normals = np.zeros_like(points) if both_sides else where.normal[surface]
+    return points, normals
+
+
+def _planes(p: PlanesParameters) -> Scene:
+    corners = np.reshape(p.corners, (-1, 3, 3))
+    where = surfaces([(o, a - o, b - o) for o, a, b in corners], hides=True)
+    landmarks, normals = _scattered(where, p.landmarks, p.seed, both_sides=True)
+    extent = float(np.linalg.norm(np.ptp(corners.reshape(-1, 3), axis=0)))
+    return Scene(landmarks, normals, np.zeros((0, 2, 3)), where, extent)
+
+
+def _house(p: HouseParameters) -> Scene:
+    """Return the lines' end points, each once, in the order of their first mention."""
+    ends = np.reshape(p.lines, (-1, 3))
+    _, first = np.unique(ends, axis=0, return_index=True)
+    points = ends[np.sort(first)]
+    if any(p.second_points):
+        points = np.concatenate([points, points + np.asarray(p.second_points)])
+    return Scene.of_points(points)._replace(lines=ends.reshape(-1, 2, 3))
+
+
+def _cloud(
+    p: CloudParameters, views: Sequence[View], trajectory: Trajectory, duration: float
+) -> Scene:
+    """Return points such that every look sees ``visible`` of them, as OpenVINS' simulator does.
+
+    Where a camera sees too few of the points so far, random pixels become points at random depths.
+    """
+    stream = generator(p.seed, "scene.landmarks")
+    times = np.arange(0.0, duration, p.spacing)
+    all_poses = [view.poses(trajectory, times) for view in views]
+    points = np.zeros((0, 3))
+    for k in range(len(times)):
+        for view, poses in zip(views, all_poses, strict=True):
+            pose = type(poses)(poses.position[k : k + 1], poses.q_wc[k : k + 1])
+            missing = p.visible - _count_seen(view, in_camera(pose, points))
+            if missing > 0:
+                local = _in_view(view, missing, p, stream)
+                points = np.concatenate([points, pose.position + rotation.rotate(pose.q_wc, local)])
+    return Scene.of_points(points)
+
+
+def _in_view(view: View, count: int, p: CloudParameters, stream: np.random.Generator) -> Array:
+    """Return points (count, 3) in the camera's frame, each in a random pixel."""
+    found = np.zeros((0, 3))
+    while len(found) < count:
+        pixel = stream.random((count, 2)) * (view.model.width, view.model.height) - 0.5
+        ray = view.model.unproject(pixel)
+        local = ray.direction * stream.uniform(p.near, p.far, (count, 1))
+        # A wide lens sees beyond 90 degrees, where a landmark has no depth.
+        found = np.concatenate([found, local[ray.valid & (local[:, 2] > p.near * _AHEAD)]])
+    return found[:count]
+
+
+def _count_seen(view: View, local: Array) -> int:
+    near = local[(local[:, 2] > view.parameters.min_depth)]
+    uv, valid = view.model.project(near)
+    return int(np.count_nonzero(valid & view.model.inside(uv)))
+
+
+def _aprilgrid(p: AprilgridParameters) -> tuple[Array, Array, Array]:
+    """Return the tags' corners (n, 3) in the target's frame, and the board's corner and size.
+
+    kalibr's order: tags row by row from the lower left, of each tag lower left, lower right, upper
+    right, upper left (GridCalibrationTargetAprilgrid.cpp).
+    """
+    pitch = p.tag_size * (1.0 + p.tag_spacing)
+    tags = [(column * pitch, row * pitch) for row in range(p.rows) for column in range(p.columns)]
+    corners = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]) * p.tag_size
+    plane = (np.array(tags)[:, None] + corners).reshape(-1, 2)
+    # Black squares in the gaps close the pattern on all four sides.
+    gap = p.tag_spacing * p.tag_size
+    size = np.array([p.columns, p.rows]) * pitch + gap
+    return np.pad(plane, ((0, 0), (0, 1))), np.array([-gap, -gap]), size
+
+
+def _checkerboard(p: CheckerboardParameters) -> tuple[Array, Array, Array]:
+    """Return the inner corners (n, 3), row by row from the lower left, board's corner and size."""
+    row, column = np.divmod(np.arange(p.rows * p.columns), p.columns)
+    plane = np.stack([column, row], axis=1) * p.square
+    size = np.array([p.columns + 1, p.rows + 1]) * p.square
+    return np.pad(plane, ((0, 0), (0, 1))), np.array([-p.square, -p.square]), size
+
+
+def _target(p: TargetParameters, corners: Array, first: Array, size: Array) -> Scene:
+    r_wt, p_wt = np.reshape(p.orientation, (3, 3)), np.asarray(p.position)
+    landmarks = p_wt + corners @ r_wt.T
+    normals = np.broadcast_to(r_wt[:, 2], landmarks.shape)
+    board = (p_wt + r_wt[:, :2] @ first, size[0] * r_wt[:, 0], size[1] * r_wt[:, 1])
+    where = surfaces([board], hides=True, texture=p.type)
+    return Scene(landmarks, normals, np.zeros((0, 2, 3)), where, float(np.linalg.norm(size)))

@@ -1,0 +1,131 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Landmarks of a file: CSV with x, y, z or id, x, y, z, and PLY, as text or binary."""
+
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.errors import InputError
+
+Array = NDArray[np.float64]
+
+_MOST: Final = 10_000_000
+_PLY_TYPES: Final = {
+    "char": "i1",
+    "int8": "i1",
+    "uchar": "u1",
+    "uint8": "u1",
+    "short": "i2",
+    "int16": "i2",
+    "ushort": "u2",
+    "uint16": "u2",
+    "int": "i4",
+    "int32": "i4",
+    "uint": "u4",
+    "uint32": "u4",
+    "float": "f4",
+    "float32": "f4",
+    "double": "f8",
+    "float64": "f8",
+}
+
+
+def read_points(path: str | Path) -> Array:
+    """Return the points (n, 3) of a file [m].
+
+    :raises InputError: with the line of what cannot be read.
+    """
+    path = Path(path)
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}") from None
+    points = _ply(path, content) if content[:3] == b"ply" else _csv(path, content)
+    if not len(points):
+        raise InputError(f"{path}: holds no points")
+    bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
+    if len(bad):
+        raise InputError(f"{path}: point {bad[0] + 1}: a value that is not finite")
+    return points
+
+
+def _csv(path: Path, content: bytes) -> Array:
+    try:
+        lines = content.decode("utf-8").splitlines()
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: neither CSV nor PLY") from None
+    rows: list[list[float]] = []
+    for number, line in enumerate(lines, start=1):
+        text = line.split("#")[0].strip()
+        fields = text.replace(",", " ").split()
+        if not fields or (not rows and not any(map(_is_number, fields))):
+            continue  # a comment, or the header
+        if len(fields) not in (3, 4) or (rows and len(fields) != len(rows[0])):
+            raise InputError(f"{path}: line {number}: {len(fields)} columns; must be x, y, z")
+        try:
+            rows.append([float(field) for field in fields])
+        except ValueError:
+            raise InputError(f"{path}: line {number}: {text!r} holds no numbers") from None
+    table = np.array(rows, dtype=np.float64)
+    return table[:, -3:] if len(rows) else np.zeros((0, 3))
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+def _ply(path: Path, content: bytes) -> Array:
+    """Read the vertices: the first element of the file."""
+    end = content.find(b"end_header")
+    if end < 0:
+        raise InputError(f"{path}: the PLY header has no end")
+    header = content[:end].decode("ascii", "replace").splitlines()
+    body = content[content.index(b"\n", end) + 1 :] if b"\n" in content[end:] else b""
+    form, count, names, types = _ply_header(path, header)
+    if form == "ascii":
+        text = body.decode("ascii", "replace").split("\n")[:count]
+        try:
+            table = np.array([[float(x) for x in row.split()[: len(names)]] for row in text])
+            points = table.reshape(count, len(names))[:, [names.index(axis) for axis in "xyz"]]
+        except ValueError:
+            raise InputError(
+                f"{path}: must hold {count} vertices of {len(names)} numbers"
+            ) from None
+        return np.asarray(points, dtype=np.float64)
+    order = "<" if form == "binary_little_endian" else ">"
+    dtype = np.dtype([(name, order + kind) for name, kind in zip(names, types, strict=True)])
+    if len(body) < count * dtype.itemsize:
+        raise InputError(f"{path}: ends within the {count} vertices that its header promises")
+    vertices = np.frombuffer(body, dtype, count)
+    return np.stack([vertices[axis].astype(np.float64) for axis in "xyz"], axis=1)
+
+
+def _ply_header(path: Path, lines: list[str]) -> tuple[str, int, list[str], list[str]]:
+    """Return format, number of vertices, and names and types of a vertex's properties."""
+    form, count, names, types, element = "", -1, [], [], ""
+    for line in lines:
+        match line.split():
+            case ["format", found, _]:
+                form = found
+            case ["element", name, number] if number.isdigit():
+                if count < 0 and name != "vertex":
+                    raise InputError(f"{path}: the first element must be vertex, not {name}")
+                element = name
+                count = int(number) if name == "vertex" else count
+            case ["property", kind, name] if element == "vertex":
+                names.append(name)
+                types.append(_PLY_TYPES.get(kind, ""))
+            case ["property", "list", *_] if element == "vertex":
+                raise InputError(f"{path}: a vertex with a list is not understood")
+    known = form in ("ascii", "binary_little_endian", "binary_big_endian")
+    if not known or not {"x", "y", "z"} <= set(names) or "" in types or not 0 <= count <= _MOST:
+        raise InputError(f"{path}: the PLY header does not describe vertices with x, y and z")
+    return form, count, names, types

@@ -1,0 +1,91 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""All cameras of a body, and the scene that they see."""
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from imu_sim_ros.camera.build import build_scene
+from imu_sim_ros.camera.tracks import Tracker, Tracks
+from imu_sim_ros.camera.view import View
+from imu_sim_ros.config.cameras import RigParameters
+from imu_sim_ros.trajectory import Trajectory
+
+BLOCK: Final = 64
+"""Frames that are made in one go."""
+
+
+class Rig:
+    """The cameras of one simulation."""
+
+    def __init__(
+        self,
+        parameters: RigParameters,
+        trajectory: Trajectory,
+        t0_ns: int,
+        duration: float,
+        seed: int,
+    ) -> None:
+        """Set up cameras and scene.
+
+        :param t0_ns: start of the simulation [ns].
+        :param duration: of the simulation [s], perhaps infinite.
+        :param seed: of the simulation.
+        :raises ConfigurationError: for a scene that does not fit the path.
+        :raises InputError: for a file of points that cannot be used.
+        """
+        self.parameters, self.trajectory = parameters, trajectory
+        self.duration = min(duration, trajectory.duration)
+        self.views = {
+            name: View(name, camera, seed, t0_ns, self.duration)
+            for name, camera in parameters.each().items()
+        }
+        views = list(self.views.values())
+        self.scene = build_scene(parameters.scene, views, trajectory, self.duration)
+
+    def tracker(self, name: str) -> Tracker:
+        """Return what makes the tracks of one camera."""
+        return Tracker(self.views[name], self.scene, self.trajectory)
+
+    def tracks(self, name: str, block: int = BLOCK) -> Iterator[Tracks]:
+        """Yield the tracks of all frames of a camera, in blocks of frames."""
+        tracker = self.tracker(name)
+        total = self.views[name].total
+        first = 0
+        while total is None or first < total:
+            count = block if total is None else min(block, total - first)
+            yield tracker.tracks(first, count)
+            first += count
+
+
+class Blindness:
+    """Where a camera sees nothing: the spans of time without any landmark."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.spans: list[list[float]] = []
+        self._open = False
+
+    def look(self, tracks: Tracks, t0_ns: int) -> None:
+        """Take note of a block of frames; blocks come in order."""
+        counts = np.bincount(tracks.frame, minlength=len(tracks.frames.number))
+        times = (tracks.frames.true_t_ns - t0_ns) * 1e-9
+        for t, count, there in zip(times, counts, tracks.frames.delivered, strict=True):
+            if count or not there:
+                self._open = self._open and not count
+            elif self._open:
+                self.spans[-1][1] = float(t)
+            else:
+                self.spans.append([float(t), float(t)])
+                self._open = True
+
+    def warnings(self) -> list[str]:
+        """Return a line for the spans without landmarks; nothing where there are none."""
+        if not self.spans:
+            return []
+        shown = ", ".join(f"{a:.2f} to {b:.2f} s" for a, b in self.spans[:5])
+        more = f" and {len(self.spans) - 5} more times" if len(self.spans) > 5 else ""
+        return [f"{self.name}: no landmark in view from {shown}{more}"]

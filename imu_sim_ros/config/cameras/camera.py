@@ -1,0 +1,247 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Parameters of a camera: its model, its place on the body, its timing and the tracks it gives."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from imu_sim_ros.config.cameras.distortion import COUNTS, fold
+from imu_sim_ros.config.imu import rotation_problems
+from imu_sim_ros.config.parameter import (
+    IDENTITY_MATRIX,
+    Matrix,
+    Vector,
+    choice,
+    integer,
+    matrix,
+    number,
+    numbers,
+    text,
+    vector,
+)
+
+MODELS = ("pinhole", "unified", "double_sphere")
+
+
+@dataclass(frozen=True)
+class CameraModelParameters:
+    """How a direction becomes a pixel. The centre of the first pixel is at (0, 0)."""
+
+    preset: str = text("vio_data_simulation", "file in config/cameras, or a path, to start from")
+    model: str = choice(
+        "pinhole",
+        MODELS,
+        "pinhole; unified: Mei's sphere, with xi; double_sphere: with xi and alpha",
+    )
+    distortion_model: str = choice(
+        "none", tuple(COUNTS), "behind the model; equidistant (Kannala-Brandt) with pinhole only"
+    )
+    width: int = integer(640, "of the image", unit="px", minimum=1, maximum=16384)
+    height: int = integer(480, "of the image", unit="px", minimum=1, maximum=16384)
+    intrinsics: tuple[float, ...] = numbers(
+        (400.0, 400.0, 319.5, 239.5), "fx, fy, cx, cy", unit="px"
+    )
+    distortion: tuple[float, ...] = numbers(
+        (), "radtan: k1, k2, p1, p2 and perhaps k3; equidistant: k1, k2, k3, k4"
+    )
+    xi: float = number(0.0, "distance of the spheres' centres", minimum=-1.0, maximum=10.0)
+    alpha: float = number(0.5, "of the double sphere", minimum=0.0, maximum=1.0)
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Say which parameters contradict each other, a line each."""
+        yield from self._intrinsics_problems(prefix)
+        counts = COUNTS[self.distortion_model]
+        if len(self.distortion) not in counts:
+            wanted = " or ".join(map(str, counts))
+            yield (
+                f"{prefix}distortion = {list(self.distortion)}: must have {wanted} entries for "
+                f"{prefix}distortion_model {self.distortion_model}"
+            )
+            return
+        if self.model != "pinhole" and self.distortion_model == "equidistant":
+            yield (
+                f"{prefix}distortion_model = 'equidistant': must be radtan or none for "
+                f"{prefix}model {self.model}"
+            )
+        elif len(self.intrinsics) == 4 and min(self.intrinsics[:2]) > 0.0:
+            yield from self._fold_problems(prefix)
+
+    def _intrinsics_problems(self, prefix: str) -> Iterator[str]:
+        if len(self.intrinsics) != 4:
+            shown = list(self.intrinsics)
+            yield f"{prefix}intrinsics = {shown}: must be four numbers: fx, fy, cx, cy"
+            return
+        fx, fy, cx, cy = self.intrinsics
+        for name, value in (("fx", fx), ("fy", fy)):
+            if value <= 0.0:
+                yield f"{prefix}intrinsics: {name} = {value:g}: must be above 0 px"
+        for name, value, size in (("cx", cx, self.width), ("cy", cy, self.height)):
+            if not -0.5 <= value <= size - 0.5:
+                yield (
+                    f"{prefix}intrinsics: {name} = {value:g}: must be inside the image, from -0.5 "
+                    f"to {size - 0.5:g} px"
+                )
+
+    def _fold_problems(self, prefix: str) -> Iterator[str]:
+        at, image = fold(self.distortion_model, self.distortion)
+        fx, fy, cx, cy = self.intrinsics
+        x = max(cx + 0.5, self.width - 0.5 - cx) / fx
+        y = max(cy + 0.5, self.height - 0.5 - cy) / fy
+        corner = math.hypot(x, y)
+        if image < corner:
+            what = "angle" if self.distortion_model == "equidistant" else "normalised radius"
+            yield (
+                f"{prefix}distortion = {list(self.distortion)}: folds at a {what} of {at:.4g}, "
+                f"{image * fx:.1f} px from the centre, inside the image, whose farthest corner is "
+                f"at {corner * fx:.1f} px"
+            )
+
+
+@dataclass(frozen=True)
+class CameraMountParameters:
+    """Where the camera is on the body. Its axes: x to the right, y down, z along the view."""
+
+    lever_arm: Vector = vector(0.0, "position of the camera in the body frame, p_bc", unit="m")
+    mounting: Matrix = matrix(IDENTITY_MATRIX, "rotation R_bc of the camera in the body")
+    body_axes: str = choice(
+        "preset",
+        ("preset", "flu"),
+        "preset: the body's axes are those in which lever_arm and mounting are given; flu: the "
+        "body is forward, left, up, and rig_mounting turns the whole rig to look forward",
+    )
+    rig_mounting: Matrix = matrix(
+        IDENTITY_MATRIX,
+        "rotation from the axes of lever_arm and mounting to forward, left, up; for body_axes flu",
+    )
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Say which matrices are no rotations, a line each."""
+        for name in ("mounting", "rig_mounting"):
+            yield from rotation_problems(getattr(self, name), f"{prefix}{name}")
+
+    def pose(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return R_bc (3, 3) and p_bc (3,) [m] with the rig turned as body_axes says."""
+        r, p = np.reshape(self.mounting, (3, 3)), np.asarray(self.lever_arm)
+        if self.body_axes == "preset":
+            return r, p
+        turn = np.reshape(self.rig_mounting, (3, 3))
+        return turn @ r, turn @ p
+
+
+@dataclass(frozen=True)
+class CameraTimingParameters:
+    """When frames are taken, and what their stamps say."""
+
+    rate: float = number(
+        20.0, "frames per second", unit="Hz", minimum=0.0, above_minimum=True, maximum=1000.0
+    )
+    trigger: str = choice(
+        "free",
+        ("free", "synchronised"),
+        "free: its own clock, the first frame at phase; synchronised: each frame at the time of an "
+        "IMU sample, so the rate must divide the IMU's",
+    )
+    phase: float = number(0.0, "time of the first frame after the start", unit="s", minimum=0.0)
+    time_offset: float = number(
+        0.0,
+        "IMU time less camera stamp (kalibr's timeshift_cam_imu, VINS' td): stamp = time of the "
+        "middle of the exposure - time_offset",
+        unit="s",
+        minimum=-10.0,
+        maximum=10.0,
+    )
+    jitter: float = number(
+        0.0,
+        "standard deviation of the stamps' error, cut off at 0.45 of the interval",
+        unit="s",
+        minimum=0.0,
+    )
+    latency: float = number(
+        0.0, "time from the middle of the exposure to the message", unit="s", minimum=0.0
+    )
+    dropout_probability: float = number(
+        0.0, "probability that a frame is lost", unit="1", minimum=0.0, maximum=1.0
+    )
+    row_time: float = number(
+        0.0,
+        "rolling shutter: time from one row to the next, the middle row at the frame's time; 0: "
+        "global shutter",
+        unit="s",
+        minimum=0.0,
+        maximum=1e-3,
+    )
+
+
+@dataclass(frozen=True)
+class TrackParameters:
+    """Feature tracks: which landmarks are seen, and their errors."""
+
+    pixel_noise: float = number(1.0, "standard deviation in u and in v", unit="px", minimum=0.0)
+    outlier_probability: float = number(
+        0.0,
+        "probability that a feature is anywhere in the image",
+        unit="1",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    mismatch_probability: float = number(
+        0.0,
+        "probability that a feature has the pixel of another one of the same frame",
+        unit="1",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    track_lifetime: int = integer(
+        0,
+        "frames after which a landmark gets a new id; 0: never, the id is the landmark",
+        minimum=0,
+    )
+    max_features: int = integer(200, "features in a frame at most; 0: all", minimum=0)
+    grid_rows: int = integer(
+        4, "features are spread over so many rows of cells", minimum=1, maximum=256
+    )
+    grid_columns: int = integer(
+        5, "features are spread over so many columns of cells", minimum=1, maximum=256
+    )
+    border: float = number(
+        0.0, "features nearer to the edge of the image are not seen", unit="px", minimum=0.0
+    )
+    min_depth: float = number(
+        0.1, "nearer landmarks are not seen", unit="m", minimum=0.0, above_minimum=True
+    )
+    max_depth: float = number(
+        100.0, "farther landmarks are not seen", unit="m", minimum=0.0, above_minimum=True
+    )
+
+
+@dataclass(frozen=True)
+class CameraParameters(
+    TrackParameters, CameraTimingParameters, CameraMountParameters, CameraModelParameters
+):
+    """One camera."""
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Say which parameters contradict each other, a line each."""
+        yield from CameraModelParameters.problems(self, prefix)
+        yield from CameraMountParameters.problems(self, prefix)
+        if self.max_depth <= self.min_depth:
+            yield (
+                f"{prefix}max_depth = {self.max_depth:g}: must be above {prefix}min_depth, "
+                f"{self.min_depth:g} m"
+            )
+        if 2.0 * self.border >= min(self.width, self.height):
+            yield f"{prefix}border = {self.border:g}: leaves nothing of the image"
+        if self.row_time * self.height * self.rate > 1.0:
+            yield (
+                f"{prefix}row_time = {self.row_time:g}: {self.height} rows must be read in less "
+                f"than the interval, {1.0 / self.rate:g} s"
+            )
+        if self.jitter * self.rate > 0.25:
+            yield (
+                f"{prefix}jitter = {self.jitter:g}: must be at most a quarter of the interval, "
+                f"{0.25 / self.rate:g} s"
+            )

@@ -1,0 +1,28 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What the tests of cameras share: rigs of parameters."""
+
+import pytest
+
+from imu_sim_ros.camera import Rig
+from imu_sim_ros.config import files
+from imu_sim_ros.config.cameras.rig import load_rig
+from imu_sim_ros.config.simulation import load_simulation
+from imu_sim_ros.trajectory import build_trajectory
+
+T0_NS = 1_000_000_000
+
+
+def make_rig(trajectory="figure_eight", duration=10.0, seed=3, **values):
+    """Build a rig from parameters, ``__`` for a dot; one camera unless ``cameras`` says more."""
+    given = {"cameras": ["cam0"], **{k.replace("__", "."): v for k, v in values.items()}}
+    path = {k: given.pop(k) for k in list(given) if k.startswith("trajectory.")}
+    simulation = load_simulation({**files.trajectory_layer(trajectory), **path})
+    motion = build_trajectory(simulation.trajectory)
+    return Rig(load_rig(given), motion, T0_NS, duration, seed)
+
+
+@pytest.fixture(name="make_rig")
+def make_rig_fixture():
+    return make_rig
