@@ -17,7 +17,7 @@ from imu_sim_ros.bags import ahead, open_writer, read_poses
 from imu_sim_ros.bags.text import writer as text_writer
 from imu_sim_ros.commands import bag_output, common, signals
 from imu_sim_ros.config import SimulationParameters, files, load_simulation
-from imu_sim_ros.consumers import imu_noise as consumers
+from imu_sim_ros.consumers import ImuValues, write_all
 from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.datasets import (
     BagTarget,
@@ -26,6 +26,7 @@ from imu_sim_ros.datasets import (
     resolved,
 )
 from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.sensor import realised_imu
 from imu_sim_ros.simulation import Simulation
 from imu_sim_ros.topics import TYPES
 
@@ -60,8 +61,8 @@ def parser() -> argparse.ArgumentParser:
     group.add_argument(
         "--with-configs",
         action="store_true",
-        help="write the noise for kalibr, VINS, OpenVINS, ORB_SLAM3 and imu_utils, and all "
-        "parameters, to OUTPUT_configs",
+        help="write the IMU for kalibr, VINS, OpenVINS, ORB_SLAM3, Basalt, imu_utils and "
+        "allan_variance_ros, and all parameters, to OUTPUT_configs",
     )
     common.add_output_arguments(result)
     return result
@@ -95,7 +96,7 @@ def generate(arguments: argparse.Namespace) -> None:
     with _target(arguments, parameters, names) as target:
         stopped = _write(simulation, target, arguments)
     if arguments.with_configs:
-        _write_configs(arguments.output, parameters, names)
+        _write_configs(arguments.output, simulation, names)
     wall_s = time.perf_counter() - started
     result = {
         "output": str(arguments.output),
@@ -169,12 +170,12 @@ def _write(
 
 def _describe(output: Path, parameters: SimulationParameters, states: bool) -> None:
     """Write the sensor.yaml files of a EuRoC folder."""
-    noise = _noise(parameters, "/imu0")
+    values = _values(parameters, "/imu0")
     imu = parameters.imu
     text_writer.write_euroc_descriptions(
         output,
         parameters.rate,
-        noise.densities(),
+        values.densities(),
         np.reshape(imu.mounting, (3, 3)),
         np.asarray(imu.lever_arm),
         f"simulated by imu_sim_ros, preset {imu.preset}, seed {parameters.seed}",
@@ -182,25 +183,22 @@ def _describe(output: Path, parameters: SimulationParameters, states: bool) -> N
     )
 
 
-def _noise(parameters: SimulationParameters, topic: str) -> consumers.Noise:
-    imu = parameters.imu
-    return consumers.noise(
-        gyroscope_noise_density=imu.gyroscope_noise_density,
-        gyroscope_random_walk=imu.gyroscope_random_walk,
-        accelerometer_noise_density=imu.accelerometer_noise_density,
-        accelerometer_random_walk=imu.accelerometer_random_walk,
-        gyroscope_bias_instability=imu.gyroscope_bias_instability,
-        accelerometer_bias_instability=imu.accelerometer_bias_instability,
-        rate=parameters.rate,
-        gravity=float(np.linalg.norm(parameters.gravity)),
-        topic=topic,
+def _values(parameters: SimulationParameters, topic: str, duration: float = 0.0) -> ImuValues:
+    return ImuValues(
+        realised_imu(parameters),
+        parameters.rate,
+        float(np.linalg.norm(parameters.gravity)),
+        topic,
+        duration,
     )
 
 
-def _write_configs(output: Path, parameters: SimulationParameters, names: dict[str, str]) -> None:
+def _write_configs(output: Path, simulation: Simulation, names: dict[str, str]) -> None:
+    parameters = simulation.parameters
     topic = resolved(names.get(IMU_TOPIC, IMU_TOPIC))
     folder = output.with_name(output.name + "_configs")
-    consumers.write_all(folder, _noise(parameters, topic))
+    duration = simulation.position / parameters.rate
+    write_all(folder, _values(parameters, topic, duration))
     files.dump(
         parameters,
         folder / "simulation.yaml",

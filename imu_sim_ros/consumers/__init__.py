@@ -1,11 +1,17 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The files each consumer wants beside a bag; one file per stack.
+"""The files each stack wants beside a bag; one file per stack.
 
-Imports the leaves and bags (the files' folders and numbers).
+A stack's module turns the values of an IMU into the text of its file. Continuous-time densities
+(kalibr, OpenVINS, ORB_SLAM3, Basalt) and values per sample (VINS, imu_utils) are mixed up again and
+again; each file says what its numbers mean, whether it is whole or a fragment to paste, and which
+simulated terms its format has no place for.
+
+May import the leaves and bags (folders and decimal numbers).
 """
 
-from imu_sim_ros.consumers import imu_noise
+from imu_sim_ros.consumers.folder import write_all
+from imu_sim_ros.consumers.values import ImuValues
 
-__all__ = ["imu_noise"]
+__all__ = ["ImuValues", "write_all"]

@@ -99,6 +99,27 @@ def test_imu_utils_in_both_meanings(bag, tmp_path):
     assert set(discrete["Acc"]) == {"unit", "avg-axis", "x-axis", "y-axis", "z-axis"}
 
 
+def test_imu_utils_has_the_text_of_the_real_tool_and_says_what_is_a_bound(bag, tmp_path, capsys):
+    """The bag is too short for the random walks: they are known from above only."""
+    assert allan.main([str(bag), "-o", str(tmp_path), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    text = (tmp_path / "imu_utils.yaml").read_text()
+    assert '   unit: " rad/s"\n' in text
+    assert '   unit: " m/s^2"\n' in text
+    assert "upper bound" not in text
+    lines = iter((tmp_path / "imu_utils_continuous.yaml").read_text().splitlines())
+    for triad in ("gyroscope", "accelerometer"):
+        walk = [value is None for value in found[triad]["random_walk"]["value"]]
+        assert any(walk)
+        said = ["upper bound" in line for line in lines_of(lines, "_w", 4)]
+        assert said == [any(walk), *walk]
+
+
+def lines_of(lines, key, count):
+    chosen = (line for line in lines if line.startswith(" ") and f"{key}: " in line)
+    return [next(chosen) for _ in range(count)]
+
+
 def test_a_twin_of_the_sensor_can_be_simulated(bag, tmp_path):
     assert allan.main([str(bag), "-o", str(tmp_path), "--quiet"]) == 0
     twin = str(tmp_path / "imu.yaml")

@@ -4,7 +4,7 @@
 """Files that other programs read: CSV, kalibr, imu_utils, and the simulator's own parameters."""
 
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -16,6 +16,13 @@ from imu_sim_ros.conventions import AXES, TRIADS
 KALIBR_NAMES: Final = tuple(
     f"{triad}_{key}" for triad in TRIADS[::-1] for key in ("noise_density", "random_walk")
 )
+_IMU_UTILS_UNITS: Final = (" rad/s", " m/s^2")
+"""As imu_utils writes them (imu_an.cpp), for _n and _w alike."""
+_CONTINUOUS_UNITS: Final = (
+    " rad/s/sqrt(Hz) / rad/s^2/sqrt(Hz)",
+    " m/s^2/sqrt(Hz) / m/s^3/sqrt(Hz)",
+)
+_BOUND: Final = "  # upper bound: the record does not tell it from zero"
 
 
 def write_csv(result: AllanResult, path: Path) -> None:
@@ -50,7 +57,7 @@ def write_kalibr(result: AllanResult, path: Path, topic: str) -> None:
     for name in KALIBR_NAMES:
         triad, _, key = name.partition("_")
         value, bound = _one_for_three(result, TRIADS.index(triad), key)
-        note = "  # upper bound: the record does not tell it from zero" if bound else ""
+        note = _BOUND if bound else ""
         lines.append(f"{name}: {max(value, 1e-12):.6e}{note}")
     lines += [f"rostopic: {topic}", f"update_rate: {result.timing.rate:.6g}"]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
@@ -70,31 +77,42 @@ def write_imu_utils(result: AllanResult, path: Path, *, continuous: bool) -> Non
         "(what imu_utils itself writes)"
     )
     lines = ["%YAML:1.0", "---", f"# {meaning}", "type: IMU", "name: imu_sim_ros"]
-    units = (("rad/s", "rad/s"), ("m/s^2", "m/s^2"))
-    if continuous:
-        units = (
-            ("rad/s/sqrt(Hz)", "rad/s^2/sqrt(Hz)"),
-            ("m/s^2/sqrt(Hz)", "m/s^3/sqrt(Hz)"),
-        )
+    units = _CONTINUOUS_UNITS if continuous else _IMU_UTILS_UNITS
     for triad, (name, letters) in enumerate((("Gyr", "gyr"), ("Acc", "acc"))):
-        rows = [_imu_utils_pair(result, 3 * triad + k, continuous) for k in range(3)]
-        average = tuple(float(np.mean(column)) for column in zip(*rows, strict=True))
-        lines += [f"{name}:", f'   unit: " {units[triad][0]} / {units[triad][1]}"']
-        for label, pair in zip(
-            ("avg-axis", "x-axis", "y-axis", "z-axis"), [average, *rows], strict=True
+        axes = [_imu_utils_pair(result, 3 * triad + k, continuous) for k in range(3)]
+        values = np.array([[number.value for number in pair] for pair in axes])
+        bounds = np.array([[number.bound for number in pair] for pair in axes])
+        lines += [f"{name}:", f'   unit: "{units[triad]}"']
+        # The average is that of the axes, as imu_utils takes it; of bounds it is a bound.
+        for label, pair, bound in zip(
+            ("avg-axis", "x-axis", "y-axis", "z-axis"),
+            [values.mean(axis=0), *values],
+            [bounds.any(axis=0), *bounds],
+            strict=True,
         ):
             lines.append(f"   {label}:")
-            lines += [f"      {letters}_{c}: {v:.16e}" for c, v in zip("nw", pair, strict=True)]
+            lines += [
+                f"      {letters}_{c}: {v:.16e}{_BOUND if upper else ''}"
+                for c, v, upper in zip("nw", pair, bound, strict=True)
+            ]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def _imu_utils_pair(result: AllanResult, axis: int, continuous: bool) -> tuple[float, float]:
-    noise, walk = (result.estimate(axis, key) for key in ("noise_density", "random_walk"))
-    density = noise.high if noise.value is None else noise.value
+class _Number(NamedTuple):
+    value: float
+    bound: bool
+    """The record does not tell it from zero: the value is an upper bound."""
+
+
+def _imu_utils_pair(result: AllanResult, axis: int, continuous: bool) -> tuple[_Number, _Number]:
+    noise, walk = (
+        _Number(e.high, True) if e.value is None else _Number(e.value, False)
+        for e in (result.estimate(axis, key) for key in ("noise_density", "random_walk"))
+    )
     if continuous:
-        return density, walk.high if walk.value is None else walk.value
+        return noise, walk
     lowest = float(np.min(result.deviation.deviation[:, axis]))
-    return density * float(np.sqrt(result.timing.rate)), lowest
+    return noise._replace(value=noise.value * result.timing.rate**0.5), _Number(lowest, False)
 
 
 def simulator_parameters(result: AllanResult) -> dict[str, Value]:

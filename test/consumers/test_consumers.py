@@ -1,0 +1,249 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The stacks' files against the equations of the stacks' own sources, written down here again."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+import yaml
+
+from imu_sim_ros.config.imu import ImuParameters
+from imu_sim_ros.config.parameter import flatten, parameters
+from imu_sim_ros.config.simulation import load_simulation
+from imu_sim_ros.consumers import ImuValues, write_all
+from imu_sim_ros.sensor import realised_imu
+from imu_sim_ros.simulation import Simulation
+
+RATE = 200.0
+FULL = {
+    "imu.gyroscope_scale_misalignment": [1.02, 0.01, -0.02, 0.005, 0.98, 0.01, 0.0, 0.02, 1.01],
+    "imu.accelerometer_scale_error_percent": [1.0, -2.0, 0.5],
+    "imu.accelerometer_misalignment_percent": [0.3, -0.4, 0.5, 0.6, -0.7, 0.8],
+    "imu.gyroscope_g_sensitivity": [1e-3, 0, 2e-3, 0, -1e-3, 0, 3e-4, 0, 1e-3],
+    "imu.gyroscope_bias": [0.01, -0.02, 0.03],
+    "imu.accelerometer_bias": [0.1, 0.2, -0.3],
+    "imu.gyroscope_turn_on_bias_sigma": 0.1,
+    "imu.accelerometer_turn_on_bias_sigma": 0.5,
+    "imu.gyroscope_turn_on_scale_sigma": 0.03,
+    "imu.accelerometer_turn_on_scale_sigma": 0.03,
+}
+LOWER = {
+    **FULL,
+    "imu.accelerometer_misalignment_percent": [0, 0, 0.5, 0, -0.7, 0.8],
+}
+
+
+def simulated(**values):
+    """A noise-free sensor with large errors, and its readings."""
+    chosen = {"imu.preset": "perfect", "trajectory.type": "excitation", "seed": 3, "rate": RATE}
+    loaded = load_simulation({**chosen, **values})
+    return loaded, Simulation(loaded).next_block(400)
+
+
+def files(folder, loaded, duration=7200.0):
+    values = ImuValues(realised_imu(loaded), loaded.rate, 9.81, "/imu0", duration)
+    write_all(folder, values)
+    return {path.name: path.read_text(encoding="utf-8") for path in folder.iterdir()}
+
+
+def parsed(text):
+    """YAML as OpenCV writes it, without its directive."""
+    return yaml.safe_load(text.removeprefix("%YAML:1.0\n").removeprefix("---\n"))
+
+
+def chain(text):
+    imu = parsed(text)["imu0"]
+    names = ("Tw", "R_IMUtoGYRO", "Ta", "R_IMUtoACC", "Tg")
+    return [np.array(imu[name], dtype=float) for name in names]
+
+
+def test_a_seed_realised_gives_the_same_readings():
+    loaded, block = simulated(
+        **FULL,
+        **{
+            "imu.gyroscope_temperature_scale": [1e-3, 2e-3, 3e-3],
+            "imu.accelerometer_quadratic": [1e-3, 0, -1e-3],
+            "temperature.value": 45.0,
+        },
+    )
+    again = dataclasses.replace(loaded, imu=realised_imu(loaded), seed=99)
+    other = Simulation(again).next_block(400)
+    np.testing.assert_allclose(other.gyro, block.gyro, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(other.accel, block.accel, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("errors", [FULL, LOWER], ids=["full", "lower"])
+def test_openvins_predicts_the_readings(tmp_path, errors):
+    """Its Simulator.cpp, with what is left of T after VioManagerOptions.h: a lower triangle."""
+    loaded, block = simulated(**errors)
+    tw, r_gyro, ta, r_acc, tg = chain(files(tmp_path / "c", loaded)["kalibr_imu_chain.yaml"])
+    tw, ta = (np.linalg.inv(np.tril(np.linalg.inv(t))) for t in (tw, ta))
+    for r in (r_gyro, r_acc):
+        np.testing.assert_allclose(r @ r.T, np.eye(3), atol=1e-11)
+        assert np.linalg.det(r) > 0.0
+    bias = realised_imu(loaded)
+    gyro = block.ideal_gyro @ (tw @ r_gyro).T + block.ideal_accel @ tg.T + bias.gyroscope_bias
+    accel = block.ideal_accel @ (ta @ r_acc).T + bias.accelerometer_bias
+    # Twelve digits are written, of numbers up to 40.
+    np.testing.assert_allclose(gyro, block.gyro, rtol=0, atol=1e-10)
+    np.testing.assert_allclose(accel, block.accel, rtol=0, atol=1e-9)
+
+
+def test_a_triangular_response_stays_as_it_is_in_openvins(tmp_path):
+    loaded, _ = simulated(**{"imu.gyroscope_scale_error_percent": [1.0, 2.0, -3.0]})
+    tw, r_gyro, *_ = chain(files(tmp_path / "c", loaded)["kalibr_imu_chain.yaml"])
+    np.testing.assert_allclose(tw, np.diag([1.01, 1.02, 0.97]), atol=1e-12)
+    np.testing.assert_array_equal(r_gyro, np.eye(3))
+
+
+def test_basalt_removes_the_errors(tmp_path):
+    """calib_bias.hpp: (I + M) reading - b; M by columns, the accelerometer's a lower triangle."""
+    without = {k: v for k, v in LOWER.items() if "g_sensitivity" not in k}
+    loaded, block = simulated(**without)
+    text = files(tmp_path / "c", loaded)["basalt_calibration.json"]
+    content = json.loads(text)["value0"]
+    assert "without a place" not in " ".join(content["comment"])
+    accel, gyro = content["calib_accel_bias"], content["calib_gyro_bias"]
+    assert (len(accel), len(gyro)) == (9, 12)
+    m_a = np.zeros((3, 3))
+    m_a[:, 0], m_a[1, 1], m_a[2, 1], m_a[2, 2] = accel[3:6], accel[6], accel[7], accel[8]
+    m_g = np.column_stack([gyro[3:6], gyro[6:9], gyro[9:12]])
+    force = block.accel + block.accel @ m_a.T - accel[:3]
+    rate = block.gyro + block.gyro @ m_g.T - gyro[:3]
+    np.testing.assert_allclose(force, block.ideal_accel, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(rate, block.ideal_gyro, rtol=0, atol=1e-13)
+
+
+def test_basalt_has_densities_per_axis_and_the_rate(tmp_path):
+    loaded, _ = simulated(**{"imu.gyroscope_noise_density": [1e-3, 2e-3, 3e-3]})
+    content = json.loads(files(tmp_path / "c", loaded)["basalt_calibration.json"])["value0"]
+    assert content["gyro_noise_std"] == [1e-3, 2e-3, 3e-3]
+    assert content["accel_bias_std"] == [1e-12] * 3  # its inverse is a weight
+    assert content["imu_update_rate"] == RATE
+    assert content["T_imu_cam"] == content["intrinsics"] == content["resolution"] == []
+
+
+def test_basalt_says_what_its_lower_triangle_cannot_hold(tmp_path):
+    loaded, _ = simulated(**FULL)
+    content = json.loads(files(tmp_path / "c", loaded)["basalt_calibration.json"])["value0"]
+    (line,) = [line for line in content["comment"] if "without a place" in line]
+    assert "accelerometer_scale_misalignment" in line
+    assert "gyroscope_g_sensitivity" in line
+    assert "gyroscope_scale_misalignment" not in line
+
+
+def test_vins_fusion_reads_its_imu(tmp_path):
+    """parameters.cpp reads imu_topic and the noise only where ``imu`` is 1."""
+    loaded, _ = simulated(**{"imu.preset": "lecture"})
+    found = files(tmp_path / "c", loaded)
+    fusion, mono = parsed(found["vins_fusion.yaml"]), parsed(found["vins_mono.yaml"])
+    assert fusion.pop("imu") == 1
+    assert fusion == mono
+    assert mono["gyr_n"] == pytest.approx(0.015 * np.sqrt(RATE))
+
+
+def test_allan_variance_ros_takes_every_sample(tmp_path):
+    loaded, _ = simulated(rate=100.5)
+    config = yaml.safe_load(files(tmp_path / "c", loaded, 3599.2)["allan_variance_ros.yaml"])
+    assert config == {
+        "imu_topic": "/imu0",
+        "imu_rate": 100.5,
+        "measure_rate": 100,
+        "sequence_time": 3600,
+    }
+    assert int(config["imu_rate"] / config["measure_rate"]) == 1
+    assert type(config["measure_rate"]) is type(config["sequence_time"]) is int
+
+
+def test_imu_utils_has_its_own_text_and_the_axes(tmp_path):
+    loaded, _ = simulated(**{"imu.accelerometer_noise_density": [1e-3, 2e-3, 3e-3]})
+    text = files(tmp_path / "c", loaded)["imu_utils.yaml"]
+    assert '   unit: " rad/s"\n' in text
+    assert '   unit: " m/s^2"\n' in text
+    axes = parsed(text)["Acc"]
+    found = [float(axes[f"{axis}-axis"]["acc_n"]) for axis in ("x", "y", "z", "avg")]
+    np.testing.assert_allclose(found, np.array([1e-3, 2e-3, 3e-3, 2e-3]) * np.sqrt(RATE))
+
+
+@pytest.mark.parametrize(
+    ("name", "word"),
+    [
+        ("imu.yaml", "whole"),
+        ("kalibr_imu_chain.yaml", "whole"),
+        ("allan_variance_ros.yaml", "whole"),
+        ("vins_mono.yaml", "fragment"),
+        ("vins_fusion.yaml", "fragment"),
+        ("orb_slam3.yaml", "fragment"),
+        ("basalt_calibration.json", "fragment"),
+    ],
+)
+def test_each_file_says_whether_it_is_whole(tmp_path, name, word):
+    loaded, _ = simulated()
+    text = files(tmp_path / "c", loaded)[name]
+    assert word in text
+    assert {"whole": "fragment", "fragment": "whole"}[word] not in text
+
+
+# What each format has a place for besides the densities, by the sources of the stacks.
+SCALES = {"gyroscope_scale_misalignment", "accelerometer_scale_misalignment"}
+EXPRESSED = {
+    "imu.yaml": set(),
+    "vins_fusion.yaml": set(),
+    "orb_slam3.yaml": set(),
+    "kalibr_imu_chain.yaml": SCALES | {"gyroscope_g_sensitivity"},
+    "basalt_calibration.json": SCALES | {"gyroscope_bias", "accelerometer_bias"},
+    "imu_utils.yaml": {"gyroscope_bias_instability", "accelerometer_bias_instability"},
+}
+QUALIFIERS = {"preset", "reference_temperature", "bandwidth_order", "lever_arm", "mounting"}
+IN_EVERY_FORMAT = ("noise_density", "random_walk", "correlation_time")
+TERMS = [
+    name
+    for name in parameters(ImuParameters)
+    if name not in QUALIFIERS and not name.endswith(IN_EVERY_FORMAT)
+]
+
+
+def changed(name, parameter):
+    """A value that switches a term on, with what it needs beside it."""
+    triad = name.split("_")[0]
+    beside = {
+        "gauss_markov": {f"imu.{triad}_correlation_time": 10.0},
+        "dropout_burst_rate": {"imu.dropout_burst_duration": 0.1},
+    }
+    value = {
+        "matrix": [1.01, 0, 0, 0.01, 1.02, 0, 0, 0, 1.0],
+        "vector": [0.01, 0.02, 0.03],
+        "number": 1e-3,
+        "choice": "averaged",
+        "numbers": [0.0, 0, 0.1, 0, 0, 0] if parameter.group == 6 else [0.1, 0.2, 0.3],
+    }[parameter.kind]
+    result = {f"imu.{name}": value}
+    for key, more in beside.items():
+        result |= more if key in name else {}
+    return result
+
+
+@pytest.mark.parametrize("name", TERMS)
+def test_every_simulated_term_is_in_the_file_or_named_in_it(tmp_path, name):
+    loaded, _ = simulated(**changed(name, parameters(ImuParameters)[name]))
+    default = flatten(ImuParameters())
+    active = {key for key, value in flatten(realised_imu(loaded)).items() if value != default[key]}
+    active = {key for key in active if key in TERMS}
+    assert active
+    found = files(tmp_path / "c", loaded)
+    for file, expressed in EXPRESSED.items():
+        named = {word.strip(',#"') for word in found[file].split()}
+        assert {key for key in active if key in named} == active - expressed, file
+
+
+def test_a_sensor_that_mirrors_or_is_dead_is_said_and_does_not_fail(tmp_path):
+    for k, first in enumerate((-1.0, 0.0)):
+        loaded, _ = simulated(
+            **{"imu.gyroscope_scale_misalignment": [first, 0, 0, 0, 1, 0, 0, 0, 1]}
+        )
+        found = files(tmp_path / str(k), loaded)
+        for name in ("kalibr_imu_chain.yaml", "basalt_calibration.json"):
+            assert "gyroscope_scale_misalignment" in found[name]
