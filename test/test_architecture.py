@@ -52,6 +52,7 @@ ONLY_IN = {
 }
 LONGEST_FILE = 400
 LONGEST_FUNCTION = 50
+LARGEST_ROOM, LONGEST_FILE, LONGEST_FUNCTION = 12, 400, 50
 # Reading a file of poses must not cost what only some commands need.
 HEAVY = {"cv2", "scipy", "matplotlib", "rosbags", "mcap", "rich", "yaml"}
 
@@ -124,6 +125,22 @@ def test_rooms_are_imported_through_their_door(path):
             for room, name in doors_passed(node.module, [alias.name for alias in node.names]):
                 open_door = room in path.parents or (room / name).is_dir()
                 assert open_door or name in exports(room), f"{dotted(room)} exports no {name}"
+
+
+@pytest.mark.parametrize("room", [PACKAGE, *rooms()], ids=dotted)
+def test_rooms_are_small_enough_to_live_in(room):
+    files = [path.name for path in room.glob("*.py") if path.name != "__init__.py"]
+    assert len(files) <= LARGEST_ROOM, f"{len(files)} files on one level: {files}"
+
+
+@pytest.mark.parametrize("path", modules(), ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_files_and_functions_are_short(path):
+    text = path.read_text(encoding="utf-8")
+    assert text.count("\n") <= LONGEST_FILE
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            lines = node.end_lineno - node.lineno + 1
+            assert lines <= LONGEST_FUNCTION, f"{node.name} has {lines} lines"
 
 
 @pytest.mark.parametrize("room", rooms(), ids=dotted)

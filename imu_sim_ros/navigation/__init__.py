@@ -7,24 +7,31 @@ Works on arrays and knows neither bags nor nodes. Imports the leaves.
 """
 
 from imu_sim_ros.navigation import initialisation
-from imu_sim_ros.navigation.alignment import ALIGNMENTS, Alignment, align
-from imu_sim_ros.navigation.association import common_rows, interpolate_poses, interpolate_vectors
-from imu_sim_ros.navigation.consistency import Band, anees_band, nees
-from imu_sim_ros.navigation.correction import correction_of
-from imu_sim_ros.navigation.dead_reckoning import dead_reckon
-from imu_sim_ros.navigation.drift import Drift, Truth, drift_from
-from imu_sim_ros.navigation.evaluation import (
+from imu_sim_ros.navigation.comparison import (
+    ALIGNMENTS,
     AbsoluteErrors,
+    Alignment,
+    Band,
+    Drift,
+    Truth,
     absolute_errors,
+    align,
+    anees_band,
+    common_rows,
     distances,
+    drift_from,
+    interpolate_poses,
+    interpolate_vectors,
+    nees,
     pairs,
     relative_errors,
     statistics,
 )
+from imu_sim_ros.navigation.correction import correction_of
 from imu_sim_ros.navigation.initialisation import Initial
 from imu_sim_ros.navigation.noise import noise_of
 from imu_sim_ros.navigation.state import NavigationState, NavigationStates
-from imu_sim_ros.navigation.stepper import Counts, Stepper
+from imu_sim_ros.navigation.strapdown import Counts, Stepper, dead_reckon
 
 __all__ = [
     "ALIGNMENTS",

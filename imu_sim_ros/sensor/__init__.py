@@ -27,10 +27,10 @@ the size of the block in which it is made.
 """
 
 from imu_sim_ros.sensor.block import ImuBlock
+from imu_sim_ros.sensor.errors import accel_variance_discrete, gyro_variance_discrete
 from imu_sim_ros.sensor.faults import Fault
 from imu_sim_ros.sensor.imu import Imu
 from imu_sim_ros.sensor.realised import realised_imu
-from imu_sim_ros.sensor.variance import accel_variance_discrete, gyro_variance_discrete
 
 __all__ = [
     "Fault",

@@ -10,11 +10,10 @@ from imu_sim_ros import timebase
 from imu_sim_ros.config import SimulationParameters
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.sensor.block import ImuBlock
+from imu_sim_ros.sensor.errors import TemperatureProfile, Triad
 from imu_sim_ros.sensor.faults import Fault, FaultSchedule
 from imu_sim_ros.sensor.ideal import IdealImu
-from imu_sim_ros.sensor.temperature import TemperatureProfile
 from imu_sim_ros.sensor.timing import Clock, Transport
-from imu_sim_ros.sensor.triad import Triad
 from imu_sim_ros.trajectory import Motion, Trajectory
 
 Array = NDArray[np.float64]

@@ -10,8 +10,7 @@ import numpy as np
 
 from imu_sim_ros.config import ImuParameters, SimulationParameters
 from imu_sim_ros.conventions import TRIADS
-from imu_sim_ros.sensor.deterministic import TurnOn, scale_misalignment
-from imu_sim_ros.sensor.noise import axis_values
+from imu_sim_ros.sensor.errors import TurnOn, axis_values, scale_misalignment
 
 
 def realised_imu(parameters: SimulationParameters) -> ImuParameters:

@@ -10,6 +10,6 @@ Imports the leaves: conventions, errors, rotation, timebase, config, poses.
 from imu_sim_ros.trajectory.build import PoseReader, build_trajectory
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.trajectory.plausible import implausible
-from imu_sim_ros.trajectory.recorded import fit_report
+from imu_sim_ros.trajectory.splines import fit_report
 
 __all__ = ["Motion", "PoseReader", "Trajectory", "build_trajectory", "fit_report", "implausible"]

@@ -44,7 +44,7 @@ def build_trajectory(
         trajectory = LeadIn(trajectory, parameters.lead_in)
     vibration = parameters.vibration
     if any(vibration.acceleration) or any(vibration.noise_rms):
-        from imu_sim_ros.trajectory.vibration import Vibrating, Vibration
+        from imu_sim_ros.trajectory.kinds import Vibrating, Vibration
 
         return Vibrating(trajectory, Vibration(vibration))
     return trajectory
@@ -54,35 +54,35 @@ def _motion(parameters: TrajectoryParameters, pose_reader: PoseReader) -> Trajec
     """Return the bare motion; each kind is imported where it is wanted, SciPy with some."""
     match parameters:
         case StaticParameters():
-            from imu_sim_ros.trajectory.static import Static
+            from imu_sim_ros.trajectory.kinds import Static
 
             return Static.from_parameters(parameters)
         case HarmonicParameters():
-            from imu_sim_ros.trajectory.harmonic import Harmonic
+            from imu_sim_ros.trajectory.kinds import Harmonic
 
             return Harmonic(parameters)
         case PolarParameters():
-            from imu_sim_ros.trajectory.polar import Polar
+            from imu_sim_ros.trajectory.kinds import Polar
 
             return Polar(parameters)
         case FreeFallParameters():
-            from imu_sim_ros.trajectory.free_fall import FreeFall
+            from imu_sim_ros.trajectory.kinds import FreeFall
 
             return FreeFall(parameters)
         case WaypointsParameters():
-            from imu_sim_ros.trajectory.waypoints import Waypoints
+            from imu_sim_ros.trajectory.kinds import Waypoints
 
             return Waypoints(parameters)
         case TurntableParameters():
-            from imu_sim_ros.trajectory.calibration_motion import turntable
+            from imu_sim_ros.trajectory.kinds import turntable
 
             return turntable(parameters)
         case SixPositionParameters():
-            from imu_sim_ros.trajectory.calibration_motion import six_position
+            from imu_sim_ros.trajectory.kinds import six_position
 
             return six_position(parameters)
         case PosesParameters():
-            from imu_sim_ros.trajectory.recorded import Recorded
+            from imu_sim_ros.trajectory.splines import Recorded
 
             topic = (parameters.topic,) if parameters.topic else ()
             return Recorded(pose_reader(Path(parameters.file), *topic), parameters)

@@ -25,8 +25,8 @@ from imu_sim_ros.commands.common import print_table
 from imu_sim_ros.config import files
 from imu_sim_ros.config.simulation import SimulationParameters, load_simulation
 from imu_sim_ros.navigation.correction import Correction
-from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.state import NavigationState
+from imu_sim_ros.navigation.strapdown.dead_reckoning import dead_reckon
 from imu_sim_ros.simulation import Simulation
 
 G = 9.81

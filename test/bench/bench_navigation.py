@@ -16,12 +16,12 @@ from imu_sim_ros.commands.common import print_table
 from imu_sim_ros.config.integrator import ATTITUDE_UPDATES, METHODS
 from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.navigation.covariance import Covariance
-from imu_sim_ros.navigation.dead_reckoning import dead_reckon, dead_reckon_integrals
-from imu_sim_ros.navigation.intervals import Readings
 from imu_sim_ros.navigation.noise import Noise
-from imu_sim_ros.navigation.preintegration import preintegrate
+from imu_sim_ros.navigation.preintegration.deltas import preintegrate
+from imu_sim_ros.navigation.preintegration.intervals import Readings
 from imu_sim_ros.navigation.state import AT_REST, NavigationState, NavigationStates
-from imu_sim_ros.navigation.stepper import Stepper
+from imu_sim_ros.navigation.strapdown.dead_reckoning import dead_reckon, dead_reckon_integrals
+from imu_sim_ros.navigation.strapdown.stepper import Stepper
 from imu_sim_ros.simulation import Simulation
 
 SAMPLES = 2_000_000

@@ -17,7 +17,7 @@ from imu_sim_ros.config import files
 from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.poses import PoseSequence, read_poses, write_tum
 from imu_sim_ros.trajectory import Trajectory, build_trajectory
-from imu_sim_ros.trajectory.recorded import fit_report
+from imu_sim_ros.trajectory.splines.recorded import fit_report
 
 BLOCK = 8192
 RATE = 200.0

@@ -286,8 +286,8 @@ def test_files_are_read_by_simulator_and_integrator(tmp_path):
 def test_the_correction_makes_dead_reckoning_drift_less():
     """The closed loop: flaws in, calibrated on two runs, taken out of a third."""
     from imu_sim_ros.navigation.correction import Correction
-    from imu_sim_ros.navigation.dead_reckoning import dead_reckon
     from imu_sim_ros.navigation.state import NavigationState
+    from imu_sim_ros.navigation.strapdown.dead_reckoning import dead_reckon
 
     six = Run("six_position", FLAWS, seed=10)
     table = Run("turntable", FLAWS, seed=11)

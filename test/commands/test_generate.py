@@ -20,7 +20,7 @@ from imu_sim_ros.bags.read import open_bag, read_imu, read_odometry, read_poses
 from imu_sim_ros.commands.generate import main
 from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.rotation import rotate
-from imu_sim_ros.sensor.variance import gyro_variance_discrete
+from imu_sim_ros.sensor.errors.variance import gyro_variance_discrete
 from imu_sim_ros.simulation import Simulation
 
 LAYER = {"trajectory.type": "lecture", "imu.preset": "lecture", "duration": 4.0, "seed": 3}

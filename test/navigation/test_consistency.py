@@ -16,14 +16,14 @@ import pytest
 from imu_sim_ros import rotation
 from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.navigation import covariance
-from imu_sim_ros.navigation.consistency import anees_band, nees, straightened
+from imu_sim_ros.navigation.comparison.consistency import anees_band, nees, straightened
 from imu_sim_ros.navigation.covariance import propagate
-from imu_sim_ros.navigation.dead_reckoning import dead_reckon
-from imu_sim_ros.navigation.intervals import Readings
 from imu_sim_ros.navigation.noise import noise_of
-from imu_sim_ros.navigation.preintegration import preintegrate
-from imu_sim_ros.navigation.residuals import States, imu_residual
+from imu_sim_ros.navigation.preintegration.deltas import preintegrate
+from imu_sim_ros.navigation.preintegration.intervals import Readings
+from imu_sim_ros.navigation.preintegration.residuals import States, imu_residual
 from imu_sim_ros.navigation.state import AT_REST, NavigationStates
+from imu_sim_ros.navigation.strapdown.dead_reckoning import dead_reckon
 from imu_sim_ros.simulation import Simulation
 
 RUNS = 500

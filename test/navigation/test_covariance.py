@@ -12,9 +12,9 @@ from imu_sim_ros.navigation.covariance import (
     initial_covariance,
     propagate,
 )
-from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.noise import Noise
 from imu_sim_ros.navigation.state import AT_REST, NavigationState
+from imu_sim_ros.navigation.strapdown.dead_reckoning import dead_reckon
 
 SILENT = Noise(*np.zeros((4, 3)))
 AXES = np.array([1.0, 2.0, 3.0])

@@ -6,14 +6,14 @@ import pytest
 
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError, InputError
-from imu_sim_ros.navigation.alignment import align
-from imu_sim_ros.navigation.association import (
+from imu_sim_ros.navigation.comparison.alignment import align
+from imu_sim_ros.navigation.comparison.association import (
     common_rows,
     interpolate_poses,
     interpolate_vectors,
 )
-from imu_sim_ros.navigation.drift import Truth, drift_from
-from imu_sim_ros.navigation.evaluation import (
+from imu_sim_ros.navigation.comparison.drift import Truth, drift_from
+from imu_sim_ros.navigation.comparison.evaluation import (
     absolute_errors,
     distances,
     pairs,

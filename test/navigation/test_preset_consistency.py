@@ -19,11 +19,11 @@ from imu_sim_ros.config.integrator import IntegratorParameters, layer_integrator
 from imu_sim_ros.config.parameter import build
 from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.navigation import covariance, initialisation
-from imu_sim_ros.navigation.consistency import anees_band, nees
+from imu_sim_ros.navigation.comparison.consistency import anees_band, nees
 from imu_sim_ros.navigation.covariance import propagate
-from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.noise import noise_of
 from imu_sim_ros.navigation.state import NavigationStates
+from imu_sim_ros.navigation.strapdown.dead_reckoning import dead_reckon
 from imu_sim_ros.simulation import Simulation
 
 RATE = 200.0

@@ -11,8 +11,8 @@ import pytest
 from imu_sim_ros import rotation
 from imu_sim_ros.config.integrator import IntegratorParameters, layer_integrator
 from imu_sim_ros.config.parameter import build
-from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.state import AT_REST
+from imu_sim_ros.navigation.strapdown.dead_reckoning import dead_reckon
 from imu_sim_ros.nodes.decode import ImuReading, Truth
 from imu_sim_ros.nodes.integrator.odometer import Odometer, Row
 

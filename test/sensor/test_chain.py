@@ -14,8 +14,8 @@ from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.config.temperature import TemperatureParameters
 from imu_sim_ros.sensor import accel_variance_discrete, gyro_variance_discrete
 from imu_sim_ros.sensor.block import ImuBlock
-from imu_sim_ros.sensor.output import noise_gain
-from imu_sim_ros.sensor.temperature import TemperatureProfile, polynomial
+from imu_sim_ros.sensor.errors.output import noise_gain
+from imu_sim_ros.sensor.errors.temperature import TemperatureProfile, polynomial
 from imu_sim_ros.simulation import Simulation
 
 S = np.array([[1.01, 0.002, -0.003], [0.004, 0.98, 0.005], [-0.006, 0.007, 1.02]])

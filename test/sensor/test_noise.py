@@ -16,11 +16,11 @@ from imu_sim_ros.config.imu import ImuParameters
 from imu_sim_ros.config.parameter import build
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.random_streams import axis_generators, generator
-from imu_sim_ros.sensor.autoregressive import CHUNK, GaussMarkovBank
-from imu_sim_ros.sensor.deterministic import TurnOn
-from imu_sim_ros.sensor.flicker import CHUNK as FLICKER_CHUNK
-from imu_sim_ros.sensor.flicker import FlickerFilter, FlickerNoise
-from imu_sim_ros.sensor.noise import (
+from imu_sim_ros.sensor.errors.autoregressive import CHUNK, GaussMarkovBank
+from imu_sim_ros.sensor.errors.deterministic import TurnOn
+from imu_sim_ros.sensor.errors.flicker import CHUNK as FLICKER_CHUNK
+from imu_sim_ros.sensor.errors.flicker import FlickerFilter, FlickerNoise
+from imu_sim_ros.sensor.errors.noise import (
     BiasInstability,
     GaussMarkov,
     RandomWalk,

@@ -12,7 +12,7 @@ from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.poses import PoseSequence, read_poses, write_tum
 from imu_sim_ros.trajectory import build_trajectory
-from imu_sim_ros.trajectory.recorded import fit_report
+from imu_sim_ros.trajectory.splines.recorded import fit_report
 
 DATA = Path(__file__).parents[2].parent / "shared/data"
 EUROC = DATA / "euroc_V1_02_medium_groundtruth.csv"

@@ -202,7 +202,7 @@ def propagate(
 ) -> Array:
     """Return the covariance of a dead-reckoned record at some of its rows.
 
-    :param states: what :func:`~imu_sim_ros.navigation.dead_reckoning.dead_reckon` returned, n rows.
+    :param states: what :func:`~imu_sim_ros.navigation.dead_reckon` returned, n rows.
     :param accel: (n, 3) corrected specific forces [m/s^2].
     :param noise: the IMU's errors.
     :param initial: (15, 15) covariance at the first row, or one such as

@@ -8,12 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.navigation.association import (
+from imu_sim_ros.navigation.comparison.association import (
     common_rows,
     interpolate_poses,
     interpolate_vectors,
 )
-from imu_sim_ros.navigation.evaluation import attitude_errors, distances
+from imu_sim_ros.navigation.comparison.evaluation import attitude_errors, distances
 from imu_sim_ros.navigation.state import NavigationState, NavigationStates
 from imu_sim_ros.poses import PoseSequence
 

@@ -3,8 +3,8 @@
 
 """The increment of one interval in plain floats, for the stepper.
 
-The formulas are those of :mod:`imu_sim_ros.navigation.increments`, where they are written for
-arrays.
+The formulas are those of :mod:`imu_sim_ros.navigation.strapdown.increments`, where they are
+written for arrays.
 """
 
 from collections.abc import Callable
@@ -28,7 +28,7 @@ from imu_sim_ros.rotation.scalars import (
 )
 
 Increment: TypeAlias = tuple[Q4, V3, V3]
-"""(dq, dv, dp) of an interval, see :class:`imu_sim_ros.navigation.increments.Increments`."""
+"""(dq, dv, dp) of an interval, see ``Increments`` of the arrays."""
 IncrementOf: TypeAlias = Callable[[Q4, float, V3, V3, V3, V3], Increment]
 """(attitude at the start, length, rate at start and end, force at start and end) -> increment."""
 

@@ -30,8 +30,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.navigation.intervals import Readings
 from imu_sim_ros.navigation.noise import Noise
+from imu_sim_ros.navigation.preintegration.intervals import Readings
 
 Array = NDArray[np.float64]
 
@@ -117,16 +117,8 @@ def preintegrate(
         alpha = alpha + np.sum((betas[:-1] + 0.5 * gained) * h[..., None], axis=0)
         beta = betas[-1]
         errors.extend(h, f.reshape(*h.shape, SIZE, SIZE), g.reshape(*h.shape, SIZE, 12))
-    return Preintegration(
-        readings.h.sum(axis=1),
-        alpha,
-        beta,
-        gamma,
-        errors.jacobian,
-        errors.covariance,
-        accel_bias,
-        gyro_bias,
-    )
+    mean = (readings.h.sum(axis=1), alpha, beta, gamma)
+    return Preintegration(*mean, errors.jacobian, errors.covariance, accel_bias, gyro_bias)
 
 
 def _pairs(values: Array) -> Array:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
-from imu_sim_ros.navigation.preintegration import (
+from imu_sim_ros.navigation.preintegration.deltas import (
     ACCEL_BIAS,
     ALPHA,
     BETA,
@@ -198,9 +198,7 @@ def reprojection_residual(
     x, y, z = in_second.T
     residual = np.stack([x / z, y / z], axis=1) - seen_second
 
-    projection = np.zeros((len(z), 2, 3))
-    projection[:, 0, 0] = projection[:, 1, 1] = 1.0 / z
-    projection[:, 0, 2], projection[:, 1, 2] = -x / (z * z), -y / (z * z)
+    projection = _by_point(x, y, z)
     r_bc = rotation.to_matrix(camera.q)
     r_cb = r_bc.swapaxes(-1, -2)
     from_world = r_cb @ rotation.to_matrix(second.q).swapaxes(1, 2)
@@ -221,3 +219,11 @@ def reprojection_residual(
         (projection @ by_depth)[..., 0],
         z,
     )
+
+
+def _by_point(x: Array, y: Array, z: Array) -> Array:
+    """The derivatives (B, 2, 3) of x / z and y / z by the point."""
+    projection = np.zeros((len(z), 2, 3))
+    projection[:, 0, 0] = projection[:, 1, 1] = 1.0 / z
+    projection[:, 0, 2], projection[:, 1, 2] = -x / (z * z), -y / (z * z)
+    return projection

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.config import ImuParameters
-from imu_sim_ros.sensor.noise import axis_values
+from imu_sim_ros.sensor.errors.noise import axis_values
 
 Array = NDArray[np.float64]
 

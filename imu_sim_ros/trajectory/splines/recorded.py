@@ -11,9 +11,9 @@ from imu_sim_ros import rotation, timebase
 from imu_sim_ros.config import PosesParameters
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.poses import PoseSequence
-from imu_sim_ros.trajectory.bspline import PoseSpline, UniformKnots
 from imu_sim_ros.trajectory.motion import Array, Motion, Trajectory
-from imu_sim_ros.trajectory.spline_fit import fit
+from imu_sim_ros.trajectory.splines.bspline import PoseSpline, UniformKnots
+from imu_sim_ros.trajectory.splines.spline_fit import fit
 
 _LEAST_POSES: Final = 4
 _LEAST_SPACING: Final = 0.02  # s

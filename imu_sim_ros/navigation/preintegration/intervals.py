@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.navigation.association import interpolate_vectors
+from imu_sim_ros.navigation.comparison import interpolate_vectors
 
 Array = NDArray[np.float64]
 

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.config import ImuParameters
-from imu_sim_ros.sensor.deterministic import ConstantBias, Response, TurnOn
-from imu_sim_ros.sensor.faults import FaultSchedule
-from imu_sim_ros.sensor.noise import (
+from imu_sim_ros.sensor.errors.deterministic import ConstantBias, Response, TurnOn
+from imu_sim_ros.sensor.errors.noise import (
     BiasInstability,
     GaussMarkov,
     RandomWalk,
@@ -19,8 +18,9 @@ from imu_sim_ros.sensor.noise import (
     Term,
     WhiteNoise,
 )
-from imu_sim_ros.sensor.output import Digitiser, LowPass
-from imu_sim_ros.sensor.temperature import polynomial
+from imu_sim_ros.sensor.errors.output import Digitiser, LowPass
+from imu_sim_ros.sensor.errors.temperature import polynomial
+from imu_sim_ros.sensor.faults import FaultSchedule
 
 Array = NDArray[np.float64]
 

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
-from imu_sim_ros.trajectory.bspline import BASIS, ORDER, PoseSpline, UniformKnots
 from imu_sim_ros.trajectory.motion import Array
+from imu_sim_ros.trajectory.splines.bspline import BASIS, ORDER, PoseSpline, UniformKnots
 
 _ITERATIONS: Final = 30
 _CONVERGED: Final = 1e-10  # rad

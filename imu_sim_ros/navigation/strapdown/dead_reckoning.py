@@ -40,12 +40,12 @@ from numpy.typing import NDArray
 from imu_sim_ros import rotation
 from imu_sim_ros.conventions import GRAVITY
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.navigation import increments
 from imu_sim_ros.navigation.correction import NO_CORRECTION, Correction
-from imu_sim_ros.navigation.increments import Increments
-from imu_sim_ros.navigation.readings import check_readings
 from imu_sim_ros.navigation.state import NavigationState, NavigationStates
-from imu_sim_ros.navigation.stepper import Stepper, check_method
+from imu_sim_ros.navigation.strapdown import increments
+from imu_sim_ros.navigation.strapdown.increments import Increments
+from imu_sim_ros.navigation.strapdown.readings import check_readings
+from imu_sim_ros.navigation.strapdown.stepper import Stepper, check_method
 from imu_sim_ros.rotation import components
 
 __all__ = ["Stepper", "dead_reckon", "dead_reckon_integrals"]

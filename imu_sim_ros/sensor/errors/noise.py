@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.config import ImuParameters
 from imu_sim_ros.random_streams import axis_generators
-from imu_sim_ros.sensor.autoregressive import GaussMarkovBank
-from imu_sim_ros.sensor.flicker import FlickerNoise
+from imu_sim_ros.sensor.errors.autoregressive import GaussMarkovBank
+from imu_sim_ros.sensor.errors.flicker import FlickerNoise
 
 Array = NDArray[np.float64]
 
@@ -122,10 +122,10 @@ class GaussMarkov:
 class BiasInstability:
     """Flicker noise with the power spectral density ``B^2 / (2 pi f)`` (IEEE Std 952-1997, C.1.3).
 
-    White noise through a filter (:mod:`imu_sim_ros.sensor.flicker`): the density is within 3.2 % of
-    1/f from 1e-4 Hz to the Nyquist frequency and within 6 % from 3.5e-5 Hz, at any rate from 50 Hz
-    to 8 kHz, and the Allan deviation that of exact 1/f noise, ``B sqrt(2 ln 2 / pi)``. Below that
-    band the density is flat. The noise is stationary from the first sample on.
+    White noise through a filter (:mod:`imu_sim_ros.sensor.errors.flicker`): the density is within
+    3.2 % of 1/f from 1e-4 Hz to the Nyquist frequency and within 6 % from 3.5e-5 Hz, at any rate
+    from 50 Hz to 8 kHz, and the Allan deviation that of exact 1/f noise, ``B sqrt(2 ln 2 / pi)``.
+    Below that band the density is flat. The noise is stationary from the first sample on.
     """
 
     def __init__(self, seed: int, triad: str, dt: float) -> None:

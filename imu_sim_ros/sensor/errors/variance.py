@@ -9,8 +9,8 @@ noise spans a step). Biases of every kind are not noise of a sample and are left
 """
 
 from imu_sim_ros.config import ImuParameters, Vector
-from imu_sim_ros.sensor.noise import axis_values
-from imu_sim_ros.sensor.output import noise_gain
+from imu_sim_ros.sensor.errors.noise import axis_values
+from imu_sim_ros.sensor.errors.output import noise_gain
 
 
 def gyro_variance_discrete(imu: ImuParameters, rate: float) -> Vector:

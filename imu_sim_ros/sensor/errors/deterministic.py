@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from imu_sim_ros.config import ImuParameters
 from imu_sim_ros.random_streams import axis_generators
 from imu_sim_ros.rotation.components import transform
-from imu_sim_ros.sensor.noise import axis_values
+from imu_sim_ros.sensor.errors.noise import axis_values
 
 Array = NDArray[np.float64]
 

@@ -3,8 +3,9 @@
 
 """Dead reckoning one reading at a time, for a node: plain floats, no array per step.
 
-The steps and attitude updates are those of :mod:`imu_sim_ros.navigation.dead_reckoning`, where the
-formulas stand; both give the same numbers up to rounding.
+The steps and attitude updates are those of
+:mod:`imu_sim_ros.navigation.strapdown.dead_reckoning`, where the formulas stand; both
+give the same numbers up to rounding.
 """
 
 import math
@@ -17,8 +18,8 @@ from imu_sim_ros.config import ATTITUDE_UPDATES, IDENTITY_MATRIX, METHODS, ZERO_
 from imu_sim_ros.conventions import GRAVITY
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.navigation.correction import NO_CORRECTION, Correction
-from imu_sim_ros.navigation.scalar_increments import INCREMENTS
 from imu_sim_ros.navigation.state import NavigationState
+from imu_sim_ros.navigation.strapdown.scalar_increments import INCREMENTS
 from imu_sim_ros.rotation.scalars import (
     M9,
     Q4,

@@ -1,0 +1,45 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A trajectory against a truth: association, alignment, errors, drift, consistency.
+
+Imports the leaves and the room above.
+"""
+
+from imu_sim_ros.navigation.comparison.alignment import ALIGNMENTS, Alignment, align
+from imu_sim_ros.navigation.comparison.association import (
+    common_rows,
+    interpolate_poses,
+    interpolate_vectors,
+)
+from imu_sim_ros.navigation.comparison.consistency import Band, anees_band, nees
+from imu_sim_ros.navigation.comparison.drift import Drift, Truth, drift_from
+from imu_sim_ros.navigation.comparison.evaluation import (
+    AbsoluteErrors,
+    absolute_errors,
+    distances,
+    pairs,
+    relative_errors,
+    statistics,
+)
+
+__all__ = [
+    "ALIGNMENTS",
+    "AbsoluteErrors",
+    "Alignment",
+    "Band",
+    "Drift",
+    "Truth",
+    "absolute_errors",
+    "align",
+    "anees_band",
+    "common_rows",
+    "distances",
+    "drift_from",
+    "interpolate_poses",
+    "interpolate_vectors",
+    "nees",
+    "pairs",
+    "relative_errors",
+    "statistics",
+]

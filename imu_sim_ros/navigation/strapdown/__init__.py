@@ -1,0 +1,13 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Dead reckoning, of whole records and one reading at a time.
+
+The equations of motion stand here; where to start and what is known of it lie in the room above.
+Imports the leaves and the room above.
+"""
+
+from imu_sim_ros.navigation.strapdown.dead_reckoning import dead_reckon
+from imu_sim_ros.navigation.strapdown.stepper import Counts, Stepper
+
+__all__ = ["Counts", "Stepper", "dead_reckon"]

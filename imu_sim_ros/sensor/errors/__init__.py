@@ -1,0 +1,23 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The errors of one triad, in the order of the docstring of the room above.
+
+Imports the leaves, and faults and random streams of the room above.
+"""
+
+from imu_sim_ros.sensor.errors.deterministic import TurnOn, scale_misalignment
+from imu_sim_ros.sensor.errors.noise import axis_values
+from imu_sim_ros.sensor.errors.temperature import TemperatureProfile
+from imu_sim_ros.sensor.errors.triad import Triad
+from imu_sim_ros.sensor.errors.variance import accel_variance_discrete, gyro_variance_discrete
+
+__all__ = [
+    "TemperatureProfile",
+    "Triad",
+    "TurnOn",
+    "accel_variance_discrete",
+    "axis_values",
+    "gyro_variance_discrete",
+    "scale_misalignment",
+]
