@@ -25,6 +25,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.navigation.noise import Noise
 
 Array = NDArray[np.float64]
@@ -33,7 +34,7 @@ FLICKER_CORRELATION_TIMES: Final = (0.1, 1.0, 10.0, 100.0, 1000.0, 10000.0)
 """[s] of the Gauss-Markov processes whose sum is 1/f noise, a decade apart, of equal variance."""
 _FLICKER_SHARE: Final = np.log(10.0) / np.pi
 """Variance of each over B^2: their sum has the density ``B^2 / (2 pi f)`` of IEEE Std 952-1997."""
-_TRIADS: Final = ("gyroscope", "accelerometer")
+_TRIADS: Final = TRIADS
 
 
 class SlowErrors:
