@@ -34,7 +34,6 @@ FLICKER_CORRELATION_TIMES: Final = (0.1, 1.0, 10.0, 100.0, 1000.0, 10000.0)
 """[s] of the Gauss-Markov processes whose sum is 1/f noise, a decade apart, of equal variance."""
 _FLICKER_SHARE: Final = np.log(10.0) / np.pi
 """Variance of each over B^2: their sum has the density ``B^2 / (2 pi f)`` of IEEE Std 952-1997."""
-_TRIADS: Final = TRIADS
 
 
 class SlowErrors:
@@ -121,7 +120,7 @@ _Entry = tuple[int, float, float]
 def _gauss_markov(noise: Noise) -> list[_Entry]:
     """Return the Gauss-Markov biases, whichever of the two ways their strength is given in."""
     entries = []
-    for k, triad in enumerate(_TRIADS):
+    for k, triad in enumerate(TRIADS):
         tau = getattr(noise, f"{triad}_correlation_time")
         # The density b drives a stationary variance of b^2 tau / 2.
         sigma = getattr(noise, f"{triad}_gauss_markov_sigma") + getattr(
@@ -135,7 +134,7 @@ def _flicker(noise: Noise) -> list[_Entry]:
     """Return the processes of the 1/f noise."""
     return [
         (3 * k + i, tau, float(b * np.sqrt(_FLICKER_SHARE)))
-        for k, triad in enumerate(_TRIADS)
+        for k, triad in enumerate(TRIADS)
         for i, b in enumerate(getattr(noise, f"{triad}_bias_instability"))
         if b > 0
         for tau in FLICKER_CORRELATION_TIMES
@@ -146,7 +145,7 @@ def _scales(noise: Noise) -> list[tuple[int, int, float]]:
     """Return the unknown scales: axis, the input 0 to 5 that it is multiplied by, and its sigma."""
     return [
         (3 * k + i, 3 * k + i, float(sigma))
-        for k, triad in enumerate(_TRIADS)
+        for k, triad in enumerate(TRIADS)
         for i, sigma in enumerate(getattr(noise, f"{triad}_turn_on_scale_sigma"))
         if sigma > 0
     ]
