@@ -3,60 +3,63 @@
 
 """An IMU and its dead reckoning: `ros2 launch imu_sim_ros dead_reckoning.launch.py rviz:=true`.
 
-Takes the arguments of simulate.launch.py as well.
+Takes the arguments of simulate.launch.py as well. Each of several IMUs has an integrator.
 """
 
 from pathlib import Path
 
-from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
-from launch.conditions import IfCondition
-from launch.launch_description_sources import PythonLaunchDescriptionSource
-from launch.substitutions import LaunchConfiguration
-from launch_ros.actions import Node
-from launch_ros.parameter_descriptions import ParameterValue
+from imu_sim_ros.config import IntegratorParameters, SimulatorParameters
+from imu_sim_ros.nodes import launching
 
-from launch import LaunchDescription
-
-SHARE = Path(__file__).resolve().parents[1]
-
-ARGUMENTS = (
-    ("method", "midpoint", "euler, midpoint or rk4"),
-    ("attitude_update", "so3", "quaternion, so3 or euler_angles"),
-    ("initial_state", "truth", "parameters, truth or level"),
-    ("rviz", "false", "show truth, odometry and path in RViz"),
+CONFIG = Path(__file__).resolve().parents[1] / "config"
+BELOW_SIMULATOR = ("-p", "wait_for_subscribers:=1")
+BELOW_INTEGRATOR = (
+    *("--params-file", str(CONFIG / "integrator.yaml")),
+    *("-p", "error:=true", "-p", "roll_pitch_yaw:=true", "-p", "path_rate:=5.0"),
 )
+OF_SIMULATOR = (
+    *("imu", "trajectory", "rate", "seed", "duration", "start_time", "real_time_factor"),
+    *("imus", "world_frame", "body_frame", "imu_frame"),
+)
+OF_INTEGRATOR = ("method", "attitude_update", "initial_state")
+ARGUMENTS = [
+    launching.NAMESPACE,
+    *launching.OF_EVERY_NODE,
+    *launching.arguments(SimulatorParameters, OF_SIMULATOR),
+    *launching.arguments(IntegratorParameters, OF_INTEGRATOR),
+    launching.Argument("rviz", "true: show truth, odometry and path in RViz", "false"),
+]
 
 
-def generate_launch_description() -> LaunchDescription:
-    """Return simulator and integrator, and RViz where it is wanted."""
-    simulate = IncludeLaunchDescription(
-        PythonLaunchDescriptionSource(str(SHARE / "launch" / "simulate.launch.py"))
+def generate_launch_description():
+    """Return simulator and integrators, and RViz where it is wanted."""
+    return launching.description(ARGUMENTS, _actions)
+
+
+def _actions(values):
+    namespace = values["namespace"].strip("/")
+    simulator = launching.required_node(
+        "simulator", SimulatorParameters, values, namespace, below=BELOW_SIMULATOR
     )
-    parameters = {
-        name: ParameterValue(LaunchConfiguration(name), value_type=str)
-        for name in ("method", "attitude_update", "initial_state")
-    }
-    parameters["imu.preset"] = ParameterValue(LaunchConfiguration("imu"), value_type=str)
-    integrator = Node(
-        package="imu_sim_ros",
-        executable="integrator",
-        name="integrator",
-        namespace=LaunchConfiguration("namespace"),
-        parameters=[
-            str(SHARE / "config" / "integrator.yaml"),
-            parameters,
-            {"error": True, "roll_pitch_yaw": True, "path_rate": 5.0},
-        ],
-        output="screen",
-    )
-    rviz = Node(
-        package="rviz2",
-        executable="rviz2",
-        arguments=["-d", str(SHARE / "config" / "dead_reckoning.rviz")],
-        condition=IfCondition(LaunchConfiguration("rviz")),
-    )
-    declared = [
-        DeclareLaunchArgument(name, default_value=default, description=text)
-        for name, default, text in ARGUMENTS
+    integrators = [
+        _integrator(values, "/".join(part for part in (namespace, imu) if part), namespace)
+        for imu in launching.names(values["imus"]) or [""]
     ]
-    return LaunchDescription([*declared, simulate, integrator, rviz])
+    views = []
+    if launching.flag(values, "rviz"):
+        frame = values["world_frame"]
+        views = [launching.rviz(CONFIG / "dead_reckoning.rviz", namespace, frame)]
+    return [simulator, *integrators, *views]
+
+
+def _integrator(values, namespace, namespace_of_truth):
+    """Return the integrator of one IMU; the truth of several IMUs is one."""
+    truth = f"{namespace_of_truth and '/'}{namespace_of_truth}/ground_truth/odom"
+    return launching.required_node(
+        "integrator",
+        IntegratorParameters,
+        values,
+        namespace,
+        below=BELOW_INTEGRATOR,
+        remappings=[("ground_truth/odom", truth)] if namespace != namespace_of_truth else [],
+    )

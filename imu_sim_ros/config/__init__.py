@@ -29,6 +29,7 @@ from imu_sim_ros.config.parameter import (
     build,
     flatten,
     parameters,
+    parse,
     shown,
     unknown,
 )
@@ -102,6 +103,7 @@ __all__ = [
     "layer_simulator",
     "load_simulation",
     "parameters",
+    "parse",
     "shown",
     "simulations",
     "simulator_section",

@@ -30,6 +30,7 @@ _OPTIONS: Final = {
 }
 _PARAMETERS = "ros__parameters"
 _EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$")
+_TUPLE = "tag:yaml.org,2002:python/tuple"
 _KALIBR_NOISE = (
     "accelerometer_noise_density",
     "accelerometer_random_walk",
@@ -111,7 +112,9 @@ def _read(path: Path) -> dict[Any, Any]:
 def parse_yaml(text: str) -> Any:
     """Return what a YAML text holds, read safely and with the numbers that ROS reads.
 
-    YAML 1.1 takes ``5e-4`` for a text because it has no point; ROS, kalibr and people do not.
+    YAML 1.1 takes ``5e-4`` for a string because it has no point; ROS, kalibr and people do not.
+    launch_ros writes each list of a launch file as a Python tuple: that tag, and no other of
+    Python's, is read as the list that it is.
 
     :raises ValueError: for a text that is not YAML, with the reason in one line.
     """
@@ -121,6 +124,7 @@ def parse_yaml(text: str) -> Any:
         pass
 
     Loader.add_implicit_resolver("tag:yaml.org,2002:float", _EXPONENT, list("-+.0123456789"))
+    Loader.add_constructor(_TUPLE, Loader.construct_yaml_seq)  # type: ignore[type-var]
     try:
         return yaml.load(text, Loader)  # Loader is a SafeLoader
     except yaml.YAMLError as error:

@@ -27,7 +27,7 @@ IDENTITY_MATRIX: Matrix = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 ZERO_MATRIX: Matrix = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 ZERO_VECTOR: Vector = (0.0, 0.0, 0.0)
 EMPTY_LIST = "[]"
-"""An empty list as a text, for ROS, which has no empty list of numbers or texts."""
+"""An empty list as a string, for ROS, which has no empty list of numbers or strings."""
 
 _T = TypeVar("_T")
 _METADATA = "parameter"
@@ -129,9 +129,21 @@ def _choice(parameter: Parameter, value: object) -> str:
     return str(value)
 
 
+def entries(value: object) -> object:
+    """Return a list that came as a string, such as ``"[0.1, 0, 0]"``; anything else as it is.
+
+    ROS has no empty list and no list of floats and integers: ``ros2 param set`` sends either as a
+    string.
+    """
+    if not isinstance(value, str) or not value.lstrip().startswith("["):
+        return value
+    from imu_sim_ros.config.files import parse_yaml  # which imports this module
+
+    return parse_yaml(value)
+
+
 def _list(value: object) -> Sequence[object]:
-    if value == EMPTY_LIST:
-        return []
+    value = entries(value)
     if isinstance(value, str) or not hasattr(value, "__iter__"):
         raise ValueError
     return list(value)
@@ -145,6 +157,7 @@ def _numbers(parameter: Parameter, value: object) -> tuple[float, ...]:
 
 
 def _vector(parameter: Parameter, value: object) -> tuple[float, ...]:
+    value = entries(value)
     if not hasattr(value, "__iter__"):
         return (_number(parameter, value),) * 3
     return _counted(parameter, value, 3)
@@ -282,9 +295,9 @@ def build(cls: type[_T], values: Mapping[str, object]) -> _T:
     parsed: dict[str, Value] = {}
     for name, parameter in known.items():
         try:
-            parsed[name] = parameter.parse(values.get(name, parameter.default))
-        except (ValueError, TypeError, OverflowError):
-            problems.append(f"{name} = {shown(values[name])}: must be {parameter.allowed()}")
+            parsed[name] = parse(name, parameter, values.get(name, parameter.default))
+        except ConfigurationError as error:
+            problems += error.problems
     if problems:
         raise ConfigurationError(problems)
     result = _construct(cls, parsed, values, "")
@@ -292,6 +305,19 @@ def build(cls: type[_T], values: Mapping[str, object]) -> _T:
     if problems:
         raise ConfigurationError(problems)
     return result
+
+
+def parse(name: str, parameter: Parameter, value: object) -> Value:
+    """Return the value in the parameter's own type.
+
+    :raises ConfigurationError: with the line that names the parameter and what is allowed.
+    """
+    try:
+        return parameter.parse(value)
+    except (ValueError, TypeError, OverflowError):
+        raise ConfigurationError(
+            f"{name} = {shown(value)}: must be {parameter.allowed()}"
+        ) from None
 
 
 def _without_bad_variants(

@@ -13,6 +13,7 @@ from imu_sim_ros.config.imu import LARGEST_LATENCY, LONGEST, ImuParameters
 from imu_sim_ros.config.parameter import (
     Vector,
     choice,
+    entries,
     flag,
     integer,
     number,
@@ -195,7 +196,7 @@ def simulator_section(given: Mapping[str, object]) -> type[SimulatorParameters]:
 
 def _imus(given: Mapping[str, object]) -> list[str]:
     """Return the names of several IMUs; what is wrong with them."""
-    value = given.get("imus", ())
+    value = entries(given.get("imus", ()))
     names = [str(name) for name in value] if isinstance(value, list | tuple) else []
     taken = {field.name for field in dataclasses.fields(SimulatorParameters)}
     problems = [

@@ -20,6 +20,8 @@ from imu_sim_ros.errors import ConfigurationError
 
 _RULE = re.compile(r"(?P<name>(?:[^\s:]+:)?[^\s:=]+):=(?P<value>.*)", re.DOTALL)
 _PARAMETERS = "ros__parameters"
+SHORT = {"imu": "imu.preset", "trajectory": "trajectory.type"}
+"""A section such as imu stands for the file that its preset names."""
 _OF_ROS = ("-p", "--param", "--params-file", "-r", "--remap")
 
 
@@ -86,9 +88,7 @@ def _plain(own: Sequence[str], known: Mapping[str, Parameter], problems: list[st
         if not word.startswith("--") or not name:
             problems.append(f"{word}: not an argument (--help lists them)")
             continue
-        # A section such as imu stands for the file that its preset names.
-        short = {"imu": "imu.preset", "trajectory": "trajectory.type"}
-        name = short[name] if short.get(name) in known else name
+        name = SHORT[name] if SHORT.get(name) in known else name
         if not equals:
             value = next(words, "")
         if not value:

@@ -18,21 +18,35 @@ from imu_sim_ros.config import (
     build_layered,
     flatten,
     parameters,
+    parse,
     unknown,
 )
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.nodes.ending import Ending
 
 _OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides.")
+_TYPES = {
+    "number": RosParameter.Type.DOUBLE,
+    "integer": RosParameter.Type.INTEGER,
+    "flag": RosParameter.Type.BOOL,
+    "text": RosParameter.Type.STRING,
+    "choice": RosParameter.Type.STRING,
+    "vector": RosParameter.Type.DOUBLE_ARRAY,
+    "matrix": RosParameter.Type.DOUBLE_ARRAY,
+    "numbers": RosParameter.Type.DOUBLE_ARRAY,
+    "texts": RosParameter.Type.STRING_ARRAY,
+}
 
 
 class ConfiguredNode(Node):
     """A node whose parameters are those of a section, described and checked in one place.
 
     Values come from ``--ros-args`` (``-p``, ``--params-file``) as ROS matches them to the node.
-    Types are those of the section, not of ROS: an integer stands for a float and a number for a
-    vector. Parameters that are not ``live`` are read-only. A change is checked as a whole and takes
-    effect as a whole, through :meth:`apply`.
+    Types are those of the section, not of ROS: an integer stands for a float, a number for a
+    vector, and a list may come as a string, which is what ``ros2 param set`` makes of
+    ``[0.1, 0, 0]``. Whatever came, the parameter holds the section's own type. Parameters that are
+    not ``live`` are read-only. A change is checked as a whole and takes effect as a whole, through
+    :meth:`apply`.
     """
 
     def __init__(
@@ -84,28 +98,47 @@ class ConfiguredNode(Node):
 
     def _declare(self, values: Mapping[str, Value], known: Mapping[str, Parameter]) -> None:
         self._known = known
+        empty = [name for name, value in values.items() if value == ()]
         entries: list[Any] = [
-            (name, _to_ros(values[name]), describe(parameter)) for name, parameter in known.items()
+            (name, _to_ros(values[name]), describe(parameter))
+            for name, parameter in known.items()
+            if name not in empty
         ]
         self.declare_parameters("", entries, ignore_override=True)
+        for name in empty:
+            self._declare_empty(name, known[name])
+
+    def _declare_empty(self, name: str, parameter: Parameter) -> None:
+        """Declare an empty list, from which alone ROS could not tell a type."""
+        self.declare_parameter(
+            name, "", ParameterDescriptor(dynamic_typing=True), ignore_override=True
+        )
+        super().set_parameters_atomically([to_ros(name, parameter, ())])
+        self.set_descriptor(name, describe(parameter))
 
     def set_parameters_atomically(
         self, parameter_list: Iterable[RosParameter]
     ) -> SetParametersResult:
-        """Refuse read-only parameters with a reason; rclpy alone would only name the first."""
-        parameter_list = list(parameter_list)
-        fixed = [
-            f"{parameter.name} is read-only: it is fixed when the node starts"
-            for parameter in parameter_list
-            if parameter.name in self._known and not self._known[parameter.name].live
-        ]
-        if fixed:
-            return SetParametersResult(successful=False, reason="; ".join(fixed))
-        missing = [p.name for p in parameter_list if not self.has_parameter(p.name)]
-        if missing:
-            reason = "; ".join(unknown(name, self._known) for name in missing)
-            return SetParametersResult(successful=False, reason=reason)
-        return super().set_parameters_atomically(parameter_list)
+        """Set parameters in their own types; refuse with every reason, where rclpy names one."""
+        changes = []
+        problems = []
+        for change in parameter_list:
+            parameter = self._known.get(change.name)
+            try:
+                if parameter is None and not self.has_parameter(change.name):
+                    problems.append(unknown(change.name, self._known))
+                elif parameter is None:
+                    changes.append(change)
+                elif not parameter.live:
+                    problems.append(f"{change.name} is read-only: it is fixed when the node starts")
+                else:
+                    value = parse(change.name, parameter, plain(change))
+                    changes.append(to_ros(change.name, parameter, value))
+            except ConfigurationError as error:
+                problems += error.problems
+        if problems:
+            return SetParametersResult(successful=False, reason="; ".join(problems))
+        return super().set_parameters_atomically(changes)
 
     def _on_set(self, changes: list[RosParameter]) -> SetParametersResult:
         own = {change.name: plain(change) for change in changes if change.name in self._known}
@@ -127,6 +160,11 @@ def plain(parameter: RosParameter) -> object:
     return tuple(value) if hasattr(value, "__iter__") and not isinstance(value, str) else value
 
 
+def to_ros(name: str, parameter: Parameter, value: Value) -> RosParameter:
+    """Return a value as a ROS parameter of the type that it always has, an empty list as well."""
+    return RosParameter(name, _TYPES[parameter.kind], _to_ros(value))
+
+
 def _to_ros(value: Value) -> object:
     return list(value) if isinstance(value, tuple) else value
 
@@ -134,9 +172,9 @@ def _to_ros(value: Value) -> object:
 def describe(parameter: Parameter) -> ParameterDescriptor:
     """Return the descriptor that `ros2 param describe` and rqt show."""
     return ParameterDescriptor(
+        type=_TYPES[parameter.kind].value,
         description=f"{parameter.text} [{parameter.unit}]" if parameter.unit else parameter.text,
         additional_constraints=parameter.allowed()
         + ("" if parameter.live else "; fixed when the node starts"),
         read_only=not parameter.live,
-        dynamic_typing=True,
     )

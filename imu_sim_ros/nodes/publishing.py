@@ -64,17 +64,28 @@ def create(node: Node, message_type: Any, topic: str, qos: QoSProfile) -> Any:
 def check_overrides(node: Node) -> None:
     """Look for overrides that concern no publisher of the node.
 
-    :raises ConfigurationError: with a line for each.
+    A file that ``ros2 param dump`` made of a node with remappings holds overrides of the topics as
+    they were called there: those of other topics are ignored, with a note. A policy that does not
+    exist is refused, for a topic of this node.
+
+    :raises ConfigurationError: with a line for each policy that does not exist.
     """
-    topics = [publisher.topic_name for publisher in node.publishers]
+    topics = sorted(publisher.topic_name for publisher in node.publishers)
     policies = [policy.name.lower() for policy in _POLICIES]
-    known = {f"{_OVERRIDES}{t}.publisher.{policy}" for t in topics for policy in policies}
-    given = [name for name in node.get_parameters_by_prefix("") if name.startswith(_OVERRIDES)]
-    problems = [
-        f"{name}: must be {_OVERRIDES}TOPIC.publisher.POLICY with one of the topics "
-        f"{', '.join(sorted(topics))} and one of the policies {', '.join(policies)}"
-        for name in given
-        if name not in known
-    ]
+    foreign: dict[str, None] = {}
+    problems = []
+    for name in node.get_parameters_by_prefix(""):
+        if not name.startswith(_OVERRIDES):
+            continue
+        topic, _, policy = name.removeprefix(_OVERRIDES).partition(".publisher.")
+        if topic not in topics:
+            foreign[topic] = None
+        elif policy not in policies:
+            problems.append(f"{name}: the policy must be one of {', '.join(policies)}")
     if problems:
         raise ConfigurationError(problems)
+    if foreign:
+        node.get_logger().warning(
+            f"{_OVERRIDES}* of {', '.join(foreign)} ignored: "
+            f"the topics published here are {', '.join(topics)}"
+        )

@@ -150,3 +150,21 @@ def test_ros_gives_an_empty_list_as_a_text():
     values = {"topics": "[]", "place.kind": "far", "place.points": p.EMPTY_LIST}
     whole = p.build(Whole, values)
     assert (whole.topics, whole.place.points) == ((), ())
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ("[0.1, 0, 0]", (0.1, 0.0, 0.0)),
+        (" [1,2,3]", (1.0, 2.0, 3.0)),
+        ("[5e-4, 0, 0]", (5e-4, 0, 0)),
+    ],
+)
+def test_a_list_may_come_as_a_string(words, expected):
+    assert p.Parameter("vector", p.ZERO_VECTOR, "").parse(words) == expected
+
+
+@pytest.mark.parametrize("words", ["[1, 2", "[[1], 2, 3]", "[1, 2, .nan]", "1, 2, 3", "[a: b]", ""])
+def test_a_malformed_list_in_a_string_is_refused(words):
+    with pytest.raises(ConfigurationError, match=r"^bias = .*: must be a finite number or a list"):
+        p.parse("bias", p.Parameter("vector", p.ZERO_VECTOR, ""), words)

@@ -3,7 +3,6 @@
 
 """Launch files and views: what they name exists."""
 
-import ast
 import importlib.util
 import json
 from pathlib import Path
@@ -26,44 +25,50 @@ from imu_sim_ros.conventions import (
     ROLL_PITCH_YAW_TOPIC,
     TRUTH_TOPIC,
 )
+from imu_sim_ros.nodes import launching
+from imu_sim_ros.nodes.arguments import SHORT
 
 pytestmark = pytest.mark.ros
 
 REPOSITORY = Path(__file__).parents[2]
 LAUNCH_FILES = sorted((REPOSITORY / "launch").glob("*.launch.py"))
-SECTIONS = {
-    "simulate": SimulatorParameters,
-    "dead_reckoning": IntegratorParameters,
-    "record": RecorderParameters,
+NODES = {
+    "simulate": (SimulatorParameters,),
+    "dead_reckoning": (SimulatorParameters, IntegratorParameters),
+    "record": (RecorderParameters,),
 }
-SHORT = {"imu": "imu.preset", "trajectory": "trajectory.type"}
-NOT_PARAMETERS = {"namespace", "rviz"}
+NOT_PARAMETERS = {"namespace", "params_file", "use_sim_time", "rviz"}
 
 
 def name_of(path: Path) -> str:
     return path.name.removesuffix(".launch.py")
 
 
-def arguments_of(path: Path) -> dict[str, str]:
-    """Return names and defaults of a launch file's arguments."""
-    for statement in ast.parse(path.read_text()).body:
-        if isinstance(statement, ast.Assign) and statement.targets[0].id == "ARGUMENTS":
-            return {name: default for name, default, _ in ast.literal_eval(statement.value)}
-    raise AssertionError(f"{path} has no ARGUMENTS")
+def arguments_of(path: Path) -> list[launching.Argument]:
+    """Return a launch file's arguments; only its description needs ``launch``."""
+    spec = importlib.util.spec_from_file_location("a_launch_file", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.ARGUMENTS
 
 
 def test_there_are_the_three_launch_files():
-    assert {name_of(path) for path in LAUNCH_FILES} == set(SECTIONS)
+    assert {name_of(path) for path in LAUNCH_FILES} == set(NODES)
 
 
 @pytest.mark.parametrize("path", LAUNCH_FILES, ids=name_of)
-def test_arguments_are_parameters_of_the_node_and_their_defaults_are_valid(path):
-    known = parameters(SECTIONS[name_of(path)])
-    for name, default in arguments_of(path).items():
-        if name in NOT_PARAMETERS or (name == "topics" and not default):
-            continue
-        parameter = known[SHORT.get(name, name)]
-        parameter.parse(yaml.safe_load(default) if parameter.kind not in ("text",) else default)
+def test_arguments_are_parameters_of_the_nodes_with_their_texts(path):
+    known = {}
+    for section in NODES[name_of(path)]:
+        known = {**parameters(section), **known}
+    arguments = arguments_of(path)
+    assert len({argument.name for argument in arguments}) == len(arguments)
+    assert {"namespace", "params_file", "use_sim_time"} <= {a.name for a in arguments}
+    for argument in arguments:
+        if argument.name not in NOT_PARAMETERS:
+            # The node's own default holds where nothing is given.
+            assert argument.default == ""
+            assert known[SHORT.get(argument.name, argument.name)].text in argument.text
 
 
 @pytest.mark.skipif(
@@ -79,7 +84,7 @@ def test_launch_reads_the_description(path):
     source = PythonLaunchDescriptionSource(str(path))
     description = source.get_launch_description(LaunchContext())
     found = {argument.name for argument in description.get_launch_arguments()}
-    assert set(arguments_of(path)) <= found
+    assert {argument.name for argument in arguments_of(path)} == found
 
 
 def published_topics() -> dict[str, set[str]]:

@@ -41,8 +41,8 @@ pytestmark = pytest.mark.ros
         (["-p", "publish.tf_rate:=10"], ["publish.tf_rate = 10: needs tf2_ros"]),
         (["-p", "use_sim_time:=true", "-p", "real_time_factor:=2"], ["real_time_factor = 2: must"]),
         (
-            ["-p", "qos_overrides./imu/data.publisher.depth:=3"],
-            ["qos_overrides./imu/data.publisher.depth: must be qos_overrides.TOPIC"],
+            ["-p", "qos_overrides./imu/data_raw.publisher.dept:=3"],
+            ["qos_overrides./imu/data_raw.publisher.dept: the policy must be one of history, "],
         ),
         (
             ["-p", "qos_overrides./imu/data_raw.publisher.depth:=many"],
@@ -157,3 +157,65 @@ def test_own_parameters_of_several_imus() -> None:
             simulator_section(given),
             layer_simulator({**given, "left.imu.gyroscope_bandwidth": 150}),
         )
+
+
+def test_parameters_keep_their_types_whatever_is_set(start: Any, listener: Any) -> None:
+    """`ros2 param set` sends a list of floats and integers, or an empty one, as a string."""
+    from rcl_interfaces.msg import ParameterType
+    from rcl_interfaces.srv import DescribeParameters, GetParameters
+
+    start("simulator")
+
+    def types() -> dict[str, int]:
+        known = parameters(SimulatorParameters, layer_simulator({}))
+        described = listener.call(
+            "simulator/describe_parameters", DescribeParameters, names=list(known)
+        ).descriptors
+        values = listener.call("simulator/get_parameters", GetParameters, names=list(known)).values
+        assert [d.type for d in described] == [v.type for v in values]
+        return {d.name: d.type for d in described}
+
+    before = types()
+    assert before["imus"] == ParameterType.PARAMETER_STRING_ARRAY  # empty
+    assert before["trajectory.vibration.frequency"] == ParameterType.PARAMETER_DOUBLE_ARRAY
+    bias = "imu__gyroscope_bias"
+    for value, expected in (
+        ("[0.1, 0, 0]", [0.1, 0.0, 0.0]),
+        ([1, 2, 3], [1.0, 2.0, 3.0]),
+        (0.5, [0.5] * 3),
+        (2, [2.0] * 3),
+    ):
+        assert listener.set("simulator", **{bias: value}).successful
+        names = ["imu.gyroscope_bias"]
+        (held,) = listener.call("simulator/get_parameters", GetParameters, names=names).values
+        assert list(held.double_array_value) == expected
+        assert types() == before
+    assert listener.set("simulator", imu__latency=1).successful
+    for name, value in (
+        (bias, "[a, 0, 0]"),
+        (bias, "[0.1, 0"),
+        (bias, "!!python/object/apply:os.system [ls]"),
+        (bias, [0.1, 0.2]),
+        ("inject__kind", 3.0),
+        ("catch_up", "yes"),
+        ("step_samples", 1.5),
+    ):
+        result = listener.set("simulator", **{name: value})
+        assert not result.successful
+        assert result.reason.startswith(f"{name.replace('__', '.')} = ")
+        assert ": must be " in result.reason
+    assert types() == before
+
+
+def test_a_dump_of_a_node_with_remappings_starts_again(start: Any) -> None:
+    """Taken by the real `ros2 param dump` of a node with imu/data_raw:=/imu0 in /robot."""
+    dump = Path(__file__).parents[1] / "data/launch/param_dump.yaml"
+    assert "/imu0:" in dump.read_text()
+    node = start(
+        "simulator",
+        *("--duration", "0.5", "--ros-args", "--params-file", str(dump), "-r", "__ns:=/robot"),
+    )
+    assert node.status() == 0, node.output
+    (note,) = [line for line in node.output.splitlines() if "WARN" in line]
+    assert "qos_overrides.* of /imu0 ignored: the topics published here are" in note
+    assert "counted imu/data_raw 100" in node.output

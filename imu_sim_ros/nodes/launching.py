@@ -1,0 +1,173 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What the launch files are made of: arguments that are the nodes' parameters, and required nodes.
+
+An argument is handed to its node as it was written (``--rate abc``), so that the node itself checks
+it and names it; one that is left empty is not handed over, and the node's files and defaults hold.
+``launch`` and ``launch_ros`` come with a ROS 2 installation, not from PyPI: they are imported where
+they are used.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+from imu_sim_ros.config import Parameter, parameters
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.nodes.arguments import SHORT
+
+PACKAGE: Final = "imu_sim_ros"
+_FLAGS: Final = {"true": True, "1": True, "false": False, "0": False}
+
+
+class Argument(NamedTuple):
+    """An argument of a launch file."""
+
+    name: str
+    text: str
+    default: str = ""
+
+
+NAMESPACE: Final = Argument("namespace", "namespace of the nodes and their topics")
+OF_EVERY_NODE: Final = (
+    Argument(
+        "params_file",
+        "parameter files, separated by blanks, later ones win; the arguments stand above them",
+    ),
+    Argument("use_sim_time", "true: the time is that of somebody else's /clock"),
+)
+
+
+def arguments(section: type, names: Sequence[str]) -> list[Argument]:
+    """Return launch arguments for parameters, with the parameters' own texts.
+
+    :param names: parameters' names, or the short ``imu`` and ``trajectory``.
+    """
+    known = parameters(section)
+    return [Argument(name, _text(known[SHORT.get(name, name)])) for name in names]
+
+
+def _text(parameter: Parameter) -> str:
+    allowed = parameter.allowed()
+    if parameter.kind == "texts":
+        allowed = "names, separated by blanks"
+    return f"{parameter.text}: {allowed}"
+
+
+def command_line(section: type, values: Mapping[str, str]) -> list[str]:
+    """Return the words for a node's command line: its plain arguments.
+
+    :param values: by launch argument; empty ones are left to the node.
+    """
+    known = parameters(section)
+    words: list[str] = []
+    for name, value in values.items():
+        parameter = known.get(SHORT.get(name, name))
+        if parameter is None or not value.strip():
+            continue
+        if parameter.kind == "texts":
+            value = f"[{', '.join(names(value))}]"
+        words += [f"--{name}", value]
+    return words
+
+
+def ros_words(values: Mapping[str, str]) -> list[str]:
+    """Return the words that stand behind ``--ros-args``: files and the clock."""
+    words: list[str] = []
+    for file in values.get("params_file", "").split():
+        words += ["--params-file", file]
+    if values.get("use_sim_time", "").strip():
+        words += ["-p", f"use_sim_time:={str(flag(values, 'use_sim_time')).lower()}"]
+    return words
+
+
+def names(value: str) -> list[str]:
+    """Return the names in ``left right``, ``left, right`` or ``[left, right]``."""
+    return value.strip().removeprefix("[").removesuffix("]").replace(",", " ").split()
+
+
+def flag(values: Mapping[str, str], name: str) -> bool:
+    """Return whether a launch argument says true.
+
+    :raises ConfigurationError: where it says neither true nor false.
+    """
+    try:
+        return _FLAGS[values[name].strip().lower()]
+    except KeyError:
+        raise ConfigurationError(f"{name} = {values[name]!r}: must be true or false") from None
+
+
+def description(
+    declared: Sequence[Argument], make: Callable[[Mapping[str, str]], Sequence[Any]]
+) -> Any:
+    """Return the launch description with these arguments.
+
+    :param make: returns the actions for the arguments' values.
+    """
+    from launch.actions import DeclareLaunchArgument, OpaqueFunction
+    from launch.launch_description import LaunchDescription
+    from launch.substitutions import LaunchConfiguration
+
+    def actions(context: Any) -> Sequence[Any]:
+        return make({a.name: LaunchConfiguration(a.name).perform(context) for a in declared})
+
+    entries = [
+        DeclareLaunchArgument(a.name, default_value=a.default, description=a.text) for a in declared
+    ]
+    return LaunchDescription([*entries, OpaqueFunction(function=actions)])
+
+
+def required_node(
+    executable: str,
+    section: type,
+    values: Mapping[str, str],
+    namespace: str = "",
+    below: Sequence[str] = (),
+    **details: Any,
+) -> Any:
+    """Return a node of this package with whose end the launch ends.
+
+    :param values: of the launch arguments.
+    :param below: the launch file's own words behind ``--ros-args``, below those of ``params_file``.
+    :param details: other arguments of ``launch_ros.actions.Node``.
+    """
+    from launch_ros.actions import Node
+
+    return Node(
+        package=PACKAGE,
+        executable=executable,
+        name=executable,
+        namespace=namespace,
+        arguments=command_line(section, values),
+        ros_arguments=[*below, *ros_words(values)],
+        output="screen",
+        on_exit=_ended,
+        **details,
+    )
+
+
+def _ended(event: Any, _: Any) -> Any:
+    """End the launch: launch's own status is 1 after an error, and 0 otherwise."""
+    from launch.actions import Shutdown
+
+    if event.returncode:
+        raise RuntimeError(f"{event.process_name} ended with status {event.returncode}")
+    return Shutdown(reason=f"{event.process_name} has ended")
+
+
+def rviz(config: Path, namespace: str, fixed_frame: str) -> Any:
+    """Return RViz, or what says that it is not installed; the rest of the launch goes on."""
+    from ament_index_python.packages import PackageNotFoundError, get_package_prefix
+    from launch.actions import LogInfo
+    from launch_ros.actions import Node
+
+    try:
+        get_package_prefix("rviz2")
+    except PackageNotFoundError:
+        return LogInfo(
+            msg="rviz:=true: rviz2 is not installed (apt install ros-jazzy-rviz2); "
+            "all else runs without it"
+        )
+    words = ["-d", str(config), *(("-f", fixed_frame) if fixed_frame else ())]
+    return Node(package="rviz2", executable="rviz2", namespace=namespace, arguments=words)
