@@ -229,7 +229,7 @@ def sources():
     yield ROOT / ".ci" / "run"
 
 
-@pytest.mark.parametrize("path", sources(), ids=lambda path: str(path.relative_to(ROOT)))
+@pytest.mark.parametrize("path", list(sources()), ids=lambda path: str(path.relative_to(ROOT)))
 def test_every_source_file_names_copyright_and_license_at_the_top(path):
     text = path.read_text(encoding="utf-8")
     if text.startswith("#!"):
