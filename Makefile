@@ -65,7 +65,7 @@ build: .venv/built
 	touch $@
 
 demo: build
-	@$(CLEAN) $(BIN)/python -m imu_sim_ros.commands.demo --trajectory "$(TRAJECTORY)"
+	@$(CLEAN) $(BIN)/python -m imu_sim_ros.commands.demo --trajectory "$(TRAJECTORY)" --force
 
 test: build .venv/test-installed test-floor
 	@echo "make: all tests"

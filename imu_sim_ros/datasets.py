@@ -9,7 +9,7 @@ One home for ``generate``, the public interface and campaigns.
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from imu_sim_ros.bags import Block, Topic, Writer
+from imu_sim_ros.bags import Block, Topic, Writer, amount, described
 from imu_sim_ros.bags.text import Dataset, States
 from imu_sim_ros.config import SimulationParameters
 from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
@@ -43,6 +43,10 @@ class BagTarget:
         """Messages by topic."""
         return {topic.name: topic.count for topic, _ in self._topics}
 
+    def described(self) -> str:
+        """Return how much was written."""
+        return described(topic for topic, _ in self._topics)
+
     @property
     def files(self) -> list[Path]:
         """The files of the bag."""
@@ -61,6 +65,10 @@ class DatasetTarget:
     def __init__(self, dataset: Dataset) -> None:
         self.dataset = dataset
         self.files: Sequence[Path] = ()
+
+    def described(self) -> str:
+        """Return how much was written."""
+        return amount(self.dataset.rows, self.dataset.last_ns, "rows")
 
     @property
     def counts(self) -> dict[str, int]:

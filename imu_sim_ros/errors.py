@@ -3,11 +3,26 @@
 
 """The errors that a user can cause, and how any error is told in lines and an exit status."""
 
+import errno
 from collections.abc import Iterable
+from pathlib import Path
+from typing import Final
+
+_MACHINE: Final = frozenset(
+    {
+        *(errno.EIO, errno.ENODEV, errno.ESTALE),
+        *(errno.ENOSPC, errno.EDQUOT, errno.EFBIG),
+        *(errno.ENOMEM, errno.EAGAIN, errno.EMFILE, errno.ENFILE),
+    }
+)
+"""System errors that no other argument would avoid."""
 
 
 class ImuSimError(Exception):
     """Root of the package's own errors; ``problems`` has one line for each thing that is wrong."""
+
+    status = 2
+    """Exit status of a program that ends with it."""
 
     def __init__(self, problems: str | Iterable[str]) -> None:
         self.problems: tuple[str, ...] = (
@@ -24,18 +39,30 @@ class InputError(ImuSimError):
     """Input data or an output place that cannot be used: a bag, a trajectory file, a folder."""
 
 
+class MachineError(ImuSimError):
+    """What the machine could not do although it was asked correctly: a full disk, a read error."""
+
+    status = 1
+
+
 class MissingDependencyError(ImuSimError):
     """An optional library that is wanted and not installed; the text says how to get it."""
+
+
+def system_error(path: str | Path, error: OSError) -> ImuSimError:
+    """Return what the system said about a path, as an error of the input or of the machine."""
+    kind = MachineError if error.errno in _MACHINE else InputError
+    return kind(f"{path}: {error.strerror or error}")
 
 
 def explain(error: BaseException) -> tuple[tuple[str, ...], int]:
     """Return what to print about an error, line by line, and the exit status that it means.
 
-    :returns: the status is 2 for what the user can mend (:class:`ImuSimError`), 1 for errors of the
-        machine (a full disk, a missing permission) and for what nobody has foreseen.
+    :returns: 2 for what the user can mend; 1 for errors of the machine (a full disk, a missing
+        permission) and for what nobody has foreseen.
     """
     if isinstance(error, ImuSimError):
-        return error.problems, 2
+        return error.problems, error.status
     if isinstance(error, OSError) and error.strerror:
         names = [str(name) for name in (error.filename, error.filename2) if name is not None]
         return (": ".join([*names, error.strerror]),), 1

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.bags import convert as convert
     from imu_sim_ros.bags.atomic_file import active_path as active_path
     from imu_sim_ros.bags.atomic_file import make_folder as make_folder
+    from imu_sim_ros.bags.outputs import Outputs as Outputs
     from imu_sim_ros.bags.read import ImuMessages as ImuMessages
     from imu_sim_ros.bags.read import OdometryMessages as OdometryMessages
     from imu_sim_ros.bags.read import imu_blocks as imu_blocks
@@ -29,16 +30,20 @@ if TYPE_CHECKING:
     from imu_sim_ros.bags.reader import ahead as ahead
     from imu_sim_ros.bags.write import COMPRESSIONS as COMPRESSIONS
     from imu_sim_ros.bags.write import STORAGES as STORAGES
+    from imu_sim_ros.bags.write import check_writer as check_writer
     from imu_sim_ros.bags.write import open_writer as open_writer
     from imu_sim_ros.bags.writer import Block as Block
     from imu_sim_ros.bags.writer import Topic as Topic
     from imu_sim_ros.bags.writer import Writer as Writer
+    from imu_sim_ros.bags.writer import amount as amount
+    from imu_sim_ros.bags.writer import described as described
 else:
     __getattr__, __dir__, __all__ = exported(
         __name__,
         {
             "": ["convert"],
             "atomic_file": ["active_path", "make_folder"],
+            "outputs": ["Outputs"],
             "read": [
                 "ImuMessages",
                 "OdometryMessages",
@@ -51,7 +56,7 @@ else:
                 "read_temperature",
             ],
             "reader": ["Bag", "ahead"],
-            "write": ["COMPRESSIONS", "STORAGES", "open_writer"],
-            "writer": ["Block", "Topic", "Writer"],
+            "write": ["COMPRESSIONS", "STORAGES", "check_writer", "open_writer"],
+            "writer": ["Block", "Topic", "Writer", "amount", "described"],
         },
     )

@@ -4,35 +4,51 @@
 """Output files that are never taken for whole before they are."""
 
 import os
+from contextlib import suppress
 from pathlib import Path
 
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.errors import InputError, MachineError, system_error
 
 ACTIVE_SUFFIX = ".active"
 """What ROS 1 appends to the name of a bag that is being recorded."""
 
 
 def refuse_existing(path: Path) -> None:
-    """Refuse a place that is taken, or whose folder is missing or cannot be written.
+    """Refuse a place that is taken, or whose folder cannot be made or written.
 
     :raises InputError: with the reason.
     """
-    if path.exists() or path.is_symlink():
-        raise InputError(f"{path}: exists already; nothing is overwritten")
-    if active_path(path).exists():
-        raise InputError(
-            f"{active_path(path)}: an unfinished output is in the way; recover or delete it"
-        )
-    folder = path.absolute().parent
-    if not folder.is_dir():
-        raise InputError(f"{path}: the folder {folder} does not exist")
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise InputError(f"{path}: the folder {folder} cannot be written")
+    if "\0" in str(path):
+        raise InputError(f"{str(path)!r}: is not the name of a file")
+    try:
+        if os.path.lexists(path):
+            raise InputError(f"{path}: exists already; nothing is overwritten")
+        if os.path.lexists(active_path(path)):
+            raise InputError(
+                f"{active_path(path)}: an unfinished output is in the way; recover or delete it"
+            )
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise system_error(path, error) from None
+    if not os.access(path.parent, os.W_OK | os.X_OK):
+        raise InputError(f"{path}: the folder {path.parent} cannot be written")
 
 
 def active_path(path: Path) -> Path:
     """Return the name of a file while it is being written."""
     return path.with_name(path.name + ACTIVE_SUFFIX)
+
+
+def unfinished(path: Path) -> Path | None:
+    """Return what a killed program left of an output; None where there is nothing.
+
+    That is NAME.active, or NAME or NAME.active in the folder NAME.active that commands write to.
+    """
+    active = active_path(path)
+    if active.is_dir():
+        inside = (active / path.name, active / active.name)
+        return next((place for place in inside if place.exists()), None)
+    return active if active.exists() else None
 
 
 def make_folder(path: Path) -> None:
@@ -44,7 +60,7 @@ def make_folder(path: Path) -> None:
     try:
         path.mkdir()
     except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from None
+        raise system_error(path, error) from None
 
 
 class OutputFile:
@@ -62,26 +78,31 @@ class OutputFile:
         try:
             self._file = open(self.current, "xb", buffering=0)  # noqa: SIM115 - closed by finish
         except OSError as error:
-            raise InputError(f"{path}: {error.strerror or error}") from None
+            raise system_error(path, error) from None
         self.position = 0
 
     def write(self, *parts: bytes | memoryview) -> None:
         """Append parts; where not all of them fit on the disk, none of them stays.
 
-        :raises InputError: with the system's reason, for instance that no space is left.
+        :raises MachineError: with the system's reason, for instance that no space is left.
         """
-        start = self.position
         try:
             for part in parts:
                 rest = memoryview(part).cast("B")
                 while rest:
                     rest = rest[self._file.write(rest) :]
-                self.position += len(part)
         except OSError as error:
-            self._file.truncate(start)
-            self._file.seek(start)
-            self.position = start
-            raise InputError(f"{self.path}: {error.strerror or error}") from None
+            self.cut(self.position)
+            raise MachineError(f"{self.path}: {error.strerror or error}") from None
+        # Only now: whatever breaks in above, position stays at the end of the last whole record.
+        self.position += sum(map(len, parts))
+
+    def cut(self, position: int) -> None:
+        """Forget everything behind a position."""
+        self.position = position
+        with suppress(OSError):
+            self._file.truncate(position)
+            self._file.seek(position)
 
     def rewrite(self, position: int, part: bytes) -> None:
         """Write over bytes that are there already."""
@@ -94,10 +115,16 @@ class OutputFile:
         try:
             os.fdatasync(self._file.fileno())
         except OSError as error:
-            raise InputError(f"{self.path}: {error.strerror or error}") from None
+            raise MachineError(f"{self.path}: {error.strerror or error}") from None
+
+    @property
+    def closed(self) -> bool:
+        """Whether it was closed, whole or not."""
+        return self._file.closed
 
     def finish(self) -> None:
         """Close the file and give it its name."""
+        self.cut(self.position)
         self._file.close()
         if self.current != self.path:
             self.current.rename(self.path)

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -29,6 +29,15 @@ class Indexed(NamedTuple):
     """Where the records start in the chunk."""
 
 
+class _Mark(NamedTuple):
+    """How far a file is whole."""
+
+    position: int
+    chunks: int
+    counts: list[tuple[int, int, int]]
+    """Of each topic: messages, first and last time."""
+
+
 class ChunkWriter(Writer):
     """Collects messages until a chunk is full; containers say what a record and a chunk are."""
 
@@ -38,6 +47,10 @@ class ChunkWriter(Writer):
         self._pending: list[Block] = []
         self._pending_bytes = 0
         self._raw: list[tuple[Topic, int, bytes]] = []
+        self._written: list[Any] = []
+        """What the containers note about every chunk."""
+        self._emitting = False
+        self._mark = _Mark(0, 0, [])
 
     @abstractmethod
     def _records(self, topic: Topic, first: int, t_ns: Times, payloads: Bytes) -> Bytes:
@@ -106,6 +119,24 @@ class ChunkWriter(Writer):
         self.file.abandon(empty=not self.count)
         return [self.file.current] if self.count else []
 
+    def stop(self) -> None:
+        """Finish with all whole chunks, and with what waits where no chunk was being written."""
+        if self.file.closed:
+            return
+        if self._emitting:
+            self.file.cut(self._mark.position)
+            del self._written[self._mark.chunks :]
+            for topic, (count, first_ns, last_ns) in zip(
+                self.topics, self._mark.counts, strict=False
+            ):
+                topic.count, topic.first_ns, topic.last_ns = count, first_ns, last_ns
+            self._pending, self._raw, self._pending_bytes = [], [], 0
+        self.flush()
+        if self.count:
+            self.close()
+        else:
+            self.file.abandon(empty=True)
+
     def _collect_raw(self) -> None:
         """Turn single messages into blocks, one for each topic."""
         by_topic: dict[Topic, tuple[list[int], list[bytes]]] = {}
@@ -123,10 +154,18 @@ class ChunkWriter(Writer):
         self._pending, self._pending_bytes = [], 0
         if not blocks:
             return
+        self._note()
+        self._emitting = True
         if _simultaneous(blocks):
             self._emit_rows(blocks)
         else:
             self._emit_merged(blocks)
+        self._emitting = False
+
+    def _note(self) -> None:
+        """Remember how far everything is whole."""
+        counts = [(topic.count, topic.first_ns, topic.last_ns) for topic in self.topics]
+        self._mark = _Mark(self.file.position, len(self._written), counts)
 
     def _emit_rows(self, blocks: Sequence[Block]) -> None:
         """Write blocks of different topics with the same times: one message of each in turn."""
@@ -153,6 +192,7 @@ class ChunkWriter(Writer):
             ]
             self._write_chunk(table.reshape(-1), index)
             tally(chunk)
+            self._note()
 
     def _emit_merged(self, blocks: Sequence[Block]) -> None:
         """Write any blocks, message by message in the order of time."""
@@ -183,6 +223,7 @@ class ChunkWriter(Writer):
             self._write_chunk(chunk, index)
             for topic, times, _ in index:
                 topic.add(len(times), int(times.min()), int(times.max()))
+            self._note()
             start = stop
 
     def _record_list(

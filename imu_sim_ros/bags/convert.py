@@ -76,7 +76,6 @@ def bag_to_bag(
     topics: Sequence[TopicInfo],
     renamed: Mapping[str, str],
     advance: Callable[[int], object],
-    stopped: Callable[[], bool] = lambda: False,
 ) -> None:
     """Copy topics of any type; the bytes stay as they are where the encoding does.
 
@@ -99,8 +98,6 @@ def bag_to_bag(
         ]
         writer.write_blocks(blocks)
         advance(sum(len(block.t_ns) for block in blocks))
-        if stopped():
-            return
 
 
 class _Translator:

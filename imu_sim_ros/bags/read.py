@@ -10,7 +10,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags.atomic_file import active_path
+from imu_sim_ros.bags.atomic_file import unfinished
 from imu_sim_ros.bags.mcap import McapBag
 from imu_sim_ros.bags.messages import (
     IMU,
@@ -108,17 +108,16 @@ def open_bag(path: str | Path, recover: bool = False) -> Bag:
     :raises InputError: for a path that is missing, no bag, or a bag that is not whole.
     """
     path = Path(path)
-    if recover and not path.exists() and active_path(path).exists():
-        path = active_path(path)
+    if recover and not path.exists():
+        path = unfinished(path) or path
     if path.is_dir():
         return Rosbag2Folder(path, recover)
     try:
         with path.open("rb") as file:
             magic = file.read(_MAGIC_BYTES)
     except OSError as error:
-        hint = ""
-        if active_path(path).exists():
-            hint = f"; {active_path(path)} is an unfinished one, --recover takes what is there"
+        left = unfinished(path)
+        hint = f"; {left} is an unfinished one, --recover takes what is there" if left else ""
         raise InputError(f"{path}: {error.strerror or error}{hint}") from None
     if magic.startswith(b"#ROSBAG V"):
         return Rosbag1Bag(path, recover)

@@ -5,17 +5,25 @@
 
 import shutil
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from pathlib import Path
+from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from imu_sim_ros.bags.atomic_file import make_folder
 from imu_sim_ros.bags.rosbag2 import metadata as rosbag2_metadata
-from imu_sim_ros.bags.writer import Block, Topic, Writer, tally
+from imu_sim_ros.bags.writer import Block, Topic, Writer, tally, time_order
+from imu_sim_ros.errors import InputError
+
+_NEVER: Final = 2**63 - 1
+MAX_PARTS: Final = 10_000
+"""More files in one folder are a mistake in the splitting."""
 
 
 class PartsWriter(Writer):
-    """A writer of one file after the other."""
+    """A writer of one file after the other; a file is begun when there is a message for it."""
 
     def __init__(
         self,
@@ -27,89 +35,163 @@ class PartsWriter(Writer):
         """Open the first part.
 
         :param open_part: opens part k.
-        :param split_ns: a part holds messages of this time span [ns]; 0: of any.
-        :param split_bytes: the next part begins when this size is passed; 0: never.
+        :param split_ns: a part holds this time span [ns] from its first message on; 0: any.
+        :param split_bytes: a part ends with the message that reaches this size; 0: never.
         """
         super().__init__(path)
         self._open_part, self._split_ns, self._split_bytes = open_part, split_ns, split_bytes
-        self._closed: list[Writer] = []
-        self._part = open_part(0)
-        self._end_ns = 2**63 - 1 if not split_ns else None
-        self.encoding = self._part.encoding
+        self._parts: list[Writer] = [open_part(0)]
+        self._ended = False
+        """Whether the last part is closed."""
+        self._end_ns: int | None = None
+        self.encoding = self._parts[0].encoding
 
     @property
     def size(self) -> int:
         """Bytes of all parts."""
-        return sum(part.size for part in [*self._closed, self._part])
+        return sum(part.size for part in self._parts)
 
     @property
     def files(self) -> list[Path]:
         """The files of all parts."""
-        return [file for part in [*self._closed, self._part] for file in part.files]
+        return [file for part in self._parts for file in part.files]
 
     def _register(self, topic: Topic) -> None:
-        here = self._part.add_topic(
-            topic.name, topic.type_name, topic.qos, topic.schema, topic.keeps_seq
-        )
-        here.before = sum(part.topics[topic.index].count for part in self._closed)
+        if not self._ended:
+            _add(self._parts[-1], topic)
 
     def write_blocks(self, blocks: Sequence[Block]) -> None:
         """Write the messages of several topics; those after a boundary go into the next part."""
         blocks = tally(blocks)
         while blocks:
-            end_ns = self._boundary(min(int(block.t_ns.min()) for block in blocks))
-            now, later = [], []
-            for topic, t_ns, payloads in blocks:
-                # Where times run backwards the part changes at the first message past its end.
-                past = np.flatnonzero(t_ns >= end_ns)
-                cut = int(past[0]) if len(past) else len(t_ns)
-                here = self._part.topics[topic.index]
-                if cut:
-                    now.append(Block(here, t_ns[:cut], payloads[:cut]))
-                if cut < len(t_ns):
-                    later.append(Block(topic, t_ns[cut:], payloads[cut:]))
-            self._part.write_blocks(now)
-            blocks = later
-            if later or 0 < self._split_bytes <= self._part.size:
-                self._next_part()
+            part = self._begun()
+            within, past = self._divided_by_time(blocks)
+            now, later = self._divided_by_size(within, part)
+            part.write_blocks([Block(part.topics[b.topic.index], b.t_ns, b.payloads) for b in now])
+            if (past and not later) or self._full():
+                self._end_part()
+            blocks = later + past
 
     def write_raw(self, topic: Topic, t_ns: int, payload: bytes) -> None:
         """Write one message."""
-        if t_ns >= self._boundary(t_ns) or 0 < self._split_bytes <= self._part.size:
-            self._next_part()
+        if self._end_ns is not None and t_ns >= self._end_ns:
+            self._end_part()
+        part = self._begun()
+        self._boundary(t_ns)
         topic.add(1, t_ns, t_ns)
-        self._part.write_raw(self._part.topics[topic.index], t_ns, payload)
+        part.write_raw(part.topics[topic.index], t_ns, payload)
+        if self._full():
+            self._end_part()
+
+    def _begun(self) -> Writer:
+        """Return the part that is being written, a new one where the last is closed."""
+        if self._ended:
+            if len(self._parts) >= MAX_PARTS:
+                raise InputError(
+                    f"{self.path}: more than {MAX_PARTS} parts; split at a longer time or a "
+                    "larger size"
+                )
+            self._parts.append(self._open_part(len(self._parts)))
+            self._ended = False
+            for topic in self.topics:
+                before = sum(part.topics[topic.index].count for part in self._parts[:-1])
+                _add(self._parts[-1], topic, before)
+        return self._parts[-1]
+
+    def _full(self) -> bool:
+        return 0 < self._split_bytes <= self._parts[-1].size
 
     def _boundary(self, t_ns: int) -> int:
-        """Return the time at which the next part begins; the first message decides on all."""
+        """Return the time at which the part ends; its first message decides on that."""
+        if not self._split_ns:
+            return _NEVER
         if self._end_ns is None:
             self._end_ns = t_ns + self._split_ns
         return self._end_ns
 
-    def _next_part(self) -> None:
-        self._part.close()
-        self._closed.append(self._part)
-        self._part = self._open_part(len(self._closed))
-        if self._split_ns and self._end_ns is not None:
-            self._end_ns += self._split_ns
-        for topic in self.topics:
-            self._register(topic)
+    def _divided_by_time(self, blocks: list[Block]) -> tuple[list[Block], list[Block]]:
+        """Return what lies before the part's end, and what follows.
+
+        Where times run backwards the part changes at the first message past its end.
+        """
+        end_ns = self._boundary(min(int(block.t_ns.min()) for block in blocks))
+        counts = []
+        for block in blocks:
+            past = np.flatnonzero(block.t_ns >= end_ns)
+            counts.append(int(past[0]) if len(past) else len(block.t_ns))
+        return _divided(blocks, counts)
+
+    def _divided_by_size(
+        self, blocks: list[Block], part: Writer
+    ) -> tuple[list[Block], list[Block]]:
+        """Return what still fits into the part, one message at least, and what follows."""
+        if not self._split_bytes or not blocks:
+            return blocks, []
+        sizes = [_sizes(block) for block in blocks]
+        room = self._split_bytes - part.size
+        if sum(int(size.sum()) for size in sizes) < room:
+            return blocks, []
+        order = time_order([block.t_ns for block in blocks])
+        ends = np.cumsum(np.concatenate(sizes)[order])
+        fitting = order[: int(np.searchsorted(ends, room)) + 1]
+        starts = np.cumsum([0, *(len(block.t_ns) for block in blocks)])
+        # A block whose times run backwards goes on up to the last message that fits.
+        counts = [
+            int(inside.max(initial=start - 1)) + 1 - start
+            for start, stop in pairwise(starts.tolist())
+            for inside in [fitting[(fitting >= start) & (fitting < stop)]]
+        ]
+        return _divided(blocks, counts)
+
+    def _end_part(self) -> None:
+        self._parts[-1].close()
+        self._ended, self._end_ns = True, None
 
     def flush(self, durable: bool = False) -> None:
         """Flush the part that is being written; all others are complete."""
-        self._part.flush(durable)
+        if not self._ended:
+            self._parts[-1].flush(durable)
 
     def close(self) -> None:
         """Close the last part."""
-        self._part.close()
+        if not self._ended:
+            self._end_part()
 
     def abandon(self) -> list[Path]:
         """Keep the complete parts, and the last one as what it is."""
-        kept = [file for part in self._closed for file in part.files]
-        return kept + self._part.abandon()
+        whole = self._parts if self._ended else self._parts[:-1]
+        kept = [file for part in whole for file in part.files]
+        return kept if self._ended else kept + self._parts[-1].abandon()
 
-    def _parts(self) -> list[Writer]:
-        return [*self._closed, self._part]
+    def stop(self) -> None:
+        """Finish the last part early, without it where nothing is in it."""
+        self._parts[-1].stop()
+        if not self._parts[-1].count:
+            self._parts.pop()
+        for topic in self.topics:
+            known = [p.topics[topic.index] for p in self._parts if topic.index < len(p.topics)]
+            topic.count = sum(other.count for other in known)
+            topic.last_ns = max((other.last_ns for other in known), default=-1)
+        self._ended = True
+
+
+def _add(part: Writer, topic: Topic, before: int = 0) -> None:
+    here = part.add_topic(topic.name, topic.type_name, topic.qos, topic.schema, topic.keeps_seq)
+    here.before = before
+
+
+def _sizes(block: Block) -> NDArray[np.int64]:
+    """Return the bytes of each message."""
+    if isinstance(block.payloads, list):
+        return np.array([len(payload) for payload in block.payloads], dtype=np.int64)
+    return np.full(len(block.t_ns), block.payloads.shape[1], dtype=np.int64)
+
+
+def _divided(blocks: list[Block], counts: list[int]) -> tuple[list[Block], list[Block]]:
+    """Return the first messages of blocks, and the others; empty blocks are left out."""
+    pairs = list(zip(blocks, counts, strict=True))
+    first = [Block(b.topic, b.t_ns[:n], b.payloads[:n]) for b, n in pairs if n]
+    return first, [Block(b.topic, b.t_ns[n:], b.payloads[n:]) for b, n in pairs if n < len(b.t_ns)]
 
 
 class Rosbag2Writer(PartsWriter):
@@ -138,7 +220,18 @@ class Rosbag2Writer(PartsWriter):
     def close(self) -> None:
         """Close the last file and write metadata.yaml."""
         super().close()
-        parts = [rosbag2_metadata.part(part.path, part.topics) for part in self._parts()]
+        self._describe()
+
+    def stop(self) -> None:
+        """Finish the last file early, and write metadata.yaml."""
+        super().stop()
+        if self._parts:
+            self._describe()
+        else:
+            shutil.rmtree(self.path)
+
+    def _describe(self) -> None:
+        parts = [rosbag2_metadata.part(part.path, part.topics) for part in self._parts]
         content = rosbag2_metadata.document(self._storage, self.topics, parts)
         rosbag2_metadata.write(self.path, content)
 

@@ -50,9 +50,8 @@ def open_writer(
     :raises InputError: for a place or an option that cannot be used.
     """
     path = Path(path)
-    storage = storage or storage_of(path)
-    compression = compression or "none"
-    _check(path, storage, compression)
+    check_writer(path, storage, compression)
+    storage, compression = storage or storage_of(path), compression or "none"
     split_ns = round(split_duration * 1e9)
 
     def open_file(file: Path) -> Writer:
@@ -76,7 +75,12 @@ def open_writer(
     return Rosbag2Writer(path, storage, open_file, split_ns, split_size)
 
 
-def _check(path: Path, storage: str, compression: str) -> None:
+def check_writer(path: Path, storage: str | None, compression: str | None) -> None:
+    """Check what a bag is asked to be.
+
+    :raises InputError: for a name, a storage and a compression that do not fit one another.
+    """
+    storage, compression = storage or storage_of(path), compression or "none"
     if storage not in STORAGES:
         raise InputError(f"storage {storage!r}: must be one of {', '.join(STORAGES)}")
     if compression not in COMPRESSIONS[storage]:

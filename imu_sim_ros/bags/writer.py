@@ -4,7 +4,7 @@
 """What all bag writers share: topics, blocks of messages, and the order in which they go out."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
@@ -117,6 +117,13 @@ class Writer(ABC):
         :returns: the files that hold it.
         """
 
+    @abstractmethod
+    def stop(self) -> None:
+        """Finish the bag early: it is whole, with every message that was written completely.
+
+        A signal may have broken into any other method of this writer.
+        """
+
     @property
     @abstractmethod
     def size(self) -> int:
@@ -147,12 +154,23 @@ class Writer(ABC):
     ) -> None:
         if kind is None:
             self.close()
-            return
-        kept = self.abandon()
-        if isinstance(error, InputError) and kept and self.count:
-            names = ", ".join(map(str, kept))
-            line = f"{names} holds the messages before that and is marked as a part"
-            raise InputError([*error.problems, line]) from None
+        elif issubclass(kind, Exception):
+            self.abandon()
+        else:
+            self.stop()
+
+
+def described(topics: Iterable[Topic]) -> str:
+    """Return how much was written to the topics of a bag."""
+    written = list(topics)
+    last_ns = max((topic.last_ns for topic in written), default=-1)
+    return amount(sum(topic.count for topic in written), last_ns, "messages")
+
+
+def amount(count: int, last_ns: int, unit: str) -> str:
+    """Return a count and the last stamp in words."""
+    until = f" up to stamp {last_ns / 1e9:.9f} s" if count else ""
+    return f"{count:,} {unit}{until}"
 
 
 def tally(blocks: Sequence[Block]) -> list[Block]:

@@ -24,10 +24,19 @@ from imu_sim_ros.calibration.noise import (
     truth,
 )
 from imu_sim_ros.commands import common
+from imu_sim_ros.commands.shared import add_force, outputs
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import InputError
 
 _IN_JSON = ("noise_density", "random_walk", "bias_instability")
+_FILES = (
+    "allan.csv",
+    "kalibr_imu.yaml",
+    "imu_utils.yaml",
+    "imu_utils_continuous.yaml",
+    "imu.yaml",
+    "allan.png",
+)
 _OPTIONAL = ("quantisation", "rate_ramp")
 
 
@@ -58,8 +67,9 @@ def parser() -> argparse.ArgumentParser:
         help="compare with the parameters that made the bag: a name in config/imus or a file",
     )
     result.add_argument(
-        "--force", action="store_true", help="go on where a check of the data fails"
+        "--skip-checks", action="store_true", help="go on where a check of the data fails"
     )
+    add_force(result)
     result.add_argument("--no-files", action="store_true", help="write no files, print only")
     common.add_output_arguments(result)
     return result
@@ -67,28 +77,40 @@ def parser() -> argparse.ArgumentParser:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit status."""
-    arguments = parser().parse_args(argv)
-    return common.run("allan", lambda: allan(arguments))
+    return common.main(parser, allan, argv)
 
 
 def allan(arguments: argparse.Namespace) -> None:
     """Analyse, write the files and print."""
+    written = outputs(arguments)
+    folder = arguments.output or Path("allan")
+    staging = None if arguments.no_files else written.add_files(folder, _FILES)
+    with written:
+        result, comparisons = _analysed(arguments, staging)
+    if arguments.json:
+        common.print_json(_json(result, comparisons))
+    elif not arguments.quiet:
+        files = [] if arguments.no_files else [folder / name for name in _FILES]
+        _print(result, comparisons, sorted(files))
+
+
+def _analysed(
+    arguments: argparse.Namespace, folder: Path | None
+) -> tuple[AllanResult, Sequence[truth.Comparison]]:
+    """Analyse, and write the files into a folder."""
     true_imu = truth.load_truth(arguments.truth) if arguments.truth else None
     count = sum(_count(bag, arguments.topic) for bag in arguments.bags)
     with common.progress("read", count, arguments.quiet or arguments.json) as advance:
         result = analyse(
             _blocks(arguments.bags, arguments.topic),
             model=arguments.model,
-            force=arguments.force,
+            force=arguments.skip_checks,
             advance=advance,
         )
     comparisons = [] if true_imu is None else truth.compare(result, true_imu)
-    output = arguments.output or Path("allan")
-    files = [] if arguments.no_files else _write(result, output, arguments)
-    if arguments.json:
-        common.print_json(_json(result, comparisons))
-    elif not arguments.quiet:
-        _print(result, comparisons, files)
+    if folder is not None:
+        _write(result, folder, arguments)
+    return result, comparisons
 
 
 def _count(path: Path, topic: str | None) -> int:
@@ -111,21 +133,17 @@ def _blocks(bags: Iterable[Path], topic: str | None) -> Iterator[Iterator[ImuMes
         yield imu_blocks(bag, topic)
 
 
-def _write(result: AllanResult, output: Path, arguments: argparse.Namespace) -> list[Path]:
+def _write(result: AllanResult, output: Path, arguments: argparse.Namespace) -> None:
+    """Write the files of ``_FILES``."""
     from imu_sim_ros.plots import allan as picture
 
-    try:
-        output.mkdir(parents=True, exist_ok=True)
-        source = ", ".join(str(bag) for bag in arguments.bags)
-        noise_files.write_csv(result, output / "allan.csv")
-        noise_files.write_kalibr(result, output / "kalibr_imu.yaml", arguments.topic or "/imu0")
-        for name, continuous in (("imu_utils.yaml", False), ("imu_utils_continuous.yaml", True)):
-            noise_files.write_imu_utils(result, output / name, continuous=continuous)
-        noise_files.write_parameters(result, output / "imu.yaml", source)
-    except OSError as error:
-        raise InputError(f"{output}: {error.strerror or error}") from None
+    source = ", ".join(str(bag) for bag in arguments.bags)
+    noise_files.write_csv(result, output / "allan.csv")
+    noise_files.write_kalibr(result, output / "kalibr_imu.yaml", arguments.topic or "/imu0")
+    for name, continuous in (("imu_utils.yaml", False), ("imu_utils_continuous.yaml", True)):
+        noise_files.write_imu_utils(result, output / name, continuous=continuous)
+    noise_files.write_parameters(result, output / "imu.yaml", source)
     picture.draw(result, output / "allan.png")
-    return sorted(output.glob("*.*"))
 
 
 def _json(result: AllanResult, comparisons: Sequence[truth.Comparison]) -> Mapping[str, Any]:

@@ -5,12 +5,14 @@
 
 import argparse
 import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Final
 
-from imu_sim_ros.bags import COMPRESSIONS, STORAGES
+from imu_sim_ros.bags import COMPRESSIONS, STORAGES, Outputs, check_writer
 from imu_sim_ros.bags.text import writer as text_writer
-from imu_sim_ros.commands import common
+from imu_sim_ros.commands import common, shared
+from imu_sim_ros.errors import InputError
 
 DATASET_SUFFIXES: Final = {".csv": "csv", ".tum": "tum", ".txt": "tum"}
 _SIZE_UNITS: Final = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9}
@@ -49,6 +51,35 @@ def add_arguments(group: Any) -> None:
         default=[],
         help="another name in the bag, for instance imu/data_raw=/imu0; repeatable",
     )
+    shared.add_force(group, parts=True)
+
+
+def form(arguments: argparse.Namespace) -> str | None:
+    """Return the form of the dataset that is asked for; None: a bag.
+
+    :raises InputError: for arguments that do not fit that form.
+    """
+    result: str | None = arguments.format or DATASET_SUFFIXES.get(arguments.output.suffix.lower())
+    unfit = [
+        f"--{name.replace('_', '-')}: is not for {result}"
+        for name in ("storage", "compression", "split_duration", "split_size")
+        if result and getattr(arguments, name)
+    ]
+    if unfit:
+        raise InputError(unfit)
+    return result
+
+
+def outputs(arguments: argparse.Namespace, inputs: Iterable[object] = ()) -> Outputs:
+    """Return the outputs of a command, with its bag or dataset added.
+
+    :param inputs: what may be the name of a file that is read besides: values of parameters.
+    """
+    if form(arguments) is None:
+        check_writer(arguments.output, arguments.storage, arguments.compression)
+    written = shared.outputs(arguments, inputs)
+    written.add(arguments.output, kept=True)
+    return written
 
 
 def size(words: str) -> int:

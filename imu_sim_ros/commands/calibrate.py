@@ -36,6 +36,7 @@ from imu_sim_ros.calibration.deterministic import (
 )
 from imu_sim_ros.calibration.noise import load_truth
 from imu_sim_ros.commands import common
+from imu_sim_ros.commands.shared import add_force, outputs
 from imu_sim_ros.config import IntegratorParameters, build, files
 from imu_sim_ros.conventions import GRAVITY
 from imu_sim_ros.errors import InputError
@@ -97,6 +98,7 @@ def _kind(kinds: Any, name: str, text: str) -> argparse.ArgumentParser:
         "--truth", metavar="NAME|FILE", help="compare with the parameters that made the bag"
     )
     result.add_argument("--no-files", action="store_true", help="write no files, print only")
+    add_force(result)
     common.add_output_arguments(result)
     return result
 
@@ -128,22 +130,28 @@ def _numbers(words: str) -> Array:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit status."""
-    arguments = parser().parse_args(argv)
-    return common.run("calibrate", lambda: calibrate(arguments))
+    return common.main(parser, calibrate, argv)
 
 
 def calibrate(arguments: argparse.Namespace) -> None:
     """Calibrate, write the files and print."""
     if not 1.0 < arguments.gravity < 30.0:
         raise InputError(f"gravity = {arguments.gravity:g}: must be between 1 and 30 m/s^2")
-    truth = load_truth(arguments.truth) if arguments.truth else None
-    imu = read_imu(arguments.bag, arguments.topic)
-    values, facts, draw = _KINDS[arguments.kind](arguments, imu)
-    true = {} if truth is None else correction.true_parameters(truth, values)
-    files = [] if arguments.no_files else _write(arguments, values, draw)
+    written = outputs(arguments)
+    folder = arguments.output or Path(arguments.kind)
+    names = ["imu.yaml", "correction.yaml", f"{arguments.kind}.png"]
+    staging = None if arguments.no_files else written.add_files(folder, names)
+    with written:
+        truth = load_truth(arguments.truth) if arguments.truth else None
+        imu = read_imu(arguments.bag, arguments.topic)
+        values, facts, draw = _KINDS[arguments.kind](arguments, imu)
+        true = {} if truth is None else correction.true_parameters(truth, values)
+        if staging is not None:
+            _write(arguments, staging, values, draw)
     if arguments.json:
         common.print_json(_json(values, facts, true))
     elif not arguments.quiet:
+        files = [] if arguments.no_files else [folder / name for name in names]
         _print(values, facts, true, files)
 
 
@@ -264,22 +272,22 @@ def _rms(values: Array) -> list[float]:
 
 
 def _write(
-    arguments: argparse.Namespace, values: correction.Parameters, draw: Callable[[Path], None]
-) -> list[Path]:
-    folder: Path = arguments.output or Path(arguments.kind)
+    arguments: argparse.Namespace,
+    folder: Path,
+    values: correction.Parameters,
+    draw: Callable[[Path], None],
+) -> None:
+    """Write both parameter files and the picture into a folder."""
     comment = f"Calibrated from {arguments.bag} ({arguments.kind})."
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        simulator, integrator = folder / "imu.yaml", folder / "correction.yaml"
-        correction.write_simulator(values, simulator, f"{comment} For simulator and generate.")
-        correction.write_correction(
-            values, integrator, f"{comment} For integrator and dead_reckon: x = S^-1 (reading - b)."
-        )
-    except OSError as error:
-        raise InputError(f"{folder}: {error.strerror or error}") from None
-    picture = folder / f"{arguments.kind}.png"
-    draw(picture)
-    return [simulator, integrator, picture]
+    correction.write_simulator(
+        values, folder / "imu.yaml", f"{comment} For simulator and generate."
+    )
+    correction.write_correction(
+        values,
+        folder / "correction.yaml",
+        f"{comment} For integrator and dead_reckon: x = S^-1 (reading - b).",
+    )
+    draw(folder / f"{arguments.kind}.png")
 
 
 def _json(

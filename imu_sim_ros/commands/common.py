@@ -5,47 +5,115 @@
 
 import argparse
 import json
+import os
 import re
 import sys
+import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, Final, NoReturn
 
 from imu_sim_ros.commands import signals
 from imu_sim_ros.config import files
-from imu_sim_ros.errors import ConfigurationError, ImuSimError
+from imu_sim_ros.errors import ConfigurationError, explain
 
 _UNITS = {"": 1.0, "s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0}
+_LONGEST_LINE: Final = 1000
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser whose complaint is one line."""
+    """An argument parser whose complaint is one line, and that knows ``--debug``."""
+
+    def __init__(self, prog: str | None = None, **options: Any) -> None:
+        super().__init__(prog, **options)
+        self.add_argument(
+            "--debug",
+            action="store_true",
+            default=argparse.SUPPRESS,  # a subcommand's default must not hide what stands before it
+            help="show the traceback of an error",
+        )
 
     def error(self, message: str) -> NoReturn:
         """Say what is wrong in one line and end with status 2."""
-        self.exit(2, f"{self.prog}: {message} (--help lists the arguments)\n")
+        self.exit(2, f"{self.prog}: {_shortened(message)} (--help lists the arguments)\n")
 
 
-def run(program: str, command: Callable[[], None]) -> int:
-    """Run a command; return 0, or 2 after printing one line for each problem of its input.
+def main(
+    parser: Callable[[], argparse.ArgumentParser],
+    command: Callable[[argparse.Namespace], None],
+    argv: Sequence[str] | None = None,
+) -> int:
+    """Run a program: read its arguments, do what it does, tell what went wrong.
 
-    A signal ends it with 128 and its number, as a shell counts.
+    :param command: does the work; raises what goes wrong.
+    :param argv: the command line without the program's name; None: that of the process.
+    :returns: exit status: 0; 2 after a line for each problem of the input; 1 for anything else.
+    :raises SystemExit: for arguments that cannot be read, with status 2, and after ``--help``.
+    """
+    open_standard_streams()
+    arguments = parser().parse_args(argv)
+    return run(parser().prog, lambda: command(arguments), getattr(arguments, "debug", False))
+
+
+def run(program: str, command: Callable[[], None], debug: bool = False) -> int:
+    """Run a command; return its exit status after printing a line for each problem.
+
+    :param debug: print tracebacks as well.
     """
     try:
         with signals.raised():
             command()
-    except ImuSimError as error:
-        for problem in error.problems:
-            print(f"{program}: {problem}", file=sys.stderr)
-        return 2
+        sys.stdout.flush()
     except BrokenPipeError:  # `| head` closed standard output: nobody reads on
-        sys.stderr.close()
+        _give_up_output()
         return 1
-    except KeyboardInterrupt:
-        print(f"{program}: interrupted", file=sys.stderr)
+    except KeyboardInterrupt as error:
+        for line in error.args or ["nothing was written"]:
+            print(f"{program}: interrupted; {line}", file=sys.stderr)
         return signals.status()
+    except Exception as error:
+        return _told(program, error, debug)
     return 0
+
+
+def _told(program: str, error: Exception, debug: bool) -> int:
+    """Print what an error means; return the exit status."""
+    if debug:
+        traceback.print_exception(error)
+    lines, status = explain(error)
+    for line in lines:
+        print(f"{program}: {_shortened(line)}", file=sys.stderr)
+    try:
+        sys.stdout.flush()
+    except OSError:
+        _give_up_output()
+    return status
+
+
+def _shortened(line: str) -> str:
+    """Return a line without what a hostile name may put into it: line ends, control characters."""
+    words = "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in line)
+    if len(words) <= _LONGEST_LINE:
+        return words
+    return f"{words[: _LONGEST_LINE // 2]} ... {words[-_LONGEST_LINE // 2 :]}"
+
+
+def open_standard_streams() -> None:
+    """Let closed standard streams lead nowhere, lest the next file that is opened become one."""
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # the lowest free number is this one
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "r+" if number else "r", encoding="utf-8"))  # noqa: SIM115
+
+
+def _give_up_output() -> None:
+    """Forget what standard output cannot take; the interpreter's end would try again."""
+    with suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def duration(words: str) -> float:

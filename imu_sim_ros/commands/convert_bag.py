@@ -9,13 +9,22 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from imu_sim_ros.bags import Bag, Writer, convert, open_bag, open_writer, read_poses
+from imu_sim_ros.bags import (
+    Bag,
+    Outputs,
+    Writer,
+    amount,
+    convert,
+    described,
+    open_bag,
+    open_writer,
+    read_poses,
+)
 from imu_sim_ros.bags.messages import IMU, ODOMETRY
 from imu_sim_ros.bags.text import Dataset
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text import writer as text_writer
-from imu_sim_ros.commands import bag_output, common, signals
-from imu_sim_ros.commands.bag_output import DATASET_SUFFIXES
+from imu_sim_ros.commands import bag_output, common
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.poses import PoseSequence
 
@@ -54,37 +63,32 @@ def parser() -> argparse.ArgumentParser:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit status."""
-    arguments = parser().parse_args(argv)
-    return common.run("convert_bag", lambda: convert_bag(arguments))
+    return common.main(parser, convert_bag, argv)
 
 
 def convert_bag(arguments: argparse.Namespace) -> None:
     """Convert what the arguments name."""
-    form = arguments.format or DATASET_SUFFIXES.get(arguments.output.suffix.lower())
-    unfit = [
-        f"--{name.replace('_', '-')}: is not for {form}"
-        for name in ("storage", "compression", "split_duration", "split_size")
-        if form and getattr(arguments, name)
-    ]
-    if unfit:
-        raise InputError(unfit)
-    if text_reader.is_text(arguments.input):
-        result = _from_text(arguments, form)
-    else:
-        result = _from_bag(arguments, form)
+    form = bag_output.form(arguments)
+    written = bag_output.outputs(arguments)
+    arguments.staged = written.where(arguments.output)
+    with written:
+        if text_reader.is_text(arguments.input):
+            result = _from_text(arguments, form, written)
+        else:
+            result = _from_bag(arguments, form, written)
     _report(result, arguments)
 
 
-def _from_bag(arguments: argparse.Namespace, form: str | None) -> dict[str, Any]:
+def _from_bag(arguments: argparse.Namespace, form: str | None, written: Outputs) -> dict[str, Any]:
     whole = not arguments.recover or _is_whole(arguments.input)
     with open_bag(arguments.input, arguments.recover) as bag:
         topics = convert.chosen(bag, _names(arguments))
         if form is None:
-            counts, last_ns = _bag_to_bag(bag, topics, arguments)
+            counts, last_ns = _bag_to_bag(bag, topics, arguments, written)
         elif form == "tum":
             counts, last_ns = _bag_to_tum(bag, topics, arguments)
         else:
-            counts, last_ns = _bag_to_dataset(bag, topics, form, arguments)
+            counts, last_ns = _bag_to_dataset(bag, topics, form, arguments, written)
         damage = bag.damage
     if not arguments.quiet:
         for problem in damage:
@@ -104,14 +108,16 @@ def _is_whole(path: Path) -> bool:
     return True
 
 
-def _writer(arguments: argparse.Namespace) -> Writer:
-    return open_writer(
-        arguments.output,
+def _writer(arguments: argparse.Namespace, written: Outputs) -> Writer:
+    writer = open_writer(
+        arguments.staged,
         arguments.storage,
         arguments.compression,
         arguments.split_duration,
         arguments.split_size,
     )
+    written.describe(arguments.output, lambda: described(writer.topics))
+    return writer
 
 
 def _renamed(arguments: argparse.Namespace) -> dict[str, str]:
@@ -119,18 +125,14 @@ def _renamed(arguments: argparse.Namespace) -> dict[str, str]:
 
 
 def _bag_to_bag(
-    bag: Bag, topics: Sequence[Any], arguments: argparse.Namespace
+    bag: Bag, topics: Sequence[Any], arguments: argparse.Namespace, written: Outputs
 ) -> tuple[dict[str, int], int]:
     total = sum(topic.count for topic in topics)
     with (
-        signals.collected() as requests,
-        _writer(arguments) as writer,
+        _writer(arguments, written) as writer,
         _progress(arguments, total) as advance,
     ):
-        convert.bag_to_bag(
-            bag, writer, topics, _renamed(arguments), advance, lambda: bool(requests)
-        )
-    _say_if_stopped(requests, arguments)
+        convert.bag_to_bag(bag, writer, topics, _renamed(arguments), advance)
     return _tally(writer)
 
 
@@ -140,7 +142,7 @@ def _tally(writer: Writer) -> tuple[dict[str, int], int]:
 
 
 def _bag_to_dataset(
-    bag: Bag, topics: Sequence[Any], form: str, arguments: argparse.Namespace
+    bag: Bag, topics: Sequence[Any], form: str, arguments: argparse.Namespace, written: Outputs
 ) -> tuple[dict[str, int], int]:
     readings = bag.topic(IMU, _only_named(topics, IMU, arguments))
     truths = [topic for topic in topics if topic.type == ODOMETRY]
@@ -148,15 +150,14 @@ def _bag_to_dataset(
     if truths:
         chosen[ODOMETRY] = bag.topic(ODOMETRY, _only_named(topics, ODOMETRY, arguments)).name
     total = readings.count + sum(topic.count for topic in truths)
-    last = _Last()
     with (
-        Dataset(arguments.output, form, bool(truths)) as dataset,
+        _dataset(arguments, form, bool(truths), written) as dataset,
         _progress(arguments, total) as advance,
     ):
-        convert.to_dataset(bag.path, last.watch(dataset), chosen, advance, arguments.recover)
+        convert.to_dataset(bag.path, dataset, chosen, advance, arguments.recover)
     if form == "euroc":
         _describe(arguments, bool(truths))
-    return _rows(dataset, readings.name, chosen.get(ODOMETRY)), last.t_ns
+    return _rows(dataset, readings.name, chosen.get(ODOMETRY)), dataset.last_ns
 
 
 def _only_named(topics: Sequence[Any], type_name: str, arguments: argparse.Namespace) -> str | None:
@@ -167,18 +168,10 @@ def _only_named(topics: Sequence[Any], type_name: str, arguments: argparse.Names
     return fitting[0] if arguments.topics and len(fitting) == 1 else None
 
 
-class _Last:
-    """The last stamp that goes into a dataset."""
-
-    t_ns = -1
-
-    def watch(self, dataset: Dataset) -> Dataset:
-        """Return the dataset, watched from now on."""
-        dataset.on_rows = self._note
-        return dataset
-
-    def _note(self, last_ns: int) -> None:
-        self.t_ns = max(self.t_ns, last_ns)
+def _dataset(arguments: argparse.Namespace, form: str, states: bool, written: Outputs) -> Dataset:
+    dataset = Dataset(arguments.staged, form, states)
+    written.describe(arguments.output, lambda: amount(dataset.rows, dataset.last_ns, "rows"))
+    return dataset
 
 
 def _rows(dataset: Dataset, readings: str, truth: str | None) -> dict[str, int]:
@@ -204,15 +197,14 @@ def _write_tum(
     import numpy as np
 
     none = np.zeros((len(poses.t_ns), 3))
-    with Dataset(arguments.output, "tum") as dataset:
+    with Dataset(arguments.staged, "tum") as dataset:
         dataset.write_states(text_writer.States(*poses[:3], none, none, none))
     return {name: len(poses.t_ns)}, int(max(poses.t_ns, default=-1))
 
 
-def _from_text(arguments: argparse.Namespace, form: str | None) -> dict[str, Any]:
+def _from_text(arguments: argparse.Namespace, form: str | None, written: Outputs) -> dict[str, Any]:
     if arguments.topics:
         raise InputError(f"{arguments.input}: text has no topics to choose from")
-    last = _Last()
     if form == "tum":
         return _result(
             arguments, *_write_tum(read_poses(arguments.input), convert.TRUTH, arguments), False
@@ -220,16 +212,16 @@ def _from_text(arguments: argparse.Namespace, form: str | None) -> dict[str, Any
     if form is not None:
         states = text_reader.has_states(arguments.input)
         with (
-            Dataset(arguments.output, form, states) as dataset,
+            _dataset(arguments, form, states, written) as dataset,
             _progress(arguments, 0) as advance,
         ):
             chosen: dict[str, str | None] = {IMU: None, **({ODOMETRY: None} if states else {})}
-            convert.to_dataset(arguments.input, last.watch(dataset), chosen, advance)
+            convert.to_dataset(arguments.input, dataset, chosen, advance)
         if form == "euroc":
             _describe(arguments, states)
         counts = _rows(dataset, convert.READINGS, convert.TRUTH)
-        return _result(arguments, counts, last.t_ns, False)
-    with _writer(arguments) as writer, _progress(arguments, 0) as advance:
+        return _result(arguments, counts, dataset.last_ns, False)
+    with _writer(arguments, written) as writer, _progress(arguments, 0) as advance:
         convert.text_to_bag(arguments.input, writer, _renamed(arguments), advance)
     return _result(arguments, *_tally(writer), False)
 
@@ -240,10 +232,10 @@ def _describe(arguments: argparse.Namespace, states: bool) -> None:
 
     from imu_sim_ros.bags import imu_blocks
 
-    first = next(imu_blocks(arguments.output / "imu0" / "data.csv"))
+    first = next(imu_blocks(arguments.staged / "imu0" / "data.csv"))
     period = float(np.median(np.diff(first.t_ns))) if len(first.t_ns) > 1 else 0.0
     text_writer.write_euroc_descriptions(
-        arguments.output,
+        arguments.staged,
         round(1e9 / period, 3) if period else 0.0,
         {},
         np.eye(3),
@@ -255,15 +247,6 @@ def _describe(arguments: argparse.Namespace, states: bool) -> None:
 
 def _progress(arguments: argparse.Namespace, total: int) -> Any:
     return common.progress(f"writing {arguments.output}", total, arguments.quiet or arguments.json)
-
-
-def _say_if_stopped(requests: Sequence[int], arguments: argparse.Namespace) -> None:
-    if requests:
-        print(
-            f"convert_bag: stopped; {arguments.output} is whole and holds what was copied before",
-            file=sys.stderr,
-        )
-        raise signals.Interrupted
 
 
 def _result(

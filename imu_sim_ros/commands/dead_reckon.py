@@ -16,9 +16,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags import ImuMessages, read_imu
+from imu_sim_ros.bags import ImuMessages, Outputs, read_imu
 from imu_sim_ros.bags.messages import ODOMETRY
 from imu_sim_ros.commands import common
+from imu_sim_ros.commands.shared import PICTURES, add_force, outputs
 from imu_sim_ros.commands.tracks import (
     has_truth,
     read_track,
@@ -101,18 +102,33 @@ def parser() -> argparse.ArgumentParser:
         "--plot", type=Path, metavar="FILE", help="write a picture: paths, and error over time"
     )
     common.add_parameter_arguments(result)
+    add_force(result)
     common.add_output_arguments(result)
     return result
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit status."""
-    arguments = parser().parse_args(argv)
-    return common.run("dead_reckon", lambda: run(arguments))
+    return common.main(parser, run, argv)
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Integrate, compare, and say what came out."""
+    written = outputs(arguments)
+    if arguments.output is not None:
+        written.add(arguments.output)
+    if arguments.plot is not None:
+        written.add(arguments.plot, endings=PICTURES)
+    with written:
+        summaries = _made(arguments, written)
+    if arguments.json:
+        common.print_json(summaries if arguments.all else summaries[0])
+    elif not arguments.quiet:
+        _print(summaries)
+
+
+def _made(arguments: argparse.Namespace, written: Outputs) -> list[dict[str, Any]]:
+    """Integrate and write; returns what came out of each way of integrating."""
     parameters = _parameters(arguments)
     readings = _skipped(read_imu(arguments.bag, arguments.imu_topic), arguments.skip)
     truth = _read_truth(arguments)
@@ -128,12 +144,11 @@ def run(arguments: argparse.Namespace) -> None:
         _integrate(parameters, method, attitude, readings, initial, truth)
         for method, attitude in _ways(arguments, parameters)
     ]
-    _write(arguments, results, truth)
-    summaries = [_summary(result, parameters.initial_state) for result in results]
-    if arguments.json:
-        common.print_json(summaries if arguments.all else summaries[0])
-    elif not arguments.quiet:
-        _print(summaries)
+    if arguments.output is not None:
+        write_states(written.where(arguments.output), results[0].states)
+    if arguments.plot is not None:
+        _draw(written.where(arguments.plot), results, truth)
+    return [_summary(result, parameters.initial_state) for result in results]
 
 
 def _parameters(arguments: argparse.Namespace) -> IntegratorParameters:
@@ -302,13 +317,6 @@ def _print(summaries: Sequence[dict[str, Any]]) -> None:
         for summary in summaries
     ]
     common.print_table(["method", "attitude", *columns], rows, "Error against the truth")
-
-
-def _write(arguments: argparse.Namespace, results: Sequence[Result], truth: Truth | None) -> None:
-    if arguments.output is not None:
-        write_states(arguments.output, results[0].states)
-    if arguments.plot is not None:
-        _draw(arguments.plot, results, truth)
 
 
 def _draw(path: Path, results: Sequence[Result], truth: Truth | None) -> None:

@@ -10,7 +10,6 @@ of it into a bag. What is printed afterwards is counted in the bag, and by the n
 import argparse
 import os
 import re
-import shutil
 import signal
 import subprocess
 import sys
@@ -24,14 +23,17 @@ import numpy as np
 
 from imu_sim_ros.bags import open_bag, read_imu, read_odometry, read_poses
 from imu_sim_ros.commands import common
+from imu_sim_ros.commands.shared import add_force, outputs
 from imu_sim_ros.config import SimulationParameters, files, load_simulation
 from imu_sim_ros.conventions import DEAD_RECKONED_TOPIC, IMU_TOPIC, TRUTH_TOPIC
+from imu_sim_ros.errors import MachineError
 from imu_sim_ros.navigation import Drift, NavigationStates, Truth, dead_reckon, drift_from
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.rotation import rotate
 from imu_sim_ros.simulation import Simulation
 
 METHODS = ("euler", "midpoint")
+_PICTURE = "trajectory.png"
 _START_TIMEOUT = 30.0
 _END_TIMEOUT = 10.0
 
@@ -51,13 +53,13 @@ def parser() -> argparse.ArgumentParser:
     result.add_argument("--rate", default=200.0, type=float, metavar="HZ")
     result.add_argument("--duration", default=20.0, type=common.duration, metavar="TIME")
     result.add_argument("-o", "--output", default=Path("demo_output"), type=Path, metavar="FOLDER")
+    add_force(result)
     return result
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the demonstration; returns its exit status."""
-    arguments = parser().parse_args(argv)
-    return common.run("demo", lambda: run(arguments))
+    return common.main(parser, run, argv)
 
 
 def run(arguments: argparse.Namespace) -> None:
@@ -70,24 +72,27 @@ def run(arguments: argparse.Namespace) -> None:
     }
     parameters = load_simulation(layers)
     Simulation(parameters, read_poses)  # a file that cannot be flown is refused before the start
-    _empty(arguments.output)
-    bag = arguments.output / "bag"
+    written = outputs(arguments)
+    folder = written.add(arguments.output)
+    with written:
+        folder.mkdir()
+        _demonstrate(parameters, arguments, folder)
+    print(f"bag:     {arguments.output / 'bag'}\npicture: {arguments.output / _PICTURE}")
+
+
+def _demonstrate(
+    parameters: SimulationParameters, arguments: argparse.Namespace, folder: Path
+) -> None:
+    """Fly and record into a folder; then print and draw."""
+    bag = folder / "bag"
     print(
         f"simulator, integrator and recorder run for {parameters.duration:g} s "
         f"at {parameters.rate:g} Hz: {arguments.imu} on {arguments.trajectory}",
         flush=True,
     )
-    counts = _fly(parameters, arguments.output, bag)
+    counts = _fly(parameters, folder, bag)
     _print_counts(bag, counts)
-    _print_errors(parameters, arguments.output, bag)
-
-
-def _empty(folder: Path) -> None:
-    """Remove what an earlier demonstration left, and nothing else."""
-    folder.mkdir(parents=True, exist_ok=True)
-    shutil.rmtree(folder / "bag", ignore_errors=True)
-    for name in ("trajectory.png", "simulation.yaml", "nodes.log"):
-        (folder / name).unlink(missing_ok=True)
+    _print_errors(parameters, folder, bag)
 
 
 def _fly(parameters: SimulationParameters, folder: Path, bag: Path) -> dict[str, dict[str, int]]:
@@ -116,7 +121,9 @@ def _fly(parameters: SimulationParameters, folder: Path, bag: Path) -> dict[str,
                 process.kill()
         for name, process in nodes.items():
             if process.returncode != 0:
-                sys.exit(f"demo: {name} ended with status {process.returncode}: see {log.name}")
+                log.seek(0)
+                last = log.read().strip().rpartition("\n")[2]
+                raise MachineError(f"{name} ended with status {process.returncode}: {last}")
         log.seek(0)
         return _counts(log.read())
 
@@ -227,9 +234,7 @@ def _print_errors(parameters: SimulationParameters, folder: Path, bag: Path) -> 
         rows,
         f"Error after {parameters.duration:g} s and {result_distance(results):.1f} m",
     )
-    picture = folder / "trajectory.png"
-    _draw(picture, results, truth)
-    print(f"bag:     {bag}\npicture: {picture}")
+    _draw(folder / _PICTURE, results, truth)
 
 
 def result_distance(results: dict[str, Paths]) -> float:

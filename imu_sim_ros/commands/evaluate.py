@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.bags import Outputs
 from imu_sim_ros.commands import common
+from imu_sim_ros.commands.shared import PICTURES, add_force, outputs
 from imu_sim_ros.commands.tracks import Track, read_track, truth_topic
-from imu_sim_ros.errors import InputError
 from imu_sim_ros.navigation import (
     ALIGNMENTS,
     AbsoluteErrors,
@@ -76,18 +77,33 @@ def parser() -> argparse.ArgumentParser:
     result.add_argument(
         "-o", "--output", type=Path, metavar="FILE", help="write the aligned estimate, TUM's form"
     )
+    add_force(result)
     common.add_output_arguments(result)
     return result
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit status."""
-    arguments = parser().parse_args(argv)
-    return common.run("evaluate", lambda: run(arguments))
+    return common.main(parser, run, argv)
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Read, associate, align, compare, and say what came out."""
+    written = outputs(arguments)
+    if arguments.output is not None:
+        written.add(arguments.output)
+    if arguments.plot is not None:
+        written.add(arguments.plot, endings=PICTURES)
+    with written:
+        result = _made(arguments, written)
+    if arguments.json:
+        common.print_json(result)
+    elif not arguments.quiet:
+        _print(result)
+
+
+def _made(arguments: argparse.Namespace, written: Outputs) -> dict[str, Any]:
+    """Compare and write; returns what came out."""
     estimate = read_track(arguments.estimate, arguments.estimate_topic, covariance=True)
     truth = read_track(arguments.truth, truth_topic(arguments.truth, arguments.truth_topic))
     rows = common_rows(estimate.poses.t_ns, truth.poses.t_ns, arguments.max_gap)
@@ -113,20 +129,10 @@ def run(arguments: argparse.Namespace) -> None:
         # An alignment takes out a part of the error that the covariance still holds.
         result["nees"] = None
     if arguments.output is not None:
-        _write(arguments.output, poses)
+        write_tum(written.where(arguments.output), poses)
     if arguments.plot is not None:
-        _draw(arguments.plot, poses, true_poses, errors)
-    if arguments.json:
-        common.print_json(result)
-    elif not arguments.quiet:
-        _print(result)
-
-
-def _write(path: Path, poses: PoseSequence) -> None:
-    try:
-        write_tum(path, poses)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror}") from None
+        _draw(written.where(arguments.plot), poses, true_poses, errors)
+    return result
 
 
 def _delta(words: str) -> tuple[float, str]:

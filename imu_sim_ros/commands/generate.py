@@ -13,10 +13,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from imu_sim_ros.bags import ahead, open_writer, read_poses
+from imu_sim_ros.bags import Outputs, ahead, open_writer, read_poses
 from imu_sim_ros.bags.text import writer as text_writer
-from imu_sim_ros.commands import bag_output, common, signals
-from imu_sim_ros.config import SimulationParameters, files, load_simulation
+from imu_sim_ros.commands import bag_output, common
+from imu_sim_ros.config import SimulationParameters, files, flatten, load_simulation
 from imu_sim_ros.consumers import ImuValues, write_all
 from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.datasets import (
@@ -70,8 +70,7 @@ def parser() -> argparse.ArgumentParser:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit status."""
-    arguments = parser().parse_args(argv)
-    return common.run("generate", lambda: generate(arguments))
+    return common.main(parser, generate, argv)
 
 
 def generate(arguments: argparse.Namespace) -> None:
@@ -83,6 +82,22 @@ def generate(arguments: argparse.Namespace) -> None:
         arguments.imu_only,
         dict(arguments.topic),
     )
+    written = bag_output.outputs(arguments, flatten(parameters).values())
+    if arguments.with_configs:
+        written.add(_configs(arguments.output))
+    with written:
+        result = _generated(arguments, parameters, names, written)
+    result["wall_s"] = time.perf_counter() - started
+    _report(result, arguments)
+
+
+def _generated(
+    arguments: argparse.Namespace,
+    parameters: SimulationParameters,
+    names: dict[str, str],
+    written: Outputs,
+) -> dict[str, Any]:
+    """Write all outputs; returns the result but the time that it took."""
     simulation = Simulation(parameters, pose_reader=read_poses)
     if simulation.total is None:
         raise ConfigurationError(
@@ -92,29 +107,29 @@ def generate(arguments: argparse.Namespace) -> None:
         print(f"generate: warning: {warning}", file=sys.stderr)
     if not (arguments.quiet or arguments.json):
         print("\n".join(simulation.notes()), end="\n" if simulation.notes() else "")
-    stopped = False
-    with _target(arguments, parameters, names) as target:
-        stopped = _write(simulation, target, arguments)
+    with _target(arguments, written.where(arguments.output), parameters, names) as target:
+        written.describe(arguments.output, target.described)
+        _write(simulation, target, arguments)
     if arguments.with_configs:
-        _write_configs(arguments.output, simulation, names)
-    wall_s = time.perf_counter() - started
-    result = {
+        _write_configs(written.where(_configs(arguments.output)), arguments, simulation, names)
+    return {
         "output": str(arguments.output),
         "messages": target.counts,
-        "samples": simulation.position if not stopped else max(target.counts.values()),
-        "wall_s": wall_s,
+        "samples": simulation.position,
+        "wall_s": 0.0,
         "bytes": sum(file.stat().st_size for file in target.files if file.is_file()),
     }
-    _report(result, stopped, arguments)
 
 
 @contextmanager
 def _target(
-    arguments: argparse.Namespace, parameters: SimulationParameters, names: dict[str, str]
+    arguments: argparse.Namespace,
+    output: Path,
+    parameters: SimulationParameters,
+    names: dict[str, str],
 ) -> Iterator[BagTarget | DatasetTarget]:
     """Open the output; it is whole when the block ends without an error."""
-    output = arguments.output
-    form = arguments.format or bag_output.DATASET_SUFFIXES.get(output.suffix.lower())
+    form = bag_output.form(arguments)
     if form is None:
         with open_writer(
             output,
@@ -127,11 +142,6 @@ def _target(
             yield bag
         return
     unfit = [
-        f"--{name.replace('_', '-')}: is not for {form}"
-        for name in ("storage", "compression", "split_duration", "split_size")
-        if getattr(arguments, name)
-    ]
-    unfit += [
         f"topic {name}: is not for {form}" for name in names if name not in (IMU_TOPIC, TRUTH_TOPIC)
     ]
     if unfit:
@@ -146,26 +156,18 @@ def _target(
 
 def _write(
     simulation: Simulation, target: BagTarget | DatasetTarget, arguments: argparse.Namespace
-) -> bool:
-    """Write all samples; returns whether Ctrl-C or SIGTERM ended it before."""
-    total = simulation.total or 0
-    with (
-        signals.collected() as requests,
-        common.progress(
-            f"writing {arguments.output}", total, arguments.quiet or arguments.json
-        ) as advance,
-    ):
+) -> None:
+    """Write all samples."""
+    quiet = arguments.quiet or arguments.json
+    with common.progress(f"writing {arguments.output}", simulation.total or 0, quiet) as advance:
         # The samples are made in a thread of their own while the messages are written.
         blocks = ahead(simulation.blocks(BLOCK_SIZE))
         try:
             for block in blocks:
                 target.write(block)
                 advance(len(block.t_ns))
-                if requests:
-                    return True
         finally:
             blocks.close()  # type: ignore[attr-defined]
-    return False
 
 
 def _describe(output: Path, parameters: SimulationParameters, states: bool) -> None:
@@ -193,21 +195,27 @@ def _values(parameters: SimulationParameters, topic: str, duration: float = 0.0)
     )
 
 
-def _write_configs(output: Path, simulation: Simulation, names: dict[str, str]) -> None:
+def _configs(output: Path) -> Path:
+    """Return the folder of the configurations that belong to an output."""
+    return output.with_name(output.name + "_configs")
+
+
+def _write_configs(
+    folder: Path, arguments: argparse.Namespace, simulation: Simulation, names: dict[str, str]
+) -> None:
     parameters = simulation.parameters
     topic = resolved(names.get(IMU_TOPIC, IMU_TOPIC))
-    folder = output.with_name(output.name + "_configs")
     duration = simulation.position / parameters.rate
     write_all(folder, _values(parameters, topic, duration))
     files.dump(
         parameters,
         folder / "simulation.yaml",
-        comment=f"All parameters of {output.name}:\n"
+        comment=f"All parameters of {arguments.output.name}:\n"
         "generate --params-file simulation.yaml makes the same samples.",
     )
 
 
-def _report(result: dict[str, Any], stopped: bool, arguments: argparse.Namespace) -> None:
+def _report(result: dict[str, Any], arguments: argparse.Namespace) -> None:
     if arguments.json:
         common.print_json(result)
     elif not arguments.quiet:
@@ -217,12 +225,6 @@ def _report(result: dict[str, Any], stopped: bool, arguments: argparse.Namespace
             f"{result['output']}: {counts}; {result['bytes'] / 1e6:,.1f} MB in "
             f"{result['wall_s']:.2f} s ({speed:,.0f} k messages/s)"
         )
-    if stopped:
-        print(
-            f"generate: stopped; {result['output']} is whole and holds what was written before",
-            file=sys.stderr,
-        )
-        raise signals.Interrupted
 
 
 if __name__ == "__main__":

@@ -109,15 +109,12 @@ def _check(name: str, poses: PoseSequence) -> None:
 def write_states(path: Path, states: NavigationStates) -> None:
     """Write a dead-reckoned trajectory: ``.csv`` with velocity, anything else in TUM's form.
 
-    :raises InputError: where the file cannot be written.
+    :raises OSError: where the file cannot be written.
     """
-    try:
-        if path.suffix.lower() == ".csv":
-            _write_csv(path, states)
-        else:
-            write_tum(path, PoseSequence(states.t_ns, states.position, states.q_wb))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror}") from None
+    if path.suffix.lower() == ".csv":
+        _write_csv(path, states)
+    else:
+        write_tum(path, PoseSequence(states.t_ns, states.position, states.q_wb))
 
 
 def _write_csv(path: Path, states: NavigationStates) -> None:

@@ -11,8 +11,6 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from imu_sim_ros.errors import InputError
-
 # Okabe and Ito's palette: told apart with every kind of colour vision, and in grey.
 AXIS_COLOURS: Final = {"x": "#D55E00", "y": "#009E73", "z": "#0072B2"}
 PALETTE: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#5B5B5B")
@@ -71,9 +69,6 @@ def tidy(axes: Axes) -> None:
 def save(picture: Figure, path: str | Path) -> None:
     """Write a figure; the file's ending chooses the format (png, svg, pdf).
 
-    :raises InputError: where the file cannot be written.
+    :raises OSError: where the file cannot be written.
     """
-    try:
-        picture.savefig(path, dpi=_PIXELS_PER_INCH)
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path}: the picture cannot be written: {error}") from None
+    picture.savefig(path, dpi=_PIXELS_PER_INCH)

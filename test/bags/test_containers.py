@@ -235,7 +235,7 @@ def test_places_and_options_that_cannot_be_used(tmp_path):
     (tmp_path / "there.mcap").write_text("mine")
     for path, options, words in (
         ("there.mcap", {}, "exists already"),
-        ("missing/x.mcap", {}, "does not exist"),
+        ("there.mcap/x.mcap", {}, "Not a directory|File exists"),
         ("x.bag", {"compression": "zstd"}, "ros1 takes none, lz4, bz2"),
         ("x.mcap", {"storage": "sqlite3"}, "has the storage mcap"),
         ("x", {"storage": "paper"}, "must be one of mcap, sqlite3, ros1"),

@@ -127,6 +127,24 @@ def test_kill_9_costs_at_most_what_was_not_flushed(tmp_path, name, storage):
     np.testing.assert_array_equal(gyro[:, 0], np.arange(len(t_ns)))
 
 
+def test_what_a_killed_command_left_is_found(tmp_path):
+    command = [sys.executable, "-m", "imu_sim_ros.commands.generate", "--duration", "40h"]
+    command += ["--trajectory", "static", "-o", str(tmp_path / "x.mcap")]
+    process = subprocess.Popen(command)
+    growing = tmp_path / "x.mcap.active" / "x.mcap.active"
+    deadline = time.monotonic() + 30
+    while not (growing.exists() and growing.stat().st_size > 2 * 10**6):
+        assert time.monotonic() < deadline, process.poll()
+        time.sleep(0.01)
+    process.kill()
+    process.wait()
+    with pytest.raises(InputError, match="is an unfinished one, --recover"):
+        open_bag(tmp_path / "x.mcap")
+    t_ns, _ = _recovered(tmp_path / "x.mcap")
+    assert len(t_ns) > 1000
+    assert np.all(np.diff(t_ns) == 5_000_000)
+
+
 def test_durable_flush(tmp_path, content):
     for name, storage in (("x.mcap", "mcap"), ("y", "sqlite3"), ("x.bag", "ros1")):
         with open_writer(tmp_path / name, storage) as writer:

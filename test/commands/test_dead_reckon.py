@@ -256,8 +256,8 @@ def test_not_a_number(tmp_path, capsys):
         (["--set", "mehtod=euler"], "mehtod: unknown parameter; did you mean method?"),
         (["--correction", "missing.yaml"], "missing.yaml: No such file or directory"),
         (["--imu-topic", "/imu"], "has no topic /imu of sensor_msgs/msg/Imu"),
-        (["-o", "missing/track.txt"], "missing/track.txt: cannot be written"),
-        (["--plot", "missing/picture.png"], "missing/picture.png: the picture cannot be written"),
+        (["-o", "/dev/null/track.txt"], "/dev/null/track.txt: /dev/null is not a folder"),
+        (["--plot", "/dev/null"], "/dev/null: must end in .png or .svg or .pdf"),
     ],
 )
 def test_bad_arguments(bag, capsys, arguments, message):

@@ -165,6 +165,7 @@ def complain(capsys, *arguments):
 
 
 def test_bad_input(tmp_path, truth, capsys):
+    (tmp_path / "a file").touch()
     apart = saved(tmp_path, track(offset=1000 * SECOND))
     assert "estimate and truth do not overlap in time" in complain(capsys, apart, truth)
     assert "missing.txt" in complain(capsys, tmp_path / "missing.txt", truth)
@@ -173,8 +174,8 @@ def test_bad_input(tmp_path, truth, capsys):
     assert "on a line or in one place" in line
     line = complain(capsys, truth, truth, "--rpe", "1000s")
     assert "delta = 1000 s: the trajectory has only 20 s" in line
-    line = complain(capsys, truth, truth, "-o", tmp_path / "none" / "x.txt")
-    assert "cannot be written" in line
+    line = complain(capsys, truth, truth, "-o", tmp_path / "a file" / "x.txt")
+    assert "is not a folder" in line
 
 
 def test_bag_with_stamps_out_of_order(tmp_path, truth, capsys):

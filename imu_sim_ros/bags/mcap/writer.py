@@ -65,13 +65,12 @@ class McapWriter(ChunkWriter):
     encoding = "cdr"
 
     def __init__(self, path: Path, compression: str = "none", renamed: bool = True) -> None:
-        from mcap.records import ChunkIndex, Header
+        from mcap.records import Header
         from mcap.writer import LIBRARY_IDENTIFIER
 
         super().__init__(path, renamed)
         self._compression = "" if compression == "none" else compression
         self._compress = compressor(compression)
-        self._chunks: list[ChunkIndex] = []
         self._schemas: dict[str, Any] = {}
         self._channels: list[Any] = []
         self.file.write(MAGIC, _packed(Header("ros2", LIBRARY_IDENTIFIER)))
@@ -157,7 +156,7 @@ class McapWriter(ChunkWriter):
             index_offsets[topic.index + 1] = position
             position += len(index)
         self.file.write(struct.pack("<BQ", CHUNK, length), header, compressed, b"".join(indexes))
-        self._chunks.append(
+        self._written.append(
             ChunkIndex(
                 chunk_length=_RECORD_HEADER_BYTES + length,
                 chunk_start_offset=offset,
@@ -184,7 +183,7 @@ class McapWriter(ChunkWriter):
             (Opcode.SCHEMA, list(self._schemas.values())),
             (Opcode.CHANNEL, self._channels),
             (Opcode.STATISTICS, [self._statistics()]),
-            (Opcode.CHUNK_INDEX, self._chunks),
+            (Opcode.CHUNK_INDEX, self._written),
         ):
             start = builder.count
             for record in records:
@@ -207,7 +206,7 @@ class McapWriter(ChunkWriter):
             attachment_count=0,
             channel_count=len(self._channels),
             channel_message_counts={t.index + 1: t.count for t in self.topics if t.count},
-            chunk_count=len(self._chunks),
+            chunk_count=len(self._written),
             message_count=self.count,
             message_end_time=max((t.last_ns for t in self.topics if t.count), default=0),
             message_start_time=min((t.first_ns for t in self.topics if t.count), default=0),

@@ -218,7 +218,7 @@ class Rosbag1Bag(Bag):
 
     def _timed(self, names: Collection[str]) -> Iterator[Timed]:
         chunks = sorted(self._chunks, key=lambda chunk: chunk.start_ns)
-        starts = [chunk.start_ns for chunk in chunks[1:]] + [_END_NS]
+        starts = [*(chunk.start_ns for chunk in chunks), _END_NS][1:]
         wanted = {id_: topic for id_, topic in self._connections.items() if topic.name in names}
         for chunk, next_start_ns in zip(chunks, starts, strict=True):
             try:

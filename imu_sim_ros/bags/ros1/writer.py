@@ -123,14 +123,13 @@ class Rosbag1Writer(ChunkWriter):
         super().__init__(path, renamed)
         self._compression = compression
         self._compress = compressor(compression)
-        self._chunks: list[_ChunkInfo] = []
         self._announced = 0
         self._numbered: set[Topic] = set()
         self.file.write(MAGIC, self._bag_header(0))
 
     def _bag_header(self, index_position: int) -> bytes:
         header = fields(
-            chunk_count=_u4(len(self._chunks)),
+            chunk_count=_u4(len(self._written)),
             conn_count=_u4(len(self.topics)),
             index_pos=_u8(index_position),
             op=_u1(OP_BAG_HEADER),
@@ -197,7 +196,7 @@ class Rosbag1Writer(ChunkWriter):
         position = self.file.position
         self.file.write(header, _u4(len(compressed)), compressed, *indexes)
         self._announced = len(self.topics)
-        self._chunks.append(
+        self._written.append(
             _ChunkInfo(
                 position,
                 min(int(t_ns.min()) for _, t_ns, _ in messages),
@@ -209,7 +208,7 @@ class Rosbag1Writer(ChunkWriter):
     def _finish(self) -> None:
         index_position = self.file.position
         connections = b"".join(self._connection(topic) for topic in self.topics)
-        self.file.write(connections, b"".join(_chunk_info(chunk) for chunk in self._chunks))
+        self.file.write(connections, b"".join(_chunk_info(chunk) for chunk in self._written))
         self.file.rewrite(len(MAGIC), self._bag_header(index_position))
 
 

@@ -17,7 +17,7 @@ from imu_sim_ros.bags.atomic_file import refuse_existing
 from imu_sim_ros.bags.messages import as_list, qos_text
 from imu_sim_ros.bags.rosbag2 import metadata as rosbag2_metadata
 from imu_sim_ros.bags.writer import Block, Topic, Writer, tally, time_order
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.errors import MachineError
 
 SCHEMA_VERSION: Final = 4
 _TABLES: Final = """
@@ -37,6 +37,9 @@ CREATE TABLE messages(
 """
 _INDEX: Final = "CREATE INDEX timestamp_idx ON messages (timestamp ASC)"
 _INSERT: Final = "INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)"
+_TALLY: Final = """
+SELECT count(*), coalesce(min(timestamp), 9223372036854775807), coalesce(max(timestamp), -1)
+FROM messages WHERE topic_id = ?"""
 _TRANSACTION_BYTES: Final = 16 << 20
 
 
@@ -64,7 +67,7 @@ class SqliteWriter(Writer):
             self._database.execute("INSERT INTO schema VALUES (?, 'jazzy')", (SCHEMA_VERSION,))
             self._database.execute("BEGIN")
         except sqlite3.Error as error:
-            raise InputError(f"{path}: {error}") from None
+            raise MachineError(f"{path}: {error}") from None
 
     @property
     def size(self) -> int:
@@ -152,6 +155,20 @@ class SqliteWriter(Writer):
             self.path.unlink(missing_ok=True)
         return [self.path] if self.count else []
 
+    def stop(self) -> None:
+        """Finish with every message that the database has; it counts them itself."""
+        with suppress(sqlite3.ProgrammingError):  # it is closed
+            if not self._database.in_transaction:
+                self._execute("BEGIN")
+            self._insert_raw()
+            for topic in self.topics:
+                row = self._database.execute(_TALLY, (topic.index + 1,)).fetchone()
+                topic.count, topic.first_ns, topic.last_ns = row
+            if self.count:
+                self.close()
+            else:
+                self.abandon()
+
     def _insert_raw(self) -> None:
         if self._raw:
             rows, self._raw = self._raw, []
@@ -162,13 +179,13 @@ class SqliteWriter(Writer):
         try:
             self._database.executemany(_INSERT, rows)  # type: ignore[arg-type]
         except sqlite3.Error as error:
-            raise InputError(f"{self.path}: {error}") from None
+            raise MachineError(f"{self.path}: {error}") from None
 
     def _execute(self, statement: str, values: Sequence[object] = ()) -> None:
         try:
             self._database.execute(statement, values)
         except sqlite3.Error as error:
-            raise InputError(f"{self.path}: {error}") from None
+            raise MachineError(f"{self.path}: {error}") from None
 
     def _count_bytes(self, size: int) -> None:
         self._bytes += size

@@ -63,6 +63,8 @@ class TextFile:
         self.file = OutputFile(path)
         self.file.write(header.encode() + b"\n")
         self.rows = 0
+        self.last_ns = -1
+        """The last time of all rows."""
 
     def write(self, t_ns: Times, values: Array, separator: str = ",") -> None:
         """Append n rows: a time, and the columns of values (n, m)."""
@@ -74,6 +76,7 @@ class TextFile:
             )
             self.file.write(text)
             self.rows += len(t_ns[part])
+            self.last_ns = max(self.last_ns, int(t_ns[part].max()))
 
 
 def _seconds(t_ns: Times) -> NDArray[np.uint8]:
@@ -100,8 +103,6 @@ class Dataset:
         self.path, self.form = path, form
         self.imu: TextFile | None = None
         self.truth: TextFile | None = None
-        self.on_rows: Callable[[int], object] = lambda last_ns: None
-        """Is told the last time of every block that is written."""
         self._write_states: Callable[[States], None] = self._write_tum
         if form == "tum":
             self.truth = TextFile(path, TUM_HEADER)
@@ -132,17 +133,26 @@ class Dataset:
             return [file for file in self.path.rglob("*") if file.is_file()]
         return [self.path]
 
+    @property
+    def rows(self) -> int:
+        """Rows of all files so far."""
+        return sum(file.rows for file in (self.imu, self.truth) if file is not None)
+
+    @property
+    def last_ns(self) -> int:
+        """The last time of all rows; -1 without any."""
+        files = (self.imu, self.truth)
+        return max((file.last_ns for file in files if file is not None), default=-1)
+
     def write_imu(self, t_ns: Times, gyro: Array, accel: Array) -> None:
         """Write readings: times (n,), angular rates (n, 3), specific forces (n, 3)."""
         if self.imu is not None:
             self.imu.write(t_ns, np.concatenate([gyro, accel], axis=1))
-            self.on_rows(int(t_ns.max(initial=-1)))
 
     def write_states(self, states: States) -> None:
         """Write true states."""
         if self.truth is not None:
             self._write_states(states)
-            self.on_rows(int(states.t_ns.max(initial=-1)))
 
     def _write_tum(self, states: States) -> None:
         assert self.truth is not None
@@ -159,7 +169,7 @@ class Dataset:
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         files = [file for file in (self.imu, self.truth) if file is not None]
         for file in files:
-            if kind is None:
+            if kind is None or (self.rows and not issubclass(kind, Exception)):
                 file.file.finish()
             else:
                 file.file.abandon(empty=not any(other.rows for other in files))

@@ -174,7 +174,7 @@ def _judge(record: Record, sinks: _Sinks | None) -> tuple[list[str], list[str]]:
     ]
     problems += [
         f"{AXES[k]}: always {record.minimum[k]:g}: a missing or dead axis, or no noise at all; "
-        "all six axes must be measured (--force leaves it out)"
+        "all six axes must be measured (--skip-checks leaves it out)"
         for k in record.constant_axes()
         if record.bad[k] == 0
     ]

@@ -1,0 +1,372 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Everything a program writes: refused before any work begins, or named when it is whole.
+
+A target is written below a staging folder beside it, ``NAME.active/NAME``, and renamed at the end.
+So no name ever stands for half an output, and what fails leaves nothing behind.
+"""
+
+import fcntl
+import os
+import shutil
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+from typing import Final
+
+from imu_sim_ros.bags.atomic_file import ACTIVE_SUFFIX, active_path
+from imu_sim_ros.errors import ImuSimError, InputError, system_error
+
+PARTIAL: Final = "partial"
+_LONGEST_ADDITION: Final = len(".partial99")
+_OURS: Final = frozenset(
+    {
+        *(".bag", ".mcap", ".db3", ".yaml", ".json", ".csv", ".tum", ".txt", ".log"),
+        *(".png", ".svg", ".pdf", ".jpg", ".html", ".parquet"),
+    }
+)
+"""What the files of an output folder end in: a folder with anything else in it is not replaced."""
+_FILES_LOOKED_AT: Final = 100_000
+
+
+@dataclass
+class Target:
+    """One output: where it is to be, and where it is written until it is whole."""
+
+    final: Path
+    names: tuple[str, ...] = ()
+    """The files that go into the folder ``final``, which may exist; none: it is made as a whole."""
+    kept: bool = False
+    """What is whole is kept under the name of a part when the program is interrupted."""
+    described: Callable[[], str] = field(default=lambda: "what was written before")
+    """Says what a kept part holds."""
+
+    @property
+    def staging(self) -> Path:
+        """The folder that is renamed from; it lies beside the target."""
+        return self.final.parent / (self.final.name + ACTIVE_SUFFIX)
+
+    @property
+    def path(self) -> Path:
+        """Where to write."""
+        return self.staging if self.names else self.staging / self.final.name
+
+    def places(self) -> list[Path]:
+        """Return every path that will get a new content."""
+        return [self.final / name for name in self.names] or [self.final]
+
+
+class Outputs:
+    """The outputs of one run of a program; use as a context manager around its work.
+
+    Add all targets first. Entering the context refuses, all together, those that exist (unless
+    ``force``), that are an input, that cannot be made; and makes their parents. Leaving it without
+    an error gives every output its name; an error removes what was written. Ctrl-C and the like
+    (any exception that is no :class:`Exception`) leave targets with ``kept`` as
+    ``NAME.partial.EXT``; the exception's args then get a line about each::
+
+        outputs = Outputs(inputs=[bag], force=arguments.force)
+        table = outputs.add(Path("table.csv"))
+        with outputs:
+            write_csv(table, ...)
+    """
+
+    def __init__(
+        self,
+        inputs: Iterable[str | Path] = (),
+        force: bool = False,
+        discard_partial: bool = False,
+        undisturbed: Callable[[], AbstractContextManager[object]] = nullcontext,
+    ) -> None:
+        """Begin without targets.
+
+        :param inputs: files and folders that are read; none of them is ever written to.
+        :param force: replace what exists.
+        :param discard_partial: keep nothing of an interrupted run.
+        :param undisturbed: keeps signals away from the last step, which gives the names.
+        """
+        self._undisturbed = undisturbed
+        self.force, self.discard_partial = force, discard_partial
+        self._inputs = [Path(path) for path in inputs]
+        self._targets: list[Target] = []
+        self._made: list[Path] = []
+        self._locks: list[int] = []
+
+    def add(
+        self,
+        path: str | Path,
+        *,
+        endings: Sequence[str] = (),
+        kept: bool = False,
+    ) -> Path:
+        """Add a file, or a folder that is made as a whole.
+
+        :param path: its name in the end.
+        :param endings: what the name must end in, one of these; none: in anything.
+        :param kept: keep what is whole when the program is interrupted.
+        :returns: where to write it. Siblings with its stem (``NAME_0.bag``) are renamed as well.
+        """
+        target = Target(Path(path), kept=kept)
+        if endings and target.final.suffix.lower() not in endings:
+            raise InputError(f"{path}: must end in {' or '.join(endings)}")
+        self._targets.append(target)
+        return target.path
+
+    def where(self, path: str | Path) -> Path:
+        """Return where an output that was added is to be written."""
+        return next(target.path for target in self._targets if target.final == Path(path))
+
+    def describe(self, path: str | Path, described: Callable[[], str]) -> None:
+        """Let an output say what its part holds: "812 messages up to stamp 4.06 s"."""
+        for target in self._targets:
+            if target.final == Path(path):
+                target.described = described
+
+    def add_files(self, folder: str | Path, names: Iterable[str]) -> Path:
+        """Add files of a folder that may exist, with other files in it.
+
+        :returns: the folder to write them to.
+        """
+        target = Target(Path(folder), tuple(names))
+        self._targets.append(target)
+        return target.path
+
+    def __enter__(self) -> "Outputs":
+        problems = [problem for target in self._targets for problem in self._problems(target)]
+        problems += self._collisions()
+        if problems:
+            raise InputError(problems)
+        try:
+            for target in self._targets:
+                self._stage(target)
+        except BaseException:
+            self._clear()
+            raise
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        with self._undisturbed():
+            self._end(kind, error)
+
+    def _end(self, kind: type[BaseException] | None, error: BaseException | None) -> None:
+        try:
+            if kind is None:
+                self._commit()
+            elif not issubclass(kind, Exception) and not self.discard_partial and error:
+                error.args = (*error.args, *self._keep_parts())
+        finally:
+            self._clear()
+        if isinstance(error, ImuSimError):
+            raise type(error)([self._finally_named(line) for line in error.problems]) from None
+
+    def _problems(self, target: Target) -> Iterator[str]:
+        """Yield what is wrong with a target, at most one line for each of its places."""
+        final = target.final
+        if final.name in ("", "..") or "\0" in str(final):
+            yield f"{str(final)!r}: is not the name of a file"
+            return
+        try:
+            longest = os.pathconf("/", "PC_NAME_MAX") - _LONGEST_ADDITION
+            if len(os.fsencode(final.name)) > longest:
+                yield f"{final.name[:40]}...: the name is longer than {longest} bytes"
+                return
+            if target.names and os.path.lexists(final) and not final.is_dir():
+                yield f"{final}: exists and is not a folder"
+                return
+            there = next(folder for folder in final.absolute().parents if os.path.lexists(folder))
+            if not there.is_dir():
+                yield f"{final}: {there} is not a folder"
+                return
+            for place in target.places():
+                yield from self._refusal(place)
+        except OSError as error:
+            yield f"{final}: {error.strerror or error}"
+
+    def _refusal(self, place: Path) -> Iterator[str]:
+        taken = [place] if os.path.lexists(place) else []
+        if place.suffix:  # the files of an output that is split
+            taken += [
+                part
+                for part in place.parent.glob(f"{_escaped(place.stem)}_*{_escaped(place.suffix)}")
+                if part.stem.removeprefix(place.stem + "_").isdecimal()
+            ]
+        for path in taken[:1]:
+            used = self._input_in(path)
+            if used:
+                yield f"{place}: {used}; nothing is ever written over an input"
+            elif not path.is_symlink() and not path.is_file() and not path.is_dir():
+                yield f"{place}: exists and is neither a file nor a folder"
+            elif not self.force:
+                yield f"{path}: exists already; --force replaces it"
+            elif path.is_dir() and not path.is_symlink():
+                yield from _irreplaceable(path)
+
+    def _input_in(self, place: Path) -> str:
+        """Say which input is this existing file or folder, lies in it or holds it."""
+        here = Path(os.path.realpath(place))
+        for given in self._inputs:
+            if not given.exists():
+                continue
+            there = Path(os.path.realpath(given))
+            if here == there or (place.exists() and os.path.samefile(place, given)):
+                return f"is the input {given}"  # by its name, or a link of any kind
+            if here in there.parents:
+                return f"holds the input {given}"
+            if there in here.parents:
+                return f"lies in the input {given}"
+        return ""
+
+    def _collisions(self) -> Iterator[str]:
+        """Yield targets that are, or lie in, one another."""
+        seen: list[tuple[Path, Path, bool]] = []
+        for target in self._targets:
+            for place in target.places():
+                try:
+                    real = Path(os.path.realpath(place.parent)) / place.name
+                except OSError:
+                    continue
+                for other, shown, whole in seen:
+                    if real == other:
+                        yield f"{place}: two outputs would have this name"
+                    elif whole and (other in real.parents or real in other.parents):
+                        yield f"{place}: another output is {shown}"
+                seen.append((real, place, not target.names))
+
+    def _stage(self, target: Target) -> None:
+        """Make the parents and the staging folder, and hold a lock on it."""
+        staging = target.staging
+        try:
+            missing = [p for p in (staging.parent, *staging.parent.parents) if not p.exists()]
+            for folder in reversed(missing):
+                folder.mkdir(exist_ok=True)
+                self._made.append(folder)
+            if os.path.lexists(staging):
+                self._remove_stale(staging)
+            staging.mkdir()
+            lock = os.open(staging, os.O_RDONLY | os.O_DIRECTORY)
+            self._locks.append(lock)
+            _locked(lock)
+        except OSError as error:
+            raise system_error(target.final, error) from None
+
+    def _remove_stale(self, staging: Path) -> None:
+        """Remove what a killed run left, with ``force``; never what another run is writing."""
+        if staging.is_dir() and not staging.is_symlink():
+            lock = os.open(staging, os.O_RDONLY | os.O_DIRECTORY)
+            try:
+                if not _locked(lock):
+                    raise InputError(f"{staging}: another program is writing this output")
+            finally:
+                os.close(lock)
+        if not self.force:
+            raise InputError(
+                f"{staging}: an unfinished output is in the way; recover or delete it, or --force"
+            )
+        if staging.is_dir() and not staging.is_symlink():
+            shutil.rmtree(staging)
+        else:
+            staging.unlink()
+
+    def _commit(self) -> None:
+        """Give everything its name."""
+        for target in self._targets:
+            folder = target.final if target.names else target.final.parent
+            try:
+                if target.names:
+                    folder.mkdir(exist_ok=True)
+                for entry in sorted(target.staging.iterdir()):
+                    self._rename(entry, folder / entry.name)
+            except OSError as error:
+                raise system_error(target.final, error) from None
+
+    def _rename(self, entry: Path, place: Path) -> None:
+        if os.path.lexists(place):
+            if not self.force:
+                raise InputError(f"{place}: appeared meanwhile; nothing is overwritten")
+            if place.is_dir() and not place.is_symlink():
+                place.rename(active_path(entry))  # removed with the staging folder
+        entry.rename(place)
+
+    def _keep_parts(self) -> list[str]:
+        """Rename what is whole of an interrupted run to the names of parts; say what they hold."""
+        lines = []
+        for target in self._targets:
+            if not target.kept:
+                continue
+            names = []
+            for entry in sorted(target.staging.iterdir()):
+                place = _partial_name(target.final.with_name(entry.name))
+                entry.rename(place)
+                names.append(str(place))
+            if names:
+                lines.append(f"{', '.join(names)}: {target.described()}")
+        return lines
+
+    def _clear(self) -> None:
+        """Remove the staging folders, and the parents that nothing came into."""
+        for target in self._targets[: len(self._locks)]:
+            shutil.rmtree(target.staging, ignore_errors=True)
+        while self._locks:
+            os.close(self._locks.pop())
+        while self._made:
+            try:
+                self._made.pop().rmdir()
+            except OSError:  # it is in use
+                continue
+
+    def _finally_named(self, line: str) -> str:
+        """Return a line with the names that the user knows."""
+        for target in self._targets:
+            shown = f"{target.final}" if target.names else f"{target.final.parent}"
+            line = line.replace(f"{target.staging}/", "" if shown == "." else f"{shown}/")
+        return line
+
+
+def _escaped(words: str) -> str:
+    """Return words that a glob pattern takes literally."""
+    return "".join(f"[{letter}]" if letter in "*?[" else letter for letter in words)
+
+
+def _locked(descriptor: int) -> bool:
+    """Lock an open folder; False where another process holds it."""
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:  # a file system without locks
+        return True
+    return True
+
+
+def _partial_name(path: Path) -> Path:
+    """Return the first free name of a part: ``NAME.partial.EXT``, ``NAME.partial2.EXT``, ..."""
+    count = 1
+    while True:
+        word = PARTIAL if count == 1 else f"{PARTIAL}{count}"
+        name = path.with_name(f"{path.stem}.{word}{path.suffix}")
+        if not os.path.lexists(name):
+            return name
+        count += 1
+
+
+def _irreplaceable(folder: Path) -> Iterator[str]:
+    """Yield why a folder is not replaced, even if forced: it holds what no output holds."""
+    here = Path(os.path.realpath(folder))
+    working = Path(os.path.realpath(os.curdir))
+    if here == working or here in working.parents:
+        yield f"{folder}: is or holds the working folder and is not replaced"
+        return
+    for count, (parent, _, files) in enumerate(os.walk(folder)):
+        foreign = [name for name in files if Path(name).suffix.lower() not in _OURS]
+        if foreign or count > _FILES_LOOKED_AT:
+            name = f"{parent}/{foreign[0]}" if foreign else "very many folders"
+            yield f"{folder}: holds {name}, which no output holds, and is not replaced"
+            return

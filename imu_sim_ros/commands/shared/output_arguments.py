@@ -1,0 +1,62 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The arguments of every command that writes: ``--force``, and what its outputs are kept from."""
+
+import argparse
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any, Final
+
+from imu_sim_ros.bags import Outputs
+from imu_sim_ros.commands import signals
+
+PICTURES: Final = (".png", ".svg", ".pdf")
+"""What the name of a picture may end in."""
+_WRITTEN: Final = frozenset({"output", "plot"})
+
+
+def add_force(parser: Any, *, parts: bool = False) -> None:
+    """Add ``--force``.
+
+    :param parts: add ``--discard-partial`` as well, for commands that may be stopped half-way.
+    """
+    parser.add_argument("--force", action="store_true", help="replace outputs that exist")
+    if parts:
+        parser.add_argument(
+            "--discard-partial",
+            action="store_true",
+            help="when interrupted, leave nothing; else what is whole is kept as NAME.partial.EXT",
+        )
+
+
+def outputs(arguments: argparse.Namespace, inputs: Iterable[object] = ()) -> Outputs:
+    """Return the outputs of a command, kept from everything that its arguments name.
+
+    :param inputs: what may be the name of a file that is read besides: values of parameters.
+    """
+    return Outputs(
+        [*_files_in(list(inputs)), *_named_files(arguments)],
+        force=arguments.force,
+        discard_partial=getattr(arguments, "discard_partial", False),
+        undisturbed=signals.collected,
+    )
+
+
+def _named_files(arguments: argparse.Namespace) -> Iterator[Path]:
+    """Yield every argument that is the name of something that exists, but the outputs."""
+    for name, value in vars(arguments).items():
+        if name not in _WRITTEN:
+            yield from _files_in(value)
+
+
+def _files_in(value: object) -> Iterator[Path]:
+    if isinstance(value, list | tuple):
+        for entry in value:
+            yield from _files_in(entry)
+    elif isinstance(value, str | Path) and str(value):
+        try:
+            if Path(value).exists():
+                yield Path(value)
+        except (OSError, ValueError):  # no name of a file
+            return

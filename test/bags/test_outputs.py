@@ -1,0 +1,204 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Outputs: refused before any work, named when whole, parts of interrupted runs."""
+
+import errno
+import os
+import subprocess
+import sys
+
+import pytest
+
+from imu_sim_ros.bags.outputs import Outputs
+from imu_sim_ros.errors import InputError, MachineError, explain, system_error
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def test_an_output_has_its_name_only_when_it_is_whole(tmp_path):
+    outputs = Outputs()
+    table = outputs.add(tmp_path / "new" / "folder" / "table.csv")
+    with outputs:
+        table.write_text("half")
+        assert not (tmp_path / "new/folder/table.csv").exists()
+        table.write_text("whole")
+    assert (tmp_path / "new/folder/table.csv").read_text() == "whole"
+    assert os.listdir(tmp_path / "new/folder") == ["table.csv"]
+
+
+def test_an_error_leaves_nothing_not_even_parents(tmp_path):
+    outputs = Outputs()
+    table, picture = outputs.add("a/b/table.csv"), outputs.add("picture.png")
+    with pytest.raises(MachineError, match=r"^a/b/table\.csv: No space left"), outputs:  # noqa: PT012
+        table.write_text("half")
+        picture.write_text("torn")
+        raise system_error(table, OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))
+    assert os.listdir(tmp_path) == []
+
+
+def test_everything_that_is_wrong_with_all_targets_is_said_at_once(tmp_path):
+    (tmp_path / "there.csv").write_text("mine")
+    (tmp_path / "file").write_text("mine")
+    outputs = Outputs()
+    names = ("there.csv", "file/x.csv", "new.csv", "./new.csv", "..", "n" * 250, "nul\0.csv")
+    for name in names:
+        outputs.add(name)
+    with pytest.raises(InputError) as refused, outputs:
+        pytest.fail("the work began")
+    lines = refused.value.problems
+    assert [line.split(":")[0] for line in lines] == [
+        "there.csv", "file/x.csv", "'..'", "n" * 40 + "...", "'nul\\x00.csv'", "new.csv"
+    ]  # fmt: skip
+    assert sorted(os.listdir(tmp_path)) == ["file", "there.csv"]
+
+
+def test_force_replaces_files_links_and_folders_of_outputs(tmp_path):
+    (tmp_path / "a.csv").write_text("old")
+    (tmp_path / "other").write_text("mine")
+    (tmp_path / "link.csv").symlink_to("other")
+    (tmp_path / "bag").mkdir()
+    (tmp_path / "bag" / "old.mcap").write_text("old")
+    outputs = Outputs(force=True)
+    paths = [outputs.add(name) for name in ("a.csv", "link.csv", "bag")]
+    with outputs:
+        paths[0].write_text("new")
+        paths[1].write_text("new")
+        paths[2].mkdir()
+        (paths[2] / "new.mcap").write_text("new")
+    assert (tmp_path / "a.csv").read_text() == (tmp_path / "link.csv").read_text() == "new"
+    assert (tmp_path / "other").read_text() == "mine"
+    assert os.listdir(tmp_path / "bag") == ["new.mcap"]
+    assert sorted(os.listdir(tmp_path)) == ["a.csv", "bag", "link.csv", "other"]
+
+
+@pytest.mark.parametrize("name", [".", "home", "/dev/null"])
+def test_force_does_not_replace_what_is_no_output(tmp_path, name):
+    (tmp_path / "home").mkdir()
+    (tmp_path / "home" / "thesis.tex").write_text("mine")
+    outputs = Outputs(force=True)
+    outputs.add(name)
+    with pytest.raises(InputError), outputs:
+        pytest.fail("the work began")
+    assert (tmp_path / "home" / "thesis.tex").read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    "name", ["x.mcap", "./x.mcap", "folder/../x.mcap", "symbolic.mcap", "hard.mcap", "back/x.mcap"]
+)
+@pytest.mark.parametrize("force", [False, True])
+def test_an_input_is_never_written_to_whatever_it_is_called(tmp_path, name, force):
+    (tmp_path / "x.mcap").write_text("mine")
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "symbolic.mcap").symlink_to("x.mcap")
+    os.link("x.mcap", "hard.mcap")
+    (tmp_path / "back").symlink_to(".")
+    outputs = Outputs(inputs=["x.mcap", "not there"], force=force)
+    outputs.add(name)
+    with pytest.raises(InputError, match=r"is the input x\.mcap"), outputs:
+        pytest.fail("the work began")
+    assert (tmp_path / "x.mcap").read_text() == "mine"
+
+
+def test_a_folder_that_holds_an_input_is_not_replaced(tmp_path):
+    (tmp_path / "MH_01" / "mav0").mkdir(parents=True)
+    (tmp_path / "MH_01" / "mav0" / "data.csv").write_text("mine")
+    for given, target, word in (
+        ("MH_01/mav0", "MH_01", "holds"),
+        ("MH_01", "MH_01/mav0", "lies in"),
+    ):
+        outputs = Outputs(inputs=[given], force=True)
+        outputs.add(target)
+        with pytest.raises(InputError, match=f"{word} the input"), outputs:
+            pytest.fail("the work began")
+
+
+def test_files_go_into_a_folder_that_holds_others(tmp_path):
+    (tmp_path / "results").mkdir()
+    (tmp_path / "results" / "notes.md").write_text("mine")
+    outputs = Outputs()
+    folder = outputs.add_files("results", ["a.yaml", "b.png"])
+    with outputs:
+        (folder / "a.yaml").write_text("a")
+        (folder / "b.png").write_text("b")
+    assert sorted(os.listdir(tmp_path / "results")) == ["a.yaml", "b.png", "notes.md"]
+    again = Outputs()
+    again.add_files("results", ["b.png", "c.png"])
+    with pytest.raises(InputError, match=r"results/b\.png: exists already"), again:
+        pytest.fail("the work began")
+
+
+def test_parts_of_a_split_output_are_refused_as_well(tmp_path):
+    (tmp_path / "x_3.bag").write_text("mine")
+    (tmp_path / "y_left.bag").write_text("mine")
+    outputs = Outputs()
+    outputs.add("x.bag")
+    outputs.add("y.bag")
+    with pytest.raises(InputError) as refused, outputs:
+        pytest.fail("the work began")
+    assert refused.value.problems == ("x_3.bag: exists already; --force replaces it",)
+
+
+@pytest.mark.parametrize("discard", [False, True])
+def test_an_interrupted_run_keeps_what_is_whole_as_a_part(tmp_path, discard):
+    for count in range(2):
+        outputs = Outputs(discard_partial=discard)
+        bag, side = outputs.add("x.mcap", kept=True), outputs.add("x_truth.yaml")
+        outputs.describe("x.mcap", lambda: "12 messages up to stamp 1.2 s")
+        with pytest.raises(KeyboardInterrupt) as stopped, outputs:  # noqa: PT012
+            bag.write_text(f"whole so far {count}")
+            side.write_text("torn")
+            raise KeyboardInterrupt
+        number = "" if count == 0 else "2"
+        line = f"x.partial{number}.mcap: 12 messages up to stamp 1.2 s"
+        assert stopped.value.args == (() if discard else (line,))
+    expected = [] if discard else ["x.partial.mcap", "x.partial2.mcap"]
+    assert sorted(os.listdir(tmp_path)) == expected
+
+
+def test_two_runs_at_once_do_not_mix(tmp_path):
+    first, second = Outputs(), Outputs(force=True)
+    first.add("x.mcap")
+    second.add("x.mcap")
+    with first:
+        # flock tells open files apart, so that this process stands for two
+        with pytest.raises(InputError, match="another program is writing"), second:
+            pytest.fail("the work began")
+        first.where("x.mcap").write_text("whole")
+    assert (tmp_path / "x.mcap").read_text() == "whole"
+
+
+def test_what_a_killed_run_left_is_told_and_replaced_with_force(tmp_path):
+    (tmp_path / "x.mcap.active").mkdir()
+    (tmp_path / "x.mcap.active" / "x.mcap.active").write_text("half")
+    for force in (False, True):
+        outputs = Outputs(force=force)
+        path = outputs.add("x.mcap")
+        if not force:
+            with pytest.raises(InputError, match="recover or delete"), outputs:
+                pytest.fail("the work began")
+            continue
+        with outputs:
+            path.write_text("whole")
+    assert os.listdir(tmp_path) == ["x.mcap"]
+
+
+def test_a_folder_that_no_longer_exists():
+    script = (
+        "import os, tempfile; from imu_sim_ros.bags.outputs import Outputs\n"
+        "folder = tempfile.mkdtemp(); os.chdir(folder); os.rmdir(folder)\n"
+        "outputs = Outputs(); outputs.add('x.csv'); outputs.__enter__()"
+    )
+    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert "InputError: x.csv: No such file" in result.stderr
+
+
+def test_errors_of_the_machine_end_with_status_1():
+    assert explain(system_error("x", OSError(errno.ENOSPC, "full"))) == (("x: full",), 1)
+    assert explain(system_error("x", OSError(errno.EACCES, "no"))) == (("x: no",), 2)
+    assert explain(OSError(errno.EIO, "broken", "x")) == (("x: broken",), 1)
+    line = "unexpected: KeyError: 'what'; run with --debug for the traceback"
+    assert explain(KeyError("what")) == ((line,), 1)
