@@ -93,6 +93,7 @@ class Simulation:
         """Go back to the first sample: the same samples follow again."""
         self.position = 0
         self._imu = Imu(self.parameters, self.t0_ns)
+        self._imu.prepare(self.trajectory)
 
     def update(self, parameters: SimulationParameters) -> None:
         """Take new values of live parameters; they hold from the next block on.

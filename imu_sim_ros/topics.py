@@ -26,12 +26,17 @@ from imu_sim_ros.bags.messages import (
 from imu_sim_ros.config import SimulationParameters
 from imu_sim_ros.conventions import (
     ACCELEROMETER_BIAS_TOPIC,
+    DELTA_ANGLE_TOPIC,
+    DELTA_VELOCITY_TOPIC,
     GYROSCOPE_BIAS_TOPIC,
+    IDEAL_DELTA_ANGLE_TOPIC,
+    IDEAL_DELTA_VELOCITY_TOPIC,
     IDEAL_IMU_TOPIC,
     IMU_TOPIC,
     TEMPERATURE_TOPIC,
     TRUTH_TOPIC,
 )
+from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.rotation import rotate_inverse
 from imu_sim_ros.sensor import ImuBlock, accel_variance_discrete, gyro_variance_discrete
 
@@ -45,6 +50,10 @@ TYPES: Final[dict[str, str]] = {
     GYROSCOPE_BIAS_TOPIC: VECTOR3_STAMPED,
     ACCELEROMETER_BIAS_TOPIC: VECTOR3_STAMPED,
     TEMPERATURE_TOPIC: TEMPERATURE,
+    DELTA_ANGLE_TOPIC: VECTOR3_STAMPED,
+    DELTA_VELOCITY_TOPIC: VECTOR3_STAMPED,
+    IDEAL_DELTA_ANGLE_TOPIC: VECTOR3_STAMPED,
+    IDEAL_DELTA_VELOCITY_TOPIC: VECTOR3_STAMPED,
 }
 
 
@@ -71,6 +80,7 @@ def encoder(topic: str, parameters: SimulationParameters, encoding: str = "cdr")
 
     :param topic: one of TYPES.
     :param encoding: ``cdr`` or ``ros1``.
+    :raises ConfigurationError: for increments of a sensor whose readings are no means.
     """
     return _MAKERS[topic](parameters, encoding)
 
@@ -138,6 +148,47 @@ def _temperature(parameters: SimulationParameters, encoding: str) -> Encode:
     return _at_true_times(lambda b: thermometer.encode(b.true_t_ns, b.temperature))
 
 
+def _delta_angle(parameters: SimulationParameters, encoding: str) -> Encode:
+    return _increments(DELTA_ANGLE_TOPIC, lambda b: b.gyro, parameters, encoding)
+
+
+def _delta_velocity(parameters: SimulationParameters, encoding: str) -> Encode:
+    return _increments(DELTA_VELOCITY_TOPIC, lambda b: b.accel, parameters, encoding)
+
+
+def _ideal_delta_angle(parameters: SimulationParameters, encoding: str) -> Encode:
+    return _increments(IDEAL_DELTA_ANGLE_TOPIC, lambda b: b.ideal_gyro, parameters, encoding)
+
+
+def _ideal_delta_velocity(parameters: SimulationParameters, encoding: str) -> Encode:
+    return _increments(IDEAL_DELTA_VELOCITY_TOPIC, lambda b: b.ideal_accel, parameters, encoding)
+
+
+def _increments(
+    topic: str,
+    means: Callable[[ImuBlock], NDArray[np.float64]],
+    parameters: SimulationParameters,
+    encoding: str,
+) -> Encode:
+    """Return what makes increments: mean readings times the nominal interval."""
+    if parameters.imu.sampling != "averaged":
+        raise ConfigurationError(
+            f"topic {topic}: needs imu.sampling averaged; it is {parameters.imu.sampling}"
+        )
+    vectors = Vector3StampedEncoder(parameters.imu_frame, encoding)
+    interval = 1.0 / parameters.rate
+    if topic in (IDEAL_DELTA_ANGLE_TOPIC, IDEAL_DELTA_VELOCITY_TOPIC):
+        return _at_true_times(lambda b: vectors.encode(b.true_t_ns, means(b) * interval))
+
+    def encode(block: ImuBlock, _: SimulationParameters) -> Messages:
+        rows = block.delivered
+        t_ns = block.t_ns[rows]
+        payloads = vectors.encode(t_ns, means(block)[rows] * interval)
+        return Messages(t_ns, block.release_t_ns[rows], payloads)
+
+    return encode
+
+
 def _at_true_times(payloads: Callable[[ImuBlock], Bytes]) -> Encode:
     return lambda block, _: Messages(block.true_t_ns, block.true_t_ns, payloads(block))
 
@@ -149,4 +200,8 @@ _MAKERS: Final[dict[str, Callable[[SimulationParameters, str], Encode]]] = {
     GYROSCOPE_BIAS_TOPIC: _gyroscope_bias,
     ACCELEROMETER_BIAS_TOPIC: _accelerometer_bias,
     TEMPERATURE_TOPIC: _temperature,
+    DELTA_ANGLE_TOPIC: _delta_angle,
+    DELTA_VELOCITY_TOPIC: _delta_velocity,
+    IDEAL_DELTA_ANGLE_TOPIC: _ideal_delta_angle,
+    IDEAL_DELTA_VELOCITY_TOPIC: _ideal_delta_velocity,
 }

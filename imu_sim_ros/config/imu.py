@@ -8,9 +8,11 @@ The order in which the errors act is in :mod:`imu_sim_ros.sensor`.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from fractions import Fraction
 
 import numpy as np
 
+from imu_sim_ros import timebase
 from imu_sim_ros.config.parameter import (
     IDENTITY_MATRIX,
     Matrix,
@@ -29,6 +31,8 @@ from imu_sim_ros.config.triads import (
 )
 from imu_sim_ros.conventions import TRIADS
 
+_USUAL_RATIO = 8
+"""Readings inside a sensor for each sample."""
 ORTHONORMAL_TOLERANCE = 1e-6
 LARGEST_LATENCY = 10.0
 """[s] of a message: the node keeps what is under way in memory."""
@@ -122,8 +126,17 @@ class ImuParameters(TimingParameters, AccelerometerParameters, GyroscopeParamete
     preset: str = text("lecture", "file in config/imus, or a path, to start from")
     sampling: str = choice(
         "instantaneous",
-        ("instantaneous", "averaged"),
-        "a reading is the value at its time, or the mean since the sample before",
+        ("instantaneous", "averaged", "oversampled"),
+        "a reading is the value at its time, or the mean since the sample before, or one of many "
+        "readings inside the sensor behind the low-pass (aliasing and rectification as in reality)",
+    )
+    internal_rate: float = number(
+        0.0,
+        "readings per second inside a sensor whose sampling is oversampled, a whole multiple of "
+        "`rate`; errors, noise and low-pass act at this rate; 0: 8 times `rate`",
+        unit="Hz",
+        minimum=0.0,
+        maximum=1e6,
     )
     lever_arm: Vector = vector(0.0, "position of the IMU in the body frame, p_bi", unit="m")
     mounting: Matrix = matrix(IDENTITY_MATRIX, "rotation R_bi of the IMU in the body")
@@ -134,12 +147,24 @@ class ImuParameters(TimingParameters, AccelerometerParameters, GyroscopeParamete
         2, "order of the low-pass filters (Butterworth)", minimum=1, maximum=8
     )
 
+    def internal_ratio(self, rate: float) -> Fraction:
+        """Return how many readings inside the sensor make one sample.
+
+        :param rate: samples per second [Hz].
+        """
+        if self.sampling != "oversampled":
+            return Fraction(1)
+        if self.internal_rate == 0.0:
+            return Fraction(_USUAL_RATIO)
+        return timebase.exact_rate(self.internal_rate) / timebase.exact_rate(rate)
+
     def problems(self, prefix: str) -> Iterator[str]:
         """Say which parameters contradict each other, a line each."""
         yield from rotation_problems(self.mounting, f"{prefix}mounting")
         for triad in TRIADS:
             yield from self._gauss_markov_problems(triad, prefix)
             yield from self._scale_problems(triad, prefix)
+            yield from self._sampling_problems(triad, prefix)
         if self.dropout_burst_rate > 0.0 and self.dropout_burst_duration == 0.0:
             yield (
                 f"{prefix}dropout_burst_duration = 0.0: must be above 0 s "
@@ -159,6 +184,20 @@ class ImuParameters(TimingParameters, AccelerometerParameters, GyroscopeParamete
             yield (
                 f"{prefix}{triad}_correlation_time = {tau}: must be above 0 s "
                 f"on every axis that has a Gauss-Markov bias"
+            )
+
+    def _sampling_problems(self, triad: str, prefix: str) -> Iterator[str]:
+        bandwidth = getattr(self, f"{triad}_bandwidth")
+        if self.sampling == "oversampled" and min(bandwidth) == 0.0:
+            yield (
+                f"{prefix}{triad}_bandwidth = {bandwidth}: must be above 0 Hz on every axis where "
+                f"{prefix}sampling is oversampled; it is the filter ahead of the decimation"
+            )
+        step = getattr(self, f"{triad}_increment_resolution")
+        if any(step) and self.sampling != "averaged":
+            yield (
+                f"{prefix}{triad}_increment_resolution = {step}: must be 0 where "
+                f"{prefix}sampling is not averaged; only means are increments"
             )
 
     def _scale_problems(self, triad: str, prefix: str) -> Iterator[str]:

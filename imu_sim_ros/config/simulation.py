@@ -76,13 +76,20 @@ class SimulationParameters:
 
     def problems(self, prefix: str) -> Iterator[str]:
         """Say which parameters do not fit the rate or each other, a line each."""
-        nyquist = 0.5 * self.rate
+        ratio = self.imu.internal_ratio(self.rate)
+        if ratio.denominator != 1 or (self.imu.sampling == "oversampled" and ratio < 2):
+            yield (
+                f"{prefix}imu.internal_rate = {self.imu.internal_rate:g}: must be a whole multiple "
+                f"of the rate, {self.rate:g} Hz, twice of it or more"
+            )
+        nyquist = 0.5 * self.rate * float(ratio)
         for triad in TRIADS:
             name = f"{triad}_bandwidth"
             cutoff = max(getattr(self.imu, name))
             if cutoff >= nyquist:
                 yield (
-                    f"{prefix}imu.{name} = {cutoff:g}: must be below half the rate, {nyquist:g} Hz"
+                    f"{prefix}imu.{name} = {cutoff:g}: must be below half the "
+                    f"{'rate' if ratio == 1 else 'internal rate'}, {nyquist:g} Hz"
                 )
         if self.imu.jitter * self.rate > LARGEST_JITTER:
             yield (

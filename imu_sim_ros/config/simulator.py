@@ -43,6 +43,14 @@ class PublishParameters:
         False, "publish ground_truth/gyroscope_bias and ground_truth/accelerometer_bias"
     )
     temperature: bool = flag(False, "publish imu/temperature")
+    increments: bool = flag(
+        False, "publish imu/delta_angle and imu/delta_velocity; imu.sampling must be averaged"
+    )
+    ground_truth_increments: bool = flag(
+        False,
+        "publish ground_truth/delta_angle and ground_truth/delta_velocity; imu.sampling must be "
+        "averaged",
+    )
     clock_rate: float = number(
         0.0, "rate of /clock, the simulated time; 0: none", unit="Hz", minimum=0.0, maximum=1000.0
     )
@@ -142,6 +150,14 @@ class SimulatorParameters(SimulationParameters):
                 f"{prefix}wait_for_truth_subscribers = {self.wait_for_truth_subscribers}: "
                 f"must be 0 where {prefix}publish.ground_truth is false"
             )
+        wanted = self.publish.increments or self.publish.ground_truth_increments
+        for name, simulation in simulations(self).items() if wanted else ():
+            if name != BODY and simulation.imu.sampling != "averaged":
+                own = f"{name}." if name else prefix
+                yield (
+                    f"{own}imu.sampling = {simulation.imu.sampling!r}: must be averaged where "
+                    f"{prefix}publish.increments or publish.ground_truth_increments is true"
+                )
         if self.inject.imu and self.inject.imu not in self.imus:
             yield (
                 f"{prefix}inject.imu = {self.inject.imu!r}: must be empty or one of imus, "

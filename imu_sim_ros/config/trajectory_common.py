@@ -23,17 +23,29 @@ TYPE_TEXT = "kind of trajectory, or the name of a file in config/trajectories"
 
 @dataclass(frozen=True)
 class VibrationParameters:
-    """Shaking of the body along its own axes, on top of any motion, rest included."""
+    """Shaking of the body along its own axes, and about them, on top of any motion or rest."""
 
     frequency: tuple[float, ...] = numbers(
         (), "of each sinusoid", unit="Hz", minimum=0.0, above_minimum=True
     )
     acceleration: tuple[float, ...] = numbers(
-        (), "amplitude of each sinusoid along x, y, z", unit="m/s^2", group=3
+        (), "amplitude of each sinusoid along x, y, z; none: all 0", unit="m/s^2", group=3
     )
     phase: tuple[float, ...] = numbers((), "of each sinusoid at t = 0; none: all 0", unit="rad")
+    angular_rate: tuple[float, ...] = numbers(
+        (),
+        "amplitude of each sinusoid's turning about x, y, z; none: all 0",
+        unit="rad/s",
+        group=3,
+    )
+    angular_phase: tuple[float, ...] = numbers(
+        (), "of each sinusoid's turning at t = 0; none: as phase", unit="rad"
+    )
     noise_rms: Vector = vector(
         ZERO_VECTOR, "band-limited noise: RMS of its acceleration", unit="m/s^2", minimum=0.0
+    )
+    angular_noise_rms: Vector = vector(
+        ZERO_VECTOR, "turning in the same band: RMS of its rate", unit="rad/s", minimum=0.0
     )
     noise_low: float = number(
         20.0, "lower end of the noise's band", unit="Hz", minimum=0.0, above_minimum=True
@@ -49,16 +61,21 @@ class VibrationParameters:
     def problems(self, prefix: str) -> Iterator[str]:
         """Yield what does not fit together."""
         count = len(self.frequency)
-        if len(self.acceleration) != 3 * count:
-            yield (
-                f"{prefix}acceleration = {list(self.acceleration)}: must have three entries for "
-                f"each of the {count} in {prefix}frequency"
-            )
-        if self.phase and len(self.phase) != count:
-            yield (
-                f"{prefix}phase = {list(self.phase)}: must be empty or have as many entries as "
-                f"{prefix}frequency, {count}"
-            )
+        left_out = {"acceleration": bool(self.angular_rate), "angular_rate": True}
+        for name, may_be_empty in left_out.items():
+            given = getattr(self, name)
+            if len(given) != 3 * count and (given or not may_be_empty):
+                yield (
+                    f"{prefix}{name} = {list(given)}: must have three entries for "
+                    f"each of the {count} in {prefix}frequency"
+                )
+        for name in ("phase", "angular_phase"):
+            given = getattr(self, name)
+            if given and len(given) != count:
+                yield (
+                    f"{prefix}{name} = {list(given)}: must be empty or have as many entries as "
+                    f"{prefix}frequency, {count}"
+                )
         if self.noise_high <= self.noise_low:
             yield (
                 f"{prefix}noise_high = {self.noise_high:g}: must be above {prefix}noise_low, "

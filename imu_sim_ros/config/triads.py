@@ -132,6 +132,14 @@ class GyroscopeParameters:
         minimum=0.0,
         live=True,
     )
+    gyroscope_increment_resolution: Vector = vector(
+        0.0,
+        "step of the gyroscope's delta angles where sampling is averaged; what rounding leaves is "
+        "carried on to the next; 0: exact",
+        unit="rad",
+        minimum=0.0,
+        live=True,
+    )
 
 
 @dataclass(frozen=True)
@@ -247,6 +255,14 @@ class AccelerometerParameters:
         0.0,
         "step of the accelerometer's digital output (1 LSB); 0: none",
         unit="m/s^2",
+        minimum=0.0,
+        live=True,
+    )
+    accelerometer_increment_resolution: Vector = vector(
+        0.0,
+        "step of the accelerometer's delta velocities where sampling is averaged; what rounding "
+        "leaves is carried on to the next; 0: exact",
+        unit="m/s",
         minimum=0.0,
         live=True,
     )

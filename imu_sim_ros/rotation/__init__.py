@@ -33,6 +33,7 @@ from imu_sim_ros.rotation.arrays import (
     to_matrix,
 )
 from imu_sim_ros.rotation.components import Array
+from imu_sim_ros.rotation.derivatives import rate_and_acceleration
 
 __all__ = [
     "IDENTITY",
@@ -50,6 +51,7 @@ __all__ = [
     "log",
     "multiply",
     "normalise",
+    "rate_and_acceleration",
     "right_jacobian",
     "right_jacobian_inverse",
     "rotate",

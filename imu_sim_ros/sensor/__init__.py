@@ -14,9 +14,10 @@ For each triad, x its ideal input and f the ideal specific force::
     6                  + walk + Gauss-Markov + 1/f + ramp  (+ injected jumps)
     7  white noise     + n
     8  bandwidth       Butterworth low-pass over all of the above
-    9  digital output  saturation, then rounding to steps
+    9  digital output  saturation, then rounding to steps, of readings or of increments
     10 timing          stamps: offset, skew, drift, jitter; transport: latency, losses, duplicates
 
+Of an oversampled sensor 2 to 8 act at its internal rate, and every m-th reading goes on to 9.
 Every term is off at zero and set per axis. The truth beside the readings: the ideal reading (1),
 the scale (4), the bias (5 and 6), the temperature, the true times. So without 2, 3 and 8 to 10
 ``reading = scale * ideal + bias + n``.

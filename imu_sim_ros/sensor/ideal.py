@@ -3,10 +3,14 @@
 
 """The ideal reading: specific force and angular rate of a perfect IMU."""
 
+from functools import lru_cache
+from typing import Final
+
 import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.config import SimulationParameters
+from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.rotation.components import cross, rotate_inverse, transform
 from imu_sim_ros.sensor.gravity import earth_rate_vector, gravity_vector
 from imu_sim_ros.trajectory import Motion, Trajectory
@@ -15,7 +19,45 @@ Array = NDArray[np.float64]
 
 # Gauss-Legendre nodes and weights on [0, 1]: exact up to the fifth power of time.
 _NODES = 0.5 + 0.5 * np.sqrt(0.6) * np.array([-1.0, 0.0, 1.0])
-_WEIGHTS = (5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0)
+_WEIGHTS = np.array([5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0])
+_MOST_PERIODS: Final = 50.0
+"""Of the highest frequency in the interval; they take 170 nodes."""
+_ACCURACY: Final = 1e-6
+"""Error of the mean of a sinusoid, over its amplitude."""
+
+
+Quadrature = tuple[Array, Array]
+"""Nodes and weights (m,) on [0, 1]."""
+
+
+@lru_cache(maxsize=16)
+def quadrature(frequency: float, interval: float) -> Quadrature:
+    """Return Gauss-Legendre nodes that average motions up to a frequency to 1e-6 of their size.
+
+    Twice the frequency is counted with: what turns and shakes at once reads products of both. Three
+    nodes do up to 0.08 of a period in the interval, 6 for half a period, 13 for two.
+
+    :param frequency: highest frequency of the motion [Hz].
+    :param interval: that is averaged over [s].
+    :raises ConfigurationError: where there are more than 50 periods in the interval.
+    """
+    # In terms of the half interval, sin and cos of up to c x, x in [-1, 1]; the mean of cos(c x)
+    # is sin(c) / c, and its error grows with c until the nodes are too few for it.
+    periods = frequency * interval
+    if periods > _MOST_PERIODS:
+        raise ConfigurationError(
+            f"imu.sampling = averaged: the motion has frequencies up to {frequency:g} Hz, "
+            f"{periods:.3g} times the rate; at most {_MOST_PERIODS:g} times can be averaged over"
+        )
+    c = 2.0 * np.pi * periods
+    trials = np.append(np.arange(1.0, 9.0) / 8.0 * c, 1e-12)
+    count = max(3, int(0.5 * c))
+    while True:
+        nodes, weights = np.polynomial.legendre.leggauss(count)
+        means = 0.5 * weights @ np.cos(np.outer(nodes, trials))
+        if np.max(np.abs(means - np.sinc(trials / np.pi))) < _ACCURACY:
+            return (_NODES, _WEIGHTS) if count == 3 else (0.5 + 0.5 * nodes, 0.5 * weights)
+        count += max(1, count // 16)
 
 
 class IdealImu:
@@ -60,17 +102,20 @@ class IdealImu:
             rate = rate + earth_rate
         return transform(self._r_ib, rate), transform(self._r_ib, force)
 
-    def read_mean(self, trajectory: Trajectory, start: Array, end: Array) -> tuple[Array, Array]:
+    def read_mean(
+        self, trajectory: Trajectory, start: Array, end: Array, quadrature: Quadrature
+    ) -> tuple[Array, Array]:
         """Return the mean readings over intervals (lecture eq. 11), both (3, n).
 
-        Times the interval's length they are the delta angle and the delta velocity. Three-point
-        Gauss-Legendre quadrature: the error falls with the sixth power of the interval.
+        Times the interval's length they are the delta angle and the delta velocity. Gauss-Legendre
+        quadrature; with three points the error falls with the sixth power of the interval.
 
         :param start: (n,) seconds.
         :param end: (n,) seconds, not before start.
+        :param quadrature: nodes and weights on [0, 1], see :func:`quadrature`.
         """
         rate, force = np.zeros((2, 3, len(start)))
-        for node, weight in zip(_NODES, _WEIGHTS, strict=True):
+        for node, weight in zip(*quadrature, strict=True):
             omega, f = self.read(trajectory.sample(start + node * (end - start)))
             rate += weight * omega
             force += weight * f

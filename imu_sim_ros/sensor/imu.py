@@ -3,6 +3,8 @@
 
 """An IMU on a moving body: both triads, the temperature and the clock."""
 
+from typing import Final
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,13 +12,16 @@ from imu_sim_ros import timebase
 from imu_sim_ros.config import SimulationParameters
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.sensor.block import ImuBlock
-from imu_sim_ros.sensor.errors import TemperatureProfile, Triad
+from imu_sim_ros.sensor.errors import Reading, TemperatureProfile, Triad
 from imu_sim_ros.sensor.faults import Fault, FaultSchedule
-from imu_sim_ros.sensor.ideal import IdealImu
+from imu_sim_ros.sensor.ideal import IdealImu, Quadrature, quadrature
 from imu_sim_ros.sensor.timing import Clock, Transport
-from imu_sim_ros.trajectory import Motion, Trajectory
+from imu_sim_ros.trajectory import Motion, Trajectory, highest_frequency
 
 Array = NDArray[np.float64]
+
+_INTERNAL_READINGS: Final = 16384
+"""Made at a time inside an oversampled sensor."""
 
 
 class Imu:
@@ -30,6 +35,8 @@ class Imu:
         p = parameters
         self._rate, self._t0_ns = p.rate, t0_ns
         self._averaged = p.imu.sampling == "averaged"
+        self._quadrature: Quadrature | None = None
+        self._ratio = int(p.imu.internal_ratio(p.rate))
         self._ideal = IdealImu(p)
         self._temperature = TemperatureProfile(p.temperature)
         self._triads = [Triad(triad, p.imu, p.seed, p.rate) for triad in TRIADS]
@@ -46,6 +53,14 @@ class Imu:
         self._clock.configure(parameters.imu)
         self._transport.configure(parameters.imu)
 
+    def prepare(self, trajectory: Trajectory) -> None:
+        """Find out how finely a motion has to be sampled, ahead of the first reading.
+
+        :raises ConfigurationError: where its frequencies are too high to be averaged over.
+        """
+        if self._averaged:
+            self._quadrature = quadrature(highest_frequency(trajectory), 1.0 / self._rate)
+
     def inject(self, fault: Fault, first: int, now: int) -> None:
         """Let a fault begin at a sample that is still to come.
 
@@ -60,11 +75,10 @@ class Imu:
         motion = trajectory.sample(t)
         ideal_gyro, ideal_accel = self._ideal_readings(first, t, motion, trajectory)
         temperature = self._temperature.at(t)
-        temperature_offset = temperature - self._reference_temperature
-        gyro, accel = (
-            triad.read(first, ideal, ideal_accel, temperature_offset, self._faults)
-            for triad, ideal in zip(self._triads, (ideal_gyro, ideal_accel), strict=True)
-        )
+        if self._ratio == 1:
+            gyro, accel = self._triad_readings(first, ideal_gyro, ideal_accel, temperature)
+        else:
+            gyro, accel = self._oversampled(first, count, trajectory)
         return ImuBlock(
             first=first,
             true_t_ns=true_t_ns,
@@ -83,6 +97,42 @@ class Imu:
             motion=motion,
         )
 
+    def _triad_readings(
+        self, first: int, ideal_gyro: Array, ideal_accel: Array, temperature: Array
+    ) -> tuple[Reading, Reading]:
+        temperature_offset = temperature - self._reference_temperature
+        gyro, accel = (
+            triad.read(first, ideal, ideal_accel, temperature_offset, self._faults)
+            for triad, ideal in zip(self._triads, (ideal_gyro, ideal_accel), strict=True)
+        )
+        return gyro, accel
+
+    def _oversampled(
+        self, first: int, count: int, trajectory: Trajectory
+    ) -> tuple[Reading, Reading]:
+        """Return the triads' samples, each the last of ``ratio`` readings at the internal rate.
+
+        In pieces, so that the readings inside the sensor need no more memory than a block. Before
+        the first sample the body is taken to be where it is at the first.
+        """
+        made = []
+        step = max(_INTERNAL_READINGS // self._ratio, 1)
+        for begin in range(first, first + max(count, 1), step):
+            end = min(begin + step, first + count)
+            since = max((begin - 1) * self._ratio + 1, 0)
+            t_ns = timebase.sample_times_ns(
+                since, max((end - 1) * self._ratio + 1 - since, 0), self._rate * self._ratio
+            )
+            missing = (end - begin) * self._ratio - len(t_ns)
+            t = timebase.seconds_since(np.concatenate([np.zeros(missing, np.int64), t_ns]), 0)
+            ideal = self._ideal.read(trajectory.sample(t))
+            made.append(self._triad_readings(begin, *ideal, self._temperature.at(t)))
+        gyro, accel = (
+            Reading(*(np.concatenate(parts, axis=1) for parts in zip(*readings, strict=True)))
+            for readings in zip(*made, strict=True)
+        )
+        return gyro, accel
+
     def _ideal_readings(
         self, first: int, t: Array, motion: Motion, trajectory: Trajectory
     ) -> tuple[Array, Array]:
@@ -91,4 +141,8 @@ class Imu:
         before = timebase.sample_times_ns(max(first - 1, 0), len(t), self._rate)
         if first == 0 and len(t):  # nothing lies before the first sample: its interval is empty
             before = np.concatenate([before[:1], before[:-1]])
-        return self._ideal.read_mean(trajectory, timebase.seconds_since(before, 0), t)
+        if self._quadrature is None:
+            self.prepare(trajectory)
+            assert self._quadrature is not None
+        start = timebase.seconds_since(before, 0)
+        return self._ideal.read_mean(trajectory, start, t, self._quadrature)

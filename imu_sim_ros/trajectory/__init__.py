@@ -8,8 +8,16 @@ Imports the leaves: conventions, errors, rotation, timebase, config, poses.
 """
 
 from imu_sim_ros.trajectory.build import PoseReader, build_trajectory
-from imu_sim_ros.trajectory.motion import Motion, Trajectory
+from imu_sim_ros.trajectory.motion import Motion, Trajectory, highest_frequency
 from imu_sim_ros.trajectory.plausible import implausible
 from imu_sim_ros.trajectory.splines import fit_report
 
-__all__ = ["Motion", "PoseReader", "Trajectory", "build_trajectory", "fit_report", "implausible"]
+__all__ = [
+    "Motion",
+    "PoseReader",
+    "Trajectory",
+    "build_trajectory",
+    "fit_report",
+    "highest_frequency",
+    "implausible",
+]

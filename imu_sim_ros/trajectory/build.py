@@ -42,11 +42,11 @@ def build_trajectory(
         from imu_sim_ros.trajectory.lead_in import LeadIn
 
         trajectory = LeadIn(trajectory, parameters.lead_in)
-    vibration = parameters.vibration
-    if any(vibration.acceleration) or any(vibration.noise_rms):
+    v = parameters.vibration
+    if any(v.acceleration + v.noise_rms + v.angular_rate + v.angular_noise_rms):
         from imu_sim_ros.trajectory.kinds import Vibrating, Vibration
 
-        return Vibrating(trajectory, Vibration(vibration))
+        return Vibrating(trajectory, Vibration(v))
     return trajectory
 
 

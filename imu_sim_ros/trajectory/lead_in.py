@@ -6,7 +6,7 @@
 import numpy as np
 
 from imu_sim_ros.config import LeadInParameters
-from imu_sim_ros.trajectory.motion import Array, Motion, Trajectory
+from imu_sim_ros.trajectory.motion import Array, Motion, Trajectory, highest_frequency
 
 
 class LeadIn:
@@ -25,6 +25,11 @@ class LeadIn:
     def duration(self) -> float:
         """Length [s]."""
         return self.inner.duration
+
+    @property
+    def highest_frequency(self) -> float:
+        """Of the motion and of the jerk, a smooth bump with four periods at most [Hz]."""
+        return max(highest_frequency(self.inner), 4.0 / self._parameters.jerk_time)
 
     def sample(self, t: Array) -> Motion:
         """Return the motion at times t (n,) [s]."""

@@ -29,7 +29,10 @@ class Motion(NamedTuple):
 
 
 class Trajectory(Protocol):
-    """An exact motion, known at any time."""
+    """An exact motion, known at any time.
+
+    It may also say ``highest_frequency`` [Hz], see :func:`highest_frequency`.
+    """
 
     @property
     def duration(self) -> float:
@@ -37,3 +40,12 @@ class Trajectory(Protocol):
 
     def sample(self, t: Array) -> Motion:
         """Return the motion at times t (n,) [s], each in [0, duration], in any order."""
+
+
+def highest_frequency(trajectory: Trajectory) -> float:
+    """Return the highest frequency in a motion [Hz]; 0 where the motion says none.
+
+    Averaged readings are integrated as finely as it demands; a motion that says none must be smooth
+    over the interval between two readings.
+    """
+    return float(getattr(trajectory, "highest_frequency", 0.0))

@@ -57,6 +57,7 @@ class RateProfile:
         # A phase of one rate has no ramp to place a time in; it may be endless.
         self._lengths = np.where(self._changes != 0.0, lengths, 1.0)
         self.duration = float(self._times[-1] + lengths[-1])
+        self.fastest = max(max(abs(p.first_rate), abs(p.last_rate)) for p in phases)
         self.end = float(self._values[-1] + changes[-1])
 
     def locate(self, t: Array) -> NDArray[np.int64]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from imu_sim_ros.config import TrajectoryParameters
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.trajectory.motion import Array, Motion, Trajectory
+from imu_sim_ros.trajectory.motion import Array, Motion, Trajectory, highest_frequency
 from imu_sim_ros.trajectory.profile import Derivatives, Phase, RateProfile, smooth_step
 
 # What ends that meet may differ by: position [m], velocity [m/s], attitude [rad], rate [rad/s].
@@ -24,6 +24,10 @@ class TimeMap(Protocol):
     @property
     def duration(self) -> float:
         """Length outside [s]."""
+
+    @property
+    def fastest(self) -> float:
+        """The largest rate at which time within the motion passes."""
 
     def sample(self, t: Array) -> Derivatives:
         """Return the time within the motion, its rate and its acceleration at times t (n,)."""
@@ -40,6 +44,11 @@ class Retimed:
     def duration(self) -> float:
         """Length [s]."""
         return self._time_map.duration
+
+    @property
+    def highest_frequency(self) -> float:
+        """Of the motion at its fastest pace [Hz]."""
+        return highest_frequency(self.inner) * self._time_map.fastest
 
     def sample(self, t: Array) -> Motion:
         """Return the motion at times t (n,) [s]."""
@@ -62,6 +71,7 @@ class Cut:
     def __init__(self, inner: Trajectory, duration: float) -> None:
         self.inner = inner
         self.duration = duration
+        self.highest_frequency = highest_frequency(inner)
 
     def sample(self, t: Array) -> Motion:
         """Return the motion at times t (n,) [s]."""
@@ -76,6 +86,7 @@ class Loop:
         self._length = length
         self._passes = passes
         self.duration = length * passes
+        self.fastest = 1.0
 
     def sample(self, t: Array) -> Derivatives:
         """Return the time within the motion."""
@@ -99,6 +110,7 @@ class ThereAndBack:
         self._straight = length - 2.0 * self._overlap
         self._period = self._straight + turn
         self.duration = (passes - 1.0) * self._period + length
+        self.fastest = 1.0
 
     def sample(self, t: Array) -> Derivatives:
         """Return the time within the motion."""

@@ -35,6 +35,11 @@ class SeriesSet:
         self._polynomials = [_derived(one.polynomial) for one in series]
         self._waves = [self._waves_of(one) for one in series]
 
+    @property
+    def highest_frequency(self) -> float:
+        """Of the sinusoids [Hz]."""
+        return max(self._frequencies, default=0.0) / (2.0 * np.pi)
+
     def _waves_of(self, series: SeriesParameters) -> list[_Wave]:
         phases = series.phase or (0.0,) * len(series.amplitude)
         return [

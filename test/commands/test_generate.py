@@ -231,3 +231,40 @@ def test_a_full_disk_is_said_in_a_line_and_nothing_looks_whole(tmp_path, name):
     assert "Traceback" not in result.stderr
     assert len(result.stderr.splitlines()) == 1
     assert os.listdir(tmp_path) == []
+
+    assert len(result.stderr.splitlines()) <= 2
+    output = tmp_path / name
+    assert not output.exists() or (output.is_dir() and not (output / "metadata.yaml").exists())
+
+
+def test_increments_of_an_averaged_sensor_are_in_the_bag(tmp_path: Path) -> None:
+    """Read back by another library: the mean readings times the interval, in whole steps."""
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
+
+    topics = "imu/data_raw,imu/delta_angle,imu/delta_velocity,ground_truth/delta_velocity"
+    bag = tmp_path / "bag.mcap"
+    chosen = ["--set", "imu.sampling=averaged", "--set", "imu.gyroscope_increment_resolution=1e-5"]
+    arguments = ["-o", str(bag), "--duration", "2s", "--topics", topics, "--quiet", *chosen]
+    assert main(arguments) == 0
+    found: dict[str, list[np.ndarray]] = {}
+    with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+        for connection, _, raw in reader.messages():
+            message = reader.deserialize(raw, connection.msgtype)
+            vector = getattr(message, "vector", None) or message.angular_velocity
+            found.setdefault(connection.topic, []).append([vector.x, vector.y, vector.z])
+    assert {len(rows) for rows in found.values()} == {400}
+    angles = np.array(found["/imu/delta_angle"])
+    np.testing.assert_allclose(angles, np.array(found["/imu/data_raw"]) / 200.0, rtol=1e-12)
+    np.testing.assert_allclose(angles / 1e-5, np.rint(angles / 1e-5), atol=1e-6)
+    block = Simulation(load_simulation({"imu.sampling": "averaged"})).next_block(400)
+    np.testing.assert_allclose(
+        found["/ground_truth/delta_velocity"], block.ideal_accel / 200.0, rtol=1e-12
+    )
+
+
+def test_increments_of_instants_are_refused(tmp_path: Path, capsys) -> None:
+    bag = tmp_path / "bag.mcap"
+    assert main(["-o", str(bag), "--duration", "2s", "--topics", "imu/delta_angle"]) == 2
+    assert "topic imu/delta_angle: needs imu.sampling averaged" in capsys.readouterr().err
+    assert not bag.exists()

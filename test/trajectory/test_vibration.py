@@ -92,6 +92,37 @@ def test_a_turning_body_feels_what_a_displaced_mass_feels(build):
     np.testing.assert_allclose(in_body[:, 1], 2 * d_dot, rtol=0, atol=1e-12)
 
 
+@pytest.mark.parametrize("size", [0.05, 30.0])
+def test_turning_has_exact_derivatives(build, assert_exact_derivatives, size):
+    """Small turns, and turns of a radian, where the series are left for the closed forms."""
+    trajectory = build(
+        type="lecture", vibration__frequency=[3.0, 7.0],
+        vibration__acceleration=[1.0, 0.0, 2.0, 0.0, 1.0, 0.0],
+        vibration__angular_rate=[size, 0.0, 0.5 * size, 0.0, size, 0.2 * size],
+        vibration__angular_phase=[0.4, 0.0],
+    )  # fmt: skip
+    assert_exact_derivatives(trajectory, np.linspace(0.5, 2.0, 61), tolerance=3e-8)
+
+
+def test_turning_at_rest_is_the_given_rate(build):
+    """About one axis the rate is the sum of the lines, and the angle its integral."""
+    t = np.arange(0.0, 1.0, 1 / RATE)
+    m = shaken(build, 1.0, frequency=[50.0], angular_rate=[0.0, 2.0, 0.0])
+    w = 100 * np.pi
+    np.testing.assert_allclose(m.angular_velocity[:, 1], 2 * np.sin(w * t), atol=1e-13)
+    np.testing.assert_allclose(m.angular_acceleration[:, 1], 2 * w * np.cos(w * t), atol=1e-10)
+    np.testing.assert_allclose(rotation.log(m.q_wb)[:, 1], -2 / w * np.cos(w * t), atol=1e-15)
+    assert not m.position.any()
+
+
+def test_turning_noise_has_its_rms_and_leaves_the_shaking_as_it_was(build):
+    both = shaken(build, noise_rms=1.0, angular_noise_rms=[0.1, 0.2, 0.3])
+    actual = np.sqrt(np.mean(both.angular_velocity**2, axis=0))
+    np.testing.assert_allclose(actual, [0.1, 0.2, 0.3], rtol=0.01)
+    alone = shaken(build, noise_rms=1.0)
+    np.testing.assert_array_equal(both.acceleration, alone.acceleration)
+
+
 def test_bad_vibration_is_reported_together():
     with pytest.raises(ConfigurationError) as caught:
         load_simulation(
@@ -99,9 +130,17 @@ def test_bad_vibration_is_reported_together():
                 "trajectory.vibration.frequency": [10.0],
                 "trajectory.vibration.phase": [0.0, 1.0],
                 "trajectory.vibration.noise_low": 90.0,
+                "trajectory.vibration.angular_phase": [0.0, 1.0],
             }
         )
     text = str(caught.value)
     for name in ("vibration.acceleration = []", "vibration.phase", "vibration.noise_high = 80"):
         assert name in text
-    assert len(caught.value.problems) == 3
+    assert len(caught.value.problems) == 4
+    with pytest.raises(ConfigurationError, match="angular_rate = .* three entries for each of"):
+        load_simulation(
+            {
+                "trajectory.vibration.frequency": [10.0, 20.0],
+                "trajectory.vibration.angular_rate": [1.0, 0.0, 0.0],
+            }
+        )

@@ -351,6 +351,10 @@ def _is_wanted(topic: str, imu: str, publish: PublishParameters) -> bool:
             conventions.GYROSCOPE_BIAS_TOPIC: publish.biases,
             conventions.ACCELEROMETER_BIAS_TOPIC: publish.biases,
             conventions.TEMPERATURE_TOPIC: publish.temperature,
+            conventions.DELTA_ANGLE_TOPIC: publish.increments,
+            conventions.DELTA_VELOCITY_TOPIC: publish.increments,
+            conventions.IDEAL_DELTA_ANGLE_TOPIC: publish.ground_truth_increments,
+            conventions.IDEAL_DELTA_VELOCITY_TOPIC: publish.ground_truth_increments,
         }[topic]
     )
 

@@ -9,10 +9,11 @@ Imports the leaves, and faults and random streams of the room above.
 from imu_sim_ros.sensor.errors.deterministic import TurnOn, scale_misalignment
 from imu_sim_ros.sensor.errors.noise import axis_values
 from imu_sim_ros.sensor.errors.temperature import TemperatureProfile
-from imu_sim_ros.sensor.errors.triad import Triad
+from imu_sim_ros.sensor.errors.triad import Reading, Triad
 from imu_sim_ros.sensor.errors.variance import accel_variance_discrete, gyro_variance_discrete
 
 __all__ = [
+    "Reading",
     "TemperatureProfile",
     "Triad",
     "TurnOn",

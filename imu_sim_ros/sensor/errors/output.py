@@ -80,6 +80,44 @@ class Digitiser:
                 row *= step
 
 
+class IncrementRounding:
+    """Delta angles or velocities in whole steps, as a counter of pulses gives them.
+
+    The sum of all increments is rounded, and an increment is the difference of two rounded sums:
+    what rounding leaves is carried on, so that angles do not walk. That is the quantisation noise
+    of IEEE Std 952-1997, C.1.5, with ``Q = step / sqrt(12)``.
+    """
+
+    def __init__(self, triad: str, interval: float) -> None:
+        """Start with a sum of 0.
+
+        :param interval: nominal time between two samples [s].
+        """
+        self._triad, self._interval = triad, interval
+        self._step = [0.0] * 3
+        self._sum = [0.0] * 3
+
+    def configure(self, imu: ImuParameters) -> None:
+        """Take the steps; 0 is none."""
+        step = axis_values(imu, self._triad, "increment_resolution").tolist()
+        for k, (old, new) in enumerate(zip(self._step, step, strict=True)):
+            if old != new:
+                self._sum[k] = 0.0
+        self._step = step
+
+    def apply(self, values: Array) -> None:
+        """Round the increments of mean readings (3, n) in place."""
+        for k, (row, step) in enumerate(zip(values, self._step, strict=True)):
+            if not (step and len(row)):
+                continue
+            sums = np.empty(len(row) + 1)
+            sums[0] = self._sum[k]
+            np.multiply(row, self._interval / step, out=sums[1:])
+            np.cumsum(sums, out=sums)  # adds one after the other, whatever the block's size
+            self._sum[k] = float(sums[-1])
+            row[:] = np.diff(np.rint(sums)) * (step / self._interval)
+
+
 def noise_gain(cutoff: float, order: int, rate: float) -> float:
     """Return what a low-pass leaves of the variance of white noise, 0 to 1.
 

@@ -18,7 +18,7 @@ from imu_sim_ros.sensor.errors.noise import (
     Term,
     WhiteNoise,
 )
-from imu_sim_ros.sensor.errors.output import Digitiser, LowPass
+from imu_sim_ros.sensor.errors.output import Digitiser, IncrementRounding, LowPass
 from imu_sim_ros.sensor.errors.temperature import polynomial
 from imu_sim_ros.sensor.faults import FaultSchedule
 
@@ -37,7 +37,13 @@ class Triad:
     """One triad; see the package's docstring for the order of the errors."""
 
     def __init__(self, triad: str, imu: ImuParameters, seed: int, rate: float) -> None:
-        dt = 1.0 / rate
+        """Set up the errors at their start.
+
+        :param rate: samples per second [Hz].
+        """
+        self._ratio = int(imu.internal_ratio(rate))
+        internal = rate * self._ratio
+        dt = 1.0 / internal
         self._triad = triad
         self._turn_on = TurnOn(seed, triad, imu)
         self._response = Response(triad)
@@ -49,8 +55,9 @@ class Triad:
             RateRamp(triad, dt),
         )
         self._white = WhiteNoise(seed, triad, dt)
-        self._low_pass = LowPass(triad, imu, rate)
+        self._low_pass = LowPass(triad, imu, internal)
         self._digitiser = Digitiser(triad)
+        self._increments = IncrementRounding(triad, 1.0 / rate)
         self._last: Array | None = None
         self.configure(imu)
 
@@ -62,6 +69,7 @@ class Triad:
             term.configure(imu)
         self._white.configure(imu)
         self._digitiser.configure(imu)
+        self._increments.configure(imu)
 
     def read(
         self,
@@ -73,10 +81,12 @@ class Triad:
     ) -> Reading:
         """Return the next n samples.
 
+        Inside an oversampled sensor there are m = ratio readings for each, 1 elsewhere.
+
         :param first: index of the first of them.
-        :param ideal: (3, n) ideal reading of this triad.
-        :param force: (3, n) ideal specific force [m/s^2].
-        :param temperature_offset: (n,) temperature above the reference [K].
+        :param ideal: (3, n m) ideal reading of this triad.
+        :param force: (3, n m) ideal specific force [m/s^2].
+        :param temperature_offset: (n m,) temperature above the reference [K].
         """
         reading = self._response.apply(ideal, force)
         scale = self._scale(temperature_offset)
@@ -88,8 +98,14 @@ class Triad:
         reading += bias
         self._white.add_to(reading)
         self._low_pass.apply(reading)
+        if self._ratio > 1:
+            last = slice(self._ratio - 1, None, self._ratio)
+            reading, bias, scale = (
+                np.ascontiguousarray(values[:, last]) for values in (reading, bias, scale)
+            )
         faults.saturate(self._triad, first, reading)
         self._digitiser.apply(reading)
+        self._increments.apply(reading)
         faults.hold(self._triad, first, reading, self._last)
         if reading.shape[1]:
             self._last = reading[:, -1].copy()
@@ -117,5 +133,8 @@ class Triad:
             bias += self._turn_on.bias[:, None]
         for term in self._bias_terms:
             term.add_to(bias)
-        faults.add_bias(self._triad, first, bias)
+        jumps = bias if self._ratio == 1 else np.zeros((3, bias.shape[1] // self._ratio))
+        faults.add_bias(self._triad, first, jumps)
+        if jumps is not bias:
+            bias += np.repeat(jumps, self._ratio, axis=1)
         return bias

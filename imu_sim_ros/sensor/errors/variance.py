@@ -5,8 +5,11 @@
 
 They are the variances of what differs at random from sample to sample: white noise, as much of it
 as the low-pass leaves, and rounding to whole steps, ``LSB^2 / 12`` (uniform, which holds where the
-noise spans a step). Biases of every kind are not noise of a sample and are left out.
+noise spans a step; twice that for increments, whose sums are rounded). Biases of every kind are
+not noise of a sample and are left out.
 """
+
+import numpy as np
 
 from imu_sim_ros.config import ImuParameters, Vector
 from imu_sim_ros.sensor.errors.noise import axis_values
@@ -30,11 +33,13 @@ def accel_variance_discrete(imu: ImuParameters, rate: float) -> Vector:
 
 
 def _variance_discrete(imu: ImuParameters, triad: str, rate: float) -> Vector:
-    density, cutoff, step = (
-        axis_values(imu, triad, name) for name in ("noise_density", "bandwidth", "resolution")
-    )
-    x, y, z = (
-        float(d * d * rate * noise_gain(f, imu.bandwidth_order, rate) + s * s / 12.0)
-        for d, f, s in zip(density, cutoff, step, strict=True)
-    )
+    names = ("noise_density", "bandwidth", "resolution", "increment_resolution")
+    density, cutoff, step, increment = (axis_values(imu, triad, name) for name in names)
+    internal = rate * float(imu.internal_ratio(rate))
+    white = [
+        d * d * internal * noise_gain(f, imu.bandwidth_order, internal)
+        for d, f in zip(density, cutoff, strict=True)
+    ]
+    rounding = step * step / 12.0 + np.square(increment * rate) / 6.0
+    x, y, z = (float(w + r) for w, r in zip(white, rounding, strict=True))
     return (x, y, z)

@@ -19,11 +19,18 @@ class Harmonic:
     def __init__(self, parameters: HarmonicParameters) -> None:
         p = parameters
         self._coordinates = SeriesSet([p.x, p.y, p.z, p.roll, p.pitch, p.yaw])
+        rates = [abs(sum(angle.polynomial[1:2])) for angle in (p.roll, p.pitch, p.yaw)]
+        self._spin = max(rates) / (2.0 * math.pi)
 
     @property
     def duration(self) -> float:
         """Infinite."""
         return math.inf
+
+    @property
+    def highest_frequency(self) -> float:
+        """Of the coordinates, and of gravity in a body that turns at a constant rate [Hz]."""
+        return max(self._coordinates.highest_frequency, self._spin)
 
     def sample(self, t: Array) -> Motion:
         """Return the motion at times t (n,) [s]."""

@@ -31,6 +31,11 @@ class Polar:
         """Infinite."""
         return math.inf
 
+    @property
+    def highest_frequency(self) -> float:
+        """Of radius and angle [Hz]; the steady turn is none in the body, upright as it is."""
+        return self._coordinates.highest_frequency
+
     def sample(self, t: Array) -> Motion:
         """Return the motion at times t (n,) [s]."""
         n = len(t)

@@ -81,6 +81,11 @@ class Recorded:
         """Time from the first to the last pose [s]."""
         return self._spline.duration
 
+    @property
+    def highest_frequency(self) -> float:
+        """That the spline follows [Hz]."""
+        return min(self.report.cutoff, 0.5 / self.report.knot_spacing)
+
     def sample(self, t: Array) -> Motion:
         """Return the motion at times t (n,) [s]."""
         return self._spline.sample(t)
