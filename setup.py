@@ -50,6 +50,7 @@ setup(
         "rich",
         "rosbags>=0.10",
         "mcap",
+        "orjson>=3.9",
         "lz4",
         "zstandard",
     ],

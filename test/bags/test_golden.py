@@ -19,7 +19,11 @@ golden = importlib.util.module_from_spec(specification)
 specification.loader.exec_module(golden)
 
 
-@pytest.mark.parametrize("name", [*golden.FORMS, "golden_euroc", "golden_csv"])
+# The folders of 17 digits are older: their numbers have more digits than they need.
+TEXT = ("golden_euroc", "golden_csv", "golden_euroc_17_digits", "golden_csv_17_digits")
+
+
+@pytest.mark.parametrize("name", [*golden.FORMS, *TEXT])
 def test_golden_readings(name):
     imu = read_imu(DATA / name)
     np.testing.assert_array_equal(imu.t_ns, golden.T_NS)

@@ -18,7 +18,6 @@ from imu_sim_ros.bags.atomic_file import OutputFile, make_folder
 from imu_sim_ros.bags.text import decimals
 from imu_sim_ros.bags.text.decimals import decimal
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
 
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
@@ -70,20 +69,10 @@ class TextFile:
         """Append n rows: a time, and the columns of values (n, m)."""
         for start in range(0, len(t_ns), _ROWS):
             part = slice(start, start + _ROWS)
-            stamp_text = decimals.integers if separator == "," else _seconds
-            text = decimals.table(
-                [stamp_text(t_ns[part]), *decimals.floats(values[part])], separator
-            )
-            self.file.write(text)
+            stamps = decimals.rows if separator == "," else decimals.seconds
+            self.file.write(decimals.lines([stamps(t_ns[part]), values[part]], separator))
             self.rows += len(t_ns[part])
             self.last_ns = max(self.last_ns, int(t_ns[part].max()))
-
-
-def _seconds(t_ns: Times) -> NDArray[np.uint8]:
-    """Return times as exact seconds with nine decimals."""
-    second, nanosecond = np.divmod(t_ns, NANOSECONDS_PER_SECOND)
-    point = np.full((len(t_ns), 1), ord("."), np.uint8)
-    return np.concatenate([decimals.integers(second), point, decimals.padded(nanosecond, 9)], 1)
 
 
 class Dataset:
