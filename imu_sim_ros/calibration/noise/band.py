@@ -8,10 +8,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.calibration.noise.estimate import axis_data
+from imu_sim_ros.calibration.noise.estimate import axis_data, standard_design
 from imu_sim_ros.calibration.noise.likelihood import fit
 from imu_sim_ros.calibration.noise.spectrum import Spectrum
-from imu_sim_ros.calibration.noise.terms import TERMS
 
 _NEIGHBOURS: Final = 21
 _FALSE_ALARM: Final = 1e-10
@@ -75,14 +74,13 @@ def _peaks(
 
 def _describes(spectrum: Spectrum, axis: int) -> bool:
     """Tell whether the full model fits the high part within chance or one per cent."""
-    design = np.stack([term.expectation(spectrum) for term in TERMS], axis=1)
-    fitted = fit(axis_data(spectrum, axis), design)
+    expected = fit(axis_data(spectrum, axis), standard_design(spectrum)).expected[0]
     high = np.isinf(spectrum.duration)
     count = int(np.count_nonzero(high))
     if count == 0:
         return True
-    misfit = (spectrum.power[high, axis] / fitted.expected[high] - 1.0) ** 2
-    expected = 2.0 / spectrum.freedom[high]
-    chance = float(np.mean(misfit / expected)) - 1.0 < 6.0 * np.sqrt(2.0 / count)
-    small = float(np.mean(np.maximum(misfit - expected, 0.0))) < _DEVIATION**2
+    misfit = (spectrum.power[high, axis] / expected[high] - 1.0) ** 2
+    chance_misfit = 2.0 / spectrum.freedom[high]
+    chance = float(np.mean(misfit / chance_misfit)) - 1.0 < 6.0 * np.sqrt(2.0 / count)
+    small = float(np.mean(np.maximum(misfit - chance_misfit, 0.0))) < _DEVIATION**2
     return chance or small

@@ -13,9 +13,10 @@ from imu_sim_ros.calibration.noise.estimate import (
     AxisNoise,
     Estimate,
     axis_data,
-    component_estimate,
+    standard_design,
 )
-from imu_sim_ros.calibration.noise.likelihood import Fit, fit, profile_interval
+from imu_sim_ros.calibration.noise.intervals import intervals
+from imu_sim_ros.calibration.noise.likelihood import Data, Fits, fit, profile_interval
 from imu_sim_ros.calibration.noise.spectrum import Spectrum
 from imu_sim_ros.calibration.noise.terms import TERMS, WHITE, gauss_markov_expectation
 
@@ -37,38 +38,46 @@ def estimate_gauss_markov(spectrum: Spectrum, axis: int) -> AxisNoise:
     :param axis: column of ``spectrum.power``.
     """
     data = axis_data(spectrum, axis)
-    columns = {term.key: term.expectation(spectrum) for term in TERMS}
-    white = columns[WHITE.key][:, None]
+    white = WHITE.expectation(spectrum)
     duration = float(np.max(spectrum.duration[np.isfinite(spectrum.duration)]))
     low, high = np.log(10.0 * spectrum.sample_interval), np.log(duration)
 
-    def held(log_time: float, sigma: float | None = None) -> Fit:
+    def held(log_time: float, sigma: float = np.nan) -> Fits:
         """Fit the noise, and sigma unless it is given, at one correlation time."""
         process = gauss_markov_expectation(spectrum, float(np.exp(log_time)))
-        if sigma is None:
-            return fit(data, np.column_stack([white, process]))
-        return fit(data, white, offset=sigma**2 * process)
+        return fit(data, np.column_stack([white, process]), held=np.array([np.nan, sigma**2]))
 
-    log_time = _minimum(lambda x: held(x).objective, low, high, _GRID)
+    log_time = _minimum(lambda x: held(x).lowest, low, high, _GRID)
     best = held(log_time)
-    columns[SIGMA] = gauss_markov_expectation(spectrum, float(np.exp(log_time)))
-    chosen = (WHITE.key, SIGMA)
-    estimates = {key: component_estimate(data, columns, chosen, best, key) for key in columns}
-    sigma = float(np.sqrt(best.components[1]))
-    visible = fit(data, white).objective - best.objective > _EVIDENCE
+    process = gauss_markov_expectation(spectrum, float(np.exp(log_time)))
+    estimates = _standard_terms(spectrum, data, process)
+    sigma = float(np.sqrt(best.components[0, 1]))
+    visible = fit(data, white[:, None]).lowest - best.lowest > _EVIDENCE
 
     def over_time(value: float) -> float:
-        centre = _minimum(lambda x: held(x, value).objective, low, high, _GRID // 3)
-        return held(centre, value).objective
+        centre = _minimum(lambda x: held(x, value).lowest, low, high, _GRID // 3)
+        return held(centre, value).lowest
 
-    sigma_low, sigma_high = profile_interval(over_time, sigma, best.objective, 0.2 * sigma)
+    sigma_low, sigma_high = profile_interval(over_time, sigma, best.lowest, 0.2 * sigma)
     estimates[SIGMA] = Estimate(
         sigma if visible else None, sigma_low if visible else 0.0, sigma_high
     )
     estimates[CORRELATION_TIME] = _time_interval(
-        lambda x: held(x).objective, log_time, best.objective, low, high, visible
+        lambda x: held(x).lowest, log_time, best.lowest, low, high, visible
     )
-    return AxisNoise(estimates, (*chosen, CORRELATION_TIME), best.expected)
+    return AxisNoise(estimates, (WHITE.key, SIGMA, CORRELATION_TIME), best.expected[0])
+
+
+def _standard_terms(spectrum: Spectrum, data: Data, process: Array) -> dict[str, Estimate]:
+    """Return the white noise beside the process, and bounds for what the model does not have."""
+    white = WHITE.expectation(spectrum)
+    (noise, _), _ = intervals(data, np.column_stack([white, process]), trend=False)
+    design = np.column_stack([standard_design(spectrum), process])
+    others, _ = intervals(data, design, trend=False)
+    bounds = zip(TERMS, others, strict=False)
+    estimates = {term.key: Estimate(None, 0.0, found.high) for term, found in bounds}
+    estimates[WHITE.key] = Estimate(noise.value, noise.low, noise.high)
+    return estimates
 
 
 def _time_interval(

@@ -1,15 +1,21 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Maximum likelihood of variance components on a spectrum, with profile-likelihood intervals.
+"""Maximum likelihood of variance components on a spectrum, many fits at once.
 
 The rows of a :class:`~imu_sim_ros.calibration.noise.spectrum.Spectrum` are independent means of
 squared normal variables, so that minus the log-likelihood of an expectation ``s = A theta`` with
 ``theta >= 0`` is ``sum nu / 2 (ln s + P / s)`` (Whittle 1953; exact for white noise with a random
 walk). Iteratively reweighted non-negative least squares is Fisher's scoring for it.
+
+A trend (the rate ramp) moves the mean of the single coefficients. Where it is not of interest it is
+integrated out ("restricted likelihood", Patterson and Thompson, Biometrika 58, 1971): with
+``G = sum t^2 / s`` that adds ``ln(G) / 2``, and to each row what its own slope's error hides,
+``t^2 / G``. Without it a walk seen by few coefficients comes out too small.
 """
 
 from collections.abc import Callable
+from itertools import product
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -22,10 +28,9 @@ CONFIDENCE_DROP: Final = 1.9207
 _FLOOR: Final = 1e-15
 """Smallest expectation, relative to the largest row: a model may lack all terms."""
 _ITERATIONS: Final = 60
-_NEGLIGIBLE: Final = 8.0
-"""Drop of the log-likelihood beyond which a value does not count."""
-_NODES: Final = 25
-_TOLERANCE: Final = 1e-9
+_HALVINGS: Final = 12
+_TOLERANCE: Final = 1e-5
+"""Gain of the log-likelihood below which an iteration is the last."""
 
 
 class Data(NamedTuple):
@@ -41,115 +46,203 @@ class Data(NamedTuple):
     """(m,) what a trend of 1 adds to ``amplitude``."""
 
 
-class Fit(NamedTuple):
-    """Variance components and, where asked for, a trend."""
+class Fits(NamedTuple):
+    """Results of b fits to the same data."""
 
     components: Array
-    """(p,) squares of the terms' coefficients."""
-    trend: float
-    objective: float
-    """Minus the log-likelihood, without its constant."""
+    """(b, p) squares of the terms' coefficients."""
+    slope: Array
+    """(b,) trend."""
+    objective: Array
+    """(b,) minus the log-likelihood, without its constant."""
     expected: Array
-    """(m,) fitted rows."""
+    """(b, m) fitted rows."""
+
+    @property
+    def lowest(self) -> float:
+        """The smallest objective."""
+        return float(np.min(self.objective))
+
+    def best(self) -> "Fits":
+        """Return the most likely one alone."""
+        k = int(np.argmin(self.objective))
+        return Fits(*(column[k : k + 1] for column in self))
 
 
-def fit(data: Data, design: Array, *, trend: bool = False, offset: Array | None = None) -> Fit:
-    """Return the non-negative components that make the data most likely.
+class _Trend(NamedTuple):
+    """How the trend is treated in each of b fits."""
 
-    :param design: (m, p) expectation of the rows for each component.
-    :param trend: whether a trend is estimated as well.
-    :param offset: (m,) known part of the expectation.
-    """
-    known = np.zeros(len(data.power)) if offset is None else offset
-    smooth = _smooth(data.power)
-    best = _iterate(data, design, known, smooth, trend)
-    if trend:  # a walk and a trend explain each other away: each gets the first chance once
-        flat = np.full(len(smooth), np.median(smooth))
-        other = _iterate(data, design, known, flat, trend)
-        best = other if other.objective < best.objective else best
-    return best
+    held: Array
+    """(b,) slope, NaN where it is estimated."""
+    restricted: bool
+    """Whether an estimated slope is integrated out."""
 
 
-def _iterate(data: Data, design: Array, known: Array, guess: Array, trend: bool) -> Fit:
-    """Improve a first guess of the expectation until the likelihood stands still."""
-    floor = _FLOOR * float(np.max(data.power)) + 1e-300
-    known, expected = np.maximum(known, floor), np.maximum(guess, floor)
-    scale = np.array([1.0 / np.max(column) for column in design.T])
-    scaled = design * scale
-    power, slope, objective = data.power, 0.0, np.inf
-    theta = np.zeros(design.shape[1])
-    for _ in range(_ITERATIONS):
-        if trend:
-            slope = _slope(data, expected)
-            power = without_trend(data, slope)
-        weight = 0.5 * data.freedom / expected**2
-        step = _non_negative(scaled, power - known, weight) - theta
-        theta, expected, new = _line_search(data, scaled, known, power, theta, step, objective)
-        if objective - new < _TOLERANCE * (1.0 + abs(new) * 1e-6):
-            objective = min(new, objective)
-            break
-        objective = new
-    return Fit(theta * scale, slope, objective, expected)
-
-
-def _smooth(power: Array) -> Array:
-    """Return a first guess of the expectation: running medians bridge lucky small rows."""
-    width = min(9, len(power))
-    padded = np.pad(power, (width // 2, width - 1 - width // 2), mode="edge")
-    windows = np.lib.stride_tricks.sliding_window_view(padded, width)
-    result: Array = np.median(windows, axis=1)
-    return result
-
-
-def _non_negative(design: Array, target: Array, weight: Array) -> Array:
-    from scipy.optimize import nnls
-
-    if design.shape[1] == 0:
-        return np.zeros(0)
-    root = np.sqrt(weight)
-    # The triangle of a QR leaves nnls a p x p problem instead of m x p.
-    q, r = np.linalg.qr(design * root[:, None])
-    solution, _ = nnls(r, q.T @ (target * root))
-    result: Array = solution
-    return result
-
-
-def _objective(data: Data, power: Array, expected: Array) -> float:
-    return float(0.5 * np.dot(data.freedom, np.log(expected) + power / expected))
-
-
-def _line_search(
+def fit_many(
     data: Data,
     design: Array,
-    known: Array,
-    power: Array,
-    theta: Array,
-    step: Array,
-    objective: float,
-) -> tuple[Array, Array, float]:
-    """Halve a step until it improves; the first of all is taken as it is."""
-    fraction = 1.0
-    for _ in range(30):
-        trial = theta + fraction * step
-        expected = known + design @ trial
-        new = _objective(data, power, expected)
-        if new <= objective:
-            return trial, expected, new
-        fraction *= 0.5
-    return theta, known + design @ theta, objective
+    held: Array,
+    *,
+    slope: Array,
+    guess: Array,
+    restricted: bool = False,
+) -> Fits:
+    """Return the non-negative components that make the data most likely, b times.
+
+    :param design: (m, p) expectation of the rows for each component.
+    :param held: (b, p) components with a given value; NaN where a component is free.
+    :param slope: (b,) given slope of the trend; NaN where it is estimated.
+    :param guess: (b, m) first guess of the expectation.
+    :param restricted: integrate the estimated slopes out instead of maximising over them.
+    """
+    floor = _FLOOR * float(np.max(data.power)) + 1e-300
+    scale = 1.0 / np.max(design, axis=0)
+    scaled = design * scale
+    free = np.isnan(held)
+    theta = np.where(free, 0.0, held / scale)
+    known = theta @ scaled.T
+    products = (scaled[:, :, None] * scaled[:, None, :]).reshape(len(scaled), -1)
+    trend = _Trend(slope, restricted)
+    expected = np.maximum(guess, floor)
+    objective = np.full(len(held), np.inf)
+    _, power, slopes = _objective(data, expected, trend)
+    for _ in range(_ITERATIONS):
+        weight = 0.5 * data.freedom / expected**2
+        curvature = (weight @ products).reshape(-1, *free.shape[1:], free.shape[1])
+        gradient = (weight * (power - known)) @ scaled
+        step = np.where(free, _non_negative(curvature, gradient, free) - theta, 0.0)
+        last = objective
+        fraction = np.ones(len(held))
+        for _ in range(_HALVINGS):  # the first step of all is taken as it is
+            trial = theta + fraction[:, None] * step
+            expected = np.maximum(trial @ scaled.T, floor)
+            objective, power, slopes = _objective(data, expected, trend)
+            worse = ~(objective <= last)
+            if not worse.any():
+                break
+            fraction = np.where(worse, 0.4 * fraction, fraction)
+        theta = trial
+        if np.all(last - objective < _TOLERANCE):
+            break
+    return Fits(theta * scale, slopes, objective, expected)
 
 
-def _slope(data: Data, expected: Array) -> float:
-    weight = data.trend / expected
-    norm = float(np.dot(weight, data.trend))
-    return float(np.dot(weight, data.amplitude)) / norm if norm > 0.0 else 0.0
+def _objective(data: Data, expected: Array, trend: _Trend) -> tuple[Array, Array, Array]:
+    """Return the objective (b,), the rows that it compares with (b, m), and the slopes (b,)."""
+    inverse = 1.0 / expected
+    weighted = data.trend * inverse
+    norm = np.maximum(weighted @ data.trend, 1e-300)
+    estimated = np.isnan(trend.held)
+    slopes = np.where(estimated, (weighted @ data.amplitude) / norm, trend.held)
+    power = _without_trend(data, slopes)
+    objective = 0.5 * ((np.log(expected) + power * inverse) @ data.freedom)
+    if trend.restricted:
+        objective = objective + np.where(estimated, 0.5 * np.log(norm), 0.0)
+        power = power + np.where(estimated, 1.0 / norm, 0.0)[:, None] * data.trend**2
+    return objective, power, slopes
 
 
-def without_trend(data: Data, slope: float) -> Array:
-    """Return the rows after a trend of the given slope is taken from the single coefficients."""
+def _without_trend(data: Data, slopes: Array) -> Array:
+    """Return the rows (b, m) after trends are taken from the single coefficients."""
     single = data.amplitude != 0.0
-    result: Array = np.where(single, (data.amplitude - slope * data.trend) ** 2, data.power)
+    left = (data.amplitude - slopes[:, None] * data.trend) ** 2
+    result: Array = np.where(single, left, data.power)
     return result
+
+
+def _non_negative(curvature: Array, gradient: Array, free: NDArray[np.bool_]) -> Array:
+    """Return (b, p) the minima of ``x H x / 2 - g x`` with x >= 0 and x = 0 where not free.
+
+    Every subset of the few components is solved without the bound; the best feasible one is the
+    solution.
+    """
+    size = gradient.shape[1]
+    if size == 0:
+        return gradient
+    subsets = np.array(list(product([0.0, 1.0], repeat=size)))
+    root = np.sqrt(np.einsum("bii->bi", curvature))
+    scaled = curvature / (root[:, :, None] * root[:, None, :])
+    inside = subsets * free[:, None, :]  # (b, 2^p, p)
+    blocks = scaled[:, None] * (inside[..., :, None] * inside[..., None, :])
+    blocks += np.eye(size) * (1.0 - inside + 1e-12)[..., None]
+    right = inside * (gradient / root)[:, None, :]
+    x = np.linalg.solve(blocks, right[..., None])[..., 0]
+    value = np.where((x >= -1e-12).all(axis=2), -0.5 * np.sum(x * right, axis=2), np.inf)
+    best = np.argmin(value, axis=1)
+    result: Array = np.maximum(x[np.arange(len(x)), best], 0.0) / root
+    return result
+
+
+def first_guesses(data: Data) -> Array:
+    """Return (2, m) where to start: rows smoothed by running medians, and a flat line.
+
+    A walk and a trend explain each other away: from the first guess the walk has the first chance,
+    from the second the trend.
+    """
+    width = min(9, len(data.power))
+    padded = np.pad(data.power, (width // 2, width - 1 - width // 2), mode="edge")
+    smooth = np.median(np.lib.stride_tricks.sliding_window_view(padded, width), axis=1)
+    return np.stack([smooth, np.full(len(smooth), np.median(smooth))])
+
+
+def fit(
+    data: Data,
+    design: Array,
+    *,
+    trend: bool = False,
+    restricted: bool = False,
+    held: Array | None = None,
+) -> Fits:
+    """Return the one best fit.
+
+    :param trend: whether a trend is estimated as well.
+    :param restricted: integrate the trend out.
+    :param held: (p,) components with a given value, NaN where free; None: all are free.
+    """
+    guesses = first_guesses(data)
+    given = np.full(design.shape[1], np.nan) if held is None else held
+    slope = np.full(len(guesses), np.nan if trend else 0.0)
+    held_twice = np.tile(given, (len(guesses), 1))
+    fits = fit_many(data, design, held_twice, slope=slope, guess=guesses, restricted=restricted)
+    return fits.best()
+
+
+def covariance(data: Data, design: Array, expected: Array) -> Array:
+    """Return (p, p) the inverse of Fisher's information on the components.
+
+    :param expected: (m,) rows.
+    """
+    information = design.T @ ((0.5 * data.freedom / expected**2)[:, None] * design)
+    root = np.sqrt(np.diag(information))
+    scaled = information / np.outer(root, root) + 1e-9 * np.eye(len(root))
+    result: Array = np.linalg.inv(scaled) / np.outer(root, root)
+    return result
+
+
+def merged(data: Data, design: Array, every: int) -> tuple[Data, Array]:
+    """Return the data and the design with each few rows of averages as one.
+
+    :param every: rows that become one.
+    """
+    single = data.amplitude != 0.0
+    rows = np.flatnonzero(~single)
+    if len(rows) == 0:
+        return data, design
+    starts = np.arange(0, len(rows), every)
+    freedom = np.add.reduceat(data.freedom[rows], starts)
+
+    def means(values: Array) -> Array:
+        weighted = (values[rows].T * data.freedom[rows]).T
+        sums = np.add.reduceat(weighted, starts, axis=0)
+        return np.concatenate([values[single], (sums.T / freedom).T])
+
+    zeros = np.zeros(len(starts))
+    return Data(
+        means(data.power),
+        np.concatenate([data.freedom[single], freedom]),
+        np.concatenate([data.amplitude[single], zeros]),
+        np.concatenate([data.trend[single], zeros]),
+    ), means(design)
 
 
 def profile_interval(
@@ -171,45 +264,6 @@ def profile_interval(
     below, above = _outside(excess, best, -step), _outside(excess, best, step)
     low = _root(excess, below, best) if below > 0.0 or excess(0.0) > 0.0 else 0.0
     return low, _root(excess, best, above)
-
-
-def posterior_quantiles(
-    profile: Callable[[float], tuple[float, float]],
-    best: float,
-    lowest: float,
-    step: float,
-    quantiles: tuple[float, ...] = (0.025, 0.5, 0.975),
-) -> list[float]:
-    """Return quantiles of a coefficient from its profile likelihood and Jeffreys' prior.
-
-    Where few coefficients of the spectrum carry a term, its likelihood is skewed, the maximum too
-    low on average, and the interval of :func:`profile_interval` too. With the prior
-    ``sqrt(information)`` the quantiles have the right frequency to second order (Welch and Peers
-    1963); for a single variance of few degrees of freedom they are exactly those of chi-square.
-
-    :param profile: returns the objective with the coefficient held at a value >= 0, and the
-        information on the coefficient's square there.
-    :param best: the maximum of the likelihood, >= 0.
-    :param lowest: objective there.
-    :param step: first guess of the width, > 0.
-    """
-    from scipy.interpolate import PchipInterpolator
-
-    def excess(value: float) -> float:
-        return profile(value)[0] - lowest - _NEGLIGIBLE
-
-    below, above = _outside(excess, best, -step), _outside(excess, best, step)
-    low = _root(excess, below, best, 0.05) if below > 0.0 else 0.0
-    high = _root(excess, best, above, 0.05)
-    nodes = np.linspace(low, high, _NODES)
-    objective, information = np.array([profile(float(value)) for value in nodes]).T
-    fine = np.linspace(low, high, 20 * _NODES)
-    prior = 2.0 * fine * PchipInterpolator(nodes, np.sqrt(information))(fine)
-    density = prior * np.exp(lowest - PchipInterpolator(nodes, objective)(fine))
-    steps = 0.5 * (density[1:] + density[:-1])
-    cumulative = np.concatenate([[0.0], np.cumsum(steps)])
-    result: Array = np.interp(quantiles, cumulative / cumulative[-1], fine)
-    return [float(value) for value in result]
 
 
 def _outside(excess: Callable[[float], float], best: float, step: float) -> float:
