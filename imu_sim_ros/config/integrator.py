@@ -48,7 +48,11 @@ def _of_the_imu(name: str, words: str = "") -> Any:
 class NoiseParameters:
     """The IMU's errors as the covariance of the odometry takes them; each as in the simulator."""
 
-    preset: str = text(DEFAULT_IMU, "file in config/imus, or a path, that the noise comes from")
+    preset: str = text(
+        DEFAULT_IMU,
+        "file in config/imus, or a path, that the noise comes from; the node takes what the "
+        "simulator says where no imu.* is given",
+    )
     gyroscope_noise_density: Vector = _of_the_imu("gyroscope_noise_density")
     gyroscope_random_walk: Vector = _of_the_imu("gyroscope_random_walk")
     gyroscope_gauss_markov_sigma: Vector = _of_the_imu("gyroscope_gauss_markov_sigma")
@@ -156,7 +160,8 @@ class IntegratorParameters:
     def problems(self, prefix: str) -> Iterator[str]:
         """Yield what single parameters cannot say."""
         if max(self.gravity) == min(self.gravity) != 0:
-            yield f"{prefix}gravity = {self.gravity[0]}: must be a vector such as {list(GRAVITY)}"
+            such = ", ".join(f"{component:g}" for component in GRAVITY)
+            yield f"{prefix}gravity = {self.gravity[0]}: must be a vector such as [{such}]"
         elif math.hypot(*self.gravity) > _EARTH_GRAVITY_MAXIMUM:
             yield (
                 f"{prefix}gravity = {list(self.gravity)}: must be at most "
@@ -168,19 +173,22 @@ class IntegratorParameters:
                 yield f"{prefix}{name} = {list(getattr(self, name))}: must be invertible"
 
 
-def layer_integrator(given: Mapping[str, object]) -> dict[str, object]:
+def layer_integrator(
+    given: Mapping[str, object], sensor: Mapping[str, object] | None = None
+) -> dict[str, object]:
     """Return parameters above those of the IMU preset and of the calibration that they name.
 
     A parameter file made for the simulator describes the same IMU: what it says below ``imu.`` and
     the integrator has no use for is passed over.
 
     :param given: by dotted name.
+    :param sensor: what is known of the sensor, in the place of a preset.
     :raises ConfigurationError: for a preset or a calibration that cannot be read.
     """
     own = parameters(IntegratorParameters)
     result: dict[str, object] = {}
     preset = given.get("imu.preset", DEFAULT_IMU)
-    for name, value in sensor_layer(str(preset)).items():
+    for name, value in (sensor_layer(str(preset)) if sensor is None else sensor).items():
         if name in own:
             result[name] = value
     if given.get("calibration"):

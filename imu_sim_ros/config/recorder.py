@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from imu_sim_ros.config.parameter import choice, flag, number, text, texts
 
 STORAGES = ("auto", "mcap", "sqlite3", "ros1")
+RECORD_TIMES = ("stamp", "reception")
 COMPRESSIONS = ("none", "lz4", "zstd", "bz2")
 
 
@@ -30,6 +31,12 @@ class RecorderParameters:
     )
     compression: str = choice(
         "none", COMPRESSIONS, "of the chunks: lz4 and zstd in mcap, lz4 and bz2 in ROS 1"
+    )
+    record_time: str = choice(
+        "stamp",
+        RECORD_TIMES,
+        "what the bag takes for a message's time: the stamp of its header where there is one that "
+        "is set, or always the time of its reception",
     )
     duration: float = number(
         0.0, "end after this time since the first message; 0: never", unit="s", minimum=0.0

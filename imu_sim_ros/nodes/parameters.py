@@ -87,6 +87,13 @@ class ConfiguredNode(Node):
         :raises ConfigurationError: for what only the running node can tell; nothing is changed.
         """
 
+    def replace(self, new: Any) -> None:
+        """Take parameters that the node has found out itself, read-only ones as well."""
+        self.parameters = new
+        for name, value in flatten(new).items():
+            if name in self._known:
+                self._parameters[name] = RosParameter(name, value=_to_ros(value))
+
     def _take_overrides(self) -> dict[str, object]:
         """Return what the command line gave, and remove the declarations that ROS made of it."""
         given: dict[str, object] = {}

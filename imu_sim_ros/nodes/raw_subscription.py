@@ -33,7 +33,10 @@ class Message(NamedTuple):
 
     topic: str
     t_ns: int
+    """The time that a bag takes: the stamp or the reception."""
     payload: bytes
+    stamp_ns: int | None = None
+    """The stamp; None where there is none, or one that was never set."""
 
 
 class _OutsideTheExecutor(CallbackGroup):
@@ -61,6 +64,7 @@ class RawSubscriptions:
     :param deliver: is given the messages of one topic, in the reader's thread.
     :param fail: is given the error that this raised; nothing is taken any more.
     :param period: time between two looks [s].
+    :param by_reception: a message's time is that of its reception, stamp or not.
     """
 
     def __init__(
@@ -69,10 +73,12 @@ class RawSubscriptions:
         deliver: Callable[[list[Message]], None],
         fail: Fail,
         period: float,
+        by_reception: bool = False,
     ) -> None:
         self.first_at = 0.0
         """When the first message was taken, on the steady clock [s]; 0 before."""
         self._node, self._deliver, self._period = node, deliver, period
+        self._by_reception = by_reception
         self._group = _OutsideTheExecutor()
         self._sources: dict[str, _Source] = {}
         self._lock = threading.Lock()
@@ -121,8 +127,11 @@ class RawSubscriptions:
         result: list[Message] = []
         while len(result) < DEPTH and (taken := take(message, True)) is not None:
             payload, info = taken
-            t_ns = _stamp_ns(payload, source.stamp_offset)
-            result.append(Message(source.name, self._now(info) if t_ns is None else t_ns, payload))
+            stamp_ns = _stamp_ns(payload, source.stamp_offset)
+            t_ns = stamp_ns
+            if t_ns is None or self._by_reception:
+                t_ns = self._now(info)
+            result.append(Message(source.name, t_ns, payload, stamp_ns))
         return result
 
     def _now(self, info: dict[str, int]) -> int:
@@ -137,11 +146,15 @@ def _never(message: bytes) -> None:
 
 
 def _stamp_ns(payload: bytes, offset: int | None) -> int | None:
-    """Return the stamp [ns] in a message's bytes; None where there is none that a bag can hold."""
+    """Return the stamp [ns] in a message's bytes; None where there is none that a bag can hold.
+
+    A stamp of zero was never set: the header's default.
+    """
     if offset is None:
         return None
     second, nanosecond = _STAMPS[payload[1] & 1].unpack_from(payload, offset)
-    return second * 1_000_000_000 + nanosecond if second >= 0 else None
+    t_ns: int = second * 1_000_000_000 + nanosecond
+    return t_ns if t_ns > 0 else None
 
 
 def offered_qos(publishers: Iterable[Any]) -> tuple[Qos, ...]:

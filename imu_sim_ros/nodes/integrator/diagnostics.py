@@ -47,6 +47,7 @@ class IntegratorDiagnostics:
             "readings": totals.readings,
             "readings per second": f"{new / _PERIOD:.1f}",
             "starts": totals.starts,
+            "imu.preset": self._node.parameters.imu.preset,
             **{name.replace("_", " "): count for name, count in counts.items()},
             **self._errors(),
         }

@@ -5,7 +5,7 @@
 
 import sys
 import threading
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,7 @@ from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 
 from imu_sim_ros.bags.messages import OdometryEncoder, Vector3StampedEncoder
-from imu_sim_ros.config import IntegratorParameters, layer_integrator
+from imu_sim_ros.config import IntegratorParameters, build, layer_integrator
 from imu_sim_ros.conventions import (
     ATTITUDE_ERROR_TOPIC,
     DEAD_RECKONED_TOPIC,
@@ -34,6 +34,7 @@ from imu_sim_ros.nodes import decode, run
 from imu_sim_ros.nodes.integrator.diagnostics import IntegratorDiagnostics
 from imu_sim_ros.nodes.integrator.odometer import Odometer, Row
 from imu_sim_ros.nodes.integrator.path import PathPublisher
+from imu_sim_ros.nodes.integrator.sensor import Sensor
 from imu_sim_ros.nodes.integrator.truth_comparison import ErrorAt, Estimate, TruthComparison
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.raw_subscription import Message, RawSubscriptions, is_weaker, matching_qos
@@ -43,6 +44,8 @@ TEXT = """Integrates imu/data_raw and publishes dead_reckoned/odom for every rea
 
 On request it also publishes dead_reckoned/path, dead_reckoned/roll_pitch_yaw (degrees) and, against
 ground_truth/odom, dead_reckoned/position_error and dead_reckoned/attitude_error.
+The noise for the covariance is that of imu.*, or else what the simulator says of its sensor on
+imu/data_raw/parameters.
 The service ~/reset starts anew at initial_state."""
 
 
@@ -70,6 +73,7 @@ class Integrator(ConfiguredNode):
         self._received = {IMU_TOPIC: 0, TRUTH_TOPIC: 0}
         self._published = 0
         self._add_publishers(parameters)
+        self.sensor = Sensor(self, self._adopt, self._integrate, self._lock)
         self.create_service(Trigger, "~/reset", self._reset)
         self.reader = RawSubscriptions(self, self._take, self.ending.fail, _READ_PERIOD)
         for topic in self._inputs():
@@ -86,6 +90,7 @@ class Integrator(ConfiguredNode):
     def close(self) -> None:
         """Take what has arrived, give it to all subscribers; say how much came and went."""
         self.reader.close()
+        self.sensor.settle()
         self._odometry_out.wait_for_all_acked(_ACKNOWLEDGEMENT)
         for topic, count in self._received.items():
             print(f"integrator: received {topic} {count}", flush=True)
@@ -137,21 +142,38 @@ class Integrator(ConfiguredNode):
 
     def _take(self, messages: list[Message]) -> None:
         """Take the messages of one topic, as they are delivered."""
-        topic = messages[0].topic
-        self._received[topic] += len(messages)
+        self._received[messages[0].topic] += len(messages)
+        with self._lock:
+            if not self.sensor.hold(messages):
+                self._integrate(messages)
+
+    def _integrate(self, messages: list[Message]) -> None:
+        """Integrate messages of any topic and publish what comes of them; the lock is held."""
         rows: list[Row] = []
         errors: list[ErrorAt] = []
+        for message in messages:
+            try:
+                if message.topic == IMU_TOPIC:
+                    rows += self.odometer.add_reading(decode.imu_reading(message.payload))
+                else:
+                    self._take_truth(decode.truth(message.payload), rows, errors)
+            except InputError as error:
+                self._complain(str(error))
+        self._publish(rows)
+        self._publish_errors(errors)
+
+    def _adopt(self, sensor: Mapping[str, object]) -> None:
+        """Take the noise of the sensor that the readings come from.
+
+        :raises ConfigurationError: for values that cannot be.
+        """
+        new = build(IntegratorParameters, layer_integrator(self.given, sensor))
         with self._lock:
-            for message in messages:
-                try:
-                    if topic == IMU_TOPIC:
-                        rows += self.odometer.add_reading(decode.imu_reading(message.payload))
-                    else:
-                        self._take_truth(decode.truth(message.payload), rows, errors)
-                except InputError as error:
-                    self._complain(str(error))
-            self._publish(rows)
-            self._publish_errors(errors)
+            later = not self.odometer.waiting and new.imu != self.odometer.parameters.imu
+            self.replace(new)
+            self.odometer.correct_with(new)
+        when = "; it counts from the next start on" if later else ""
+        self.get_logger().info(f"the sensor is {new.imu.preset}, says {self.sensor.topic}{when}")
 
     def _take_truth(self, truth: decode.Truth, rows: list[Row], errors: list[ErrorAt]) -> None:
         rows += self.odometer.add_truth(truth)

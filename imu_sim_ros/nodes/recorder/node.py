@@ -72,7 +72,13 @@ class Recorder(ConfiguredNode):
             lambda error: self.ending.fail(error, status=1),
             parameters.buffer_size * MEGABYTE,
         )
-        self.reader = RawSubscriptions(self, self.recording.put, self.ending.fail, _READ_PERIOD)
+        self.reader = RawSubscriptions(
+            self,
+            self.recording.put,
+            self.ending.fail,
+            _READ_PERIOD,
+            by_reception=parameters.record_time == "reception",
+        )
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(_DISCOVERY_PERIOD, self._discover, clock=steady)
         self.create_timer(_CHECK_PERIOD, self._check_end, clock=steady)

@@ -34,6 +34,7 @@ class Topic:
     definition: str
     digest: str
     stamped: bool
+    """Whether every message so far has a stamp that is set."""
     statistics: StampStatistics
     handle: Any = None
     convert: Callable[[bytes], bytes] = bytes
@@ -168,7 +169,7 @@ class Recording:
 
     def _write(self, messages: list[Message]) -> None:
         write, topics = self._bag.write_raw, self.topics
-        for name, t_ns, payload in messages:
+        for name, t_ns, payload, stamp_ns in messages:
             topic = topics.get(name)
             if topic is None:
                 continue
@@ -177,7 +178,8 @@ class Recording:
             except BrokenMessageError:
                 self.broken += 1
                 continue
-            topic.unseen.append(t_ns)
+            topic.stamped &= stamp_ns is not None
+            topic.unseen.append(t_ns if stamp_ns is None else stamp_ns)
         with self._lock:
             self._queued_bytes -= sum(len(message.payload) for message in messages)
 

@@ -24,6 +24,7 @@ from rclpy.clock import Clock, ClockType, JumpThreshold
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.time import Time
+from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
 from imu_sim_ros import conventions, timebase, topics
@@ -38,7 +39,7 @@ from imu_sim_ros.config import (
     simulator_section,
 )
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.nodes import run
+from imu_sim_ros.nodes import run, sensor_description
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.publishing import Counter, check_overrides, create
 from imu_sim_ros.nodes.simulator.diagnostics import Histogram, Report, fault_message
@@ -73,6 +74,7 @@ class Simulator(ConfiguredNode):
     def __init__(self) -> None:
         super().__init__("simulator", simulator_section, layer_simulator)
         self._counters: list[Counter] = []
+        self._descriptions: dict[str, Any] = {}
         self._lateness = Histogram()
         self._remarks: list[str] = []
         self._notes: list[str] = []
@@ -156,6 +158,15 @@ class Simulator(ConfiguredNode):
             ]
             yield SimulationStream(simulation, outputs, name)
             truth = simulation
+            if name != BODY:
+                described = create(
+                    self,
+                    sensor_description.TYPE,
+                    sensor_description.topic(self, prefix),
+                    sensor_description.QOS,
+                )
+                described.publish(String(data=sensor_description.encode(simulated)))
+                self._descriptions[name] = described
         if publish.tf_rate:
             yield transform_stream(self, publish.tf_rate, parameters, truth.trajectory)
         if publish.clock_rate:
@@ -268,6 +279,8 @@ class Simulator(ConfiguredNode):
         if any(name.partition(".")[0] not in _OF_THE_NODE for name in self.changed):
             parameters = simulations(new)
             self.engine.change(lambda queue: queue.update(parameters))
+            for name, publisher in self._descriptions.items():
+                publisher.publish(String(data=sensor_description.encode(parameters[name])))
 
     def _inject(self, parameters: SimulatorParameters) -> None:
         wanted = parameters.inject

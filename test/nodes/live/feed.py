@@ -5,7 +5,7 @@
 
 ``rate`` [Hz], ``count``, ``first_ns`` stamp of the first, ``skip`` and ``repeat`` indices, ``wait``
 for so many subscribers of each topic, ``best_effort``, ``latched``, ``topics`` (imu, truth, plain),
-``accel``, ``hold`` [s] before the end.
+``accel``, ``hold`` [s] before the end, ``unstamped``: all stamps are zero.
 """
 
 import json
@@ -35,6 +35,7 @@ DEFAULTS = {
     "topics": ["imu", "truth"],
     "accel": [0.0, 0.0, 9.81],
     "hold": 0.3,
+    "unstamped": False,
 }
 
 
@@ -78,6 +79,8 @@ def contents(name: str, options: dict) -> tuple:
     k = np.arange(count)
     t_ns = options["first_ns"] + np.rint(k * 1e9 / options["rate"]).astype(np.int64)
     zero, t = np.zeros((count, 3)), (t_ns - t_ns[0]) * 1e-9
+    if options["unstamped"]:
+        t_ns[:] = 0
     if name == "imu":
         rows = ImuEncoder("imu_link").encode(t_ns, zero, np.tile(options["accel"], (count, 1)))
         return Imu, "imu/data_raw", [row.tobytes() for row in rows]

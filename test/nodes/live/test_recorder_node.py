@@ -139,6 +139,34 @@ def test_messages_without_stamp_get_the_time_of_their_reception(node, feed, tmp_
     assert before < times[0] <= times[-1] < time.time_ns()
 
 
+def test_messages_whose_stamp_was_never_set_get_the_time_of_their_reception(node, feed, tmp_path):
+    before = time.time_ns()
+    recorder, bag = record(node, tmp_path, "mcap")
+    feed(count=20, topics=["imu"], unstamped=True).status()
+    assert recorder.end() == 0
+    times = [t_ns for _, t_ns, _, _ in messages(bag)]
+    assert len(times) == 20
+    assert before < times[0] <= times[-1] < time.time_ns()
+    row = next(line.split() for line in recorder.output.splitlines() if "data_raw  " in line)
+    assert row[3:] == ["-"] * 4  # times of reception tell nothing of the source
+
+
+@pytest.mark.parametrize("form", ["mcap", "ros1"])
+def test_the_time_of_reception_is_recorded_on_request(node, feed, tmp_path, form):
+    before = time.time_ns()
+    recorder, bag = record(node, tmp_path, form, "--record-time", "reception")
+    feed(count=100, topics=["imu"], skip=[50]).status()
+    assert recorder.end() == 0
+    found = list(messages(bag))
+    times = [t_ns for _, t_ns, _, _ in found]
+    assert before < times[0] <= times[-1] < time.time_ns()
+    assert times == sorted(times)
+    in_them = [struct.unpack_from("<iI", raw, 4) for _, _, raw, _ in found]
+    assert [s * 10**9 + ns for s, ns in in_them] == [t for t in stamps(100) if t != stamps(51)[-1]]
+    row = next(line.split() for line in recorder.output.splitlines() if "data_raw  " in line)
+    assert row[3:] == ["1", "1", "0", "0"]  # gaps are those of the stamps all the same
+
+
 def test_it_ends_by_itself_after_the_duration(node, feed, tmp_path):
     recorder, bag = record(node, tmp_path, "mcap", "--duration", "1s")
     feed(count=600)

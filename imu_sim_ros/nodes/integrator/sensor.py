@@ -1,0 +1,103 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Which sensor the readings come from: integration waits until that is known, or long enough."""
+
+import threading
+import time
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+from rclpy.clock import Clock, ClockType
+from std_msgs.msg import String
+
+from imu_sim_ros.errors import ImuSimError
+from imu_sim_ros.nodes import sensor_description
+from imu_sim_ros.nodes.parameters import ConfiguredNode
+from imu_sim_ros.nodes.raw_subscription import Message
+
+_PATIENCE: Final = 0.5
+"""[s] after the first reading in which a description arrives if anybody publishes one."""
+_LONGER_PATIENCE: Final = 5.0
+"""[s] where somebody is known to publish one."""
+_LOOK_PERIOD: Final = 0.05
+_KEPT: Final = 20000
+"""Messages that wait: 2.5 s at 8 kHz."""
+
+
+class Sensor:
+    """Holds messages back until the description of the sensor is there.
+
+    Where the user says what the noise is, or nobody asks for a covariance, nothing waits.
+
+    :param adopt: takes the description's parameters, by dotted name.
+    :param release: takes the messages that have waited; ``lock`` is held.
+    :param lock: is held while messages are taken.
+    """
+
+    def __init__(
+        self,
+        node: ConfiguredNode,
+        adopt: Callable[[Mapping[str, object]], None],
+        release: Callable[[list[Message]], None],
+        lock: threading.Lock,
+    ) -> None:
+        self._node, self._adopt, self._release, self._lock = node, adopt, release, lock
+        self._held: list[Message] = []
+        self._first = 0.0
+        own = any(name.startswith("imu.") for name in node.given)
+        self.settled = own or not node.parameters.covariance
+        """Whether nothing waits any more."""
+        self.described = False
+        """Whether the source of the readings has said what its sensor is."""
+        if self.settled:
+            return
+        self.topic = sensor_description.topic(node)
+        node.create_subscription(String, self.topic, self._hear, sensor_description.QOS)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._timer = node.create_timer(_LOOK_PERIOD, self._look, clock=steady)
+
+    def hold(self, messages: list[Message]) -> bool:
+        """Keep messages back; False where they need not wait. The lock is held."""
+        if self.settled:
+            return False
+        self._first = self._first or time.monotonic()
+        self._held += messages
+        return True
+
+    def settle(self) -> None:
+        """Wait no longer."""
+        if self.settled:
+            return
+        self._timer.cancel()
+        with self._lock:
+            self.settled = True
+            held, self._held = self._held, []
+            self._release(held)
+
+    def _hear(self, message: Any) -> None:
+        try:
+            self._adopt(sensor_description.decode(message.data))
+        except ImuSimError as error:
+            problems = "; ".join(error.problems)
+            self._node.get_logger().warning(f"{self.topic} cannot be used: {problems}")
+            return
+        self.described = True
+        self.settle()
+
+    def _look(self) -> None:
+        """Give up where nobody says anything."""
+        if not self._held:
+            return
+        known = self._node.count_publishers(self.topic)
+        patience = _LONGER_PATIENCE if known else _PATIENCE
+        if time.monotonic() - self._first > patience or len(self._held) > _KEPT:
+            self.warn()
+            self.settle()
+
+    def warn(self) -> None:
+        """Say that the noise is a guess."""
+        self._node.get_logger().warning(
+            f"nobody says on {self.topic} what the sensor is: the covariance takes the noise of "
+            f"imu.preset {self._node.parameters.imu.preset}; --imu NAME|FILE chooses another"
+        )

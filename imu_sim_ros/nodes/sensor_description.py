@@ -1,0 +1,51 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What the source of readings says about its sensor, on the topic beside them.
+
+Next to ``imu/data_raw`` the simulator publishes ``imu/data_raw/parameters``, a std_msgs/String that
+stays for those who come later (transient local): the rate and every ``imu.*`` of that IMU, as a
+ROS 2 parameter file. JSON is YAML: the text saved in a file serves ``--params-file`` and ``--imu``
+as it is.
+"""
+
+import json
+from typing import Any, Final
+
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+
+from imu_sim_ros.config import SimulationParameters, flatten
+from imu_sim_ros.conventions import IMU_TOPIC, SENSOR_SUFFIX
+from imu_sim_ros.errors import InputError
+
+QOS: Final = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+TYPE: Final = "std_msgs/msg/String"
+_PARAMETERS: Final = "ros__parameters"
+
+
+def topic(node: Node, prefix: str = "") -> str:
+    """Return the full name of the topic beside a node's readings, wherever these are remapped to.
+
+    :param prefix: namespace of an IMU of several, with its slash.
+    """
+    return node.resolve_topic_name(prefix + IMU_TOPIC) + SENSOR_SUFFIX
+
+
+def encode(parameters: SimulationParameters) -> str:
+    """Return the text that describes the sensor of a simulation."""
+    imu = flatten(parameters.imu)
+    return json.dumps({"/**": {_PARAMETERS: {"rate": parameters.rate, "imu": imu}}})
+
+
+def decode(text: str) -> dict[str, object]:
+    """Return the sensor's parameters by dotted name, ``imu.gyroscope_noise_density`` and so on.
+
+    :raises InputError: for a text of another form; the values are not looked at.
+    """
+    try:
+        tree: Any = json.loads(text)
+        imu = tree["/**"][_PARAMETERS]["imu"]
+        return {f"imu.{name}": value for name, value in imu.items()}
+    except (ValueError, RecursionError, KeyError, TypeError, AttributeError):
+        raise InputError("a description of the sensor that is no parameter file in JSON") from None

@@ -1,0 +1,140 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The integrator takes the noise of the sensor whose readings it integrates."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from imu_sim_ros.config import load_simulation
+from imu_sim_ros.config.files import load
+
+pytestmark = pytest.mark.ros
+
+IMU, TRUTH, ODOMETRY = "imu/data_raw", "ground_truth/odom", "dead_reckoned/odom"
+DESCRIPTION = "imu/data_raw/parameters"
+CHI_SQUARE_3 = 16.27
+"""The 99.9 % point of chi-square with three degrees of freedom."""
+
+
+def position(message: Any) -> np.ndarray:
+    p = message.pose.pose.position
+    return np.array([p.x, p.y, p.z])
+
+
+def covariance(message: Any) -> np.ndarray:
+    return np.reshape(message.pose.covariance, (6, 6))[:3, :3]
+
+
+def by_stamp(messages: list[Any]) -> dict[int, Any]:
+    return {m.header.stamp.sec * 10**9 + m.header.stamp.nanosec: m for m in messages}
+
+
+def test_the_readmes_trio_is_consistent(start: Any, listener: Any) -> None:
+    from nav_msgs.msg import Odometry
+
+    for topic in (TRUTH, ODOMETRY, "told/odom"):
+        listener.listen(topic, Odometry)
+    sensor = ("--imu", "adis16448")
+    asked = start("integrator", "--initial_state", "truth")
+    renamed = ["--ros-args", "-r", f"{ODOMETRY}:=told/odom", "-r", "__node:=told"]
+    told = start("integrator", *sensor, "--initial_state", "truth", *renamed)
+    simulator = start(
+        "simulator",
+        *("--rate", "400", *sensor, "--trajectory", "figure_eight", "--duration", "5"),
+        # The listener hears the truth as well.
+        *("--wait_for_subscribers", "2", "--wait_for_truth_subscribers", "3"),
+    )
+    assert listener.wait_for_end(simulator) == 0, simulator.output
+    listener.wait_for(ODOMETRY, 2000)
+    listener.wait_for("told/odom", 2000)
+    assert asked.end() == 0
+    assert told.end() == 0
+    assert "the sensor is adis16448, says /imu/data_raw/parameters" in asked.output
+    truth = by_stamp(listener.messages(TRUTH))
+    own, other = listener.messages(ODOMETRY), listener.messages("told/odom")
+    assert [m.pose.covariance.tolist() for m in own] == [m.pose.covariance.tolist() for m in other]
+    last = own[-1]
+    (stamp,) = by_stamp([last])
+    error = position(last) - position(truth[stamp])
+    nees = error @ np.linalg.solve(covariance(last), error)
+    assert nees < CHI_SQUARE_3
+
+
+def test_the_description_is_a_parameter_file(start: Any, listener: Any, tmp_path: Path) -> None:
+    from rclpy.qos import DurabilityPolicy
+    from std_msgs.msg import String
+
+    simulator = start("simulator", "--imu", "mpu6000", "--rate", "50")
+    listener.listen(DESCRIPTION, String, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    listener.wait_for(DESCRIPTION, 1)
+    density = {"imu__gyroscope_noise_density": 0.25}
+    assert listener.set("simulator", **density).successful
+    listener.wait_for(DESCRIPTION, 2)
+    assert simulator.end() == 0
+    first, second = (message.data for message in listener.messages(DESCRIPTION))
+    file = tmp_path / "sensor.yaml"
+    file.write_text(first)
+    assert load_simulation(load(file)).imu == load_simulation({"imu.preset": "mpu6000"}).imu
+    file.write_text(second)
+    assert load_simulation(load(file)).imu.gyroscope_noise_density == (0.25, 0.25, 0.25)
+
+
+def test_several_imus_describe_themselves_each(start: Any, listener: Any) -> None:
+    from rcl_interfaces.srv import GetParameters
+
+    start("simulator", "--imus", "[left, right]", "--right.imu.preset", "vn100")
+    remap = ["--ros-args", "-r", f"{IMU}:=right/{IMU}"]
+    integrator = start("integrator", *remap)
+    response = None
+    while response is None or response.values[0].string_value == "lecture":
+        response = listener.call("integrator/get_parameters", GetParameters, names=["imu.preset"])
+    assert response.values[0].string_value == "vn100"
+    assert integrator.end() == 0
+    assert f"says /right/{DESCRIPTION}" in integrator.output
+
+
+def test_without_a_description_it_says_so_and_goes_on(start: Any, listener: Any) -> None:
+    from nav_msgs.msg import Odometry
+
+    listener.listen(ODOMETRY, Odometry)
+    # A driver without a description: the simulator's readings under another name than it thinks.
+    integrator = start("integrator", "--ros-args", "-r", "imu/data_raw:=ground_truth/imu")
+    start("simulator", "--publish.ground_truth_imu", "true", "--wait_for_subscribers", "0")
+    listener.wait_for(ODOMETRY, 200)
+    assert integrator.end() == 0
+    assert (
+        "nobody says on /ground_truth/imu/parameters what the sensor is: "
+        "the covariance takes the noise of imu.preset lecture" in integrator.output
+    )
+    stamps = list(by_stamp(listener.messages(ODOMETRY)))
+    assert np.diff(stamps).tolist() == [5_000_000] * (len(stamps) - 1)
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("rubbish", "that is no parameter file in JSON"),
+        ("[" * 10000, "that is no parameter file in JSON"),
+        ('{"/**": {"ros__parameters": {"imu": {"gyroscope_noise_density": -1}}}}', "at least 0"),
+        ('{"/**": {"ros__parameters": {"imu": {"gyroscope_noise_density": NaN}}}}', "finite"),
+        ('{"/**": {"ros__parameters": {"imu": [1]}}}', "that is no parameter file in JSON"),
+    ],
+    ids=["text", "deep", "negative", "nan", "list"],
+)
+def test_a_bad_description_is_refused(start: Any, listener: Any, text: str, line: str) -> None:
+    from rclpy.qos import DurabilityPolicy, QoSProfile
+    from std_msgs.msg import String
+
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    publisher = listener.node.create_publisher(String, DESCRIPTION, latched)
+    publisher.publish(String(data=text))
+    integrator = start("integrator")
+    while "cannot be used" not in integrator.output:
+        listener.spin()
+    assert integrator.end() == 0
+    assert line in integrator.output
+    assert "Traceback" not in integrator.output
