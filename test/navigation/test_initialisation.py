@@ -15,8 +15,8 @@ from imu_sim_ros.config.integrator import IntegratorParameters, layer_integrator
 from imu_sim_ros.config.parameter import build
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.navigation import initialisation
-from imu_sim_ros.nodes.decode import ImuReading
 from imu_sim_ros.nodes.integrator.initialiser import initialiser
+from imu_sim_ros.nodes.topics.decode import ImuReading
 
 STEP_NS = 5_000_000
 G_SENSITIVITY = [1e-3, 0.0, 2e-3, 0.0, -1e-3, 5e-4, 3e-4, 0.0, 1e-3]

@@ -10,8 +10,8 @@ from imu_sim_ros import rotation
 from imu_sim_ros.config.integrator import IntegratorParameters, layer_integrator
 from imu_sim_ros.config.parameter import build
 from imu_sim_ros.config.simulation import load_simulation
-from imu_sim_ros.nodes.decode import ImuReading, Truth
 from imu_sim_ros.nodes.integrator.odometer import Odometer
+from imu_sim_ros.nodes.topics.decode import ImuReading, Truth
 from imu_sim_ros.simulation import Simulation
 
 RUNS = 40

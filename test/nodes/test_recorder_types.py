@@ -11,11 +11,11 @@ from imu_sim_ros.bags.messages.encode import ImuEncoder
 from imu_sim_ros.bags.messages.installed import recorded_type
 from imu_sim_ros.bags.write import open_writer
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.nodes import message_types
-from imu_sim_ros.nodes.raw_subscription import Message
 from imu_sim_ros.nodes.recorder.node import plain_arguments
 from imu_sim_ros.nodes.recorder.recording import Recording, Topic
 from imu_sim_ros.nodes.recorder.stamp_statistics import StampStatistics
+from imu_sim_ros.nodes.topics import message_types
+from imu_sim_ros.nodes.topics.raw_subscription import Message
 
 pytestmark = pytest.mark.ros
 

@@ -17,7 +17,7 @@ from imu_sim_ros import rotation
 from imu_sim_ros.config import IntegratorParameters
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.navigation import Initial, NavigationState, initialisation
-from imu_sim_ros.nodes.decode import ImuReading, Truth
+from imu_sim_ros.nodes.topics import ImuReading, Truth
 
 _KEPT = 20000
 """Readings and truths that wait for each other: 2.5 s at 8 kHz."""

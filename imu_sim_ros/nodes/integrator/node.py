@@ -30,14 +30,14 @@ from imu_sim_ros.conventions import (
     TRUTH_TOPIC,
 )
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.nodes import decode, run
+from imu_sim_ros.nodes import run
 from imu_sim_ros.nodes.integrator.diagnostics import IntegratorDiagnostics
 from imu_sim_ros.nodes.integrator.odometer import Odometer, Row
 from imu_sim_ros.nodes.integrator.path import PathPublisher
 from imu_sim_ros.nodes.integrator.sensor import Sensor
 from imu_sim_ros.nodes.integrator.truth_comparison import ErrorAt, Estimate, TruthComparison
 from imu_sim_ros.nodes.parameters import ConfiguredNode
-from imu_sim_ros.nodes.raw_subscription import Message, RawSubscriptions, is_weaker, matching_qos
+from imu_sim_ros.nodes.topics import Message, RawSubscriptions, decode, is_weaker, matching_qos
 from imu_sim_ros.rotation.scalars import to_euler
 
 TEXT = """Integrates imu/data_raw and publishes dead_reckoned/odom for every reading.

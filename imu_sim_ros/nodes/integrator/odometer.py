@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from imu_sim_ros.config import IntegratorParameters
 from imu_sim_ros.navigation import Counts, Stepper, correction_of
 from imu_sim_ros.navigation.covariance import Covariance
-from imu_sim_ros.nodes.decode import ImuReading, Truth
 from imu_sim_ros.nodes.integrator.initialiser import Start, initialiser
+from imu_sim_ros.nodes.topics import ImuReading, Truth
 from imu_sim_ros.rotation.scalars import Q4, V3, rotate
 
 RESTART_NS = 1_000_000_000

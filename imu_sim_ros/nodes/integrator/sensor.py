@@ -12,9 +12,8 @@ from rclpy.clock import Clock, ClockType
 from std_msgs.msg import String
 
 from imu_sim_ros.errors import ImuSimError
-from imu_sim_ros.nodes import sensor_description
 from imu_sim_ros.nodes.parameters import ConfiguredNode
-from imu_sim_ros.nodes.raw_subscription import Message
+from imu_sim_ros.nodes.topics import Message, sensor_description
 
 _PATIENCE: Final = 0.5
 """[s] after the first reading in which a description arrives if anybody publishes one."""

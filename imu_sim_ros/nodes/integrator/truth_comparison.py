@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator
 from typing import NamedTuple, TypeVar
 
-from imu_sim_ros.nodes.decode import Truth
+from imu_sim_ros.nodes.topics import Truth
 from imu_sim_ros.rotation.scalars import Q4, V3, conjugate, multiply
 
 _KEPT = 20000

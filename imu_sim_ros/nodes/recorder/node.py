@@ -18,21 +18,19 @@ from imu_sim_ros.commands import common
 from imu_sim_ros.config import RecorderParameters
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.nodes import run
-from imu_sim_ros.nodes.message_types import (
+from imu_sim_ros.nodes.parameters import ConfiguredNode
+from imu_sim_ros.nodes.recorder.recording import Recording, Topic
+from imu_sim_ros.nodes.recorder.stamp_statistics import StampStatistics
+from imu_sim_ros.nodes.topics import (
+    RawSubscriptions,
     definition,
+    is_weaker,
+    matching_qos,
     message_class,
+    offered_qos,
     stamp_offset,
     type_hash,
 )
-from imu_sim_ros.nodes.parameters import ConfiguredNode
-from imu_sim_ros.nodes.raw_subscription import (
-    RawSubscriptions,
-    is_weaker,
-    matching_qos,
-    offered_qos,
-)
-from imu_sim_ros.nodes.recorder.recording import Recording, Topic
-from imu_sim_ros.nodes.recorder.stamp_statistics import StampStatistics
 
 TEXT = """Records topics into a bag: rosbag2 in MCAP or SQLite form, or ROS 1.
 

@@ -16,9 +16,9 @@ import numpy as np
 from imu_sim_ros.bags import Writer, active_path
 from imu_sim_ros.bags.messages import BrokenMessageError, Qos, recorded_type
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.nodes.raw_subscription import Message
 from imu_sim_ros.nodes.recorder.stamp_statistics import StampStatistics
 from imu_sim_ros.nodes.supervised_thread import Fail, SupervisedThread
+from imu_sim_ros.nodes.topics import Message
 
 FLUSH_PERIOD = 0.5
 """[s] What is older survives the process; twice as often as the promise of one second needs."""

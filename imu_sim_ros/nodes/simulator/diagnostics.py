@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from imu_sim_ros.nodes.publishing import Counter
+from imu_sim_ros.nodes.topics import Counter
 from imu_sim_ros.sensor import Fault
 
 LATE_US: Final = 500.0

@@ -39,9 +39,8 @@ from imu_sim_ros.config import (
     simulator_section,
 )
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.nodes import run, sensor_description
+from imu_sim_ros.nodes import run
 from imu_sim_ros.nodes.parameters import ConfiguredNode
-from imu_sim_ros.nodes.publishing import Counter, check_overrides, create
 from imu_sim_ros.nodes.simulator.diagnostics import Histogram, Report, fault_message
 from imu_sim_ros.nodes.simulator.engine import LEAD_NS, Engine
 from imu_sim_ros.nodes.simulator.pacing import Pacer, RosClockPacer, Stall
@@ -52,6 +51,7 @@ from imu_sim_ros.nodes.simulator.publish_queue import (
     TickStream,
 )
 from imu_sim_ros.nodes.simulator.transforms import transform_stream
+from imu_sim_ros.nodes.topics import Counter, check_overrides, create, sensor_description
 from imu_sim_ros.sensor import Fault
 from imu_sim_ros.simulation import Simulation
 

@@ -11,7 +11,7 @@ from rclpy.qos import QoSPolicyKind, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.nodes.message_types import message_class
+from imu_sim_ros.nodes.topics.message_types import message_class
 
 _POLICIES: Final = (
     QoSPolicyKind.HISTORY,
