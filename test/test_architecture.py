@@ -32,7 +32,7 @@ ROOMS = {
     "camera": LEAVES | {"trajectory"},
     "simulation": LEAVES | {"trajectory", "sensor"},
     "topics": LEAVES | {"trajectory", "sensor", "bags"},
-    "datasets": LEAVES | {"trajectory", "sensor", "bags", "topics"},
+    "datasets": LEAVES | {"trajectory", "sensor", "camera", "bags", "topics"},
     "navigation": LEAVES,
     "calibration": LEAVES,
     "bags": LEAVES,

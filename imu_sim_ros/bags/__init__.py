@@ -14,6 +14,7 @@ from imu_sim_ros.lazy import exported
 
 if TYPE_CHECKING:
     from imu_sim_ros.bags import convert as convert
+    from imu_sim_ros.bags.atomic_file import OutputFile as OutputFile
     from imu_sim_ros.bags.atomic_file import active_path as active_path
     from imu_sim_ros.bags.atomic_file import make_folder as make_folder
     from imu_sim_ros.bags.outputs import Outputs as Outputs
@@ -42,7 +43,7 @@ else:
         __name__,
         {
             "": ["convert"],
-            "atomic_file": ["active_path", "make_folder"],
+            "atomic_file": ["OutputFile", "active_path", "make_folder"],
             "outputs": ["Outputs"],
             "read": [
                 "ImuMessages",

@@ -24,7 +24,7 @@ PARTIAL: Final = "partial"
 _LONGEST_ADDITION: Final = len(".partial99")
 _OURS: Final = frozenset(
     {
-        *(".bag", ".mcap", ".db3", ".yaml", ".json", ".csv", ".tum", ".txt", ".log"),
+        *(".bag", ".mcap", ".db3", ".yaml", ".json", ".csv", ".npz", ".tum", ".txt", ".log"),
         *(".png", ".svg", ".pdf", ".jpg", ".html", ".parquet"),
     }
 )

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.errors import InputError, system_error
 
 Array = NDArray[np.float64]
 
@@ -43,7 +43,7 @@ def read_points(path: str | Path) -> Array:
     try:
         content = path.read_bytes()
     except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from None
+        raise system_error(path, error) from None
     points = _ply(path, content) if content[:3] == b"ply" else _csv(path, content)
     if not len(points):
         raise InputError(f"{path}: holds no points")

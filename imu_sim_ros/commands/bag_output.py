@@ -5,7 +5,7 @@
 
 import argparse
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -18,8 +18,11 @@ DATASET_SUFFIXES: Final = {".csv": "csv", ".tum": "tum", ".txt": "tum"}
 _SIZE_UNITS: Final = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9}
 
 
-def add_arguments(group: Any) -> None:
-    """Add what chooses the output's place, form and names to a parser or a group of it."""
+def add_arguments(group: Any, formats: Sequence[str] = text_writer.FORMATS) -> None:
+    """Add what chooses the output's place, form and names to a parser or a group of it.
+
+    :param formats: of datasets.
+    """
     group.add_argument(
         "-o",
         "--output",
@@ -29,7 +32,7 @@ def add_arguments(group: Any) -> None:
         help="NAME.bag: ROS 1; NAME.mcap: one MCAP file; NAME.csv, NAME.tum: text; "
         "another name: a rosbag2 folder",
     )
-    group.add_argument("--format", choices=text_writer.FORMATS, help="a dataset instead of a bag")
+    group.add_argument("--format", choices=formats, help="a dataset instead of a bag")
     group.add_argument("--storage", choices=STORAGES, help="of the bag (mcap)")
     group.add_argument(
         "--compression",

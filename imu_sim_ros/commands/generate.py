@@ -15,8 +15,8 @@ import numpy as np
 
 from imu_sim_ros.bags import Outputs, ahead, open_writer, read_poses
 from imu_sim_ros.bags.text import writer as text_writer
-from imu_sim_ros.commands import bag_output, common
-from imu_sim_ros.config import SimulationParameters, files, flatten, load_simulation
+from imu_sim_ros.commands import bag_output, camera_output, common
+from imu_sim_ros.config import SimulationParameters, flatten
 from imu_sim_ros.consumers import ImuValues, write_all
 from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.datasets import (
@@ -36,6 +36,7 @@ examples:
   generate -o flight.mcap --compression lz4 --trajectory groundtruth.csv
   generate -o flight --storage sqlite3 --imu mpu6000 --duration 10min --with-configs
   generate -o MH_99/mav0 --format euroc --duration 2min
+  generate -o tracks --format tracks --camera euroc_cam0 --trajectory groundtruth.csv
 """
 BLOCK_SIZE: Final = 16384
 
@@ -49,8 +50,9 @@ def parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     common.add_simulation_arguments(result)
+    camera_output.add_arguments(result)
     group = result.add_argument_group("output")
-    bag_output.add_arguments(group)
+    bag_output.add_arguments(group, camera_output.FORMATS)
     group.add_argument(
         "--topics",
         metavar="NAME,...",
@@ -76,28 +78,30 @@ def main(argv: Sequence[str] | None = None) -> int:
 def generate(arguments: argparse.Namespace) -> None:
     """Write what the arguments ask for."""
     started = time.perf_counter()
-    parameters = load_simulation(*common.simulation_layers(arguments))
+    parameters, rig = camera_output.parameters(arguments)
     names = chosen_topics(
         [name for name in arguments.topics.split(",") if name],
         arguments.imu_only,
         dict(arguments.topic),
     )
-    written = bag_output.outputs(arguments, flatten(parameters).values())
+    everything = {**flatten(parameters), **(flatten(rig) if rig else {})}
+    written = bag_output.outputs(arguments, everything.values())
     if arguments.with_configs:
         written.add(_configs(arguments.output))
     with written:
-        result = _generated(arguments, parameters, names, written)
+        result = _generated(arguments, (parameters, rig), names, written)
     result["wall_s"] = time.perf_counter() - started
     _report(result, arguments)
 
 
 def _generated(
     arguments: argparse.Namespace,
-    parameters: SimulationParameters,
+    what: camera_output.Parameters,
     names: dict[str, str],
     written: Outputs,
 ) -> dict[str, Any]:
     """Write all outputs; returns the result but the time that it took."""
+    parameters, rig = what
     simulation = Simulation(parameters, pose_reader=read_poses)
     if simulation.total is None:
         raise ConfigurationError(
@@ -107,11 +111,15 @@ def _generated(
         print(f"generate: warning: {warning}", file=sys.stderr)
     if not (arguments.quiet or arguments.json):
         print("\n".join(simulation.notes()), end="\n" if simulation.notes() else "")
-    with _target(arguments, written.where(arguments.output), parameters, names) as target:
+    output = written.where(arguments.output)
+    cameras = camera_output.rig(rig, simulation)
+    with _target(arguments, output, parameters, names, cameras) as target:
         written.describe(arguments.output, target.described)
         _write(simulation, target, arguments)
     if arguments.with_configs:
-        _write_configs(written.where(_configs(arguments.output)), arguments, simulation, names)
+        folder = written.where(_configs(arguments.output))
+        _write_configs(folder, simulation, names)
+        camera_output.write_parameters(folder, arguments.output.name, parameters, rig)
     return {
         "output": str(arguments.output),
         "messages": target.counts,
@@ -127,9 +135,11 @@ def _target(
     output: Path,
     parameters: SimulationParameters,
     names: dict[str, str],
-) -> Iterator[BagTarget | DatasetTarget]:
+    cameras: Any,
+) -> Iterator[Any]:
     """Open the output; it is whole when the block ends without an error."""
     form = bag_output.form(arguments)
+    camera_output.check_form(form, cameras)
     if form is None:
         with open_writer(
             output,
@@ -146,6 +156,10 @@ def _target(
     ]
     if unfit:
         raise InputError(unfit)
+    if form in camera_output.CAMERA_FORMATS:
+        with camera_output.opened(form, output, cameras, names) as seen:
+            yield seen
+        return
     with text_writer.Dataset(output, form, TRUTH_TOPIC in names) as dataset:
         target = DatasetTarget(dataset)
         yield target
@@ -200,19 +214,11 @@ def _configs(output: Path) -> Path:
     return output.with_name(output.name + "_configs")
 
 
-def _write_configs(
-    folder: Path, arguments: argparse.Namespace, simulation: Simulation, names: dict[str, str]
-) -> None:
+def _write_configs(folder: Path, simulation: Simulation, names: dict[str, str]) -> None:
     parameters = simulation.parameters
     topic = resolved(names.get(IMU_TOPIC, IMU_TOPIC))
     duration = simulation.position / parameters.rate
     write_all(folder, _values(parameters, topic, duration))
-    files.dump(
-        parameters,
-        folder / "simulation.yaml",
-        comment=f"All parameters of {arguments.output.name}:\n"
-        "generate --params-file simulation.yaml makes the same samples.",
-    )
 
 
 def _report(result: dict[str, Any], arguments: argparse.Namespace) -> None:

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where the topics of a simulation are written: a bag, or the columns of a dataset.
+"""The topics of a simulation in a bag, or the columns of a dataset.
 
 One home for ``generate``, the public interface and campaigns.
 """

@@ -1,0 +1,308 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Visual-inertial odometry with gtsam on simulated readings and tracks, judged against the truth.
+
+    generate -o flight --format tracks --imu adis16448 --trajectory figure_eight --duration 15s \\
+        --camera euroc_cam0 --set camera.body_axes=flu --set camera.max_features=60 --with-configs
+    python examples/gtsam_vio.py flight
+
+A problem with known ids: CombinedImuFactor between key frames, a projection factor for each
+feature, iSAM2. The first pose and velocity are given; the biases are known to within the turn-on
+values of the IMU preset. Needs gtsam (pip install gtsam).
+"""
+
+import argparse
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import gtsam
+import numpy as np
+from gtsam.symbol_shorthand import B, L, V, X
+
+from imu_sim_ros import rotation
+from imu_sim_ros.config import SimulationParameters, files, load_simulation
+from imu_sim_ros.config.cameras import CameraParameters, load_rig, split_rig
+from imu_sim_ros.poses import read_poses
+
+PRIOR_POSE = np.array([1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3])  # rad, m
+PRIOR_VELOCITY = 1e-3  # m/s
+LEAST_SIGHTS = 3
+LEAST_PARALLAX = np.radians(2.0)
+LARGEST_MISS = 10.0  # px, of a triangulated point in the frames that saw it
+
+
+@dataclass
+class Landmark:
+    """A landmark that is not in the problem yet: where it was seen."""
+
+    sights: list[tuple[int, np.ndarray]] = field(default_factory=list)
+
+
+class Estimator:
+    """Readings and features in, key frame by key frame; pose, velocity and covariance out."""
+
+    def __init__(self, parameters: SimulationParameters, camera: CameraParameters) -> None:
+        """Set up the noise as the simulation has it.
+
+        :param parameters: densities, turn-on biases and gravity are taken from it.
+        :param camera: model, extrinsics and pixel noise are taken from it.
+        """
+        self._preintegration = gtsam.PreintegratedCombinedMeasurements(_imu_noise(parameters))
+        self._calibration, self._factor = _calibration(camera)
+        r_bc, p_bc = camera.pose()
+        self._body_camera = gtsam.Pose3(gtsam.Rot3(r_bc), p_bc)
+        huber = gtsam.noiseModel.mEstimator.Huber.Create(3.0)
+        pixel = gtsam.noiseModel.Isotropic.Sigma(2, max(camera.pixel_noise, 1e-2))
+        # Without outliers the plain model: a robust one would hide wrong noise from the NEES.
+        wrong = camera.outlier_probability + camera.mismatch_probability
+        self._pixel = gtsam.noiseModel.Robust.Create(huber, pixel) if wrong else pixel
+        settings = gtsam.ISAM2Params()
+        settings.setFactorization("QR")  # Cholesky stops with an indeterminate system
+        settings.relinearizeSkip = 1
+        self.isam = gtsam.ISAM2(settings)
+        self._bias_sigma = _bias_sigma(parameters)
+        self._waiting: dict[int, Landmark] = {}
+        self._known: set[int] = set()
+        self._poses: list[gtsam.Pose3] = []
+        self.state = gtsam.NavState()
+        self.bias = gtsam.imuBias.ConstantBias()
+        self.key = -1
+
+    def start(self, pose: gtsam.Pose3, velocity: np.ndarray) -> None:
+        """Begin at a known pose and velocity, at the time of the first key frame."""
+        graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+        sigmas = gtsam.noiseModel.Diagonal.Sigmas
+        graph.addPriorPose3(X(0), pose, sigmas(PRIOR_POSE))
+        graph.addPriorVector(V(0), velocity, sigmas(np.full(3, PRIOR_VELOCITY)))
+        graph.addPriorConstantBias(B(0), self.bias, sigmas(self._bias_sigma))
+        values.insert(X(0), pose)
+        values.insert(V(0), velocity)
+        values.insert(B(0), self.bias)
+        self.isam.update(graph, values)
+        self.key, self.state = 0, gtsam.NavState(pose, velocity)
+        self._poses.append(pose)
+
+    def integrate(self, accel: np.ndarray, gyro: np.ndarray, dt: float) -> None:
+        """Take the mean of two neighbouring readings over the time between them [s]."""
+        self._preintegration.integrateMeasurement(accel, gyro, dt)
+
+    def look(self, ids: np.ndarray, uv: np.ndarray) -> None:
+        """Close a key frame with its features: ids (n,) and pixels (n, 2)."""
+        graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+        if self._preintegration.deltaTij() > 0.0:
+            self._advance(graph, values)
+        for identity, pixel in zip(ids.tolist(), uv, strict=True):
+            if identity in self._known:
+                graph.push_back(self._projection(pixel, self.key, identity))
+            else:
+                self._waiting.setdefault(identity, Landmark()).sights.append((self.key, pixel))
+        self.isam.update(graph, values)
+        self._read()
+        self._admit(set(ids.tolist()))
+
+    def covariance(self) -> np.ndarray:
+        """Return the covariance (6, 6) of the latest pose: rotation, then place, in the body."""
+        return self.isam.marginalCovariance(X(self.key))
+
+    def _advance(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> None:
+        k, pre = self.key, self._preintegration
+        keys = (X(k), V(k), X(k + 1), V(k + 1), B(k), B(k + 1))
+        graph.push_back(gtsam.CombinedImuFactor(*keys, pre))
+        predicted = pre.predict(self.state, self.bias)
+        values.insert(X(k + 1), predicted.pose())
+        values.insert(V(k + 1), predicted.velocity())
+        values.insert(B(k + 1), self.bias)
+        self.key = k + 1
+        self._poses.append(predicted.pose())
+
+    def _read(self) -> None:
+        k = self.key
+        pose = self.isam.calculateEstimatePose3(X(k))
+        self._poses[k] = pose
+        self.state = gtsam.NavState(pose, self.isam.calculateEstimateVector(V(k)))
+        self.bias = self.isam.calculateEstimateConstantBias(B(k))
+        self._preintegration.resetIntegrationAndSetBias(self.bias)
+
+    def _admit(self, seen: set[int]) -> None:
+        """Take landmarks into the problem that are seen now and can be triangulated."""
+        graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+        for identity in sorted(seen & set(self._waiting)):
+            sights = self._waiting[identity].sights
+            point = self._triangulated(sights)
+            if point is None:
+                continue
+            values.insert(L(identity), point)
+            for key, pixel in sights:
+                graph.push_back(self._projection(pixel, key, identity))
+            self._known.add(identity)
+            del self._waiting[identity]
+        if values.size():
+            self.isam.update(graph, values)
+            self._read()
+
+    def _triangulated(self, sights: list[tuple[int, np.ndarray]]) -> np.ndarray | None:
+        """Return a landmark's place (3,), or None while it is not well determined."""
+        if len(sights) < LEAST_SIGHTS:
+            return None
+        cameras = [self._poses[key].compose(self._body_camera) for key, _ in sights]
+        rays = []
+        for pose, (_, pixel) in zip(cameras, sights, strict=True):
+            m = self._calibration.calibrate(pixel)
+            direction = pose.rotation().matrix() @ np.array([m[0], m[1], 1.0])
+            rays.append(direction / np.linalg.norm(direction))
+        rays = np.array(rays)
+        if np.arccos(np.clip((rays @ rays.T).min(), -1.0, 1.0)) < LEAST_PARALLAX:
+            return None
+        # The place nearest to all rays: sum (I - d d^T) (x - c) = 0.
+        across = np.eye(3) - rays[:, :, None] * rays[:, None, :]
+        centers = np.array([pose.translation() for pose in cameras])
+        point = np.linalg.solve(across.sum(axis=0), np.einsum("nij,nj->i", across, centers))
+        for pose, (_, pixel) in zip(cameras, sights, strict=True):
+            local = pose.transformTo(point)
+            if local[2] < 0.2:
+                return None
+            miss = self._calibration.uncalibrate(local[:2] / local[2]) - pixel
+            if np.linalg.norm(miss) > LARGEST_MISS:
+                return None
+        return point
+
+    def _projection(self, pixel: np.ndarray, key: int, identity: int) -> gtsam.NonlinearFactor:
+        return self._factor(
+            pixel, self._pixel, X(key), L(identity), self._calibration, self._body_camera
+        )
+
+
+def _imu_noise(parameters: SimulationParameters) -> gtsam.PreintegrationCombinedParams:
+    imu = parameters.imu
+    noise = gtsam.PreintegrationCombinedParams(np.asarray(parameters.gravity))
+    noise.setAccelerometerCovariance(np.diag(np.square(imu.accelerometer_noise_density)))
+    noise.setGyroscopeCovariance(np.diag(np.square(imu.gyroscope_noise_density)))
+    tiny = 1e-12 * np.eye(3)  # a covariance that gtsam inverts must not be zero
+    noise.setBiasAccCovariance(np.diag(np.square(imu.accelerometer_random_walk)) + tiny)
+    noise.setBiasOmegaCovariance(np.diag(np.square(imu.gyroscope_random_walk)) + tiny)
+    noise.setIntegrationCovariance(1e-10 * np.eye(3))
+    pose = gtsam.Pose3(gtsam.Rot3(np.reshape(imu.mounting, (3, 3))), np.asarray(imu.lever_arm))
+    noise.setBodyPSensor(pose)
+    return noise
+
+
+def _bias_sigma(parameters: SimulationParameters) -> np.ndarray:
+    """Return how well the biases (6,) are known at the start: accelerometer, gyroscope."""
+    imu = parameters.imu
+    both = (imu.accelerometer_turn_on_bias_sigma, imu.gyroscope_turn_on_bias_sigma)
+    return np.maximum(np.concatenate(both), 1e-6)
+
+
+def _calibration(camera: CameraParameters):
+    """Return gtsam's calibration and projection factor of a pinhole camera."""
+    fx, fy, cx, cy = camera.intrinsics
+    if camera.model != "pinhole":
+        raise SystemExit(f"gtsam_vio: camera.model {camera.model}: gtsam has a pinhole")
+    k = (*camera.distortion, 0.0, 0.0, 0.0, 0.0)[:4]
+    match camera.distortion_model:
+        case "radtan":
+            return gtsam.Cal3DS2(fx, fy, 0.0, cx, cy, *k), gtsam.GenericProjectionFactorCal3DS2
+        case "equidistant":
+            fisheye = gtsam.Cal3Fisheye(fx, fy, 0.0, cx, cy, *k)
+            return fisheye, gtsam.GenericProjectionFactorCal3Fisheye
+    return gtsam.Cal3_S2(fx, fy, 0.0, cx, cy), gtsam.GenericProjectionFactorCal3_S2
+
+
+@dataclass
+class Result:
+    """The estimate at each key frame, and the truth."""
+
+    t_ns: np.ndarray
+    position: np.ndarray
+    q_wb: np.ndarray
+    position_error: np.ndarray
+    """(n, 3) m."""
+    rotation_error: np.ndarray
+    """(n, 3) rad, in the body."""
+    nees_position: np.ndarray
+    """(n,) of 3 degrees of freedom."""
+    nees_orientation: np.ndarray
+    """(n,) of 3 degrees of freedom."""
+
+    def summary(self) -> dict[str, float]:
+        """Return what the run comes down to; the first key frame is given and left out."""
+        return {
+            "keyframes": len(self.t_ns),
+            "position_rmse_m": float(np.sqrt((self.position_error[1:] ** 2).sum(axis=1).mean())),
+            "orientation_rmse_rad": float(
+                np.sqrt((self.rotation_error[1:] ** 2).sum(axis=1).mean())
+            ),
+            "nees_position_per_dof": float(self.nees_position[1:].mean() / 3.0),
+            "nees_orientation_per_dof": float(self.nees_orientation[1:].mean() / 3.0),
+        }
+
+
+def run(folder: Path, parameters: SimulationParameters, camera: CameraParameters, rate=4.0):
+    """Return the :class:`Result` on a folder that ``generate --format tracks`` wrote.
+
+    :param rate: of key frames [Hz].
+    """
+    imu = np.loadtxt(folder / "imu0.csv", delimiter=",", skiprows=1)
+    imu_t = np.loadtxt(folder / "imu0.csv", delimiter=",", skiprows=1, usecols=0, dtype=np.int64)
+    truth = read_poses(folder / "groundtruth.tum")
+    tracks = np.load(folder / "tracks.npz")
+    one = tracks["camera"] == 0
+    t_ns, ids, uv = (tracks[name][one] for name in ("t_ns", "id", "uv"))
+    stride = max(1, round(camera.rate / rate))
+    frames = np.unique(t_ns)[::stride]
+    frames = frames[(frames >= imu_t[0]) & (frames <= imu_t[-1])]
+    estimator = Estimator(parameters, camera)
+    rows, found = [], []
+    for k, now in enumerate(frames.tolist()):
+        row = int(np.searchsorted(truth.t_ns, now))
+        true = gtsam.Pose3(gtsam.Rot3(rotation.to_matrix(truth.q_wb[row])), truth.position[row])
+        if k == 0:
+            step = (truth.position[row + 1] - truth.position[row]) * parameters.rate
+            # Half a step further is the mean velocity's time: back by half an acceleration.
+            ahead = (truth.position[row + 2] - truth.position[row + 1]) * parameters.rate
+            estimator.start(true, 1.5 * step - 0.5 * ahead)
+        else:
+            span = slice(rows[-1], row + 1)
+            mean = 0.5 * (imu[span][1:, 1:] + imu[span][:-1, 1:])
+            for values, dt in zip(mean, np.diff(imu_t[span]) * 1e-9, strict=True):
+                estimator.integrate(values[3:], values[:3], float(dt))
+        seen = t_ns == now
+        estimator.look(ids[seen], uv[seen])
+        rows.append(row)
+        found.append(_compared(estimator, true))
+    return Result(frames, *(np.array(column) for column in zip(*found, strict=True)))
+
+
+def _compared(estimator: Estimator, true: gtsam.Pose3) -> tuple:
+    pose = estimator.state.pose()
+    error = pose.localCoordinates(true)
+    covariance = estimator.covariance()
+    nees = [
+        float(e @ np.linalg.solve(covariance[part, part], e))
+        for part in (slice(3, 6), slice(0, 3))
+        for e in [error[part]]
+    ]
+    q = pose.rotation().toQuaternion()
+    q_wb = np.array([q.w(), q.x(), q.y(), q.z()])
+    position = pose.translation()
+    return position, q_wb, position - true.translation(), error[:3], *nees
+
+
+def main() -> None:
+    """Run on a folder and print what came out."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("folder", type=Path, help="written by generate --format tracks")
+    parser.add_argument("--configuration", type=Path, help="simulation.yaml of --with-configs")
+    arguments = parser.parse_args()
+    folder = arguments.folder
+    path = arguments.configuration or folder.with_name(folder.name + "_configs") / "simulation.yaml"
+    of_rig, others = split_rig(files.load(path))
+    rig = load_rig(of_rig)
+    result = run(folder, load_simulation(others), rig.camera(rig.cameras[0]))
+    print(json.dumps(result.summary(), indent=2))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,181 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What ``generate`` does with cameras: their arguments, and the datasets of what they see."""
+
+import argparse
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
+
+from imu_sim_ros.bags.text import Dataset, writer
+from imu_sim_ros.commands import common
+from imu_sim_ros.config import SimulationParameters, files, flatten, load_simulation
+from imu_sim_ros.conventions import TRUTH_TOPIC
+from imu_sim_ros.datasets import DatasetTarget
+from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.sensor import ImuBlock
+from imu_sim_ros.simulation import Simulation
+
+if TYPE_CHECKING:
+    from imu_sim_ros.camera import Rig
+    from imu_sim_ros.config.cameras import RigParameters
+
+CAMERA_FORMATS: Final = ("tracks", "vio_data_simulation")
+FORMATS: Final = (*writer.FORMATS, *CAMERA_FORMATS)
+"""Datasets that generate writes."""
+
+
+Parameters: TypeAlias = "tuple[SimulationParameters, RigParameters | None]"
+"""A simulation, and its cameras where it has some."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments that choose cameras and scene."""
+    group = parser.add_argument_group("cameras")
+    group.add_argument(
+        "--camera",
+        metavar="NAME|FILE",
+        action="append",
+        default=[],
+        help=f"a camera, named cam0, cam1, ... in order: {', '.join(files.names('cameras'))}, or a "
+        "file; repeatable",
+    )
+    group.add_argument(
+        "--scene",
+        metavar="NAME|FILE",
+        help=f"what they see: {', '.join(files.names('scenes'))}, a parameter file, or a file of "
+        "points (CSV, PLY)",
+    )
+
+
+def parameters(arguments: argparse.Namespace) -> Parameters:
+    """Return what the arguments ask for: the simulation, and its cameras where it has some.
+
+    :raises ConfigurationError: with a line for everything that is wrong with either.
+    """
+    layers = common.simulation_layers(arguments)
+    # Short arguments lie below the files and --set, as all of them do.
+    given: dict[str, object] = {**_short(arguments)}
+    for values in layers:
+        given.update(values)
+    if not _has_cameras(given):
+        return load_simulation(given), None
+    from imu_sim_ros.config.cameras import load_rig, rig_problems, split_rig
+
+    of_rig, others = split_rig(given)
+    problems: list[str] = []
+    loaded: list[Any] = []
+    for load, values in ((load_simulation, others), (load_rig, of_rig)):
+        try:
+            loaded.append(load(values))
+        except ConfigurationError as error:
+            problems += error.problems
+    if not problems:
+        problems += rig_problems(loaded[1], loaded[0])
+    if problems:
+        raise ConfigurationError(problems)
+    return loaded[0], loaded[1]
+
+
+def _short(arguments: argparse.Namespace) -> dict[str, object]:
+    result: dict[str, object] = {}
+    if arguments.camera:
+        result["cameras"] = [f"cam{k}" for k in range(len(arguments.camera))]
+        for k, name in enumerate(arguments.camera):
+            result[f"cam{k}.camera.preset"] = name
+    if arguments.scene is not None:
+        from imu_sim_ros.config.cameras import scene_layer
+
+        result.update(scene_layer(arguments.scene))
+    return result
+
+
+def _has_cameras(given: dict[str, object]) -> bool:
+    return any(key == "cameras" or key.startswith(("camera.", "scene.")) for key in given)
+
+
+def rig(parameters: "RigParameters | None", simulation: Simulation) -> "Rig | None":
+    """Return the cameras of a simulation, with their scene."""
+    if parameters is None or not parameters.cameras:
+        return None
+    from imu_sim_ros.camera import Rig
+
+    duration = simulation.parameters.duration or simulation.trajectory.duration
+    seed = simulation.parameters.seed
+    return Rig(parameters, simulation.trajectory, simulation.t0_ns, duration, seed)
+
+
+def check_form(form: str | None, cameras: "Rig | None") -> None:
+    """Refuse cameras where a form has no place for them, and a form that wants some.
+
+    :raises InputError: with what to give.
+    """
+    if cameras is not None and form not in CAMERA_FORMATS:
+        raise InputError(f"cameras: need --format {' or '.join(CAMERA_FORMATS)}")
+    if cameras is None and form in CAMERA_FORMATS:
+        raise InputError(f"format {form}: needs a camera; --camera names one")
+
+
+def write_parameters(
+    folder: Path, name: str, simulation: SimulationParameters, rig: "RigParameters | None"
+) -> None:
+    """Write everything that makes an output into a parameter file.
+
+    :param name: of the output.
+    """
+    files.write(
+        {**flatten(simulation), **(flatten(rig) if rig else {})},
+        folder / "simulation.yaml",
+        comment=f"All parameters of {name}:\n"
+        "generate --params-file simulation.yaml makes the same samples.",
+    )
+
+
+class _TracksTarget(DatasetTarget):
+    """A folder of readings, truth and tracks."""
+
+    def __init__(self, dataset: Dataset, tracks: Any) -> None:
+        super().__init__(dataset)
+        self.tracks = tracks
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Rows by table."""
+        return {**super().counts, **self.tracks.counts}
+
+    def write(self, block: ImuBlock) -> None:
+        """Write the rows of a block, and those of the frames taken until its end."""
+        super().write(block)
+        if len(block.true_t_ns):
+            self.tracks.until(int(block.true_t_ns[-1]) + 1)
+
+
+@contextmanager
+def opened(form: str, output: Path, cameras: "Rig", names: dict[str, str]) -> Iterator[Any]:
+    """Open a dataset with cameras; it is whole when the block ends without an error.
+
+    :param names: of the topics that are written.
+    """
+    from imu_sim_ros.datasets import TrackFiles, VioDataSimulation
+
+    if form == "vio_data_simulation":
+        with VioDataSimulation(output, cameras, cameras.trajectory) as target:
+            yield target
+        _warn(target.warnings())
+        return
+    with (
+        Dataset(output, "csv", TRUTH_TOPIC in names) as dataset,
+        TrackFiles(output, cameras) as tracks,
+    ):
+        combined = _TracksTarget(dataset, tracks)
+        yield combined
+    _warn(tracks.warnings())
+    combined.files = dataset.files
+
+
+def _warn(lines: list[str]) -> None:
+    for line in lines:
+        print(f"generate: warning: {line}", file=sys.stderr)

@@ -1,0 +1,31 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Where a simulation is written: bags, datasets of text, and what its cameras see.
+
+``topics`` holds the IMU's samples and the truth, ``tracks`` the features of cameras as tables,
+``vio_data_simulation`` the text files of the simulator of that name; ``columns`` are the tables.
+One home for ``generate``, the public interface and campaigns. Imports bags, topics, sensor, camera.
+What it exports is imported when it is first used.
+"""
+
+from typing import TYPE_CHECKING
+
+from imu_sim_ros.lazy import exported
+
+if TYPE_CHECKING:
+    from imu_sim_ros.datasets.topics import BagTarget as BagTarget
+    from imu_sim_ros.datasets.topics import DatasetTarget as DatasetTarget
+    from imu_sim_ros.datasets.topics import chosen_topics as chosen_topics
+    from imu_sim_ros.datasets.topics import resolved as resolved
+    from imu_sim_ros.datasets.tracks import TrackFiles as TrackFiles
+    from imu_sim_ros.datasets.vio_data_simulation import VioDataSimulation as VioDataSimulation
+else:
+    __getattr__, __dir__, __all__ = exported(
+        __name__,
+        {
+            "topics": ["BagTarget", "DatasetTarget", "chosen_topics", "resolved"],
+            "tracks": ["TrackFiles"],
+            "vio_data_simulation": ["VioDataSimulation"],
+        },
+    )

@@ -1,0 +1,132 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Tables that grow block by block: as CSV, and as an .npz whose arrays never lie in memory."""
+
+import shutil
+import tempfile
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.bags import OutputFile
+from imu_sim_ros.bags.text import decimals
+from imu_sim_ros.errors import system_error
+
+Column = NDArray[Any]
+
+_ROWS = 4096
+
+
+class CsvTable:
+    """A CSV file whose columns are integers, floats or short words."""
+
+    def __init__(self, path: Path, header: str) -> None:
+        """Open a new file.
+
+        :param header: its first line.
+        """
+        self.file = OutputFile(path)
+        self.file.write(header.encode() + b"\n")
+        self.rows = 0
+
+    def write(self, *columns: Column) -> None:
+        """Append n rows of columns (n,) or (n, m)."""
+        count = len(columns[0])
+        for start in range(0, count, _ROWS):
+            self.file.write(decimals.lines([c[start : start + _ROWS] for c in columns]))
+        self.rows += count
+
+    def close(self, error: BaseException | None) -> None:
+        """Give the file its name, or leave it as a part."""
+        if _whole(error):
+            self.file.finish()
+        else:
+            self.file.abandon(empty=not self.rows)
+
+
+def _whole(error: BaseException | None) -> bool:
+    """Tell whether rows so far are to be kept: after no error, or an interruption."""
+    return error is None or not isinstance(error, Exception)
+
+
+class NpzTable:
+    """An .npz of arrays that grow: each waits in a file of its own until the end."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._folder = Path(tempfile.mkdtemp(prefix=".columns-", dir=path.parent))
+        self._shapes: dict[str, tuple[np.dtype[Any], tuple[int, ...], int]] = {}
+
+    def write(self, columns: Mapping[str, Column]) -> None:
+        """Append rows; the same names each time."""
+        for name, values in columns.items():
+            _, _, count = self._shapes.get(name, (values.dtype, values.shape[1:], 0))
+            try:
+                with (self._folder / name).open("ab") as file:
+                    np.ascontiguousarray(values).tofile(file)
+            except OSError as error:
+                raise system_error(self._path, error) from None
+            self._shapes[name] = (values.dtype, values.shape[1:], count + len(values))
+
+    def close(self, error: BaseException | None) -> None:
+        """Join the arrays, or leave nothing."""
+        try:
+            if _whole(error):
+                self._join()
+        except OSError as problem:
+            self._path.unlink(missing_ok=True)
+            raise system_error(self._path, problem) from None
+        finally:
+            shutil.rmtree(self._folder, ignore_errors=True)
+
+    def _join(self) -> None:
+        with zipfile.ZipFile(self._path, "x", allowZip64=True) as archive:
+            for name, (dtype, shape, count) in self._shapes.items():
+                # A fixed date: the same arrays are the same bytes.
+                entry = zipfile.ZipInfo(f"{name}.npy")
+                with archive.open(entry, "w", force_zip64=True) as member:
+                    header = {
+                        "descr": np.lib.format.dtype_to_descr(dtype),
+                        "fortran_order": False,
+                        "shape": (count, *shape),
+                    }
+                    np.lib.format.write_array_header_1_0(member, header)
+                    with (self._folder / name).open("rb") as file:
+                        shutil.copyfileobj(file, member, 1 << 20)
+
+
+class Tables:
+    """Several tables that are closed together; use as a context manager."""
+
+    def __init__(self) -> None:
+        self.open: list[CsvTable | NpzTable] = []
+
+    def csv(self, path: Path, header: str) -> CsvTable:
+        """Open a CSV file."""
+        table = CsvTable(path, header)
+        self.open.append(table)
+        return table
+
+    def npz(self, path: Path) -> NpzTable:
+        """Open an .npz file."""
+        table = NpzTable(path)
+        self.open.append(table)
+        return table
+
+    def __enter__(self) -> "Tables":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        for table in self.open:
+            table.close(error)

@@ -1,0 +1,161 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Feature tracks of cameras as tables: tracks.csv, landmarks.csv, lines.csv, tracks.npz."""
+
+from pathlib import Path
+from types import TracebackType
+from typing import Final
+
+import numpy as np
+
+from imu_sim_ros.camera import Blindness, Lines, Rig, Tracker, Tracks
+from imu_sim_ros.config import files, flatten
+from imu_sim_ros.datasets.columns import Column, Tables
+
+TRACKS_HEADER: Final = "t_ns,camera,id,u,v,u_true,v_true,depth"
+LINES_HEADER: Final = "t_ns,camera,id,u1,v1,u2,v2,u1_true,v1_true,u2_true,v2_true"
+LANDMARKS_HEADER: Final = "id,x,y,z"
+BLOCK: Final = 64
+"""Frames that are made in one go."""
+
+
+class CameraProgress:
+    """The next frame of one camera."""
+
+    def __init__(self, rig: Rig, name: str) -> None:
+        self.name = name
+        self.view = rig.views[name]
+        self.tracker: Tracker = rig.tracker(name)
+        self.blindness = Blindness(name)
+        self.position = 0
+
+    def until(self, t_ns: int) -> int:
+        """Return how many more frames are taken before a time [ns], at most a block."""
+        count = BLOCK
+        if self.view.total is not None:
+            count = min(count, self.view.total - self.position)
+        return int(np.searchsorted(self.view.frames(self.position, count).true_t_ns, t_ns))
+
+    def block_end(self) -> int:
+        """Return the time [ns] until which there are no more frames than a block."""
+        return int(self.view.frames(self.position + BLOCK, 1).true_t_ns[0])
+
+
+class TrackFiles:
+    """The tracks of all cameras in a folder; use as a context manager."""
+
+    def __init__(self, folder: Path, rig: Rig) -> None:
+        """Open the tables, and write landmarks and cameras.
+
+        :param folder: that exists.
+        """
+        self.rig = rig
+        self.cameras = [CameraProgress(rig, name) for name in rig.views]
+        self._tables = Tables()
+        self.tracks = self._tables.csv(folder / "tracks.csv", TRACKS_HEADER)
+        self._arrays = self._tables.npz(folder / "tracks.npz")
+        self.lines = None
+        if len(rig.scene.lines):
+            self.lines = self._tables.csv(folder / "lines.csv", LINES_HEADER)
+        landmarks = self._tables.csv(folder / "landmarks.csv", LANDMARKS_HEADER)
+        points = rig.scene.landmarks
+        landmarks.write(np.arange(len(points)), points)
+        files.write(
+            flatten(rig.parameters),
+            folder / "cameras.yaml",
+            comment="The cameras of tracks.csv; a parameter file for generate.",
+        )
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Rows by table."""
+        result = {"tracks": self.tracks.rows}
+        if self.lines is not None:
+            result["lines"] = self.lines.rows
+        return result
+
+    def until(self, t_ns: int) -> None:
+        """Write all frames taken before a time [ns], those of all cameras in order of time."""
+        while True:
+            end = min([t_ns, *(camera.block_end() for camera in self.cameras)])
+            counts = [camera.until(end) for camera in self.cameras]
+            self._write(counts)
+            for camera, count in zip(self.cameras, counts, strict=True):
+                camera.position += count
+            if end == t_ns:
+                return
+
+    def warnings(self) -> list[str]:
+        """Return what a user should know of the frames so far, a line each."""
+        return [line for camera in self.cameras for line in camera.blindness.warnings()]
+
+    def _write(self, counts: list[int]) -> None:
+        """Write so many more frames of each camera."""
+        tracks: list[dict[str, Column]] = []
+        lines: list[dict[str, Column]] = []
+        for number, (camera, count) in enumerate(zip(self.cameras, counts, strict=True)):
+            found = camera.tracker.tracks(camera.position, count)
+            camera.blindness.look(found, camera.view.t0_ns)
+            tracks.append(_track_columns(found, number))
+            if self.lines is not None:
+                seen = camera.tracker.lines(camera.position, count)
+                lines.append(_line_columns(found, seen, number))
+        rows = _in_order(tracks)
+        names = np.array([camera.name.encode() for camera in self.cameras])
+        self.tracks.write(
+            rows["t_ns"],
+            names[rows["camera"]],
+            *(rows[key] for key in ("id", "uv", "uv_true", "depth")),
+        )
+        self._arrays.write(rows)
+        if self.lines is not None:
+            rows = _in_order(lines)
+            ends = (rows["ends"], rows["ends_true"])
+            self.lines.write(rows["t_ns"], names[rows["camera"]], rows["id"], *ends)
+
+    def __enter__(self) -> "TrackFiles":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._tables.__exit__(kind, error, trace)
+
+
+def _track_columns(found: Tracks, number: int) -> dict[str, Column]:
+    """Return the features of one camera by the names that they have in tracks.npz."""
+    frames = found.frames
+    return {
+        "t_ns": frames.t_ns[found.frame],
+        "true_t_ns": frames.true_t_ns[found.frame],
+        "camera": np.full(len(found.frame), number, dtype=np.int32),
+        "frame": frames.number[found.frame],
+        "id": found.id,
+        "landmark": found.landmark,
+        "uv": found.uv,
+        "uv_true": found.uv_true,
+        "depth": found.depth,
+        "wrong": found.wrong,
+    }
+
+
+def _line_columns(found: Tracks, seen: Lines, number: int) -> dict[str, Column]:
+    return {
+        "t_ns": found.frames.t_ns[seen.frame],
+        "true_t_ns": found.frames.true_t_ns[seen.frame],
+        "camera": np.full(len(seen.frame), number, dtype=np.int32),
+        "id": seen.id,
+        "ends": seen.ends.reshape(-1, 4),
+        "ends_true": seen.ends_true.reshape(-1, 4),
+    }
+
+
+def _in_order(cameras: list[dict[str, Column]]) -> dict[str, Column]:
+    """Return the rows of all cameras by their true times; of equal ones, the first camera's."""
+    joined = {key: np.concatenate([rows[key] for rows in cameras]) for key in cameras[0]}
+    order = np.argsort(joined["true_t_ns"], kind="stable")
+    return {key: values[order] for key, values in joined.items()}

@@ -1,0 +1,174 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The text files of HeYijia/vio_data_simulation, with pixel noise and the image's bounds.
+
+``imu_pose.txt``, ``imu_pose_noise.txt``, ``cam_pose.txt``: t, q w x y z, p, gyro, acc.
+``cam_pose_tum.txt``: t, p, q x y z w. ``all_points.txt``: x y z 1; of frame N
+``keyframe/all_points_N.txt``: x y z 1 u v, and ``keyframe/all_lines_N.txt``: u1 v1 u2 v2, where u
+and v are normalised and undistorted. Times are seconds from the start, each computed from its
+index; the original applies no noise and knows no border, so its readers see a landmark that a
+camera does not.
+"""
+
+from pathlib import Path
+from types import TracebackType
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.bags import amount, make_folder
+from imu_sim_ros.bags.text import decimals
+from imu_sim_ros.camera import Rig, View
+from imu_sim_ros.datasets.tracks import CameraProgress
+from imu_sim_ros.errors import InputError, system_error
+from imu_sim_ros.sensor import ImuBlock
+from imu_sim_ros.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+_SECOND: Final = 1e-9
+
+
+class _Rows:
+    """A text file of numbers with blanks between them."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.rows = 0
+        try:
+            self._file = path.open("xb")
+        except OSError as error:
+            raise system_error(path, error) from None
+
+    def write(self, values: Array) -> None:
+        """Append rows (n, m)."""
+        try:
+            self._file.write(decimals.lines([values], " "))
+        except OSError as error:
+            raise system_error(self.path, error) from None
+        self.rows += len(values)
+
+    def close(self) -> None:
+        """Finish the file."""
+        try:
+            self._file.close()
+        except OSError as error:
+            raise system_error(self.path, error) from None
+
+
+class VioDataSimulation:
+    """A folder of that simulator's files; use as a context manager."""
+
+    def __init__(self, folder: Path, rig: Rig, trajectory: Trajectory) -> None:
+        """Open the files.
+
+        :raises InputError: for several cameras, of which the form knows one.
+        """
+        if len(rig.views) != 1:
+            raise InputError(f"format vio_data_simulation: holds one camera, not {len(rig.views)}")
+        make_folder(folder)
+        self.path = folder
+        (folder / "keyframe").mkdir()
+        self._rig, self._trajectory = rig, trajectory
+        self.camera = CameraProgress(rig, next(iter(rig.views)))
+        self._last_ns = -1
+        self._t0_ns = self.camera.view.t0_ns
+        names = ("imu_pose", "imu_pose_noise", "cam_pose", "cam_pose_tum")
+        self._files = {name: _Rows(folder / f"{name}.txt") for name in names}
+        self._put(folder / "all_points.txt", _homogeneous(rig.scene.landmarks))
+
+    @property
+    def files(self) -> list[Path]:
+        """All files."""
+        return [file for file in self.path.rglob("*") if file.is_file()]
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Rows of the IMU, and frames."""
+        return {"imu_pose": self._files["imu_pose"].rows, "keyframes": self.camera.position}
+
+    def described(self) -> str:
+        """Return how much was written."""
+        return amount(self._files["imu_pose"].rows, self._last_ns, "rows")
+
+    def write(self, block: ImuBlock) -> None:
+        """Write the samples of a block, and the frames taken until its end."""
+        m = block.motion
+        t = (block.true_t_ns - self._t0_ns)[:, None] * _SECOND
+        pose = [t, m.q_wb, m.position]
+        true = [block.ideal_gyro, block.ideal_accel]
+        self._files["imu_pose"].write(np.concatenate([*pose, *true], axis=1))
+        self._files["imu_pose_noise"].write(
+            np.concatenate([*pose, block.gyro, block.accel], axis=1)
+        )
+        if len(block.true_t_ns):
+            self._last_ns = int(block.true_t_ns[-1])
+            self.until(self._last_ns + 1)
+
+    def until(self, t_ns: int) -> None:
+        """Write all frames taken before a time [ns]."""
+        while count := self.camera.until(t_ns):
+            self._write_frames(count)
+            self.camera.position += count
+
+    def warnings(self) -> list[str]:
+        """Return what a user should know of the frames so far, a line each."""
+        return self.camera.blindness.warnings()
+
+    def _write_frames(self, count: int) -> None:
+        view, first = self.camera.view, self.camera.position
+        found = self.camera.tracker.tracks(first, count)
+        lines = self.camera.tracker.lines(first, count)
+        self.camera.blindness.look(found, self._t0_ns)
+        seconds = view.seconds(found.frames.true_t_ns)
+        poses = view.poses(self._trajectory, seconds)
+        t = seconds[:, None]
+        nothing = np.zeros((count, 6))
+        self._files["cam_pose"].write(
+            np.concatenate([t, poses.q_wc, poses.position, nothing], axis=1)
+        )
+        q_xyzw = poses.q_wc[:, [1, 2, 3, 0]]
+        self._files["cam_pose_tum"].write(np.concatenate([t, poses.position, q_xyzw], axis=1))
+        points = np.concatenate(
+            [_homogeneous(self._rig.scene.landmarks[found.landmark]), _normalised(view, found.uv)],
+            axis=1,
+        )
+        ends = _normalised(view, lines.ends.reshape(-1, 2)).reshape(-1, 4)
+        for k in range(count):
+            name = f"{first + k}.txt"
+            folder = self.path / "keyframe"
+            self._put(folder / f"all_points_{name}", points[found.frame == k])
+            self._put(folder / f"all_lines_{name}", ends[lines.frame == k])
+
+    @staticmethod
+    def _put(path: Path, values: Array) -> None:
+        text = decimals.lines([values], " ") if len(values) else b""
+        try:
+            path.write_bytes(text)
+        except OSError as error:
+            raise system_error(path, error) from None
+
+    def __enter__(self) -> "VioDataSimulation":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        for file in self._files.values():
+            file.close()
+
+
+def _homogeneous(points: Array) -> Array:
+    return np.concatenate([points, np.ones((len(points), 1))], axis=1)
+
+
+def _normalised(view: View, uv: Array) -> Array:
+    """Return x / z and y / z (n, 2) of pixels (n, 2)."""
+    ray = view.model.unproject(uv).direction
+    result: Array = ray[:, :2] / ray[:, 2:]
+    return result

@@ -1,0 +1,176 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""generate with cameras: tracks as tables, and the text files of another simulator."""
+
+import json
+
+import numpy as np
+import pytest
+
+from imu_sim_ros import rotation
+from imu_sim_ros.commands import generate
+from imu_sim_ros.config import files
+from imu_sim_ros.config.cameras import load_rig, split_rig
+from imu_sim_ros.poses import read_poses
+
+STEREO = [
+    "--camera",
+    "euroc_cam0",
+    "--camera",
+    "euroc_cam1",
+    "--trajectory",
+    "figure_eight",
+    "--duration",
+    "4s",
+    "--seed",
+    "5",
+    "--set",
+    "camera.body_axes=flu",
+    "--quiet",
+]
+HOUSE = [
+    "--camera",
+    "vio_data_simulation",
+    "--scene",
+    "house",
+    "--duration",
+    "2s",
+    "--seed",
+    "5",
+    "--quiet",
+]
+
+
+def test_tracks_are_tables_with_the_truth_beside_them(tmp_path, capsys):
+    folder = tmp_path / "tracks"
+    assert generate.main(["-o", str(folder), "--format", "tracks", *STEREO, "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    rows = (folder / "tracks.csv").read_text(encoding="utf-8").splitlines()
+    assert rows[0] == "t_ns,camera,id,u,v,u_true,v_true,depth"
+    assert result["messages"]["tracks"] == len(rows) - 1 > 1000
+    arrays = np.load(folder / "tracks.npz")
+    fields = [row.split(",") for row in rows[1:]]
+    assert [int(f[0]) for f in fields] == arrays["t_ns"].tolist()
+    assert [f[1] for f in fields] == [f"cam{k}" for k in arrays["camera"]]
+    assert [int(f[2]) for f in fields] == arrays["id"].tolist()
+    numbers = np.array([[float(x) for x in f[3:]] for f in fields])
+    columns = (arrays["uv"], arrays["uv_true"], arrays["depth"][:, None])
+    assert np.array_equal(numbers, np.concatenate(columns, axis=1))
+    assert set(arrays["camera"]) == {0, 1}
+    assert (np.diff(arrays["t_ns"]) >= 0).all()
+
+
+def test_the_truth_of_the_tracks_is_that_of_the_poses(tmp_path):
+    """Everything from the files alone: poses, landmarks, cameras."""
+    folder = tmp_path / "tracks"
+    words = [*STEREO, "--set", "camera.pixel_noise=0"]
+    assert generate.main(["-o", str(folder), "--format", "tracks", *words]) == 0
+    of_rig, rest = split_rig(files.load(folder / "cameras.yaml"))
+    assert not rest
+    rig = load_rig(of_rig)
+    truth = read_poses(folder / "groundtruth.tum")
+    landmarks = np.loadtxt(folder / "landmarks.csv", delimiter=",", skiprows=1)
+    arrays = np.load(folder / "tracks.npz")
+    from imu_sim_ros.camera import CameraModel
+
+    for k, name in enumerate(rig.cameras):
+        mine = arrays["camera"] == k
+        row = np.searchsorted(truth.t_ns, arrays["t_ns"][mine])
+        assert (truth.t_ns[row] == arrays["t_ns"][mine]).all()
+        r_bc, p_bc = rig.camera(name).pose()
+        p_b = rotation.rotate_inverse(
+            truth.q_wb[row], landmarks[arrays["id"][mine], 1:] - truth.position[row]
+        )
+        uv = CameraModel(rig.camera(name)).project((p_b - p_bc) @ r_bc).uv
+        assert np.abs(uv - arrays["uv"][mine]).max() < 1e-9
+
+
+def test_tracks_do_not_depend_on_how_they_are_written(tmp_path, monkeypatch):
+    for name, size in (("a", 16384), ("b", 33)):
+        monkeypatch.setattr(generate, "BLOCK_SIZE", size)
+        words = ["-o", str(tmp_path / name), "--format", "tracks", *STEREO]
+        assert generate.main(words) == 0
+    files_a = sorted(file.name for file in (tmp_path / "a").iterdir())
+    assert files_a == sorted(file.name for file in (tmp_path / "b").iterdir())
+    for name in files_a:
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+
+
+def test_cameras_leave_the_samples_as_they_are(tmp_path):
+    words = ["--duration", "2s", "--seed", "5", "--quiet"]
+    assert generate.main(["-o", str(tmp_path / "a"), "--format", "tracks", *HOUSE]) == 0
+    assert generate.main(["-o", str(tmp_path / "b"), "--format", "csv", *words]) == 0
+    for name in ("imu0.csv", "groundtruth.tum"):
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+
+
+def test_the_files_of_vio_data_simulation(tmp_path):
+    folder = tmp_path / "sim"
+    words = [*HOUSE, "--set", "camera.pixel_noise=0.5"]
+    assert generate.main(["-o", str(folder), "--format", "vio_data_simulation", *words]) == 0
+    imu = np.loadtxt(folder / "imu_pose.txt")
+    noisy = np.loadtxt(folder / "imu_pose_noise.txt")
+    cam = np.loadtxt(folder / "cam_pose.txt")
+    tum = np.loadtxt(folder / "cam_pose_tum.txt")
+    points = np.loadtxt(folder / "all_points.txt")
+    assert (imu.shape, noisy.shape, cam.shape, tum.shape) == ((400, 14),) * 2 + ((60, 14), (60, 8))
+    assert np.array_equal(imu[:, :8], noisy[:, :8])
+    # The lecture's sensor: 0.015 rad/s/sqrt(Hz) and 0.019 m/s^2/sqrt(Hz) at 200 Hz.
+    error = (noisy - imu)[:, 8:].reshape(400, 2, 3).std(axis=(0, 2)) / np.sqrt(200.0)
+    assert np.abs(error / [0.015, 0.019] - 1.0).max() < 5.0 / np.sqrt(2.0 * 1200)
+    assert points.shape == (36, 4)
+    assert (points[:, 3] == 1.0).all()
+    assert len(list((folder / "keyframe").iterdir())) == 120
+    errors = []
+    for k in range(60):
+        seen = np.loadtxt(folder / f"keyframe/all_points_{k}.txt")
+        local = rotation.rotate_inverse(cam[k, 1:5], seen[:, :3] - cam[k, 5:8])
+        errors.append((seen[:, 4:] - local[:, :2] / local[:, 2:]) * 460.0)
+        pixels = seen[:, 4:] * 460.0 + 255.0
+        assert ((pixels > -3.0) & (pixels < 642.0)).all()  # the image's bounds, and noise
+    error = np.concatenate(errors).ravel()
+    assert abs(error.std() / 0.5 - 1.0) < 5.0 / np.sqrt(2.0 * len(error))
+    lines = np.loadtxt(folder / "keyframe/all_lines_0.txt")
+    assert lines.shape[1] == 4
+    assert len(lines) > 5
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("--format tracks", "format tracks: needs a camera"),
+        ("--format tracks --camera nothing", "camera nothing: neither a file nor one of"),
+        ("--format tracks --scene house", "there is no camera"),
+        ("--format tracks --camera euroc_cam0 --rate 30", "must divide the IMU's rate, 30 Hz"),
+        ("--format tracks --camera euroc_cam0 --scene nope", "scene.type = 'nope'"),
+        ("--format tracks --camera euroc_cam0 --scene no.ply", "scene no.ply: neither a file"),
+        (
+            "--format vio_data_simulation --camera euroc_cam0 --camera euroc_cam1",
+            "holds one camera, not 2",
+        ),
+    ],
+)
+def test_bad_input_is_one_line_and_leaves_nothing(tmp_path, capsys, words, message):
+    target = tmp_path / "out"
+    status = generate.main(["-o", str(target), "--duration", "1s", *words.split()])
+    error = capsys.readouterr().err.strip()
+    assert status == 2
+    assert message in error
+    assert len(error.splitlines()) == 1
+    assert not target.exists()
+
+
+def test_problems_of_imu_and_cameras_are_told_together(tmp_path, capsys):
+    words = [
+        "--duration",
+        "1s",
+        "--camera",
+        "euroc_cam0",
+        "--set",
+        "cam0.camera.rate=-1",
+        "--set",
+        "rate=-5",
+    ]
+    assert generate.main(["-o", str(tmp_path / "x"), "--format", "tracks", *words]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 2

@@ -1,0 +1,82 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A real estimator on what we simulate: gtsam's errors are as large as gtsam itself says."""
+
+import dataclasses
+import importlib.util
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from imu_sim_ros.commands import generate
+from imu_sim_ros.config import files, load_simulation
+from imu_sim_ros.config.cameras import load_rig, split_rig
+
+EXAMPLE = Path(__file__).parents[2] / "examples/gtsam_vio.py"
+SEEDS = range(1, 6)
+
+
+@pytest.fixture(scope="module", name="example")
+def load_example():
+    pytest.importorskip("gtsam")
+    spec = importlib.util.spec_from_file_location("gtsam_vio", EXAMPLE)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["gtsam_vio"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def flight(folder, seed, *more):
+    words = (
+        f"-o {folder} --format tracks --imu adis16448 --trajectory figure_eight --duration 15s "
+        f"--camera euroc_cam0 --set camera.body_axes=flu --set camera.max_features=60 "
+        f"--set scene.seed={seed} --seed {seed} --with-configs --quiet"
+    )
+    assert generate.main([*words.split(), *more]) == 0
+    of_rig, others = split_rig(files.load(Path(f"{folder}_configs") / "simulation.yaml"))
+    return load_simulation(others), load_rig(of_rig).camera("cam0")
+
+
+@pytest.fixture(scope="module", name="results")
+def run_all(example, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("flights")
+    return [
+        example.run(folder / f"{seed}", *flight(folder / f"{seed}", seed)).summary()
+        for seed in SEEDS
+    ]
+
+
+def test_every_run_stays_within_a_decimetre(results):
+    assert max(result["position_rmse_m"] for result in results) < 0.1
+    assert min(result["keyframes"] for result in results) == 60
+
+
+@pytest.mark.parametrize("quantity", ["nees_position_per_dof", "nees_orientation_per_dof"])
+def test_the_errors_are_as_large_as_the_covariance_says(results, quantity):
+    """The mean of a consistent estimator is 1.
+
+    Errors of neighbouring key frames are nearly the same, so a run counts for a few independent
+    values of 3 degrees of freedom only; over five runs the mean of at least 15 degrees lies within
+    1 +- 2.7 sqrt(2 / 15) = 0.01 to 1.99 in 99 of 100 cases. An IMU noise wrong by a factor of 10
+    gives 5 and more (below).
+    """
+    mean = np.mean([result[quantity] for result in results])
+    assert 0.5 < mean < 2.0
+
+
+def test_noise_configured_ten_times_too_small_shows_in_the_nees(example, tmp_path):
+    parameters, camera = flight(tmp_path / "flight", 1)
+    names = [f.name for f in dataclasses.fields(parameters.imu)]
+    tenth = {
+        name: tuple(0.1 * value for value in getattr(parameters.imu, name))
+        for name in names
+        if name.endswith(("_noise_density", "_random_walk"))
+    }
+    assert len(tenth) == 4
+    wrong = dataclasses.replace(parameters, imu=dataclasses.replace(parameters.imu, **tenth))
+    summary = example.run(tmp_path / "flight", wrong, camera).summary()
+    print(summary)
+    assert summary["nees_orientation_per_dof"] > 3.0
