@@ -16,8 +16,10 @@ simulation runs it can be changed between two blocks:
     goes back to the first sample; faults are forgotten, parameters stay.
 """
 
+import copy
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Final
 
 from imu_sim_ros import timebase
@@ -94,6 +96,16 @@ class Simulation:
         self.position = 0
         self._imu = Imu(self.parameters, self.t0_ns)
         self._imu.prepare(self.trajectory)
+
+    def with_seed(self, seed: int) -> "Simulation":
+        """Return a simulation of the same motion and sensor with another seed, at its start.
+
+        The trajectory is shared: fitting a spline or checking parameters is not done again.
+        """
+        other = copy.copy(self)
+        other.parameters = replace(self.parameters, seed=seed)
+        other.reset()
+        return other
 
     def update(self, parameters: SimulationParameters) -> None:
         """Take new values of live parameters; they hold from the next block on.

@@ -79,7 +79,7 @@ def load(path: str | Path, node: str = "simulator") -> dict[str, object]:
     :param node: the node's name without namespace; wildcards are applied first, as ROS does.
     :raises ConfigurationError: for a file that cannot be read or has another form.
     """
-    tree = _read(Path(path))
+    tree = read_tree(Path(path))
     if _is_kalibr(tree):
         return _from_kalibr(tree)
     sections = [
@@ -91,13 +91,20 @@ def load(path: str | Path, node: str = "simulator") -> dict[str, object]:
     for key, content in sorted(sections, key=lambda item: "*" not in str(item[0])):
         if not isinstance(content, dict) or set(content) != {_PARAMETERS}:
             raise ConfigurationError(f"{path}: {key} must hold {_PARAMETERS} and nothing else")
-        result.update(_dotted(content[_PARAMETERS] or {}, f"{path}: {key}"))
+        result.update(dotted(content[_PARAMETERS] or {}, f"{path}: {key}: {_PARAMETERS}"))
     if not sections:
         raise ConfigurationError(f"{path}: no section for the node {node} (/{node} or /**)")
     return result
 
 
-def _read(path: Path) -> dict[Any, Any]:
+def read_tree(
+    path: Path, expected: str = "a ROS 2 parameter file (no /**: ros__parameters:)"
+) -> dict[Any, Any]:
+    """Return the content of a YAML file that holds names and values.
+
+    :param expected: what the file should be, for the message.
+    :raises ConfigurationError: for a file that cannot be read or has another form.
+    """
     try:
         tree = parse_yaml(path.read_text(encoding="utf-8"))
     except OSError as error:
@@ -105,7 +112,7 @@ def _read(path: Path) -> dict[Any, Any]:
     except ValueError as error:
         raise ConfigurationError(f"{path}: not a YAML file: {error}") from None
     if not isinstance(tree, dict):
-        raise ConfigurationError(f"{path}: not a ROS 2 parameter file (no /**: {_PARAMETERS}:)")
+        raise ConfigurationError(f"{path}: not {expected}")
     return tree
 
 
@@ -143,14 +150,18 @@ def _from_kalibr(tree: Mapping[Any, Any]) -> dict[str, object]:
     return result
 
 
-def _dotted(tree: object, where: str, prefix: str = "") -> dict[str, object]:
+def dotted(tree: object, where: str, prefix: str = "") -> dict[str, object]:
+    """Return nested names and values by dotted name.
+
+    :raises ConfigurationError: for anything but names and values.
+    """
     if not isinstance(tree, dict):
-        raise ConfigurationError(f"{where}: {_PARAMETERS} must hold names and values")
+        raise ConfigurationError(f"{where}: must hold names and values")
     result: dict[str, object] = {}
     for key, value in tree.items():
         name = f"{prefix}{key}"
         if isinstance(value, dict):
-            result.update(_dotted(value, where, name + "."))
+            result.update(dotted(value, where, name + "."))
         else:
             result[name] = value
     return result

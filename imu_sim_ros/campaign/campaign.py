@@ -1,0 +1,164 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A campaign from its plan to its results."""
+
+import csv
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+from imu_sim_ros.campaign import engine
+from imu_sim_ros.campaign.cells import Cell
+from imu_sim_ros.campaign.engine import Task
+from imu_sim_ros.campaign.plan import Plan
+from imu_sim_ros.campaign.results import Key, Row, Store, key_of, write_tables
+from imu_sim_ros.campaign.summary import groups, summary_rows
+from imu_sim_ros.config.campaign import CommandEstimator
+
+SUMMARY: Final = "summary.csv"
+_BUILT_IN_BATCH: Final = 50
+"""Seeds in a task: large enough that a cell's covariance is not made often (30 us a sample)."""
+
+Engine = Callable[[Plan, Iterable[Task], Path], Iterator[list[Row]]]
+Progress = Callable[[int], None]
+
+
+class Outcome(NamedTuple):
+    """What a campaign gave."""
+
+    rows: list[Row]
+    """All runs of the plan that there are, ordered by cell, seed and estimator."""
+    new: int
+    """Runs that were made now; the others were there before."""
+    complete: bool
+
+
+def columns(plan: Plan) -> list[str]:
+    """Return the columns of the results."""
+    identity = ["cell", "seed", "estimator", "status"]
+    return [*identity, *plan.grid_names, *plan.metrics, "digest", "version"]
+
+
+def batch_size(plan: Plan) -> int:
+    """Return how many seeds a task has."""
+    if any(isinstance(one, CommandEstimator) for one in plan.estimators.values()):
+        return 1
+    return min(_BUILT_IN_BATCH, len(plan.seeds))
+
+
+def tasks(plan: Plan, there: set[Key], batch: int) -> Iterator[Task]:
+    """Yield what is still to be done.
+
+    :param there: the runs that need not be made.
+    """
+    for cell in plan.cells():
+        digests = _digests(plan, cell)
+        missing: dict[tuple[str, ...], list[int]] = {}
+        for seed in plan.seeds:
+            names = tuple(
+                name
+                for name in plan.estimators
+                if (digests[name], seed, name, cell.name) not in there
+            )
+            if names:
+                missing.setdefault(names, []).append(seed)
+        for names, seeds in missing.items():
+            for first in range(0, len(seeds), batch):
+                yield Task(cell, tuple(seeds[first : first + batch]), names)
+
+
+def _digests(plan: Plan, cell: Cell) -> dict[str, str]:
+    parameters = plan.simulation(cell)
+    return {name: plan.digest(parameters, name) for name in plan.estimators}
+
+
+def run(
+    plan: Plan,
+    store: Store,
+    start: Engine,
+    advance: Progress = lambda count: None,
+    retry_failed: bool = False,
+) -> Outcome:
+    """Make all runs of a plan that are not there yet, and write the tables.
+
+    What has come so far is kept, whatever ends this: the next call goes on behind it.
+
+    :param start: the engine.
+    :param advance: told how many runs have come.
+    :param retry_failed: make runs again that failed before.
+    """
+    there = {
+        key_of(row)
+        for row in store.rows()
+        if not (retry_failed and str(row["status"]).startswith("failed"))
+    }
+    new = 0
+    try:
+        for rows in start(plan, tasks(plan, there, batch_size(plan)), store.folder):
+            store.append(rows)
+            new += len(rows)
+            advance(len(rows))
+    finally:
+        rows = collect(plan, store)
+        write_tables(store.folder, rows, columns(plan))
+        write_summary(store.folder, plan, rows)
+    return Outcome(rows, new, len(rows) == plan.run_count)
+
+
+def collect(plan: Plan, store: Store) -> list[Row]:
+    """Return the rows of the plan, each run once, in order; those of other plans are left out."""
+    wanted: dict[Key, tuple[int, int, int]] = {}
+    for cell in plan.cells():
+        digests = _digests(plan, cell)
+        for place, seed in enumerate(plan.seeds):
+            for k, name in enumerate(plan.estimators):
+                wanted[digests[name], seed, name, cell.name] = (cell.number, place, k)
+    found: dict[Key, Row] = {}
+    for row in store.rows():
+        key = key_of(row)
+        # A run that was made again after a failure counts with its last result.
+        if key in wanted:
+            found[key] = row
+    return [found[key] for key in sorted(found, key=lambda key: wanted[key])]
+
+
+def write_summary(folder: Path, plan: Plan, rows: Sequence[Row]) -> Path:
+    """Write ``summary.csv``: a row for each cell and estimator."""
+    table = summary_rows(groups(rows, plan.grid_names), plan.metrics)
+    names = list(dict.fromkeys(name for row in table for name in row))
+    path = folder / SUMMARY
+    part = path.with_name(f".{SUMMARY}.part")
+    with part.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, names, restval="")
+        writer.writeheader()
+        writer.writerows(table)
+    part.replace(path)
+    return path
+
+
+def counts(rows: Sequence[Row]) -> dict[str, int]:
+    """Return how often each status stands in the rows, the most frequent first."""
+    return dict(Counter(str(row["status"]) for row in rows).most_common())
+
+
+def embedded(workers: int) -> Engine:
+    """Return the engine of this machine."""
+
+    def start(plan: Plan, todo: Iterable[Task], folder: Path) -> Iterator[list[Row]]:
+        return engine.run(plan, todo, folder, workers)
+
+    return start
+
+
+def result(outcome: Outcome, wall_s: float, folder: Path) -> dict[str, Any]:
+    """Return what ``--json`` prints."""
+    done = sum(row["status"] == "done" for row in outcome.rows)
+    return {
+        "runs": len(outcome.rows),
+        "done": done,
+        "failed": len(outcome.rows) - done,
+        "wall_s": wall_s,
+        "results": str(folder / "results.csv"),
+    }

@@ -1,0 +1,159 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The grid of a campaign: axes of parameters, and one cell for each combination of their values.
+
+An axis is a list of values, ``{range: [first, last, count]}``,
+``{log_range: [first, last, count]}``, or ``{zip: {name: values, ...}}`` for parameters that change
+together.
+"""
+
+import itertools
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from imu_sim_ros.config import files
+from imu_sim_ros.config.parameter import shown
+from imu_sim_ros.errors import ConfigurationError
+
+Layer = dict[str, object]
+SHORT: Final = {"imu": "imu.preset"}
+"""Names of the commands' arguments that stand for a parameter; ``trajectory`` is one as well."""
+_LARGEST_AXIS: Final = 100_000
+
+
+class Axis(NamedTuple):
+    """Parameters that change together: n values of each."""
+
+    names: tuple[str, ...]
+    rows: tuple[tuple[object, ...], ...]
+    """n tuples of one value per name."""
+
+
+class Cell(NamedTuple):
+    """One combination of values."""
+
+    number: int
+    values: dict[str, object]
+    """By the names of the grid, as the results show them."""
+
+    @property
+    def name(self) -> str:
+        """The cell in words: ``imu=bmi088, trajectory=circle``."""
+        return ", ".join(f"{name}={word(value)}" for name, value in self.values.items()) or "all"
+
+    def layer(self) -> Layer:
+        """Return the parameters that the values stand for."""
+        result: Layer = {}
+        for name, value in self.values.items():
+            if name == "trajectory":
+                result.update(files.trajectory_layer(str(value)))
+            else:
+                result[SHORT.get(name, name)] = value
+        return result
+
+
+def word(value: object) -> str:
+    """Return a value as tables, files and names of cells show it."""
+    if isinstance(value, float):
+        return f"{value:.9g}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(word(entry) for entry in value) + "]"
+    return str(value)
+
+
+def read_axes(grid: object) -> list[Axis]:
+    """Return the axes that the ``grid`` of a plan describes.
+
+    :raises ConfigurationError: with a line for everything that is wrong.
+    """
+    if grid is None:
+        return []
+    if not isinstance(grid, Mapping):
+        raise ConfigurationError(f"grid = {shown(grid)}: must hold names and lists of values")
+    axes: list[Axis] = []
+    problems: list[str] = []
+    for name, content in grid.items():
+        try:
+            axes.append(_axis(str(name), content))
+        except ConfigurationError as error:
+            problems += error.problems
+    names = [name for axis in axes for name in axis.names]
+    problems += [f"grid.{name}: given twice" for name in set(names) if names.count(name) > 1]
+    if problems:
+        raise ConfigurationError(problems)
+    return axes
+
+
+def cell_count(axes: list[Axis]) -> int:
+    """Return how many cells the axes make."""
+    return math.prod(len(axis.rows) for axis in axes)
+
+
+def cells(axes: list[Axis]) -> Iterator[Cell]:
+    """Yield every combination; the last axis changes fastest."""
+    for number, rows in enumerate(itertools.product(*(axis.rows for axis in axes))):
+        values: dict[str, object] = {}
+        for axis, row in zip(axes, rows, strict=True):
+            values.update(zip(axis.names, row, strict=True))
+        yield Cell(number, values)
+
+
+def _axis(name: str, content: object) -> Axis:
+    where = f"grid.{name}"
+    if isinstance(content, Mapping) and set(content) == {"zip"}:
+        columns = content["zip"]
+        if not isinstance(columns, Mapping) or not columns:
+            raise ConfigurationError(f"{where}.zip: must hold names and lists of equal length")
+        lists = {str(key): _values(f"{where}.zip.{key}", v) for key, v in columns.items()}
+        lengths = {len(values) for values in lists.values()}
+        if len(lengths) != 1:
+            found = ", ".join(f"{key} {len(values)}" for key, values in lists.items())
+            raise ConfigurationError(f"{where}.zip: lists must be equally long: {found}")
+        return Axis(tuple(lists), tuple(zip(*lists.values(), strict=True)))
+    return Axis((name,), tuple((value,) for value in _values(where, content)))
+
+
+def _values(where: str, content: object) -> list[object]:
+    if isinstance(content, Mapping) and len(content) == 1:
+        kind, limits = next(iter(content.items()))
+        if kind in ("range", "log_range"):
+            return list(_spaced(f"{where}.{kind}", kind == "log_range", limits))
+    if isinstance(content, list) and content:
+        found = [tuple(entry) if isinstance(entry, list) else entry for entry in content]
+        words = [word(value) for value in found]
+        twice = sorted({value for value in words if words.count(value) > 1})
+        if twice:
+            raise ConfigurationError(f"{where}: {', '.join(twice)}: given twice")
+        if any(isinstance(value, Mapping) or value is None for value in found):
+            raise ConfigurationError(f"{where} = {shown(content)}: must hold plain values")
+        return found
+    raise ConfigurationError(
+        f"{where} = {shown(content)}: must be a list of values, {{range: [first, last, count]}}, "
+        "{log_range: [first, last, count]} or {zip: {name: values, ...}}"
+    )
+
+
+def _spaced(where: str, logarithmic: bool, limits: Any) -> list[float]:
+    low = "two numbers above 0" if logarithmic else "two finite numbers"
+    wrong = ConfigurationError(
+        f"{where} = {shown(limits)}: must be [first, last, count]: {low}, "
+        f"and a count of 2 to {_LARGEST_AXIS}"
+    )
+    if not isinstance(limits, list) or len(limits) != 3:
+        raise wrong
+    if any(isinstance(entry, bool) or not isinstance(entry, int | float) for entry in limits):
+        raise wrong
+    first, last, count = limits
+    if not (math.isfinite(first) and math.isfinite(last) and math.isfinite(count)):
+        raise wrong
+    if count != int(count) or not 2 <= count <= _LARGEST_AXIS or first == last:
+        raise wrong
+    if logarithmic and not (first > 0 and last > 0):
+        raise wrong
+    space = np.geomspace if logarithmic else np.linspace
+    # Twelve digits: the grid's values stand in tables and file names.
+    return [float(f"{value:.12g}") for value in space(first, last, int(count))]

@@ -1,0 +1,323 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""An estimator that is a program: its dataset, its process, its trajectory.
+
+The program runs in a session of its own, with the limits of the plan, in a folder of its own. When
+it has ended, for whatever reason, everything that it started is killed: its process group, and what
+left that group and became a child of this worker (``PR_SET_CHILD_SUBREAPER``, prctl(2)).
+"""
+
+import contextlib
+import ctypes
+import os
+import re
+import resource
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+
+from imu_sim_ros.campaign.metrics import Metrics, pose_metrics
+from imu_sim_ros.config.campaign import CommandEstimator
+from imu_sim_ros.errors import ImuSimError
+from imu_sim_ros.navigation.alignment import align
+from imu_sim_ros.navigation.association import common_rows, interpolate_poses
+from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.sensor import ImuBlock
+
+if TYPE_CHECKING:
+    from imu_sim_ros.campaign.runs import CellRuns
+
+OUTPUT: Final = "output.txt"
+"""What the program printed."""
+_POLL: Final = 0.2
+"""[s] between two looks at the size of the folder; the program's end is seen at once."""
+_PR_SET_CHILD_SUBREAPER: Final = 36
+_STUB: Final = {"rosbag2": "dataset", "ros1": "dataset.bag", "mcap": "dataset.mcap"}
+_ESTIMATE: Final = {"tum": "estimate.txt", "euroc": "estimate.csv", "bag": "estimate"}
+
+
+class Outcome(NamedTuple):
+    """How a program ended."""
+
+    status: int | None
+    """Exit status, negative for a signal; None: it was ended for ``reason``."""
+    reason: str
+    wall_s: float
+    peak_memory_mb: float
+
+
+def run_command(
+    runs: "CellRuns",
+    estimator: CommandEstimator,
+    name: str,
+    seed: int,
+    block: ImuBlock,
+    folder: Path,
+) -> Metrics:
+    """Write the dataset, run the program, and compare its trajectory with the truth.
+
+    :param folder: of the campaign; the run's own folder is made in it.
+    :raises Failure: where there is no usable trajectory; the text says why.
+    """
+    from imu_sim_ros.campaign.runs import Failure
+
+    place = folder / "runs" / f"{runs.cell.number:06d}" / str(seed) / name
+    shutil.rmtree(place, ignore_errors=True)
+    keep = runs.plan.options.keep
+    failed = True
+    try:
+        place.mkdir(parents=True)
+        words = _words(runs, estimator, seed, block, place)
+        outcome = _run(words, estimator, runs.plan.environment.get(name, {}), place)
+        if outcome.reason:
+            raise Failure(outcome.reason)
+        if outcome.status != 0:
+            raise Failure(f"{_ended(outcome.status)}{_last_line(place)}")
+        metrics = _compare(runs, estimator, block, place)
+        metrics["wall_s"] = outcome.wall_s
+        metrics["real_time_factor"] = _duration(block) / max(outcome.wall_s, 1e-9)
+        metrics["peak_memory_mb"] = outcome.peak_memory_mb
+        failed = False
+        return metrics
+    except OSError as error:
+        raise Failure(f"{error.strerror or error}") from None
+    finally:
+        if keep == "none" or (keep == "failed" and not failed):
+            shutil.rmtree(place, ignore_errors=True)
+            with contextlib.suppress(OSError):
+                place.parent.rmdir()
+
+
+def _duration(block: ImuBlock) -> float:
+    return float(block.true_t_ns[-1] - block.true_t_ns[0]) * 1e-9
+
+
+def _words(
+    runs: "CellRuns", estimator: CommandEstimator, seed: int, block: ImuBlock, place: Path
+) -> list[str]:
+    """Write what the command names and return its words with all places filled."""
+    wanted = set(re.findall(r"{(\w+)}", estimator.command))
+    values = {
+        "folder": str(place),
+        "seed": str(seed),
+        "python": sys.executable,
+        "estimate": str(place / _ESTIMATE[estimator.estimate]),
+        "dataset": "",
+        "config": "",
+    }
+    if "dataset" in wanted:
+        values["dataset"] = str(_write_dataset(runs, estimator.dataset, block, place))
+    if "config" in wanted:
+        values["config"] = str(_write_config(runs, place))
+
+    def fill(word: str, quote: bool) -> str:
+        return re.sub(
+            r"{(\w+)}",
+            lambda match: shlex.quote(values[match[1]]) if quote else values[match[1]],
+            word,
+        )
+
+    if estimator.shell:
+        return ["/bin/sh", "-c", fill(estimator.command, quote=True)]
+    return [fill(word, quote=False) for word in shlex.split(estimator.command)]
+
+
+def _write_dataset(runs: "CellRuns", form: str, block: ImuBlock, place: Path) -> Path:
+    """Write the readings, and the truth for those who initialise from it."""
+    from imu_sim_ros.bags.text.writer import Dataset
+    from imu_sim_ros.bags.write import open_writer
+    from imu_sim_ros.datasets import BagTarget, DatasetTarget
+    from imu_sim_ros.topics import READINGS, TRUTH
+
+    if form == "euroc":
+        path = place / "dataset"
+        with Dataset(path / "mav0", "euroc", True) as dataset:
+            DatasetTarget(dataset).write(block)
+        return path
+    path = place / _STUB[form]
+    with open_writer(path) as writer:
+        target = BagTarget(writer, runs.parameters, {READINGS: READINGS, TRUTH: TRUTH})
+        target.write(block)
+    return path
+
+
+def _write_config(runs: "CellRuns", place: Path) -> Path:
+    """Write the simulation's parameters."""
+    from imu_sim_ros.config import files
+
+    path = place / "config"
+    path.mkdir()
+    files.dump(runs.parameters, path / "simulation.yaml")
+    return path
+
+
+def _run(
+    words: Sequence[str], estimator: CommandEstimator, variables: dict[str, str], place: Path
+) -> Outcome:
+    """Run a program to its end and remove everything that it leaves running."""
+    from imu_sim_ros.campaign.runs import Failure
+
+    _adopt_orphans()
+    started = time.monotonic()
+    with (place / OUTPUT).open("wb") as output:
+        try:
+            process = subprocess.Popen(
+                words,
+                cwd=place,
+                env=_environment(variables),
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+                preexec_fn=lambda: _limit(estimator),
+            )
+        except (OSError, ValueError, subprocess.SubprocessError) as error:
+            raise Failure(f"{words[0] if words else ''}: cannot be started: {error}") from None
+    try:
+        status, reason, peak = _wait(process, estimator, place, started)
+    finally:
+        _kill_all(process.pid)
+    return Outcome(status, reason, time.monotonic() - started, peak)
+
+
+def _environment(variables: dict[str, str]) -> dict[str, str]:
+    """Return the environment of a program: this one's, less what belongs to this Python."""
+    own = ("_ROS_WHEELS_BOOTSTRAP_COMPLETE", "PYTHONPATH", "PYTHONHOME")
+    kept = {name: value for name, value in os.environ.items() if name not in own}
+    if "_ROS_WHEELS_BOOTSTRAP_COMPLETE" in os.environ:
+        kept.pop("LD_LIBRARY_PATH", None)
+    return {**kept, **variables}
+
+
+def _limit(estimator: CommandEstimator) -> None:
+    """Set the limits of the program, in its process before it begins."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    largest = int(estimator.disk_limit)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (largest, largest))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    if estimator.memory_limit:
+        memory = int(estimator.memory_limit)
+        resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
+
+
+def _wait(
+    process: "subprocess.Popen[bytes]", estimator: CommandEstimator, place: Path, started: float
+) -> tuple[int | None, str, float]:
+    """Wait for the program's end; return status, why it was ended, and its peak memory [MB]."""
+    deadline = started + estimator.timeout
+    pause, look = 0.001, started + _POLL
+    while True:
+        pid, status, usage = os.wait4(process.pid, os.WNOHANG)
+        if pid:
+            process.returncode = os.waitstatus_to_exitcode(status)
+            return process.returncode, "", usage.ru_maxrss / 1024.0
+        now = time.monotonic()
+        if now >= deadline:
+            return None, f"no end within {estimator.timeout:g} s", 0.0
+        if now >= look:
+            look = now + _POLL
+            if _size(place) > estimator.disk_limit:
+                return None, f"more than {estimator.disk_limit:g} bytes written", 0.0
+        time.sleep(min(pause, max(deadline - now, 0.0)))
+        pause = min(pause * 1.5, 0.05)
+
+
+def _size(folder: Path) -> int:
+    total = 0
+    for path, _, names in os.walk(folder):
+        for name in names:
+            with contextlib.suppress(OSError):
+                total += os.lstat(os.path.join(path, name)).st_size
+    return total
+
+
+def _adopt_orphans() -> None:
+    """Become the parent of whatever a program leaves behind, so that it can be found."""
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
+
+
+def _kill_all(group: int) -> None:
+    """Kill a process group and every orphan of it, and take their exit statuses."""
+    with contextlib.suppress(OSError):
+        os.killpg(group, signal.SIGKILL)
+    for _ in range(1000):
+        children = _children()
+        if not children:
+            return
+        for pid in children:
+            with contextlib.suppress(OSError):
+                os.kill(pid, signal.SIGKILL)
+        for pid in children:
+            with contextlib.suppress(OSError):
+                os.waitpid(pid, 0)
+
+
+def _children() -> list[int]:
+    """Return the processes that this one is the parent of."""
+    found: list[int] = []
+    for task in Path("/proc/self/task").iterdir():
+        with contextlib.suppress(OSError):
+            found += map(int, (task / "children").read_text().split())
+    return found
+
+
+def _ended(status: int | None) -> str:
+    if status is not None and status < 0:
+        with contextlib.suppress(ValueError):
+            return f"ended by {signal.Signals(-status).name}"
+    return f"exit status {status}"
+
+
+def _last_line(place: Path) -> str:
+    """Return the last line that the program printed."""
+    try:
+        with (place / OUTPUT).open("rb") as file:
+            file.seek(max(file.seek(0, os.SEEK_END) - 4096, 0))
+            lines = file.read().decode("utf-8", "replace").split("\n")
+    except OSError:
+        return ""
+    words = [line.strip() for line in lines if line.strip()]
+    printable = "".join(c if c.isprintable() else "?" for c in words[-1]) if words else ""
+    return f": {printable[:160]}" if printable else ""
+
+
+def _compare(
+    runs: "CellRuns", estimator: CommandEstimator, block: ImuBlock, place: Path
+) -> Metrics:
+    """Return the metrics of the trajectory that the program wrote."""
+    from imu_sim_ros.bags import read_poses
+    from imu_sim_ros.campaign.runs import Failure
+
+    path = place / _ESTIMATE[estimator.estimate]
+    if estimator.estimate == "bag":
+        found = [p for p in place.glob("estimate*") if p.is_dir() or p.suffix in (".mcap", ".bag")]
+        path = found[0] if found else path
+    if not path.exists():
+        raise Failure("no estimate was written")
+    try:
+        poses = read_poses(path, estimator.estimate_topic or None)
+        motion = block.motion
+        truth = PoseSequence(block.true_t_ns, motion.position, motion.q_wb)
+        rows = common_rows(poses.t_ns, truth.t_ns)
+    except ImuSimError as error:
+        raise Failure(f"estimate: {error.problems[0]}") from None
+    estimate = PoseSequence(poses.t_ns[rows], poses.position[rows], poses.q_wb[rows])
+    if not (np.isfinite(estimate.position).all() and np.isfinite(estimate.q_wb).all()):
+        raise Failure("estimate: holds numbers that are not finite")
+    there = interpolate_poses(truth, estimate.t_ns)
+    found_alignment = align(estimate.position, there.position, estimator.align)
+    metrics = pose_metrics(found_alignment.apply(estimate), there, runs.plan.relative)
+    with contextlib.suppress(ImuSimError):
+        metrics["scale_error"] = align(estimate.position, there.position, "sim3").scale - 1.0
+    metrics["initialisation_s"] = float(poses.t_ns[0] - block.true_t_ns[0]) * 1e-9
+    return metrics

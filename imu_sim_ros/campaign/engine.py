@@ -1,0 +1,204 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The embedded engine: the runs of a campaign over the processes of one machine.
+
+A task is some seeds of one cell with all their estimators. A worker that dies takes the pool with
+it; the tasks that were under way then run one at a time, so that the one that kills its worker is
+found and the others are not blamed.
+"""
+
+import contextlib
+import multiprocessing
+import os
+import signal
+from collections import deque
+from collections.abc import Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+import imu_sim_ros
+from imu_sim_ros.campaign.cells import Cell
+from imu_sim_ros.campaign.plan import Plan
+from imu_sim_ros.errors import ImuSimError
+
+Row = dict[str, Any]
+
+_THREADS: Final = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+_WAITING: Final = 2
+"""Tasks that each process has at hand beside the one that it works on."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """Some seeds of one cell."""
+
+    cell: Cell
+    seeds: tuple[int, ...]
+    estimators: tuple[str, ...]
+    deaths: int = 0
+    """Workers that died over it."""
+
+
+_last: dict[tuple[int, str], Any] = {}
+
+
+def work(plan: Plan, task: Task, folder: Path) -> list[Row]:
+    """Make the runs of a task; what the seeds of a cell share is kept for the next task."""
+    from imu_sim_ros.campaign.runs import CellRuns
+
+    key = (id(plan), task.cell.name)
+    try:
+        if key not in _last:
+            runs = CellRuns(plan, task.cell)
+            _last.clear()
+            _last[key] = runs
+    except ImuSimError as error:
+        return failed(plan, task, f"failed: {error.problems[0]}")
+    return list(_last[key].rows(task.seeds, task.estimators, folder))
+
+
+def failed(plan: Plan, task: Task, status: str) -> list[Row]:
+    """Return the rows of a task that made none."""
+    try:
+        parameters = plan.simulation(task.cell)
+        digests = {name: plan.digest(parameters, name) for name in task.estimators}
+    except ImuSimError:
+        digests = {}
+    return [
+        {
+            "cell": task.cell.name,
+            "seed": seed,
+            "estimator": name,
+            "status": status,
+            **task.cell.values,
+            "digest": digests.get(name, ""),
+            "version": imu_sim_ros.__version__,
+        }
+        for seed in task.seeds
+        for name in task.estimators
+    ]
+
+
+_plan: Plan
+_folder: Path
+
+
+def _begin(plan: Plan, folder: Path) -> None:
+    """Prepare a worker: Ctrl-C is the main process's matter."""
+    global _plan, _folder
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _plan, _folder = plan, folder
+
+
+def _work(task: Task) -> list[Row]:
+    return work(_plan, task, _folder)
+
+
+def run(
+    plan: Plan,
+    tasks: Iterable[Task],
+    folder: Path,
+    workers: int,
+) -> Iterator[list[Row]]:
+    """Yield the rows of each task as they come."""
+    yield from _Pool(plan, folder, workers).run(iter(tasks))
+
+
+class _Pool:
+    """A process pool that is made again when one of its processes dies."""
+
+    def __init__(self, plan: Plan, folder: Path, workers: int) -> None:
+        self._plan, self._folder, self._workers = plan, folder, workers
+        self._suspects: deque[Task] = deque()
+        self._running: dict[Future[list[Row]], Task] = {}
+        self._pool: ProcessPoolExecutor | None = None
+
+    def run(self, tasks: Iterator[Task]) -> Iterator[list[Row]]:
+        try:
+            while self._fill(tasks):
+                done, _ = wait(self._running, return_when=FIRST_COMPLETED)
+                yield from self._collect(done)
+        finally:
+            self._end()
+
+    def _fill(self, tasks: Iterator[Task]) -> bool:
+        """Keep the processes busy; one task at a time while suspects wait."""
+        if self._suspects:
+            if not self._running:
+                self._submit(self._suspects.popleft())
+            return True
+        while len(self._running) < self._workers * _WAITING:
+            task = next(tasks, None)
+            if task is None:
+                break
+            self._submit(task)
+        return bool(self._running)
+
+    def _submit(self, task: Task) -> None:
+        if self._pool is None:
+            with _environment():
+                self._pool = ProcessPoolExecutor(
+                    self._workers,
+                    multiprocessing.get_context("spawn"),
+                    _begin,
+                    (self._plan, self._folder),
+                )
+                future = self._pool.submit(_work, task)
+        else:
+            with _environment():
+                future = self._pool.submit(_work, task)
+        self._running[future] = task
+
+    def _collect(self, done: Iterable[Future[list[Row]]]) -> Iterator[list[Row]]:
+        for future in done:
+            task = self._running.pop(future)
+            try:
+                yield future.result()
+            except BrokenProcessPool:
+                yield from self._died([task, *self._running.values()])
+                return
+
+    def _died(self, tasks: list[Task]) -> Iterator[list[Row]]:
+        alone = len(tasks) == 1
+        self._running.clear()
+        self._end()
+        for task in tasks:
+            # Only a task that was alone is known to have killed its worker.
+            task = replace(task, deaths=task.deaths + alone)
+            if task.deaths > self._plan.options.retries:
+                yield failed(self._plan, task, "failed: the worker process died")
+            elif alone and len(task.seeds) > 1:
+                self._suspects.extend(replace(task, seeds=(seed,), deaths=0) for seed in task.seeds)
+            else:
+                self._suspects.append(task)
+
+    def _end(self) -> None:
+        if self._pool is None:
+            return
+        processes = list((getattr(self._pool, "_processes", None) or {}).values())
+        self._pool.shutdown(wait=False, cancel_futures=True)
+        for process in processes:
+            with contextlib.suppress(OSError, ValueError):
+                process.terminate()
+        for process in processes:
+            process.join(2.0)
+        self._pool = None
+
+
+@contextlib.contextmanager
+def _environment() -> Iterator[None]:
+    """Let the processes that are started here work with one thread each."""
+    before = {name: os.environ.get(name) for name in _THREADS}
+    os.environ.update(dict.fromkeys(_THREADS, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value

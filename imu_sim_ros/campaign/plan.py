@@ -1,0 +1,339 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What a campaign runs: the plan's file, checked as a whole before anything starts."""
+
+import hashlib
+import json
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import imu_sim_ros
+from imu_sim_ros.campaign.cells import Axis, Cell, Layer, cell_count, cells, read_axes
+from imu_sim_ros.campaign.gate import Requirement, parse
+from imu_sim_ros.campaign.metrics import Relative, metric_names, parse_relative
+from imu_sim_ros.config import files
+from imu_sim_ros.config.campaign import (
+    PLACES,
+    CampaignParameters,
+    CommandEstimator,
+    DeadReckonEstimator,
+    find_estimator,
+)
+from imu_sim_ros.config.parameter import build, flatten, shown
+from imu_sim_ros.config.simulation import SimulationParameters, load_simulation
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.sensor import Fault
+
+Estimator = DeadReckonEstimator | CommandEstimator
+
+SUFFIX: Final = (".yaml", ".yml")
+_KEYS: Final = ("parameters", "grid", "seeds", "faults", "estimators", "rpe", "require")
+_NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]{0,63}")
+_MOST_SEEDS: Final = 1_000_000
+_ALL_CHECKED: Final = 2000
+"""Cells up to which every one is built before the start; each takes some 6 ms."""
+
+
+@dataclass(frozen=True)
+class TimedFault:
+    """A fault and when it begins."""
+
+    at: float
+    """[s] after the start."""
+    fault: Fault
+
+
+@dataclass(frozen=True)
+class Plan:
+    """All that decides a campaign's results."""
+
+    options: CampaignParameters
+    parameters: Layer
+    axes: list[Axis]
+    seeds: tuple[int, ...]
+    faults: tuple[TimedFault, ...]
+    estimators: dict[str, Estimator]
+    relative: tuple[Relative, ...]
+    require: list[Requirement]
+    environment: dict[str, dict[str, str]] = field(default_factory=dict)
+    """Variables that are set for the commands, by estimator."""
+
+    @property
+    def metrics(self) -> tuple[str, ...]:
+        """The names of all metrics, in the order of the results' columns."""
+        return metric_names(self.relative)
+
+    @property
+    def grid_names(self) -> tuple[str, ...]:
+        """The names of the grid's parameters."""
+        return tuple(name for axis in self.axes for name in axis.names)
+
+    @property
+    def run_count(self) -> int:
+        """Cells times seeds times estimators."""
+        return cell_count(self.axes) * len(self.seeds) * len(self.estimators)
+
+    def cells(self) -> Iterator[Cell]:
+        """Yield the cells of the grid."""
+        return cells(self.axes)
+
+    def simulation(self, cell: Cell) -> SimulationParameters:
+        """Return the parameters of a cell, with the first seed.
+
+        :raises ConfigurationError: with a line for everything that is wrong, after the cell's name.
+        """
+        try:
+            return load_simulation(self.parameters, cell.layer(), {"seed": self.seeds[0]})
+        except ConfigurationError as error:
+            where = f"cell {cell.name}: " if cell.values else ""
+            raise ConfigurationError([f"{where}{line}" for line in error.problems]) from None
+
+    def digest(self, parameters: SimulationParameters, estimator: str) -> str:
+        """Return what a run's numbers depend on besides its seed, as 16 hexadecimal digits."""
+        values = flatten(parameters)
+        values.pop("seed")
+        content = {
+            "version": imu_sim_ros.__version__,
+            "parameters": values,
+            "files": _file_digests(values),
+            "faults": [(timed.at, repr(timed.fault)) for timed in self.faults],
+            "estimator": flatten(self.estimators[estimator]),
+            "environment": self.environment.get(estimator, {}),
+            "metrics": self.metrics,
+            "diverged_above": self.options.diverged_above,
+        }
+        text = json.dumps(content, sort_keys=True, default=list)
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _file_digests(values: Mapping[str, object]) -> dict[str, str]:
+    """Return the content of a trajectory's file, which may change under its name."""
+    path = Path(str(values.get("trajectory.file", "")))
+    if not str(values.get("trajectory.file", "")) or not path.is_file():
+        return {}
+    return {"trajectory.file": hashlib.sha256(path.read_bytes()).hexdigest()}
+
+
+def load_plan(path: Path) -> Plan:
+    """Read a plan.
+
+    :raises ConfigurationError: with a line for everything that is wrong.
+    """
+    tree = files.read_tree(path)
+    try:
+        plan = read_plan(tree)
+        check_cells(plan)
+    except ConfigurationError as error:
+        raise ConfigurationError([f"{path}: {line}" for line in error.problems]) from None
+    return plan
+
+
+def find_plan(name_or_file: str) -> Path:
+    """Return the plan of a name in config/campaigns, or the given file."""
+    return files.find("campaigns", name_or_file)
+
+
+def read_plan(tree: Mapping[str, Any]) -> Plan:
+    """Return the plan that a file's content describes.
+
+    :raises ConfigurationError: with a line for everything that is wrong.
+    """
+    problems: list[str] = []
+
+    def attempt(read: Callable[[], Any], otherwise: Any) -> Any:
+        try:
+            return read()
+        except ConfigurationError as error:
+            problems.extend(error.problems)
+            return otherwise
+
+    rest = {str(key): value for key, value in tree.items() if key not in _KEYS}
+    options = attempt(lambda: build(CampaignParameters, rest), CampaignParameters())
+    layer = attempt(lambda: _layer(tree.get("parameters")), {})
+    axes = attempt(lambda: read_axes(tree.get("grid")), [])
+    seeds = attempt(lambda: _seeds(tree.get("seeds", 1)), (0,))
+    faults = attempt(lambda: _faults(tree.get("faults")), ())
+    estimators, environment = attempt(lambda: _estimators(tree.get("estimators")), ({}, {}))
+    relative = attempt(lambda: parse_relative(tree.get("rpe")), ())
+    names = [name for axis in axes for name in axis.names]
+    metrics = metric_names(relative)
+    require = attempt(
+        lambda: parse(tree.get("require"), metrics, [*names, "estimator"]),
+        [],
+    )
+    problems += [
+        f"grid.{name}: stands in parameters as well" for name in names if name in (layer or {})
+    ]
+    if "seed" in names or "seed" in layer:
+        problems.append("seed: is given by seeds, not by parameters or grid")
+    if problems:
+        raise ConfigurationError(problems)
+    return Plan(options, layer, axes, seeds, faults, estimators, relative, require, environment)
+
+
+def check_cells(plan: Plan) -> None:
+    """Build every cell's parameters; of a very large grid, those along each axis.
+
+    :raises ConfigurationError: with a line for everything that is wrong, each once.
+    """
+    every = cell_count(plan.axes) <= _ALL_CHECKED
+    problems: dict[str, None] = {}
+    for cell in plan.cells() if every else _along_axes(plan.axes):
+        try:
+            plan.simulation(cell)
+        except ConfigurationError as error:
+            problems.update(dict.fromkeys(error.problems))
+        if len(problems) >= 20:
+            problems["further cells are not checked"] = None
+            break
+    if problems:
+        raise ConfigurationError(list(problems))
+
+
+def _along_axes(axes: list[Axis]) -> Iterator[Cell]:
+    first = {
+        name: value for axis in axes for name, value in zip(axis.names, axis.rows[0], strict=True)
+    }
+    for axis in axes:
+        for row in axis.rows:
+            yield Cell(-1, {**first, **dict(zip(axis.names, row, strict=True))})
+
+
+def _layer(content: object) -> Layer:
+    if content is None:
+        return {}
+    layer = files.dotted(content, "parameters")
+    for short, name in (("imu", "imu.preset"),):
+        if short in layer:
+            layer[name] = layer.pop(short)
+    if "trajectory" in layer:
+        layer = {**files.trajectory_layer(str(layer.pop("trajectory"))), **layer}
+    return layer
+
+
+def _seeds(content: object) -> tuple[int, ...]:
+    allowed = "must be a count (50: seeds 0 to 49) or a list of integers, each at least 0"
+    wrong = ConfigurationError(f"seeds = {shown(content)}: {allowed}")
+    if isinstance(content, bool):
+        raise wrong
+    if isinstance(content, int):
+        if not 1 <= content <= _MOST_SEEDS:
+            raise ConfigurationError(
+                f"seeds = {content}: must be at least 1 and at most {_MOST_SEEDS}"
+            )
+        return tuple(range(content))
+    if not isinstance(content, list) or not content:
+        raise wrong
+    for seed in content:
+        if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed < 2**63:
+            raise wrong
+    if len(set(content)) != len(content):
+        raise ConfigurationError(f"seeds = {shown(content)}: a seed is given twice")
+    return tuple(content)
+
+
+def _faults(content: object) -> tuple[TimedFault, ...]:
+    if content is None:
+        return ()
+    if not isinstance(content, list):
+        raise ConfigurationError(f"faults = {shown(content)}: must be a list of faults")
+    found, problems = [], []
+    for number, entry in enumerate(content):
+        try:
+            found.append(_fault(f"faults[{number}]", entry))
+        except ConfigurationError as error:
+            problems += [f"faults[{number}]: {line}" for line in error.problems]
+        except (TypeError, ValueError) as error:
+            problems.append(f"faults[{number}] = {shown(entry)}: {error}")
+    if problems:
+        raise ConfigurationError(problems)
+    return tuple(found)
+
+
+def _fault(where: str, entry: object) -> TimedFault:
+    if not isinstance(entry, Mapping):
+        raise ConfigurationError(
+            f"{shown(entry)}: must hold at, kind, and perhaps duration, value and triad"
+        )
+    unknown = set(entry) - {"at", "kind", "duration", "value", "triad"}
+    if unknown:
+        raise ConfigurationError(f"{', '.join(map(str, sorted(unknown)))}: unknown")
+    at = entry.get("at", 0.0)
+    if isinstance(at, bool) or not isinstance(at, int | float) or not 0.0 <= at < 1e9:
+        raise ConfigurationError(f"at = {shown(at)}: must be a time of at least 0 s")
+    value = entry.get("value", 0.0)
+    values = tuple(float(v) for v in value) if isinstance(value, list) else float(value)
+    return TimedFault(
+        float(at),
+        Fault(
+            str(entry.get("kind")),
+            duration=float(entry.get("duration", float("inf"))),
+            value=values,  # type: ignore[arg-type]
+            triad=str(entry.get("triad", "")),
+        ),
+    )
+
+
+def _estimators(content: object) -> tuple[dict[str, Estimator], dict[str, dict[str, str]]]:
+    if content is None:
+        return {"dead_reckon": DeadReckonEstimator()}, {}
+    if isinstance(content, list):
+        content = {name: {} if name == "dead_reckon" else _template(name) for name in content}
+    if not isinstance(content, Mapping) or not content:
+        raise ConfigurationError(
+            f"estimators = {shown(content)}: must hold a name and parameters for each"
+        )
+    found, environment, problems = {}, {}, []
+    for name, entry in content.items():
+        where = f"estimators.{name}"
+        if not _NAME.fullmatch(str(name)):
+            problems.append(
+                f"estimators: {shown(name)}: a name has letters, digits, _, ., + and - only, "
+                "and at most 64 of them"
+            )
+            continue
+        try:
+            found[str(name)], variables = _estimator(entry)
+            if variables:
+                environment[str(name)] = variables
+        except ConfigurationError as error:
+            problems += [f"{where}: {line}" for line in error.problems]
+    if problems:
+        raise ConfigurationError(problems)
+    return found, environment
+
+
+def _template(name: object) -> object:
+    """Return the content of a file in config/estimators."""
+    return files.read_tree(files.find("estimators", str(name)))
+
+
+def _estimator(entry: object) -> tuple[Estimator, dict[str, str]]:
+    if entry is None:
+        entry = {}
+    if not isinstance(entry, Mapping):
+        raise ConfigurationError(f"{shown(entry)}: must hold names and values")
+    values = {str(key): value for key, value in entry.items()}
+    template = values.pop("template", None)
+    if template is not None:
+        values = {**dict(_template(template)), **values}  # type: ignore[call-overload]
+    variables = values.pop("environment", {})
+    if not isinstance(variables, Mapping) or any(
+        not isinstance(key, str) or not key or "=" in key or "\0" in f"{key}{value}"
+        for key, value in variables.items()
+    ):
+        raise ConfigurationError(f"environment = {shown(variables)}: must hold names and strings")
+    kind = str(values.get("type", "command" if "command" in values else "dead_reckon"))
+    estimator: Estimator = build(find_estimator(kind), {**values, "type": kind})
+    if isinstance(estimator, CommandEstimator):
+        unknown = [p for p in re.findall(r"{([^{}]*)}", estimator.command) if p not in PLACES]
+        if unknown:
+            raise ConfigurationError(
+                f"command: {{{unknown[0]}}}: must be one of "
+                + ", ".join(f"{{{place}}}" for place in PLACES)
+            )
+    return estimator, {key: str(value) for key, value in variables.items()}

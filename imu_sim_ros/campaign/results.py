@@ -1,0 +1,215 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The folder of a campaign: rows as they come, whatever dies; tables at the end.
+
+``runs.jsonl`` gets a line for each run as soon as it is there, flushed to the disk; a torn last
+line is passed over. From it ``results.csv`` (and ``results.parquet`` where pyarrow is installed) is
+made, ordered by cell, seed and estimator.
+"""
+
+import csv
+import fcntl
+import json
+import math
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final, TextIO
+
+from imu_sim_ros.errors import InputError
+
+Row = dict[str, Any]
+Key = tuple[str, int, str, str]
+"""Digest of the parameters, seed, estimator and cell."""
+
+LOG: Final = "runs.jsonl"
+TABLE: Final = "results.csv"
+PARQUET: Final = "results.parquet"
+_LOCK: Final = ".lock"
+
+
+def key_of(row: Mapping[str, Any]) -> Key:
+    """Return what tells a run from every other."""
+    return str(row["digest"]), int(row["seed"]), str(row["estimator"]), str(row["cell"])
+
+
+class Store:
+    """The results of a campaign that is running; use as a context manager."""
+
+    def __init__(self, folder: Path, resume: bool) -> None:
+        """Open a folder for one campaign.
+
+        :param resume: go on with what is there.
+        :raises InputError: for a folder that another campaign uses, or that holds results while
+            ``resume`` is not asked for.
+        """
+        self.folder = folder
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            self._lock = (folder / _LOCK).open("w")
+        except OSError as error:
+            raise InputError(f"{folder}: cannot be written: {error.strerror}") from None
+        try:
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            self._lock.close()
+            raise InputError(f"{folder}: another campaign is running in this folder") from None
+        log = folder / LOG
+        if log.exists() and log.stat().st_size and not resume:
+            self._lock.close()
+            raise InputError(f"{folder}: holds results; go on with --resume, or name another one")
+        self._file: TextIO | None = None
+
+    def __enter__(self) -> "Store":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._file is not None:
+            self._file.close()
+        self._lock.close()
+
+    def rows(self) -> Iterator[Row]:
+        """Yield the rows that are there; a torn line is passed over."""
+        yield from read_log(self.folder / LOG)
+
+    def append(self, rows: Sequence[Row]) -> None:
+        """Add rows; they are on the disk when this returns."""
+        if self._file is None:
+            self._file = self._open()
+        self._file.write("".join(json.dumps(row, allow_nan=False) + "\n" for row in rows))
+        self._file.flush()
+        os.fsync(self._file.fileno())
+
+    def _open(self) -> TextIO:
+        path = self.folder / LOG
+        torn = _is_torn(path)
+        file = path.open("a", encoding="utf-8")
+        if torn:
+            file.write("\n")
+        return file
+
+
+def _is_torn(path: Path) -> bool:
+    """Tell whether a file ends within a line."""
+    if not path.exists() or not path.stat().st_size:
+        return False
+    with path.open("rb") as file:
+        file.seek(-1, os.SEEK_END)
+        return file.read(1) != b"\n"
+
+
+def read_log(path: Path) -> Iterator[Row]:
+    """Yield the rows of a log."""
+    if not path.exists():
+        return
+    with path.open(encoding="utf-8", errors="replace") as file:
+        for line in file:
+            try:
+                row = json.loads(line)
+                key_of(row)
+            except (ValueError, KeyError, TypeError):
+                continue
+            yield row
+
+
+def write_tables(folder: Path, rows: Sequence[Row], columns: Sequence[str]) -> list[Path]:
+    """Write ``results.csv``, and ``results.parquet`` where pyarrow is installed."""
+    table = folder / TABLE
+    part = table.with_name(f".{TABLE}.part")
+    with part.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(columns)
+        for row in rows:
+            writer.writerow([_cell(row.get(name)) for name in columns])
+    part.replace(table)
+    written = [table]
+    if _write_parquet(folder / PARQUET, rows, columns):
+        written.append(folder / PARQUET)
+    return written
+
+
+def _cell(value: object) -> object:
+    if value is None:
+        return ""
+    return repr(value) if isinstance(value, float) else value
+
+
+def _write_parquet(path: Path, rows: Sequence[Row], columns: Sequence[str]) -> bool:
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ImportError:
+        return False
+    arrays = {}
+    for name in columns:
+        values = [row.get(name) for row in rows]
+        kinds = {type(value) for value in values if value is not None}
+        # A grid's axis may mix kinds of values; a column may not.
+        mixed = len(kinds - {int, float}) > 0 and len(kinds) > 1
+        if kinds == {int, float}:
+            values = [None if value is None else float(value) for value in values]
+        arrays[name] = [None if v is None else str(v) for v in values] if mixed else values
+    part = path.with_name(f".{path.name}.part")
+    pyarrow.parquet.write_table(pyarrow.table(arrays), part)
+    part.replace(path)
+    return True
+
+
+def read_results(path: Path) -> list[Row]:
+    """Return the rows of a ``results.csv``, a ``results.parquet`` or a campaign's folder.
+
+    :raises InputError: for a file that cannot be read or has no such rows.
+    """
+    if path.is_dir():
+        path = path / TABLE
+    try:
+        rows = _read_parquet(path) if path.suffix == ".parquet" else _read_csv(path)
+    except (OSError, ValueError, csv.Error) as error:
+        raise InputError(f"{path}: cannot be read: {error}") from None
+    for name in ("cell", "seed", "estimator", "status"):
+        if rows and name not in rows[0]:
+            raise InputError(f"{path}: has no column {name}: not the results of a campaign")
+    return rows
+
+
+def _read_parquet(path: Path) -> list[Row]:
+    try:
+        import pyarrow.parquet
+    except ImportError:
+        raise InputError(
+            f"{path}: needs pyarrow: pip install pyarrow; or name the results.csv beside it"
+        ) from None
+    rows: list[Row] = pyarrow.parquet.read_table(path).to_pylist()
+    return rows
+
+
+def _read_csv(path: Path) -> list[Row]:
+    with path.open(encoding="utf-8", newline="") as file:
+        return [
+            {name: _value(name, word) for name, word in row.items() if name}
+            for row in csv.DictReader(file)
+        ]
+
+
+def _value(name: str, word: str | None) -> object:
+    if word is None or word == "":
+        return None
+    if name in ("cell", "estimator", "status", "digest", "version"):
+        return word
+    try:
+        number = float(word)
+    except ValueError:
+        return word
+    if not math.isfinite(number):
+        return word
+    return int(word) if word.lstrip("-").isdigit() else number
+
+
+def numbers(rows: Iterable[Row], metric: str) -> list[float]:
+    """Return the values of a metric in the rows that have it and are done."""
+    return [
+        float(row[metric])
+        for row in rows
+        if row["status"] == "done" and isinstance(row.get(metric), int | float)
+    ]

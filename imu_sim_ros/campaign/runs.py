@@ -1,0 +1,231 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The runs of one cell: simulate with a seed, estimate, compare with the truth."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+import imu_sim_ros
+from imu_sim_ros.bags import read_poses
+from imu_sim_ros.campaign.cells import Cell, word
+from imu_sim_ros.campaign.metrics import Metrics, pose_metrics
+from imu_sim_ros.campaign.plan import Plan
+from imu_sim_ros.config.campaign import CommandEstimator, DeadReckonEstimator
+from imu_sim_ros.errors import ConfigurationError, ImuSimError
+from imu_sim_ros.navigation.consistency import nees
+from imu_sim_ros.navigation.covariance import (
+    ATTITUDE,
+    POSITION,
+    VELOCITY,
+    initial_covariance,
+    propagate,
+)
+from imu_sim_ros.navigation.dead_reckoning import dead_reckon
+from imu_sim_ros.navigation.drift import Truth, drift
+from imu_sim_ros.navigation.evaluation import attitude_errors
+from imu_sim_ros.navigation.noise import noise_of
+from imu_sim_ros.navigation.state import NavigationStates
+from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.sensor import ImuBlock
+from imu_sim_ros.simulation import Simulation
+from imu_sim_ros.topics import delivered
+
+Array = NDArray[np.float64]
+
+DONE: Final = "done"
+_NEES: Final = {"position": POSITION, "attitude": ATTITUDE, "velocity": VELOCITY}
+
+
+class Readings(NamedTuple):
+    """What an estimator gets."""
+
+    t_ns: NDArray[np.int64]
+    gyro: Array
+    accel: Array
+
+
+class Failure(Exception):  # noqa: N818 - a result of a run, not an error of the program
+    """A run that gave no usable trajectory; the text says why."""
+
+
+class CellRuns:
+    """The runs of a cell; what all its seeds share is made once."""
+
+    def __init__(self, plan: Plan, cell: Cell) -> None:
+        """Set up trajectory and sensor.
+
+        :raises ImuSimError: for a cell that cannot be simulated.
+        """
+        self.plan, self.cell = plan, cell
+        self.parameters = plan.simulation(cell)
+        self._base = Simulation(self.parameters, pose_reader=read_poses)
+        if self._base.total is None:
+            raise ConfigurationError(
+                f"cell {cell.name}: duration = 0: this trajectory has no end; say how long in "
+                "parameters"
+            )
+        self.total = self._base.total
+        self.digests = {name: plan.digest(self.parameters, name) for name in plan.estimators}
+        self._inverse_covariance: dict[str, Array | None] | None = None
+
+    def rows(
+        self, seeds: Sequence[int], estimators: Sequence[str], folder: Path
+    ) -> Iterator[dict[str, Any]]:
+        """Yield one row of results for each seed and estimator."""
+        for seed in seeds:
+            try:
+                block = self.block(seed)
+            except ImuSimError as error:
+                for name in estimators:
+                    yield self._row(seed, name, f"failed: {error.problems[0]}", {})
+                continue
+            for name in estimators:
+                yield self._one(seed, name, block, folder)
+
+    def block(self, seed: int) -> ImuBlock:
+        """Return all samples of a seed."""
+        simulation = self._base.with_seed(seed)
+        for timed in self.plan.faults:
+            simulation.inject(timed.fault, timed.at)
+        return simulation.next_block(self.total)
+
+    def with_seed(self, seed: int) -> Simulation:
+        """Return a simulation of this cell at its first sample."""
+        return self._base.with_seed(seed)
+
+    def _one(self, seed: int, name: str, block: ImuBlock, folder: Path) -> dict[str, Any]:
+        estimator = self.plan.estimators[name]
+        try:
+            if isinstance(estimator, CommandEstimator):
+                from imu_sim_ros.campaign.command import run_command
+
+                metrics = run_command(self, estimator, name, seed, block, folder)
+            else:
+                metrics = self._dead_reckon(estimator, block)
+            _check(metrics, self.plan.options.diverged_above)
+        except Failure as failure:
+            return self._row(seed, name, f"failed: {failure}", {})
+        except ImuSimError as error:
+            return self._row(seed, name, f"failed: {error.problems[0]}", {})
+        return self._row(seed, name, DONE, metrics)
+
+    def _row(self, seed: int, name: str, status: str, metrics: Metrics) -> dict[str, Any]:
+        return {
+            "cell": self.cell.name,
+            "seed": seed,
+            "estimator": name,
+            "status": " ".join(status.split())[:300],
+            **{key: _plain(value) for key, value in self.cell.values.items()},
+            **{key: metrics.get(key) for key in self.plan.metrics},
+            "digest": self.digests[name],
+            "version": imu_sim_ros.__version__,
+        }
+
+    def truth(self, block: ImuBlock) -> NavigationStates:
+        """Return the true states at the true times."""
+        motion = block.motion
+        return NavigationStates(block.true_t_ns, motion.position, motion.velocity, motion.q_wb)
+
+    def readings(self, block: ImuBlock) -> Readings:
+        """Return what is delivered, each stamp once and in order."""
+        t_ns, gyro, accel = delivered(block)
+        if len(t_ns) and bool(np.all(t_ns[1:] > t_ns[:-1])):
+            return Readings(t_ns, gyro, accel)
+        first = np.unique(t_ns, return_index=True)[1]
+        return Readings(t_ns[first], gyro[first], accel[first])
+
+    def _dead_reckon(self, estimator: DeadReckonEstimator, block: ImuBlock) -> Metrics:
+        readings, truth = self.readings(block), self.truth(block)
+        if len(readings.t_ns) < 2:
+            raise Failure(f"{len(readings.t_ns)} readings were delivered")
+        at_stamps = len(readings.t_ns) == len(truth.t_ns) and bool(
+            np.array_equal(readings.t_ns, truth.t_ns)
+        )
+        truth_poses = PoseSequence(truth.t_ns, truth.position, truth.q_wb)
+        start = (
+            truth.at(0)
+            if at_stamps
+            else Truth(truth_poses, truth.velocity).at(
+                max(int(readings.t_ns[0]), int(truth.t_ns[0]))
+            )
+        )
+        states = dead_reckon(
+            *readings,
+            start,
+            estimator.method,
+            estimator.attitude_update,
+            self.parameters.gravity,
+        )
+        if at_stamps:
+            estimate = PoseSequence(states.t_ns, states.position, states.q_wb)
+            metrics = pose_metrics(estimate, truth_poses, self.plan.relative)
+            velocity = truth.velocity[-1] - states.velocity[-1]
+            metrics["final_velocity_error_m_s"] = float(np.linalg.norm(velocity))
+            metrics.update(self._consistency(truth, block, states))
+            return metrics
+        compared = drift(states, Truth(truth_poses, truth.velocity))
+        return {
+            "ate_rmse_m": compared.rms("position"),
+            "ate_rmse_rad": compared.rms("attitude"),
+            "final_position_error_m": compared.final("position"),
+            "final_attitude_error_rad": compared.final("attitude"),
+            "final_velocity_error_m_s": compared.final("velocity"),
+            "drift_percent": 100.0 * compared.final("position") / compared.distance
+            if compared.distance > 0.0
+            else None,
+        }
+
+    def _consistency(
+        self, truth: NavigationStates, block: ImuBlock, states: NavigationStates
+    ) -> Metrics:
+        """Return the NEES of the final state; the covariance is that along the truth.
+
+        It is the same for all seeds of a cell, so that it is propagated once.
+        """
+        if self._inverse_covariance is None:
+            self._inverse_covariance = self._final_covariances(truth, block)
+        errors = {
+            "position": truth.position[-1] - states.position[-1],
+            "velocity": truth.velocity[-1] - states.velocity[-1],
+            "attitude": attitude_errors(states.q_wb[-1:], truth.q_wb[-1:])[0],
+        }
+        return {
+            f"nees_{name}": None if matrix is None else float(nees(errors[name][None], matrix)[0])
+            for name, matrix in self._inverse_covariance.items()
+        }
+
+    def _final_covariances(
+        self, truth: NavigationStates, block: ImuBlock
+    ) -> dict[str, Array | None]:
+        imu = self.parameters.imu
+        initial = initial_covariance(
+            gyroscope_bias=imu.gyroscope_turn_on_bias_sigma,
+            accelerometer_bias=imu.accelerometer_turn_on_bias_sigma,
+        )
+        matrix = propagate(truth, block.ideal_accel, noise_of(imu), initial)[0]
+        found: dict[str, Array | None] = {}
+        for name, place in _NEES.items():
+            part = matrix[place, place]
+            regular = np.linalg.matrix_rank(part, hermitian=True) == 3
+            found[name] = part if regular else None
+        return found
+
+
+def _check(metrics: Metrics, diverged_above: float) -> None:
+    """Raise a Failure for numbers that are none, and for an error above the limit."""
+    for name, value in metrics.items():
+        if value is not None and not np.isfinite(value):
+            raise Failure(f"{name} is not finite")
+    final = metrics.get("final_position_error_m")
+    if diverged_above and final is not None and final > diverged_above:
+        raise Failure(f"diverged: {final:.4g} m at the end")
+
+
+def _plain(value: object) -> object:
+    """Return a grid's value as results hold it: a number, a boolean or a string."""
+    return value if isinstance(value, int | float | str) else word(value)

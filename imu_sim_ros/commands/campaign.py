@@ -1,0 +1,270 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""``campaign``: many runs of any estimator over a grid of sensors, motions, faults and seeds."""
+
+import argparse
+import contextlib
+import os
+import shutil
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from imu_sim_ros.commands import common
+from imu_sim_ros.errors import InputError
+
+if TYPE_CHECKING:
+    from imu_sim_ros.campaign.campaign import Engine, Outcome
+    from imu_sim_ros.campaign.plan import Plan
+    from imu_sim_ros.campaign.summary import Group
+
+EXAMPLES: Final = """\
+examples:
+  campaign which_imu -o which_imu
+  campaign plan.yaml -o results --workers 2 --baseline last/results.csv
+  campaign plan.yaml -o results --resume --scheduler tcp://localhost:8786
+"""
+GATE_FAILED: Final = 3
+"""Exit status where a requirement is not met or a run is worse than the baseline."""
+MANY: Final = 100_000
+"""Runs from which --yes is asked for."""
+_GUESS_S: Final = 0.01
+"""[s] that a run of 20 s at 200 Hz takes; only for the question before a very long campaign."""
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the command's arguments."""
+    result = common.Parser(
+        prog="campaign",
+        description=__doc__,
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    result.add_argument("plan", metavar="PLAN", help="a file, or a name in config/campaigns")
+    result.add_argument(
+        "-o", "--output", type=Path, metavar="DIR", required=True, help="folder of the results"
+    )
+    result.add_argument(
+        "--resume", action="store_true", help="go on with the results that the folder holds"
+    )
+    result.add_argument(
+        "--retry-failed", action="store_true", help="with --resume: make failed runs again"
+    )
+    result.add_argument(
+        "--workers",
+        type=int,
+        metavar="N",
+        default=os.cpu_count() or 1,
+        help="processes on this machine; default: one for each core (%(default)s)",
+    )
+    result.add_argument(
+        "--scheduler", metavar="ADDRESS", help="run on a Dask cluster, tcp://host:8786"
+    )
+    result.add_argument(
+        "--dask", action="store_true", help="run on a local Dask cluster with its dashboard"
+    )
+    result.add_argument(
+        "--baseline",
+        type=Path,
+        metavar="FILE",
+        help="results.csv or results.parquet of an earlier campaign: being significantly worse "
+        f"ends with status {GATE_FAILED}",
+    )
+    result.add_argument(
+        "--metric",
+        default="ate_rmse_m",
+        metavar="NAME",
+        help="metric of the tables and of --baseline (%(default)s)",
+    )
+    result.add_argument("--check", action="store_true", help="check the plan and say what it runs")
+    result.add_argument("--yes", action="store_true", help=f"run {MANY:,} runs or more")
+    common.add_output_arguments(result)
+    return result
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command; returns its exit status."""
+    arguments = parser().parse_args(argv)
+    gate: list[str] = []
+    status = common.run("campaign", lambda: gate.extend(run(arguments)))
+    for line in gate:
+        print(f"campaign: {line}", file=sys.stderr)
+    return GATE_FAILED if gate and not status else status
+
+
+def run(arguments: argparse.Namespace) -> list[str]:
+    """Run a campaign; return a line for every requirement that is not met."""
+    from imu_sim_ros.campaign import campaign
+    from imu_sim_ros.campaign.plan import find_plan, load_plan
+    from imu_sim_ros.campaign.results import Store, read_results
+    from imu_sim_ros.campaign.summary import groups
+
+    path = find_plan(arguments.plan)
+    plan = load_plan(path)
+    _check(arguments, plan)
+    baseline = None if arguments.baseline is None else read_results(arguments.baseline)
+    if arguments.check:
+        print(_described(plan))
+        return []
+    started = time.perf_counter()
+    with Store(arguments.output, arguments.resume) as store, _engine(arguments) as engine:
+        shutil.copyfile(path, arguments.output / "plan.yaml")
+        there = sum(1 for _ in store.rows())
+        quiet = arguments.quiet or arguments.json
+        with common.progress(f"campaign {plan.options.name}", plan.run_count, quiet) as advance:
+            advance(min(there, plan.run_count))
+            try:
+                outcome = campaign.run(plan, store, engine, advance, arguments.retry_failed)
+            except KeyboardInterrupt:
+                print(
+                    f"campaign: stopped; {arguments.output} holds what is done, go on with "
+                    "--resume",
+                    file=sys.stderr,
+                )
+                raise
+    wall_s = time.perf_counter() - started
+    found = groups(outcome.rows, plan.grid_names)
+    if arguments.json:
+        common.print_json(campaign.result(outcome, wall_s, arguments.output))
+    elif not arguments.quiet:
+        _print(arguments, outcome, found, wall_s)
+    return _gate(arguments, plan, found, baseline)
+
+
+def _check(arguments: argparse.Namespace, plan: "Plan") -> None:
+    problems = []
+    if arguments.workers < 1:
+        problems.append(f"--workers {arguments.workers}: must be at least 1")
+    if arguments.metric not in plan.metrics:
+        problems.append(f"--metric {arguments.metric}: must be one of {', '.join(plan.metrics)}")
+    if arguments.dask and arguments.scheduler:
+        problems.append("--dask and --scheduler: one of them")
+    if plan.run_count >= MANY and not (arguments.yes or arguments.check):
+        hours = plan.run_count * _GUESS_S / max(arguments.workers, 1) / 3600.0
+        problems.append(
+            f"the plan has {plan.run_count:,} runs: with short runs on {arguments.workers} "
+            f"processes some {max(hours, 0.1):.1f} hours; start it with --yes"
+        )
+    if problems:
+        raise InputError(problems)
+
+
+@contextlib.contextmanager
+def _engine(arguments: argparse.Namespace) -> Iterator["Engine"]:
+    from imu_sim_ros.campaign import campaign
+
+    if not (arguments.dask or arguments.scheduler):
+        yield campaign.embedded(arguments.workers)
+        return
+    from imu_sim_ros.campaign import dask_engine
+
+    with dask_engine.client(arguments.scheduler, arguments.workers) as client:
+        if not (arguments.quiet or arguments.json):
+            print(f"dashboard: {client.dashboard_link}")
+        yield dask_engine.engine(client)
+
+
+def _described(plan: "Plan") -> str:
+    from imu_sim_ros.campaign.cells import cell_count
+
+    return (
+        f"{plan.options.name}: {cell_count(plan.axes)} cells x {len(plan.seeds)} seeds x "
+        f"{len(plan.estimators)} estimators = {plan.run_count:,} runs"
+    )
+
+
+def _print(
+    arguments: argparse.Namespace,
+    outcome: "Outcome",
+    found: Sequence["Group"],
+    wall_s: float,
+) -> None:
+    from imu_sim_ros.campaign.campaign import counts
+    from imu_sim_ros.campaign.summary import compared
+
+    rows = [_row(group, arguments.metric) for group in found[:_SHOWN]]
+    header = ["cell", "estimator", "done", "median", "95 % of it", "p95", "NEES"]
+    common.print_table(header, rows, f"{arguments.metric}, median with 95 % interval")
+    if len(found) > _SHOWN:
+        print(f"{len(found) - _SHOWN} more in {arguments.output / 'summary.csv'}")
+    pairs = [pair for pair in compared(found, arguments.metric) if pair.significant]
+    if pairs:
+        shown = sorted(pairs, key=lambda pair: pair.p or 0.0)[:_SHOWN]
+        common.print_table(
+            ["A", "B", "A / B", "p"],
+            [
+                [
+                    p.a,
+                    p.b,
+                    "-" if p.comparison.ratio is None else f"{p.comparison.ratio:.3g}",
+                    f"{p.p:.2g}",
+                ]
+                for p in shown
+            ],
+            f"Significant differences ({len(pairs)}; same seeds, Wilcoxon, Holm)",
+        )
+    for status, count in counts(outcome.rows).items():
+        if status != "done":
+            print(f"{count} runs {status}")
+    print(
+        f"{arguments.output}: {len(outcome.rows):,} runs, {outcome.new:,} of them now, in "
+        f"{wall_s:.1f} s"
+    )
+
+
+_SHOWN: Final = 40
+
+
+def _row(group: "Group", metric: str) -> list[str]:
+    from imu_sim_ros.campaign.statistics import quantile
+
+    values = group.values(metric)
+    median, p95 = quantile(values, 0.5), quantile(values, 0.95)
+    ends = [_number(end) for end in (median.low, median.high)]
+    nees = group.values("nees_position")
+    return [
+        group.cell,
+        group.estimator,
+        f"{group.done} of {len(group.rows)}",
+        _number(median.value),
+        " - ".join(ends),
+        _number(p95.value),
+        f"{nees.mean():.3g}" if len(nees) else "-",
+    ]
+
+
+def _number(value: float | None) -> str:
+    return "?" if value is None else f"{value:.4g}"
+
+
+def _gate(
+    arguments: argparse.Namespace,
+    plan: "Plan",
+    found: Sequence["Group"],
+    baseline: list[dict[str, object]] | None,
+) -> list[str]:
+    from imu_sim_ros.campaign.summary import against_baseline, groups, unmet, unused
+
+    lines = [one.line() for one in unmet(found, plan.require)]
+    lines += [
+        f"require {one.text}: no cell with such values" for one in unused(found, plan.require)
+    ]
+    if baseline is not None:
+        pairs = against_baseline(found, groups(baseline, plan.grid_names), arguments.metric)
+        if not pairs:
+            lines.append(f"--baseline {arguments.baseline}: has no run in common with this plan")
+        for pair in pairs:
+            worse = pair.comparison.median_difference.value or 0.0
+            if pair.significant and worse > 0.0:
+                lines.append(
+                    f"worse than the baseline: {arguments.metric} ({pair.a}): median "
+                    f"{worse:.4g} higher over {pair.comparison.pairs} seeds, p = {pair.p:.2g}"
+                )
+    return lines
+
+
+if __name__ == "__main__":
+    sys.exit(main())

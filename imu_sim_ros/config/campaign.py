@@ -1,0 +1,90 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Parameters of a campaign and of its estimators."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from imu_sim_ros.config.integrator import ATTITUDE_UPDATES, METHODS
+from imu_sim_ros.config.parameter import choice, flag, integer, number, text
+from imu_sim_ros.errors import ConfigurationError
+
+ALIGNMENTS = ("none", "yaw", "se3", "sim3")
+DATASETS = ("euroc", "rosbag2", "ros1", "mcap")
+ESTIMATES = ("tum", "euroc", "bag")
+KEEP = ("none", "failed", "all")
+PLACES = ("dataset", "config", "estimate", "folder", "seed", "python")
+"""What a command may name in braces."""
+
+
+@dataclass(frozen=True)
+class CampaignParameters:
+    """What holds for all runs of a campaign."""
+
+    name: str = text("campaign", "title of the campaign")
+    retries: int = integer(
+        2,
+        "how often a run is started again after its worker process died",
+        minimum=0,
+        maximum=100,
+    )
+    diverged_above: float = number(
+        0.0,
+        "final position error above which a run counts as failed: diverged; 0: no limit",
+        unit="m",
+        minimum=0.0,
+    )
+    keep: str = choice("none", KEEP, "run folders of commands that are kept")
+
+
+@dataclass(frozen=True)
+class DeadReckonEstimator:
+    """Dead reckoning from the true initial state."""
+
+    type: str = choice("dead_reckon", ("dead_reckon", "command"), "kind of the estimator")
+    method: str = choice("midpoint", METHODS, "how position and velocity are integrated")
+    attitude_update: str = choice("so3", ATTITUDE_UPDATES, "how the attitude is integrated")
+
+
+@dataclass(frozen=True)
+class CommandEstimator:
+    """A program of any kind that reads a dataset and writes a trajectory."""
+
+    type: str = choice("command", ("dead_reckon", "command"), "kind of the estimator")
+    command: str = text(
+        "",
+        "the program and its arguments; in braces: " + ", ".join(PLACES),
+    )
+    dataset: str = choice("euroc", DATASETS, "form of the dataset that is written for it")
+    estimate: str = choice("tum", ESTIMATES, "form of the trajectory that it writes")
+    estimate_topic: str = text("", "topic of the trajectory in a bag; empty: the only one")
+    align: str = choice("yaw", ALIGNMENTS, "alignment of the estimate before its errors are taken")
+    timeout: float = number(
+        600.0, "time after which it is ended", unit="s", minimum=0.0, above_minimum=True
+    )
+    memory_limit: float = number(0.0, "address space it may use; 0: no limit", unit="B", minimum=0)
+    disk_limit: float = number(
+        2e9,
+        "size its folder, captured output included, may reach",
+        unit="B",
+        minimum=0.0,
+        above_minimum=True,
+    )
+    shell: bool = flag(False, "run the command by /bin/sh instead of directly")
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Yield what single parameters cannot say."""
+        if not self.command.strip():
+            yield f"{prefix}command = {self.command!r}: must name a program"
+
+
+def find_estimator(kind: str) -> type:
+    """Return the parameters of a kind of estimator.
+
+    :raises ConfigurationError: for an unknown kind.
+    """
+    kinds = {"dead_reckon": DeadReckonEstimator, "command": CommandEstimator}
+    if kind not in kinds:
+        raise ConfigurationError(f"type = {kind!r}: must be one of {', '.join(kinds)}")
+    return kinds[kind]

@@ -1,0 +1,59 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+import yaml
+
+
+@pytest.fixture
+def plan_file(tmp_path):
+    """Return a function that writes a plan and returns its path."""
+
+    def write(name="plan.yaml", **content):
+        base = {"parameters": {"rate": 100.0, "duration": 2.0, "imu": "adis16448"}, "seeds": 3}
+        path = tmp_path / name
+        path.write_text(yaml.safe_dump({**base, **content}), encoding="utf-8")
+        return path
+
+    return write
+
+
+@pytest.fixture
+def start():
+    """Return a function that starts the command in a process of its own."""
+    started = []
+
+    def begin(*arguments, **options):
+        process = subprocess.Popen(
+            [sys.executable, "-m", "imu_sim_ros.commands.campaign", *map(str, arguments)],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            env={**os.environ, "COLUMNS": "160"},
+            **options,
+        )
+        started.append(process)
+        return process
+
+    yield begin
+    for process in started:
+        if process.poll() is None:
+            process.kill()
+            process.wait()
+
+
+@pytest.fixture
+def campaign(start):
+    """Return a function that runs the command to its end: status, result, lines of complaint."""
+
+    def run(*arguments):
+        process = start(*arguments, "--json")
+        stdout, stderr = process.communicate(timeout=240)
+        return process.returncode, json.loads(stdout) if stdout else None, stderr.splitlines()
+
+    return run

@@ -1,0 +1,129 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Plans: what they describe, and everything that is wrong with them, all together."""
+
+import pytest
+
+from imu_sim_ros.campaign.cells import cell_count, cells, read_axes
+from imu_sim_ros.campaign.gate import parse
+from imu_sim_ros.campaign.plan import load_plan, read_plan
+from imu_sim_ros.errors import ConfigurationError
+
+BASE = {"parameters": {"rate": 100.0, "duration": 2.0}}
+
+
+def test_axes_make_every_combination_the_last_changing_fastest():
+    axes = read_axes(
+        {
+            "imu": ["adis16448", "bmi088"],
+            "imu.gyroscope_noise_density": {"log_range": [1e-4, 1e-2, 3]},
+        }
+    )
+    found = list(cells(axes))
+    assert cell_count(axes) == len(found) == 6
+    assert [cell.values["imu.gyroscope_noise_density"] for cell in found[:3]] == [1e-4, 1e-3, 1e-2]
+    assert found[3].name == "imu=bmi088, imu.gyroscope_noise_density=0.0001"
+    assert found[3].layer() == {"imu.preset": "bmi088", "imu.gyroscope_noise_density": 1e-4}
+
+
+def test_zipped_axes_change_together():
+    axes = read_axes({"noise": {"zip": {"rate": [100, 200], "duration": [1, 2]}}})
+    assert [cell.values for cell in cells(axes)] == [
+        {"rate": 100, "duration": 1},
+        {"rate": 200, "duration": 2},
+    ]
+
+
+@pytest.mark.parametrize(
+    ("grid", "line"),
+    [
+        ([1], "grid = .*must hold names"),
+        ({"rate": []}, "grid.rate = .*must be a list of values"),
+        ({"rate": 5}, "grid.rate = 5: must be a list"),
+        ({"rate": [1, 1.0]}, "grid.rate: 1: given twice"),
+        ({"rate": {"log_range": [0, 1, 3]}}, "log_range = .*two numbers above 0"),
+        ({"rate": {"range": [1, 2, 1]}}, "and a count of 2 to"),
+        ({"rate": {"range": [1, float("nan"), 4]}}, "two finite numbers"),
+        ({"z": {"zip": {"rate": [1, 2], "seed": [1]}}}, "equally long: rate 2, seed 1"),
+        ({"rate": [1], "z": {"zip": {"rate": [2]}}}, "grid.rate: given twice"),
+        ({"rate": [{"a": 1}]}, "must hold plain values"),
+    ],
+)
+def test_bad_grids_say_what_is_wrong(grid, line):
+    with pytest.raises(ConfigurationError, match=line):
+        read_axes(grid)
+
+
+def test_all_problems_of_a_plan_come_together(plan_file):
+    path = plan_file(seeds=0, retries=-1, keep="some", grid={"rate": 5})
+    with pytest.raises(ConfigurationError) as caught:
+        load_plan(path)
+    text = "\n".join(caught.value.problems)
+    for start in ("retries = -1: must be", "keep = 'some': must be", "seeds = 0:", "grid.rate = 5"):
+        assert f"{path}: {start}" in text
+    bad = {"rate": -1.0, "duration": 2.0}
+    with pytest.raises(ConfigurationError) as caught:
+        load_plan(plan_file(parameters=bad, grid={"imu": ["adis16448", "nosuch"]}))
+    text = "\n".join(caught.value.problems)
+    assert "cell imu=adis16448: rate = -1.0: must be" in text
+    assert "cell imu=nosuch: " in text
+
+
+@pytest.mark.parametrize(
+    ("content", "line"),
+    [
+        ({"seeds": 0}, "seeds = 0: must be at least 1"),
+        ({"seeds": [1, 1]}, "a seed is given twice"),
+        ({"seeds": [-1]}, "each at least 0"),
+        ({"seeds": True}, "must be a count"),
+        ({"grids": {}}, "grids: unknown parameter"),
+        ({"parameters": {"seed": 3}}, "seed: is given by seeds"),
+        ({"parameters": {"rate": 1.0}, "grid": {"rate": [1, 2]}}, "grid.rate: stands in param"),
+        ({"faults": [{"kind": "explosion"}]}, r"faults\[0\]: fault kind = 'explosion'"),
+        ({"faults": [{"kind": "stuck", "when": 1}]}, r"faults\[0\]: when: unknown"),
+        ({"faults": [{"kind": "stuck", "at": "soon"}]}, "at = 'soon': must be a time"),
+        ({"estimators": {"../x": {}}}, "a name has letters, digits"),
+        ({"estimators": {"<script>": {}}}, "a name has letters, digits"),
+        ({"estimators": {"a": {"method": "simpson"}}}, "estimators.a: method = 'simpson'"),
+        ({"estimators": {"a": {"command": ""}}}, "command = '': must name a program"),
+        ({"estimators": {"a": {"command": "x {dataset} {home}"}}}, "{home}: must be one of"),
+        ({"estimators": {"a": {"command": "x", "timeout": float("inf")}}}, "timeout = inf"),
+        ({"estimators": {"a": {"command": "x", "environment": [1]}}}, "must hold names and str"),
+        ({"rpe": ["1h"]}, "rpe: '1h'"),
+        ({"rpe": ["0m"]}, "must be a time or distance"),
+        ({"require": ["ate_rmse_m < 1"]}, "the statistic must be one of"),
+        ({"require": ["nonsense.p95 < 1"]}, "nonsense: must be success or one of"),
+        ({"require": ["__import__('os').system('x') < 1"]}, "must be METRIC.STATISTIC"),
+        ({"require": ["success >= 0.9 @ sensor=x"]}, "must be NAME=VALUE with one of"),
+    ],
+)
+def test_bad_plans_say_what_is_wrong(content, line):
+    with pytest.raises(ConfigurationError, match=line):
+        read_plan({**BASE, **content})
+
+
+def test_requirements_are_read_with_filters():
+    (found,) = parse(
+        ["ate_rmse_m.p95 <= 1e-1 @ imu=a b, estimator=x"], ["ate_rmse_m"], ["imu", "estimator"]
+    )
+    assert (found.metric, found.statistic, found.limit) == ("ate_rmse_m", "p95", 0.1)
+    assert found.filters == (("imu", "a b"), ("estimator", "x"))
+    assert found.concerns({"imu": "a b", "estimator": "x"})
+    assert not found.concerns({"imu": "a b", "estimator": "y"})
+    assert found.holds(0.1)
+    assert not found.holds(0.11)
+    assert not found.holds(None)
+
+
+def test_the_digest_tells_what_changes_numbers_from_what_does_not(plan_file):
+    def digest(**content):
+        plan = load_plan(plan_file(**content))
+        return plan.digest(plan.simulation(next(plan.cells())), "dead_reckon")
+
+    first = digest()
+    assert digest(seeds=7, name="other", require=["success >= 0.5"]) == first
+    assert digest(parameters={"rate": 100.0, "duration": 3.0, "imu": "adis16448"}) != first
+    assert digest(faults=[{"kind": "stuck", "triad": "gyroscope", "at": 1.0}]) != first
+    assert digest(rpe=["1s"]) != first
+    assert digest(estimators={"dead_reckon": {"method": "euler"}}) != first
