@@ -140,6 +140,7 @@ def _write_dataset(runs: "CellRuns", form: str, block: ImuBlock, place: Path) ->
 
     if form == "euroc":
         path = place / "dataset"
+        path.mkdir()
         with Dataset(path / "mav0", "euroc", True) as dataset:
             DatasetTarget(dataset).write(block)
         return path
@@ -219,16 +220,23 @@ def _wait(
         pid, status, usage = os.wait4(process.pid, os.WNOHANG)
         if pid:
             process.returncode = os.waitstatus_to_exitcode(status)
-            return process.returncode, "", usage.ru_maxrss / 1024.0
+            # The limit of a single file's size ends a program before the look at the folder does.
+            full = process.returncode != 0 and _size(place) >= estimator.disk_limit
+            reason = _too_much(estimator) if full else ""
+            return process.returncode, reason, usage.ru_maxrss / 1024.0
         now = time.monotonic()
         if now >= deadline:
             return None, f"no end within {estimator.timeout:g} s", 0.0
         if now >= look:
             look = now + _POLL
             if _size(place) > estimator.disk_limit:
-                return None, f"more than {estimator.disk_limit:g} bytes written", 0.0
+                return None, _too_much(estimator), 0.0
         time.sleep(min(pause, max(deadline - now, 0.0)))
         pause = min(pause * 1.5, 0.05)
+
+
+def _too_much(estimator: CommandEstimator) -> str:
+    return f"more than {estimator.disk_limit:g} bytes written"
 
 
 def _size(folder: Path) -> int:

@@ -95,6 +95,7 @@ def _begin(plan: Plan, folder: Path) -> None:
 
 
 def _work(task: Task) -> list[Row]:
+    """Make the runs of a task in a worker of the pool."""
     return work(_plan, task, _folder)
 
 

@@ -21,7 +21,9 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 CONFIDENCE: Final = 0.95
-_RESAMPLES: Final = 2000
+_RESAMPLES: Final = 9999
+_CHUNK: Final = 1_000_000
+"""Numbers that are drawn at a time, so that memory does not grow with the runs."""
 _FEWEST: Final = 6
 """Runs below which no interval is given; two-sided, Wilcoxon's test needs as many for 5 %."""
 
@@ -70,8 +72,17 @@ def _bca(values: Array) -> tuple[float, float]:
     from scipy.special import ndtr, ndtri
 
     rng = np.random.default_rng(20_240_611)
-    rows = rng.integers(0, len(values), (_RESAMPLES, len(values)))
-    means = np.sort(values[rows].mean(axis=1))
+    at_once = max(_CHUNK // len(values), 1)
+    means = np.sort(
+        np.concatenate(
+            [
+                values[
+                    rng.integers(0, len(values), (min(at_once, _RESAMPLES - k), len(values)))
+                ].mean(axis=1)
+                for k in range(0, _RESAMPLES, at_once)
+            ]
+        )
+    )
     centre = values.mean()
     below = (np.sum(means < centre) + 0.5 * np.sum(means == centre)) / _RESAMPLES
     z0 = ndtri(np.clip(below, 1 / _RESAMPLES, 1 - 1 / _RESAMPLES))

@@ -111,7 +111,7 @@ def run(arguments: argparse.Namespace) -> list[str]:
         return []
     started = time.perf_counter()
     with Store(arguments.output, arguments.resume) as store, _engine(arguments) as engine:
-        shutil.copyfile(path, arguments.output / "plan.yaml")
+        _keep_plan(path, arguments.output / "plan.yaml")
         there = sum(1 for _ in store.rows())
         quiet = arguments.quiet or arguments.json
         with common.progress(f"campaign {plan.options.name}", plan.run_count, quiet) as advance:
@@ -132,6 +132,12 @@ def run(arguments: argparse.Namespace) -> list[str]:
     elif not arguments.quiet:
         _print(arguments, outcome, found, wall_s)
     return _gate(arguments, plan, found, baseline)
+
+
+def _keep_plan(path: Path, copy: Path) -> None:
+    """Put the plan beside its results; the plan itself may lie there."""
+    if not (copy.exists() and copy.samefile(path)):
+        shutil.copyfile(path, copy)
 
 
 def _check(arguments: argparse.Namespace, plan: "Plan") -> None:

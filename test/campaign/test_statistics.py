@@ -29,7 +29,7 @@ def test_success_is_wilsons_interval():
 
 
 def test_the_mean_has_the_interval_of_scipys_bootstrap():
-    """Both ends within what 2000 resamples let them scatter: some 4 % of the interval."""
+    """Both ends within what 9999 resamples let them scatter: some 2 % of the interval."""
     values = np.random.default_rng(3).lognormal(0.0, 0.6, 40)
     theirs = scipy.stats.bootstrap(
         (values,), np.mean, n_resamples=20000, method="BCa", random_state=1
@@ -75,21 +75,23 @@ def test_intervals_hold_the_truth_in_95_percent_of_campaigns(name, truth):
 
 
 def paired_campaign(rng, factor):
-    """Return errors of two estimators on 50 seeds: a part that both share, and 15 % of their own."""
+    """Return errors of two estimators on 50 seeds: a shared part, and 15 % of their own."""
     common = rng.lognormal(0.0, 0.5, 50)
     own = rng.lognormal(0.0, 0.15, (2, 50))
     return common * own[0] * factor, common * own[1]
 
 
 def test_a_planted_difference_is_found_and_none_is_not_invented():
-    """A difference of 10 % against a spread of 21 % of the ratio, 50 pairs: t = 3.2, 88 % power.
+    """A difference of 10 % against a spread of 21 % of the ratio, 50 pairs: t = 3.2.
+
+    Wilcoxon's test has 84 % power there (1000 campaigns), so that 84 +- 3.7 of 100 are found.
 
     Without one, at most 5 % of 200 are significant by chance: 10 +- 3.1; 19 is three of these.
     """
     rng = np.random.default_rng(5)
     found = sum(compare(*paired_campaign(rng, 1.1)).p < 0.05 for _ in range(100))
     invented = sum(compare(*paired_campaign(rng, 1.0)).p < 0.05 for _ in range(200))
-    assert found >= 78
+    assert found >= 73
     assert invented <= 19
 
 

@@ -1,0 +1,219 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Estimators that are programs: good ones, and all that a program can do wrong."""
+
+import shlex
+import sys
+from pathlib import Path
+
+import pytest
+
+from imu_sim_ros.campaign import command
+from imu_sim_ros.campaign.plan import load_plan
+from imu_sim_ros.campaign.runs import CellRuns
+
+# Reads the truth of the EuRoC folder and writes it as its estimate, moved and turned in yaw.
+HONEST = """
+import csv, sys, math
+dataset, estimate = sys.argv[1:]
+rows = list(csv.reader(open(dataset + "/mav0/state_groundtruth_estimate0/data.csv")))[1:]
+assert len(list(open(dataset + "/mav0/imu0/data.csv"))) == len(rows) + 1
+with open(estimate, "w") as file:
+    for row in rows[::5]:
+        x, y, z = map(float, row[1:4])
+        w, i, j, k = map(float, row[4:8])
+        c, s = math.cos(0.25), math.sin(0.25)  # half the yaw of 0.5 rad
+        q = (c * w - s * k, c * i - s * j, c * j + s * i, c * k + s * w)
+        px, py = math.cos(0.5) * x - math.sin(0.5) * y, math.sin(0.5) * x + math.cos(0.5) * y
+        print(int(row[0]) * 1e-9, px + 3, py - 2, z + 1, q[1], q[2], q[3], q[0], file=file)
+"""
+
+
+@pytest.fixture
+def run(tmp_path, plan_file):
+    """Return a function that runs one program as an estimator: its row of results."""
+
+    def one(program, arguments="", keep="none", **options):
+        script = tmp_path / 'the program\'s "script".py'
+        script.write_text(program, encoding="utf-8")
+        options = {
+            "command": f"{{python}} {shlex.quote(str(script))} {arguments}",
+            "timeout": 30.0,
+            **options,
+        }
+        plan = load_plan(plan_file(estimators={"program": options}, keep=keep))
+        (row,) = CellRuns(plan, next(plan.cells())).rows([1], ["program"], tmp_path / "out")
+        return row
+
+    return one
+
+
+def test_an_honest_program_is_measured_after_alignment(run):
+    row = run(HONEST, "{dataset} {estimate}")
+    assert row["status"] == "done"
+    assert row["ate_rmse_m"] < 1e-6
+    assert row["ate_rmse_rad"] < 1e-6
+    assert abs(row["scale_error"]) < 1e-6
+    assert row["initialisation_s"] == pytest.approx(0.0, abs=1e-9)
+    assert row["peak_memory_mb"] > 1.0
+    assert row["real_time_factor"] > 0.0
+    assert row["nees_position"] is None
+
+
+def test_without_alignment_the_offset_is_an_error(run):
+    row = run(HONEST, "{dataset} {estimate}", align="none")
+    assert row["ate_rmse_m"] > 1.0
+
+
+@pytest.mark.parametrize("form", ["rosbag2", "ros1", "mcap"])
+def test_datasets_of_every_form_are_read_by_rosbags(run, form):
+    program = """
+import shlex
+import sys
+from pathlib import Path
+from rosbags.highlevel import AnyReader
+with AnyReader([Path(sys.argv[1])]) as reader:
+    counts = {c.topic: c.msgcount for c in reader.connections}
+assert counts == {"/imu/data_raw": 200, "/ground_truth/odom": 200}, counts
+open(sys.argv[2], "w").write("1 0 0 0 0 0 0 1\\n2 0 0 0 0 0 0 1\\n")
+"""
+    assert run(program, "{dataset} {estimate}", dataset=form, align="none")["status"] == "done"
+
+
+@pytest.mark.parametrize(
+    ("program", "status"),
+    [
+        ("raise SystemExit(7)", "failed: exit status 7"),
+        ("import sys; print('no map'); sys.exit(1)", "failed: exit status 1: no map"),
+        ("import os; os.abort()", "failed: ended by SIGABRT"),
+        ("pass", "failed: no estimate was written"),
+        ("open('estimate.txt', 'w')", "failed: estimate: "),
+        ("open('estimate.txt', 'w').write('1 2 3')", "failed: estimate: "),
+        (
+            "open('estimate.txt', 'w').write('1 nan 0 0 0 0 0 1\\n2 0 0 0 0 0 0 1\\n')",
+            "failed: estimate: ",
+        ),
+        (
+            "open('estimate.txt', 'w').write('91 0 0 0 0 0 0 1\\n92 0 0 0 0 0 0 1\\n')",
+            "failed: estimate: estimate and truth do not overlap",
+        ),
+        ("import os, shutil; shutil.rmtree(os.getcwd())", "failed: no estimate was written"),
+        ("import shutil, sys; shutil.rmtree(sys.argv[1])", "failed: no estimate was written"),
+        ("print('<script>alert(1)</script>\\x1b[2J'); exit(2)", "failed: exit status 2: <script>"),
+    ],
+)
+def test_what_goes_wrong_is_a_result(run, program, status):
+    assert run(program, "{dataset}")["status"].startswith(status)
+
+
+def test_a_program_that_cannot_be_started(run, plan_file, tmp_path):
+    plan = load_plan(plan_file(estimators={"a": {"command": "/no/such/program"}}))
+    (row,) = CellRuns(plan, next(plan.cells())).rows([1], ["a"], tmp_path / "out")
+    assert row["status"].startswith("failed: /no/such/program: cannot be started: ")
+
+
+def test_a_program_that_ignores_sigterm_ends_at_its_timeout(run):
+    program = """
+import signal, time
+for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+    signal.signal(number, signal.SIG_IGN)
+while True:
+    time.sleep(0.1)
+"""
+    assert run(program, timeout=1.0)["status"] == "failed: no end within 1 s"
+
+
+def test_what_a_program_leaves_running_is_ended(run, tmp_path):
+    """A child in a session of its own, whose parent is gone: the group alone would miss it."""
+    marker = tmp_path / "child"
+    program = f"""
+import os, time
+if os.fork() == 0:
+    os.setsid()
+    if os.fork() == 0:
+        open({str(marker)!r} + ".part", "w").write(str(os.getpid()))
+        os.rename({str(marker)!r} + ".part", {str(marker)!r})
+        time.sleep(600)
+    os._exit(0)
+os.wait()
+while not os.path.exists({str(marker)!r}):
+    time.sleep(0.01)
+"""
+    assert run(program)["status"] == "failed: no estimate was written"
+    assert not Path(f"/proc/{marker.read_text()}").exists()
+    assert command._children() == []
+
+
+@pytest.mark.parametrize(
+    "program",
+    [
+        "while True: print('x' * 1000000)",
+        "import time\nfor k in range(10**6): open(f'f{k}', 'wb').write(bytes(500000))",
+        "f = open('one', 'wb')\nwhile True: f.write(bytes(1000000))",
+    ],
+    ids=["endless output", "many files", "one file"],
+)
+def test_a_program_that_fills_the_disk_is_ended(run, tmp_path, program):
+    row = run(program, disk_limit=2e7)
+    assert row["status"] == "failed: more than 2e+07 bytes written"
+    assert not (tmp_path / "out" / "runs").exists() or not list(
+        (tmp_path / "out" / "runs").rglob("one")
+    )
+
+
+def test_a_program_gets_no_more_memory_than_it_may(run):
+    row = run("x = bytearray(3_000_000_000)\nprint('got it')", memory_limit=1e9)
+    assert row["status"] == "failed: exit status 1: MemoryError"
+
+
+def test_no_shell_unless_it_is_asked_for(run, plan_file, tmp_path):
+    target = tmp_path / "touched"
+    for shell in (False, True):
+        options = {"command": f"echo x; touch {target}", "shell": shell}
+        plan = load_plan(plan_file(estimators={"a": options}))
+        list(CellRuns(plan, next(plan.cells())).rows([1], ["a"], tmp_path / "out"))
+        assert target.exists() == shell
+
+
+def test_environment_and_places(run, plan_file, tmp_path):
+    script = "import os, sys; print(os.environ['GREETING'], *sys.argv[1:]); sys.exit(1)"
+    options = {
+        "command": f'{{python}} -c "{script}" {{seed}} {{folder}}',
+        "environment": {"GREETING": "hello; rm -rf x"},
+    }
+    plan = load_plan(plan_file(estimators={"a": options}))
+    (row,) = CellRuns(plan, next(plan.cells())).rows([4], ["a"], tmp_path / "out")
+    assert row["status"].startswith("failed: exit status 1: hello; rm -rf x 4 ")
+    assert row["status"].endswith("/000000/4/a")
+
+
+@pytest.mark.parametrize(("keep", "kept"), [("none", []), ("failed", ["1"]), ("all", ["0", "1"])])
+def test_run_folders_are_kept_as_asked(plan_file, tmp_path, keep, kept):
+    program = tmp_path / "program.py"
+    ending = "\nsys.exit(os.getcwd().split('/')[-2] == '1')\n"
+    program.write_text("import os\n" + HONEST + ending, encoding="utf-8")
+    options = {"command": f"{sys.executable} {program} {{dataset}} {{estimate}}"}
+    plan = load_plan(plan_file(estimators={"a": options}, keep=keep))
+    rows = list(CellRuns(plan, next(plan.cells())).rows([0, 1], ["a"], tmp_path / "out"))
+    assert [row["status"] for row in rows] == ["done", "failed: exit status 1"]
+    found = sorted(
+        path.name
+        for path in (tmp_path / "out" / "runs").rglob("*")
+        if path.is_dir() and path.name in ("0", "1")
+    )
+    assert found == kept
+    if keep == "all":
+        folder = tmp_path / "out" / "runs" / "000000" / "0" / "a"
+        assert (folder / "estimate.txt").is_file()
+        assert (folder / "output.txt").is_file()
+
+
+def test_the_configuration_names_the_simulated_parameters(run):
+    program = """
+import sys, yaml
+tree = yaml.safe_load(open(sys.argv[1] + "/simulation.yaml"))["/**"]["ros__parameters"]
+assert tree["imu"]["preset"] == "adis16448", tree
+open("estimate.txt", "w").write("1 0 0 0 0 0 0 1\\n2 0 0 0 0 0 0 1\\n")
+"""
+    assert run(program, "{config}", align="none")["status"] == "done"

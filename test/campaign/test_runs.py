@@ -1,0 +1,255 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Campaigns in real processes: the same numbers however they are made, whatever dies."""
+
+import csv
+import json
+import os
+import signal
+import time
+
+import numpy as np
+import pytest
+
+from imu_sim_ros.campaign import campaign as driver
+from imu_sim_ros.campaign.plan import load_plan
+from imu_sim_ros.campaign.results import Store, read_log, read_results
+from imu_sim_ros.campaign.runs import CellRuns
+from imu_sim_ros.commands import dead_reckon, evaluate, generate
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.navigation.consistency import anees_band
+
+GRID = {"imu": ["adis16448", "perfect"], "trajectory": ["lecture", "circle"]}
+
+
+def table(folder):
+    with (folder / "results.csv").open(encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def test_results_are_the_same_for_any_number_of_workers(plan_file, campaign, tmp_path):
+    path = plan_file(grid=GRID, seeds=4, rpe=["1s", "1m"])
+    contents = []
+    for workers in (1, 3):
+        folder = tmp_path / f"with_{workers}"
+        status, result, lines = campaign(path, "-o", folder, "--workers", workers)
+        assert (status, lines) == (0, [])
+        assert (result["runs"], result["done"], result["failed"]) == (16, 16, 0)
+        contents.append((folder / "results.csv").read_bytes())
+    assert contents[0] == contents[1]
+
+
+def test_a_run_has_the_numbers_of_the_commands(plan_file, tmp_path, capsys):
+    """generate, dead_reckon and evaluate by hand, with the same parameters and seed."""
+    plan = load_plan(plan_file(rpe=["1s"], seeds=[5]))
+    (row,) = CellRuns(plan, next(plan.cells())).rows([5], ["dead_reckon"], tmp_path)
+    bag, track = str(tmp_path / "run.mcap"), str(tmp_path / "track.txt")
+    common = ["--rate", "100", "--duration", "2s", "--imu", "adis16448", "--seed", "5", "--json"]
+    assert generate.main(["-o", bag, *common]) == 0
+    capsys.readouterr()
+    assert dead_reckon.main([bag, "-o", track, "--json"]) == 0
+    drift = json.loads(capsys.readouterr().out)
+    assert evaluate.main([track, bag, "--rpe", "1s", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert row["final_position_error_m"] == pytest.approx(drift["final_position_error_m"])
+    assert row["final_attitude_error_rad"] == pytest.approx(drift["final_attitude_error_rad"])
+    assert row["final_velocity_error_m_s"] == pytest.approx(drift["final_velocity_error_m_s"])
+    assert row["ate_rmse_m"] == pytest.approx(found["ate_m"]["rmse"], rel=1e-6)
+    assert row["rpe_1s_m"] == pytest.approx(found["rpe"][0]["translation_m"]["rmse"], rel=1e-6)
+
+
+def test_the_nees_of_many_seeds_lies_in_its_band(plan_file):
+    """White noise and walks alone, for which the covariance is complete: 300 seeds."""
+    parameters = {
+        "rate": 100.0,
+        "duration": 5.0,
+        "imu": "perfect",
+        "imu.gyroscope_noise_density": 1e-3,
+        "imu.accelerometer_noise_density": 1e-2,
+        "imu.gyroscope_random_walk": 1e-4,
+    }
+    plan = load_plan(plan_file(parameters=parameters, seeds=300))
+    rows = list(CellRuns(plan, next(plan.cells())).rows(plan.seeds, ["dead_reckon"], None))
+    band = anees_band(3, 300, 0.99)
+    for name in ("nees_position", "nees_attitude", "nees_velocity"):
+        assert band.low < np.mean([row[name] for row in rows]) < band.high, name
+
+
+def test_faults_and_lost_messages_are_part_of_a_run(plan_file):
+    parameters = {"rate": 100.0, "duration": 2.0, "imu": "perfect"}
+    plan = load_plan(
+        plan_file(
+            parameters=parameters,
+            faults=[
+                {"at": 1.0, "kind": "bias_jump", "triad": "accelerometer", "value": [1.0, 0, 0]},
+                {"at": 0.5, "kind": "dropout", "value": 0.5, "duration": 0.5},
+            ],
+        )
+    )
+    clean = load_plan(plan_file(parameters=parameters))
+    (row,) = CellRuns(plan, next(plan.cells())).rows([0], ["dead_reckon"], None)
+    (without,) = CellRuns(clean, next(clean.cells())).rows([0], ["dead_reckon"], None)
+    assert row["status"] == "done"
+    # 1 m/s^2 for one second is half a metre.
+    assert row["final_position_error_m"] - without["final_position_error_m"] == pytest.approx(
+        0.5, abs=0.02
+    )
+
+
+def test_what_failed_says_why_and_is_counted(plan_file, campaign, tmp_path):
+    path = plan_file(diverged_above=1e-9, require=["success >= 0.5"])
+    status, result, lines = campaign(path, "-o", tmp_path / "out")
+    assert status == 3
+    assert result["failed"] == 3
+    assert all(row["status"].startswith("failed: diverged: ") for row in table(tmp_path / "out"))
+    assert lines == ["campaign: require success >= 0.5: success is 0 (all; dead_reckon)"]
+
+
+def test_results_are_not_overwritten_and_a_folder_is_used_once(plan_file, campaign, tmp_path):
+    path, folder = plan_file(), tmp_path / "out"
+    assert campaign(path, "-o", folder)[0] == 0
+    before = (folder / "runs.jsonl").read_bytes()
+    status, _, lines = campaign(path, "-o", folder)
+    assert status == 2
+    assert lines == [f"campaign: {folder}: holds results; go on with --resume, or name another one"]
+    with Store(folder, resume=True), pytest.raises(InputError, match="another campaign is running"):
+        Store(folder, resume=True)
+    assert campaign(path, "-o", folder, "--resume")[1]["runs"] == 3
+    assert (folder / "runs.jsonl").read_bytes() == before
+
+
+def test_more_seeds_and_cells_add_what_is_missing(plan_file, campaign, tmp_path):
+    folder = tmp_path / "out"
+    assert campaign(plan_file(seeds=2), "-o", folder)[1]["runs"] == 2
+    assert campaign(plan_file(seeds=5), "-o", folder, "--resume")[1]["runs"] == 5
+    assert len((folder / "runs.jsonl").read_text().splitlines()) == 5
+    # Other parameters: nothing of before is mixed in.
+    other = plan_file(seeds=2, parameters={"rate": 50.0, "duration": 2.0})
+    assert campaign(other, "-o", folder, "--resume")[1]["runs"] == 2
+    assert len(table(folder)) == 2
+    assert len((folder / "runs.jsonl").read_text().splitlines()) == 7
+
+
+def test_kill_9_costs_the_runs_in_flight_only(plan_file, start, campaign, tmp_path):
+    path = plan_file(
+        grid={"trajectory": ["lecture", "circle", "figure_eight"]},
+        seeds=200,
+        parameters={"rate": 200.0, "duration": 20.0, "imu": "mpu6000"},
+    )
+    folder = tmp_path / "killed"
+    process = start(path, "-o", folder, "--workers", 2, start_new_session=True)
+    log = folder / "runs.jsonl"
+    deadline = time.monotonic() + 60
+    while not (log.exists() and log.stat().st_size) and time.monotonic() < deadline:
+        time.sleep(0.01)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.communicate()
+    with log.open("ab") as file:
+        file.write(b'{"cell": "torn')
+    before = sum(1 for _ in read_log(log))
+    assert 0 < before < 600
+    status, result, _ = campaign(path, "-o", folder, "--resume")
+    assert (status, result["runs"], result["done"]) == (0, 600, 600)
+    assert sum(1 for _ in read_log(log)) == 600
+    whole = tmp_path / "whole"
+    campaign(path, "-o", whole)
+    assert (whole / "results.csv").read_bytes() == (folder / "results.csv").read_bytes()
+
+
+def test_ctrl_c_ends_cleanly(plan_file, start, tmp_path):
+    path = plan_file(seeds=5000)
+    process = start(path, "-o", tmp_path / "out", "--workers", 2, start_new_session=True)
+    log = tmp_path / "out" / "runs.jsonl"
+    deadline = time.monotonic() + 60
+    while not (log.exists() and log.stat().st_size) and time.monotonic() < deadline:
+        time.sleep(0.01)
+    process.send_signal(signal.SIGINT)
+    _, stderr = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "go on with --resume" in stderr
+    assert "Traceback" not in stderr
+    assert 0 < len(table(tmp_path / "out")) < 5000
+    assert process_group_is_empty(process.pid)
+
+
+def process_group_is_empty(group):
+    deadline = time.monotonic() + 20
+    while time.monotonic() < deadline:
+        try:
+            os.killpg(group, 0)
+        except ProcessLookupError:
+            return True
+        time.sleep(0.02)
+    return False
+
+
+KILLER = """{python} -c '
+import os, signal
+if {seed} == 7:
+    os.kill(os.getppid(), signal.SIGKILL)
+open("estimate.txt", "w").write("".join("%d 0 0 0 0 0 0 1\\n" % t for t in range(1, 4)))
+'"""
+
+
+def test_a_worker_that_dies_is_blamed_on_the_run_that_killed_it(plan_file, campaign, tmp_path):
+    """The program of one seed kills its worker: that run fails, all others are done."""
+    path = plan_file(
+        seeds=12, retries=1, estimators={"killer": {"command": KILLER, "align": "none"}}
+    )
+    status, result, _ = campaign(path, "-o", tmp_path / "out", "--workers", 2)
+    found = {row["seed"]: row["status"] for row in table(tmp_path / "out")}
+    assert (status, result["runs"], result["failed"]) == (0, 12, 1)
+    assert found.pop("7") == "failed: the worker process died"
+    assert set(found.values()) == {"done"}
+
+
+def test_the_baseline_finds_what_became_worse(plan_file, campaign, tmp_path):
+    """Euler against midpoint on a perfect sensor: worse on every seed; the same is not."""
+    parameters = {"rate": 100.0, "duration": 2.0, "imu": "perfect"}
+    good = plan_file("good.yaml", seeds=12, parameters=parameters)
+    before = tmp_path / "before"
+    assert campaign(good, "-o", before)[0] == 0
+    assert campaign(good, "-o", tmp_path / "same", "--baseline", before / "results.csv")[0] == 0
+    worse = plan_file(
+        "worse.yaml",
+        seeds=12,
+        parameters=parameters,
+        estimators={"dead_reckon": {"type": "dead_reckon", "method": "euler"}},
+    )
+    status, _, lines = campaign(worse, "-o", tmp_path / "worse", "--baseline", before)
+    assert status == 3
+    assert len(lines) == 1
+    assert lines[0].startswith("campaign: worse than the baseline: ate_rmse_m (all; dead_reckon)")
+
+
+def test_parquet_holds_what_csv_holds(plan_file, campaign, tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    path = plan_file(grid={"rate": [50, 100.0]}, parameters={"duration": 1.0})
+    assert campaign(path, "-o", tmp_path)[0] == 0
+    rows = parquet.read_table(tmp_path / "results.parquet").to_pylist()
+    assert rows == read_results(tmp_path / "results.csv")
+    assert rows == read_results(tmp_path / "results.parquet")
+    assert len(rows) == 6
+
+
+def test_the_largest_plan_asks_first(plan_file, campaign, tmp_path):
+    path = plan_file(
+        grid={
+            "imu.gyroscope_noise_density": {"log_range": [1e-4, 1e-2, 1000]},
+            "imu.accelerometer_noise_density": {"log_range": [1e-4, 1e-2, 1000]},
+        }
+    )
+    status, _, lines = campaign(path, "-o", tmp_path / "out")
+    assert status == 2
+    assert len(lines) == 1
+    assert "3,000,000 runs" in lines[0]
+    assert "--yes" in lines[0]
+    assert not (tmp_path / "out").exists()
+
+
+def test_runs_are_made_in_the_order_of_the_plan(plan_file):
+    plan = load_plan(plan_file(grid=GRID, seeds=3))
+    todo = list(driver.tasks(plan, set(), 2))
+    assert [task.seeds for task in todo] == [(0, 1), (2,)] * 4
+    assert len({task.cell.name for task in todo}) == 4
