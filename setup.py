@@ -10,7 +10,7 @@ from setuptools import find_packages, setup
 
 PACKAGE = "imu_sim_ros"
 NODES = ("simulator", "integrator", "recorder")
-COMMANDS = ("generate", "dead_reckon", "allan", "calibrate", "convert_bag", "evaluate")
+COMMANDS = ("generate", "dead_reckon", "allan", "calibrate", "convert_bag", "evaluate", "campaign")
 
 manifest = ElementTree.parse(Path(__file__).with_name("package.xml")).getroot()
 
@@ -39,6 +39,8 @@ setup(
         share("config/trajectories", "*.yaml"),
         share("config/cameras", "*.yaml"),
         share("config/scenes", "*.yaml"),
+        share("config/campaigns", "*.yaml"),
+        share("config/estimators", "*.yaml"),
         share("launch", "*.launch.py"),
     ],
     install_requires=[
@@ -54,7 +56,10 @@ setup(
         "lz4",
         "zstandard",
     ],
-    extras_require={"test": ["pytest", "allantools", "evo", "mcap-ros2-support"]},
+    extras_require={
+        "test": ["pytest", "allantools", "evo", "mcap-ros2-support"],
+        "campaign": ["distributed", "plotly", "pyarrow"],
+    },
     zip_safe=False,
     entry_points={
         "console_scripts": [f"{name} = {PACKAGE}.nodes.start:{name}" for name in NODES]

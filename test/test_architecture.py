@@ -38,6 +38,9 @@ ROOMS = {
     "bags": LEAVES,
     "consumers": LEAVES | {"bags"},
     "plots": LEAVES | {"navigation", "calibration"},
+    "campaign": LEAVES
+    | {"trajectory", "sensor", "simulation", "topics", "datasets", "bags"}
+    | {"navigation", "calibration", "consumers"},
 }
 SEE_EVERYTHING = {"nodes", "commands"}
 ONLY_IN = {
@@ -49,6 +52,8 @@ ONLY_IN = {
     "mcap": {"bags"},
     "matplotlib": {"plots"},
     "cv2": {"camera"},
+    "distributed": {"campaign"},
+    "pyarrow": {"campaign"},
 }
 LONGEST_FILE = 400
 LONGEST_FUNCTION = 50
@@ -56,7 +61,7 @@ LONGEST_FUNCTION = 50
 TOO_LARGE = {"commands": 16}
 LARGEST_ROOM, LONGEST_FILE, LONGEST_FUNCTION = 12, 400, 50
 # Reading a file of poses must not cost what only some commands need.
-HEAVY = {"cv2", "scipy", "matplotlib", "rosbags", "mcap", "rich", "yaml"}
+HEAVY = {"cv2", "distributed", "pyarrow", "scipy", "matplotlib", "rosbags", "mcap", "rich", "yaml"}
 
 
 def modules():

@@ -9,3 +9,58 @@ processes (:mod:`~imu_sim_ros.campaign.engine`) or a Dask cluster, and
 :mod:`~imu_sim_ros.campaign.statistics` and :mod:`~imu_sim_ros.campaign.gate` say what is
 significant. A run is decided by the plan alone: the same numbers in any order, on any engine.
 """
+
+from typing import TYPE_CHECKING
+
+from imu_sim_ros.lazy import exported
+
+if TYPE_CHECKING:
+    from imu_sim_ros.campaign import campaign as campaign
+    from imu_sim_ros.campaign import dask_engine as dask_engine
+    from imu_sim_ros.campaign.campaign import Engine as Engine
+    from imu_sim_ros.campaign.campaign import Outcome as Outcome
+    from imu_sim_ros.campaign.campaign import counts as counts
+    from imu_sim_ros.campaign.cells import Cell as Cell
+    from imu_sim_ros.campaign.cells import cell_count as cell_count
+    from imu_sim_ros.campaign.engine import Task as Task
+    from imu_sim_ros.campaign.plan import Plan as Plan
+    from imu_sim_ros.campaign.plan import find_plan as find_plan
+    from imu_sim_ros.campaign.plan import load_plan as load_plan
+    from imu_sim_ros.campaign.results import Row as Row
+    from imu_sim_ros.campaign.results import Store as Store
+    from imu_sim_ros.campaign.results import read_results as read_results
+    from imu_sim_ros.campaign.results import write_tables as write_tables
+    from imu_sim_ros.campaign.runs import CellRuns as CellRuns
+    from imu_sim_ros.campaign.statistics import Interval as Interval
+    from imu_sim_ros.campaign.statistics import quantile as quantile
+    from imu_sim_ros.campaign.statistics import statistic as statistic
+    from imu_sim_ros.campaign.summary import Group as Group
+    from imu_sim_ros.campaign.summary import against_baseline as against_baseline
+    from imu_sim_ros.campaign.summary import compared as compared
+    from imu_sim_ros.campaign.summary import groups as groups
+    from imu_sim_ros.campaign.summary import slopes as slopes
+    from imu_sim_ros.campaign.summary import unmet as unmet
+    from imu_sim_ros.campaign.summary import unused as unused
+else:
+    __getattr__, __dir__, __all__ = exported(
+        __name__,
+        {
+            "": ["campaign", "dask_engine"],
+            "campaign": ["Engine", "Outcome", "counts"],
+            "cells": ["Cell", "cell_count"],
+            "engine": ["Task"],
+            "plan": ["Plan", "find_plan", "load_plan"],
+            "results": ["Row", "Store", "read_results", "write_tables"],
+            "runs": ["CellRuns"],
+            "statistics": ["Interval", "quantile", "statistic"],
+            "summary": [
+                "Group",
+                "against_baseline",
+                "compared",
+                "groups",
+                "slopes",
+                "unmet",
+                "unused",
+            ],
+        },
+    )

@@ -15,7 +15,7 @@ from imu_sim_ros.campaign.engine import Task
 from imu_sim_ros.campaign.plan import Plan
 from imu_sim_ros.campaign.results import Key, Row, Store, key_of, write_tables
 from imu_sim_ros.campaign.summary import groups, summary_rows
-from imu_sim_ros.config.campaign import CommandEstimator
+from imu_sim_ros.config import CommandEstimator
 
 SUMMARY: Final = "summary.csv"
 _BUILT_IN_BATCH: Final = 50

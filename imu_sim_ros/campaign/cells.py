@@ -15,8 +15,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.config import files
-from imu_sim_ros.config.parameter import shown
+from imu_sim_ros.config import files, shown
 from imu_sim_ros.errors import ConfigurationError
 
 Layer = dict[str, object]

@@ -26,10 +26,10 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros.campaign.metrics import Metrics, pose_metrics
-from imu_sim_ros.config.campaign import CommandEstimator
+from imu_sim_ros.config import CommandEstimator
+from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.errors import ImuSimError
-from imu_sim_ros.navigation.alignment import align
-from imu_sim_ros.navigation.association import common_rows, interpolate_poses
+from imu_sim_ros.navigation import align, common_rows, interpolate_poses
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.sensor import ImuBlock
 
@@ -133,10 +133,9 @@ def _words(
 
 def _write_dataset(runs: "CellRuns", form: str, block: ImuBlock, place: Path) -> Path:
     """Write the readings, and the truth for those who initialise from it."""
-    from imu_sim_ros.bags.text.writer import Dataset
-    from imu_sim_ros.bags.write import open_writer
+    from imu_sim_ros.bags import open_writer
+    from imu_sim_ros.bags.text import Dataset
     from imu_sim_ros.datasets import BagTarget, DatasetTarget
-    from imu_sim_ros.topics import READINGS, TRUTH
 
     if form == "euroc":
         path = place / "dataset"
@@ -146,7 +145,9 @@ def _write_dataset(runs: "CellRuns", form: str, block: ImuBlock, place: Path) ->
         return path
     path = place / _STUB[form]
     with open_writer(path) as writer:
-        target = BagTarget(writer, runs.parameters, {READINGS: READINGS, TRUTH: TRUTH})
+        target = BagTarget(
+            writer, runs.parameters, {IMU_TOPIC: IMU_TOPIC, TRUTH_TOPIC: TRUTH_TOPIC}
+        )
         target.write(block)
     return path
 

@@ -9,9 +9,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.config.parameter import shown
+from imu_sim_ros.config import shown
 from imu_sim_ros.errors import ConfigurationError, InputError
-from imu_sim_ros.navigation.evaluation import (
+from imu_sim_ros.navigation import (
     absolute_errors,
     distances,
     pairs,

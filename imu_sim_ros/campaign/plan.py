@@ -15,16 +15,19 @@ import imu_sim_ros
 from imu_sim_ros.campaign.cells import Axis, Cell, Layer, cell_count, cells, read_axes
 from imu_sim_ros.campaign.gate import Requirement, parse
 from imu_sim_ros.campaign.metrics import Relative, metric_names, parse_relative
-from imu_sim_ros.config import files
-from imu_sim_ros.config.campaign import (
+from imu_sim_ros.config import (
     PLACES,
     CampaignParameters,
     CommandEstimator,
     DeadReckonEstimator,
+    SimulationParameters,
+    build,
+    files,
     find_estimator,
+    flatten,
+    load_simulation,
+    shown,
 )
-from imu_sim_ros.config.parameter import build, flatten, shown
-from imu_sim_ros.config.simulation import SimulationParameters, load_simulation
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.sensor import Fault
 

@@ -15,9 +15,17 @@ from imu_sim_ros.bags import read_poses
 from imu_sim_ros.campaign.cells import Cell, word
 from imu_sim_ros.campaign.metrics import Metrics, pose_metrics
 from imu_sim_ros.campaign.plan import Plan
-from imu_sim_ros.config.campaign import CommandEstimator, DeadReckonEstimator
+from imu_sim_ros.config import CommandEstimator, DeadReckonEstimator
 from imu_sim_ros.errors import ConfigurationError, ImuSimError
-from imu_sim_ros.navigation.consistency import nees
+from imu_sim_ros.navigation import (
+    NavigationStates,
+    Truth,
+    attitude_errors,
+    dead_reckon,
+    drift_from,
+    nees,
+    noise_of,
+)
 from imu_sim_ros.navigation.covariance import (
     ATTITUDE,
     POSITION,
@@ -25,11 +33,6 @@ from imu_sim_ros.navigation.covariance import (
     initial_covariance,
     propagate,
 )
-from imu_sim_ros.navigation.dead_reckoning import dead_reckon
-from imu_sim_ros.navigation.drift import Truth, drift
-from imu_sim_ros.navigation.evaluation import attitude_errors
-from imu_sim_ros.navigation.noise import noise_of
-from imu_sim_ros.navigation.state import NavigationStates
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.sensor import ImuBlock
 from imu_sim_ros.simulation import Simulation
@@ -168,7 +171,7 @@ class CellRuns:
             metrics["final_velocity_error_m_s"] = float(np.linalg.norm(velocity))
             metrics.update(self._consistency(truth, block, states))
             return metrics
-        compared = drift(states, Truth(truth_poses, truth.velocity))
+        compared = drift_from(states, Truth(truth_poses, truth.velocity))
         return {
             "ate_rmse_m": compared.rms("position"),
             "ate_rmse_rad": compared.rms("attitude"),

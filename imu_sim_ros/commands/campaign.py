@@ -17,9 +17,7 @@ from imu_sim_ros.commands import common
 from imu_sim_ros.errors import InputError
 
 if TYPE_CHECKING:
-    from imu_sim_ros.campaign.campaign import Engine, Outcome
-    from imu_sim_ros.campaign.plan import Plan
-    from imu_sim_ros.campaign.summary import Group
+    from imu_sim_ros.campaign import Engine, Group, Outcome, Plan
 
 EXAMPLES: Final = """\
 examples:
@@ -97,10 +95,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def run(arguments: argparse.Namespace) -> list[str]:
     """Run a campaign; return a line for every requirement that is not met."""
-    from imu_sim_ros.campaign import campaign
-    from imu_sim_ros.campaign.plan import find_plan, load_plan
-    from imu_sim_ros.campaign.results import Store, read_results
-    from imu_sim_ros.campaign.summary import groups
+    from imu_sim_ros.campaign import Store, campaign, find_plan, groups, load_plan, read_results
 
     path = find_plan(arguments.plan)
     plan = load_plan(path)
@@ -174,7 +169,7 @@ def _engine(arguments: argparse.Namespace) -> Iterator["Engine"]:
 
 
 def _described(plan: "Plan") -> str:
-    from imu_sim_ros.campaign.cells import cell_count
+    from imu_sim_ros.campaign import cell_count
 
     return (
         f"{plan.options.name}: {cell_count(plan.axes)} cells x {len(plan.seeds)} seeds x "
@@ -188,8 +183,7 @@ def _print(
     found: Sequence["Group"],
     wall_s: float,
 ) -> None:
-    from imu_sim_ros.campaign.campaign import counts
-    from imu_sim_ros.campaign.summary import compared
+    from imu_sim_ros.campaign import compared, counts
 
     rows = [_row(group, arguments.metric) for group in found[:_SHOWN]]
     header = ["cell", "estimator", "done", "median", "95 % of it", "p95", "NEES"]
@@ -225,7 +219,7 @@ _SHOWN: Final = 40
 
 
 def _row(group: "Group", metric: str) -> list[str]:
-    from imu_sim_ros.campaign.statistics import quantile
+    from imu_sim_ros.campaign import quantile
 
     values = group.values(metric)
     median, p95 = quantile(values, 0.5), quantile(values, 0.95)
@@ -252,7 +246,7 @@ def _gate(
     found: Sequence["Group"],
     baseline: list[dict[str, object]] | None,
 ) -> list[str]:
-    from imu_sim_ros.campaign.summary import against_baseline, groups, unmet, unused
+    from imu_sim_ros.campaign import against_baseline, groups, unmet, unused
 
     lines = [one.line() for one in unmet(found, plan.require)]
     lines += [

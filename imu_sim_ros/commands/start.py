@@ -45,3 +45,8 @@ def convert_bag() -> int:
 def evaluate() -> int:
     """Run the command; returns its exit status."""
     return _run("evaluate")
+
+
+def campaign() -> int:
+    """Run the command; returns its exit status."""
+    return _run("campaign")

@@ -8,6 +8,13 @@ parameters of one thing each. Imports conventions and errors.
 """
 
 from imu_sim_ros.config import files
+from imu_sim_ros.config.campaign import (
+    PLACES,
+    CampaignParameters,
+    CommandEstimator,
+    DeadReckonEstimator,
+    find_estimator,
+)
 from imu_sim_ros.config.files import Layering, build_layered
 from imu_sim_ros.config.imu import LARGEST_LATENCY, ImuParameters
 from imu_sim_ros.config.integrator import (
@@ -68,9 +75,13 @@ __all__ = [
     "INITIAL_STATES",
     "LARGEST_LATENCY",
     "METHODS",
+    "PLACES",
     "TYPES",
     "ZERO_MATRIX",
     "ZERO_VECTOR",
+    "CampaignParameters",
+    "CommandEstimator",
+    "DeadReckonEstimator",
     "FreeFallParameters",
     "HarmonicParameters",
     "ImuParameters",
@@ -98,6 +109,7 @@ __all__ = [
     "build",
     "build_layered",
     "files",
+    "find_estimator",
     "flatten",
     "layer_integrator",
     "layer_simulator",

@@ -27,6 +27,8 @@ _OPTIONS: Final = {
     "trajectories": "trajectory",
     "cameras": "camera",
     "scenes": "scene",
+    "campaigns": "campaign",
+    "estimators": "estimator",
 }
 _PARAMETERS = "ros__parameters"
 _EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$")
@@ -59,7 +61,7 @@ def names(kind: str) -> list[str]:
 def find(kind: str, name_or_file: str) -> Path:
     """Return the parameter file of a name in config/, or the given file.
 
-    :param kind: ``imus``, ``trajectories``, ``cameras`` or ``scenes``.
+    :param kind: a folder in config/, for instance ``imus`` or ``trajectories``.
     :raises ConfigurationError: where there is neither; all names are listed.
     """
     named = config_folder() / kind / f"{name_or_file}.yaml"
