@@ -7,6 +7,7 @@ import hashlib
 import json
 import re
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -122,17 +123,32 @@ def _file_digests(values: Mapping[str, object]) -> dict[str, str]:
 
 
 def load_plan(path: Path) -> Plan:
-    """Read a plan.
+    """Read a plan; its cells are checked by :func:`check_plan`.
 
     :raises ConfigurationError: with a line for everything that is wrong.
     """
-    tree = files.read_tree(path)
-    try:
-        plan = read_plan(tree)
-        check_cells(plan)
-    except ConfigurationError as error:
-        raise ConfigurationError([f"{path}: {line}" for line in error.problems]) from None
+    with _named(path):
+        plan = read_plan(files.read_tree(path))
     return plan
+
+
+def check_plan(plan: Plan, path: Path) -> None:
+    """Check the parameters of every cell.
+
+    :raises ConfigurationError: with a line for everything that is wrong.
+    """
+    with _named(path):
+        check_cells(plan)
+
+
+@contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """Put the plan's name before every problem."""
+    try:
+        yield
+    except ConfigurationError as error:
+        lines = (line.removeprefix(f"{path}: ") for line in error.problems)
+        raise ConfigurationError([f"{path}: {line}" for line in lines]) from None
 
 
 def find_plan(name_or_file: str) -> Path:
