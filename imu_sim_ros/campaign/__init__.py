@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.campaign.cells import cell_count as cell_count
     from imu_sim_ros.campaign.engine import Task as Task
     from imu_sim_ros.campaign.plan import Plan as Plan
+    from imu_sim_ros.campaign.plan import check_plan as check_plan
     from imu_sim_ros.campaign.plan import find_plan as find_plan
     from imu_sim_ros.campaign.plan import load_plan as load_plan
     from imu_sim_ros.campaign.results import Row as Row
@@ -49,7 +50,7 @@ else:
             "campaign": ["Engine", "Outcome", "counts"],
             "cells": ["Cell", "cell_count"],
             "engine": ["Task"],
-            "plan": ["Plan", "find_plan", "load_plan"],
+            "plan": ["Plan", "check_plan", "find_plan", "load_plan"],
             "results": ["Row", "Store", "read_results", "write_tables"],
             "runs": ["CellRuns"],
             "statistics": ["Interval", "quantile", "statistic"],

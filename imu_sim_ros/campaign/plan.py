@@ -128,8 +128,7 @@ def load_plan(path: Path) -> Plan:
     :raises ConfigurationError: with a line for everything that is wrong.
     """
     with _named(path):
-        plan = read_plan(files.read_tree(path))
-    return plan
+        return read_plan(files.read_tree(path))
 
 
 def check_plan(plan: Plan, path: Path) -> None:

@@ -95,11 +95,20 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def run(arguments: argparse.Namespace) -> list[str]:
     """Run a campaign; return a line for every requirement that is not met."""
-    from imu_sim_ros.campaign import Store, campaign, find_plan, groups, load_plan, read_results
+    from imu_sim_ros.campaign import (
+        Store,
+        campaign,
+        check_plan,
+        find_plan,
+        groups,
+        load_plan,
+        read_results,
+    )
 
     path = find_plan(arguments.plan)
     plan = load_plan(path)
     _check(arguments, plan)
+    check_plan(plan, path)
     baseline = None if arguments.baseline is None else read_results(arguments.baseline)
     if arguments.check:
         print(_described(plan))

@@ -7,7 +7,7 @@ import pytest
 
 from imu_sim_ros.campaign.cells import cell_count, cells, read_axes
 from imu_sim_ros.campaign.gate import parse
-from imu_sim_ros.campaign.plan import load_plan, read_plan
+from imu_sim_ros.campaign.plan import check_cells, load_plan, read_plan
 from imu_sim_ros.errors import ConfigurationError
 
 BASE = {"parameters": {"rate": 100.0, "duration": 2.0}}
@@ -64,7 +64,7 @@ def test_all_problems_of_a_plan_come_together(plan_file):
         assert f"{path}: {start}" in text
     bad = {"rate": -1.0, "duration": 2.0}
     with pytest.raises(ConfigurationError) as caught:
-        load_plan(plan_file(parameters=bad, grid={"imu": ["adis16448", "nosuch"]}))
+        check_cells(load_plan(plan_file(parameters=bad, grid={"imu": ["adis16448", "nosuch"]})))
     text = "\n".join(caught.value.problems)
     assert "cell imu=adis16448: rate = -1.0: must be" in text
     assert "cell imu=nosuch: " in text

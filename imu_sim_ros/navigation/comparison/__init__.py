@@ -17,6 +17,7 @@ from imu_sim_ros.navigation.comparison.drift import Drift, Truth, drift_from
 from imu_sim_ros.navigation.comparison.evaluation import (
     AbsoluteErrors,
     absolute_errors,
+    attitude_errors,
     distances,
     pairs,
     relative_errors,
@@ -33,6 +34,7 @@ __all__ = [
     "absolute_errors",
     "align",
     "anees_band",
+    "attitude_errors",
     "common_rows",
     "distances",
     "drift_from",
