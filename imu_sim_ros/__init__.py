@@ -3,6 +3,15 @@
 
 """Simulation of inertial measurement units, and everything that is recovered from their readings.
 
+>>> import imu_sim_ros as ims
+>>> flight = ims.simulate(imu="tactical", trajectory="figure_eight", duration=60, rate=200, seed=1)
+>>> track = ims.dead_reckon(flight, method="midpoint")
+>>> ims.evaluate(track, flight.truth)
+<Evaluation of 12000 poses, 145.9 m: position 7.362 m rms, attitude 0.0008989 rad rms>
+
+The names in ``__all__`` are public: they change only with a note in the changelog. Each is imported
+when it is first used. Everything below ``imu_sim_ros.`` is the inside of the house and may change.
+
 Conventions
 ===========
 
@@ -38,5 +47,64 @@ Time
 Shapes
     Time first: ``(n,)``, ``(n, 3)``, ``(n, 4)``, ``(n, 3, 3)``.
 """
+
+from typing import TYPE_CHECKING
+
+from imu_sim_ros.lazy import exported
+
+if TYPE_CHECKING:
+    from imu_sim_ros.api.calibration import Calibrated as Calibrated
+    from imu_sim_ros.api.calibration import Calibration as Calibration
+    from imu_sim_ros.api.calibration import TriadCalibration as TriadCalibration
+    from imu_sim_ros.api.calibration import calibrate_six_position as calibrate_six_position
+    from imu_sim_ros.api.calibration import calibrate_temperature as calibrate_temperature
+    from imu_sim_ros.api.calibration import calibrate_turntable as calibrate_turntable
+    from imu_sim_ros.api.flight import Flight as Flight
+    from imu_sim_ros.api.flight import Truth as Truth
+    from imu_sim_ros.api.navigation import Evaluation as Evaluation
+    from imu_sim_ros.api.navigation import Track as Track
+    from imu_sim_ros.api.navigation import dead_reckon as dead_reckon
+    from imu_sim_ros.api.navigation import evaluate as evaluate
+    from imu_sim_ros.api.noise import Estimated as Estimated
+    from imu_sim_ros.api.noise import Noise as Noise
+    from imu_sim_ros.api.noise import TriadNoise as TriadNoise
+    from imu_sim_ros.api.noise import allan as allan
+    from imu_sim_ros.api.preintegration import preintegrate as preintegrate
+    from imu_sim_ros.api.readings import Odometry as Odometry
+    from imu_sim_ros.api.readings import Readings as Readings
+    from imu_sim_ros.api.readings import read_imu as read_imu
+    from imu_sim_ros.api.readings import read_odometry as read_odometry
+    from imu_sim_ros.api.simulation import blocks as blocks
+    from imu_sim_ros.api.simulation import simulate as simulate
+    from imu_sim_ros.errors import ConfigurationError as ConfigurationError
+    from imu_sim_ros.errors import ImuSimError as ImuSimError
+    from imu_sim_ros.errors import InputError as InputError
+    from imu_sim_ros.errors import MissingDependencyError as MissingDependencyError
+    from imu_sim_ros.navigation import NavigationState as NavigationState
+    from imu_sim_ros.navigation import Preintegration as Preintegration
+    from imu_sim_ros.poses import PoseSequence as PoseSequence
+else:
+    __getattr__, __dir__, __all__ = exported(
+        __name__,
+        {
+            "api.calibration": [
+                "Calibrated",
+                "Calibration",
+                "TriadCalibration",
+                "calibrate_six_position",
+                "calibrate_temperature",
+                "calibrate_turntable",
+            ],
+            "api.flight": ["Flight", "Truth"],
+            "api.navigation": ["Evaluation", "Track", "dead_reckon", "evaluate"],
+            "api.noise": ["Estimated", "Noise", "TriadNoise", "allan"],
+            "api.preintegration": ["preintegrate"],
+            "api.readings": ["Odometry", "Readings", "read_imu", "read_odometry"],
+            "api.simulation": ["blocks", "simulate"],
+            "errors": ["ConfigurationError", "ImuSimError", "InputError", "MissingDependencyError"],
+            "navigation": ["NavigationState", "Preintegration"],
+            "poses": ["PoseSequence"],
+        },
+    )
 
 __version__ = "0.1.0"

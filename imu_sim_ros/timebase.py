@@ -3,6 +3,7 @@
 
 """Sample times as int64 nanoseconds, each computed from its index and never by adding up."""
 
+import re
 from fractions import Fraction
 from functools import lru_cache
 from typing import Final
@@ -73,3 +74,17 @@ def seconds_since(t_ns: NDArray[np.int64], t0_ns: int) -> NDArray[np.float64]:
 def to_nanoseconds(seconds: float) -> int:
     """Return a duration in whole nanoseconds, the nearest one."""
     return round(Fraction(repr(float(seconds))) * NANOSECONDS_PER_SECOND)
+
+
+_SECONDS: Final = {"": 1.0, "s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0}
+
+
+def parse_duration(words: str) -> float:
+    """Return the seconds of ``20s``, ``10min``, ``4h``, ``2d`` or a plain number.
+
+    :raises ValueError: for anything else.
+    """
+    match = re.fullmatch(r"(\d+\.?\d*|\.\d+)\s*(s|min|h|d|)", words.strip())
+    if match is None:
+        raise ValueError(f"{words!r} is not a duration such as 20s, 10min or 4h")
+    return float(match[1]) * _SECONDS[match[2]]

@@ -6,7 +6,6 @@
 import argparse
 import json
 import os
-import re
 import sys
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -14,11 +13,11 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Final, NoReturn
 
+from imu_sim_ros import timebase
 from imu_sim_ros.commands import signals
 from imu_sim_ros.config import files
 from imu_sim_ros.errors import ConfigurationError, explain
 
-_UNITS = {"": 1.0, "s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0}
 _LONGEST_LINE: Final = 1000
 
 
@@ -118,10 +117,10 @@ def _give_up_output() -> None:
 
 def duration(words: str) -> float:
     """Return the seconds of ``20s``, ``10min``, ``4h``, ``2d`` or a plain number."""
-    match = re.fullmatch(r"(\d+\.?\d*|\.\d+)\s*(s|min|h|d|)", words.strip())
-    if match is None:
-        raise argparse.ArgumentTypeError(f"{words!r} is not a duration such as 20s, 10min or 4h")
-    return float(match[1]) * _UNITS[match[2]]
+    try:
+        return timebase.parse_duration(words)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def assignment(words: str) -> tuple[str, object]:

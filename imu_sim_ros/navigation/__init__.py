@@ -13,6 +13,7 @@ from imu_sim_ros.navigation.comparison import (
     Alignment,
     Band,
     Drift,
+    RelativeErrors,
     Truth,
     absolute_errors,
     align,
@@ -31,6 +32,7 @@ from imu_sim_ros.navigation.comparison import (
 from imu_sim_ros.navigation.correction import correction_of
 from imu_sim_ros.navigation.initialisation import Initial
 from imu_sim_ros.navigation.noise import noise_of
+from imu_sim_ros.navigation.preintegration import Preintegration
 from imu_sim_ros.navigation.state import NavigationState, NavigationStates
 from imu_sim_ros.navigation.strapdown import Counts, Stepper, dead_reckon
 
@@ -44,6 +46,8 @@ __all__ = [
     "Initial",
     "NavigationState",
     "NavigationStates",
+    "Preintegration",
+    "RelativeErrors",
     "Stepper",
     "Truth",
     "absolute_errors",

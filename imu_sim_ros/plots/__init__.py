@@ -14,11 +14,12 @@ if TYPE_CHECKING:
     from imu_sim_ros.plots import allan as allan
     from imu_sim_ros.plots import calibration as calibration
     from imu_sim_ros.plots import navigation as navigation
+    from imu_sim_ros.plots import readings as readings
     from imu_sim_ros.plots import style as style
 else:
     __getattr__, __dir__, __all__ = exported(
         __name__,
         {
-            "": ["allan", "calibration", "navigation", "style"],
+            "": ["allan", "calibration", "navigation", "readings", "style"],
         },
     )

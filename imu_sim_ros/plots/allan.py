@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.noise import (
@@ -30,16 +31,21 @@ _LINES: Final = {"Q": ":", "N": "--", "B": "-.", "K": "--", "R": ":", "sigma": "
 
 
 def draw(result: AllanResult, path: str | Path) -> None:
-    """Write the picture: a panel for each triad; dashed lines are the terms, of the mean axis."""
-    figure, panels = style.panels(1, 2, 12.5, 5.6)
+    """Write the picture of :func:`figure`."""
+    style.save(figure(result), path)
+
+
+def figure(result: AllanResult) -> Figure:
+    """Return the picture: a panel for each triad; dashed lines are the terms, of the mean axis."""
+    picture, panels = style.panels(1, 2, 12.5, 5.6)
     for triad, axes in enumerate(panels):
         _draw_triad(result, triad, axes)
     hours = result.duration / 3600.0
-    figure.suptitle(
+    picture.suptitle(
         f"Overlapping Allan deviation: {hours:.3g} h at {result.timing.rate:.6g} Hz "
         "(band: 95 %; black: fitted model, grey: its terms)"
     )
-    style.save(figure, path)
+    return picture
 
 
 def _draw_triad(result: AllanResult, triad: int, axes: Axes) -> None:

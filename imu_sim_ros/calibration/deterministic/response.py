@@ -157,7 +157,9 @@ def _whitener(data: Observations, shape: Array, walk: float) -> tuple[Array, flo
     from scipy.linalg import solve_triangular
 
     smallest = 1e-9 * (float(np.median(data.sigma)) + 1e-9 * float(np.abs(data.readings).max()))
-    covariance = walk * shape + np.diag(np.maximum(data.sigma, smallest + 1e-300) ** 2)
+    # Readings that are all zero and have no noise, as of a perfect gyroscope at rest, still need a
+    # covariance whose square and inverse are numbers.
+    covariance = walk * shape + np.diag(np.maximum(data.sigma, smallest + 1e-100) ** 2)
     factor = np.linalg.cholesky(covariance)
     inverse: Array = solve_triangular(factor, np.eye(len(factor)), lower=True)
     return inverse, 2.0 * float(np.sum(np.log(np.diag(factor))))

@@ -16,6 +16,7 @@ from imu_sim_ros.navigation.comparison.consistency import Band, anees_band, nees
 from imu_sim_ros.navigation.comparison.drift import Drift, Truth, drift_from
 from imu_sim_ros.navigation.comparison.evaluation import (
     AbsoluteErrors,
+    RelativeErrors,
     absolute_errors,
     attitude_errors,
     distances,
@@ -30,6 +31,7 @@ __all__ = [
     "Alignment",
     "Band",
     "Drift",
+    "RelativeErrors",
     "Truth",
     "absolute_errors",
     "align",

@@ -1,0 +1,182 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Deterministic errors of an IMU from calibration runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from imu_sim_ros.api.flight import Flight
+from imu_sim_ros.api.readings import Readings, read_imu
+from imu_sim_ros.calibration.deterministic import (
+    calibrate_six_position as six_position,
+)
+from imu_sim_ros.calibration.deterministic import (
+    calibrate_temperature as over_temperature,
+)
+from imu_sim_ros.calibration.deterministic import (
+    calibrate_turntable as turntable,
+)
+from imu_sim_ros.calibration.deterministic import (
+    correction,
+    find_steady,
+    known_rates,
+    specific_force,
+    temperatures_at,
+    true_rates,
+)
+from imu_sim_ros.conventions import GRAVITY, TRIADS
+from imu_sim_ros.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, repr=False)
+class Calibrated:
+    """A parameter with its standard errors, flat as in a parameter file."""
+
+    value: Array
+    sigma: Array
+
+    def __repr__(self) -> str:
+        pairs = zip(self.value, self.sigma, strict=True)
+        return "<" + ", ".join(f"{value:.4g} +- {sigma:.2g}" for value, sigma in pairs) + ">"
+
+
+class TriadCalibration(dict[str, Calibrated]):
+    """The calibrated parameters of one triad by name; each is an attribute as well."""
+
+    def __getattr__(self, name: str) -> Calibrated:
+        try:
+            return self[name]
+        except KeyError:
+            known = ", ".join(self)
+            raise AttributeError(f"{name}: this run does not tell it; it tells {known}") from None
+
+
+@dataclass(frozen=True, repr=False)
+class Calibration:
+    """What a calibration run tells of an IMU."""
+
+    gyroscope: TriadCalibration
+    accelerometer: TriadCalibration
+    parameters: correction.Parameters
+
+    def __repr__(self) -> str:
+        return f"<Calibration of {', '.join(self.parameters)}>"
+
+    def save(self, path: str | Path, *, for_simulator: bool = False) -> Path:
+        """Write a parameter file; returns its path.
+
+        :param for_simulator: the errors for ``simulator`` and ``generate``; else the correction for
+            ``integrator`` and ``dead_reckon``.
+        """
+        write = correction.write_simulator if for_simulator else correction.write_correction
+        write(self.parameters, Path(path), "calibrated by imu_sim_ros")
+        return Path(path)
+
+
+def calibrate_six_position(
+    readings: Flight | Readings | str | Path, *, gravity: float = -GRAVITY[2], simple: bool = False
+) -> Calibration:
+    """Return the accelerometer's bias, scale and misalignment, and the gyroscope's bias.
+
+    :param readings: of a body that rests on each of its six faces.
+    :param gravity: its magnitude where the run was made [m/s^2].
+    :param simple: the lecture's eq. 6: bias and scale per axis only.
+    :raises InputError: where a face is missing.
+
+    >>> import imu_sim_ros as ims
+    >>> imu = {"preset": "perfect", "accelerometer_bias": [0.1, -0.2, 0.3]}
+    >>> found = ims.calibrate_six_position(ims.simulate(imu=imu, trajectory="six_position"))
+    >>> found.accelerometer.bias.value.round(6).tolist()
+    [0.1, -0.2, 0.3]
+    """
+    imu = _readings(readings)
+    steady = find_steady(imu.t_ns, imu.gyro, imu.accel)
+    found = six_position(steady, gravity, simple=simple)
+    return _calibration(correction.six_position_parameters(found))
+
+
+def calibrate_turntable(
+    readings: Flight | Readings | str | Path,
+    *,
+    rates: Sequence[float] | None = None,
+    gravity: float = -GRAVITY[2],
+) -> Calibration:
+    """Return the gyroscope's bias, scale and misalignment, and its g-sensitivity where it shows.
+
+    :param readings: of a body that is turned about each axis both ways, and rests.
+    :param rates: magnitudes the table was set to [rad/s]; a flight knows its own.
+    :param gravity: its magnitude [m/s^2].
+    :raises InputError: where the rates are not known, or an axis is not turned both ways.
+
+    >>> import imu_sim_ros as ims
+    >>> imu = {"preset": "perfect", "gyroscope_bias": [0.01, 0.0, -0.02]}
+    >>> found = ims.calibrate_turntable(ims.simulate(imu=imu, trajectory="turntable"))
+    >>> (found.gyroscope.bias.value.round(6) + 0.0).tolist()
+    [0.01, 0.0, -0.02]
+    """
+    imu = _readings(readings)
+    steady = find_steady(imu.t_ns, imu.gyro, imu.accel, rotating=True)
+    if rates is not None:
+        steady, rate = known_rates(steady, np.abs(np.asarray(rates, dtype=np.float64)))
+    elif isinstance(readings, Flight):
+        truth = readings.truth
+        steady, rate = true_rates(steady, truth.t_ns, truth.angular_velocity)
+    else:
+        raise InputError("rates: the rates the table was set to are not known; give them in rad/s")
+    return _calibration(correction.turntable_parameters(turntable(steady, rate, gravity)))
+
+
+def calibrate_temperature(
+    readings: Flight | Readings | str | Path,
+    *,
+    temperature: ArrayLike | None = None,
+    reference: float = 25.0,
+    gravity: float = -GRAVITY[2],
+) -> Calibration:
+    """Return bias and scale over temperature of both triads.
+
+    :param readings: of a body at rest at several temperatures.
+    :param temperature: (n,) of the sensor at the readings [degC]; a flight knows its own.
+    :param reference: T0 of the polynomials [degC].
+    :param gravity: its magnitude [m/s^2].
+    :raises InputError: for temperatures that are not known or hardly differ.
+    """
+    imu = _readings(readings)
+    if temperature is None:
+        if not isinstance(readings, Flight):
+            raise InputError("temperature: give that of the sensor at each reading [degC]")
+        temperature = readings.temperature
+    steady, rate = known_rates(
+        find_steady(imu.t_ns, imu.gyro, imu.accel, rotating=False), np.array([np.inf])
+    )
+    at = temperatures_at(steady, imu.t_ns, np.asarray(temperature, dtype=np.float64))
+    force = specific_force(steady, gravity)
+    found = over_temperature(steady, at, rate, force, reference)
+    return _calibration(correction.temperature_parameters(found))
+
+
+def _readings(readings: Flight | Readings | str | Path) -> Readings:
+    if isinstance(readings, Flight):
+        return readings.readings
+    return readings if isinstance(readings, Readings) else read_imu(readings)
+
+
+def _calibration(values: correction.Parameters) -> Calibration:
+    gyroscope, accelerometer = (
+        TriadCalibration(
+            (name.removeprefix(f"{triad}_"), Calibrated(*value))
+            for name, value in values.items()
+            if name.startswith(triad)
+        )
+        for triad in TRIADS
+    )
+    return Calibration(gyroscope, accelerometer, values)

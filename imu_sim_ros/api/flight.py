@@ -1,0 +1,175 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A simulated flight: readings, and the truth beside them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.api.readings import Odometry, Readings, frame, span
+from imu_sim_ros.config import SimulationParameters
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.sensor import ImuBlock
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, repr=False, kw_only=True)
+class Truth(Odometry):
+    """The true motion and the true errors at the n times at which the sensor took its samples."""
+
+    acceleration: Array
+    """(n, 3) of the body in the world, without gravity [m/s^2]."""
+    gyro: Array
+    """(n, 3) what a perfect gyroscope reads at its place in the body [rad/s]."""
+    accel: Array
+    """(n, 3) what a perfect accelerometer reads at its place in the body [m/s^2]."""
+    gyro_bias: Array
+    """(n, 3) sum of all biases of the gyroscope [rad/s]."""
+    accel_bias: Array
+    """(n, 3) sum of all biases of the accelerometer [m/s^2]."""
+
+    def __repr__(self) -> str:
+        return f"<Truth: {span(self.t_ns)}>"
+
+
+class Flight:
+    """What :func:`imu_sim_ros.simulate` returns: the readings that are delivered, and the truth.
+
+    Readings that the transport loses are missing, and those it doubles stand twice, as in a bag.
+    """
+
+    def __init__(
+        self, parameters: SimulationParameters, blocks: Sequence[ImuBlock], name: str
+    ) -> None:
+        self.parameters = parameters
+        """All parameters of the simulation, a frozen dataclass."""
+        self.name = name
+        """Sensor and motion in words."""
+        self._blocks = blocks
+
+    def _joined(self, name: str) -> Array:
+        return np.concatenate([getattr(block, name)[block.delivered] for block in self._blocks])
+
+    @cached_property
+    def t_ns(self) -> NDArray[np.int64]:
+        """(n,) stamps of the readings [ns], with the errors of the sensor's clock."""
+        return np.concatenate([block.t_ns[block.delivered] for block in self._blocks])
+
+    @cached_property
+    def gyro(self) -> Array:
+        """(n, 3) angular rates as read [rad/s], in the IMU's frame."""
+        return self._joined("gyro")
+
+    @cached_property
+    def accel(self) -> Array:
+        """(n, 3) specific forces as read [m/s^2], in the IMU's frame."""
+        return self._joined("accel")
+
+    @cached_property
+    def temperature(self) -> Array:
+        """(n,) temperature of the sensor [degC]."""
+        return self._joined("temperature")
+
+    @cached_property
+    def truth(self) -> Truth:
+        """The truth at all samples, lost ones too."""
+
+        def joined(name: str) -> Array:
+            return np.concatenate([getattr(block, name) for block in self._blocks])
+
+        def motion(name: str) -> Array:
+            return np.concatenate([getattr(block.motion, name) for block in self._blocks])
+
+        return Truth(
+            np.concatenate([block.true_t_ns for block in self._blocks]),
+            motion("position"),
+            motion("q_wb"),
+            motion("velocity"),
+            motion("angular_velocity"),
+            self.name,
+            acceleration=motion("acceleration"),
+            gyro=joined("ideal_gyro"),
+            accel=joined("ideal_accel"),
+            gyro_bias=joined("gyro_bias"),
+            accel_bias=joined("accel_bias"),
+        )
+
+    @property
+    def readings(self) -> Readings:
+        """The readings alone."""
+        return Readings(self.t_ns, self.gyro, self.accel, self.name)
+
+    def __len__(self) -> int:
+        return len(self.t_ns)
+
+    def __repr__(self) -> str:
+        return f"<Flight {self.name}: {span(self.t_ns)}, seed {self.parameters.seed}>"
+
+    def to_frame(self) -> Any:
+        """Return the readings as a pandas DataFrame: index t_ns, columns gyro_x ... accel_z.
+
+        :raises MissingDependencyError: without pandas.
+        """
+        return frame(self.t_ns, {"gyro": self.gyro, "accel": self.accel})
+
+    def plot(self) -> Figure:
+        """Return a matplotlib figure of the readings over time."""
+        return self.readings.plot()
+
+    def save(
+        self,
+        path: str | Path,
+        *,
+        format: str | None = None,
+        topics: Sequence[str] = (),
+        imu_only: bool = False,
+        rename: Mapping[str, str] | None = None,
+    ) -> Path:
+        """Write a bag or a dataset, the same as ``generate`` writes; returns its path.
+
+        :param path: ``NAME.bag`` is a ROS 1 bag, ``NAME.mcap`` one MCAP file, ``NAME.csv`` a table,
+            anything else a rosbag2 folder. What exists is not overwritten.
+        :param format: ``euroc`` or ``csv`` for a dataset.
+        :param topics: by default the readings and ``ground_truth/odom``.
+        :param imu_only: without the truth.
+        :param rename: another name in the bag for a topic, ``{"imu/data_raw": "/imu0"}``.
+        :raises InputError: for a place that cannot be used or a topic that does not exist.
+
+        >>> import imu_sim_ros as ims
+        >>> flight = ims.simulate(trajectory="figure_eight", duration=1)
+        >>> flight.save(folder / "flight.bag", rename={"imu/data_raw": "/imu0"}).name
+        'flight.bag'
+        """
+        from imu_sim_ros.bags import open_writer
+        from imu_sim_ros.bags.text import writer as text
+        from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
+        from imu_sim_ros.datasets import BagTarget, DatasetTarget, chosen_topics
+
+        path = Path(path)
+        names = chosen_topics(topics, imu_only, rename or {})
+        if format is None and path.suffix != ".csv":
+            with open_writer(path) as writer:
+                bag = BagTarget(writer, self.parameters, names)
+                for block in self._blocks:
+                    bag.write(block)
+            return path
+        unfit = [name for name in names if name not in (IMU_TOPIC, TRUTH_TOPIC)]
+        if unfit:
+            raise InputError([f"topic {name}: is not for {format or 'csv'}" for name in unfit])
+        with text.Dataset(path, format or "csv", TRUTH_TOPIC in names) as dataset:
+            rows = DatasetTarget(dataset)
+            for block in self._blocks:
+                rows.write(block)
+        return path

@@ -1,0 +1,303 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Dead reckoning of readings, and a trajectory against a truth."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.api.flight import Flight
+from imu_sim_ros.api.readings import (
+    HasPoses,
+    Odometry,
+    Readings,
+    frame,
+    read_imu,
+    read_odometry,
+    span,
+)
+from imu_sim_ros.config import IntegratorParameters, build_layered, layer_integrator
+from imu_sim_ros.conventions import TRUTH_TOPIC
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.navigation import (
+    AbsoluteErrors,
+    Initial,
+    NavigationState,
+    RelativeErrors,
+    absolute_errors,
+    common_rows,
+    distances,
+    initialisation,
+    interpolate_poses,
+    interpolate_vectors,
+    pairs,
+    relative_errors,
+)
+from imu_sim_ros.navigation import align as laid_on
+from imu_sim_ros.navigation import dead_reckon as integrate
+from imu_sim_ros.poses import PoseSequence, write_tum
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+Times = NDArray[np.int64]
+
+
+@dataclass(frozen=True, repr=False)
+class Track:
+    """A dead-reckoned trajectory."""
+
+    t_ns: Times
+    """(n,) stamps of the readings [ns]."""
+    position: Array
+    """(n, 3) p_wb [m]."""
+    velocity: Array
+    """(n, 3) of the body in the world [m/s]."""
+    q_wb: Array
+    """(n, 4) unit quaternions (w, x, y, z)."""
+    method: str
+    attitude_update: str
+    truth: Odometry | None = None
+    """The truth that came with the readings."""
+
+    def __len__(self) -> int:
+        return len(self.t_ns)
+
+    def __repr__(self) -> str:
+        return f"<Track {self.method}, {self.attitude_update}: {span(self.t_ns)}>"
+
+    def to_frame(self) -> Any:
+        """Return a pandas DataFrame: index t_ns, columns position_x, q_w, velocity_x, ...
+
+        :raises MissingDependencyError: without pandas.
+        """
+        columns = {"position": self.position, "q": self.q_wb, "velocity": self.velocity}
+        return frame(self.t_ns, columns)
+
+    def save(self, path: str | Path) -> Path:
+        """Write the poses in TUM's form; returns the path."""
+        write_tum(Path(path), PoseSequence(self.t_ns, self.position, self.q_wb))
+        return Path(path)
+
+    def plot(self) -> Figure:
+        """Return a matplotlib figure: the path, beside the truth where there is one."""
+        from imu_sim_ros.plots import navigation as pictures
+
+        name = f"{self.method}, {self.attitude_update}"
+        if self.truth is None:
+            return pictures.trajectories({name: self.position}, None, {}, {})
+        found = evaluate(self, self.truth)
+        t = (found.t_ns - found.t_ns[0]) * 1e-9
+        return pictures.trajectories(
+            {name: self.position},
+            self.truth.position,
+            {name: (t, np.linalg.norm(found.position, axis=1))},
+            {name: (t, np.linalg.norm(found.attitude, axis=1))},
+        )
+
+
+def dead_reckon(
+    readings: Flight | Readings | str | Path,
+    *,
+    method: str = "midpoint",
+    attitude_update: str = "so3",
+    initial: str | NavigationState | None = None,
+    imu_topic: str | None = None,
+    **parameters: Any,
+) -> Track:
+    """Integrate readings to a trajectory.
+
+    :param readings: a flight, readings, or a file that :func:`imu_sim_ros.read_imu` reads.
+    :param method: euler, midpoint or rk4.
+    :param attitude_update: quaternion, so3 or euler_angles.
+    :param initial: the state at the first reading, ``"truth"``, ``"level"`` (roll, pitch and the
+        gyroscope's bias from a rest of ``level_time``), or ``"parameters"`` (``initial_position``
+        and so on). By default the truth where there is one, else level.
+    :param imu_topic: of a bag with several.
+    :param parameters: of the node integrator by their ROS names: ``gravity``, ``gyroscope_bias``,
+        ``accelerometer_scale_misalignment``, ``level_time``, ``max_gap``, ...
+    :raises ConfigurationError: with a line for every parameter that is wrong.
+    :raises InputError: for readings that cannot be integrated.
+
+    >>> import imu_sim_ros as ims
+    >>> flight = ims.simulate(imu="perfect", trajectory="lecture", duration=20, rate=200)
+    >>> track = ims.dead_reckon(flight, method="midpoint")
+    >>> round(ims.evaluate(track, flight.truth).final_position, 5)
+    0.00129
+    """
+    track, truth = _source(readings, imu_topic)
+    if initial is None:
+        initial = "truth" if truth is not None else "level"
+    name = initial if isinstance(initial, str) else "parameters"
+    given = {"method": method, "attitude_update": attitude_update, "initial_state": name}
+    settings = build_layered(
+        IntegratorParameters, layer_integrator, {**_plain(parameters), **given}
+    )
+    if isinstance(initial, NavigationState):
+        start = initialisation.from_state(settings, initial)
+    else:
+        track, start = _start(settings, track, truth)
+    way = (settings.method, settings.attitude_update, settings.gravity)
+    limits = (settings.max_gap, settings.earth_rate)
+    states = integrate(
+        track.t_ns, track.gyro, track.accel, start.state, *way, start.correction, *limits
+    )
+    return Track(*states, settings.method, settings.attitude_update, truth)
+
+
+def _source(
+    readings: Flight | Readings | str | Path, topic: str | None
+) -> tuple[Readings, Odometry | None]:
+    if isinstance(readings, Flight):
+        return readings.readings, readings.truth
+    if isinstance(readings, Readings):
+        return readings, None
+    found = read_imu(readings, topic)
+    try:
+        return found, read_odometry(readings, TRUTH_TOPIC)
+    except InputError:  # no truth beside the readings
+        return found, None
+
+
+def _start(
+    settings: IntegratorParameters, readings: Readings, truth: Odometry | None
+) -> tuple[Readings, Initial]:
+    """Return the readings from the start on, and what integration starts with."""
+    if settings.initial_state == "parameters":
+        return readings, initialisation.from_parameters(settings)
+    if settings.initial_state == "truth":
+        if truth is None:
+            raise InputError("initial = 'truth': there is no truth beside these readings")
+        rows = readings.t_ns >= truth.t_ns[0]
+        readings = _rows(readings, rows)
+        return readings, initialisation.from_state(settings, _state(truth, readings.t_ns[:1]))
+    rest = initialisation.rest_rows(settings, readings.t_ns)
+    found = initialisation.from_rest(settings, readings.gyro[rest], readings.accel[rest])
+    return _rows(readings, slice(rest.stop - 1, None)), found
+
+
+def _state(truth: Odometry, at_ns: Times) -> NavigationState:
+    poses = interpolate_poses(PoseSequence(truth.t_ns, truth.position, truth.q_wb), at_ns)
+    velocity = interpolate_vectors(truth.t_ns, truth.velocity, at_ns)
+    return NavigationState(poses.position[0], velocity[0], poses.q_wb[0])
+
+
+def _rows(readings: Readings, rows: NDArray[np.bool_] | slice) -> Readings:
+    return Readings(readings.t_ns[rows], readings.gyro[rows], readings.accel[rows], readings.name)
+
+
+def _plain(values: Mapping[str, Any]) -> dict[str, object]:
+    return {n: v.tolist() if hasattr(v, "tolist") else v for n, v in values.items()}
+
+
+@dataclass(frozen=True, repr=False)
+class Evaluation:
+    """The errors of an estimate, truth less estimate, at the m times that both have."""
+
+    t_ns: Times
+    """(m,) [ns]."""
+    position: Array
+    """(m, 3) in the world [m]."""
+    attitude: Array
+    """(m, 3) rotation vectors about the world's axes [rad]."""
+    velocity: Array | None
+    """(m, 3) in the world [m/s]; None where either has no velocity."""
+    distance: float
+    """Length of the true path [m]."""
+    estimate: PoseSequence
+    """The aligned estimate."""
+    truth: PoseSequence
+    """The truth at the same times."""
+
+    def __repr__(self) -> str:
+        return (
+            f"<Evaluation of {len(self.t_ns)} poses, {self.distance:.4g} m: "
+            f"position {self.rms_position:.4g} m rms, attitude {self.rms_attitude:.4g} rad rms>"
+        )
+
+    @property
+    def rms_position(self) -> float:
+        """Root mean square of the position errors [m]: the absolute trajectory error, ATE."""
+        return _rms(self.position)
+
+    @property
+    def rms_attitude(self) -> float:
+        """Root mean square of the attitude errors [rad]."""
+        return _rms(self.attitude)
+
+    @property
+    def rms_velocity(self) -> float | None:
+        """Root mean square of the velocity errors [m/s]."""
+        return None if self.velocity is None else _rms(self.velocity)
+
+    @property
+    def final_position(self) -> float:
+        """Length of the last position error [m]."""
+        return float(np.linalg.norm(self.position[-1]))
+
+    @property
+    def final_attitude(self) -> float:
+        """Length of the last attitude error [rad]."""
+        return float(np.linalg.norm(self.attitude[-1]))
+
+    def relative(self, delta: float, unit: str = "s") -> RelativeErrors:
+        """Return the relative pose errors (RPE).
+
+        :param delta: > 0.
+        :param unit: s, m (along the truth's path) or frames.
+        :raises InputError: where the trajectory is shorter than delta.
+        """
+        return relative_errors(self.estimate, self.truth, *pairs(self.truth, delta, unit))
+
+    def plot(self) -> Figure:
+        """Return a matplotlib figure: both paths, and the errors per axis over time."""
+        from imu_sim_ros.plots import navigation as pictures
+
+        t = (self.t_ns - self.t_ns[0]) * 1e-9
+        return pictures.evaluation(
+            t, self.estimate.position, self.truth.position, self.position, self.attitude
+        )
+
+
+def evaluate(
+    estimate: HasPoses, truth: HasPoses, *, align: str = "none", max_gap: float = 0.5
+) -> Evaluation:
+    """Compare a trajectory with the truth at the estimate's times.
+
+    :param estimate: a track, odometry, or anything with ``t_ns``, ``position`` and ``q_wb``.
+    :param truth: likewise.
+    :param align: lay the estimate onto the truth first: none, yaw, se3 or sim3.
+    :param max_gap: the truth is not interpolated over longer gaps [s].
+    :raises InputError: where both do not overlap in time.
+
+    >>> import imu_sim_ros as ims
+    >>> flight = ims.simulate(imu="navigation", trajectory="circle", duration=30, seed=1)
+    >>> ims.evaluate(ims.dead_reckon(flight), flight.truth)
+    <Evaluation of 6000 poses, 74.99 m: position 0.1026 m rms, attitude 3.995e-05 rad rms>
+    """
+    rows = common_rows(estimate.t_ns, truth.t_ns, max_gap)
+    t_ns = estimate.t_ns[rows]
+    true = interpolate_poses(PoseSequence(truth.t_ns, truth.position, truth.q_wb), t_ns)
+    poses = PoseSequence(t_ns, estimate.position[rows], estimate.q_wb[rows])
+    alignment = laid_on(poses.position, true.position, align)
+    poses = alignment.apply(poses)
+    errors: AbsoluteErrors = absolute_errors(poses, true)
+    speeds = [getattr(each, "velocity", None) for each in (estimate, truth)]
+    velocity = None
+    if speeds[0] is not None and speeds[1] is not None:
+        own = alignment.scale * speeds[0][rows] @ alignment.r.T
+        velocity = interpolate_vectors(truth.t_ns, speeds[1], t_ns) - own
+    length = float(distances(true.position)[-1])
+    return Evaluation(t_ns, errors.position, errors.attitude, velocity, length, poses, true)
+
+
+def _rms(errors: Array) -> float:
+    return float(np.sqrt(np.mean(np.sum(np.square(errors), axis=1))))

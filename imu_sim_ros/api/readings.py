@@ -1,0 +1,180 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Readings of an IMU and trajectories, as arrays, and how they are read from files."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.errors import MissingDependencyError
+from imu_sim_ros.rotation import rotate
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+Times = NDArray[np.int64]
+
+
+class HasPoses(Protocol):
+    """Anything with poses in time: a :class:`Track`, a :class:`Truth`, an :class:`Odometry`."""
+
+    @property
+    def t_ns(self) -> Times:
+        """(n,) [ns]."""
+
+    @property
+    def position(self) -> Array:
+        """(n, 3) p_wb [m]."""
+
+    @property
+    def q_wb(self) -> Array:
+        """(n, 4) unit quaternions (w, x, y, z)."""
+
+
+@dataclass(frozen=True, repr=False)
+class Readings:
+    """n readings of an IMU, in the order in which they were delivered."""
+
+    t_ns: Times
+    """(n,) stamps [ns]."""
+    gyro: Array
+    """(n, 3) angular rates [rad/s], in the IMU's frame."""
+    accel: Array
+    """(n, 3) specific forces [m/s^2], in the IMU's frame: +9.81 on z when level and at rest."""
+    name: str = "readings"
+
+    def __len__(self) -> int:
+        return len(self.t_ns)
+
+    def __repr__(self) -> str:
+        return f"<Readings {self.name}: {span(self.t_ns)}>"
+
+    def to_frame(self) -> Any:
+        """Return a pandas DataFrame: index t_ns, columns gyro_x ... accel_z.
+
+        :raises MissingDependencyError: without pandas.
+        """
+        return frame(self.t_ns, {"gyro": self.gyro, "accel": self.accel})
+
+    def plot(self) -> Figure:
+        """Return a matplotlib figure of the readings over time."""
+        from imu_sim_ros.plots import readings as pictures
+
+        return pictures.readings(self.t_ns, self.gyro, self.accel, self.name)
+
+
+@dataclass(frozen=True, repr=False)
+class Odometry:
+    """n poses with velocities, in the world frame."""
+
+    t_ns: Times
+    """(n,) stamps [ns]."""
+    position: Array
+    """(n, 3) p_wb [m]."""
+    q_wb: Array
+    """(n, 4) unit quaternions (w, x, y, z)."""
+    velocity: Array
+    """(n, 3) of the body in the world [m/s]."""
+    angular_velocity: Array
+    """(n, 3) of the body, in the body frame [rad/s]."""
+    name: str = "odometry"
+
+    def __len__(self) -> int:
+        return len(self.t_ns)
+
+    def __repr__(self) -> str:
+        return f"<Odometry {self.name}: {span(self.t_ns)}>"
+
+    def to_frame(self) -> Any:
+        """Return a pandas DataFrame: index t_ns, columns position_x, q_w, velocity_x, ...
+
+        :raises MissingDependencyError: without pandas.
+        """
+        return frame(
+            self.t_ns,
+            {
+                "position": self.position,
+                "q": self.q_wb,
+                "velocity": self.velocity,
+                "angular_velocity": self.angular_velocity,
+            },
+        )
+
+
+def read_imu(path: str | Path, topic: str | None = None) -> Readings:
+    """Return the IMU readings of a bag of any form, a EuRoC folder or a CSV file.
+
+    :param path: the file or folder.
+    :param topic: of type sensor_msgs/Imu; needed where a bag has several.
+    :raises InputError: for what cannot be read, or holds no readings.
+
+    >>> import imu_sim_ros as ims
+    >>> flight = ims.simulate(trajectory="circle", duration=2, rate=100)
+    >>> _ = flight.save(folder / "circle.mcap")
+    >>> ims.read_imu(folder / "circle.mcap")
+    <Readings circle.mcap: 200 at 100 Hz, 1.99 s>
+    """
+    from imu_sim_ros.bags import read_imu as read
+
+    messages = read(path, topic)
+    return Readings(messages.t_ns, messages.gyro, messages.accel, Path(path).name)
+
+
+def read_odometry(path: str | Path, topic: str | None = None) -> Odometry:
+    """Return the odometry of a bag, its velocity turned into the world frame.
+
+    :param path: the file or folder.
+    :param topic: of type nav_msgs/Odometry, for instance ``ground_truth/odom``; needed where a bag
+        has several.
+    :raises InputError: for what cannot be read, or holds no odometry.
+
+    >>> import imu_sim_ros as ims
+    >>> _ = ims.simulate(trajectory="circle", duration=2, rate=100).save(folder / "odometry.bag")
+    >>> ims.read_odometry(folder / "odometry.bag", "ground_truth/odom")
+    <Odometry odometry.bag: 200 at 100 Hz, 1.99 s>
+    """
+    from imu_sim_ros.bags import read_odometry as read
+
+    found = read(path, topic if topic is None else "/" + topic.lstrip("/"))
+    return Odometry(
+        found.t_ns,
+        found.position,
+        found.q_wb,
+        rotate(found.q_wb, found.velocity_b),
+        found.angular_velocity_b,
+        Path(path).name,
+    )
+
+
+def frame(t_ns: Times, columns: Mapping[str, Array]) -> Any:
+    """Return arrays (n, 3) and (n, 4) as a pandas DataFrame with a column for each component."""
+    try:
+        import pandas
+    except ImportError:
+        raise MissingDependencyError(
+            "to_frame() needs pandas: apt install python3-pandas, or pip install pandas"
+        ) from None
+    data = {
+        f"{name}_{component}": values[:, k]
+        for name, values in columns.items()
+        for k, component in enumerate("wxyz" if values.shape[1] == 4 else "xyz")
+    }
+    return pandas.DataFrame(data, index=pandas.Index(t_ns, name="t_ns"))
+
+
+def span(t_ns: Times) -> str:
+    """Return how many rows there are, at which rate and for how long."""
+    n = len(t_ns)
+    if n < 2:
+        return f"{n} row{'s' if n != 1 else ''}"
+    seconds = float(t_ns[-1] - t_ns[0]) * 1e-9
+    rate = 1e9 / float(np.median(np.diff(t_ns))) if seconds > 0.0 else 0.0
+    return f"{n} at {rate:.4g} Hz, {seconds:.6g} s"

@@ -1,0 +1,153 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Parameters in, a flight or a stream of blocks out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from imu_sim_ros import timebase
+from imu_sim_ros.api.flight import Flight
+from imu_sim_ros.config import SimulationParameters, files, load_simulation
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.sensor import ImuBlock
+from imu_sim_ros.simulation import BLOCK_SIZE, Simulation
+
+
+def simulate(
+    *,
+    imu: str | Path | Mapping[str, Any] | None = None,
+    trajectory: str | Path | Mapping[str, Any] | PoseSequence | None = None,
+    duration: float | str | None = None,
+    rate: float | None = None,
+    seed: int | None = None,
+    params_file: str | Path | None = None,
+    **parameters: Any,
+) -> Flight:
+    """Simulate an IMU on a moving body; the same samples as ``generate`` and the node give.
+
+    :param imu: a name in config/imus, a parameter file or kalibr's imu.yaml, or parameters by name:
+        ``{"preset": "mpu6000", "gyroscope_bias": [0.01, 0, 0]}``.
+    :param trajectory: a name in config/trajectories, a file of recorded poses, parameters by name:
+        ``{"type": "circle", "radius": 3.0}``, or poses.
+    :param duration: [s], or words such as ``"2h"``; by default the trajectory's length.
+    :param rate: samples per second [Hz].
+    :param seed: of all random streams.
+    :param params_file: a ROS 2 parameter file below all other arguments.
+    :param parameters: any other parameter by its ROS name; sections are mappings:
+        ``gravity=[0, 0, -9.8]``, ``temperature={"start": 20.0}``.
+    :raises ConfigurationError: with a line for everything that is wrong.
+    :raises InputError: for a file that cannot be read.
+
+    >>> import imu_sim_ros as ims
+    >>> flight = ims.simulate(imu="adis16448", trajectory="figure_eight", duration=60, seed=1)
+    >>> flight
+    <Flight adis16448 on figure_eight: 12000 at 200 Hz, 59.995 s, seed 1>
+    >>> flight.gyro.shape, flight.truth.position.shape
+    ((12000, 3), (12000, 3))
+    """
+    simulation = _simulation(imu, trajectory, duration, rate, seed, params_file, parameters)
+    name = f"{Path(simulation.parameters.imu.preset).stem} on {_name(trajectory, simulation)}"
+    return Flight(simulation.parameters, list(simulation.blocks()), name)
+
+
+def blocks(
+    *,
+    imu: str | Path | Mapping[str, Any] | None = None,
+    trajectory: str | Path | Mapping[str, Any] | PoseSequence | None = None,
+    duration: float | str | None = None,
+    rate: float | None = None,
+    seed: int | None = None,
+    params_file: str | Path | None = None,
+    block_size: int = BLOCK_SIZE,
+    **parameters: Any,
+) -> Iterator[ImuBlock]:
+    """Yield the samples of a simulation in blocks, in memory that does not grow with the duration.
+
+    :param block_size: samples in a block; the samples do not depend on it.
+
+    The other arguments and the errors are those of :func:`simulate`.
+
+    >>> import imu_sim_ros as ims
+    >>> [len(block.t_ns) for block in ims.blocks(duration="1min", rate=200, block_size=5000)]
+    [5000, 5000, 2000]
+    """
+    simulation = _simulation(imu, trajectory, duration, rate, seed, params_file, parameters)
+    return simulation.blocks(block_size)
+
+
+def _simulation(
+    imu: object,
+    trajectory: object,
+    duration: float | str | None,
+    rate: float | None,
+    seed: int | None,
+    params_file: str | Path | None,
+    parameters: Mapping[str, Any],
+) -> Simulation:
+    from imu_sim_ros.bags import read_poses
+
+    layers = [files.load(params_file)] if params_file is not None else []
+    own: dict[str, object] = {**_imu(imu), **_flat(parameters)}
+    reader = read_poses
+    if isinstance(trajectory, PoseSequence):
+        own.update({"trajectory.type": "poses", "trajectory.file": "poses given as arrays"})
+        poses = trajectory
+
+        def reader(path: str | Path, topic: str | None = None) -> PoseSequence:
+            return poses
+
+    elif isinstance(trajectory, Mapping):
+        own.update({f"trajectory.{name}": value for name, value in _flat(trajectory).items()})
+    elif trajectory is not None:
+        own.update(files.trajectory_layer(str(trajectory)))
+    given = {"duration": None if duration is None else _seconds(duration), "rate": rate}
+    given["seed"] = seed
+    own.update({name: value for name, value in given.items() if value is not None})
+    built: SimulationParameters = load_simulation(*layers, own)
+    simulation = Simulation(built, pose_reader=reader)
+    if simulation.total is None:
+        raise ConfigurationError("duration: this trajectory has no end; say how long, duration=60")
+    return simulation
+
+
+def _name(trajectory: object, simulation: Simulation) -> str:
+    if isinstance(trajectory, str | Path):
+        return Path(trajectory).stem
+    return str(simulation.parameters.trajectory.type)
+
+
+def _imu(imu: object) -> dict[str, object]:
+    if imu is None:
+        return {}
+    if isinstance(imu, Mapping):
+        return {f"imu.{name}": value for name, value in _flat(imu).items()}
+    return {"imu.preset": str(imu)}
+
+
+def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, object]:
+    """Return nested sections by dotted name; arrays become lists."""
+    result: dict[str, object] = {}
+    for name, value in values.items():
+        if isinstance(value, Mapping):
+            result.update(_flat(value, f"{prefix}{name}."))
+        else:
+            result[prefix + name] = value.tolist() if hasattr(value, "tolist") else value
+    return result
+
+
+def _seconds(duration: float | str) -> float:
+    """Return a duration [s] given as a number or in words.
+
+    :raises ConfigurationError: for words that are no duration.
+    """
+    if not isinstance(duration, str):
+        return float(duration)
+    try:
+        return timebase.parse_duration(duration)
+    except ValueError as error:
+        raise ConfigurationError(f"duration: {error}") from None

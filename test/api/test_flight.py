@@ -1,0 +1,143 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The front door gives what the rooms behind it give, bit for bit, under names by triad."""
+
+import numpy as np
+import pytest
+
+import imu_sim_ros as ims
+from imu_sim_ros.commands.generate import main as generate
+
+IMU = {"preset": "mpu6000", "dropout_probability": 0.02, "duplicate_probability": 0.02}
+
+
+def flight(imu=IMU, **arguments):
+    return ims.simulate(imu=imu, trajectory="figure_eight", duration=20, rate=200, **arguments)
+
+
+def same(first, second):
+    for name in ("t_ns", "gyro", "accel"):
+        np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
+
+
+@pytest.mark.parametrize("name", ["flight.bag", "flight.mcap", "flight"])
+def test_what_is_saved_is_what_is_read_and_what_generate_writes(name, tmp_path, capsys):
+    made = flight(seed=3)
+    saved = made.save(tmp_path / name)
+    other = tmp_path / f"other_{name}"
+    settings = [f"--set=imu.{key}={value}" for key, value in IMU.items() if key != "preset"]
+    arguments = ["--imu=mpu6000", "--trajectory=figure_eight", "--duration=20s", "--rate=200"]
+    assert generate([*arguments, "--seed=3", "-o", str(other), *settings, "--quiet"]) == 0
+    same(ims.read_imu(saved), made)
+    same(ims.read_imu(other), made)
+    assert len(made) != len(made.truth) == 4000
+    truth, odometry = made.truth, ims.read_odometry(saved, "ground_truth/odom")
+    np.testing.assert_array_equal(odometry.position, truth.position)
+    # The twist of a message is in the body: turned there and back.
+    np.testing.assert_allclose(odometry.velocity, truth.velocity, rtol=0, atol=1e-13)
+
+
+def test_datasets_are_written_and_read(tmp_path):
+    made = flight()
+    same(ims.read_imu(made.save(tmp_path / "table.csv")), made)
+    same(ims.read_imu(made.save(tmp_path / "mav0", format="euroc")), made)
+    with pytest.raises(ims.InputError, match="imu/temperature: is not for csv"):
+        made.save(tmp_path / "b.csv", topics=["imu/data_raw", "imu/temperature"])
+    with pytest.raises(ims.InputError, match=r"flight\.bag"):
+        made.save(made.save(tmp_path / "flight.bag"))
+
+
+def test_blocks_are_the_same_samples_in_any_size():
+    whole = ims.simulate(imu="mpu6000", trajectory="circle", duration=5, seed=2)
+    for size in (1, 333, 100_000):
+        parts = ims.blocks(imu="mpu6000", trajectory="circle", duration=5, seed=2, block_size=size)
+        np.testing.assert_array_equal(np.concatenate([b.gyro for b in parts]), whole.gyro)
+
+
+def test_the_truth_explains_the_readings():
+    """Without noise, reading = ideal + bias, whatever sort of bias."""
+    imu = {"preset": "perfect", "gyroscope_bias": [0.1, -0.2, 0.3], "accelerometer_rate_ramp": 1e-3}
+    made = ims.simulate(imu=imu, trajectory="lecture", duration=20)
+    truth = made.truth
+    np.testing.assert_allclose(made.gyro, truth.gyro + truth.gyro_bias, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(made.accel, truth.accel + truth.accel_bias, rtol=0, atol=4e-15)
+    np.testing.assert_allclose(truth.gyro_bias[-1], [0.1, -0.2, 0.3], rtol=1e-15)
+
+
+def test_parameters_are_keyword_arguments_with_their_ros_names(tmp_path):
+    file = tmp_path / "base.yaml"
+    file.write_text("/**:\n  ros__parameters:\n    rate: 50.0\n    seed: 9\n")
+    made = ims.simulate(
+        trajectory={"type": "polar", "height": 2.0},
+        duration="1min",
+        gravity=np.array([0.0, 0.0, -9.8]),
+        temperature={"value": 20.0},
+        params_file=file,
+        rate=100,
+    )
+    assert made.parameters.rate == 100.0
+    assert made.parameters.seed == 9
+    assert made.temperature[0] == 20.0
+    assert made.parameters.gravity == (0.0, 0.0, -9.8)
+
+
+def test_a_kalibr_file_is_a_sensor(tmp_path):
+    file = tmp_path / "imu.yaml"
+    file.write_text("accelerometer_noise_density: 0.02\ngyroscope_noise_density: 0.01\n")
+    made = ims.simulate(imu=file, trajectory="static", duration=1)
+    assert made.parameters.imu.accelerometer_noise_density == (0.02,) * 3
+
+
+def test_poses_are_a_trajectory():
+    source = ims.simulate(imu="perfect", trajectory="circle", duration=10, rate=50).truth
+    poses = ims.PoseSequence(source.t_ns, source.position, source.q_wb)
+    made = ims.simulate(imu="perfect", trajectory=poses, rate=200)
+    assert ims.evaluate(made.truth, source).rms_position < 1e-4
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"imu": "mpu600"}, "mpu600: neither a file nor one of"),
+        ({"rate": -1}, "rate = -1"),
+        ({"duration": "10 parsecs"}, "not a duration"),
+        ({"trajectory": "static"}, "no end"),
+        ({"imu": {"gyroscope_bais": 1.0}}, "did you mean imu.gyroscope_bias"),
+    ],
+)
+def test_bad_arguments_say_what_is_wrong(arguments, words):
+    with pytest.raises(ims.ConfigurationError, match=words):
+        ims.simulate(**arguments)
+
+
+def test_frames_have_a_column_for_each_axis():
+    pytest.importorskip("pandas")
+    made = flight("mpu6000")
+    frame = made.to_frame()
+    columns = [f"{triad}_{axis}" for triad in ("gyro", "accel") for axis in "xyz"]
+    assert list(frame.columns) == columns
+    np.testing.assert_array_equal(frame["accel_y"].to_numpy(), made.accel[:, 1])
+    np.testing.assert_array_equal(frame.index.to_numpy(), made.t_ns)
+    assert "q_w" in ims.dead_reckon(made).to_frame().columns
+
+
+def test_short_words_say_what_is_inside():
+    made = flight("mpu6000", seed=7)
+    assert repr(made).startswith("<Flight mpu6000 on figure_eight: ")
+    assert "seed 7" in repr(made)
+    assert repr(ims.dead_reckon(made)).startswith("<Track midpoint, so3: ")
+
+
+def test_pictures_are_figures(tmp_path):
+    made = flight("mpu6000")
+    track = ims.dead_reckon(made)
+    still = ims.simulate(imu="adis16448", trajectory="static", duration="2min")
+    for figure in (
+        made.plot(),
+        track.plot(),
+        ims.evaluate(track, made.truth).plot(),
+        ims.allan(still).plot(),
+    ):
+        figure.savefig(tmp_path / "picture.png")
+        assert (tmp_path / "picture.png").stat().st_size > 10_000

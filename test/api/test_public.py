@@ -1,0 +1,104 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The public list, its documentation and what an import costs."""
+
+import doctest
+import importlib
+import inspect
+import subprocess
+import sys
+
+import pytest
+
+import imu_sim_ros as ims
+
+# What users rely on. A name that goes or comes needs a line in CHANGELOG.rst.
+PUBLIC = [
+    "Calibrated",
+    "Calibration",
+    "ConfigurationError",
+    "Estimated",
+    "Evaluation",
+    "Flight",
+    "ImuSimError",
+    "InputError",
+    "MissingDependencyError",
+    "NavigationState",
+    "Noise",
+    "Odometry",
+    "PoseSequence",
+    "Preintegration",
+    "Readings",
+    "Track",
+    "TriadCalibration",
+    "TriadNoise",
+    "Truth",
+    "allan",
+    "blocks",
+    "calibrate_six_position",
+    "calibrate_temperature",
+    "calibrate_turntable",
+    "dead_reckon",
+    "evaluate",
+    "preintegrate",
+    "read_imu",
+    "read_odometry",
+    "simulate",
+]
+MODULES = [
+    f"imu_sim_ros.api.{name}"
+    for name in ("calibration", "flight", "navigation", "noise", "preintegration", "readings")
+] + ["imu_sim_ros.api.simulation", "imu_sim_ros"]
+
+
+def test_the_public_list_is_what_it_was():
+    assert sorted(ims.__all__) == sorted(PUBLIC)
+    assert set(PUBLIC) <= set(dir(ims))
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_every_public_name_is_documented_with_its_arguments_and_errors(name):
+    value = getattr(ims, name)
+    assert value.__doc__
+    assert not value.__doc__.startswith(value.__name__ + "(")  # what dataclasses write
+    if inspect.isfunction(value):
+        for argument in inspect.signature(value).parameters:
+            assert f":param {argument}:" in value.__doc__ or "other arguments" in value.__doc__
+        assert ":raises" in value.__doc__ or "errors are those of" in value.__doc__
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_the_examples_in_the_docstrings_run(module, tmp_path):
+    found = doctest.testmod(
+        importlib.import_module(module),
+        extraglobs={"folder": tmp_path},
+        optionflags=doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE,
+    )
+    assert found.failed == 0
+
+
+def test_an_unknown_name_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="no attribute 'simulat'"):
+        _ = ims.simulat
+
+
+def test_the_import_loads_nothing_that_it_does_not_need():
+    """Not even NumPy: names are looked up when they are first used."""
+    code = (
+        "import sys; before = set(sys.modules); import imu_sim_ros;"
+        "print(*sorted({m.split('.')[0] for m in set(sys.modules) - before}))"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    loaded = set(out.stdout.split())
+    assert not loaded & {
+        "numpy",
+        "scipy",
+        "matplotlib",
+        "yaml",
+        "rosbags",
+        "mcap",
+        "rich",
+        "pandas",
+    }
+    assert len(loaded) < 12

@@ -1,0 +1,112 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Dead reckoning, evaluation, Allan, calibration and preintegration through the front door."""
+
+import json
+
+import numpy as np
+import pytest
+
+import imu_sim_ros as ims
+from imu_sim_ros.commands.allan import main as allan
+from imu_sim_ros.commands.dead_reckon import main as dead_reckon
+
+
+def test_dead_reckoning_is_the_commands(tmp_path, capsys):
+    flight = ims.simulate(imu="mpu9250", trajectory="lecture", duration=20, seed=5)
+    bag = flight.save(tmp_path / "lecture.mcap")
+    for method in ("euler", "midpoint", "rk4"):
+        assert dead_reckon([str(bag), "--method", method, "--json"]) == 0
+        told = json.loads(capsys.readouterr().out)
+        for source in (flight, bag):
+            found = ims.evaluate(ims.dead_reckon(source, method=method), flight.truth)
+            # The bag's truth has its velocity turned to the body and back: 1e-14 m/s at the start.
+            assert found.final_position == pytest.approx(told["final_position_error_m"], abs=1e-9)
+            assert found.rms_position == pytest.approx(told["rms_position_error_m"], abs=1e-9)
+            assert found.final_attitude == pytest.approx(told["final_attitude_error_rad"], abs=1e-9)
+
+
+def test_the_start_is_the_truth_level_or_given():
+    flight = ims.simulate(imu="tactical", trajectory="static", duration=30, seed=2)
+    assert ims.evaluate(ims.dead_reckon(flight), flight.truth).position[0] @ np.ones(3) == 0.0
+    levelled = ims.dead_reckon(flight, initial="level", level_time=5.0)
+    assert len(levelled) == len(flight) - 1000
+    state = ims.NavigationState(np.ones(3), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+    np.testing.assert_array_equal(ims.dead_reckon(flight, initial=state).position[0], 1.0)
+    readings = ims.Readings(flight.t_ns, flight.gyro, flight.accel)
+    assert ims.dead_reckon(readings).truth is None
+    with pytest.raises(ims.InputError, match="no truth"):
+        ims.dead_reckon(readings, initial="truth")
+    with pytest.raises(ims.ConfigurationError, match="level_tim"):
+        ims.dead_reckon(readings, level_tim=3.0)
+
+
+def test_evaluation_aligns_and_gives_relative_errors():
+    flight = ims.simulate(imu="perfect", trajectory="figure_eight", duration=30)
+    track = ims.dead_reckon(flight)
+    moved = ims.Track(
+        track.t_ns, track.position + np.array([1.0, 2.0, 3.0]), track.velocity, track.q_wb, "", ""
+    )
+    found = ims.evaluate(moved, flight.truth)
+    assert found.rms_position == pytest.approx(14.0**0.5, abs=0.01)
+    assert ims.evaluate(moved, flight.truth, align="yaw").rms_position < 0.01
+    assert found.relative(1.0, "s").translation.max() < 0.01
+
+
+def test_allan_is_the_commands_and_covers_the_truth(tmp_path, capsys):
+    flight = ims.simulate(imu="adis16448", trajectory="static", duration="20min", seed=4)
+    noise = ims.allan(flight)
+    bag = flight.save(tmp_path / "rest.mcap", imu_only=True)
+    assert allan([str(bag), "--json", "--no-files"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    for triad in ("gyroscope", "accelerometer"):
+        for key in ("noise_density", "random_walk", "bias_instability"):
+            found = getattr(getattr(noise, triad), key)
+            for side in ("low", "high"):
+                np.testing.assert_allclose(getattr(found, side), told[triad][key][side], rtol=1e-9)
+            values = [np.nan if v is None else v for v in told[triad][key]["value"]]
+            np.testing.assert_allclose(found.value, values, rtol=1e-9)
+    kalibr = noise.save(tmp_path / "imu.yaml").read_text()
+    assert "gyroscope_noise_density" in kalibr
+    assert "rad/s/sqrt(Hz)" in repr(noise.gyroscope.noise_density)
+
+
+def test_calibration_gives_back_what_went_in(tmp_path):
+    imu = {
+        "preset": "perfect",
+        "accelerometer_bias": [0.1, -0.2, 0.05],
+        "accelerometer_scale_error_percent": [1.0, -1.0, 0.5],
+        "gyroscope_bias": [0.01, 0.02, -0.01],
+    }
+    found = ims.calibrate_six_position(ims.simulate(imu=imu, trajectory="six_position"))
+    np.testing.assert_allclose(found.accelerometer.bias.value, [0.1, -0.2, 0.05], atol=1e-6)
+    matrix = found.accelerometer.scale_misalignment.value.reshape(3, 3)
+    np.testing.assert_allclose(matrix, np.diag([1.01, 0.99, 1.005]), atol=1e-6)
+    # The file is the integrator's: what it corrects is perfect again.
+    file = found.save(tmp_path / "correction.yaml")
+    flight = ims.simulate(imu=imu, trajectory="circle", duration=10)
+    track = ims.dead_reckon(flight, calibration=str(file))
+    assert ims.evaluate(track, flight.truth).final_position < 1e-3
+    with pytest.raises(AttributeError, match="this run does not tell it"):
+        _ = found.gyroscope.scale_misalignment
+    with pytest.raises(ims.InputError, match="rates"):
+        ims.calibrate_turntable(flight.readings)
+
+
+def test_preintegration_is_dead_reckoning_without_gravity():
+    """``p_j = p_i + v_i T + g T^2 / 2 + R_i alpha`` over every interval."""
+    flight = ims.simulate(imu="perfect", trajectory="figure_eight", duration=10, rate=200)
+    found = ims.preintegrate(flight, every=0.5)
+    truth, rows = flight.truth, np.arange(0, 2000, 100)
+    first, second = rows[:-1], rows[1:]
+    g, t = np.array([0.0, 0.0, -9.81]), 0.5
+    from imu_sim_ros.rotation import rotate
+
+    alpha = rotate(truth.q_wb[first], found.alpha)
+    predicted = truth.position[first] + truth.velocity[first] * t + 0.5 * g * t**2 + alpha
+    # Midpoint at 200 Hz: h^2 / 12 of the jerk (below 30 m/s^3) over 0.5 s, twice integrated.
+    np.testing.assert_allclose(predicted, truth.position[second], rtol=0, atol=1e-5)
+    for arguments in ({}, {"edges_ns": truth.t_ns[rows], "every": 0.5}, {"every": 0.0}):
+        with pytest.raises(ims.InputError):
+            ims.preintegrate(flight, **arguments)
