@@ -20,7 +20,7 @@ from imu_sim_ros.errors import InputError
 from imu_sim_ros.sensor import ImuBlock
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from imu_sim_ros.plots import Figure
 
 Array = NDArray[np.float64]
 

@@ -45,7 +45,7 @@ from imu_sim_ros.navigation import dead_reckon as integrate
 from imu_sim_ros.poses import PoseSequence, write_tum
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from imu_sim_ros.plots import Figure
 
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]

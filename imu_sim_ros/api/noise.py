@@ -18,7 +18,7 @@ from imu_sim_ros.calibration.noise import AllanResult, analyse, noise_files, qua
 from imu_sim_ros.conventions import TRIADS
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from imu_sim_ros.plots import Figure
 
 Array = NDArray[np.float64]
 

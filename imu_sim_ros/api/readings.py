@@ -17,7 +17,7 @@ from imu_sim_ros.errors import MissingDependencyError
 from imu_sim_ros.rotation import rotate
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from imu_sim_ros.plots import Figure
 
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]

@@ -16,10 +16,12 @@ if TYPE_CHECKING:
     from imu_sim_ros.plots import navigation as navigation
     from imu_sim_ros.plots import readings as readings
     from imu_sim_ros.plots import style as style
+    from imu_sim_ros.plots.style import Figure as Figure
 else:
     __getattr__, __dir__, __all__ = exported(
         __name__,
         {
+            "style": ["Figure"],
             "": ["allan", "calibration", "navigation", "readings", "style"],
         },
     )

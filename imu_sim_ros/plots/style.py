@@ -9,7 +9,7 @@ from typing import Any, Final
 import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure as Figure
 
 # Okabe and Ito's palette: told apart with every kind of colour vision, and in grey.
 AXIS_COLOURS: Final = {"x": "#D55E00", "y": "#009E73", "z": "#0072B2"}
