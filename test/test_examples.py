@@ -1,0 +1,89 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Every example and notebook runs as it stands, and prints what its text promises."""
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+ARGUMENTS = {"preintegration": ["40"], "monte_carlo": ["{folder}", "8"]}
+
+
+def run(script, folder):
+    arguments = [a.format(folder=folder) for a in ARGUMENTS.get(script.stem, ["{folder}"])]
+    done = subprocess.run(
+        [sys.executable, str(script), *arguments], capture_output=True, text=True, cwd=folder
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def numbers(text):
+    return [float(word) for word in re.findall(r"[-+]?\d+\.?\d*(?:e[-+]?\d+)?", text)]
+
+
+def test_there_are_at_least_five_scripts_and_two_notebooks():
+    assert len(list(EXAMPLES.glob("*.py"))) >= 5
+    assert len(list(EXAMPLES.glob("*.ipynb"))) == 2
+
+
+def test_lecture(tmp_path):
+    """Euler ends 0.906 m off and midpoint 1.29 mm: the lecture's trajectory without noise."""
+    euler, midpoint, noisy, *_ = run(EXAMPLES / "lecture.py", tmp_path).splitlines()
+    assert numbers(euler)[0] == pytest.approx(0.906, abs=0.001)
+    assert numbers(midpoint)[0] == pytest.approx(1.29e-3, abs=1e-5)
+    assert numbers(noisy)[0] > 0.01
+    assert {path.name for path in tmp_path.iterdir()} == {"lecture_path.png", "lecture_allan.png"}
+
+
+def test_vio_dataset(tmp_path):
+    out = run(EXAMPLES / "vio_dataset.py", tmp_path)
+    assert out.count("6000 at 200 Hz") == 3
+    assert (tmp_path / "mav0/imu0/data.csv").is_file()
+    assert "gyroscope_noise_density" in (tmp_path / "imu.yaml").read_text()
+
+
+def test_digital_twin(tmp_path):
+    """The white noise of 30 min at 200 Hz is known to 1 / sqrt(2 * 360,000) = 0.12 %, twice."""
+    lines = run(EXAMPLES / "digital_twin.py", tmp_path).splitlines()
+    for line in lines[-2:]:
+        for ratio in numbers(line.partition("original:")[2]):
+            assert ratio == pytest.approx(1.0, abs=0.01)
+
+
+def test_preintegration(tmp_path):
+    """40 runs, 21 intervals, 3 axes: 2520 squares give a deviation to 1 / sqrt(5040) = 1.4 %.
+
+    Neighbouring intervals share nothing but the walk. Five such deviations are 7 %.
+    """
+    lines = run(EXAMPLES / "preintegration.py", tmp_path).splitlines()
+    assert lines[0].startswith("21 intervals")
+    for line in lines[1:]:
+        assert numbers(line)[0] == pytest.approx(1.0, abs=0.07)
+
+
+def test_monte_carlo(tmp_path):
+    tactical, navigation = run(EXAMPLES / "monte_carlo.py", tmp_path).splitlines()
+    assert numbers(tactical)[1] > numbers(navigation)[1]
+
+
+@pytest.mark.parametrize("notebook", sorted(EXAMPLES.glob("*.ipynb")), ids=lambda path: path.stem)
+def test_notebooks_run_from_top_to_bottom(notebook, tmp_path):
+    cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
+    code = "\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code")
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path
+    )
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("notebook", sorted(EXAMPLES.glob("*.ipynb")), ids=lambda path: path.stem)
+def test_notebooks_are_kept_without_outputs(notebook):
+    cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
+    assert all(not cell["outputs"] for cell in cells if cell["cell_type"] == "code")
