@@ -70,7 +70,7 @@ def test_preintegration(tmp_path):
 
 def test_monte_carlo(tmp_path):
     tactical, navigation = run(EXAMPLES / "monte_carlo.py", tmp_path).splitlines()
-    assert numbers(tactical)[1] > numbers(navigation)[1]
+    assert numbers(tactical)[0] > 3.0 * numbers(navigation)[0]
 
 
 @pytest.mark.parametrize("notebook", sorted(EXAMPLES.glob("*.ipynb")), ids=lambda path: path.stem)
