@@ -24,7 +24,5 @@ for imu in ("tactical", "navigation"):
         errors.append(ims.evaluate(ims.dead_reckon(flight), flight.truth).position)
     final = np.linalg.norm(np.array(errors)[:, -1], axis=1)
     low, middle, high = np.percentile(final, [5, 50, 95])
-    print(
-        f"{imu}: drift after 30 s {middle:.3g} m in the median, 5 to 95 %: {low:.3g} to {high:.3g} m"
-    )
+    print(f"{imu}: {middle:.3g} m after 30 s (5 to 95 %: {low:.3g} to {high:.3g} m)")
 np.save(folder / "monte_carlo.npy", np.array(errors))
