@@ -18,6 +18,7 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "imu_sim_ros"
 LEAVES = {
     "errors",
+    "inputs",
     "conventions",
     "lazy",
     "random_streams",

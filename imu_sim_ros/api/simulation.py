@@ -98,7 +98,9 @@ def _simulation(
         own.update({"trajectory.type": "poses", "trajectory.file": "poses given as arrays"})
         poses = trajectory
 
-        def reader(path: str | Path, topic: str | None = None) -> PoseSequence:
+        def reader(
+            path: str | Path, topic: str | None = None, skip_bad_rows: bool = False
+        ) -> PoseSequence:
             return poses
 
     elif isinstance(trajectory, Mapping):

@@ -42,7 +42,7 @@ from imu_sim_ros.conventions import (
     WORLD_FRAME,
 )
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.poses import read_poses
+from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.rotation import rotate
 
 Array = NDArray[np.float64]
@@ -161,13 +161,7 @@ def text_to_bag(
     renamed: Mapping[str, str],
     advance: Callable[[int], object],
 ) -> None:
-    """Copy a EuRoC folder or a CSV file: readings, and truth and biases where there are states.
-
-    A file of poses in TUM's form becomes a topic of poses.
-    """
-    if path.suffix.lower() in (".tum", ".txt"):
-        _copy_poses(path, writer, renamed, advance)
-        return
+    """Copy a EuRoC folder or a CSV file: readings, and truth and biases where there are states."""
     streams = [_reading_messages(path, writer, renamed)]
     if text_reader.has_states(path):
         streams.append(_state_messages(path, writer, renamed))
@@ -176,10 +170,18 @@ def text_to_bag(
         advance(sum(len(block.t_ns) for block in blocks))
 
 
-def _copy_poses(
-    path: Path, writer: Writer, renamed: Mapping[str, str], advance: Callable[[int], object]
+def holds_poses(path: Path) -> bool:
+    """Tell whether a text file is one of poses, by its name."""
+    return path.suffix.lower() in (".tum", ".txt")
+
+
+def poses_to_bag(
+    poses: PoseSequence,
+    writer: Writer,
+    renamed: Mapping[str, str],
+    advance: Callable[[int], object],
 ) -> None:
-    poses = read_poses(path)
+    """Write poses as a topic of poses."""
     encoder = PoseStampedEncoder(WORLD_FRAME, writer.encoding)
     topic = writer.add_topic(renamed.get(POSES, POSES), POSE_STAMPED)
     writer.write(topic, poses.t_ns, encoder.encode(*poses[:3]))

@@ -24,7 +24,7 @@ from imu_sim_ros.bags.messages import IMU, ODOMETRY
 from imu_sim_ros.bags.text import Dataset
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text import writer as text_writer
-from imu_sim_ros.commands import bag_output, common
+from imu_sim_ros.commands import bag_output, common, shared
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.poses import PoseSequence
 
@@ -57,6 +57,7 @@ def parser() -> argparse.ArgumentParser:
         action="store_true",
         help="take all complete messages of an interrupted or damaged bag",
     )
+    shared.add_skip_bad_rows(result)
     common.add_output_arguments(result)
     return result
 
@@ -202,13 +203,16 @@ def _write_tum(
     return {name: len(poses.t_ns)}, int(max(poses.t_ns, default=-1))
 
 
+def _poses(arguments: argparse.Namespace) -> PoseSequence:
+    """Return the poses of a text file."""
+    return shared.PoseReader(arguments, "convert_bag")(arguments.input)
+
+
 def _from_text(arguments: argparse.Namespace, form: str | None, written: Outputs) -> dict[str, Any]:
     if arguments.topics:
         raise InputError(f"{arguments.input}: text has no topics to choose from")
     if form == "tum":
-        return _result(
-            arguments, *_write_tum(read_poses(arguments.input), convert.TRUTH, arguments), False
-        )
+        return _result(arguments, *_write_tum(_poses(arguments), convert.TRUTH, arguments), False)
     if form is not None:
         states = text_reader.has_states(arguments.input)
         with (
@@ -222,7 +226,10 @@ def _from_text(arguments: argparse.Namespace, form: str | None, written: Outputs
         counts = _rows(dataset, convert.READINGS, convert.TRUTH)
         return _result(arguments, counts, dataset.last_ns, False)
     with _writer(arguments, written) as writer, _progress(arguments, 0) as advance:
-        convert.text_to_bag(arguments.input, writer, _renamed(arguments), advance)
+        if convert.holds_poses(arguments.input):
+            convert.poses_to_bag(_poses(arguments), writer, _renamed(arguments), advance)
+        else:
+            convert.text_to_bag(arguments.input, writer, _renamed(arguments), advance)
     return _result(arguments, *_tally(writer), False)
 
 

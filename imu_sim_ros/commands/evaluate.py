@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.bags import Outputs
 from imu_sim_ros.commands import common
-from imu_sim_ros.commands.shared import PICTURES, add_force, outputs
+from imu_sim_ros.commands.shared import PICTURES, PoseReader, add_force, add_skip_bad_rows, outputs
 from imu_sim_ros.commands.tracks import Track, read_track, truth_topic
 from imu_sim_ros.navigation import (
     ALIGNMENTS,
@@ -77,6 +77,7 @@ def parser() -> argparse.ArgumentParser:
     result.add_argument(
         "-o", "--output", type=Path, metavar="FILE", help="write the aligned estimate, TUM's form"
     )
+    add_skip_bad_rows(result)
     add_force(result)
     common.add_output_arguments(result)
     return result
@@ -104,8 +105,10 @@ def run(arguments: argparse.Namespace) -> None:
 
 def _made(arguments: argparse.Namespace, written: Outputs) -> dict[str, Any]:
     """Compare and write; returns what came out."""
-    estimate = read_track(arguments.estimate, arguments.estimate_topic, covariance=True)
-    truth = read_track(arguments.truth, truth_topic(arguments.truth, arguments.truth_topic))
+    reader = PoseReader(arguments, "evaluate")
+    estimate = read_track(arguments.estimate, arguments.estimate_topic, True, reader)
+    topic = truth_topic(arguments.truth, arguments.truth_topic)
+    truth = read_track(arguments.truth, topic, reader=reader)
     rows = common_rows(estimate.poses.t_ns, truth.poses.t_ns, arguments.max_gap)
     at_ns = estimate.poses.t_ns[rows]
     true_poses = interpolate_poses(truth.poses, at_ns)

@@ -13,9 +13,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from imu_sim_ros.bags import Outputs, ahead, open_writer, read_poses
+from imu_sim_ros.bags import Outputs, ahead, open_writer
 from imu_sim_ros.bags.text import writer as text_writer
-from imu_sim_ros.commands import bag_output, camera_output, common
+from imu_sim_ros.commands import bag_output, camera_output, common, shared
 from imu_sim_ros.config import SimulationParameters, flatten
 from imu_sim_ros.consumers import ImuValues, write_all
 from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
@@ -51,6 +51,7 @@ def parser() -> argparse.ArgumentParser:
     )
     common.add_simulation_arguments(result)
     camera_output.add_arguments(result)
+    shared.add_skip_bad_rows(result)
     group = result.add_argument_group("output")
     bag_output.add_arguments(group, camera_output.FORMATS)
     group.add_argument(
@@ -102,7 +103,7 @@ def _generated(
 ) -> dict[str, Any]:
     """Write all outputs; returns the result but the time that it took."""
     parameters, rig = what
-    simulation = Simulation(parameters, pose_reader=read_poses)
+    simulation = Simulation(parameters, pose_reader=shared.PoseReader(arguments, "generate"))
     if simulation.total is None:
         raise ConfigurationError(
             "duration = 0: this trajectory has no end; say how long, for instance --duration 20s"

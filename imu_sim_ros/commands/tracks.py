@@ -3,6 +3,7 @@
 
 """Trajectories from wherever the commands find them: text, folders, topics of bags."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -57,16 +58,22 @@ def has_truth(path: Path) -> bool:
         return False
 
 
-def read_track(path: Path, topic: str | None = None, covariance: bool = False) -> Track:
+def read_track(
+    path: Path,
+    topic: str | None = None,
+    covariance: bool = False,
+    reader: Callable[..., PoseSequence] = read_poses,
+) -> Track:
     """Return a trajectory.
 
     :param topic: of a bag; None: the only one of Odometry, else of PoseStamped.
     :param covariance: read the covariances as well, which need five times the memory of all else.
+    :param reader: of a text file of poses.
     :raises InputError: for what cannot be read, or is no trajectory: stamps that do not increase,
         numbers that are not finite, fewer than two poses.
     """
     if path.is_file() if is_text(path) else not odometry_topics(path):
-        track = Track(read_poses(path, topic))
+        track = Track(reader(path, topic))
     else:
         track = _odometry(path, topic, covariance)
     _check(f"{path}{'' if topic is None else f', {topic}'}", track.poses)

@@ -7,14 +7,15 @@ The format is that of ROS 2: node names (or the wildcards ``/**`` and ``/*``) ab
 ``ros__parameters``, nested or dotted names below. A kalibr ``imu.yaml`` is understood as well.
 """
 
-import re
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
 from imu_sim_ros.config.parameter import Value, build, flatten
 from imu_sim_ros.config.trajectory import find_trajectory
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.inputs import parse_yaml as parse_yaml
+from imu_sim_ros.inputs import read_text
 
 _T = TypeVar("_T")
 
@@ -31,8 +32,6 @@ _OPTIONS: Final = {
     "estimators": "estimator",
 }
 _PARAMETERS = "ros__parameters"
-_EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$")
-_TUPLE = "tag:yaml.org,2002:python/tuple"
 _KALIBR_NOISE = (
     "accelerometer_noise_density",
     "accelerometer_random_walk",
@@ -93,7 +92,8 @@ def load(path: str | Path, node: str = "simulator") -> dict[str, object]:
     for key, content in sorted(sections, key=lambda item: "*" not in str(item[0])):
         if not isinstance(content, dict) or set(content) != {_PARAMETERS}:
             raise ConfigurationError(f"{path}: {key} must hold {_PARAMETERS} and nothing else")
-        result.update(dotted(content[_PARAMETERS] or {}, f"{path}: {key}: {_PARAMETERS}"))
+        values = content[_PARAMETERS]
+        result.update(dotted({} if values is None else values, f"{path}: {key}: {_PARAMETERS}"))
     if not sections:
         raise ConfigurationError(f"{path}: no section for the node {node} (/{node} or /**)")
     return result
@@ -108,36 +108,14 @@ def read_tree(
     :raises ConfigurationError: for a file that cannot be read or has another form.
     """
     try:
-        tree = parse_yaml(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ConfigurationError(f"{path}: {error.strerror or error}") from None
+        tree = parse_yaml(read_text(path))
+    except InputError as error:
+        raise ConfigurationError(error.problems) from None
     except ValueError as error:
         raise ConfigurationError(f"{path}: not a YAML file: {error}") from None
     if not isinstance(tree, dict):
         raise ConfigurationError(f"{path}: not {expected}")
     return tree
-
-
-def parse_yaml(text: str) -> Any:
-    """Return what a YAML text holds, read safely and with the numbers that ROS reads.
-
-    YAML 1.1 takes ``5e-4`` for a string because it has no point; ROS, kalibr and people do not.
-    launch_ros writes each list of a launch file as a Python tuple: that tag, and no other of
-    Python's, is read as the list that it is.
-
-    :raises ValueError: for a text that is not YAML, with the reason in one line.
-    """
-    import yaml  # 30 ms that a start without files saves
-
-    class Loader(yaml.SafeLoader):
-        pass
-
-    Loader.add_implicit_resolver("tag:yaml.org,2002:float", _EXPONENT, list("-+.0123456789"))
-    Loader.add_constructor(_TUPLE, Loader.construct_yaml_seq)  # type: ignore[type-var]
-    try:
-        return yaml.load(text, Loader)  # Loader is a SafeLoader
-    except yaml.YAMLError as error:
-        raise ValueError(" ".join(str(error).split())) from None
 
 
 def _is_kalibr(tree: Mapping[Any, Any]) -> bool:
@@ -162,10 +140,10 @@ def dotted(tree: object, where: str, prefix: str = "") -> dict[str, object]:
     result: dict[str, object] = {}
     for key, value in tree.items():
         name = f"{prefix}{key}"
-        if isinstance(value, dict):
-            result.update(dotted(value, where, name + "."))
-        else:
-            result[name] = value
+        values = dotted(value, where, name + ".") if isinstance(value, dict) else {name: value}
+        for twice in result.keys() & values:
+            raise ConfigurationError(f"{where}: {twice} stands twice, dotted and nested")
+        result.update(values)
     return result
 
 

@@ -137,7 +137,7 @@ def entries(value: object) -> object:
     """
     if not isinstance(value, str) or not value.lstrip().startswith("["):
         return value
-    from imu_sim_ros.config.files import parse_yaml  # which imports this module
+    from imu_sim_ros.inputs import parse_yaml
 
     return parse_yaml(value)
 

@@ -16,7 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from imu_sim_ros.config import EMPTY_LIST, Parameter, files, parameters, shown
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.inputs import read_text
 
 _RULE = re.compile(r"(?P<name>(?:[^\s:]+:)?[^\s:=]+):=(?P<value>.*)", re.DOTALL)
 _PARAMETERS = "ros__parameters"
@@ -124,9 +125,9 @@ def _file(name: str, folder: Path) -> str:
         raise ConfigurationError("--params-file: a file is missing")
     path = Path(name)
     try:
-        tree = files.parse_yaml(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ConfigurationError(f"{path}: {error.strerror or error}") from None
+        tree = files.parse_yaml(read_text(path))
+    except InputError as error:
+        raise ConfigurationError(error.problems) from None
     except ValueError as error:
         raise ConfigurationError(f"{path}: not a YAML file: {error}") from None
     if not _has_sections(tree):

@@ -3,6 +3,8 @@
 
 """Parameter files: ROS 2's form, kalibr's form, layering, and everything that can be wrong."""
 
+import os
+
 import pytest
 
 from imu_sim_ros.config import files
@@ -78,7 +80,7 @@ def test_every_trajectory_loads_and_round_trips(trajectory, tmp_path):
         ("/**:\n  parameters: {}\n", "must hold ros__parameters"),
         ("other:\n  ros__parameters: {}\n", "no section for the node simulator"),
         ("/**: [unclosed\n", "not a YAML file"),
-        ("a: &a [*a]\n", "no section"),
+        ("a: &a [*a]\n", "holds itself"),
         ("/**:\n  ros__parameters:\n    x: !!python/object/apply:os.system [ls]\n", "not a YAML"),
         ("\x00", "not a YAML file"),
     ],
@@ -98,7 +100,7 @@ def test_unreadable_places_are_named(tmp_path):
     with pytest.raises(ConfigurationError, match="directory"):
         files.load(tmp_path)
     (tmp_path / "latin1.yaml").write_bytes(b"/**: {ros__parameters: {a: \xff}}")
-    with pytest.raises(ConfigurationError, match="not a YAML file"):
+    with pytest.raises(ConfigurationError, match="not a text in UTF-8"):
         files.load(tmp_path / "latin1.yaml")
 
 
@@ -162,3 +164,59 @@ def test_a_file_of_all_parameters_is_a_sensors_file_too(tmp_path):
     still = load_simulation({"imu.preset": path, "trajectory.type": "static"})
     assert still.trajectory.type == "static"
     assert still.imu.gyroscope_noise_density == whole.imu.gyroscope_noise_density
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("/**:\n  ros__parameters: {rate: 1.0, rate: 2.0}\n", "'rate' stands twice"),
+        ("/**:\n  ros__parameters: {rate: 1.0}\n/**:\n  ros__parameters: {}\n", "stands twice"),
+        (
+            "/**:\n  ros__parameters:\n    imu.preset: lecture\n    imu: {preset: perfect}\n",
+            "imu.preset stands twice, dotted and nested",
+        ),
+        ("/**:\n  ros__parameters: []\n", "must hold names and values"),
+        ("/**:\n  ros__parameters: 0\n", "must hold names and values"),
+        ("[" * 5000, "nested over 32 deep"),
+        ("{a: " * 5000, "nested over 32 deep"),
+        ("/**: &a\n  ros__parameters: *a\n", "recursive|holds itself"),
+        ("a: &a [1]\nb: [" + "*a, " * 200 + "]", "over 100 aliases"),
+        ("a: " + "9" * 5000, "a number of 5000 letters"),
+        ("a: !!timestamp 1", "not a YAML file"),
+        ("a: !!bool x", "not a YAML file"),
+        ("a: 2020-99-99", "month must be in"),
+        ("a: !!python/object/apply:os.system [ls]", "could not determine a constructor"),
+    ],
+)
+def test_what_hides_or_explodes_is_refused(tmp_path, text, words):
+    with pytest.raises(ConfigurationError, match=words) as caught:
+        files.load(written(tmp_path, text))
+    assert len(caught.value.problems) == 1
+    assert len(str(caught.value)) < 500
+
+
+def test_lists_that_grow_by_repetition_are_refused_before_they_do(tmp_path):
+    """Nine lists of nine of the list before: 9^9 values from 300 bytes."""
+    rows = ["a0: &a0 [x, x, x, x, x, x, x, x, x]"]
+    rows += [f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]" for k in range(1, 10)]
+    with pytest.raises(ConfigurationError, match="more than 1000000 values"):
+        files.load(written(tmp_path, "\n".join(rows)))
+
+
+def test_numbers_that_begin_with_a_point(tmp_path):
+    path = written(tmp_path, "/**:\n  ros__parameters: {a: [.4,-.2], b: -.5, c: +.25, d: .}\n")
+    assert files.load(path) == {"a": [0.4, -0.2], "b": -0.5, "c": 0.25, "d": "."}
+
+
+def test_devices_pipes_and_floods_are_refused(tmp_path):
+    os.mkfifo(tmp_path / "pipe.yaml")
+    for path in ("/dev/zero", tmp_path / "pipe.yaml"):
+        with pytest.raises(ConfigurationError, match="is a device or a pipe, not a file"):
+            files.load(path)
+    flood = written(tmp_path, "# " + "x" * (17 << 20))
+    with pytest.raises(ConfigurationError, match="larger than 16 MiB"):
+        files.load(flood)
+    latin = tmp_path / "latin.yaml"
+    latin.write_bytes(b"a: \xe9")
+    with pytest.raises(ConfigurationError, match="not a text in UTF-8"):
+        files.load(latin)

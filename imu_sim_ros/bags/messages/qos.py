@@ -6,6 +6,8 @@
 from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
 
+from imu_sim_ros.inputs import parse_yaml
+
 # rmw's infinite duration: the largest number of nanoseconds that an int64 holds.
 _INFINITE: Final = {"sec": 9223372036, "nsec": 854775807}
 # Older versions write rmw's numbers instead of names.
@@ -62,23 +64,27 @@ def qos_text(profiles: Sequence[Qos]) -> str:
 
 def parse_qos(profiles: object) -> tuple[Qos, ...]:
     """Return profiles of a bag, given as a list or as the text of one, of any version."""
-    import yaml
-
     try:
-        entries = yaml.safe_load(profiles) if isinstance(profiles, str) else profiles
-    except yaml.YAMLError:
+        entries = parse_yaml(profiles) if isinstance(profiles, str) else profiles
+    except ValueError:
         entries = None
     if not isinstance(entries, list):
         return (Qos(),)
     return tuple(
-        Qos(**{name: _word(name, entry) for name in _NUMBERED}, depth=int(entry.get("depth", 10)))
+        Qos(**{name: _word(name, entry) for name in _NUMBERED}, depth=_depth(entry))
         for entry in entries
         if isinstance(entry, dict)
     )
 
 
+def _depth(entry: dict[str, Any]) -> int:
+    value = entry.get("depth")
+    return value if isinstance(value, int) and 0 <= value < 2**31 else 10
+
+
 def _word(name: str, entry: dict[str, Any]) -> str:
     value = entry.get(name)
     default = str(Qos._field_defaults[name])
-    word = value if isinstance(value, str) else _NUMBERED[name].get(value, default)
+    numbered = _NUMBERED[name].get(value, default) if isinstance(value, int) else default
+    word = value if isinstance(value, str) else numbered
     return default if word in ("unknown", "system_default") else word

@@ -19,6 +19,7 @@ from imu_sim_ros.bags.messages import Bytes, MessageBlock, Schema, TopicInfo, pa
 from imu_sim_ros.bags.reader import Bag, Timed
 from imu_sim_ros.bags.rosbag2 import metadata as rosbag2_metadata
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs import parse_yaml, read_text
 
 _END_NS: Final = 2**63 - 1
 _ROWS: Final = 4096
@@ -202,17 +203,16 @@ def read_metadata(folder: Path) -> dict[str, Any]:
 
     :raises InputError: where it is missing or has another form.
     """
-    import yaml
-
     file = folder / rosbag2_metadata.FILE_NAME
     if not file.is_file():
         hint = "; --recover takes what is there" if _files_found(folder) else ""
         raise InputError(f"{folder}: no metadata.yaml, so not a whole rosbag2 bag{hint}")
     try:
-        content = yaml.safe_load(file.read_text(encoding="utf-8"))["rosbag2_bagfile_information"]
-        if not isinstance(content["relative_file_paths"], list):
+        content = parse_yaml(read_text(file))["rosbag2_bagfile_information"]
+        names = content["relative_file_paths"]
+        if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
             raise TypeError
-    except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError):
+    except (InputError, ValueError, KeyError, TypeError):
         raise InputError(f"{file}: not the metadata of a rosbag2 bag") from None
     return dict(content)
 

@@ -1,0 +1,12 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What others wrote, read safely: regular files of bounded size, YAML without traps.
+
+Imports errors; a leaf to all others.
+"""
+
+from imu_sim_ros.inputs.regular import open_regular, read_text
+from imu_sim_ros.inputs.yaml_text import parse_yaml
+
+__all__ = ["open_regular", "parse_yaml", "read_text"]

@@ -1,0 +1,296 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Recorded poses of text: the forms of TUM (``t x y z qx qy qz qw``) and of EuRoC.
+
+The file is read in blocks, so that ten million lines need little more memory than their poses. A
+block that cannot be converted at once is halved until the lines that are wrong stand alone.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs import open_regular
+from imu_sim_ros.poses.sequence import PoseSequence
+from imu_sim_ros.poses.stamps import STAMP_BYTES, nanosecond, nanoseconds
+
+Array = NDArray[np.float64]
+
+_POSE_COLUMNS: Final = 8
+_EUROC_COLUMNS: Final = (_POSE_COLUMNS, 11, 17)  # pose; and velocity; and both biases
+_TUM_COLUMNS: Final = (_POSE_COLUMNS, 14, 20)  # pose; OpenVINS: and one covariance; and two
+_NORM_TOLERANCE: Final = 0.05  # a quaternion of text is rounded; one of another length is a mix-up
+_SHOWN_PROBLEMS: Final = 10
+_CHUNK_BYTES: Final = 4 << 20
+_LONGEST_LINE: Final = 1 << 16
+_FEW: Final = 8
+"""So few lines are looked at one by one."""
+_SAME: Final = 1.0 - 1e-15
+
+_Row = tuple[int, bytes]
+"""Number and text of a line."""
+_COLUMNS, _NUMBERS, _VALUES, _STAMPS = "columns", "numbers", "values", "stamps"
+"""Classes of what can be wrong; of each the first lines are shown."""
+
+
+def read_poses(
+    path: str | Path, topic: str | None = None, skip_bad_rows: bool = False
+) -> PoseSequence:
+    """Return the poses of a text file; commas mean EuRoC's form, spaces TUM's.
+
+    TUM: seconds, position, quaternion x y z w, then perhaps the 6 or 12 columns of covariances that
+    OpenVINS writes. EuRoC: nanoseconds, position, quaternion w x y z, then perhaps velocity and
+    biases. What follows the pose is left out. Lines that start with # are comments. A pose that
+    stands twice is taken once.
+
+    :param topic: must be None; for readers that know bags as well.
+    :param skip_bad_rows: pass over rows that are wrong, and count them.
+    :raises InputError: with the lines of all that is wrong, whatever it is.
+    """
+    path = Path(path)
+    if topic is not None:
+        raise InputError(f"{path}: a text file of poses has no topic {topic}")
+    return _Reading(path, skip_bad_rows).poses()
+
+
+class _Poses(NamedTuple):
+    """Poses of some rows, with the numbers of their lines."""
+
+    number: NDArray[np.int64]
+    t_ns: NDArray[np.int64]
+    position: Array
+    q_wb: Array
+
+    def at(self, rows: NDArray[np.bool_] | NDArray[np.intp]) -> "_Poses":
+        """Return some of the poses."""
+        return _Poses(self.number[rows], self.t_ns[rows], self.position[rows], self.q_wb[rows])
+
+    def before(self, other: "_Poses") -> "_Poses":
+        """Return these poses with others behind them."""
+        return _Poses(
+            np.concatenate([self.number, other.number]),
+            np.concatenate([self.t_ns, other.t_ns]),
+            np.concatenate([self.position, other.position]),
+            np.concatenate([self.q_wb, other.q_wb]),
+        )
+
+
+class _Reading:
+    """One file that is being read, and what is wrong with it so far."""
+
+    def __init__(self, path: Path, skip: bool) -> None:
+        self._path, self._skip = path, skip
+        self._euroc: bool | None = None
+        self._found: dict[str, list[tuple[int, str]]] = {}
+        self._counts: dict[str, int] = {}
+        self._bad_rows = 0
+        self._dropped = 0
+        self._last: _Poses | None = None
+
+    def poses(self) -> PoseSequence:
+        """Return all poses, or raise with a line for every problem."""
+        blocks = [block for rows in _blocks(self._path) for block in self._block(rows)]
+        self._complain()
+        count = sum(len(block.t_ns) for block in blocks)
+        if self._euroc is None:
+            raise InputError(f"{self._path}: holds no poses")
+        if count < 2:
+            what = "one pose" if count else "no pose that could be used"
+            raise InputError(f"{self._path}: holds {what}; a trajectory needs two or more")
+        t_ns = np.empty(count, dtype=np.int64)
+        position, q_wb = np.empty((count, 3)), np.empty((count, 4))
+        stop = count
+        while blocks:  # from the end, so that each block's memory is free once it is copied
+            block = blocks.pop()
+            start = stop - len(block.t_ns)
+            t_ns[start:stop], position[start:stop], q_wb[start:stop] = block[1:]
+            stop = start
+        return PoseSequence(t_ns, position, q_wb, self._dropped, self._bad_rows)
+
+    def _block(self, rows: list[_Row]) -> Iterator[_Poses]:
+        """Yield the good poses of some rows."""
+        if rows and self._euroc is None:
+            self._euroc = b"," in rows[0][1]
+        for poses in self._converted(rows):
+            good = self._in_order(self._valid(poses))
+            if len(good.t_ns):
+                yield good
+
+    def _converted(self, rows: list[_Row]) -> Iterator[_Poses]:
+        """Yield poses of rows that are numbers; note those that are not."""
+        waiting = [rows] if rows else []
+        while waiting:
+            part = waiting.pop()
+            try:
+                yield self._parsed(part)
+            except (ValueError, OverflowError):
+                if len(part) > _FEW:
+                    half = len(part) // 2
+                    waiting += [part[half:], part[:half]]
+                    continue
+                good = [row for row in part if self._is_sound(*row)]
+                if good:
+                    yield self._parsed(good)
+
+    def _parsed(self, rows: list[_Row]) -> _Poses:
+        """Return the poses of rows, all converted at once.
+
+        :raises ValueError, OverflowError: where one of them cannot be.
+        """
+        separator = b"," if self._euroc else None
+        allowed = _EUROC_COLUMNS if self._euroc else _TUM_COLUMNS
+        columns = {len(text.split(separator)) for _, text in rows}
+        if not columns <= set(allowed):
+            raise ValueError("columns")
+        table = np.loadtxt(
+            [text.decode("latin-1") for _, text in rows],
+            dtype=[("stamp", f"S{STAMP_BYTES}"), ("values", np.float64, (7,))],
+            delimiter="," if self._euroc else None,
+            usecols=range(_POSE_COLUMNS),
+            comments=None,
+            ndmin=1,
+        )
+        stamps = np.char.strip(table["stamp"]).astype(f"S{STAMP_BYTES}")
+        order = [3, 4, 5, 6] if self._euroc else [6, 3, 4, 5]
+        number = np.array([number for number, _ in rows], dtype=np.int64)
+        t_ns = nanoseconds(stamps, bool(self._euroc))
+        return _Poses(number, t_ns, table["values"][:, :3].copy(), table["values"][:, order])
+
+    def _is_sound(self, number: int, text: bytes) -> bool:
+        """Tell whether one row is all numbers; note what is wrong with it."""
+        before = sum(self._counts.values())
+        fields = [
+            field.strip().decode("utf-8", "replace")
+            for field in text.split(b"," if self._euroc else None)
+        ]
+        allowed = _EUROC_COLUMNS if self._euroc else _TUM_COLUMNS
+        if len(fields) not in allowed:
+            form, expected = "EuRoC" if self._euroc else "TUM", " or ".join(map(str, allowed))
+            words = f"{len(fields)} columns; the {form} form has {expected}"
+            self._note(_COLUMNS, number, words)
+        else:
+            self._note_fields(number, fields)
+        sound = sum(self._counts.values()) == before
+        self._bad_rows += not sound
+        return sound
+
+    def _note_fields(self, number: int, fields: list[str]) -> None:
+        try:
+            nanosecond(fields[0], bool(self._euroc))
+        except (ValueError, OverflowError):
+            unit = "whole nanoseconds" if self._euroc else "seconds"
+            self._note(_NUMBERS, number, f"{_short(fields[0])} is not a stamp in {unit}")
+        for field in fields[1:_POSE_COLUMNS]:
+            try:
+                float(field.replace("_", "x"))  # Python's own 1_000 is no number of a file
+            except ValueError:
+                self._note(_NUMBERS, number, f"{_short(field)} is not a number")
+
+    def _valid(self, poses: _Poses) -> _Poses:
+        """Return the poses with finite values and unit quaternions, which are made exact."""
+        norms: Array = np.linalg.norm(poses.q_wb, axis=-1)
+        values = np.concatenate([poses.position, poses.q_wb], axis=1)
+        finite = np.asarray(np.isfinite(values).all(axis=1))
+        good = finite & (np.abs(norms - 1.0) <= _NORM_TOLERANCE)
+        for k in np.flatnonzero(~good):
+            what = "a value that is not finite"
+            if finite[k]:
+                what = f"a quaternion of length {norms[k]:.3g} instead of 1"
+            self._note(_VALUES, int(poses.number[k]), what)
+        self._bad_rows += int(np.count_nonzero(~good))
+        kept = poses.at(good)
+        return kept._replace(q_wb=kept.q_wb / norms[good, None])
+
+    def _in_order(self, poses: _Poses) -> _Poses:
+        """Return the poses whose stamps are after the one before; those that stand twice once."""
+        if not len(poses.t_ns):
+            return poses
+        first = 0
+        if self._last is not None:
+            poses = self._last.before(poses)
+            first = 1
+        repeated = _repeated(poses)
+        keep = np.concatenate([[True], np.diff(poses.t_ns) > 0])
+        if not keep.all():
+            keep = self._increasing(poses, repeated)
+        self._dropped += int(np.count_nonzero(repeated & ~keep))
+        kept = np.flatnonzero(keep)
+        self._last = poses.at(kept[-1:])
+        return poses.at(kept[kept >= first])
+
+    def _increasing(self, poses: _Poses, repeated: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Tell which stamps are after all before them; note those that are not, nor repeated."""
+        latest = np.maximum.accumulate(poses.t_ns)
+        keep = np.concatenate([[True], poses.t_ns[1:] > latest[:-1]])
+        for k in np.flatnonzero(~keep & ~repeated):
+            # Compared with the last stamp that stands, not with another bad one.
+            before = int(np.flatnonzero(keep[:k])[-1])
+            step = int(poses.t_ns[k] - poses.t_ns[before])
+            line, other = int(poses.number[k]), poses.number[before]
+            if step < 0:
+                words = f"the stamp is {-step * 1e-9:.9g} s before that of line {other}"
+            else:
+                words = f"the stamp of line {other} with another pose"
+            self._note(_STAMPS, line, words)
+            self._bad_rows += 1
+        return keep
+
+    def _note(self, kind: str, number: int, words: str) -> None:
+        self._counts[kind] = self._counts.get(kind, 0) + 1
+        shown = self._found.setdefault(kind, [])
+        if len(shown) < _SHOWN_PROBLEMS:
+            shown.append((number, words))
+
+    def _complain(self) -> None:
+        """Raise with the first lines of every class, in the order of the file."""
+        if self._skip or not self._counts:
+            return
+        shown = sorted(line for lines in self._found.values() for line in lines)
+        problems = [f"{self._path}: line {number}: {words}" for number, words in shown]
+        more = sum(self._counts.values()) - len(shown)
+        if more:
+            problems.append(f"{self._path}: and {more} more such lines")
+        raise InputError(problems)
+
+
+def _repeated(poses: _Poses) -> NDArray[np.bool_]:
+    """Tell which rows say once more what the row before them says."""
+    same_pose = (np.diff(poses.position, axis=0) == 0).all(axis=-1) & (
+        np.abs(np.sum(poses.q_wb[1:] * poses.q_wb[:-1], axis=-1)) > _SAME
+    )
+    return np.concatenate([[False], (np.diff(poses.t_ns) == 0) & same_pose])
+
+
+def _short(word: str) -> str:
+    return repr(word if len(word) <= STAMP_BYTES else word[: STAMP_BYTES - 8] + "...")
+
+
+def _blocks(path: Path) -> Iterator[list[_Row]]:
+    """Yield the lines that are neither empty nor a comment, with their numbers, in blocks."""
+    line, rest = 0, b""
+    with open_regular(path) as file:
+        while True:
+            chunk = file.read(_CHUNK_BYTES)
+            lines = (rest + chunk).split(b"\n")
+            rest = lines.pop() if chunk else b""
+            if b"\0" in chunk or len(rest) > _LONGEST_LINE:
+                raise InputError(f"{path}: not a text file of poses")
+            if not line:
+                _check_text(path, lines or [rest])
+            rows = [(line + k, text.strip()) for k, text in enumerate(lines, start=1)]
+            yield [row for row in rows if row[1] and not row[1].startswith(b"#")]
+            line += len(lines)
+            if not chunk:
+                return
+
+
+def _check_text(path: Path, lines: list[bytes]) -> None:
+    try:
+        b"\n".join(lines).decode("utf-8")
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: not a text file of poses") from None
