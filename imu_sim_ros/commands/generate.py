@@ -26,7 +26,7 @@ from imu_sim_ros.datasets import (
     resolved,
 )
 from imu_sim_ros.errors import ConfigurationError, InputError
-from imu_sim_ros.sensor import realised_imu
+from imu_sim_ros.sensor import catalogue, realised_imu
 from imu_sim_ros.simulation import Simulation
 from imu_sim_ros.topics import TYPES
 
@@ -68,7 +68,22 @@ def parser() -> argparse.ArgumentParser:
         "allan_variance_ros, and all parameters, to OUTPUT_configs",
     )
     common.add_output_arguments(result)
+    result.add_argument(
+        "--list-imus",
+        action=_ListImus,
+        nargs=0,
+        help="list the sensors that come with it: grade, price class, source; then exit",
+    )
     return result
+
+
+class _ListImus(argparse.Action):
+    """Prints the sensors' table and exits, as --help does."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_arguments: object) -> None:
+        """Print the table."""
+        print(catalogue.table())
+        parser.exit()
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -66,6 +66,17 @@ class NoiseParameters:
         "gyroscope_turn_on_scale_sigma",
         "uncertainty of the diagonal of gyroscope_scale_misalignment",
     )
+    gyroscope_misalignment_sigma: Vector = _of_the_imu(
+        "gyroscope_misalignment_sigma",
+        "uncertainty of each term beside the diagonal of the same",
+    )
+    gyroscope_quadratic_sigma: Vector = _of_the_imu(
+        "gyroscope_quadratic_sigma",
+        "uncertainty of the gyroscope's second-order non-linearity",
+    )
+    gyroscope_g_sensitivity_sigma: Vector = _of_the_imu(
+        "gyroscope_g_sensitivity_sigma", "uncertainty of each term of the g-sensitivity"
+    )
     gyroscope_resolution: Vector = _of_the_imu("gyroscope_resolution")
     accelerometer_noise_density: Vector = _of_the_imu("accelerometer_noise_density")
     accelerometer_random_walk: Vector = _of_the_imu("accelerometer_random_walk")
@@ -79,6 +90,14 @@ class NoiseParameters:
     accelerometer_turn_on_scale_sigma: Vector = _of_the_imu(
         "accelerometer_turn_on_scale_sigma",
         "uncertainty of the diagonal of accelerometer_scale_misalignment",
+    )
+    accelerometer_misalignment_sigma: Vector = _of_the_imu(
+        "accelerometer_misalignment_sigma",
+        "uncertainty of each term beside the diagonal of the same",
+    )
+    accelerometer_quadratic_sigma: Vector = _of_the_imu(
+        "accelerometer_quadratic_sigma",
+        "uncertainty of the accelerometer's second-order non-linearity",
     )
     accelerometer_resolution: Vector = _of_the_imu("accelerometer_resolution")
 

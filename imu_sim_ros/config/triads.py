@@ -28,7 +28,8 @@ class GyroscopeParameters:
 
     gyroscope_noise_density: Vector = vector(
         0.0,
-        "white noise of the gyroscope, continuous time",
+        "white noise of the gyroscope, continuous time, two-sided: the variance of a sample is "
+        "density^2 * rate; a data sheet's one-sided density D is D / sqrt(2) here",
         unit="rad/s/sqrt(Hz)",
         minimum=0.0,
         live=True,
@@ -59,7 +60,8 @@ class GyroscopeParameters:
     )
     gyroscope_bias_instability: Vector = vector(
         0.0,
-        "bias instability B of the gyroscope (1/f noise); the flat Allan deviation is 0.664 B",
+        "bias instability B of the gyroscope: 1/f noise of two-sided density "
+        "B^2 / (2 pi f); the flat Allan deviation is 0.664 B",
         unit="rad/s",
         minimum=0.0,
         live=True,
@@ -119,6 +121,41 @@ class GyroscopeParameters:
         group=3,
         live=True,
     )
+    gyroscope_temperature_bias_sigma: Vector = vector(
+        0.0,
+        "standard deviation over units of the gyroscope's linear bias drift with temperature; "
+        "sign and size are drawn from the seed and add to temperature_bias",
+        unit="rad/s/K",
+        minimum=0.0,
+    )
+    gyroscope_temperature_scale_sigma: Vector = vector(
+        0.0,
+        "standard deviation over units of the gyroscope's linear scale drift with temperature; "
+        "sign and size are drawn from the seed and add to temperature_scale",
+        unit="1/K",
+        minimum=0.0,
+    )
+    gyroscope_misalignment_sigma: Vector = vector(
+        0.0,
+        "standard deviation over units of each cross-axis term of the gyroscope's axis, "
+        "drawn from the seed",
+        unit="1",
+        minimum=0.0,
+    )
+    gyroscope_quadratic_sigma: Vector = vector(
+        0.0,
+        "standard deviation over units of the gyroscope's second-order non-linearity, "
+        "drawn from the seed",
+        unit="1/(rad/s)",
+        minimum=0.0,
+    )
+    gyroscope_g_sensitivity_sigma: Vector = vector(
+        0.0,
+        "standard deviation over units of each term of the g-sensitivity of the gyroscope's axis, "
+        "drawn from the seed",
+        unit="(rad/s)/(m/s^2)",
+        minimum=0.0,
+    )
     gyroscope_bandwidth: Vector = vector(
         0.0, "cut-off (-3 dB) of the gyroscope's low-pass; 0: none", unit="Hz", minimum=0.0
     )
@@ -127,7 +164,8 @@ class GyroscopeParameters:
     )
     gyroscope_resolution: Vector = vector(
         0.0,
-        "step of the gyroscope's digital output (1 LSB); 0: none",
+        "step of the gyroscope's digital output (1 LSB); 0: none. The largest reading is the "
+        "largest whole step within the range",
         unit="rad/s",
         minimum=0.0,
         live=True,
@@ -148,7 +186,8 @@ class AccelerometerParameters:
 
     accelerometer_noise_density: Vector = vector(
         0.0,
-        "white noise of the accelerometer, continuous time",
+        "white noise of the accelerometer, continuous time, two-sided: the variance of a sample is "
+        "density^2 * rate; a data sheet's one-sided density D is D / sqrt(2) here",
         unit="m/s^2/sqrt(Hz)",
         minimum=0.0,
         live=True,
@@ -180,7 +219,8 @@ class AccelerometerParameters:
     )
     accelerometer_bias_instability: Vector = vector(
         0.0,
-        "bias instability B of the accelerometer (1/f noise); the flat Allan deviation is 0.664 B",
+        "bias instability B of the accelerometer: 1/f noise of two-sided density "
+        "B^2 / (2 pi f); the flat Allan deviation is 0.664 B",
         unit="m/s^2",
         minimum=0.0,
         live=True,
@@ -241,6 +281,34 @@ class AccelerometerParameters:
         group=3,
         live=True,
     )
+    accelerometer_temperature_bias_sigma: Vector = vector(
+        0.0,
+        "standard deviation over units of the accelerometer's linear bias drift with temperature; "
+        "sign and size are drawn from the seed and add to temperature_bias",
+        unit="m/s^2/K",
+        minimum=0.0,
+    )
+    accelerometer_temperature_scale_sigma: Vector = vector(
+        0.0,
+        "standard deviation over units of the accelerometer's linear scale drift with temperature; "
+        "sign and size are drawn from the seed and add to temperature_scale",
+        unit="1/K",
+        minimum=0.0,
+    )
+    accelerometer_misalignment_sigma: Vector = vector(
+        0.0,
+        "standard deviation over units of each cross-axis term of the accelerometer's axis, "
+        "drawn from the seed",
+        unit="1",
+        minimum=0.0,
+    )
+    accelerometer_quadratic_sigma: Vector = vector(
+        0.0,
+        "standard deviation over units of the accelerometer's second-order non-linearity, "
+        "drawn from the seed",
+        unit="1/(m/s^2)",
+        minimum=0.0,
+    )
     accelerometer_bandwidth: Vector = vector(
         0.0, "cut-off (-3 dB) of the accelerometer's low-pass; 0: none", unit="Hz", minimum=0.0
     )
@@ -253,7 +321,8 @@ class AccelerometerParameters:
     )
     accelerometer_resolution: Vector = vector(
         0.0,
-        "step of the accelerometer's digital output (1 LSB); 0: none",
+        "step of the accelerometer's digital output (1 LSB); 0: none. The largest reading is the "
+        "largest whole step within the range",
         unit="m/s^2",
         minimum=0.0,
         live=True,

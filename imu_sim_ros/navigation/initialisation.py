@@ -121,7 +121,10 @@ def from_rest(
     rates, forces = known.apply(rates[finite], forces[finite])
     heading = parameters.initial_orientation[2] if yaw is None else yaw
     imu = parameters.imu
-    by_scale = np.max(imu.accelerometer_turn_on_scale_sigma) * np.linalg.norm(parameters.gravity)
+    response = math.hypot(
+        max(imu.accelerometer_turn_on_scale_sigma), max(imu.accelerometer_misalignment_sigma)
+    )
+    by_scale = response * np.linalg.norm(parameters.gravity)
     uncertainty = math.hypot(max(imu.accelerometer_turn_on_bias_sigma), by_scale)
     found = level(rates, forces, parameters.gravity, heading, uncertainty)
     turning = rotation.rotate_inverse(found.q_wb, np.asarray(parameters.earth_rate))

@@ -38,6 +38,12 @@ class Noise(NamedTuple):
     """[rad/s]"""
     gyroscope_turn_on_scale_sigma: Array = _NONE
     """[1]"""
+    gyroscope_misalignment_sigma: Array = _NONE
+    """[1]"""
+    gyroscope_quadratic_sigma: Array = _NONE
+    """[1/(rad/s)]"""
+    gyroscope_g_sensitivity_sigma: Array = _NONE
+    """[(rad/s)/(m/s^2)]"""
     gyroscope_resolution: Array = _NONE
     """[rad/s]"""
     accelerometer_gauss_markov_sigma: Array = _NONE
@@ -50,6 +56,10 @@ class Noise(NamedTuple):
     """[m/s^2]"""
     accelerometer_turn_on_scale_sigma: Array = _NONE
     """[1]"""
+    accelerometer_misalignment_sigma: Array = _NONE
+    """[1]"""
+    accelerometer_quadratic_sigma: Array = _NONE
+    """[1/(m/s^2)]"""
     accelerometer_resolution: Array = _NONE
     """[m/s^2]"""
 

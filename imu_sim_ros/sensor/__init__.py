@@ -14,7 +14,7 @@ For each triad, x its ideal input and f the ideal specific force::
     6                  + walk + Gauss-Markov + 1/f + ramp  (+ injected jumps)
     7  white noise     + n
     8  bandwidth       Butterworth low-pass over all of the above
-    9  digital output  saturation, then rounding to steps, of readings or of increments
+    9  digital output  rounding to steps and saturation, of readings or of increments
     10 timing          stamps: offset, skew, drift, jitter; transport: latency, losses, duplicates
 
 Of an oversampled sensor 2 to 8 act at its internal rate, and every m-th reading goes on to 9.
@@ -27,6 +27,7 @@ Samples are made in blocks with carried state. Every random source has its own s
 the size of the block in which it is made.
 """
 
+from imu_sim_ros.sensor import catalogue
 from imu_sim_ros.sensor.block import ImuBlock
 from imu_sim_ros.sensor.errors import accel_variance_discrete, gyro_variance_discrete
 from imu_sim_ros.sensor.faults import Fault
@@ -38,6 +39,7 @@ __all__ = [
     "Imu",
     "ImuBlock",
     "accel_variance_discrete",
+    "catalogue",
     "gyro_variance_discrete",
     "realised_imu",
 ]

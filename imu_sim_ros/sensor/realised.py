@@ -10,18 +10,21 @@ import numpy as np
 
 from imu_sim_ros.config import ImuParameters, SimulationParameters
 from imu_sim_ros.conventions import TRIADS
-from imu_sim_ros.sensor.errors import TurnOn, axis_values, scale_misalignment
+from imu_sim_ros.sensor.errors import TurnOn, axis_values, scale_misalignment, unit_of_seed
 
 
 def realised_imu(parameters: SimulationParameters) -> ImuParameters:
     """Return the IMU of this seed with nothing left to draw but the noise.
 
-    A turn-on bias is added to the constant one. A turn-on scale s, drawn per axis, multiplies the
-    whole response of its axis, ``(1 + s + c) (S x + q x^2 + G f)`` with the temperature's part c:
-    it goes into S, q and G, and c becomes ``c / (1 + s)``. Readings of the result differ from those
-    of the seed by rounding only.
+    Constants that differ from unit to unit are drawn. A turn-on bias is added to the constant one.
+    A turn-on scale s, drawn per axis, multiplies the whole response of its axis,
+    ``(1 + s + c) (S x + q x^2 + G f)`` with the temperature's part c: it goes into S, q and G, and
+    c becomes ``c / (1 + s)``. Readings of the result differ from those of the seed by rounding
+    only.
     """
     imu = parameters.imu
+    for triad in TRIADS:
+        imu = unit_of_seed(imu, triad, parameters.seed)
     changed: dict[str, Any] = {}
     for triad in TRIADS:
         drawn = TurnOn(parameters.seed, triad, imu)

@@ -136,7 +136,7 @@ def test_a_sensor_file_lies_above_the_preset_that_it_names(tmp_path):
     path = chain(tmp_path)
     short = load_simulation({"imu.preset": str(path)}).imu
     layered = load_simulation(files.load(path)).imu
-    assert short.gyroscope_noise_density == (8.7266e-5,) * 3
+    assert short.gyroscope_noise_density == (6.1707e-5,) * 3
     assert short.gyroscope_bias == (0.1, 0.2, 0.3)
     assert short.accelerometer_bias == (0.5,) * 3
     assert flatten(short) | {"preset": ""} == flatten(layered) | {"preset": ""}
@@ -144,7 +144,7 @@ def test_a_sensor_file_lies_above_the_preset_that_it_names(tmp_path):
 
 def test_the_integrator_takes_the_noise_of_a_chain_of_presets(tmp_path):
     values = layer_integrator({"imu.preset": str(chain(tmp_path))})
-    assert values["imu.gyroscope_noise_density"] == 8.7266e-5
+    assert values["imu.gyroscope_noise_density"] == 6.1707e-5
 
 
 def test_presets_in_a_circle_are_said(tmp_path):

@@ -220,6 +220,8 @@ def changed(name, parameter):
         "choice": "averaged",
         "numbers": [0.0, 0, 0.1, 0, 0, 0] if parameter.group == 6 else [0.1, 0.2, 0.3],
     }[parameter.kind]
+    if name == "accelerometer_misalignment_sigma":  # Basalt's accelerometer is a lower triangle
+        value = [0.0, 0.0, 0.03]
     result = {f"imu.{name}": value}
     for key, more in beside.items():
         result |= more if key in name else {}

@@ -13,7 +13,8 @@ import pytest
 from imu_sim_ros.config import files
 from imu_sim_ros.config.parameter import flatten
 from imu_sim_ros.config.simulation import load_simulation
-from imu_sim_ros.sensor import accel_variance_discrete, gyro_variance_discrete
+from imu_sim_ros.conventions import TRIADS
+from imu_sim_ros.sensor import accel_variance_discrete, catalogue, gyro_variance_discrete
 from imu_sim_ros.simulation import Simulation
 
 PRESETS = files.names("imus")
@@ -34,6 +35,18 @@ def test_the_presets_that_are_promised_exist() -> None:
         "vn100",
         "tactical",
         "navigation",
+        "bmi055",
+        "bno055",
+        "lsm6dso",
+        "icm20948",
+        "icm40609",
+        "mti3",
+        "mti100",
+        "adis16465",
+        "adis16470",
+        "adis16505",
+        "hg4930",
+        "phone",
     }
 
 
@@ -65,12 +78,83 @@ def test_every_preset_runs(preset: str, rate: float) -> None:
         assert gyro == accel == (0.0, 0.0, 0.0)
     else:
         assert min(gyro) > 0.0
-        assert min(accel) > 0.0 or preset == "navigation"
+        assert min(accel) > 0.0
+
+
+def noise_entries(preset: str) -> dict[str, tuple[str, str]]:
+    """By parameter: what a noise density's source says, and the expression."""
+    entries = ENTRY.findall(files.find("imus", preset).read_text(encoding="utf-8"))
+    return {
+        name: (words, expression)
+        for _, words, expression, name, _ in entries
+        if name.endswith("noise_density")
+    }
+
+
+@pytest.mark.parametrize("preset", [n for n in PRESETS if n not in ("perfect", "lecture")])
+def test_every_noise_density_names_its_convention(preset: str) -> None:
+    """One-sided D is divided by sqrt(2); random walks and kalibr's densities are two-sided."""
+    for words, expression in noise_entries(preset).values():
+        one_sided = words.startswith("D ")
+        assert one_sided == ("sqrt(2)" in expression), words
+        assert one_sided or re.search("random walk|noise_density|root PSD", words), words
+
+
+IN_BANDWIDTH = [
+    ("mpu6000", "gyroscope", math.radians(0.005), math.radians(0.05), 100.0),
+    ("mpu9250", "gyroscope", math.radians(0.01), math.radians(0.1), 92.0),
+    ("bmi055", "gyroscope", math.radians(0.014), math.radians(0.1), 47.0),
+    ("bno055", "gyroscope", math.radians(0.014), math.radians(0.1), 47.0),
+    ("bmi088", "gyroscope", math.radians(0.014), math.radians(0.1), 47.0),
+]
+"""Preset, triad, the sheet's D, its RMS (rounded to one digit there) and the bandwidth [Hz]."""
+
+
+@pytest.mark.parametrize(("preset", "triad", "density", "rms", "bandwidth"), IN_BANDWIDTH)
+def test_noise_in_a_bandwidth_is_the_data_sheets(
+    preset: str, triad: str, density: float, rms: float, bandwidth: float
+) -> None:
+    """What is left of the simulated noise below the bandwidth has the RMS D sqrt(bandwidth).
+
+    300 s at 1 kHz on three axes: 2 * 300 * 47 * 3 coefficients, a standard error of 0.24 % at most.
+    """
+    rate, seconds = 1000.0, 300
+    without = {"bias_instability": 0.0, "resolution": 0.0, "turn_on_bias_sigma": 0.0}
+    values: dict[str, object] = {f"imu.{triad}_{name}": v for name, v in without.items()}
+    parameters = load_simulation(
+        {"imu.preset": preset, "trajectory.type": "static", "rate": rate}, values
+    )
+    block = Simulation(parameters).next_block(int(seconds * rate))
+    readings = block.gyro if triad == "gyroscope" else block.accel
+    spectrum = np.fft.rfft(readings - readings.mean(axis=0), axis=0)
+    spectrum[np.fft.rfftfreq(len(readings), 1.0 / rate) > bandwidth] = 0.0
+    found = float(np.fft.irfft(spectrum, len(readings), axis=0).std())
+    assert found == pytest.approx(density * math.sqrt(bandwidth), rel=0.01)
+    assert found == pytest.approx(rms, rel=0.05)
+
+
+@pytest.mark.parametrize("preset", [n for n in PRESETS if n not in ("perfect", "lecture")])
+def test_a_16_bit_sensor_has_16_bit_codes(preset: str) -> None:
+    imu = load_simulation({"imu.preset": preset}).imu
+    for triad in TRIADS:
+        step, limit = (getattr(imu, f"{triad}_{name}")[0] for name in ("resolution", "range"))
+        if step and limit:
+            assert math.floor(limit / step * (1.0 + 1e-6)) <= 2**15 - 1
+
+
+def test_every_preset_has_grade_price_class_and_source() -> None:
+    entries = {entry.name: entry for entry in catalogue.catalogue()}
+    assert set(entries) == set(PRESETS)
+    for entry in entries.values():
+        assert entry.title
+        assert entry.grade
+        assert entry.price
+        assert entry.sources or entry.name == "perfect"
 
 
 def test_grades_are_in_order() -> None:
     """White noise of the gyroscope: consumer, industrial, tactical, navigation."""
-    order = ["mpu9250", "mpu6000", "icm42688p", "tactical", "navigation"]
+    order = ["mpu9250", "mpu6000", "tactical", "icm42688p", "hg4930", "navigation"]
     noise = [load_simulation({"imu.preset": name}).imu.gyroscope_noise_density[0] for name in order]
     assert noise == sorted(noise, reverse=True)
 

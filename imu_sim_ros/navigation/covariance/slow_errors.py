@@ -4,10 +4,11 @@
 """Errors of the readings that are neither white noise nor a walk: what they add to a covariance.
 
 Each is a number of its own with constant variance d: a Gauss-Markov bias, one of the processes that
-1/f noise is made of, or, with an endless correlation time, the unknown scale of an axis. Together
-they are a vector a of m independent entries, which decays by ``phi = exp(-h / tau)`` in a step and
-is driven so that its variance D, diagonal, stays as it is. It acts as a bias of the readings,
-``(db_g, db_a) = H a``: a Gauss-Markov process by 1 on its axis, a scale by what the axis reads.
+1/f noise is made of, or, with an endless correlation time, an unknown term of the response: scale,
+misalignment, g-sensitivity, non-linearity. Together they are a vector a of m independent entries,
+which decays by ``phi = exp(-h / tau)`` in a step and is driven so that its variance D, diagonal,
+stays as it is. It acts as a bias of the readings, ``(db_g, db_a) = H a``: a Gauss-Markov process by
+1 on its axis, a term of the response by the reading that it multiplies.
 
 With F the transition of the state's error x over a step, and G what a bias does to it there,
 ``x' = F x + G H a``, so that the covariance ``C = E[x a^T]`` and that of x itself pass on as
@@ -103,7 +104,8 @@ class SlowErrors:
     def act_on(self, rate_b: Array | Sequence[float], force_b: Array | Sequence[float]) -> None:
         """Let the scales act on a reading."""
         if len(self._scale_rows):
-            inputs = np.concatenate([rate_b, force_b])[self._scale_inputs]
+            readings = np.concatenate([rate_b, force_b])
+            inputs = np.concatenate([readings, readings**2])[self._scale_inputs]
             self.effect[self._scale_rows, self._scale_columns] = inputs
 
     def bias(self) -> tuple[Array, Array]:
@@ -142,10 +144,21 @@ def _flicker(noise: Noise) -> list[_Entry]:
 
 
 def _scales(noise: Noise) -> list[tuple[int, int, float]]:
-    """Return the unknown scales: axis, the input 0 to 5 that it is multiplied by, and its sigma."""
-    return [
-        (3 * k + i, 3 * k + i, float(sigma))
-        for k, triad in enumerate(TRIADS)
-        for i, sigma in enumerate(getattr(noise, f"{triad}_turn_on_scale_sigma"))
-        if sigma > 0
-    ]
+    """Return what is multiplied by a reading: axis, its input, and the deviation of the factor.
+
+    The inputs are the readings 0 to 5, gyroscope first, and their squares 6 to 11: scale and
+    misalignment, g-sensitivity, and second-order non-linearity.
+    """
+    entries = []
+    for k, triad in enumerate(TRIADS):
+        scale = getattr(noise, f"{triad}_turn_on_scale_sigma")
+        cross = getattr(noise, f"{triad}_misalignment_sigma")
+        square = getattr(noise, f"{triad}_quadratic_sigma")
+        for i in range(3):
+            axis = 3 * k + i
+            for j in range(3):
+                entries.append((axis, 3 * k + j, float(scale[i] if i == j else cross[i])))
+            entries.append((axis, 6 + axis, float(square[i])))
+    for i, sigma in enumerate(noise.gyroscope_g_sensitivity_sigma):
+        entries += [(i, 3 + j, float(sigma)) for j in range(3)]
+    return [entry for entry in entries if entry[2] > 0.0]

@@ -7,6 +7,7 @@ Imports the leaves, and faults and random streams of the room above.
 """
 
 from imu_sim_ros.sensor.errors.deterministic import TurnOn, scale_misalignment
+from imu_sim_ros.sensor.errors.drawn import unit_of_seed
 from imu_sim_ros.sensor.errors.noise import axis_values
 from imu_sim_ros.sensor.errors.temperature import TemperatureProfile
 from imu_sim_ros.sensor.errors.triad import Reading, Triad
@@ -21,4 +22,5 @@ __all__ = [
     "axis_values",
     "gyro_variance_discrete",
     "scale_misalignment",
+    "unit_of_seed",
 ]

@@ -4,6 +4,7 @@
 """The end of a triad's chain: low-pass, saturation, quantisation."""
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,8 +57,12 @@ class LowPass:
             values[group.axes], group.state = self._filter(group.sections, x, zi=group.state)
 
 
+_WHOLE: Final = 1.0 + 1e-6
+"""A range of so nearly whole steps is one of whole steps: files round their numbers."""
+
+
 class Digitiser:
-    """Saturation at the range, then rounding to whole steps."""
+    """Rounding to whole steps, and saturation: at the last whole step within the range."""
 
     def __init__(self, triad: str) -> None:
         self._triad = triad
@@ -72,12 +77,15 @@ class Digitiser:
     def apply(self, values: Array) -> None:
         """Saturate and round values (3, n) in place."""
         for row, limit, step in zip(values, self._range, self._resolution, strict=True):
-            if limit:
-                np.clip(row, -limit, limit, out=row)
             if step:
                 row /= step
                 np.rint(row, out=row)
+                if limit:
+                    largest = np.floor(limit / step * _WHOLE)
+                    np.clip(row, -largest, largest, out=row)
                 row *= step
+            elif limit:
+                np.clip(row, -limit, limit, out=row)
 
 
 class IncrementRounding:

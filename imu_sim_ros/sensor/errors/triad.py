@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.config import ImuParameters
 from imu_sim_ros.sensor.errors.deterministic import ConstantBias, Response, TurnOn
+from imu_sim_ros.sensor.errors.drawn import unit_of_seed
 from imu_sim_ros.sensor.errors.noise import (
     BiasInstability,
     GaussMarkov,
@@ -44,7 +45,7 @@ class Triad:
         self._ratio = int(imu.internal_ratio(rate))
         internal = rate * self._ratio
         dt = 1.0 / internal
-        self._triad = triad
+        self._triad, self._seed = triad, seed
         self._turn_on = TurnOn(seed, triad, imu)
         self._response = Response(triad)
         self._bias_terms: tuple[Term, ...] = (
@@ -63,6 +64,7 @@ class Triad:
 
     def configure(self, imu: ImuParameters) -> None:
         """Take new values of live parameters, from the next sample on."""
+        imu = unit_of_seed(imu, self._triad, self._seed)
         self._imu = imu
         self._response.configure(imu)
         for term in self._bias_terms:

@@ -1,0 +1,86 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Constants that differ from unit to unit: their spread, their streams, what becomes of them."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from imu_sim_ros.config import ImuParameters, build, load_simulation
+from imu_sim_ros.conventions import TRIADS
+from imu_sim_ros.sensor import realised_imu
+from imu_sim_ros.sensor.errors import unit_of_seed
+from imu_sim_ros.simulation import Simulation
+
+SEEDS = 1000
+SIGMAS = {
+    "temperature_bias": 1e-3,
+    "temperature_scale": 2e-4,
+    "misalignment": 5e-3,
+    "quadratic": 1e-4,
+    "g_sensitivity": 2e-4,
+}
+
+
+def drawn(kind: str, seed: int) -> np.ndarray:
+    """The numbers that a seed adds to a constant of the gyroscope."""
+    imu = build(ImuParameters, {f"gyroscope_{kind}_sigma": SIGMAS[kind]})
+    unit = unit_of_seed(imu, "gyroscope", seed)
+    assert not any(getattr(unit, f"gyroscope_{kind}_sigma"))
+    if kind == "misalignment":
+        matrix = np.reshape(unit.gyroscope_scale_misalignment, (3, 3))
+        assert np.diag(matrix) == pytest.approx(1.0)
+        return matrix[~np.eye(3, dtype=bool)]
+    return np.array(getattr(unit, f"gyroscope_{kind}"))
+
+
+@pytest.mark.parametrize("kind", SIGMAS)
+def test_size_and_sign_differ_from_unit_to_unit(kind: str) -> None:
+    """Of n numbers the variance is known to sqrt(2 / n), the mean to 1 / sqrt(n); five of both."""
+    values = np.array([drawn(kind, seed) for seed in range(SEEDS)]) / SIGMAS[kind]
+    assert values.var() == pytest.approx(1.0, abs=5.0 * np.sqrt(2.0 / values.size))
+    assert abs(values.mean()) < 5.0 / np.sqrt(values.size)
+    correlation = np.corrcoef(values.T)
+    correlation = correlation[~np.eye(len(correlation), dtype=bool)]
+    assert np.abs(correlation).max() < 5.0 / np.sqrt(SEEDS)
+
+
+def test_one_constant_more_changes_no_other() -> None:
+    sigmas = {f"accelerometer_{k}_sigma": v for k, v in SIGMAS.items() if k != "g_sensitivity"}
+    every = unit_of_seed(build(ImuParameters, sigmas), "accelerometer", 3)
+    alone = {k: v for k, v in sigmas.items() if "quadratic" in k}
+    one = unit_of_seed(build(ImuParameters, alone), "accelerometer", 3)
+    assert every.accelerometer_quadratic == one.accelerometer_quadratic
+
+
+def test_the_realised_sensor_has_the_same_readings() -> None:
+    values: dict[str, object] = {
+        f"imu.{triad}_{kind}_sigma": sigma
+        for triad in TRIADS
+        for kind, sigma in SIGMAS.items()
+        if (triad, kind) != ("accelerometer", "g_sensitivity")
+    }
+    values |= {"imu.gyroscope_turn_on_scale_sigma": 0.01, "temperature.value": 45.0}
+    values |= {"imu.accelerometer_scale_error_percent": [1.0, -1.0, 0.5]}
+    parameters = load_simulation(
+        {"imu.preset": "perfect", "trajectory.type": "lecture", "seed": 5, **values}
+    )
+    fixed = dataclasses.replace(parameters, imu=realised_imu(parameters))
+    assert not any(any(getattr(fixed.imu, name[4:])) for name in values if name.endswith("_sigma"))
+    one, two = (Simulation(p).next_block(500) for p in (parameters, fixed))
+    assert one.gyro == pytest.approx(two.gyro, abs=1e-12)
+    assert one.accel == pytest.approx(two.accel, abs=1e-11)
+    assert np.abs(one.gyro - one.ideal_gyro).max() > 1e-3
+
+
+@pytest.mark.parametrize(("limit", "step", "largest"), [(3.0, 0.02, 3.0), (3.0, 0.7, 2.8)])
+def test_no_reading_exceeds_the_range(limit: float, step: float, largest: float) -> None:
+    """3.0 in steps of 0.07 is 3.01 where it is clipped first and rounded then."""
+    values = {"imu.gyroscope_range": limit, "imu.gyroscope_resolution": step}
+    values |= {"imu.gyroscope_noise_density": 1.0}
+    shape = {"imu.preset": "perfect", "trajectory.type": "static"}
+    block = Simulation(load_simulation(shape, values)).next_block(2000)
+    assert np.abs(block.gyro).max() == pytest.approx(largest)
+    assert np.abs(block.gyro).max() <= limit * (1.0 + 1e-12)
