@@ -28,7 +28,7 @@ from imu_sim_ros.config import parameters as described
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.poses import read_poses
 from imu_sim_ros.sensor import Fault, Imu, ImuBlock
-from imu_sim_ros.trajectory import PoseReader, build_trajectory, fit_report, implausible
+from imu_sim_ros.trajectory import PoseReader, build_trajectory, implausible, recorded_in
 
 BLOCK_SIZE: Final = 8192
 """Large enough that Python's part is small, small enough for a processor's cache."""
@@ -75,21 +75,28 @@ class Simulation:
     def warnings(self) -> list[str]:
         """Return what is allowed and yet may not be meant, a line each.
 
-        The parameters' own warnings, and a motion that the sensor's range does not hold.
+        The parameters' own warnings, recorded poses that no body took, and a motion that the
+        sensor's range does not hold.
         """
         imu = self.parameters.imu
-        return self.parameters.warnings() + implausible(
-            self.trajectory,
-            imu.gyroscope_range,
-            imu.accelerometer_range,
-            self.parameters.gravity,
-            self.parameters.duration or self.trajectory.duration,
+        recorded = recorded_in(self.trajectory)
+        of_poses = recorded.warnings if recorded is not None else []
+        return (
+            self.parameters.warnings()
+            + of_poses
+            + implausible(
+                self.trajectory,
+                imu.gyroscope_range,
+                imu.accelerometer_range,
+                self.parameters.gravity,
+                self.parameters.duration or self.trajectory.duration,
+            )
         )
 
     def notes(self) -> list[str]:
-        """Return how well the spline follows recorded poses; nothing for other trajectories."""
-        report = fit_report(self.trajectory)
-        return report.lines() if report is not None else []
+        """Return what was mended of recorded poses, and how well the spline follows them."""
+        recorded = recorded_in(self.trajectory)
+        return recorded.repairs + recorded.report.lines() if recorded is not None else []
 
     def reset(self) -> None:
         """Go back to the first sample: the same samples follow again."""

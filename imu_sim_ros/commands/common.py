@@ -169,6 +169,12 @@ def add_simulation_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"the motion: {', '.join(files.names('trajectories'))}, a parameter file, "
         "or recorded poses in TUM or EuRoC form",
     )
+    group.add_argument(
+        "--robust",
+        action="store_true",
+        help="mend recorded poses: leave out those that lie off, join jumps, even out stamps of "
+        "arrival (trajectory.robust)",
+    )
     group.add_argument("--rate", metavar="HZ", type=float, help="samples per second")
     group.add_argument("--duration", metavar="TIME", type=duration, help="20s, 10min, 4h")
     group.add_argument("--seed", metavar="N", type=int, help="seed of all random streams")
@@ -201,6 +207,8 @@ def simulation_layers(arguments: argparse.Namespace) -> list[Mapping[str, object
         short["imu.preset"] = arguments.imu
     if arguments.trajectory is not None:
         short.update(files.trajectory_layer(arguments.trajectory))
+    if arguments.robust:
+        short["trajectory.robust"] = True
     for name in ("rate", "duration", "seed"):
         if getattr(arguments, name) is not None:
             short[name] = getattr(arguments, name)

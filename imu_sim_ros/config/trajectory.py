@@ -238,6 +238,11 @@ class PosesParameters(TrajectoryParameters):
         unit="m",
         minimum=0.0,
     )
+    robust: bool = flag(
+        False,
+        "mend the recording: leave out poses that lie off, join a motion that jumps, put stamps of "
+        "arrival on their even grid; else such things are warned of",
+    )
     max_gap: float = number(
         5.0, "longer gaps between poses are an error", unit="s", minimum=0.0, above_minimum=True
     )

@@ -104,13 +104,15 @@ class _Reading:
             raise InputError(f"{self._path}: holds {what}; a trajectory needs two or more")
         t_ns = np.empty(count, dtype=np.int64)
         position, q_wb = np.empty((count, 3)), np.empty((count, 4))
+        lines = np.empty(count, dtype=np.int64)
         stop = count
         while blocks:  # from the end, so that each block's memory is free once it is copied
             block = blocks.pop()
             start = stop - len(block.t_ns)
             t_ns[start:stop], position[start:stop], q_wb[start:stop] = block[1:]
+            lines[start:stop] = block.number
             stop = start
-        return PoseSequence(t_ns, position, q_wb, self._dropped, self._bad_rows)
+        return PoseSequence(t_ns, position, q_wb, self._dropped, self._bad_rows, lines)
 
     def _block(self, rows: list[_Row]) -> Iterator[_Poses]:
         """Yield the good poses of some rows."""

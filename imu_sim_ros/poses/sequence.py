@@ -22,3 +22,5 @@ class PoseSequence(NamedTuple):
     """Poses left out because they stood twice, with the same stamp."""
     skipped: int = 0
     """Bad rows that were passed over on request."""
+    lines: NDArray[np.int64] | None = None
+    """(n,) lines of the file that they stand in, from 1; None: they are from no text."""

@@ -10,7 +10,7 @@ Imports the leaves: conventions, errors, rotation, timebase, config, poses.
 from imu_sim_ros.trajectory.build import PoseReader, build_trajectory
 from imu_sim_ros.trajectory.motion import Motion, Trajectory, highest_frequency
 from imu_sim_ros.trajectory.plausible import implausible
-from imu_sim_ros.trajectory.splines import fit_report
+from imu_sim_ros.trajectory.splines import fit_report, recorded_in
 
 __all__ = [
     "Motion",
@@ -20,4 +20,5 @@ __all__ = [
     "fit_report",
     "highest_frequency",
     "implausible",
+    "recorded_in",
 ]

@@ -6,6 +6,6 @@
 Imports the leaves and the room above.
 """
 
-from imu_sim_ros.trajectory.splines.recorded import Recorded, fit_report
+from imu_sim_ros.trajectory.splines.recorded import Recorded, fit_report, recorded_in
 
-__all__ = ["Recorded", "fit_report"]
+__all__ = ["Recorded", "fit_report", "recorded_in"]

@@ -13,7 +13,9 @@ from imu_sim_ros.errors import InputError
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.trajectory.motion import Array, Motion, Trajectory
 from imu_sim_ros.trajectory.splines.bspline import PoseSpline, UniformKnots
+from imu_sim_ros.trajectory.splines.repair import mended
 from imu_sim_ros.trajectory.splines.spline_fit import fit
+from imu_sim_ros.trajectory.splines.suspicions import beyond_any_body, suspicions
 
 _LEAST_POSES: Final = 4
 _LEAST_SPACING: Final = 0.02  # s
@@ -38,7 +40,9 @@ class FitReport(NamedTuple):
     """Time of the gap's beginning, after the first pose."""
     peak_speed: float
     peak_acceleration: float
+    peak_acceleration_at: float
     peak_rate: float
+    peak_rate_at: float
     knot_spacing: float
     cutoff: float
 
@@ -71,10 +75,26 @@ class Recorded:
         self.t0_ns = int(poses.t_ns[0])
         """Stamp of the first pose [ns]."""
         t = timebase.seconds_since(poses.t_ns, self.t0_ns)
+        found = mended(t, poses.position, poses.q_wb)
+        words = suspicions(found.findings, parameters.file, poses, t, parameters.robust)
+        if parameters.robust and found.findings:
+            t = found.t
+            poses = poses._replace(position=found.position, q_wb=found.q_wb)
         knots = UniformKnots(float(t[-1]), spacing)
         cutoff, outliers = parameters.cutoff, parameters.outlier_distance
         self._spline = fit(t, poses.position, poses.q_wb, knots, cutoff, outliers)
-        self.report = _report(t, poses, self._spline, knots, parameters.cutoff)
+        self.report = report = _report(t, poses, self._spline, knots, parameters.cutoff)
+        self.repairs: list[str] = words if parameters.robust else []
+        """What was mended, in words."""
+        self.warnings: list[str] = [] if parameters.robust else words
+        """What looks wrong, in words."""
+        self.warnings += beyond_any_body(
+            parameters.file,
+            report.peak_acceleration,
+            report.peak_acceleration_at,
+            report.peak_rate,
+            report.peak_rate_at,
+        )
 
     @property
     def duration(self) -> float:
@@ -91,14 +111,20 @@ class Recorded:
         return self._spline.sample(t)
 
 
-def fit_report(trajectory: Trajectory) -> FitReport | None:
-    """Return the report of the recorded motion in a trajectory, if there is one."""
+def recorded_in(trajectory: Trajectory) -> Recorded | None:
+    """Return the recorded motion in a trajectory, if there is one."""
     inner: object = trajectory
     while inner is not None:
         if isinstance(inner, Recorded):
-            return inner.report
+            return inner
         inner = getattr(inner, "inner", None)
     return None
+
+
+def fit_report(trajectory: Trajectory) -> FitReport | None:
+    """Return the report of the recorded motion in a trajectory, if there is one."""
+    recorded = recorded_in(trajectory)
+    return recorded.report if recorded is not None else None
 
 
 def _check(poses: PoseSequence, parameters: PosesParameters) -> None:
@@ -146,7 +172,12 @@ def _report(
     angle = np.linalg.norm(rotation.log(between), axis=-1)
     steps = np.diff(t)
     widest = int(np.argmax(steps))
-    dense = spline.sample(np.linspace(0.0, spline.duration, _PEAK_SAMPLES * knots.segments + 1))
+    times = np.linspace(0.0, spline.duration, _PEAK_SAMPLES * knots.segments + 1)
+    dense = spline.sample(times)
+    acceleration, rate = (
+        int(np.argmax(np.linalg.norm(values, axis=-1)))
+        for values in (dense.acceleration, dense.angular_velocity)
+    )
     return FitReport(
         poses=len(t),
         repeated=poses.dropped,
@@ -159,7 +190,9 @@ def _report(
         largest_gap_at=float(t[widest]),
         peak_speed=_peak(dense.velocity),
         peak_acceleration=_peak(dense.acceleration),
+        peak_acceleration_at=float(times[acceleration]),
         peak_rate=_peak(dense.angular_velocity),
+        peak_rate_at=float(times[rate]),
         knot_spacing=knots.spacing,
         cutoff=cutoff,
     )

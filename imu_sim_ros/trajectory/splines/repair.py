@@ -1,0 +1,212 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Poses that no body took: found before a spline is fitted, and mended where that is asked for.
+
+Three things go wrong in recordings: single poses that lie off (a bad match, a spike), a motion that
+jumps and goes on elsewhere (a map that was corrected), and stamps that say when a pose arrived and
+not when it was taken. The first are left out, behind the second all poses are moved so that the
+motion goes on, and stamps of the third kind are put on the even grid that they scatter about.
+"""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros import rotation
+from imu_sim_ros.trajectory.motion import Array
+from imu_sim_ros.trajectory.splines.arrival import even_times
+from imu_sim_ros.trajectory.splines.residuals import REACH, residuals
+
+_LEAST_POSES: Final = 30
+_OFF: Final = 10.0
+"""Usual deviations; normal noise does not reach it in 10^20 poses."""
+_WINDOW: Final = 8
+"""Poses on each side of a disturbance that tell what it is."""
+_SINGLE: Final = 3
+"""Poses that are left out of a disturbance at most before it is taken for a jump."""
+_DEGREES: Final = np.arange(6)
+_ROUNDS: Final = 50
+_JOINS: Final = 3
+
+
+class Jump(NamedTuple):
+    """A motion that goes on elsewhere, from one pose on."""
+
+    row: int
+    shift: Array
+    """(3,) in the world [m]."""
+    turn: Array
+    """(3,) rotation vector in the world [rad]."""
+
+
+class Findings(NamedTuple):
+    """What is wrong with recorded poses, by rows."""
+
+    single: NDArray[np.int64]
+    """Poses that lie off."""
+    distance: Array
+    """[m] by which each of them does."""
+    angle: Array
+    """[rad]"""
+    jumps: list[Jump]
+    scatter: float
+    """[s] of stamps that are times of arrival; 0: they are not."""
+    interval: float
+    """[s] of the grid that they scatter about."""
+
+    def __bool__(self) -> bool:
+        """Tell whether there is anything."""
+        return bool(len(self.single) or self.jumps or self.scatter)
+
+
+class Mended(NamedTuple):
+    """Poses without what was found; the rows that lie off are missing."""
+
+    t: Array
+    position: Array
+    q_wb: Array
+    findings: Findings
+
+
+def mended(t: Array, position: Array, q_wb: Array) -> Mended:
+    """Return the poses as a body may have taken them.
+
+    :param t: (n,) times [s], increasing from 0.
+    :param position: (n, 3) [m].
+    :param q_wb: (n, 4) unit quaternions, of any sign.
+    """
+    q_wb = rotation.continuous(q_wb)
+    nothing = np.zeros(0, dtype=np.int64)
+    if len(t) < _LEAST_POSES:
+        none = Findings(nothing, np.zeros(0), np.zeros(0), [], 0.0, 0.0)
+        return Mended(t, position, q_wb, none)
+    taken, scatter, interval = even_times(t, position, q_wb)
+    rows = np.arange(len(t))
+    single: list[int] = []
+    jumps: list[Jump] = []
+    p, q = position.copy(), q_wb.copy()
+    for _ in range(_ROUNDS):
+        found = residuals(taken[rows], p[rows], q[rows])
+        off = found.largest
+        if np.max(off) <= _OFF:
+            break
+        poses = _Poses(taken[rows], p[rows], q[rows], found.usual)
+        for first, last in _clusters(np.flatnonzero(off > _OFF)):
+            dropped, jump = _explained(poses, first, last)
+            if jump is not None:
+                jumps.append(jump._replace(row=int(rows[jump.row])))
+                _join_all(p, q, rows, poses, jump)
+                break  # the poses behind it have moved
+            if not len(dropped):
+                dropped = np.array([first + int(np.argmax(off[first : last + 1]))])
+            single += rows[dropped].tolist()
+        rows = np.setdiff1d(rows, single)
+    left = np.array(sorted(single), dtype=np.int64)
+    distance, angle = _apart(taken, p, q, rows, left)
+    findings = Findings(left, distance, angle, sorted(jumps, key=_row), scatter, interval)
+    return Mended(taken[rows], p[rows], q[rows], findings)
+
+
+def _row(jump: Jump) -> int:
+    return jump.row
+
+
+def _clusters(rows: NDArray[np.int64]) -> list[tuple[int, int]]:
+    """Return first and last row of each group of rows that see each other."""
+    parts = np.split(rows, np.flatnonzero(np.diff(rows) > 2 * REACH) + 1)
+    return [(int(part[0]), int(part[-1])) for part in parts]
+
+
+class _Poses(NamedTuple):
+    t: Array
+    position: Array
+    q_wb: Array
+    usual: Array
+    """(n, 2)"""
+
+
+def _explained(poses: _Poses, first: int, last: int) -> tuple[NDArray[np.int64], Jump | None]:
+    """Return rows to leave out, or a jump, that explain a disturbance; nothing if neither does.
+
+    What is left must follow a polynomial of degree 5. The simplest explanation holds: a few poses
+    in a row, then a jump, then more poses in a row.
+    """
+    window = np.arange(max(first - _WINDOW, 0), min(last + _WINDOW + 1, len(poses.t)))
+    values, columns = _scaled(poses, window)
+    nothing = np.zeros(0, dtype=np.int64)
+    for lengths in (range(1, _SINGLE + 1), (0,), range(_SINGLE + 1, last - first + 1)):
+        for length in lengths:
+            best = np.inf
+            for start in range(first, last + 2 - max(length, 1)):
+                out = (window >= start) & (window < start + length)
+                step = [] if length else [window >= start]
+                left, _ = _left(np.column_stack([columns, *step]), values, ~out)
+                if left < best:
+                    best, row = left, start
+            if best > _OFF:
+                continue
+            if length:
+                return np.arange(row, row + length), None
+            return nothing, _step(poses, window, row)
+    return nothing, None
+
+
+def _step(poses: _Poses, window: NDArray[np.int64], row: int) -> Jump:
+    """Return the jump ahead of a row that leaves least of a polynomial on both sides."""
+    values, columns = _scaled(poses, window)
+    _, solution = _left(np.column_stack([columns, window >= row]), values, window >= 0)
+    change = solution[-1] * np.repeat(np.median(poses.usual[window], axis=0), 3)
+    return Jump(row, change[:3], rotation.rotate(poses.q_wb[window[0]], change[3:]))
+
+
+def _scaled(poses: _Poses, window: NDArray[np.int64]) -> tuple[Array, Array]:
+    """Return position and attitude (k, 6) in usual deviations, and a polynomial's columns."""
+    t = poses.t[window]
+    since = 2.0 * (t - t[0]) / (t[-1] - t[0]) - 1.0
+    start = rotation.conjugate(poses.q_wb[window[0]])
+    turns = rotation.log(rotation.multiply(start, poses.q_wb[window]))
+    usual = np.repeat(np.median(poses.usual[window], axis=0), 3)
+    return np.column_stack([poses.position[window], turns]) / usual, since[:, None] ** _DEGREES
+
+
+def _left(columns: Array, values: Array, keep: NDArray[np.bool_]) -> tuple[float, Array]:
+    """Return the largest distance from the fit to the rows that are kept, and the coefficients."""
+    rows = columns[keep]
+    solution = np.asarray(np.linalg.lstsq(rows, values[keep], rcond=None)[0], dtype=np.float64)
+    over = rows @ solution - values[keep]
+    lengths = np.linalg.norm(over.reshape(-1, 2, 3), axis=-1)
+    return float(np.max(lengths)), solution
+
+
+def _join_all(p: Array, q: Array, rows: NDArray[np.int64], poses: _Poses, jump: Jump) -> None:
+    """Join poses (in place) where they jump; again, for rotation vectors of large turns bend."""
+    window = np.arange(max(jump.row - _WINDOW, 0), min(jump.row + _WINDOW + 1, len(rows)))
+    for _ in range(_JOINS):
+        _join(p, q, jump._replace(row=int(rows[jump.row])))
+        jump = _step(poses._replace(position=p[rows], q_wb=q[rows]), window, jump.row)
+
+
+def _join(p: Array, q: Array, jump: Jump) -> None:
+    """Move all poses from the jump on, in place, so that the motion goes on."""
+    rows = slice(jump.row, None)
+    back = rotation.exp(-jump.turn)
+    place = p[jump.row] - jump.shift
+    p[rows] = place + rotation.rotate(back, p[rows] - jump.shift - place)
+    q[rows] = rotation.continuous(rotation.multiply(back, q[rows]))
+
+
+def _apart(
+    t: Array, p: Array, q: Array, rows: NDArray[np.int64], left: NDArray[np.int64]
+) -> tuple[Array, Array]:
+    """Return how far poses (k,) lie from the straight line between their neighbours that stay."""
+    if not len(left):
+        return np.zeros(0), np.zeros(0)
+    near = np.column_stack([np.interp(t[left], t[rows], p[rows, k]) for k in range(3)])
+    turned = np.column_stack([np.interp(t[left], t[rows], q[rows, k]) for k in range(4)])
+    between = rotation.multiply(rotation.conjugate(rotation.normalise(turned)), q[left])
+    return (
+        np.linalg.norm(p[left] - near, axis=1),
+        np.linalg.norm(rotation.log(between), axis=1),
+    )

@@ -1,0 +1,113 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""How far each recorded pose lies from a smooth motion through its neighbours alone."""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+REACH: Final = 3
+"""Neighbours on each side."""
+_POWERS: Final = np.arange(4)
+_LONG_STEP: Final = 5.0
+"""In usual steps; across a longer one neighbours say nothing."""
+_RIDGE: Final = 1e-6
+_PART: Final = 16384
+"""Poses that are looked at together; each needs half a kilobyte meanwhile."""
+_BLOCK: Final = 100
+"""Poses among which the usual residual is looked for."""
+_MEDIAN_OF_NORM: Final = 1.5382
+"""Median of the length of a vector of three standard normal numbers."""
+_SMALLEST: Final = (5e-4, 1e-3)
+"""[m], [rad] taken as deviation at least: digits of a file, and bends of a motion."""
+
+
+class Residuals(NamedTuple):
+    """Of n poses, in usual deviations where they are."""
+
+    position: Array
+    """(n,)"""
+    attitude: Array
+    """(n,)"""
+    usual: Array
+    """(n, 2) usual deviations of position [m] and attitude [rad] around each pose."""
+    median: float
+    """Of the distances of the positions [m]."""
+
+    @property
+    def largest(self) -> Array:
+        """(n,) of the two."""
+        result: Array = np.maximum(self.position, self.attitude)
+        return result
+
+
+def residuals(t: Array, position: Array, q_wb: Array) -> Residuals:
+    """Return the distance of each pose from a cubic through its six neighbours.
+
+    Least squares without the pose itself, over ``sqrt(1 + leverage)``, so that a pose at an end is
+    judged like any other (an externally studentised residual; Cook and Weisberg 1982, section 2.2),
+    and then over the usual one of some hundred poses around.
+
+    :param t: (n,) times [s], increasing; n >= 8.
+    :param position: (n, 3) [m].
+    :param q_wb: (n, 4) without jumps of sign.
+    """
+    n, step = len(t), float(np.median(np.diff(t)))
+    parts = [
+        _lengths(t, position, q_wb, np.arange(first, min(first + _PART, n)), step)
+        for first in range(0, n, _PART)
+    ]
+    lengths = [np.concatenate(part) for part in zip(*parts, strict=True)]
+    usual = np.column_stack(
+        [_usual(length, least) for length, least in zip(lengths, _SMALLEST, strict=True)]
+    )
+    return Residuals(
+        lengths[0] / usual[:, 0], lengths[1] / usual[:, 1], usual, float(np.median(lengths[0]))
+    )
+
+
+def _lengths(
+    t: Array, position: Array, q_wb: Array, own: NDArray[np.int64], step: float
+) -> tuple[Array, Array]:
+    """Return the studentised distances and angles (k,) of some rows."""
+    rows = np.clip(own, REACH, len(t) - 1 - REACH)[:, None] + np.arange(-REACH, REACH + 1)
+    weight = (rows != own[:, None]).astype(np.float64)
+    since = t[rows] - t[own, None]
+    span = np.max(np.abs(since), axis=1, keepdims=True)
+    powers = (since / span)[..., None] ** _POWERS
+    weighted = powers * weight[..., None]
+    normal = np.swapaxes(weighted, 1, 2) @ powers
+    # Stamps that nearly coincide do not determine a cubic; so little pulls it flat otherwise.
+    inverse = np.linalg.inv(normal + _RIDGE * np.eye(len(_POWERS)))
+    predict = (weighted @ inverse[:, :, :1])[..., 0]  # (n, 7): the value at the pose's own time
+    size = np.sqrt(1.0 + inverse[:, 0, 0])
+    apart = np.max(np.diff(t[rows], axis=1), axis=1) > _LONG_STEP * step
+    # Over a few poses the four numbers of a quaternion are as smooth as the angles; twice their
+    # distance is the angle.
+    moved = np.linalg.norm(_missed(predict, rows, position, own), axis=1) / size
+    turned = 2.0 * np.linalg.norm(_missed(predict, rows, q_wb, own), axis=1) / size
+    return np.where(apart, 0.0, moved), np.where(apart, 0.0, turned)
+
+
+def _missed(
+    predict: Array, rows: NDArray[np.int64], values: Array, own: NDArray[np.int64]
+) -> Array:
+    """Return prediction less value (n, a), neighbours one after the other."""
+    result = -values[own]
+    for k in range(rows.shape[1]):
+        result += predict[:, k, None] * values[rows[:, k]]
+    return result
+
+
+def _usual(lengths: Array, least: float) -> Array:
+    """Return the usual deviation (n,) around each pose, from medians of blocks and neighbours."""
+    blocks = [lengths[k : k + _BLOCK] for k in range(0, len(lengths), _BLOCK)]
+    medians = np.array([np.median(block) for block in blocks]) / _MEDIAN_OF_NORM
+    padded = np.pad(medians, 1, mode="edge")
+    wide = np.max([padded[:-2], medians, padded[2:]], axis=0)
+    result: Array = np.maximum(np.repeat(wide, _BLOCK)[: len(lengths)], least)
+    return result

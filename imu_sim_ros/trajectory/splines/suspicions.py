@@ -1,0 +1,90 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What is wrong with recorded poses, in words, by the lines of their file."""
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.trajectory.motion import Array
+from imu_sim_ros.trajectory.splines.repair import Findings
+
+_SHOWN: Final = 5
+_LARGEST_ACCELERATION: Final = 160.0
+"""[m/s^2] 16 g, the widest range of consumer sensors; vehicles and people stay below."""
+_LARGEST_RATE: Final = 35.0
+"""[rad/s] 2000 deg/s, the widest range of consumer sensors."""
+_OPTION: Final = "--robust (trajectory.robust)"
+
+
+def suspicions(
+    findings: Findings, file: str, poses: PoseSequence, t: Array, robust: bool
+) -> list[str]:
+    """Return a line for each kind of thing that is wrong.
+
+    :param t: (n,) times of the poses [s].
+    :param robust: whether it was mended; else the option that mends it is named.
+    """
+    return list(_lines(findings, file, poses, t, robust))
+
+
+def _lines(
+    findings: Findings, file: str, poses: PoseSequence, t: Array, robust: bool
+) -> Iterator[str]:
+    def place(row: int) -> str:
+        name = f"pose {row + 1}" if poses.lines is None else f"line {poses.lines[row]}"
+        return f"{name} ({t[row]:.3f} s)"
+
+    def remedy(done: str, would: str) -> str:
+        return f"; {done}" if robust else f"; {_OPTION} {would}"
+
+    count = len(findings.single)
+    if count:
+        order = np.argsort(-findings.distance, kind="stable")[:_SHOWN]
+        found = [
+            f"{place(int(findings.single[k]))} by {findings.distance[k]:.3g} m and "
+            f"{np.degrees(findings.angle[k]):.3g} deg"
+            for k in sorted(order)
+        ]
+        more = f" and {count - _SHOWN} smaller ones" if count > _SHOWN else ""
+        poses_lie = "1 pose lies" if count == 1 else f"{count} poses lie"
+        yield (
+            f"{file}: {poses_lie} off the motion of the neighbours: {', '.join(found)}{more}"
+            + remedy("left out", "leaves out such poses")
+        )
+    for jump in findings.jumps[:_SHOWN]:
+        yield (
+            f"{file}: the motion jumps at {place(jump.row)} by {np.linalg.norm(jump.shift):.3g} m "
+            f"and {np.degrees(np.linalg.norm(jump.turn)):.3g} deg"
+            + remedy("all that follows was moved so that it goes on", "joins the pieces")
+        )
+    if len(findings.jumps) > _SHOWN:
+        yield f"{file}: and {len(findings.jumps) - _SHOWN} more jumps"
+    if findings.scatter:
+        yield (
+            f"{file}: the stamps scatter by {findings.scatter * 1e3:.3g} ms about an even interval "
+            f"of {findings.interval * 1e3:.4g} ms, on which the motion is smoother: they seem to "
+            "be times of arrival" + remedy("the even times were taken", "takes the even times")
+        )
+
+
+def beyond_any_body(
+    file: str, acceleration: float, acceleration_at: float, rate: float, rate_at: float
+) -> list[str]:
+    """Return a line for each peak of a spline that no body that carries an IMU flies.
+
+    :param acceleration: [m/s^2], at acceleration_at [s].
+    :param rate: [rad/s], at rate_at [s].
+    """
+    return [
+        f"{file}: {value:.4g} {unit} at {at:.3f} s is more than a body with an IMU does "
+        f"({limit:g} {unit}): the poses are no motion there"
+        for value, at, limit, unit in (
+            (acceleration, acceleration_at, _LARGEST_ACCELERATION, "m/s^2"),
+            (rate, rate_at, _LARGEST_RATE, "rad/s"),
+        )
+        if value > limit
+    ]

@@ -1,0 +1,193 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Recordings that no body flew: a real flight with what goes wrong in recordings done to it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from imu_sim_ros import rotation
+from imu_sim_ros.commands.generate import main
+from imu_sim_ros.poses import PoseSequence, read_poses, write_tum
+from imu_sim_ros.trajectory.splines import Recorded
+
+EUROC = Path(__file__).parents[2].parent / "shared/data/euroc_V1_02_medium_groundtruth.csv"
+RATE = 100.0
+
+needs_data = pytest.mark.skipif(not EUROC.is_file(), reason=f"no recorded poses in {EUROC}")
+
+
+def bad_pose(t, p, q, rng):
+    """As one pose of EuRoC's MH_04: a third of a metre and 13 degrees off."""
+    p[len(t) // 4] += [0.3, -0.1, 0.05]
+    q[len(t) // 4] = rotation.multiply(q[len(t) // 4], rotation.exp(np.array([0.2, 0.0, 0.1])))
+    return t, p, q
+
+
+def spike(t, p, q, rng):
+    p[len(t) // 3] += [0.0, 0.0, 100.0]
+    return t, p, q
+
+
+def jump(t, p, q, rng):
+    p[len(t) // 2 :] += [3.0, 4.0, 0.0]
+    return t, p, q
+
+
+def stretch(t, p, q, rng):
+    """Six poses in a row."""
+    p[len(t) // 5 : len(t) // 5 + 6] += [0.5, 0.0, 0.0]
+    return t, p, q
+
+
+def arrival(t, p, q, rng):
+    """Stamped when they arrive, in order, 1 ms late on average."""
+    late = np.maximum.accumulate(t + rng.exponential(1e-3, len(t)))
+    return late + np.arange(len(t)) * 2e-9, p, q
+
+
+def lost(t, p, q, rng):
+    """One pose in two hundred is missing, and the others are late."""
+    late, p, q = arrival(t, p, q, rng)
+    keep = rng.random(len(t)) > 0.005
+    keep[0] = True
+    return late[keep], p[keep], q[keep]
+
+
+def everything(t, p, q, rng):
+    for harm in (bad_pose, spike, jump, stretch, arrival):
+        t, p, q = harm(t, p, q, rng)
+    return t, p, q
+
+
+HARMS = (bad_pose, spike, jump, stretch, arrival, lost, everything)
+
+
+def flight():
+    """Return times, poses and velocities of the flight."""
+    poses = read_poses(EUROC)
+    velocity = np.loadtxt(EUROC, delimiter=",", skiprows=1, usecols=(8, 9, 10))
+    t = (poses.t_ns - poses.t_ns[0]) * 1e-9
+    return t, poses.position.copy(), rotation.continuous(poses.q_wb), velocity
+
+
+def written(path, t, p, q):
+    t_ns = 1_400_000_000_000_000_000 + np.round(t * 1e9).astype(np.int64)
+    write_tum(path, PoseSequence(t_ns, p, q))
+    return path
+
+
+@pytest.fixture
+def follow(build, tmp_path):
+    def write_and_build(t, p, q, **parameters):
+        path = written(tmp_path / "poses.txt", t, p, q)
+        trajectory = build(type="poses", file=str(path), **parameters)
+        assert isinstance(trajectory, Recorded)
+        return trajectory
+
+    return write_and_build
+
+
+@needs_data
+@pytest.mark.parametrize("harm", [h for h in HARMS if h is not lost], ids=lambda h: h.__name__)
+def test_robust_velocities_are_within_a_tenth_of_the_flight_s(follow, harm):
+    """Of every pose; unharmed the spline's are within 0.043 m/s of the columns."""
+    t, p, q, velocity = flight()
+    trajectory = follow(*harm(t.copy(), p, q, np.random.default_rng(3)), robust=True)
+    # Arrival is late by a constant as well, which nothing in the file tells.
+    late = 1e-3 if harm in (arrival, everything) else 0.0
+    at = t[(t + late > 0.0) & (t + late < trajectory.duration)]
+    found = trajectory.sample(at + late).velocity
+    error = np.linalg.norm(found - velocity[np.searchsorted(t, at)], axis=1)
+    assert error.max() < 0.1, (error.max(), at[error.argmax()])
+    assert trajectory.report.peak_acceleration < 12.0  # 8.3 m/s^2 unharmed
+    assert trajectory.repairs
+    assert not trajectory.warnings
+
+
+@needs_data
+@pytest.mark.parametrize("harm", HARMS, ids=lambda harm: harm.__name__)
+def test_without_the_option_everything_is_warned_of(follow, harm):
+    t, p, q, _ = flight()
+    trajectory = follow(*harm(t, p, q, np.random.default_rng(3)))
+    assert not trajectory.repairs
+    assert "--robust (trajectory.robust)" in "".join(trajectory.warnings)
+
+
+@needs_data
+def test_a_clean_flight_is_left_alone(build):
+    plain, robust = (
+        build(type="poses", file=str(EUROC), robust=robust) for robust in (False, True)
+    )
+    assert not plain.warnings
+    assert not robust.repairs
+    t = np.linspace(0.0, 83.0, 500)
+    for first, second in zip(plain.sample(t), robust.sample(t), strict=True):
+        np.testing.assert_array_equal(first, second)
+
+
+def motion(n=1500):
+    t = np.arange(n) / RATE
+    p = np.column_stack([np.sin(t), np.cos(1.3 * t), 0.5 * np.sin(2 * t)])
+    euler = np.column_stack([0.4 * np.sin(1.1 * t), 0.3 * np.cos(0.9 * t), 0.8 * t])
+    return t, p, rotation.from_euler(euler)
+
+
+def test_line_and_time_are_named(follow):
+    t, p, q = motion()
+    p[700] += [0.0, 0.5, 0.0]
+    line = follow(t, p, q).warnings[0]
+    # One line of header, and lines count from 1.
+    assert "1 pose lies off the motion of the neighbours: line 702 (7.000 s) by 0.5 m" in line
+
+
+def test_a_jump_that_turns_is_joined(follow):
+    """A corrected map turns all that follows: the way from there on is the same, turned back."""
+    t, p, q = motion()
+    turn = rotation.exp(np.array([0.0, 0.0, 0.4]))
+    moved, turned = p.copy(), q.copy()
+    moved[900:] = rotation.rotate(turn, p[900:]) + np.array([1.0, 2.0, 0.0])
+    turned[900:] = rotation.multiply(turn, q[900:])
+    line = follow(t, moved, turned).warnings[0]
+    assert "the motion jumps at line 902 (9.000 s) by" in line
+    assert "and 22.9 deg" in line
+    robust = follow(t, moved, turned, robust=True)
+    clean = follow(t, p, q)
+    at = np.linspace(0.5, 14.5, 300)
+    np.testing.assert_allclose(
+        np.linalg.norm(robust.sample(at).velocity, axis=1),
+        np.linalg.norm(clean.sample(at).velocity, axis=1),
+        atol=0.02,
+    )
+    np.testing.assert_allclose(
+        robust.sample(at).angular_velocity, clean.sample(at).angular_velocity, atol=0.02
+    )
+
+
+def test_noise_alone_is_no_outlier(follow):
+    """Normal noise of a millimetre and a milliradian: ten deviations are not reached."""
+    t, p, q = motion()
+    rng = np.random.default_rng(8)
+    p += 1e-3 * rng.normal(size=p.shape)
+    q = rotation.multiply(q, rotation.exp(1e-3 * rng.normal(size=p.shape)))
+    assert not follow(t, p, q).warnings
+
+
+def test_generate_warns_even_when_quiet_and_mends_on_request(tmp_path, capsys):
+    t, p, q = motion()
+    p[700:] += [5.0, 0.0, 0.0]
+    poses = written(tmp_path / "poses.txt", t, p, q)
+    arguments = ["--trajectory", str(poses), "--duration", "10s"]
+    assert main([*arguments, "-o", str(tmp_path / "a.mcap"), "--quiet"]) == 0
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert "generate: warning: " in said.err
+    assert "the motion jumps at line 702 (7.000 s) by 5 m" in said.err
+    assert "--robust (trajectory.robust) joins the pieces" in said.err
+    assert "more than a body with an IMU does" in said.err
+    assert main([*arguments, "-o", str(tmp_path / "b.mcap"), "--robust"]) == 0
+    said = capsys.readouterr()
+    assert said.err == ""
+    assert "all that follows was moved so that it goes on" in said.out
