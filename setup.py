@@ -10,7 +10,16 @@ from setuptools import find_packages, setup
 
 PACKAGE = "imu_sim_ros"
 NODES = ("simulator", "integrator", "recorder")
-COMMANDS = ("generate", "dead_reckon", "allan", "calibrate", "convert_bag", "evaluate", "campaign")
+COMMANDS = (
+    "generate",
+    "dead_reckon",
+    "allan",
+    "calibrate",
+    "convert_bag",
+    "evaluate",
+    "campaign",
+    "control",
+)
 
 manifest = ElementTree.parse(Path(__file__).with_name("package.xml")).getroot()
 

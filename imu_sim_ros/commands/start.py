@@ -50,3 +50,8 @@ def evaluate() -> int:
 def campaign() -> int:
     """Run the command; returns its exit status."""
     return _run("campaign")
+
+
+def control() -> int:
+    """Run the command; returns its exit status."""
+    return _run("control")

@@ -44,6 +44,7 @@ from imu_sim_ros.config.recorder import RecorderParameters
 from imu_sim_ros.config.simulation import SimulationParameters, load_simulation
 from imu_sim_ros.config.simulator import (
     BODY,
+    InjectParameters,
     PublishParameters,
     SimulatorParameters,
     layer_simulator,
@@ -85,6 +86,7 @@ __all__ = [
     "FreeFallParameters",
     "HarmonicParameters",
     "ImuParameters",
+    "InjectParameters",
     "IntegratorParameters",
     "Layering",
     "LeadInParameters",

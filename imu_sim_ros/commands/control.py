@@ -1,0 +1,182 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""``control``: pause, step, reset and watch a running simulator, and inject faults into it."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Final
+
+from imu_sim_ros.commands import common, signals
+from imu_sim_ros.config import InjectParameters, files, parameters
+from imu_sim_ros.conventions import TRIADS
+from imu_sim_ros.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from imu_sim_ros.nodes import Control, InjectedFault, Status
+
+EXAMPLES: Final = """\
+examples:
+  control pause
+  control step 10
+  control inject bias_jump --value '[0.1, 0, 0]' --duration 2s
+  control inject dropout --value 1 --delay 5s --node /left/simulator
+  control watch
+"""
+_PATIENCE: Final = 5.0
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the command's arguments."""
+    result = common.Parser(
+        prog="control",
+        description=__doc__,
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    shared = argparse.ArgumentParser(add_help=False)
+    shared.add_argument(
+        "--node",
+        metavar="NAME",
+        default="/simulator",
+        help="which simulator, with its namespace; default /simulator",
+    )
+    shared.add_argument(
+        "--timeout",
+        metavar="TIME",
+        type=common.duration,
+        default=_PATIENCE,
+        help="how long to wait for it; default 5s",
+    )
+    actions = result.add_subparsers(dest="action", required=True, metavar="ACTION")
+    for name, words in (
+        ("pause", "stop the simulated time"),
+        ("resume", "let it go on; starts one that waits with autostart false"),
+        ("reset", "go back to the first sample"),
+    ):
+        _add(actions, shared, name, words)
+    step = _add(actions, shared, "step", "let samples pass while paused")
+    step.add_argument(
+        "samples", nargs="?", type=int, metavar="N", help="how many; default step_samples"
+    )
+    _add_inject(actions, shared)
+    watch = _add(actions, shared, "watch", "show rates, lateness and faults, a line per second")
+    watch.add_argument("--json", action="store_true", help="a JSON object per line")
+    watch.add_argument(
+        "--duration", metavar="TIME", type=common.duration, help="end after so many seconds"
+    )
+    return result
+
+
+def _add(actions: Any, shared: Any, name: str, words: str) -> Any:
+    options = {"parents": [shared], "add_help": True, "help": words, "description": words}
+    return actions.add_parser(name, **options)
+
+
+def _add_inject(actions: Any, shared: Any) -> None:
+    known = parameters(InjectParameters)
+    inject = _add(actions, shared, "inject", "let a fault begin with the next block")
+    kinds = [kind for kind in known["kind"].choices if kind != "none"]
+    inject.add_argument("kind", choices=kinds, help="what goes wrong")
+    inject.add_argument(
+        "--value", type=_value, metavar="NUMBER|LIST", help=_escaped(known["value"].text)
+    )
+    for name in ("duration", "delay"):
+        inject.add_argument(
+            f"--{name}", type=common.duration, metavar="TIME", help=known[name].text
+        )
+    inject.add_argument("--triad", choices=TRIADS, help=known["triad"].text)
+    inject.add_argument("--imu", metavar="NAME", help=known["imu"].text)
+
+
+def _escaped(text: str) -> str:
+    return text.replace("%", "%%")
+
+
+def _value(words: str) -> list[float]:
+    """Return three numbers; one stands for all."""
+    try:
+        value = files.parse_yaml(words)
+        numbers = value if isinstance(value, list) else [value] * 3
+        if len(numbers) == 3 and not any(isinstance(entry, bool | str) for entry in numbers):
+            return [float(entry) for entry in numbers]
+    except (ValueError, TypeError, OverflowError):
+        pass
+    raise argparse.ArgumentTypeError(f"{words!r} must be a number or a list such as [0.1, 0, 0]")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command; returns its exit status."""
+    return common.main(parser, control, argv)
+
+
+def control(arguments: argparse.Namespace) -> None:
+    """Do what the arguments ask for."""
+    samples = getattr(arguments, "samples", None)
+    if samples is not None and not 1 <= samples <= 1_000_000:
+        raise ConfigurationError(f"step {samples}: must be 1 to 1000000 samples")
+    try:
+        from imu_sim_ros.nodes import Control
+    except ImportError as error:
+        raise ConfigurationError(
+            f"needs ROS 2, and {error.name} is not installed here (source its setup.bash)"
+        ) from None
+    with Control(arguments.node, arguments.timeout) as simulator:
+        if arguments.action == "watch":
+            _watch(simulator, arguments)
+        else:
+            print(_act(simulator, arguments))
+
+
+def _act(simulator: "Control", arguments: argparse.Namespace) -> str:
+    """Do one thing; returns what to print."""
+    if arguments.action in ("pause", "resume"):
+        return simulator.pause(arguments.action == "pause")
+    if arguments.action == "reset":
+        return simulator.reset()
+    if arguments.action == "step":
+        return simulator.step(arguments.samples)
+    given = {
+        f"inject.{name}": getattr(arguments, name)
+        for name in ("value", "duration", "delay", "triad", "imu")
+        if getattr(arguments, name) is not None
+    }
+    # The kind comes last: it is what begins the fault.
+    simulator.set({**given, "inject.kind": arguments.kind})
+    return f"injected {arguments.kind}"
+
+
+def _watch(simulator: "Control", arguments: argparse.Namespace) -> None:
+    seconds = 0
+    try:
+        for heard in simulator.watch():
+            if arguments.json:
+                common.print_json(heard._asdict())
+            else:
+                print(_line(heard))
+            sys.stdout.flush()
+            seconds += hasattr(heard, "words")
+            if arguments.duration is not None and seconds >= arguments.duration:
+                return
+    except KeyboardInterrupt:
+        raise signals.Interrupted("the simulator goes on") from None
+
+
+def _line(heard: "Status | InjectedFault") -> str:
+    """Return a status or a fault in a line."""
+    values = heard.values
+    if not hasattr(heard, "words"):
+        triad = " ".join(filter(None, (values["imu"], values["triad"])))
+        return (
+            f"fault: {values['kind']} {triad} {values['value']} for "
+            f"{values['duration [s]']} s from stamp {heard.t_ns * 1e-9:.9f} s"
+        ).replace("  ", " ")
+    rates = "  ".join(
+        f"{name.removesuffix(' rate [Hz]')} {value} Hz"
+        for name, value in values.items()
+        if name.endswith(" rate [Hz]")
+    )
+    late = "/".join(values.get(f"lateness {name} [us]", "-") for name in ("p50", "p99", "max"))
+    lost = f"{values['caught up samples']} caught up, {values['skipped samples']} skipped"
+    return f"{values['state']:<8} {rates}  late p50/p99/max {late} us  {lost}"

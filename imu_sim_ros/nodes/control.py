@@ -1,0 +1,176 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A client of a running simulator, for machines without the ``ros2`` command."""
+
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Final, NamedTuple
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.srv import SetParametersAtomically
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.signals import SignalHandlerOptions
+from std_srvs.srv import SetBool, Trigger
+
+from imu_sim_ros.conventions import FAULTS_TOPIC
+from imu_sim_ros.errors import InputError, MachineError
+from imu_sim_ros.nodes import run
+
+_TURN: Final = 0.05
+"""[s] The longest wait in the middleware: a signal is heard behind it."""
+_SETTLE: Final = 0.3
+"""[s] A service that is known here may still have to learn of its new client."""
+
+
+class Status(NamedTuple):
+    """What the simulator says about itself once per second."""
+
+    words: str
+    values: Mapping[str, str]
+    """Rates, lateness, counts, as in /diagnostics."""
+
+
+class InjectedFault(NamedTuple):
+    """A fault, as ``ground_truth/faults`` tells it."""
+
+    t_ns: int
+    """Stamp of the first sample that it hits."""
+    values: Mapping[str, str]
+    """kind, imu, triad, duration, value."""
+
+
+class Control:
+    """Calls the services of one simulator and listens to it; use as a context manager.
+
+    :param name: of the node, with its namespace where it has one, such as ``/left/simulator``.
+    :param patience: how long an answer may take [s].
+    """
+
+    def __init__(self, name: str, patience: float) -> None:
+        self._name = "/" + name.strip("/")
+        self._patience = patience
+        with tempfile.TemporaryDirectory() as folder:
+            run.set_profile(Path(folder))
+            rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+            self._node = rclpy.create_node("control", start_parameter_services=False)
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self._node)
+
+    def __enter__(self) -> "Control":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._node.destroy_node()
+        self._executor.shutdown(timeout_sec=0.1)
+        rclpy.try_shutdown()
+
+    def pause(self, paused: bool) -> str:
+        """Stop the simulated time, or let it go on; returns the simulator's answer."""
+        return self._ask("pause", SetBool, SetBool.Request(data=paused))
+
+    def reset(self) -> str:
+        """Go back to the first sample; returns the simulator's answer."""
+        return self._ask("reset", Trigger, Trigger.Request())
+
+    def step(self, samples: int | None = None) -> str:
+        """Let samples pass while paused; returns the simulator's answer.
+
+        :param samples: how many; None: as many as its parameter ``step_samples`` says.
+        """
+        if samples is not None:
+            self.set({"step_samples": samples})
+        return self._ask("step", Trigger, Trigger.Request())
+
+    def set(self, values: Mapping[str, Any]) -> None:
+        """Set parameters, all of them or none.
+
+        :raises InputError: where the simulator refuses, with its reason.
+        """
+        parameters = [
+            Parameter(name, value=value).to_parameter_msg() for name, value in values.items()
+        ]
+        request = SetParametersAtomically.Request(parameters=parameters)
+        result = self._call("set_parameters_atomically", SetParametersAtomically, request).result
+        if not result.successful:
+            raise InputError(result.reason.split("; "))
+
+    def watch(self) -> Iterator[Status | InjectedFault]:
+        """Yield what the simulator says, endlessly: a status each second, and every fault."""
+        self._find("pause", SetBool)
+        heard: list[Status | InjectedFault] = []
+        namespace, _, name = self._name.rpartition("/")
+
+        def hear_status(message: Any) -> None:
+            for status in message.status:
+                if status.name == f"{name}: stream":
+                    values = {entry.key: entry.value for entry in status.values}
+                    heard.append(Status(status.message, values))
+
+        def hear_fault(message: Any) -> None:
+            stamp = message.header.stamp
+            for status in message.status:
+                values = {entry.key: entry.value for entry in status.values}
+                heard.append(InjectedFault(stamp.sec * 10**9 + stamp.nanosec, values))
+
+        latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        faults = f"{namespace}/{FAULTS_TOPIC}"
+        self._node.create_subscription(DiagnosticArray, "/diagnostics", hear_status, 10)
+        self._node.create_subscription(DiagnosticArray, faults, hear_fault, latched)
+        while True:
+            self._executor.spin_once(timeout_sec=_TURN)
+            while heard:
+                yield heard.pop(0)
+
+    def _ask(self, service: str, kind: Any, request: Any) -> str:
+        """Call a service; returns its message.
+
+        :raises InputError: where it says that it did not succeed.
+        """
+        response = self._call(service, kind, request)
+        if not response.success:
+            raise InputError(f"{self._name}: {response.message}")
+        return str(response.message)
+
+    def _call(self, service: str, kind: Any, request: Any) -> Any:
+        future = self._find(service, kind).call_async(request)
+        # ~/step itself answers after 5 s where the samples do not come.
+        self._until(future.done, 2 * self._patience, f"does not answer ~/{service}")
+        return future.result()
+
+    def _find(self, service: str, kind: Any) -> Any:
+        """Return a client of a service of the simulator that is known to be there."""
+        client = self._node.create_client(kind, f"{self._name}/{service}")
+        self._until(client.service_is_ready, self._patience, "is not there")
+        self._spin(_SETTLE)
+        return client
+
+    def _until(self, condition: Callable[[], bool], patience: float, what: str) -> None:
+        end = time.monotonic() + patience
+        while not condition():
+            self._executor.spin_once(timeout_sec=_TURN)
+            if time.monotonic() > end:
+                raise MachineError(f"{self._name} {what} after {patience:g} s{self._others()}")
+
+    def _spin(self, seconds: float) -> None:
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            self._executor.spin_once(timeout_sec=_TURN)
+
+    def _others(self) -> str:
+        """Say which simulators there are; each has a service ``~/step``."""
+        services = (name for name, _ in self._node.get_service_names_and_types())
+        found = sorted(name.removesuffix("/step") for name in services if name.endswith("/step"))
+        others = [name for name in found if name != self._name]
+        return f"; there are {', '.join(others)} (--node NAME)" if others else ""

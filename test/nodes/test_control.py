@@ -1,0 +1,153 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""``control`` against a real simulator, as a process of its own."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytestmark = pytest.mark.ros
+
+REPOSITORY = Path(__file__).parents[2]
+IMU = "imu/data_raw"
+PATIENCE = 60.0
+
+
+@pytest.fixture
+def control(domains: tuple[int, int]) -> Any:
+    """Return a function that starts ``control ARGUMENTS``."""
+    environment = {
+        **os.environ,
+        "PYTHONPATH": str(REPOSITORY),
+        "PYTHONUNBUFFERED": "1",
+        "ROS_DOMAIN_ID": str(domains[0]),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+    }
+
+    def start(*arguments: str) -> "subprocess.Popen[str]":
+        program = "import sys; from imu_sim_ros.commands import start; sys.exit(start.control())"
+        return subprocess.Popen(
+            [sys.executable, "-c", program, *arguments],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            env=environment,
+        )
+
+    return start
+
+
+@pytest.fixture
+def ask(control: Any) -> Any:
+    """Return a function that runs ``control ARGUMENTS``; it gives status, output and errors."""
+
+    def run(*arguments: str) -> tuple[int, str, str]:
+        process = control(*arguments, "--timeout", "20s")
+        output, error = process.communicate(timeout=PATIENCE)
+        return process.returncode, output, error
+
+    return run
+
+
+def stamps(messages: list[Any]) -> list[int]:
+    return [m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in messages]
+
+
+def test_pause_step_resume_and_reset(start: Any, listener: Any, ask: Any) -> None:
+    from sensor_msgs.msg import Imu
+
+    listener.listen(IMU, Imu)
+    start("simulator", rate=100, start_time=5.0, autostart=False)
+    assert ask("step", "7") == (0, "7 samples\n", "")
+    listener.wait_for(IMU, 7)
+    assert ask("step") == (0, "7 samples\n", "")  # as the parameter says since
+    listener.wait_for(IMU, 14)
+    assert ask("resume") == (0, "running\n", "")
+    listener.wait_for(IMU, 50)
+    assert ask("step") == (
+        2,
+        "",
+        "control: /simulator: not paused: call ~/pause with true first\n",
+    )
+    assert ask("pause") == (0, "paused\n", "")
+    listener.spin(0.3)
+    held = len(listener.raw[IMU])
+    listener.spin(0.5)
+    assert len(listener.raw[IMU]) == held
+    assert ask("reset") == (0, "back at the first sample\n", "")
+    assert ask("step", "2")[0] == 0
+    listener.wait_for(IMU, held + 2)
+    taken = stamps(listener.messages(IMU))
+    assert taken[:held] == [5 * 10**9 + 10_000_000 * k for k in range(held)]
+    assert taken[held:] == [5 * 10**9, 5 * 10**9 + 10_000_000]
+
+
+def test_inject_and_watch(start: Any, listener: Any, ask: Any, control: Any) -> None:
+    from sensor_msgs.msg import Imu
+
+    listener.listen(IMU, Imu)
+    node = start("simulator", "--ros-args", "-r", "__ns:=/left", rate=200, imu__preset="perfect")
+    name = ("--node", "/left/simulator")
+    value = ("--value", "[0.5, 0, 0]", "--duration", "1000s")
+    assert ask("inject", "bias_jump", *value, *name) == (0, "injected bias_jump\n", "")
+    status, _, error = ask("inject", "latency", "--value", "11", *name)
+    assert status == 2
+    assert "must be a latency of at most 10 s" in error
+    watching = control("watch", "--json", *name)
+    seen: list[dict[str, Any]] = []
+    while not {"words", "t_ns"} <= {key for entry in seen for key in entry}:
+        seen.append(json.loads(watching.stdout.readline()))
+    watching.send_signal(signal.SIGTERM)
+    _, error = watching.communicate(timeout=PATIENCE)
+    assert (watching.returncode, error) == (143, "control: interrupted; the simulator goes on\n")
+    fault = next(entry for entry in seen if "t_ns" in entry)
+    assert fault["values"]["kind"] == "bias_jump"
+    assert fault["values"]["value"] == "0.5 0 0"
+    report = next(entry for entry in seen if "words" in entry)
+    assert float(report["values"][f"{IMU} rate [Hz]"]) > 0.0
+    assert "lateness p99 [us]" in report["values"]
+    status, output, _ = ask("watch", "--duration", "2s", *name)
+    assert status == 0
+    assert "fault: bias_jump gyroscope 0.5 0 0 for 1000 s from stamp" in output
+    assert f"running  {IMU} " in output
+    assert "late p50/p99/max" in output
+    assert output.count("caught up") == 2
+    assert node.end() == 0
+
+
+def test_a_simulator_that_is_not_there_is_said(start: Any, listener: Any, control: Any) -> None:
+    from rcl_interfaces.srv import ListParameters
+
+    start("simulator", rate=100)
+    listener.call("simulator/list_parameters", ListParameters)
+    process = control("pause", "--node", "/nix", "--timeout", "3s")
+    _, error = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 1
+    assert error == "control: /nix is not there after 3 s; there are /simulator (--node NAME)\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (["step", "0"], "control: step 0: must be 1 to 1000000 samples\n"),
+        (["inject", "bias_jump", "--value", "[1, 2]"], "'[1, 2]' must be a number or a list"),
+        (["inject", "bias_jump", "--value", "nan"], "'nan' must be a number or a list"),
+        (["inject", "bias_jump", "--value", "[1, a, 2]"], "must be a number or a list"),
+        (["inject", "earthquake"], "invalid choice: 'earthquake'"),
+        (["watch", "--duration", "soon"], "'soon' is not a duration"),
+        ([], "the following arguments are required: ACTION"),
+    ],
+)
+def test_bad_arguments_need_no_simulator(control: Any, arguments: list[str], line: str) -> None:
+    process = control(*arguments)
+    output, error = process.communicate(timeout=PATIENCE)
+    assert (process.returncode, output) == (2, "")
+    assert line in error
+    assert error.count("\n") == 1
