@@ -296,3 +296,56 @@ def test_propagate_gives_the_rows_that_are_asked_for(record, at):
     found = propagate(states, motion.accel, noise, at=at)
     whole = propagate(states, motion.accel, noise, at=range(401))
     np.testing.assert_array_equal(found, whole[list(at)])
+
+
+@pytest.mark.parametrize("axes", [(1.0, 1.0, 1.0), (1.0, 2.0, 0.5)], ids=["equal", "different"])
+def test_the_fast_step_is_the_plain_one(axes: tuple[float, float, float]) -> None:
+    """The step as matrices, written as in the module's text, gives the same numbers."""
+    each = np.array(axes)
+    noise = SILENT._replace(
+        gyroscope_noise_density=0.01 * each,
+        gyroscope_random_walk=1e-4 * each,
+        accelerometer_noise_density=0.02 * each,
+        accelerometer_random_walk=1e-3 * each,
+        gyroscope_resolution=1e-3 * each,
+        accelerometer_resolution=1e-2 * each,
+    )
+    generator = np.random.default_rng(5)
+    start = initial_covariance(1e-3, 0.1, 0.2, 1e-3, 1e-2)
+    fast, plain = Covariance(noise, start), start
+    for _ in range(50):
+        h = generator.uniform(0.001, 0.0015)
+        r_wb = rotation.exp(generator.standard_normal(3))
+        r_wb = rotation.to_matrix(r_wb)
+        force = generator.standard_normal(3) + np.array([0.0, 0.0, 9.81])
+        fast.step(h, r_wb, tuple(force))
+        tilt = -rotation.skew(r_wb @ force * h)
+        f = np.eye(15)
+        f[0:3, 9:12] = f[3:6, 12:15] = -r_wb * h
+        f[6:9, 12:15] = -r_wb * h * h / 2
+        f[3:6, 0:3], f[6:9, 0:3] = tilt, tilt * h / 2
+        f[6:9, 3:6] = h * np.eye(3)
+        plain = f @ plain @ f.T
+        for rows, name in ((slice(0, 3), "gyroscope"), (slice(3, 6), "accelerometer")):
+            density = getattr(noise, f"{name}_noise_density")
+            rounding = getattr(noise, f"{name}_resolution") ** 2 / 12
+            white = np.diag(density**2 * h + rounding * h**2)
+            plain[rows, rows] += r_wb @ white @ r_wb.T
+        walks = [noise.gyroscope_random_walk, noise.accelerometer_random_walk]
+        plain[9:, 9:] += np.diag(np.concatenate(walks) ** 2 * h)
+    sigma = np.sqrt(np.diag(plain))
+    np.testing.assert_allclose(
+        fast.matrix / np.outer(sigma, sigma), plain / np.outer(sigma, sigma), rtol=0, atol=1e-12
+    )
+    velocity, rate = (1.0, -2.0, 3.0), 500.0
+    pose, twist = fast.message(r_wb, velocity, rate)
+    np.testing.assert_array_equal(pose, fast.pose())
+    np.testing.assert_array_equal(twist, fast.twist(r_wb, velocity, rate))
+    jacobian = np.zeros((6, 15))
+    jacobian[:3, 0:3], jacobian[:3, 3:6] = r_wb.T @ rotation.skew(velocity), r_wb.T
+    jacobian[3:, 9:12] = -np.eye(3)
+    expected = jacobian @ fast.mean_square() @ jacobian.T
+    expected[3:, 3:] += np.diag(
+        noise.gyroscope_noise_density**2 * rate + noise.gyroscope_resolution**2 / 12
+    )
+    np.testing.assert_allclose(twist, expected, rtol=1e-12, atol=1e-18)

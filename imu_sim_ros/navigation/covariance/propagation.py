@@ -42,6 +42,31 @@ ATTITUDE, VELOCITY, POSITION = slice(0, 3), slice(3, 6), slice(6, 9)
 GYRO_BIAS, ACCEL_BIAS = slice(9, 12), slice(12, 15)
 
 _POSE = np.r_[POSITION, ATTITUDE]
+_POSE_ENTRIES: Final = np.ravel_multi_index(np.ix_(_POSE, _POSE), (SIZE, SIZE))
+_TWIST_ENTRIES: Final = np.ravel_multi_index(
+    np.ix_(np.r_[ATTITUDE, VELOCITY, GYRO_BIAS], np.r_[ATTITUDE, VELOCITY, GYRO_BIAS]), (SIZE, SIZE)
+)
+"""(9, 9) places of attitude, velocity and gyroscope's bias in a flat (15, 15) matrix."""
+
+
+def _places(rows: slice, columns: slice) -> Array:
+    """Return the nine places of a block of a flat (15, 15) matrix."""
+    return np.arange(SIZE * SIZE).reshape(SIZE, SIZE)[rows, columns].ravel()
+
+
+_ACROSS: Final = [1, 2, 3, 5, 6, 7]
+"""Places off the diagonal of a (3, 3) block: a tilt has no others."""
+_TRANSITION_ENTRIES: Final = np.concatenate(
+    [
+        _places(ATTITUDE, GYRO_BIAS),
+        _places(VELOCITY, ACCEL_BIAS),
+        _places(POSITION, ACCEL_BIAS),
+        _places(VELOCITY, ATTITUDE)[_ACROSS],
+        _places(POSITION, ATTITUDE)[_ACROSS],
+        _places(POSITION, VELOCITY)[[0, 4, 8]],
+    ]
+)
+"""(42,) places of a flat transition that a step changes, in the order of `_transition_values`."""
 _SECOND_ORDER_INTERVAL: Final = 0.1
 """[s] at which the second order is brought up to date; it grows slowly and costs 0.1 ms."""
 
@@ -79,8 +104,20 @@ class Covariance:
         self._walk = np.square(np.concatenate(walks))
         self._gyro_rounding = np.square(noise.gyroscope_resolution) / 12.0
         self._accel_rounding = np.square(noise.accelerometer_resolution) / 12.0
-        self._walk_diagonal = np.arange(GYRO_BIAS.start, SIZE)
+        # White noise of equal axes turns with the body and stays what it is: R w I R^T = w I.
+        self._equal_axes = all(
+            np.all(white == white[0])
+            for white in (
+                *(self._gyro_white, self._gyro_rounding),
+                *(self._accel_white, self._accel_rounding),
+            )
+        )
+        self._white_rate, self._white_twist = 0.0, np.zeros(6)
+        self._added_h, self._added = 0.0, np.zeros(SIZE)
         self._transition = np.eye(SIZE)
+        self._entries, self._transposed = self._transition.ravel(), self._transition.T  # views
+        self._jacobian = np.zeros((6, 9))
+        self._jacobian[3:, 6:] = -np.eye(3)
         self._by_bias = np.zeros((SIZE, 6))
         self.slow = SlowErrors(noise, SIZE)
         if cross is not None:
@@ -95,8 +132,8 @@ class Covariance:
         self._slow_before = self.slow.bias()[1][ATTITUDE, :3].T
         """(3, 3) covariance of the gyroscope's slow errors with the attitude's"""
         self._length = 0.0
-        self._gained = np.zeros(3)
-        self._turned = np.zeros((3, 3))
+        self._passed = np.zeros(len(_TRANSITION_ENTRIES))
+        """The sum of the entries of the steps' transitions."""
 
     def step(
         self,
@@ -112,41 +149,49 @@ class Covariance:
         :param force_b: (3,) corrected specific force in the interval, in the body [m/s^2].
         :param rate_b: (3,) corrected rate in the interval [rad/s]; an unknown scale acts on it.
         """
-        gained = (r_wb @ np.asarray(force_b)) * h
-        x, y, z = gained
-        turned = r_wb * -h
-        tilt = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
+        values = np.array(_transition_values(h, r_wb.tolist(), force_b))
         f = self._transition
-        f[ATTITUDE, GYRO_BIAS] = turned
-        f[VELOCITY, ATTITUDE] = tilt
-        f[VELOCITY, ACCEL_BIAS] = turned
-        f[POSITION, ATTITUDE] = tilt * (0.5 * h)
-        f[POSITION, ACCEL_BIAS] = turned * (0.5 * h)
-        f[6, 3] = f[7, 4] = f[8, 5] = h
-        p = f @ self.matrix @ f.T
-        # (R h) diag(density^2 / h) (R h)^T: white noise of one sample of length h.
-        white = self._gyro_white / h + self._gyro_rounding
-        p[ATTITUDE, ATTITUDE] += (turned * white) @ turned.T
-        white = self._accel_white / h + self._accel_rounding
-        p[VELOCITY, VELOCITY] += (turned * white) @ turned.T
-        p[self._walk_diagonal, self._walk_diagonal] += self._walk * h
+        self._entries[_TRANSITION_ENTRIES] = values
+        p: Array = f.dot(self.matrix).dot(self._transposed)  # half the call of the operator @
+        if h != self._added_h:
+            self._added_h, self._added = h, self._diagonal(h)
+        p.ravel()[:: SIZE + 1] += self._added
+        if not self._equal_axes:
+            self._add_white(p, h, f[ATTITUDE, GYRO_BIAS])
         if self.slow:
             self._by_bias[: GYRO_BIAS.start] = f[: GYRO_BIAS.start, GYRO_BIAS.start :]
             p += self.slow.step(h, f, self._by_bias, rate_b, force_b)
         self.matrix = p
         self._length += h
-        self._gained += gained
-        self._turned += turned
+        self._passed += values
         if self._length >= _SECOND_ORDER_INTERVAL:
             self._update_second_order()
 
+    def _diagonal(self, h: float) -> Array:
+        """Return what a step adds to the diagonal: the walks, and white noise of equal axes."""
+        result = np.zeros(SIZE)
+        result[GYRO_BIAS.start :] = self._walk * h
+        if self._equal_axes:
+            result[ATTITUDE] = self._gyro_white * h + self._gyro_rounding * (h * h)
+            result[VELOCITY] = self._accel_white * h + self._accel_rounding * (h * h)
+        return result
+
+    def _add_white(self, p: Array, h: float, turned: Array) -> None:
+        """Add (R h) diag(density^2 / h) (R h)^T: white noise of one sample of length h."""
+        white = self._gyro_white / h + self._gyro_rounding
+        p[ATTITUDE, ATTITUDE] += (turned * white) @ turned.T
+        white = self._accel_white / h + self._accel_rounding
+        p[VELOCITY, VELOCITY] += (turned * white) @ turned.T
+
     def _update_second_order(self) -> None:
         before = self._before[ATTITUDE, ATTITUDE]
+        turned = self._passed[:9].reshape(3, 3)
+        # The velocity's entries of a tilt are 0 z -y, -z 0 x, y -x 0.
+        acceleration = self._passed[[30, 31, 27]] / self._length
         # The error of the attitude at the end, as far as that at the start tells it.
-        by_bias = self._turned @ (self._before[GYRO_BIAS, ATTITUDE] + self._slow_before)
+        by_bias = turned @ (self._before[GYRO_BIAS, ATTITUDE] + self._slow_before)
         kept = np.eye(3) + by_bias @ np.linalg.pinv(before, hermitian=True)
         after = self.matrix[ATTITUDE, ATTITUDE]
-        acceleration = self._gained / self._length
         self._second_order.step(self._length, acceleration, before, after, kept)
         self._begin_interval()
 
@@ -173,7 +218,7 @@ class Covariance:
         The order is that of geometry_msgs/PoseWithCovariance: x, y, z, and the rotations about the
         fixed axes X, Y, Z; all in the frame of the header, the world.
         """
-        result: Array = self.mean_square()[np.ix_(_POSE, _POSE)]
+        result: Array = self.mean_square().ravel()[_POSE_ENTRIES]
         return result
 
     def twist(self, r_wb: Array, velocity: ArrayLike, rate_hz: float) -> Array:
@@ -183,14 +228,52 @@ class Covariance:
         :param velocity: (3,) of the body in the world [m/s].
         :param rate_hz: readings per second; it decides the white noise of one of them.
         """
-        jacobian = np.zeros((6, SIZE))
-        # v_b = R^T v: turning the attitude turns the velocity the other way.
-        jacobian[:3, ATTITUDE] = r_wb.T @ rotation.skew(velocity)
-        jacobian[:3, VELOCITY] = r_wb.T
-        jacobian[3:, GYRO_BIAS] = -np.eye(3)
-        result: Array = jacobian @ self.mean_square() @ jacobian.T
-        result[3:, 3:] += np.diag(self._gyro_white * rate_hz + self._gyro_rounding)
+        return self._twist(self.mean_square(), r_wb, velocity, rate_hz)
+
+    def message(self, r_wb: Array, velocity: ArrayLike, rate_hz: float) -> tuple[Array, Array]:
+        """Return :meth:`pose` and :meth:`twist`, in half the time of both."""
+        mean_square = self.mean_square()
+        pose: Array = mean_square.ravel()[_POSE_ENTRIES]
+        return pose, self._twist(mean_square, r_wb, velocity, rate_hz)
+
+    def _twist(self, mean_square: Array, r_wb: Array, velocity: ArrayLike, rate_hz: float) -> Array:
+        # v_b = R^T v: turning the attitude turns the velocity the other way. R^T [v]x = [v_b]x R^T
+        jacobian, r_bw = self._jacobian, r_wb.T
+        vx, vy, vz = velocity
+        jacobian[:3, :3] = r_bw.dot([[0.0, -vz, vy], [vz, 0.0, -vx], [-vy, vx, 0.0]])
+        jacobian[:3, 3:6] = r_bw
+        result: Array = jacobian.dot(mean_square.ravel()[_TWIST_ENTRIES]).dot(jacobian.T)
+        if rate_hz != self._white_rate:
+            self._white_rate = rate_hz
+            self._white_twist = np.concatenate(
+                [np.zeros(3), self._gyro_white * rate_hz + self._gyro_rounding]
+            )
+        result.ravel()[::7] += self._white_twist
         return result
+
+
+def _transition_values(
+    h: float, r_wb: list[list[float]], force_b: Array | Sequence[float]
+) -> list[float]:
+    """Return the entries of a transition that depend on the step, see `_TRANSITION_ENTRIES`."""
+    (a, b, c), (d, e, g), (i, j, k) = r_wb
+    fx, fy, fz = force_b
+    fx, fy, fz = float(fx) * h, float(fy) * h, float(fz) * h
+    # The velocity that the step gains, in the world; a tilt turns it by its cross product.
+    x, y, z = a * fx + b * fy + c * fz, d * fx + e * fy + g * fz, i * fx + j * fy + k * fz
+    turned = [-h * a, -h * b, -h * c, -h * d, -h * e, -h * g, -h * i, -h * j, -h * k]
+    half = 0.5 * h
+    tilt = [z, -y, -z, x, y, -x]
+    return [
+        *turned,
+        *turned,
+        *(half * entry for entry in turned),
+        *tilt,
+        *(half * entry for entry in tilt),
+        h,
+        h,
+        h,
+    ]
 
 
 def propagate(

@@ -34,6 +34,7 @@ class SecondOrder:
         self._velocity, self._position = np.zeros(3), np.zeros(3)
         # z, velocity, position, each less its mean
         self._covariance = np.zeros((12, 12))
+        self._mean_square = np.zeros((6, 6))
 
     def step(self, h: float, acceleration: Array, before: Array, after: Array, kept: Array) -> None:
         """Propagate over an interval.
@@ -60,14 +61,14 @@ class SecondOrder:
         g[_VELOCITY] = 0.5 * h * by_z
         new = _products(after) - passed @ _products(before) @ passed.T
         self._covariance = f @ self._covariance @ f.T + g @ new @ g.T
+        average = np.concatenate([self._velocity, self._position])
+        self._mean_square = self._covariance[_VELOCITY.start :, _VELOCITY.start :] + np.outer(
+            average, average
+        )
 
     def mean_square(self) -> Array:
         """Return the (6, 6) mean square of the errors of velocity and position."""
-        mean = np.concatenate([self._velocity, self._position])
-        result: Array = self._covariance[_VELOCITY.start :, _VELOCITY.start :] + np.outer(
-            mean, mean
-        )
-        return result
+        return self._mean_square
 
 
 def _acceleration(a: Array) -> Array:

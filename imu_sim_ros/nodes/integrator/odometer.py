@@ -3,6 +3,7 @@
 
 """Readings in, rows of odometry out: the integrator without its topics."""
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -15,7 +16,7 @@ from imu_sim_ros.navigation import Counts, Stepper, correction_of
 from imu_sim_ros.navigation.covariance import Covariance
 from imu_sim_ros.nodes.integrator.initialiser import Start, initialiser
 from imu_sim_ros.nodes.topics import ImuReading, Truth
-from imu_sim_ros.rotation.scalars import Q4, V3, rotate
+from imu_sim_ros.rotation.scalars import Q4, V3
 
 RESTART_NS = 1_000_000_000
 """A step back by more than this is a source that began again, not a message out of order."""
@@ -164,22 +165,25 @@ class Odometer:
             self._complain(f"a gap of {step:.6f} s, not integrated over ({counts.gaps})")
         return True
 
-    def _complain_about_attitude(self, sigma: float) -> None:
+    def _complain_about_attitude(self, pose: NDArray[np.float64]) -> None:
         """Say once that the attitude is no longer known well enough for the covariance to hold."""
-        if sigma > _SMALL_ANGLE and not self._uncertain:
+        if self._uncertain:
+            return
+        variance = max(pose.item(3, 3), pose.item(4, 4), pose.item(5, 5))
+        if variance > _SMALL_ANGLE**2:
             self._uncertain = True
             self._complain(
-                f"the attitude is uncertain by {sigma:.2g} rad: from {_SMALL_ANGLE:g} rad on the "
-                "covariance, which holds for small angles, is no longer right"
+                f"the attitude is uncertain by {math.sqrt(variance):.2g} rad: from "
+                f"{_SMALL_ANGLE:g} rad on the covariance, which holds for small angles, is no "
+                "longer right"
             )
 
     def _row(self, stepper: Stepper, t_ns: int) -> Row:
         pose = twist = None
         if self._covariance is not None:
             self._r_wb = _matrix(stepper.q_wb)
-            pose = self._covariance.pose()
-            self._complain_about_attitude(float(np.sqrt(pose[3:, 3:].diagonal().max())))
-            twist = self._covariance.twist(self._r_wb, stepper.velocity, self.rate)
+            pose, twist = self._covariance.message(self._r_wb, stepper.velocity, self.rate)
+            self._complain_about_attitude(pose)
         return Row(
             t_ns,
             stepper.position,
@@ -192,7 +196,12 @@ class Odometer:
 
 
 def _matrix(q_wb: Q4) -> NDArray[np.float64]:
-    """Return R_wb, whose columns are the body's axes in the world."""
-    axes = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-    r_wb: NDArray[np.float64] = np.array([rotate(q_wb, axis) for axis in axes]).T
-    return r_wb
+    """Return R_wb, whose columns are the body's axes in the world (Sola eq. 115)."""
+    w, x, y, z = q_wb
+    return np.array(
+        [
+            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+            [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+        ]
+    )
