@@ -63,6 +63,10 @@ def sampling_interval(t_ns: Times) -> float:
     return float(np.mean(regular)) if mean < 1.5 * median else mean
 
 
+_ROUNDING: Final = 16.0 * float(np.finfo(np.float64).eps)
+"""Relative change of a reading that is none of the sensor's: float64 has no more digits."""
+
+
 class Record:
     """Takes the messages of one or more bags of one sensor, hands on pieces of readings."""
 
@@ -201,8 +205,10 @@ class Record:
         return self._sum / max(self.samples, 1)
 
     def constant_axes(self) -> list[int]:
-        """Return the axes whose readings never change."""
-        return [k for k in range(6) if self.minimum[k] == self.maximum[k]]
+        """Return the axes whose readings never change by more than float64's rounding."""
+        size = np.maximum(np.abs(self.minimum), np.abs(self.maximum))
+        same = self.maximum - self.minimum <= _ROUNDING * size
+        return [int(k) for k in np.flatnonzero(same)]
 
     def saturated_axes(self) -> list[tuple[int, float, float]]:
         """Return axis, value and share of samples where an extreme value is hit again and again."""

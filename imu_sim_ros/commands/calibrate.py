@@ -44,6 +44,7 @@ from imu_sim_ros.navigation import correction_of
 
 Array = NDArray[np.float64]
 
+_DIGITS = 1e-12  # of a noise-free result, relative
 _UNITS = {
     "gyroscope_bias": "rad/s",
     "accelerometer_bias": "m/s^2",
@@ -345,7 +346,11 @@ def _labels(count: int) -> list[str]:
 
 
 def _deviation(value: float, sigma: float, truth: float) -> list[str]:
-    shown = f"{abs(value - truth) / sigma:.1f}" if sigma > 0.0 else ""
+    """Return the truth and the distance to it in standard errors; a sigma of 0 is exact."""
+    if sigma > 0.0:
+        shown = f"{abs(value - truth) / sigma:.1f}"
+    else:
+        shown = "0.0" if np.isclose(value, truth, rtol=_DIGITS, atol=_DIGITS) else ""
     return [f"{truth:.6g}", shown]
 
 

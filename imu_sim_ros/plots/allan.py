@@ -71,7 +71,8 @@ def _draw_triad(result: AllanResult, triad: int, axes: Axes) -> None:
     axes.set_xlabel("cluster time [s]")
     axes.set_ylabel(f"Allan deviation [{_SHORT_UNITS[TRIADS[triad]]}]")
     axes.set_title(TRIADS[triad])
-    axes.legend(loc="lower left" if _falls(curves) else "upper center", framealpha=0.9)
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="lower left" if _falls(curves) else "upper center", framealpha=0.9)
 
 
 def _falls(curves: Array) -> bool:

@@ -19,6 +19,12 @@ _STEPS: Final = 8
 _LOG_WALKS: Final = (-6.0, 14.0)
 """Range of the walk's variance over the record, in the readings' own, as a logarithm."""
 _GRID: Final = 21
+_ROUNDING: Final = 16.0 * float(np.finfo(np.float64).eps)
+"""Relative error of a mean reading that is none of the sensor's: float64 has no more digits."""
+_NOTHING: Final = 1e-15
+"""[rad/s] or [m/s^2] that no sensor resolves, where the readings are zero."""
+_CLOSE: Final = 4.0
+"""Residuals of noise-free readings, at most, in units of the rounding, for the fit to be exact."""
 _DEPENDENT: Final = 1e-6
 """Ratio of singular values below which the inputs do not determine all parameters."""
 
@@ -88,8 +94,12 @@ def fit_axis(
     would look far surer than it is. Standard errors are widened further by the square root of the
     residuals' chi-square where that is above one.
 
+    Readings without noise that the model explains to the last digits give exact parameters: what
+    is below the rounding of float64 is cut off, and their standard errors are 0.
+
     :param whitener: from :func:`walk_whitener`; found for this model where it is not given.
     """
+    data, noise_free = _above_rounding(data)
     weight = walk_whitener(data, bias_order, scale_order) if whitener is None else whitener
     bias_columns, scale_columns, span = _powers(data.temperature, bias_order, scale_order)
     p, b = data.inputs.shape[1], bias_columns.shape[1]
@@ -107,8 +117,36 @@ def fit_axis(
     scale = 1.0 + scale_columns @ parameters[p + b :]
     model = scale * (data.inputs @ parameters[:p]) + bias_columns @ parameters[p : p + b]
     found = _summary(parameters, weight, jacobian, data.readings - model, (p, b, scale_order), span)
+    if noise_free and found.chi_square <= _CLOSE**2:
+        return _exact(found)
     # Of residuals with the covariance V, diag(sigma^2) V^-1 r is the part that is no walk.
     return found._replace(residuals=data.sigma**2 * (weight.T @ (weight @ found.residuals)))
+
+
+def _above_rounding(data: Observations) -> tuple[Observations, bool]:
+    """Return readings whose sigma is at least their rounding, and whether they have no other."""
+    rounding = max(_ROUNDING * float(np.abs(data.readings).max()), _NOTHING)
+    sigma = np.maximum(data.sigma, rounding)
+    return data._replace(sigma=sigma), bool(np.all(sigma == rounding))
+
+
+def _exact(found: AxisResponse) -> AxisResponse:
+    """Return parameters without what rounding made of them, and without errors."""
+    sigma = np.maximum(found.sigma, np.finfo(np.float64).tiny)
+    digits = -np.floor(np.log10(10.0 * sigma)).astype(int)
+
+    def cut(values: Array, places: NDArray[np.int64]) -> Array:
+        pairs = zip(values.tolist(), places.tolist(), strict=True)
+        return np.array([round(value, place) + 0.0 for value, place in pairs])
+
+    p, b = len(found.gain), len(found.bias)
+    return found._replace(
+        gain=cut(found.gain, digits[:p]),
+        bias=cut(found.bias, digits[p : p + b]),
+        scale=cut(found.scale, digits[p + b :]),
+        covariance=np.zeros_like(found.covariance),
+        residuals=np.zeros_like(found.residuals),
+    )
 
 
 def _powers(temperature: Array, bias_order: int, scale_order: int) -> tuple[Array, Array, float]:
@@ -124,6 +162,7 @@ def walk_whitener(data: Observations, bias_order: int = 0, scale_order: int = 0)
     Restricted (Patterson and Thompson 1971), so that the parameters taken from few readings do not
     make the walk look small.
     """
+    data, _ = _above_rounding(data)
     bias_columns, scale_columns, _ = _powers(data.temperature, bias_order, scale_order)
     columns = np.column_stack([data.inputs, bias_columns])
     if data.inputs.shape[1]:  # the axis' own input is the one that its readings follow
@@ -156,10 +195,7 @@ def _whitener(data: Observations, shape: Array, walk: float) -> tuple[Array, flo
     """Return the inverse Cholesky factor of the covariance and the covariance's log-determinant."""
     from scipy.linalg import solve_triangular
 
-    smallest = 1e-9 * (float(np.median(data.sigma)) + 1e-9 * float(np.abs(data.readings).max()))
-    # Readings that are all zero and have no noise, as of a perfect gyroscope at rest, still need a
-    # covariance whose square and inverse are numbers.
-    covariance = walk * shape + np.diag(np.maximum(data.sigma, smallest + 1e-100) ** 2)
+    covariance = walk * shape + np.diag(data.sigma**2)
     factor = np.linalg.cholesky(covariance)
     inverse: Array = solve_triangular(factor, np.eye(len(factor)), lower=True)
     return inverse, 2.0 * float(np.sum(np.log(np.diag(factor))))

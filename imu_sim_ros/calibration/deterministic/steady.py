@@ -25,6 +25,9 @@ _PIECE: Final = 5.0
 """Length of the pieces into which long stretches are cut [s]."""
 _PIECES: Final = 400
 """About the most pieces in all, as long as there are fewer stretches."""
+_UNNOTICED: Final = np.array([1e-5] * 3 + [1e-4] * 3)
+"""[rad/s], [m/s^2] that a steady reading may change in a window: the noise of a sensor of
+navigation grade. Without noise the drift with the temperature alone would count as motion."""
 _JUMP: Final = 6.0
 """Difference of neighbouring means within one stretch, in standard deviations."""
 
@@ -93,8 +96,8 @@ def find_steady(
     mean, variance = windows.mean(axis=1), windows.var(axis=1)
     floor = np.quantile(variance, _QUIET, axis=0)
     judged = slice(0, 3) if rotating else slice(0, 6)
-    calm = np.all(variance[:, judged] <= _LOUDER * floor[judged] + 1e-18, axis=1)
-    sigma = np.sqrt(2.0 * floor / size) + 1e-9
+    calm = np.all(variance[:, judged] <= _LOUDER * floor[judged] + _UNNOTICED[judged] ** 2, axis=1)
+    sigma = np.sqrt(2.0 * floor / size) + _UNNOTICED
     same = np.all(np.abs(np.diff(mean, axis=0)) <= _JUMP * sigma, axis=1, where=_mask(judged))
     label = np.cumsum(np.concatenate([[True], ~(same & calm[1:] & calm[:-1])]))
     least = max(round(shortest / WINDOW), 4)
