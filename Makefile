@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 #
-# make build | demo | test | lint | bench | clean
+# make build | demo | test | lint | bench | docs | clean
 #
 # Nothing is needed but Python 3.10-3.13 with venv: ROS 2 Jazzy comes from wheels into .venv. On a
 # machine with ROS 2 Jazzy the package is an ordinary ament_python one: colcon build.
@@ -11,7 +11,7 @@ SHELL := /bin/bash
 .DEFAULT_GOAL := build
 .ONESHELL:
 .NOTPARALLEL:
-.PHONY: build demo test lint bench clean test-floor
+.PHONY: build demo test lint bench docs clean test-floor
 
 PYTHON ?= python3
 TRAJECTORY ?= lecture
@@ -86,8 +86,12 @@ lint: build .venv/test-installed
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
+docs: build .venv/test-installed
+	@$(CLEAN) $(BIN)/sphinx-build -q -W --keep-going -b html docs docs/_build/html
+	echo "make: the manual is in docs/_build/html/index.html"
+
 bench: build .venv/test-installed
 	@$(CLEAN) $(BIN)/python test/bench/run.py
 
 clean:
-	rm -rf .venv .venv-floor build install log build.log demo_output
+	rm -rf .venv .venv-floor build install log build.log demo_output docs/_build

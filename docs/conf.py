@@ -1,0 +1,37 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The manual's configuration, in the layout that rosdoc2 builds (rosdoc2.yaml)."""
+
+import sys
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+from pygments.lexers.special import TextLexer
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+project = "imu_sim_ros"
+author = "imu_sim_ros maintainers"
+copyright = "2026, imu_sim_ros maintainers"
+release = version = ElementTree.parse(ROOT / "package.xml").getroot().findtext("version")
+
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.mathjax"]
+source_suffix = {".md": "markdown"}
+exclude_patterns = ["_build"]
+myst_enable_extensions = ["dollarmath"]
+myst_heading_anchors = 4
+# Types and arguments are written in the docstrings, once.
+autodoc_typehints = "none"
+autodoc_member_order = "bysource"
+default_role = "code"
+
+html_theme = "alabaster"
+html_theme_options = {"description": "A simulated IMU whose every error is known"}
+
+
+def setup(app: Any) -> None:
+    """Show mermaid's diagrams as text: the web site of the repository draws them."""
+    app.add_lexer("mermaid", TextLexer)
