@@ -72,6 +72,6 @@ setup(
     zip_safe=False,
     entry_points={
         "console_scripts": [f"{name} = {PACKAGE}.nodes.start:{name}" for name in NODES]
-        + [f"{name} = {PACKAGE}.commands.start:{name}" for name in COMMANDS],
+        + [f"{name} = {PACKAGE}.commands.start:{name}" for name in (*COMMANDS, "imu_sim")],
     },
 )

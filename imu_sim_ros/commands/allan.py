@@ -11,7 +11,7 @@ import argparse
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from imu_sim_ros.bags import ImuMessages, imu_blocks, open_bag
 from imu_sim_ros.calibration.noise import (
@@ -39,10 +39,16 @@ _FILES = (
 )
 _OPTIONAL = ("quantisation", "rate_ramp")
 
+EXAMPLES: Final = """
+allan rest.mcap -o allan
+allan first.bag second.bag --topic /imu0 --model gauss_markov
+allan rest.mcap --truth adis16448 --no-files --json
+"""
+
 
 def parser() -> argparse.ArgumentParser:
     """Return the command's arguments."""
-    result = common.Parser(prog="allan", description=(__doc__ or "").replace("``", ""))
+    result = common.Parser(prog="allan", description=__doc__, examples=EXAMPLES)
     result.add_argument(
         "bags",
         metavar="BAG",

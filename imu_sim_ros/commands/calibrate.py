@@ -10,7 +10,7 @@ import argparse
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,10 +56,16 @@ _UNITS = {
     "reference_temperature": "degC",
 }
 
+EXAMPLES: Final = """
+calibrate six_position positions.bag -o calibration
+calibrate turntable table.mcap --rates-deg 30,60,120
+calibrate temperature soak.mcap --reference 25 --truth mpu6000
+"""
+
 
 def parser() -> argparse.ArgumentParser:
     """Return the command's arguments."""
-    result = common.Parser(prog="calibrate", description=(__doc__ or "").replace("``", ""))
+    result = common.Parser(prog="calibrate", description=__doc__, examples=EXAMPLES)
     kinds = result.add_subparsers(dest="kind", required=True, metavar="RUN")
     six = _kind(kinds, "six_position", "accelerometer: rest with each axis up and down")
     six.add_argument(

@@ -19,8 +19,7 @@ from imu_sim_ros.errors import InputError
 if TYPE_CHECKING:
     from imu_sim_ros.campaign import Engine, Group, Outcome, Plan
 
-EXAMPLES: Final = """\
-examples:
+EXAMPLES: Final = """
   campaign which_imu -o which_imu
   campaign plan.yaml -o results --workers 2 --baseline last/results.csv
   campaign plan.yaml -o results --resume --scheduler tcp://localhost:8786
@@ -38,8 +37,7 @@ def parser() -> argparse.ArgumentParser:
     result = common.Parser(
         prog="campaign",
         description=__doc__,
-        epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        examples=EXAMPLES,
     )
     result.add_argument("plan", metavar="PLAN", help="a file, or a name in config/campaigns")
     result.add_argument(

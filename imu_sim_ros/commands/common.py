@@ -21,10 +21,28 @@ from imu_sim_ros.errors import ConfigurationError, explain
 _LONGEST_LINE: Final = 1000
 
 
+class Formatter(argparse.HelpFormatter):
+    """Wraps the description to the terminal and leaves the examples as they are."""
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        if text.startswith("examples:"):
+            return "".join(indent + line for line in text.splitlines(keepends=True))
+        return super()._fill_text(text, width, indent)
+
+
 class Parser(argparse.ArgumentParser):
     """An argument parser whose complaint is one line, and that knows ``--debug``."""
 
-    def __init__(self, prog: str | None = None, **options: Any) -> None:
+    def __init__(self, prog: str | None = None, *, examples: str = "", **options: Any) -> None:
+        """Set up the parser.
+
+        :param examples: command lines, one a line; the help ends with them.
+        """
+        if examples:
+            lines = "".join(f"\n  {line.strip()}" for line in examples.strip().splitlines())
+            options |= {"epilog": "examples:" + lines, "formatter_class": Formatter}
+        if options.get("description"):
+            options["description"] = options["description"].replace("``", "")
         super().__init__(prog, **options)
         self.add_argument(
             "--debug",
@@ -51,8 +69,19 @@ def main(
     :raises SystemExit: for arguments that cannot be read, with status 2, and after ``--help``.
     """
     open_standard_streams()
-    arguments = parser().parse_args(argv)
+    made = parser()
+    _complete(made)
+    arguments = made.parse_args(argv)
     return run(parser().prog, lambda: command(arguments), getattr(arguments, "debug", False))
+
+
+def _complete(parser: argparse.ArgumentParser) -> None:
+    """Answer the shell's question after a press of tab, where argcomplete is installed."""
+    if "_ARGCOMPLETE" in os.environ:
+        with suppress(ImportError):
+            import argcomplete
+
+            argcomplete.autocomplete(parser)
 
 
 def run(program: str, command: Callable[[], None], debug: bool = False) -> int:

@@ -28,12 +28,11 @@ from imu_sim_ros.commands import bag_output, common, shared
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.poses import PoseSequence
 
-EXAMPLES: Final = """\
-examples:
-  convert_bag recording -o recording.bag --compression lz4      rosbag2 -> ROS 1
-  convert_bag flight.bag -o flight/mav0 --format euroc          ROS 1 -> EuRoC
-  convert_bag MH_01_easy -o MH_01.mcap                          EuRoC -> MCAP
-  convert_bag torn.mcap -o whole.mcap --recover                 an interrupted recording
+EXAMPLES: Final = """
+  convert_bag recording -o recording.bag --compression lz4  # rosbag2 -> ROS 1
+  convert_bag flight.bag -o flight/mav0 --format euroc  # ROS 1 -> EuRoC
+  convert_bag MH_01_easy -o MH_01.mcap  # EuRoC -> MCAP
+  convert_bag torn.mcap -o whole.mcap --recover  # an interrupted recording
 """
 
 
@@ -42,8 +41,7 @@ def parser() -> argparse.ArgumentParser:
     result = common.Parser(
         prog="convert_bag",
         description=__doc__,
-        epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        examples=EXAMPLES,
     )
     result.add_argument(
         "input", type=Path, help="ROS 1 bag, .mcap, rosbag2 folder, EuRoC folder or CSV file"

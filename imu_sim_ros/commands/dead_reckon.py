@@ -11,7 +11,7 @@ import math
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,9 +58,16 @@ class Result(NamedTuple):
     drift: Drift | None
 
 
+EXAMPLES: Final = """
+dead_reckon flight.mcap --all
+dead_reckon flight.bag --initial-state level --method midpoint -o track.csv --plot track.png
+dead_reckon V1_02/mav0 --correction calibration/correction.yaml --json
+"""
+
+
 def parser() -> argparse.ArgumentParser:
     """Return the command's arguments."""
-    result = common.Parser(prog="dead_reckon", description=__doc__)
+    result = common.Parser(prog="dead_reckon", description=__doc__, examples=EXAMPLES)
     result.add_argument(
         "bag", type=Path, metavar="BAG", help="a bag of any form, or EuRoC's folder"
     )

@@ -8,7 +8,7 @@ import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,10 +42,16 @@ Array = NDArray[np.float64]
 DEFAULT_FRACTIONS = (0.1, 0.2, 0.3, 0.4, 0.5)
 """Of the path's length: the distances that RPE is given for where none is asked for."""
 
+EXAMPLES: Final = """
+evaluate track.csv flight.mcap
+evaluate estimate.tum groundtruth.csv --align se3 --rpe 1s --rpe 10m
+evaluate run.mcap run.mcap --estimate-topic /dead_reckoned/odom --plot errors.png
+"""
+
 
 def parser() -> argparse.ArgumentParser:
     """Return the command's arguments."""
-    result = common.Parser(prog="evaluate", description=__doc__)
+    result = common.Parser(prog="evaluate", description=__doc__, examples=EXAMPLES)
     kinds = "TUM or EuRoC text, or a bag"
     result.add_argument("estimate", type=Path, metavar="ESTIMATE", help=kinds)
     result.add_argument("truth", type=Path, metavar="TRUTH", help=f"{kinds}, perhaps the same one")

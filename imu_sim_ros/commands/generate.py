@@ -30,8 +30,7 @@ from imu_sim_ros.sensor import catalogue, realised_imu
 from imu_sim_ros.simulation import Simulation
 from imu_sim_ros.topics import TYPES
 
-EXAMPLES: Final = """\
-examples:
+EXAMPLES: Final = """
   generate -o allan.bag --imu-only --trajectory static --duration 4h --topic imu/data_raw=/imu
   generate -o flight.mcap --compression lz4 --trajectory groundtruth.csv
   generate -o flight --storage sqlite3 --imu mpu6000 --duration 10min --with-configs
@@ -46,8 +45,7 @@ def parser() -> argparse.ArgumentParser:
     result = common.Parser(
         prog="generate",
         description=__doc__,
-        epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        examples=EXAMPLES,
     )
     common.add_simulation_arguments(result)
     camera_output.add_arguments(result)

@@ -4,8 +4,26 @@
 """Where the commands' executables begin: signals are looked after before anything is imported."""
 
 import importlib
+import sys
+from typing import Final
 
 from imu_sim_ros.commands import signals
+
+PROGRAMS: Final = {
+    "generate": "parameters in, a bag or a dataset out",
+    "convert_bag": "a bag into another form, EuRoC, CSV or TUM",
+    "dead_reckon": "a bag's readings into a trajectory, and its error",
+    "evaluate": "an estimated trajectory against the truth",
+    "allan": "noise parameters from a record at rest",
+    "calibrate": "bias, scale, misalignment and temperature",
+    "campaign": "many runs of an estimator, and their statistics",
+    "control": "a running simulator: pause, step, inject, watch (needs ROS 2)",
+}
+NODES: Final = {
+    "simulator": "an IMU on a moving body, live (needs ROS 2)",
+    "integrator": "dead reckoning, live (needs ROS 2)",
+    "recorder": "topics into a bag (needs ROS 2)",
+}
 
 
 def _run(name: str) -> int:
@@ -55,3 +73,31 @@ def campaign() -> int:
 def control() -> int:
     """Run the command; returns its exit status."""
     return _run("control")
+
+
+def imu_sim() -> int:
+    """Run the program that the first argument names; returns its exit status."""
+    name, *rest = sys.argv[1:] or ["--help"]
+    if name in ("-h", "--help"):
+        print("usage: imu_sim PROGRAM ...\n\nEach PROGRAM has --help of its own:\n")
+        for program, text in (PROGRAMS | NODES).items():
+            print(f"  {program:12} {text}")
+        print("\nexamples:\n  imu_sim generate -o flight.mcap --imu mpu6000 --duration 1min")
+        print("  imu_sim dead_reckon flight.mcap --all\n  imu_sim allan rest.mcap -o allan")
+        return 0
+    if name == "--version":
+        from imu_sim_ros import __version__
+
+        print(f"imu_sim_ros {__version__}")
+        return 0
+    sys.argv[:] = [name, *rest]
+    if name in PROGRAMS:
+        return _run(name)
+    if name in NODES:
+        from imu_sim_ros.nodes import start
+
+        status: int = getattr(start, name)()
+        return status
+    known = ", ".join(PROGRAMS | NODES)
+    print(f"imu_sim: {name[:100]!r} is no program; there are {known}", file=sys.stderr)
+    return 2
