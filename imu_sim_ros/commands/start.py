@@ -94,9 +94,7 @@ def imu_sim() -> int:
     if name in PROGRAMS:
         return _run(name)
     if name in NODES:
-        from imu_sim_ros.nodes import start
-
-        status: int = getattr(start, name)()
+        status: int = getattr(importlib.import_module("imu_sim_ros.nodes.start"), name)()
         return status
     known = ", ".join(PROGRAMS | NODES)
     print(f"imu_sim: {name[:100]!r} is no program; there are {known}", file=sys.stderr)
