@@ -54,6 +54,8 @@ build: .venv/built
 .venv/test-installed: .venv/installed .ci/requirements-test.txt
 	@echo "make: installing the test tools into .venv"
 	$(CLEAN) $(BIN)/pip install -qq -r .ci/requirements-test.txt
+	# It asks for OpenCV with windows, which wants libraries of a desktop; the one without will do.
+	$(CLEAN) $(BIN)/pip install -qq --no-deps aprilgrid==0.5.0
 	touch $@
 
 # numpy 1.26 has no wheels for Python 3.13: there this run is left out, and says so.

@@ -66,8 +66,9 @@ setup(
         "zstandard",
     ],
     extras_require={
-        "test": ["pytest", "allantools", "evo", "mcap-ros2-support"],
+        "camera": ["opencv-python-headless>=4.6"],
         "campaign": ["distributed", "plotly", "pyarrow"],
+        "test": ["pytest", "allantools", "evo", "mcap-ros2-support"],
     },
     zip_safe=False,
     entry_points={

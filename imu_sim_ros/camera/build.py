@@ -152,7 +152,7 @@ def _scattered(
 
 def _planes(p: PlanesParameters) -> Scene:
     corners = np.reshape(p.corners, (-1, 3, 3))
-    where = surfaces([(o, a - o, b - o) for o, a, b in corners], hides=True)
+    where = surfaces([(o, a - o, b - o) for o, a, b in corners], hides=True, texture="plane")
     landmarks, normals = _scattered(where, p.landmarks, p.seed, both_sides=True)
     extent = float(np.linalg.norm(np.ptp(corners.reshape(-1, 3), axis=0)))
     return Scene(landmarks, normals, np.zeros((0, 2, 3)), where, extent)

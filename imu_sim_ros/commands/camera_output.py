@@ -4,6 +4,7 @@
 """What ``generate`` does with cameras: their arguments, and the datasets of what they see."""
 
 import argparse
+import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -24,6 +25,9 @@ if TYPE_CHECKING:
     from imu_sim_ros.config.cameras import RigParameters
 
 CAMERA_FORMATS: Final = ("tracks", "vio_data_simulation")
+"""Datasets that are nothing without a camera."""
+IMAGE_FORMATS: Final = ("euroc", "csv")
+"""Datasets that take images."""
 FORMATS: Final = (*writer.FORMATS, *CAMERA_FORMATS)
 """Datasets that generate writes."""
 
@@ -42,6 +46,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         help=f"a camera, named cam0, cam1, ... in order: {', '.join(files.names('cameras'))}, or a "
         "file; repeatable",
+    )
+    group.add_argument(
+        "--jobs",
+        metavar="N",
+        type=int,
+        default=os.cpu_count() or 1,
+        help="threads that make images (as many as there are processors)",
     )
     group.add_argument(
         "--scene",
@@ -108,13 +119,14 @@ def rig(parameters: "RigParameters | None", simulation: Simulation) -> "Rig | No
     return Rig(parameters, simulation.trajectory, simulation.t0_ns, duration, seed)
 
 
-def check_form(form: str | None, cameras: "Rig | None") -> None:
+def check_form(form: str | None, path: Path, cameras: "Rig | None") -> None:
     """Refuse cameras where a form has no place for them, and a form that wants some.
 
     :raises InputError: with what to give.
     """
-    if cameras is not None and form not in CAMERA_FORMATS:
-        raise InputError(f"cameras: need --format {' or '.join(CAMERA_FORMATS)}")
+    forms = (*CAMERA_FORMATS, *IMAGE_FORMATS)
+    if cameras is not None and (form not in forms or path.suffix == ".csv"):
+        raise InputError(f"cameras: need a folder and --format {', '.join(forms)}")
     if cameras is None and form in CAMERA_FORMATS:
         raise InputError(f"format {form}: needs a camera; --camera names one")
 
@@ -134,23 +146,23 @@ def write_parameters(
     )
 
 
-class _TracksTarget(DatasetTarget):
-    """A folder of readings, truth and tracks."""
+class CameraTarget(DatasetTarget):
+    """A folder of readings, truth, and what cameras see: tracks or images."""
 
-    def __init__(self, dataset: Dataset, tracks: Any) -> None:
+    def __init__(self, dataset: Dataset, seen: Any) -> None:
         super().__init__(dataset)
-        self.tracks = tracks
+        self.seen = seen
 
     @property
     def counts(self) -> dict[str, int]:
-        """Rows by table."""
-        return {**super().counts, **self.tracks.counts}
+        """Rows by table, images by camera."""
+        return {**super().counts, **self.seen.counts}
 
     def write(self, block: ImuBlock) -> None:
         """Write the rows of a block, and those of the frames taken until its end."""
         super().write(block)
         if len(block.true_t_ns):
-            self.tracks.until(int(block.true_t_ns[-1]) + 1)
+            self.seen.until(int(block.true_t_ns[-1]) + 1)
 
 
 @contextmanager
@@ -170,10 +182,23 @@ def opened(form: str, output: Path, cameras: "Rig", names: dict[str, str]) -> It
         Dataset(output, "csv", TRUTH_TOPIC in names) as dataset,
         TrackFiles(output, cameras) as tracks,
     ):
-        combined = _TracksTarget(dataset, tracks)
+        combined = CameraTarget(dataset, tracks)
         yield combined
     _warn(tracks.warnings())
     combined.files = dataset.files
+
+
+@contextmanager
+def images(
+    form: str, output: Path, cameras: "Rig", arguments: argparse.Namespace, comment: str
+) -> Iterator[Any]:
+    """Open the images of a dataset's cameras; the folder exists."""
+    if arguments.jobs < 1:
+        raise InputError(f"--jobs {arguments.jobs}: must be at least 1")
+    from imu_sim_ros.datasets import ImageFolders
+
+    with ImageFolders(output, cameras, form, arguments.jobs, comment) as seen:
+        yield seen
 
 
 def _warn(lines: list[str]) -> None:

@@ -153,7 +153,7 @@ def _target(
 ) -> Iterator[Any]:
     """Open the output; it is whole when the block ends without an error."""
     form = bag_output.form(arguments)
-    camera_output.check_form(form, cameras)
+    camera_output.check_form(form, output, cameras)
     if form is None:
         with open_writer(
             output,
@@ -176,7 +176,13 @@ def _target(
         return
     with text_writer.Dataset(output, form, TRUTH_TOPIC in names) as dataset:
         target = DatasetTarget(dataset)
-        yield target
+        if cameras is None:
+            yield target
+        else:
+            comment = f"simulated by imu_sim_ros, seed {parameters.seed}"
+            with camera_output.images(form, output, cameras, arguments, comment) as seen:
+                target = camera_output.CameraTarget(dataset, seen)
+                yield target
         if form == "euroc":
             _describe(output, parameters, TRUTH_TOPIC in names)
     target.files = dataset.files

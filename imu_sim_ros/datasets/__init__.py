@@ -4,9 +4,9 @@
 """Where a simulation is written: bags, datasets of text, and what its cameras see.
 
 ``topics`` holds the IMU's samples and the truth, ``tracks`` the features of cameras as tables,
-``vio_data_simulation`` the text files of the simulator of that name; ``columns`` are the tables.
-One home for ``generate``, the public interface and campaigns. Imports bags, topics, sensor, camera.
-What it exports is imported when it is first used.
+``images`` their images as files, ``vio_data_simulation`` the text files of the simulator of that
+name; ``columns`` are the tables. One home for ``generate``, the public interface and campaigns.
+Imports bags, topics, sensor, camera. What it exports is imported when it is first used.
 """
 
 from typing import TYPE_CHECKING
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from imu_sim_ros.lazy import exported
 
 if TYPE_CHECKING:
+    from imu_sim_ros.datasets.images import ImageFolders as ImageFolders
     from imu_sim_ros.datasets.topics import BagTarget as BagTarget
     from imu_sim_ros.datasets.topics import DatasetTarget as DatasetTarget
     from imu_sim_ros.datasets.topics import chosen_topics as chosen_topics
@@ -24,6 +25,7 @@ else:
     __getattr__, __dir__, __all__ = exported(
         __name__,
         {
+            "images": ["ImageFolders"],
             "topics": ["BagTarget", "DatasetTarget", "chosen_topics", "resolved"],
             "tracks": ["TrackFiles"],
             "vio_data_simulation": ["VioDataSimulation"],

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from imu_sim_ros.config.cameras.distortion import COUNTS, fold
+from imu_sim_ros.config.cameras.image import ImageParameters
 from imu_sim_ros.config.imu import rotation_problems
 from imu_sim_ros.config.parameter import (
     IDENTITY_MATRIX,
@@ -220,7 +221,11 @@ class TrackParameters:
 
 @dataclass(frozen=True)
 class CameraParameters(
-    TrackParameters, CameraTimingParameters, CameraMountParameters, CameraModelParameters
+    ImageParameters,
+    TrackParameters,
+    CameraTimingParameters,
+    CameraMountParameters,
+    CameraModelParameters,
 ):
     """One camera."""
 
@@ -239,6 +244,11 @@ class CameraParameters(
             yield (
                 f"{prefix}row_time = {self.row_time:g}: {self.height} rows must be read in less "
                 f"than the interval, {1.0 / self.rate:g} s"
+            )
+        if self.exposure_time * self.rate > 1.0:
+            yield (
+                f"{prefix}exposure_time = {self.exposure_time:g}: must be shorter than the "
+                f"interval, {1.0 / self.rate:g} s"
             )
         if self.jitter * self.rate > 0.25:
             yield (

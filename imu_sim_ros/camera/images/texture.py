@@ -1,0 +1,155 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What is on the surfaces of a scene: textures with corners at every scale, and their mip levels.
+
+All levels of all textures lie in one image, so that a picture is one look-up. Everything is made of
+integers and seeded: the same parameters give the same bytes everywhere.
+"""
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.camera.images.tag36h11 import tag
+from imu_sim_ros.camera.scene import Surfaces
+from imu_sim_ros.config.cameras import AprilgridParameters, CheckerboardParameters, SceneParameters
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.random_streams import generator_at
+
+Bytes = NDArray[np.uint8]
+Integers = NDArray[np.int64]
+
+MOST_TEXELS: Final = 24_000_000
+SMALLEST_TEXEL: Final = 0.0025
+"""Of a wall [m]."""
+LEVELS: Final = 8
+BACKGROUND: Final = 110
+"""Grey value where nothing is."""
+_WIDTH: Final = 8192
+_EDGE: Final = 1
+"""Texels around each texture that repeat its edge, for interpolation."""
+_CELLS: Final = ((4, 1), (8, 1), (16, 2), (32, 2), (64, 3), (128, 3))
+"""Edge of an octave's cells [texels], and its weight."""
+_CONTRAST: Final = 8
+"""In fifths: the sum of the octaves is stretched by 1.6 around the middle."""
+_TAG_CELL: Final = 8
+"""Texels of a tag's cell at least; edges lie between texels."""
+
+
+class Atlas(NamedTuple):
+    """All textures of a scene."""
+
+    image: Bytes
+    """(height, width)."""
+    size: NDArray[np.float32]
+    """(m, 2) columns and rows of each surface's texture."""
+    place: NDArray[np.float32]
+    """(m, LEVELS, 2) column and row of each level's first texel."""
+
+
+def atlas(surfaces: Surfaces, parameters: SceneParameters) -> Atlas:
+    """Return the textures of all surfaces with their mip levels.
+
+    :raises ConfigurationError: for a scene without surfaces.
+    """
+    if not len(surfaces.origin):
+        raise ConfigurationError(
+            f"scene.type = {parameters.type!r}: has points and lines only, nothing to make images "
+            "of; room, planes, aprilgrid and checkerboard have surfaces"
+        )
+    textures = [_texture(surfaces, m, parameters) for m in range(len(surfaces.origin))]
+    levels = [_levels(texture) for texture in textures]
+    padded = [[np.pad(level, _EDGE, mode="edge") for level in each] for each in levels]
+    flat = [level for each in padded for level in each]
+    corners, height = _packed([level.shape for level in flat])
+    image = np.full((height, max(_WIDTH, *(level.shape[1] for level in flat))), 0, np.uint8)
+    image[:_BLANK, :_BLANK] = BACKGROUND
+    for level, (row, column) in zip(flat, corners, strict=True):
+        image[row : row + level.shape[0], column : column + level.shape[1]] = level
+    place = np.array(corners, dtype=np.float32).reshape(len(textures), LEVELS, 2)[..., ::-1]
+    size = np.array([texture.shape[::-1] for texture in textures], dtype=np.float32)
+    return Atlas(image, size.reshape(-1, 2), place + np.float32(_EDGE))
+
+
+_BLANK: Final = 4
+"""Edge of the corner that holds the background."""
+
+
+def _packed(shapes: list[tuple[int, int]]) -> tuple[list[tuple[int, int]], int]:
+    """Return row and column of each rectangle on shelves, and the height of them all."""
+    corners: list[tuple[int, int]] = [(0, 0)] * len(shapes)
+    row, column, shelf = 0, _BLANK, _BLANK
+    for k in sorted(range(len(shapes)), key=lambda k: -shapes[k][0]):
+        height, width = shapes[k]
+        if column + width > _WIDTH and column:
+            row, column, shelf = row + shelf, 0, 0
+        corners[k] = (row, column)
+        column, shelf = column + width, max(shelf, height)
+    return corners, row + shelf
+
+
+def _levels(texture: Bytes) -> list[Bytes]:
+    """Return a texture and its mip levels: each texel the rounded mean of four."""
+    result = [texture]
+    for _ in range(LEVELS - 1):
+        above = result[-1]
+        even = np.pad(above, [(0, above.shape[0] % 2), (0, above.shape[1] % 2)], mode="edge")
+        wide = even.astype(np.uint16)
+        four = wide[::2, ::2] + wide[1::2, ::2] + wide[::2, 1::2] + wide[1::2, 1::2]
+        result.append(((four + 2) >> 2).astype(np.uint8))
+    return result
+
+
+def _texture(surfaces: Surfaces, m: int, parameters: SceneParameters) -> Bytes:
+    """Return a surface's texture; its first row lies at t = 0, its first column at s = 0."""
+    match parameters:
+        case AprilgridParameters() if surfaces.texture[m] == "aprilgrid":
+            return _aprilgrid(parameters)
+        case CheckerboardParameters() if surfaces.texture[m] == "checkerboard":
+            return _checkerboard(parameters)
+    sides = [np.sqrt((side * side).sum(axis=1)) for side in (surfaces.across, surfaces.up)]
+    texel = max(SMALLEST_TEXEL, math.sqrt(float((sides[0] * sides[1]).sum()) / MOST_TEXELS))
+    width, height = (max(4, round(float(side[m]) / texel)) for side in sides)
+    return _blocks(parameters.seed, m, min(height, _WIDTH - 8), min(width, _WIDTH - 8))
+
+
+def _blocks(seed: int, number: int, height: int, width: int) -> Bytes:
+    """Return squares of random grey values, octave upon octave: corners at every scale."""
+    total = np.zeros((height, width), np.int32)
+    for cell, weight in _CELLS:
+        stream = generator_at(seed, f"scene.texture.{cell}", number)
+        grid = stream.integers(0, 256, (-(-height // cell), -(-width // cell)), dtype=np.int32)
+        total += weight * grid.repeat(cell, axis=0).repeat(cell, axis=1)[:height, :width]
+    mean = total // sum(weight for _, weight in _CELLS) - 128
+    return np.clip(128 + mean * _CONTRAST // 5, 0, 255).astype(np.uint8)
+
+
+def _aprilgrid(p: AprilgridParameters) -> Bytes:
+    """Return kalibr's grid: tags of ten cells, a black square in each corner between them.
+
+    Texels divide cells and gaps alike where the spacing is a multiple of 1/80 of a tag.
+    """
+    tag_texels = 10 * _TAG_CELL
+    gap = max(1, round(p.tag_spacing * tag_texels))
+    pitch = tag_texels + gap
+    image = np.full((p.rows * pitch + gap, p.columns * pitch + gap), 255, np.uint8)
+    for number in range(p.rows * p.columns):
+        row, column = divmod(number, p.columns)
+        cells = tag(number).repeat(_TAG_CELL, axis=0).repeat(_TAG_CELL, axis=1)
+        top, left = gap + row * pitch, gap + column * pitch
+        # Rows of the texture go up, those of a printed tag down.
+        image[top : top + tag_texels, left : left + tag_texels] = cells[::-1]
+    for row in range(p.rows + 1):
+        for column in range(p.columns + 1):
+            image[row * pitch : row * pitch + gap, column * pitch : column * pitch + gap] = 0
+    return image
+
+
+def _checkerboard(p: CheckerboardParameters) -> Bytes:
+    """Return (columns + 1) x (rows + 1) squares, black in the lower left."""
+    row, column = np.indices((p.rows + 1, p.columns + 1))
+    squares = np.where((row + column) % 2, 255, 0).astype(np.uint8)
+    return squares.repeat(64, axis=0).repeat(64, axis=1)

@@ -1,0 +1,55 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Parameters of a camera's images: exposure, optics and noise."""
+
+from dataclasses import dataclass
+
+from imu_sim_ros.config.parameter import integer, number
+
+
+@dataclass(frozen=True)
+class ImageParameters:
+    """How an image comes about; grey values are 0 to 255."""
+
+    supersampling: int = integer(
+        1,
+        "rays along each side of a pixel; 2 to 4 for edges as sharp as real ones",
+        minimum=1,
+        maximum=8,
+    )
+    exposure_time: float = number(
+        0.0, "motion blur: how long the shutter is open; 0: an instant", unit="s", minimum=0.0
+    )
+    blur_samples: int = integer(8, "pictures that make up a blurred one", minimum=2, maximum=64)
+    gain: float = number(1.0, "factor of all grey values", minimum=0.0, above_minimum=True)
+    gain_change: float = number(
+        0.0,
+        "amplitude of a slow change of the gain, as of an automatic exposure",
+        minimum=0.0,
+        maximum=0.95,
+    )
+    gain_period: float = number(10.0, "of that change", unit="s", minimum=0.0, above_minimum=True)
+    vignetting: float = number(
+        0.0,
+        "darkening of the farthest corner, with the square of the distance",
+        unit="1",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    shot_noise: float = number(
+        0.0,
+        "standard deviation at grey value 255; it goes with the root of the value",
+        unit="grey value",
+        minimum=0.0,
+    )
+    read_noise: float = number(
+        1.0, "standard deviation at every grey value", unit="grey value", minimum=0.0
+    )
+    repeat_probability: float = number(
+        0.0,
+        "probability that a frame shows the one before it once more",
+        unit="1",
+        minimum=0.0,
+        maximum=1.0,
+    )

@@ -1,0 +1,157 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Images of cameras as PNG files: EuRoC/ASL folders, and those of kalibr_bagcreater.
+
+``euroc``: ``cam0/data/<stamp>.png``, ``cam0/data.csv``, ``cam0/sensor.yaml``; TUM VI has the same.
+``csv``: ``cam0/<stamp>.png`` beside imu0.csv, as kalibr_bagcreater takes it. Threads make the
+images; OpenCV and NumPy let them run side by side.
+"""
+
+from collections import deque
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+from types import TracebackType
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.bags.text import decimal
+from imu_sim_ros.camera import CameraModel, Rig
+from imu_sim_ros.camera.images import Imager, atlas, opencv
+from imu_sim_ros.config.cameras import CameraParameters
+from imu_sim_ros.datasets.tracks import CameraProgress
+from imu_sim_ros.errors import InputError, system_error
+
+EUROC_HEADER: Final = "#timestamp [ns],filename"
+_AHEAD: Final = 4
+"""Images in the making for each thread."""
+_COMPRESSION: Final = 1
+"""Of PNG: level 9 takes ten times as long for a tenth of the size."""
+_DISTORTIONS: Final = {"none": "none", "radtan": "radial-tangential", "equidistant": "equidistant"}
+
+
+class ImageFolders:
+    """The images of all cameras in a folder; use as a context manager."""
+
+    def __init__(self, folder: Path, rig: Rig, form: str, jobs: int, comment: str) -> None:
+        """Make the folders.
+
+        :param folder: that exists.
+        :param form: euroc or csv.
+        :param jobs: threads.
+        :param comment: for the sensors' descriptions.
+        :raises ConfigurationError: for a scene without surfaces.
+        :raises MissingDependencyError: where OpenCV is not installed.
+        """
+        self._cv2 = opencv()
+        self._cv2.setNumThreads(1)  # the threads are ours
+        textures = atlas(rig.scene.surfaces, rig.parameters.scene)
+        self.cameras = [CameraProgress(rig, name) for name in rig.views]
+        self._imagers = [
+            Imager(view, rig.scene, textures, rig.trajectory) for view in rig.views.values()
+        ]
+        self._rows: list[list[str]] = [[] for _ in self.cameras]
+        self._folder, self._euroc = folder, form == "euroc"
+        self._pool = ThreadPoolExecutor(jobs, thread_name_prefix="images")
+        self._waiting: deque[Future[None]] = deque()
+        self._most = _AHEAD * jobs
+        for camera in self.cameras:
+            place = self._place(camera.name)
+            try:
+                place.mkdir(parents=True)
+            except OSError as error:
+                raise system_error(place, error) from None
+            if self._euroc:
+                text = _sensor_yaml(camera.view.parameters, comment)
+                (place.parent / "sensor.yaml").write_text(text, encoding="utf-8")
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Images by camera."""
+        return {
+            f"/{camera.name}/image_raw": len(rows)
+            for camera, rows in zip(self.cameras, self._rows, strict=True)
+        }
+
+    def until(self, t_ns: int) -> None:
+        """Have all images made that are taken before a time [ns]."""
+        for number, camera in enumerate(self.cameras):
+            while count := camera.until(t_ns):
+                frames = camera.view.frames(camera.position, count)
+                for k in np.flatnonzero(frames.delivered).tolist():
+                    self._order(number, int(frames.number[k]), int(frames.t_ns[k]))
+                camera.position += count
+
+    def _order(self, camera: int, number: int, t_ns: int) -> None:
+        while len(self._waiting) >= self._most:
+            self._waiting.popleft().result()
+        path = self._place(self.cameras[camera].name) / f"{t_ns}.png"
+        self._rows[camera].append(f"{t_ns},{t_ns}.png")
+        self._waiting.append(self._pool.submit(self._make, camera, number, path))
+
+    def _make(self, camera: int, number: int, path: Path) -> None:
+        write_png(path, self._imagers[camera].image(number))
+
+    def _place(self, name: str) -> Path:
+        return self._folder / name / "data" if self._euroc else self._folder / name
+
+    def __enter__(self) -> "ImageFolders":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        failed = error is not None and isinstance(error, Exception)
+        try:
+            while self._waiting and not failed:
+                self._waiting.popleft().result()
+        finally:
+            self._pool.shutdown(cancel_futures=True)
+        if self._euroc and not failed:
+            for camera, rows in zip(self.cameras, self._rows, strict=True):
+                text = "\n".join([EUROC_HEADER, *rows]) + "\n"
+                path = self._folder / camera.name / "data.csv"
+                path.write_text(text, encoding="utf-8")
+
+
+def write_png(path: Path, image: NDArray[np.uint8]) -> None:
+    """Write an image (h, w).
+
+    :raises ImuSimError: where it cannot be written, with the reason.
+    """
+    cv2 = opencv()
+    done, encoded = cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, _COMPRESSION])
+    if not done:
+        raise InputError(f"{path}: OpenCV cannot make a PNG of {image.shape}")
+    try:
+        path.write_bytes(encoded.tobytes())
+    except OSError as error:
+        path.unlink(missing_ok=True)
+        raise system_error(path, error) from None
+
+
+def _sensor_yaml(camera: CameraParameters, comment: str) -> str:
+    """Return EuRoC's description of a camera."""
+    model = CameraModel(camera)
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = camera.pose()
+    rows = ",\n         ".join(", ".join(decimal(value) for value in row) for row in matrix)
+    k = (*camera.distortion, 0.0, 0.0, 0.0, 0.0)[: max(4, len(camera.distortion))]
+    intrinsics = ", ".join(decimal(x) for x in (model.fx, model.fy, model.cx, model.cy))
+    shape = {"unified": f"xi: {decimal(camera.xi)}\n"}.get(camera.model, "")
+    if camera.model == "double_sphere":
+        shape = f"xi: {decimal(camera.xi)}\nalpha: {decimal(camera.alpha)}\n"
+    return (
+        f"# Camera\nsensor_type: camera\ncomment: {comment}\n\n"
+        "# T_BS maps points of the camera into the body.\n"
+        f"T_BS:\n  cols: 4\n  rows: 4\n  data: [{rows}]\n\n"
+        f"rate_hz: {camera.rate:g}\nresolution: [{camera.width}, {camera.height}]\n"
+        f"camera_model: {camera.model}\n{shape}intrinsics: [{intrinsics}] # fu, fv, cu, cv\n"
+        f"distortion_model: {_DISTORTIONS[camera.distortion_model]}\n"
+        f"distortion_coefficients: [{', '.join(decimal(x) for x in k)}]\n"
+    )

@@ -1,0 +1,267 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Images: the same bytes everywhere, where they should look, and what the sensor makes of them."""
+
+import hashlib
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from imu_sim_ros import rotation
+from imu_sim_ros.camera.images import Imager, atlas, look_up
+from imu_sim_ros.camera.images.texture import LEVELS
+from imu_sim_ros.config.cameras import CloudParameters
+from imu_sim_ros.errors import ConfigurationError, MissingDependencyError
+
+SMALL = {
+    "camera__width": 188,
+    "camera__height": 120,
+    "camera__intrinsics": [114.7, 114.3, 91.8, 62.1],
+    "camera__distortion_model": "radtan",
+    "camera__distortion": [-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05],
+    "camera__mounting": [0.0, 0.0, 1.0, -1.0, 0.0, 0.0, 0.0, -1.0, 0.0],
+    "camera__rate": 20.0,
+    "camera__read_noise": 0.0,
+    "scene__size": [5.0, 4.0, 2.6],
+    "scene__center": [0.0, 0.0, 1.0],
+}
+EVERYTHING = {
+    "camera__supersampling": 2,
+    "camera__row_time": 1e-4,
+    "camera__exposure_time": 0.01,
+    "camera__blur_samples": 3,
+    "camera__gain_change": 0.3,
+    "camera__vignetting": 0.4,
+    "camera__read_noise": 1.5,
+    "camera__shot_noise": 3.0,
+    "camera__repeat_probability": 0.3,
+}
+GOLDEN = {
+    "plain": "1ffcac911b198e01",
+    "everything": "ab694539eda1c153",
+    "fisheye": "7297b227218e00f3",
+}
+TEXTURES = {}
+"""Of scenes that were made before: the same parameters give the same ones."""
+CASES = {
+    "plain": {},
+    "everything": EVERYTHING,
+    "fisheye": {
+        "camera__distortion_model": "equidistant",
+        "camera__distortion": [0.0035, 0.0007, -0.002, 0.0002],
+        "camera__intrinsics": [55.0, 55.0, 93.0, 60.0],
+    },
+}
+
+
+def make_imager(make_rig, **values):
+    rig = make_rig("target", **{**SMALL, **values})
+    key = rig.parameters.scene
+    if key not in TEXTURES:
+        TEXTURES[key] = atlas(rig.scene.surfaces, rig.parameters.scene)
+    textures = TEXTURES[key]
+    return rig, Imager(rig.views["cam0"], rig.scene, textures, rig.trajectory)
+
+
+def digest(imager, numbers=range(0, 120, 13)):
+    total = hashlib.sha256()
+    for number in numbers:
+        total.update(imager.image(number).tobytes())
+    return total.hexdigest()[:16]
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_seed_gives_the_same_bytes_everywhere(make_rig, case):
+    """OpenCV 4.6 and 5.0, NumPy 1.26 and 2.x: this file runs on both."""
+    assert digest(make_imager(make_rig, **CASES[case])[1]) == GOLDEN[case]
+
+
+def test_the_bytes_do_not_depend_on_the_processor():
+    """Another process, without the vector instructions that it may be told to leave alone."""
+    off = "AVX AVX2 FMA3 AVX512F AVX512CD AVX512_SKX AVX512_CLX AVX512_CNL AVX512_ICL"
+    known = np.show_config(mode="dicts")["SIMD Extensions"]
+    found = [name for name in off.split() if name in known.get("found", ())]
+    environment = {
+        **os.environ,
+        "NPY_DISABLE_CPU_FEATURES": " ".join(found),
+        "OPENCV_CPU_DISABLE": "AVX2,FP16,AVX512_SKX",
+    }
+    folder = Path(__file__).parent
+    code = (
+        f"import sys; sys.path.insert(0, {str(folder)!r}); import test_images as t, conftest as c\n"
+        "for case in t.CASES: print(t.digest(t.make_imager(c.make_rig, **t.CASES[case])[1]))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.split() == [GOLDEN[case] for case in CASES]
+
+
+def test_images_do_not_depend_on_the_order_nor_on_threads(make_rig):
+    from concurrent.futures import ThreadPoolExecutor
+
+    _, imager = make_imager(make_rig, **EVERYTHING)
+    numbers = [7, 3, 40, 8, 3]
+    backwards = [imager.image(k) for k in reversed(numbers)][::-1]
+    with ThreadPoolExecutor(3) as pool:
+        together = list(pool.map(imager.image, numbers))
+    for first, second in zip(backwards, together, strict=True):
+        assert np.array_equal(first, second)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_look_up_is_integer_arithmetic(make_rig, case):
+    """The oracle: bilinear in plain NumPy integers, (sum w a + 512) >> 10 with weights of 1/32."""
+    rig, imager = make_imager(make_rig, **CASES[case])
+    view = rig.views["cam0"]
+    maps = imager._renderer.maps(view.poses(rig.trajectory, imager._row_times(np.array([1.3]))))
+    image = imager.atlas.image
+    x, y = (maps.whole[..., k].astype(int) for k in (0, 1))
+    fx, fy = (maps.part & 31).astype(int), (maps.part >> 5).astype(int)
+    right, below = np.minimum(x + 1, image.shape[1] - 1), np.minimum(y + 1, image.shape[0] - 1)
+    total = (
+        (32 - fx) * (32 - fy) * image[y, x].astype(int)
+        + fx * (32 - fy) * image[y, right]
+        + (32 - fx) * fy * image[below, x]
+        + fx * fy * image[below, right]
+    )
+    assert np.array_equal(look_up(image, maps), (total + 512) >> 10)
+
+
+def traced(rig, t, pixel):
+    """Slow and plain: one ray in float64 against every rectangle; surface, s, r and depth."""
+    view = rig.views["cam0"]
+    pose = view.poses(rig.trajectory, np.array([t]))
+    ray = view.model.unproject([pixel]).direction[0]
+    d, c = rotation.rotate(pose.q_wc[0], ray), pose.position[0]
+    best = (None, 0.0, 0.0, np.inf)
+    s = rig.scene.surfaces
+    for m in range(len(s.origin)):
+        n = np.cross(s.across[m], s.up[m])
+        if n @ d >= 0.0 or n @ (c - s.origin[m]) <= 0.0:
+            continue
+        distance = n @ (s.origin[m] - c) / (n @ d)
+        offset = c + distance * d - s.origin[m]
+        place = [offset @ side / (side @ side) for side in (s.across[m], s.up[m])]
+        if min(place) >= 0.0 and max(place) <= 1.0 and distance < best[3]:
+            best = (m, *place, distance)
+    return best, best[3] * ray[2]
+
+
+def test_every_pixel_looks_at_the_nearest_surface(make_rig):
+    rig, imager = make_imager(make_rig, scene__boxes=8)
+    depth = imager.depth(20)
+    maps = imager._renderer.maps(rig.views["cam0"].poses(rig.trajectory, np.array([1.0])))
+    x = maps.whole[..., 0] + (maps.part & 31) / 32.0
+    y = maps.whole[..., 1] + (maps.part >> 5) / 32.0
+    stream, checked, levels = np.random.default_rng(0), 0, set()
+    for u, v in zip(stream.integers(0, 188, 400), stream.integers(0, 120, 400), strict=True):
+        (m, s, r, _), expected = traced(rig, 1.0, (float(u), float(v)))
+        if abs(depth[v, u] - expected) > 1e-4 * expected:
+            continue  # an edge: counted below
+        checked += 1
+        texel = np.array([s, r]) * imager.atlas.size[m]
+        places = [texel / 2**k - 0.5 + imager.atlas.place[m, k] for k in range(LEVELS)]
+        misses = [np.abs(place - (x[v, u], y[v, u])).max() for place in places]
+        assert min(misses) < 1 / 64 + 5e-3
+        level = int(np.argmin(misses))
+        levels.add(level)
+        steps = []
+        for neighbour in ((u + 1.0, float(v)), (float(u), v + 1.0)):
+            (_, s1, r1, _), _ = traced(rig, 1.0, neighbour)
+            steps.append(np.hypot(*((np.array([s1, r1]) - (s, r)) * imager.atlas.size[m])))
+        if max(steps) < 100.0:  # the neighbours are on the same surface
+            # One level holds for a cell of 8 x 8 pixels, within which the step changes.
+            assert abs(np.log2(max(1.0, *steps)) - level) < 1.6
+    assert checked > 390
+    assert len(levels) > 1
+
+
+def test_the_grey_values_follow_gain_vignetting_and_noise(make_rig):
+    _, plain = make_imager(make_rig)
+    _, half = make_imager(make_rig, camera__gain=0.5)
+    reference = plain.image(10).astype(float)
+    assert np.abs(half.image(10) - 0.5 * reference).max() <= 0.5
+    _, dark = make_imager(make_rig, camera__vignetting=0.5)
+    ratio = dark.image(10) / np.maximum(reference, 1.0)
+    assert ratio[62, 92] == pytest.approx(1.0, abs=0.02)
+    assert ratio[0, 187] == pytest.approx(0.5, abs=0.03)
+    values = {"camera__read_noise": 2.0, "camera__shot_noise": 6.0, "scene__seed": 0}
+    _, noisy = make_imager(make_rig, **values)
+    error = np.concatenate([(noisy.image(10) - reference).ravel()])
+    level = reference.ravel()
+    inside = (level > 30.0) & (level < 225.0)  # no clipping at black or white
+    for low, high in ((30, 90), (90, 150), (150, 225)):
+        part = inside & (level >= low) & (level < high)
+        # Variance of the sum, of rounding to whole grey values included.
+        variance = 4.0 + 36.0 / 255.0 * level[part].mean() + 1.0 / 12.0
+        n = int(part.sum())
+        assert n > 1000
+        assert error[part].var() == pytest.approx(variance, rel=5.0 * np.sqrt(2.0 / n))
+
+
+def test_blur_is_the_mean_over_the_exposure(make_rig):
+    exposure = {"camera__exposure_time": 0.04, "camera__blur_samples": 4}
+    _, blurred = make_imager(make_rig, **exposure)
+    pictures = []
+    for k in range(4):
+        phase = 0.5 + 0.04 * ((k + 0.5) / 4 - 0.5)
+        _, sharp = make_imager(make_rig, camera__phase=phase)
+        pictures.append(sharp.image(0).astype(float))
+    difference = np.abs(blurred.image(10) - np.mean(pictures, axis=0))
+    assert difference.max() <= 0.5 + 1e-9
+
+
+def test_a_repeated_frame_shows_the_one_before(make_rig):
+    _, imager = make_imager(make_rig, camera__repeat_probability=0.5, camera__read_noise=2.0)
+    images = [imager.image(k) for k in range(120)]
+    same = [np.array_equal(images[k], images[k + 1]) for k in range(119)]
+    assert abs(np.mean(same) - 0.5) < 5.0 * np.sqrt(0.25 / 119)
+
+
+@pytest.mark.parametrize("scale", [1, 4])
+def test_aprilgrid_finds_all_tags_where_they_are(make_rig, scale):
+    """PyPI's detector; its corners against the exact projection of the target's corners."""
+    aprilgrid = pytest.importorskip("aprilgrid")
+    rig = make_rig(
+        "target",
+        cam0__camera__preset="euroc_cam0",
+        cam0__camera__body_axes="flu",
+        scene__type="aprilgrid",
+        camera__supersampling=scale,
+        camera__read_noise=1.0,
+        camera__max_features=0,
+        camera__pixel_noise=0.0,
+    )
+    textures = atlas(rig.scene.surfaces, rig.parameters.scene)
+    imager = Imager(rig.views["cam0"], rig.scene, textures, rig.trajectory)
+    detector, errors = aprilgrid.Detector("t36h11"), []
+    for number in range(60, 180, 24):
+        true = rig.tracker("cam0").tracks(number, 1)
+        assert len(true.landmark) == 144
+        found = detector.detect(imager.image(number))
+        assert sorted(tag.tag_id for tag in found) == list(range(36))
+        for tag in found:
+            corners = np.reshape(tag.corners, (4, 2))
+            exact = true.uv_true[4 * tag.tag_id : 4 * tag.tag_id + 4]
+            distance = np.linalg.norm(corners[:, None] - exact, axis=2)
+            nearest = distance.argmin(axis=1)
+            assert sorted(nearest) == [0, 1, 2, 3]
+            errors.append(corners - exact[nearest])
+    error = np.concatenate(errors)
+    rms = np.sqrt((error**2).sum(axis=1).mean())
+    assert rms < (0.15 if scale == 4 else 0.30)
+    assert np.abs(error.mean(axis=0)).max() < 0.02
+
+
+def test_what_is_missing_is_named(make_rig, monkeypatch):
+    with pytest.raises(ConfigurationError, match="nothing to make images of"):
+        atlas(make_rig(scene__type="cloud").scene.surfaces, CloudParameters())
+    monkeypatch.setitem(sys.modules, "cv2", None)
+    with pytest.raises(MissingDependencyError, match=r"python3-opencv.*opencv-python-headless"):
+        make_imager(make_rig)

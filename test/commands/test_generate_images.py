@@ -1,0 +1,121 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""generate with images: EuRoC's folder and kalibr_bagcreater's, read back."""
+
+import hashlib
+import json
+import sys
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+
+from imu_sim_ros.commands import generate
+
+RIG = [
+    "--camera",
+    "euroc_cam0",
+    "--camera",
+    "euroc_cam1",
+    "--trajectory",
+    "target",
+    "--duration",
+    "0.5s",
+    "--seed",
+    "5",
+    "--quiet",
+    "--set",
+    "camera.body_axes=flu",
+    "--set",
+    "camera.width=94",
+    "--set",
+    "camera.height=60",
+    "--set",
+    "camera.intrinsics=[57.3,57.2,45.9,31.0]",
+    "--set",
+    "camera.dropout_probability=0.3",
+    "--set",
+    "camera.time_offset=0.005",
+    "--scene",
+    "aprilgrid",
+]
+
+
+def hashes(folder):
+    return {
+        str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+def test_a_euroc_folder_holds_images_under_their_stamps(tmp_path, capsys):
+    folder = tmp_path / "mav0"
+    assert generate.main(["-o", str(folder), "--format", "euroc", *RIG, "--json"]) == 0
+    counts = json.loads(capsys.readouterr().out)["messages"]
+    for name in ("cam0", "cam1"):
+        lines = (folder / name / "data.csv").read_text(encoding="utf-8").splitlines()
+        assert lines[0] == "#timestamp [ns],filename"
+        stamps = [int(line.split(",")[0]) for line in lines[1:]]
+        files = [line.split(",")[1] for line in lines[1:]]
+        assert sorted(files) == sorted(path.name for path in (folder / name / "data").iterdir())
+        assert files == [f"{stamp}.png" for stamp in stamps]
+        assert counts[f"/{name}/image_raw"] == len(stamps)
+        assert 0 < len(stamps) < 10  # some are lost
+        # 20 Hz from the start; the stamps are early by the offset.
+        assert all((stamp + 5_000_000 - 10**9) % 50_000_000 == 0 for stamp in stamps)
+        image = cv2.imread(str(folder / name / "data" / files[0]), cv2.IMREAD_UNCHANGED)
+        assert (image.shape, image.dtype) == ((60, 94), np.uint8)
+        assert image.std() > 20.0
+        sensor = yaml.safe_load((folder / name / "sensor.yaml").read_text(encoding="utf-8"))
+        assert sensor["resolution"] == [94, 60]
+        assert sensor["intrinsics"] == [57.3, 57.2, 45.9, 31.0]
+        pose = np.reshape(sensor["T_BS"]["data"], (4, 4))
+        assert np.allclose(pose[:3, 2], [1.0, 0.0, 0.0], atol=0.05)  # looks along x
+        assert sensor["distortion_model"] == "radial-tangential"
+    assert (folder / "imu0" / "data.csv").is_file()
+    assert (folder / "state_groundtruth_estimate0" / "data.csv").is_file()
+
+
+def test_the_number_of_threads_and_the_block_change_nothing(tmp_path, monkeypatch):
+    for name, jobs, size in (("a", "1", 16384), ("b", "3", 17)):
+        monkeypatch.setattr(generate, "BLOCK_SIZE", size)
+        words = ["-o", str(tmp_path / name), "--format", "euroc", "--jobs", jobs, *RIG]
+        assert generate.main(words) == 0
+    assert hashes(tmp_path / "a") == hashes(tmp_path / "b")
+
+
+def test_the_folder_of_kalibr_bagcreater(tmp_path):
+    folder = tmp_path / "run"
+    assert generate.main(["-o", str(folder), "--format", "csv", *RIG]) == 0
+    assert (folder / "imu0.csv").is_file()
+    names = sorted(path.name for path in (folder / "cam0").iterdir())
+    assert names
+    assert all(name.removesuffix(".png").isdigit() for name in names)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("--format euroc --scene cloud", "nothing to make images of"),
+        ("--format euroc --jobs 0", "--jobs 0: must be at least 1"),
+        ("", "cameras: need a folder and --format"),
+        ("--format tum", "cameras: need a folder and --format"),
+    ],
+)
+def test_bad_input_is_one_line_and_leaves_nothing(tmp_path, capsys, words, message):
+    assert generate.main(["-o", str(tmp_path / "out"), *RIG, *words.split()]) == 2
+    error = capsys.readouterr().err.strip()
+    assert message in error
+    assert len(error.splitlines()) == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_missing_opencv_is_named(tmp_path, capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "cv2", None)
+    assert generate.main(["-o", str(tmp_path / "out"), "--format", "euroc", *RIG]) == 2
+    error = capsys.readouterr().err
+    assert "apt install python3-opencv, or pip install opencv-python-headless" in error
+    assert not list(tmp_path.iterdir())
