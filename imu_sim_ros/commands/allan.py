@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``allan``: noise parameters of an IMU, with confidence, from bags of it lying still.
+"""``allan``: noise parameters of an IMU, with confidence, from bags of it at rest.
 
 The terms are found by maximum likelihood on the record's cosine spectrum, not by lines through the
 Allan curve; see imu_sim_ros.calibration.

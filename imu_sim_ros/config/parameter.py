@@ -67,10 +67,10 @@ class Parameter:
         if self.kind == "flag":
             return "true or false"
         if self.kind in ("text", "texts"):
-            return "a text" if self.kind == "text" else "a list of texts"
+            return "a string" if self.kind == "text" else "a list of strings"
         noun = {
             "number": "a finite number",
-            "integer": "a whole number",
+            "integer": "an integer",
             "vector": "a finite number or a list of three",
             "matrix": "a list of nine finite numbers, row by row",
             "numbers": "a list of finite numbers"
@@ -202,7 +202,7 @@ def number(default: float, text: str, **details: Any) -> Any:
 
 
 def integer(default: int, text: str, **details: Any) -> Any:
-    """Describe a whole number."""
+    """Describe an integer."""
     return _field("integer", default, text, **details)
 
 
@@ -212,12 +212,12 @@ def flag(default: bool, text: str, **details: Any) -> Any:
 
 
 def text(default: str, text: str, **details: Any) -> Any:
-    """Describe a text."""
+    """Describe a string."""
     return _field("text", default, text, **details)
 
 
 def choice(default: str, choices: Sequence[str], text: str, **details: Any) -> Any:
-    """Describe a text out of a few."""
+    """Describe a string out of a few."""
     return _field("choice", default, text, choices=tuple(choices), **details)
 
 
@@ -250,7 +250,7 @@ def section(cls: type) -> Any:
 def variant(key: str, default: str, find: Callable[[str], type]) -> Any:
     """Describe a nested section whose class depends on the text at ``key`` within it.
 
-    :param find: returns the class for a text, or raises ConfigurationError with one line.
+    :param find: returns the class for a string, or raises ConfigurationError with one line.
     """
     return dataclasses.field(
         default_factory=lambda: find(default)(),

@@ -111,7 +111,7 @@ class TrajectoryParameters:
     repeat_mode: str = choice(
         "loop",
         ("loop", "there_and_back"),
-        "loop: anew from the start, for motions that close; there_and_back: to the end, back, ...",
+        "loop: again from the start, for motions that close; there_and_back: to the end, back, ...",
     )
     time_scale: float = number(
         1.0,

@@ -50,4 +50,4 @@ def read_text(path: str | Path) -> str:
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise InputError(f"{path}: not a text in UTF-8 (byte {error.start})") from None
+        raise InputError(f"{path}: not a text file in UTF-8 (byte {error.start})") from None

@@ -31,7 +31,7 @@ def parse_yaml(text: str) -> Any:
     before its point; ROS, kalibr and people do not. launch_ros writes each list of a launch file
     as a Python tuple: that tag, and no other of Python's, is read as the list that it is.
 
-    :raises ValueError: for a text that is not YAML or is refused, with the reason in one line.
+    :raises ValueError: for text that is not YAML or is refused, with the reason in one line.
     """
     import yaml  # 30 ms that a start without files saves
 

@@ -161,9 +161,9 @@ def _has_sections(tree: Any) -> bool:
 
 
 def _uniform(name: str, value: Any, problems: list[str]) -> Any:
-    """Return a tree whose lists hold one type each: whole numbers beside others become floats.
+    """Return a tree whose lists hold one type each: integers beside others become floats.
 
-    An empty list has no type that rcl could give it, and goes as a text.
+    An empty list has no type that rcl could give it, and goes as a string.
     """
     if isinstance(value, dict):
         return {

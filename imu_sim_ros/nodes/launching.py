@@ -35,7 +35,7 @@ OF_EVERY_NODE: Final = (
         "params_file",
         "parameter files, separated by blanks, later ones win; the arguments stand above them",
     ),
-    Argument("use_sim_time", "true: the time is that of somebody else's /clock"),
+    Argument("use_sim_time", "true: time comes from an external /clock"),
 )
 
 

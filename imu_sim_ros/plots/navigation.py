@@ -30,7 +30,7 @@ def trajectories(
     position_errors: Mapping[str, Series],
     attitude_errors: Mapping[str, Series],
 ) -> Figure:
-    """Draw paths from above and from the side, and their errors over time on log axes.
+    """Draw paths in top and side view, and their errors over time on log axes.
 
     :param paths: positions (n, 3) [m] by name.
     :param truth: true positions (m, 3) [m].
@@ -113,7 +113,7 @@ def _view(
         _keep_in_view(axis, truth[:, (across, up)])
     axis.set_xlabel(f"{'xyz'[across]} [m]")
     axis.set_ylabel(f"{'xyz'[up]} [m]")
-    axis.set_title("seen from above" if up == 1 else "seen from the side")
+    axis.set_title("top view (x-y)" if up == 1 else "side view (x-z)")
 
 
 def _keep_in_view(axis: Axes, truth: Array) -> None:

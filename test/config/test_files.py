@@ -100,7 +100,7 @@ def test_unreadable_places_are_named(tmp_path):
     with pytest.raises(ConfigurationError, match="directory"):
         files.load(tmp_path)
     (tmp_path / "latin1.yaml").write_bytes(b"/**: {ros__parameters: {a: \xff}}")
-    with pytest.raises(ConfigurationError, match="not a text in UTF-8"):
+    with pytest.raises(ConfigurationError, match="not a text file in UTF-8"):
         files.load(tmp_path / "latin1.yaml")
 
 
@@ -218,5 +218,5 @@ def test_devices_pipes_and_floods_are_refused(tmp_path):
         files.load(flood)
     latin = tmp_path / "latin.yaml"
     latin.write_bytes(b"a: \xe9")
-    with pytest.raises(ConfigurationError, match="not a text in UTF-8"):
+    with pytest.raises(ConfigurationError, match="not a text file in UTF-8"):
         files.load(latin)

@@ -132,7 +132,7 @@ class _Builder:
         self.number("nanosec", "<u4")
 
     def text(self, content: str) -> None:
-        """Add a text: its length, its bytes and, in CDR, a zero that counts."""
+        """Add a string: its length, its bytes and, in CDR, a zero that counts."""
         encoded = content.encode() + (b"\0" if self.cdr else b"")
         self.align(4)
         self.constant(len(encoded).to_bytes(4, "little") + encoded)
@@ -193,7 +193,7 @@ def texts_of(type_name: str, encoding: str, payload: bytes) -> tuple[str, ...]:
             length = int.from_bytes(payload[position : position + 4], "little")
             content = payload[position + 4 : position + 4 + length]
             if len(content) != length:
-                raise ValueError("a text is longer than the message")
+                raise ValueError("a string is longer than the message")
             position += 4 + length
             texts.append(content.rstrip(b"\0").decode())
     return tuple(texts)

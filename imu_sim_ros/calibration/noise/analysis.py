@@ -199,7 +199,7 @@ def _motion_problems(record: Record) -> list[str]:
         result.append(
             f"not at rest: the {AXES[worst.axis]} moves by {worst.size:.3g} "
             f"{UNITS[worst.axis // 3]} between {worst.begin:.0f} and {worst.end:.0f} s; "
-            "record the IMU lying still"
+            "record the IMU at rest"
         )
     disturbed = sum(m.end - m.begin for m in rest.disturbed)
     if disturbed > _DISTURBED_SHARE * rest.seconds:
@@ -207,7 +207,7 @@ def _motion_problems(record: Record) -> list[str]:
         result.append(
             f"not at rest: {len(rest.disturbed)} disturbances of {disturbed:.0f} s in all, "
             f"the first {first.begin:.0f} s after the start on the {AXES[first.axis]}; "
-            "record the IMU lying still"
+            "record the IMU at rest"
         )
     return result
 

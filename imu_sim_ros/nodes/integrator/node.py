@@ -46,7 +46,7 @@ On request it also publishes dead_reckoned/path, dead_reckoned/roll_pitch_yaw (d
 ground_truth/odom, dead_reckoned/position_error and dead_reckoned/attitude_error.
 The noise for the covariance is that of imu.*, or else what the simulator says of its sensor on
 imu/data_raw/parameters.
-The service ~/reset starts anew at initial_state."""
+The service ~/reset starts again at initial_state."""
 
 
 _DEPTH = 2000
@@ -226,7 +226,7 @@ class Integrator(ConfiguredNode):
             if self.comparison is not None:
                 self.comparison = TruthComparison()
         response.success = True
-        response.message = f"starting anew, initial_state = {self.parameters.initial_state}"
+        response.message = f"starting again, initial_state = {self.parameters.initial_state}"
         return response
 
     def _complain(self, words: str) -> None:

@@ -47,7 +47,7 @@ class Totals:
 
 
 class Odometer:
-    """Starts as the parameters say, integrates, and starts anew where the source did.
+    """Starts as the parameters say, integrates, and starts again where the source did.
 
     :param complain: is told, in words, what was met that was no ordinary step.
     :param is_new_source: tells whether a publisher has appeared since it was asked last.
@@ -65,7 +65,7 @@ class Odometer:
         self.begin()
 
     def begin(self) -> None:
-        """Start anew with the next readings."""
+        """Start again with the next readings."""
         self._initialiser = initialiser(self.parameters, self._complain)
         self._stepper: Stepper | None = None
         self._covariance: Covariance | None = None

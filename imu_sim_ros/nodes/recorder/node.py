@@ -104,7 +104,7 @@ class Recorder(ConfiguredNode):
 
     # ------------------------------------------------------------------------------- topics
     def _discover(self) -> None:
-        """Subscribe to what is wanted and new, and anew where the publishers' QoS changed."""
+        """Subscribe to what is wanted and new, and again where the publishers' QoS changed."""
         for name, types in self.get_topic_names_and_types():
             if self._is_wanted(name):
                 publishers = [

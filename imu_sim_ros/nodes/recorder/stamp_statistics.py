@@ -17,7 +17,7 @@ class StampStatistics:
     Stamps are taken in batches. Within a batch they are sorted before distances are looked at, so
     that two messages that changed places are out of order but leave no gap. A step back by more
     than a second is a clock that was set back or a source that started again; it is counted as out
-    of order, too, and the next stamp begins anew.
+    of order, too, and the next stamp begins again.
 
     :param max_gap_ns: distances above it are gaps; 0: above 1.5 of the median of the last 256.
     """

@@ -135,12 +135,12 @@ class Simulator(ConfiguredNode):
         if self._follows and parameters.publish.clock_rate:
             raise ConfigurationError(
                 f"publish.clock_rate = {parameters.publish.clock_rate:g}: must be 0 where "
-                "use_sim_time is true; somebody else gives the time then"
+                "use_sim_time is true; time comes from an external /clock"
             )
         if self._follows and parameters.real_time_factor != 1.0:
             raise ConfigurationError(
                 f"real_time_factor = {parameters.real_time_factor:g}: must be 1 where use_sim_time "
-                "is true; somebody else gives the time then"
+                "is true; time comes from an external /clock"
             )
 
     def _streams(self, parameters: SimulatorParameters) -> Iterator[Stream]:
@@ -262,7 +262,7 @@ class Simulator(ConfiguredNode):
     def _after_stall(self, stall: Stall) -> None:
         what = "skipped" if stall.skipped else "published late, none lost"
         self.get_logger().warning(
-            f"stood still for {stall.late_ns * 1e-9:.3f} s: {stall.samples} samples {what}"
+            f"publishing stalled for {stall.late_ns * 1e-9:.3f} s: {stall.samples} samples {what}"
         )
 
     # ------------------------------------------------------------------------- control

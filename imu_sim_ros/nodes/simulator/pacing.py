@@ -10,7 +10,7 @@ from time import monotonic_ns, sleep
 from typing import Final, NamedTuple
 
 STALL_NS: Final = 50_000_000
-"""A sample that is later than this shows that the process stood still."""
+"""A sample that is later than this shows that the process stalled."""
 
 CATCH_UP_SPEED: Final = 8
 """How many times faster than normal samples follow after a stall: subscribers' queues are short."""

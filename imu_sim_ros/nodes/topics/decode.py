@@ -76,12 +76,12 @@ def truth(payload: bytes) -> Truth:
 
 def _nanoseconds(second: int, nanosecond: int) -> int:
     if second < 0:
-        raise InputError(f"a stamp of {second} s, before the beginning of time")
+        raise InputError(f"negative timestamp: {second} s")
     return second * 1_000_000_000 + nanosecond
 
 
 def _after_text(payload: bytes, position: int) -> int:
-    """Return the position behind a text whose length stands at a position."""
+    """Return the position behind a string whose length stands at a position."""
     if payload[:2] != _LITTLE_ENDIAN:
         raise InputError("a message in big-endian CDR")
     if len(payload) < position + 4:

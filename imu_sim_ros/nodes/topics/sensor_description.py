@@ -41,7 +41,7 @@ def encode(parameters: SimulationParameters) -> str:
 def decode(text: str) -> dict[str, object]:
     """Return the sensor's parameters by dotted name, ``imu.gyroscope_noise_density`` and so on.
 
-    :raises InputError: for a text of another form; the values are not looked at.
+    :raises InputError: for a string of another form; the values are not looked at.
     """
     try:
         tree: Any = json.loads(text)
