@@ -23,6 +23,8 @@ from imu_sim_ros.bags import (
     read_temperature,
 )
 from imu_sim_ros.calibration.deterministic import (
+    FIXTURES,
+    NORM,
     Steady,
     calibrate_six_position,
     calibrate_temperature,
@@ -70,6 +72,14 @@ def parser() -> argparse.ArgumentParser:
     six = _kind(kinds, "six_position", "accelerometer: rest with each axis up and down")
     six.add_argument(
         "--simple", action="store_true", help="bias and scale only, without misalignment"
+    )
+    six.add_argument(
+        "--fixture",
+        choices=FIXTURES,
+        default=FIXTURES[0],
+        help="exact: each axis pointed up and down; norm: ten rests or more in any positions, the "
+        "norm of gravity is fitted and S comes out upper triangular; auto: chosen by a test of the "
+        "residuals",
     )
     table = _kind(kinds, "turntable", "gyroscope: known rates about each axis, both directions")
     _add_rates(table)
@@ -153,6 +163,8 @@ def calibrate(arguments: argparse.Namespace) -> None:
         imu = read_imu(arguments.bag, arguments.topic)
         values, facts, draw = _KINDS[arguments.kind](arguments, imu)
         true = {} if truth is None else correction.true_parameters(truth, values)
+        if facts.get("fixture") == NORM and true:
+            correction.turn_to_upper_triangular(true)
         if staging is not None:
             _write(arguments, staging, values, draw)
     if arguments.json:
@@ -167,11 +179,15 @@ Result = tuple[correction.Parameters, dict[str, Any], Callable[[Path], None]]
 
 def _six_position(arguments: argparse.Namespace, imu: ImuMessages) -> Result:
     steady = find_steady(imu.t_ns, imu.gyro, imu.accel)
-    found = calibrate_six_position(steady, arguments.gravity, simple=arguments.simple)
+    found = calibrate_six_position(
+        steady, arguments.gravity, simple=arguments.simple, fixture=arguments.fixture
+    )
     facts = {
         "positions": found.positions.stretches,
         "seconds_at_rest": float(found.positions.duration.sum()),
         "rms_residual": _rms(found.residuals),
+        "fixture": found.fixture,
+        "fixture_reason": found.reason,
     }
 
     def draw(path: Path) -> None:

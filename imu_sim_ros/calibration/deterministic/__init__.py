@@ -9,6 +9,8 @@ Imports the leaves and the room above.
 from imu_sim_ros.calibration.deterministic import correction
 from imu_sim_ros.calibration.deterministic.positions import (
     FACES,
+    FIXTURES,
+    NORM,
     SixPosition,
     calibrate_six_position,
 )
@@ -31,6 +33,8 @@ from imu_sim_ros.calibration.deterministic.turntable import (
 
 __all__ = [
     "FACES",
+    "FIXTURES",
+    "NORM",
     "AxisResponse",
     "SixPosition",
     "Steady",

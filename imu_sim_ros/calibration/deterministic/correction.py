@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.calibration.deterministic.gravity_norm import upper_triangular
 from imu_sim_ros.calibration.deterministic.positions import SixPosition
 from imu_sim_ros.calibration.deterministic.temperature import Temperature, TriadTemperature
 from imu_sim_ros.calibration.deterministic.turntable import Turntable
@@ -125,3 +126,9 @@ def _percent(imu: ImuParameters, triad: str) -> Array:
     xy, xz, yx, yz, zx, zy = getattr(imu, f"{triad}_misalignment_percent")
     x, y, z = getattr(imu, f"{triad}_scale_error_percent")
     return 0.01 * np.array([x, xy, xz, yx, y, yz, zx, zy, z])
+
+
+def turn_to_upper_triangular(true: dict[str, Array]) -> None:
+    """Turn the accelerometer's true axes as the fit of the norm chooses them, in place."""
+    name = "accelerometer_scale_misalignment"
+    true[name] = upper_triangular(true[name].reshape(3, 3)).ravel()

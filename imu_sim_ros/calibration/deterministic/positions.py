@@ -1,24 +1,46 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Six-position calibration of an accelerometer (lecture eq. 6 and 7)."""
+"""Calibration of an accelerometer at rest: in six exact positions (lecture eq. 6, 7), or in any.
+
+An exact fixture turns each axis up and down: the force is known, and eq. 7 has twelve parameters. A
+fixture that is off by a degree puts g sin(1 deg) = 0.17 m/s^2 across each axis, which eq. 7 takes
+for misalignment. The norm of gravity does not see it (:mod:`.gravity_norm`).
+"""
 
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.calibration.deterministic.gravity_norm import (
+    PARAMETERS,
+    NormFit,
+    fit_norm,
+    is_determined,
+)
 from imu_sim_ros.calibration.deterministic.response import AxisResponse, Observations, fit_axis
 from imu_sim_ros.calibration.deterministic.steady import Steady
 from imu_sim_ros.errors import InputError
 
 Array = NDArray[np.float64]
 
+AUTO: Final = "auto"
+EXACT: Final = "exact"
+NORM: Final = "norm"
+FIXTURES: Final = (AUTO, EXACT, NORM)
 FACES: Final = ("+x", "-x", "+y", "-y", "+z", "-z")
 _ALIGNED: Final = float(np.cos(np.radians(20.0)))
 """Cosine of the largest angle between a face's axis and the measured force."""
 _AT_REST: Final = 0.05
 """Largest difference from the usual gyroscope reading [rad/s]."""
+
+
+_CHANCE: Final = 1e-4
+"""Probability with which an exact fixture is taken for a tilted one."""
+_TILTED: Final = 10.0
+"""Variance of the rests' residuals, over that of the readings, from which on it is a tilt."""
+_UNTESTED: Final = "fewer than ten directions do not tell whether the fixture is tilted"
 
 
 class SixPosition(NamedTuple):
@@ -41,25 +63,103 @@ class SixPosition(NamedTuple):
     faces: NDArray[np.int64]
     """(m,) index into :data:`FACES`: which axis points up."""
     residuals: Array
-    """(m, 3) reading minus model [m/s^2]."""
+    """(m, 3) reading minus model, and minus the bias' walk [m/s^2]."""
+    misfit: Array
+    """(m, 3) the same with the walk in it."""
+    fixture: str
+    """exact or norm."""
+    reason: str
+    """Why it is this one, in words."""
     left_out: int
     """Pieces that are not at rest, or not near any face."""
 
 
-def calibrate_six_position(steady: Steady, gravity: float, *, simple: bool = False) -> SixPosition:
-    """Return bias, scale and misalignment from rest with each axis up and down.
+def calibrate_six_position(
+    steady: Steady, gravity: float, *, simple: bool = False, fixture: str = AUTO
+) -> SixPosition:
+    """Return bias, scale and misalignment from rests.
 
     :param steady: what was found in the record; more than six positions are welcome.
     :param gravity: its magnitude [m/s^2].
     :param simple: eq. 6, ``b = (up + down) / 2`` and ``S = (up - down) / 2g`` per axis, without
         misalignment; else the twelve parameters of eq. 7 by weighted least squares.
-    :raises InputError: where a face is missing.
+    :param fixture: ``exact``, each axis rests pointing up and down; ``norm``, rests in ten
+        directions or more, whichever; ``auto``, exact unless the residuals of eq. 7 are larger than
+        those of the norm by more than chance (an F-test), or a face is missing.
+    :raises InputError: where a face is missing, or where ten directions are.
     """
-    rest = np.linalg.norm(steady.gyro - np.median(steady.gyro, axis=0), axis=1) < (
-        _AT_REST + 6.0 * np.linalg.norm(steady.gyro_sigma, axis=1)
+    found = _chosen(steady.rows(_at_rest(steady)), gravity, simple, fixture)
+    return found._replace(left_out=len(steady.stretch) - len(found.positions.stretch))
+
+
+def _chosen(steady: Steady, gravity: float, simple: bool, fixture: str) -> SixPosition:
+    """Return the result of the model that is asked for, or that fits."""
+    if fixture == EXACT or simple:
+        return _exact(steady, gravity, "as asked for", simple=simple)
+    if fixture == NORM:
+        return _by_norm(fit_norm(steady, gravity), steady, "as asked for")
+    if not is_determined(steady.accel):
+        return _exact(steady, gravity, _UNTESTED)
+    found = fit_norm(steady, gravity)
+    try:
+        exact = _exact(steady, gravity, "")
+    except InputError:
+        return _by_norm(found, steady, "not every axis rests pointing up and down")
+    ratio, limit = _compared(exact, found, len(steady.accel))
+    words = f"eq. 7 leaves {ratio:.3g} times the variance that the norm leaves"
+    if ratio <= limit:
+        return exact._replace(reason=f"{words}; up to {limit:.3g} is chance")
+    return _by_norm(found, steady, f"{words}; more than {limit:.3g} is no chance: it is tilted")
+
+
+def _at_rest(steady: Steady) -> NDArray[np.bool_]:
+    """Tell which stretches are at rest and not turning."""
+    offset = steady.gyro - np.median(steady.gyro, axis=0)
+    limit = _AT_REST + 6.0 * np.linalg.norm(steady.gyro_sigma, axis=1)
+    result: NDArray[np.bool_] = np.linalg.norm(offset, axis=1) < limit
+    return result
+
+
+def _compared(exact: SixPosition, norm: NormFit, rests: int) -> tuple[float, float]:
+    """Return the ratio of the variances that both models leave, and its largest by chance.
+
+    In standard errors of the readings; what walks is in both.
+    """
+    from scipy.stats import f as f_distribution  # 0.3 s that only this needs
+
+    freedom = 3 * len(exact.faces) - 12, rests - PARAMETERS
+    misfit = float(np.sum(np.square(exact.misfit / exact.positions.accel_sigma)))
+    ratio = (misfit / freedom[0]) / max(norm.misfit / freedom[1], 1e-12)
+    return ratio, float(f_distribution.ppf(1.0 - _CHANCE, *freedom))
+
+
+def _by_norm(found: NormFit, steady: Steady, reason: str) -> SixPosition:
+    """Return the result of a fit of the norm."""
+    gyro = [
+        fit_axis(observations(steady, found.force, steady.gyro, steady.gyro_sigma, k))
+        for k in range(3)
+    ]
+    residuals = steady.accel - (found.force @ found.scale_misalignment.T + found.bias)
+    return SixPosition(
+        found.scale_misalignment,
+        found.scale_misalignment_sigma,
+        found.bias,
+        found.bias_sigma,
+        np.array([axis.bias[0] for axis in gyro]),
+        np.array([axis.bias_sigma[0] for axis in gyro]),
+        steady,
+        nearest_faces(steady.accel)[0],
+        residuals,
+        residuals,
+        NORM,
+        reason,
+        0,
     )
-    faces, aligned = nearest_faces(steady.accel)
-    used = rest & aligned
+
+
+def _exact(steady: Steady, gravity: float, reason: str, *, simple: bool = False) -> SixPosition:
+    """Return the result of eq. 7, or of eq. 6."""
+    faces, used = nearest_faces(steady.accel)
     positions, faces = steady.rows(used), faces[used]
     missing = [name for k, name in enumerate(FACES) if k not in faces]
     if missing:
@@ -69,6 +169,11 @@ def calibrate_six_position(steady: Steady, gravity: float, *, simple: bool = Fal
         )
     force = gravity * face_vectors(faces)
     axes = [_axis(positions, force, k, simple) for k in range(3)]
+    tilt = 0.0 if simple else _tilt(positions, force, axes, gravity)
+    if tilt:
+        uncertain = positions._replace(accel_sigma=_tilted_sigma(positions, force, gravity, tilt))
+        axes = [_axis(uncertain, force, k, simple) for k in range(3)]
+        reason += f"; the residuals are those of rests tilted by {np.degrees(tilt):.2g} deg RMS"
     gyro = [  # with the force as input, for a sensitivity to it is no bias
         fit_axis(observations(positions, force, positions.gyro, positions.gyro_sigma, k))
         for k in range(3)
@@ -83,6 +188,9 @@ def calibrate_six_position(steady: Steady, gravity: float, *, simple: bool = Fal
         positions,
         faces,
         _residuals(axes, faces, simple),
+        _misfit(axes, force, positions, simple),
+        EXACT,
+        reason,
         int(np.count_nonzero(~used)),
     )
 
@@ -130,6 +238,42 @@ def _row(values: Array, k: int, simple: bool) -> Array:
     row = np.zeros(3)
     row[k] = values[0]
     return row
+
+
+def _tilt(positions: Steady, force: Array, axes: list[AxisResponse], gravity: float) -> float:
+    """Return the RMS tilt of the rests about each axis [rad] that the residuals show; 0: none.
+
+    Across an axis a tilt of theta reads g theta. Each axis has four numbers; what is left of the
+    rests' means beyond them is tilt where it is far above the readings' own errors.
+    """
+    numbers, first = np.unique(positions.stretch, return_index=True)
+    freedom = 3 * (len(numbers) - 4)
+    misfit = _misfit(axes, force, positions, simple=False)
+    means = np.array([misfit[positions.stretch == number].mean(axis=0) for number in numbers])
+    own = np.square(positions.accel_sigma[first]).mean()
+    variance = float(np.sum(means**2)) / max(freedom, 1)
+    return np.sqrt(variance) / gravity if freedom > 0 and variance > _TILTED * own else 0.0
+
+
+def _tilted_sigma(positions: Steady, force: Array, gravity: float, tilt: float) -> Array:
+    """Return (m, 3) standard errors of readings at rests that are tilted.
+
+    ``g theta`` across an axis; along it ``g theta^2``, the mean square of what the cosines of two
+    tilts take away. All pieces of a rest have one tilt: each counts as if there were no others.
+    """
+    _, which, count = np.unique(positions.stretch, return_inverse=True, return_counts=True)
+    pieces = count[which.ravel()][:, None]
+    along = force != 0.0
+    extra = np.where(along, 2.0 * (gravity * tilt**2) ** 2, (gravity * tilt) ** 2)
+    return np.sqrt(np.square(positions.accel_sigma) + pieces * extra)
+
+
+def _misfit(axes: list[AxisResponse], force: Array, positions: Steady, simple: bool) -> Array:
+    """Return (m, 3) reading minus model; the simple variant has none across an axis."""
+    gains = np.array([_row(axis.gain, k, simple) for k, axis in enumerate(axes)])
+    model = force @ gains.T + np.array([axis.bias[0] for axis in axes])
+    across = (force == 0.0) & simple
+    return np.where(across, 0.0, positions.accel - model)
 
 
 def _residuals(axes: list[AxisResponse], faces: NDArray[np.int64], simple: bool) -> Array:

@@ -168,11 +168,21 @@ def walk_whitener(data: Observations, bias_order: int = 0, scale_order: int = 0)
     if data.inputs.shape[1]:  # the axis' own input is the one that its readings follow
         own = int(np.argmax(np.abs(data.inputs.T @ (data.readings - data.readings.mean()))))
         columns = np.column_stack([columns, scale_columns * data.inputs[:, own : own + 1]])
+    return likely_whitener(data, columns)
+
+
+def likely_whitener(data: Observations, columns: Array, alike: Array | None = None) -> Array:
+    """Return the whitener of :func:`walk_whitener` for a model with the given columns (n, p).
+
+    :param alike: (n, n) cosine of how a walk of the bias acts on two readings; None: alike on all.
+    """
     basis, triangle = np.linalg.qr(columns)
     columns = basis[:, np.abs(np.diag(triangle)) > _DEPENDENT * np.abs(triangle).max()]
     time = np.maximum(data.time, 0.0)
     unit = float(np.median(data.sigma)) ** 2 / max(float(time[-1]), 1e-9)
     shape = np.minimum.outer(time, time) * unit
+    if alike is not None:
+        shape = shape * alike
 
     def objective(log_walk: float) -> float:
         w, log_determinant = _whitener(data, shape, float(np.exp(log_walk)))
