@@ -11,7 +11,7 @@ SHELL := /bin/bash
 .DEFAULT_GOAL := build
 .ONESHELL:
 .NOTPARALLEL:
-.PHONY: build demo test lint bench docs clean test-floor
+.PHONY: build demo test lint bench fuzz docs clean test-floor
 
 PYTHON ?= python3
 TRAJECTORY ?= lecture
@@ -94,6 +94,12 @@ docs: build .venv/test-installed
 
 bench: build .venv/test-installed
 	@$(CLEAN) $(BIN)/python test/bench/run.py
+
+# Hostile inputs for every command; COUNT cases from the number FIRST on, reported by kind.
+COUNT ?= 3000
+FIRST ?= 0
+fuzz: build .venv/test-installed
+	@$(CLEAN) OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python test/fuzz/hostile.py $(COUNT) $(FIRST)
 
 clean:
 	rm -rf .venv .venv-floor build install log build.log demo_output docs/_build

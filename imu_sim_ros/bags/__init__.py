@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.bags.read import read_temperature as read_temperature
     from imu_sim_ros.bags.reader import Bag as Bag
     from imu_sim_ros.bags.reader import ahead as ahead
+    from imu_sim_ros.bags.split import MAX_PARTS as MAX_PARTS
     from imu_sim_ros.bags.write import COMPRESSIONS as COMPRESSIONS
     from imu_sim_ros.bags.write import STORAGES as STORAGES
     from imu_sim_ros.bags.write import check_writer as check_writer
@@ -57,6 +58,7 @@ else:
                 "read_temperature",
             ],
             "reader": ["Bag", "ahead"],
+            "split": ["MAX_PARTS"],
             "write": ["COMPRESSIONS", "STORAGES", "check_writer", "open_writer"],
             "writer": ["Block", "Topic", "Writer", "amount", "described"],
         },

@@ -27,7 +27,7 @@ from imu_sim_ros.bags.messages import (
     transcode,
 )
 from imu_sim_ros.bags.read import imu_blocks, odometry_blocks, open_bag, vector_blocks
-from imu_sim_ros.bags.reader import Bag, listed
+from imu_sim_ros.bags.reader import Bag, listed, told
 from imu_sim_ros.bags.text import Dataset, States
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.writer import Block, Topic, Writer
@@ -82,7 +82,8 @@ def bag_to_bag(
     :param renamed: new names by old ones.
     :param advance: is told how many messages were copied.
     """
-    translate = _translator(bag, writer, topics)
+    with told(bag.path):
+        translate = _translator(bag, writer, topics)
     handles: dict[TopicInfo, Topic] = {}
     keeps_seq = bag.encoding == "ros1"
     for info in topics:
@@ -136,17 +137,13 @@ class _Between(_Translator):
         quick = transcode(block, self._source, self._encoding)
         if quick is not None:
             return quick
-        from rosbags.serde import SerdeError
-
         type_name = block.topic.type
-        try:
+        with told(Path(block.topic.name)):
             if self._encoding == "ros1":
                 convert = self._types.cdr_to_ros1
             else:
                 convert = self._translated.ros1_to_cdr
             return [bytes(convert(message, type_name)) for message in as_list(block.payloads)]
-        except SerdeError as error:
-            raise InputError(f"{block.topic.name}: {error}") from None
 
 
 def _translator(bag: Bag, writer: Writer, topics: Sequence[TopicInfo]) -> _Translator:

@@ -1,49 +1,84 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Decompression of chunks, whole ones and torn ones."""
+"""Decompression of chunks, whole ones and torn ones, of a bounded size, in steps."""
 
-from typing import Any
+from collections.abc import Iterator
+from typing import Any, Final
 
-from imu_sim_ros.errors import InputError
+LARGEST_CHUNK: Final = 1 << 30
+"""[bytes] A chunk that holds more is refused; those of rosbag2 and roscpp have some 1 MB."""
+_ALWAYS_ALLOWED: Final = 64 << 20
+_LARGEST_RATIO: Final = 40
+"""Larger chunks may not be compressed further: a file of 10 MB must not fill the memory."""
+_STEP: Final = 1 << 20
 
 
-def decompress(data: bytes, compression: str, torn: bool = False) -> bytes:
+def allowed(compressed: int) -> int:
+    """Return how many bytes a chunk may hold that takes so many in the file."""
+    return min(LARGEST_CHUNK, max(_ALWAYS_ALLOWED, _LARGEST_RATIO * compressed))
+
+
+def decompress(data: bytes, compression: str, size: int, torn: bool = False) -> bytes:
     """Return the content of a chunk.
 
     :param compression: none or empty, lz4, zstd or bz2.
+    :param size: what the content has to have [bytes].
     :param torn: the end is missing; what comes before it is returned.
-    :raises ValueError: for data that is not what the name says.
+    :raises ValueError: for data that is not what the name says, or another size.
     """
-    if compression in ("", "none"):
-        return data
+    if size > allowed(len(data)):
+        raise ValueError(f"{size} bytes in {len(data)} compressed ones are above the limit")
+    content = data if compression in ("", "none") else _decompressed(data, compression, size, torn)
+    if not torn and len(content) != size:
+        raise ValueError("it has not the size that it should have")
+    return content
+
+
+def _decompressed(data: bytes, compression: str, size: int, torn: bool) -> bytes:
+    """Return the content, or a little more than its size where it is larger than stated."""
+    content = bytearray()
     try:
-        if torn:
-            return bytes(_stepwise(compression).decompress(data))
-        return _whole(data, compression)
-    except (RuntimeError, OSError, EOFError) as error:
-        raise ValueError(str(error)) from None
+        for part in _stepwise(data, compression):
+            content += part
+            if len(content) > size:
+                break
+    except (RuntimeError, OSError, EOFError, ValueError) as error:
+        if not torn:
+            raise ValueError(str(error)) from None
+    return bytes(content)
 
 
-def _whole(data: bytes, compression: str) -> bytes:
-    if compression == "lz4":
-        import lz4.frame
+def _stepwise(data: bytes, compression: str) -> Iterator[bytes]:
+    """Yield the content in steps of a bounded size, of one stream."""
+    if compression == "zstd":
+        yield from _zstd_steps(data)
+        return
+    stream = _stream(compression)
+    position = 0
+    while not stream.eof:
+        part = b""
+        if stream.needs_input:
+            part = data[position : position + _STEP]
+            position += len(part)
+            if not part:
+                return
+        yield stream.decompress(part, _STEP)
 
-        return bytes(lz4.frame.decompress(data))
-    if compression == "bz2":
-        import bz2
 
-        return bz2.decompress(data)
+def _zstd_steps(data: bytes) -> Iterator[bytes]:
     import zstandard
 
+    stream = zstandard.ZstdDecompressor().stream_reader(data)
     try:
-        return bytes(_stepwise(compression).decompress(data))
+        while part := stream.read(_STEP):
+            yield part
     except zstandard.ZstdError as error:
         raise ValueError(str(error)) from None
 
 
-def _stepwise(compression: str) -> Any:
-    """Return an object that decompresses as much as there is."""
+def _stream(compression: str) -> Any:
+    """Return an object that decompresses in steps of a bounded size."""
     if compression == "lz4":
         import lz4.frame
 
@@ -52,8 +87,4 @@ def _stepwise(compression: str) -> Any:
         import bz2
 
         return bz2.BZ2Decompressor()
-    if compression == "zstd":
-        import zstandard
-
-        return zstandard.ZstdDecompressor().decompressobj()
-    raise InputError(f"chunks are compressed by {compression!r}, which is not known here")
+    raise ValueError(f"chunks are compressed by {compression[:20]!r}, which is not known here")

@@ -24,11 +24,12 @@ from imu_sim_ros.bags.messages import (
     decode_block,
     inside_order,
 )
-from imu_sim_ros.bags.reader import Bag
+from imu_sim_ros.bags.reader import Bag, told
 from imu_sim_ros.bags.ros1 import Rosbag1Bag
 from imu_sim_ros.bags.rosbag2 import Rosbag2Folder, SqliteBag
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs import open_regular
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.poses import read_poses as read_pose_file
 
@@ -110,15 +111,20 @@ def open_bag(path: str | Path, recover: bool = False) -> Bag:
     path = Path(path)
     if recover and not path.exists():
         path = unfinished(path) or path
+    with told(path, "" if recover else "; --recover takes what is there"):
+        return _opened(path, recover)
+
+
+def _opened(path: Path, recover: bool) -> Bag:
     if path.is_dir():
         return Rosbag2Folder(path, recover)
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             magic = file.read(_MAGIC_BYTES)
-    except OSError as error:
+    except InputError as error:
         left = unfinished(path)
         hint = f"; {left} is an unfinished one, --recover takes what is there" if left else ""
-        raise InputError(f"{path}: {error.strerror or error}{hint}") from None
+        raise InputError(f"{error}{hint}") from None
     if magic.startswith(b"#ROSBAG V"):
         return Rosbag1Bag(path, recover)
     if magic.startswith(b"\x89MCAP"):

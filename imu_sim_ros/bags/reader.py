@@ -4,20 +4,37 @@
 """What all bag readers share: topics, blocks of messages, and their order in time."""
 
 import queue
+import sqlite3
+import struct
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, Final, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.lib.stride_tricks import as_strided, sliding_window_view
 
 from imu_sim_ros.bags.messages import Bytes, MessageBlock, Payloads, Times, TopicInfo, as_list
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.errors import ImuSimError, InputError, system_error
 
 _T = TypeVar("_T")
+DAMAGE: Final = (
+    ArithmeticError,
+    AssertionError,
+    AttributeError,
+    EOFError,
+    LookupError,
+    MemoryError,
+    RecursionError,
+    TypeError,
+    ValueError,
+    struct.error,
+)
+"""What Python, NumPy and the bag libraries raise over bytes that are not what they say."""
 _AHEAD = 2
+_LONGEST_REASON: Final = 200
 
 
 class Timed(NamedTuple):
@@ -26,6 +43,30 @@ class Timed(NamedTuple):
     next_start_ns: int
     """Before this time no later chunk has a message."""
     blocks: list[MessageBlock]
+
+
+@contextmanager
+def told(path: Path, hint: str = "") -> Iterator[None]:
+    """Turn what damaged bytes raise into one line; the reader of a file is wrapped into this.
+
+    :param hint: what may help.
+    :raises InputError: for any of :data:`DAMAGE`, and for what mcap, rosbags and sqlite raise.
+    """
+    try:
+        yield
+    except ImuSimError:
+        raise
+    except OSError as error:
+        raise system_error(path, error) from error
+    except Exception as error:
+        if not isinstance(error, (*DAMAGE, sqlite3.Error)) and not _of_bag_library(error):
+            raise
+        words = " ".join(str(error).split())[:_LONGEST_REASON] or type(error).__name__
+        raise InputError(f"{path}: damaged: {words}{hint}") from error
+
+
+def _of_bag_library(error: Exception) -> bool:
+    return type(error).__module__.partition(".")[0] in ("mcap", "rosbags", "lz4", "zstandard")
 
 
 class Bag(ABC):
@@ -63,7 +104,11 @@ class Bag(ABC):
         """
         if names is None:
             names = {topic.name for topic in self.topics}
-        return ahead(_in_time_order(self._timed(names)))
+        return ahead(self._told(_in_time_order(self._timed(names))))
+
+    def _told(self, groups: Iterator[list[MessageBlock]]) -> Iterator[list[MessageBlock]]:
+        with told(self.path):
+            yield from groups
 
     def topic(self, type_name: str, name: str | None) -> TopicInfo:
         """Return the topic of a type: the named one, or the only one.
@@ -141,8 +186,12 @@ def gather(data: Bytes, starts: Times, sizes: Times) -> Payloads:
     """
     if not len(starts):
         return []
-    if int((starts + sizes).max()) > len(data):
+    if int(min(starts.min(), sizes.min())) < 0 or (
+        int(max(starts.max(), sizes.max())) > len(data) or int((starts + sizes).max()) > len(data)
+    ):
         raise ValueError("a message reaches past the end of its chunk")
+    if int(sizes.sum()) > len(data):
+        raise ValueError("messages overlap")
     size = int(sizes[0])
     if bool(np.any(sizes != size)):
         content = data.tobytes()

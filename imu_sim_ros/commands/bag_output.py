@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from imu_sim_ros.bags import COMPRESSIONS, STORAGES, Outputs, check_writer
+from imu_sim_ros.bags import COMPRESSIONS, MAX_PARTS, STORAGES, Outputs, check_writer
 from imu_sim_ros.bags.text import writer as text_writer
 from imu_sim_ros.commands import common, shared
 from imu_sim_ros.errors import InputError
@@ -71,6 +71,22 @@ def form(arguments: argparse.Namespace) -> str | None:
     if unfit:
         raise InputError(unfit)
     return result
+
+
+def check_split(split_duration: float, period: float, duration: float) -> None:
+    """Refuse parts that are shorter than the time between two messages, or very many.
+
+    :param split_duration: of one part [s]; 0: no parts.
+    :param period: between two messages [s].
+    :param duration: of all [s].
+    :raises InputError: with what is allowed.
+    """
+    shortest = max(period, duration / MAX_PARTS)
+    if 0.0 < split_duration < shortest:
+        raise InputError(
+            f"--split-duration {split_duration:g}s: must be at least {shortest:g} s, which gives "
+            f"every message a part of its own, or {MAX_PARTS} parts"
+        )
 
 
 def outputs(arguments: argparse.Namespace, inputs: Iterable[object] = ()) -> Outputs:

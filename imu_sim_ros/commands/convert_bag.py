@@ -28,6 +28,7 @@ from imu_sim_ros.commands import bag_output, common, shared
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.poses import PoseSequence
 
+_SHOWN_DAMAGE: Final = 10
 EXAMPLES: Final = """
   convert_bag recording -o recording.bag --compression lz4  # rosbag2 -> ROS 1
   convert_bag flight.bag -o flight/mav0 --format euroc  # ROS 1 -> EuRoC
@@ -89,6 +90,9 @@ def _from_bag(arguments: argparse.Namespace, form: str | None, written: Outputs)
         else:
             counts, last_ns = _bag_to_dataset(bag, topics, form, arguments, written)
         damage = bag.damage
+    if arguments.recover and not sum(counts.values()):
+        lines = [f"{arguments.input}: left out: {problem}" for problem in damage[:_SHOWN_DAMAGE]]
+        raise InputError([*lines, f"{arguments.input}: nothing recoverable"])
     if not arguments.quiet:
         for problem in damage:
             print(f"convert_bag: left out: {problem}", file=sys.stderr)

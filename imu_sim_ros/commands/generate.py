@@ -98,6 +98,9 @@ def generate(arguments: argparse.Namespace) -> None:
         arguments.imu_only,
         dict(arguments.topic),
     )
+    bag_output.check_split(
+        arguments.split_duration, 1.0 / parameters.rate, parameters.duration or 0.0
+    )
     everything = {**flatten(parameters), **(flatten(rig) if rig else {})}
     written = bag_output.outputs(arguments, everything.values())
     if arguments.with_configs:

@@ -21,8 +21,9 @@ from imu_sim_ros.bags.mcap.writer import (
     MESSAGE_INDEX,
 )
 from imu_sim_ros.bags.messages import Bytes, MessageBlock, Schema, TopicInfo, parse_qos
-from imu_sim_ros.bags.reader import Bag, Timed, gather, in_order
+from imu_sim_ros.bags.reader import DAMAGE, Bag, Timed, gather, in_order
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs import open_regular
 
 _HEADER_BYTES = 9
 _SCHEMA, _CHANNEL, _DATA_END, _FOOTER = 0x03, 0x04, 0x0F, 0x02
@@ -52,7 +53,9 @@ class McapBag(Bag):
         """
         super().__init__(path)
         self._recover = recover
-        self._file: BinaryIO = path.open("rb")
+        self._file: BinaryIO = open_regular(path)
+        self._end = self._file.seek(0, 2)
+        self._file.seek(0)
         self._channels: dict[int, TopicInfo] = {}
         self._records: dict[int, Any] = {}
         self._schemas: dict[int, Any] = {}
@@ -79,8 +82,8 @@ class McapBag(Bag):
 
         self._file.seek(0)
         try:
-            summary = SeekingReader(self._file).get_summary()
-        except (McapError, struct.error, OSError, ValueError, KeyError, AssertionError):
+            summary = SeekingReader(_Bounded(self._file, self._end)).get_summary()
+        except (McapError, *DAMAGE):
             raise InputError(
                 f"{self.path}: no valid end (interrupted or damaged); --recover takes what is there"
             ) from None
@@ -112,8 +115,7 @@ class McapBag(Bag):
         """Find all chunks and channels without an index, and count the messages."""
         counts: dict[int, int] = {}
         self._records, self._schemas, self._chunks = {}, {}, []
-        self._file.seek(0, 2)
-        end = self._file.tell()
+        end = self._end
         position = len(MAGIC)
         while position + _HEADER_BYTES <= end:
             self._file.seek(position)
@@ -128,10 +130,21 @@ class McapBag(Bag):
                 # Messages outside of chunks: all neighbours together are read as if in one.
                 after = self._end_of_messages(position, end)
                 self._add_scanned(_Chunk(position, after - position, 0, 0), counts)
-            elif after <= end:
-                self._note_definition(opcode, self._file.read(length))
+            elif after <= end and opcode in (_SCHEMA, _CHANNEL):
+                self._try_definition(opcode, self._file.read(length), position)
             position = after
         return counts
+
+    def _try_definition(self, opcode: int, body: bytes, position: int) -> None:
+        """Take a schema or a channel; a damaged one is left out when recovering."""
+        from mcap.exceptions import McapError
+
+        try:
+            self._note_definition(opcode, body)
+        except (McapError, *DAMAGE) as error:
+            if not self._recover:
+                raise
+            self.damage.append(f"definition at byte {position}: {error}")
 
     def _end_of_messages(self, position: int, end: int) -> int:
         while position + _HEADER_BYTES <= end:
@@ -145,7 +158,7 @@ class McapBag(Bag):
     def _add_scanned(self, chunk: _Chunk, counts: dict[int, int]) -> None:
         try:
             data = self._chunk_data(chunk)
-        except ValueError as error:
+        except DAMAGE as error:
             problem = f"chunk at byte {chunk.offset}: {error}"
             if not self._recover:
                 raise InputError(f"{self.path}: {problem}") from None
@@ -159,7 +172,7 @@ class McapBag(Bag):
                 starts.append(log_time)
             else:
                 body = bytes(data[start + _HEADER_BYTES : start + _HEADER_BYTES + length])
-                self._note_definition(opcode, body)
+                self._try_definition(opcode, body, chunk.offset + start)
         if len(starts) > 1:
             self._chunks.append(chunk._replace(start_ns=min(starts)))
 
@@ -185,10 +198,12 @@ class McapBag(Bag):
             groups.setdefault((channel.topic, record.name if record else ""), []).append(channel)
         for (name, type_name), channels in groups.items():
             encodings = {channel.message_encoding for channel in channels}
+            if encodings != {"cdr"} and self._recover and not any(counts.values()):
+                continue
             if encodings != {"cdr"}:
                 raise InputError(f"{self.path}: {name} holds {encodings.pop()}, not ROS 2 messages")
             record = self._schemas.get(channels[0].schema_id)
-            text = record.data.decode() if record else ""
+            text = record.data.decode("utf-8", "replace") if record else ""
             metadata = channels[0].metadata
             topic = TopicInfo(
                 name,
@@ -211,7 +226,7 @@ class McapBag(Bag):
         for chunk, next_start_ns in zip(chunks, starts, strict=True):
             try:
                 yield Timed(next_start_ns, self._blocks(chunk, wanted))
-            except (ValueError, struct.error) as error:
+            except DAMAGE as error:
                 raise InputError(
                     f"{self.path}: chunk at byte {chunk.offset}: {error}; --recover leaves it out"
                 ) from None
@@ -228,8 +243,7 @@ class McapBag(Bag):
 
     def _chunk_data(self, chunk: _Chunk) -> bytes:
         """Return the content of a chunk, checked, or as much as there is of a torn one."""
-        self._file.seek(chunk.offset)
-        record = self._file.read(chunk.length)
+        record = self._bytes(chunk.offset, chunk.length)
         if record[:1] == bytes([MESSAGE]):
             return record
         start = _HEADER_BYTES + 28
@@ -237,15 +251,24 @@ class McapBag(Bag):
         (name_length,) = struct.unpack_from("<I", record, start)
         compression = record[start + 4 : start + 4 + name_length].decode()
         data = record[start + 4 + name_length + 8 :]
-        content = decompress(data, compression, chunk.torn)
-        if not chunk.torn and (len(content) != size or (crc and zlib.crc32(content) != crc)):
+        content = decompress(data, compression, size, chunk.torn)
+        if not chunk.torn and crc and zlib.crc32(content) != crc:
             raise ValueError("the checksum is wrong")
         return content
 
+    def _bytes(self, offset: int, length: int) -> bytes:
+        """Return a part of the file.
+
+        :raises ValueError: where it reaches past the end.
+        """
+        if offset + length > self._end:
+            raise ValueError("it reaches past the end of the file")
+        self._file.seek(offset)
+        return self._file.read(length)
+
     def _indexed(self, chunk: _Chunk) -> dict[int, np.ndarray[Any, np.dtype[np.int64]]]:
         """Return by channel where the index says that messages begin; empty without an index."""
-        self._file.seek(chunk.offset + chunk.length)
-        data = self._file.read(chunk.index_length)
+        data = self._bytes(chunk.offset + chunk.length, chunk.index_length)
         found: dict[int, Any] = {}
         for opcode, start, _ in _records(memoryview(data)):
             if opcode != MESSAGE_INDEX:
@@ -255,6 +278,19 @@ class McapBag(Bag):
             entries = np.frombuffer(data, INDEX_ENTRY, size // INDEX_ENTRY.itemsize, first)
             found[channel] = entries["offset"].astype(np.int64)
         return found
+
+
+class _Bounded:
+    """A file in which no length, however absurd, asks for more bytes than there are."""
+
+    def __init__(self, file: BinaryIO, end: int) -> None:
+        self._file, self._end = file, end
+        self.seek, self.tell, self.seekable = file.seek, file.tell, file.seekable
+
+    def read(self, size: int = -1) -> bytes:
+        """Return at most so many bytes as follow."""
+        left = max(self._end - self._file.tell(), 0)
+        return self._file.read(left if size < 0 else min(size, left))
 
 
 def _block(

@@ -3,6 +3,7 @@
 
 """Blocks of messages as arrays: constant sizes all at once, varying ones in groups."""
 
+import struct
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
@@ -41,7 +42,7 @@ def decode_block(block: MessageBlock, encoding: str, names: Sequence[str]) -> De
     type_name = block.topic.type
     try:
         groups = _groups(type_name, encoding, block.payloads)
-    except (ValueError, UnicodeDecodeError) as error:
+    except (ArithmeticError, LookupError, ValueError, struct.error) as error:
         raise InputError(f"{block.topic.name}: not {type_name} messages: {error}") from None
     count = len(block.t_ns)
     t_ns = np.empty(count, dtype=np.int64)
@@ -101,7 +102,7 @@ def transcode(block: MessageBlock, source: str, target: str) -> Payloads | None:
         return None
     try:
         groups = _groups(type_name, source, block.payloads)
-    except (ValueError, UnicodeDecodeError):
+    except (ArithmeticError, LookupError, ValueError, struct.error):
         return None
     if len(groups) > 1:
         return None

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.bags.decompress import decompress
 from imu_sim_ros.bags.messages import Bytes, MessageBlock, Qos, Schema, TopicInfo, ros2_name
-from imu_sim_ros.bags.reader import Bag, Timed, gather, in_order
+from imu_sim_ros.bags.reader import DAMAGE, Bag, Timed, gather, in_order
 from imu_sim_ros.bags.ros1.writer import (
     INDEX_ENTRY,
     MAGIC,
@@ -25,11 +25,11 @@ from imu_sim_ros.bags.ros1.writer import (
     OP_MESSAGE,
 )
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs import open_regular
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
 
 _END_NS = 2**63 - 1
 _LONGEST_HEADER = 1 << 24
-_ERRORS = (ValueError, KeyError, struct.error, IndexError)
 
 
 class _Record(NamedTuple):
@@ -50,7 +50,7 @@ class _Record(NamedTuple):
 
     def time(self, name: str) -> int:
         """Return a field as nanoseconds."""
-        second, nanosecond = struct.unpack("<II", self.fields[name])
+        second, nanosecond = struct.unpack("<II", self.fields[name][:8])
         return int(second * NANOSECONDS_PER_SECOND + nanosecond)
 
 
@@ -73,8 +73,9 @@ class Rosbag1Bag(Bag):
         """
         super().__init__(path)
         self._recover = recover
-        self._file: BinaryIO = path.open("rb")
-        self._end = path.stat().st_size
+        self._file: BinaryIO = open_regular(path)
+        self._end = self._file.seek(0, 2)
+        self._file.seek(0)
         self._connections: dict[int, TopicInfo] = {}
         self._found: dict[int, tuple[str, str, Schema, bool]] = {}
         self._chunks: list[_Chunk] = []
@@ -82,11 +83,10 @@ class Rosbag1Bag(Bag):
             if self._file.read(len(MAGIC)) != MAGIC:
                 raise InputError(f"{path}: not a ROS 1 bag of format 2.0")
             self._name_topics(self._scan() if recover else self._read_index())
-        except _ERRORS:
+        except DAMAGE:
             self._file.close()
-            raise InputError(
-                f"{path}: the index is damaged; --recover takes what is there"
-            ) from None
+            hint = "" if recover else "; --recover takes what is there"
+            raise InputError(f"{path}: the index is damaged{hint}") from None
         except BaseException:
             self._file.close()
             raise
@@ -133,27 +133,34 @@ class Rosbag1Bag(Bag):
             try:
                 record = self._record(position)
                 op = record.op
-            except _ERRORS:
+            except DAMAGE:
                 break  # the header of the last record is torn
             if op == OP_CHUNK:
                 self._scan_chunk(position, counts)
             elif op == OP_CONNECTION and record.whole:
-                self._note_connection(record, self._data(record))
+                self._try_connection(record, self._data(record))
             position = record.start + record.size
         return counts
+
+    def _try_connection(self, record: _Record, data: bytes) -> None:
+        """Take a connection; a damaged one is left out."""
+        try:
+            self._note_connection(record, data)
+        except DAMAGE as error:
+            self.damage.append(f"connection at byte {record.start}: {error}")
 
     def _scan_chunk(self, position: int, counts: dict[int, int]) -> None:
         try:
             data = self._chunk(position)[0]
-        except _ERRORS as error:
+        except DAMAGE as error:
             self.damage.append(f"chunk at byte {position}: {error}")
             return
         times = []
         end = 0
         for record in _records(data):
             if record.op == OP_CONNECTION:
-                self._note_connection(record, data[record.start : record.start + record.size])
-            elif record.op == OP_MESSAGE:
+                self._try_connection(record, data[record.start : record.start + record.size])
+            elif record.op == OP_MESSAGE and {"conn", "time"} <= set(record.fields):
                 connection = record.number("conn")
                 counts[connection] = counts.get(connection, 0) + 1
                 times.append(record.time("time"))
@@ -179,7 +186,7 @@ class Rosbag1Bag(Bag):
 
     def _data(self, record: _Record) -> bytes:
         self._file.seek(record.start)
-        return self._file.read(record.size)
+        return self._file.read(max(min(record.size, self._end - record.start), 0))
 
     def _note_connection(self, record: _Record, data: bytes) -> None:
         details = _fields(data, len(data))
@@ -187,7 +194,10 @@ class Rosbag1Bag(Bag):
         self._found[record.number("conn")] = (
             record.fields["topic"].decode(),
             ros2_name(details["type"].decode()),
-            Schema(details["message_definition"].decode(), details["md5sum"].decode()),
+            Schema(
+                details["message_definition"].decode("utf-8", "replace"),
+                details["md5sum"].decode(),
+            ),
             details.get("latching") == b"1",
         )
 
@@ -211,9 +221,7 @@ class Rosbag1Bag(Bag):
             raise ValueError("no chunk stands there")
         compression = record.fields["compression"].decode()
         torn = not record.whole
-        data = decompress(self._data(record), compression, torn)
-        if not torn and len(data) != record.number("size"):
-            raise ValueError("it has not the size that it should have")
+        data = decompress(self._data(record), compression, record.number("size"), torn)
         return data, record.start + record.size
 
     def _timed(self, names: Collection[str]) -> Iterator[Timed]:
@@ -223,7 +231,7 @@ class Rosbag1Bag(Bag):
         for chunk, next_start_ns in zip(chunks, starts, strict=True):
             try:
                 yield Timed(next_start_ns, self._blocks(chunk, wanted))
-            except _ERRORS as error:
+            except DAMAGE as error:
                 raise InputError(
                     f"{self.path}: chunk at byte {chunk.position}: {error}; --recover leaves it out"
                 ) from None
@@ -272,8 +280,8 @@ def _scanned(data: bytes) -> dict[int, NDArray[np.void]]:
     """Return the index of a chunk, found by going from record to record."""
     found: dict[int, list[tuple[int, int, int]]] = {}
     for record in _records(data):
-        if record.op == OP_MESSAGE:
-            second, nanosecond = struct.unpack("<II", record.fields["time"])
+        if record.op == OP_MESSAGE and {"conn", "time"} <= set(record.fields):
+            second, nanosecond = struct.unpack("<II", record.fields["time"][:8])
             header = sum(len(name) + len(value) + 5 for name, value in record.fields.items())
             place = record.start - 8 - header
             found.setdefault(record.number("conn"), []).append((second, nanosecond, place))

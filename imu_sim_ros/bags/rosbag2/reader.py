@@ -23,6 +23,7 @@ from imu_sim_ros.inputs import parse_yaml, read_text
 
 _END_NS: Final = 2**63 - 1
 _ROWS: Final = 4096
+_MOST_TOPICS: Final = 10_000
 
 
 class SqliteBag(Bag):
@@ -46,6 +47,7 @@ class SqliteBag(Bag):
                 f"{file.absolute().as_uri()}?mode={mode}", uri=True, check_same_thread=False
             )
             self._stack.callback(self._database.close)
+            self._database.execute("PRAGMA trusted_schema = OFF")
             if recover:
                 # SQLite then opens files whose end, or whose index, is missing.
                 self._database.execute("PRAGMA writable_schema = ON")
@@ -70,13 +72,15 @@ class SqliteBag(Bag):
         return folder / self.path.name
 
     def _read_topics(self) -> dict[int, TopicInfo]:
-        columns = {row[1] for row in self._database.execute("PRAGMA table_info(topics)")}
-        if not columns:
+        columns = self._columns("topics")
+        if not {"id", "name", "type"} <= columns or (
+            not {"topic_id", "timestamp", "data"} <= self._columns("messages")
+        ):
             raise InputError(f"{self.path}: not a database of rosbag2")
         schemas = {}
-        if any(self._database.execute("PRAGMA table_info(message_definitions)")):
+        if self._columns("message_definitions"):
             schemas = {
-                name: Schema(text, digest, language)
+                name: Schema(str(text), str(digest), str(language))
                 for name, text, digest, language in self._database.execute(
                     "SELECT topic_type, encoded_message_definition, type_description_hash, "
                     "encoding FROM message_definitions"
@@ -84,6 +88,10 @@ class SqliteBag(Bag):
             }
         counts = self._counts()
         qos = "offered_qos_profiles" if "offered_qos_profiles" in columns else "''"
+        rows = self._database.execute(f"SELECT id, name, type, {qos} FROM topics ORDER BY id")
+        topics = rows.fetchmany(_MOST_TOPICS)
+        if not all(isinstance(word, str) for _, *words in topics for word in words[:2]):
+            raise InputError(f"{self.path}: the names of its topics are no texts")
         return {
             id_: TopicInfo(
                 name,
@@ -92,10 +100,24 @@ class SqliteBag(Bag):
                 schemas.get(type_name, Schema("", "")),
                 parse_qos(profiles),
             )
-            for id_, name, type_name, profiles in self._database.execute(
-                f"SELECT id, name, type, {qos} FROM topics ORDER BY id"
-            )
+            for id_, name, type_name, profiles in topics
         }
+
+    def _columns(self, name: str) -> set[str]:
+        """Return the columns of a table; none of what is no plain table.
+
+        A view, or a column that is computed, may go on for ever.
+        """
+        kind = self._database.execute(
+            "SELECT type, sql FROM sqlite_master WHERE name = ?", (name,)
+        ).fetchone()
+        if kind is None:
+            return set()
+        columns = self._database.execute(f"PRAGMA table_xinfo({name})").fetchall()
+        plain = kind[0] == "table" and re.match(r"\s*CREATE\s+TABLE\b", str(kind[1]), re.I)
+        if not plain or any(column[6] for column in columns):
+            raise InputError(f"{self.path}: {name} is not a plain table")
+        return {column[1] for column in columns}
 
     def _counts(self) -> dict[int, int]:
         statement = "SELECT topic_id, count(*) FROM messages GROUP BY topic_id"
@@ -132,6 +154,10 @@ class SqliteBag(Bag):
     def _blocks(self, rows: list[tuple[int, int, bytes]]) -> list[MessageBlock]:
         by_topic: dict[int, tuple[list[int], list[bytes]]] = {}
         for id_, t_ns, payload in rows:
+            if not isinstance(t_ns, int) or not isinstance(payload, bytes):
+                if not self._recover:
+                    raise ValueError("a message whose time is no number or whose data are no bytes")
+                continue
             times, payloads = by_topic.setdefault(id_, ([], []))
             times.append(t_ns)
             payloads.append(payload)
@@ -178,6 +204,8 @@ class Rosbag2Folder(Bag):
                 f"({content.get('compression_format')}); ros2 bag convert unpacks it"
             )
         files = [self.path / Path(name).name for name in content["relative_file_paths"]]
+        if len(set(files)) != len(files):
+            raise InputError(f"{self.path}: metadata.yaml lists a file twice")
         missing = [file for file in files if not file.is_file()]
         if missing:
             raise InputError(f"{missing[0]}: missing; metadata.yaml lists it")
