@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros import conventions
+from imu_sim_ros.calibration.resolution import StepFinder
 from imu_sim_ros.calibration.rest import RestCheck
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import InputError
@@ -26,6 +27,8 @@ _FILLED_AT_MOST: Final = 10
 """Samples: a longer loss ends the piece."""
 _SATURATED: Final = 1e-4
 """Share of samples at the very same extreme value."""
+_PILED_UP: Final = 4
+"""Hits of an extreme value over those of the value next to it that no tail of noise reaches."""
 
 
 class Timing(NamedTuple):
@@ -75,10 +78,9 @@ class Record:
         self.start_ns = 0
         self.bad = np.zeros(6, dtype=np.int64)
         self.first_bad = np.zeros(6)
-        self.minimum = np.full(6, np.inf)
-        self.maximum = np.full(6, -np.inf)
-        self._at_minimum = np.zeros(6, dtype=np.int64)
-        self._at_maximum = np.zeros(6, dtype=np.int64)
+        self._lowest = _Extreme(np.minimum)
+        self._highest = _Extreme(np.maximum)
+        self._steps = StepFinder(6)
         self._sum = np.zeros(6)
         self._square = np.zeros(6)
         self.rest: RestCheck | None = None
@@ -142,14 +144,26 @@ class Record:
         columns = np.ascontiguousarray(np.where(bad, 0.0, y).T)
         self._sum += columns.sum(axis=1)
         self._square += np.einsum("an,an->a", columns, columns)
-        for extreme, hits, find in (
-            (self.minimum, self._at_minimum, np.minimum),
-            (self.maximum, self._at_maximum, np.maximum),
-        ):
-            now = find(extreme, find.reduce(columns, axis=1))
-            hits[now != extreme] = 0
-            hits += np.count_nonzero(columns == now[:, None], axis=1)
-            extreme[:] = now
+        self._lowest.take(columns)
+        self._highest.take(columns)
+        self._steps.look(columns)
+        if self.rest is not None:
+            self.rest.step = self._steps.step
+
+    @property
+    def minimum(self) -> Array:
+        """(6,) smallest readings."""
+        return self._lowest.value
+
+    @property
+    def maximum(self) -> Array:
+        """(6,) largest readings."""
+        return self._highest.value
+
+    @property
+    def step(self) -> Array:
+        """(6,) digital steps of the readings; 0 where there are none."""
+        return self._steps.step
 
     def _pieces(self, t_ns: Times, y: Array) -> Iterator[Array | None]:
         before = t_ns[:1] if self._last_ns is None else np.array([self._last_ns])
@@ -211,15 +225,47 @@ class Record:
         return [int(k) for k in np.flatnonzero(same)]
 
     def saturated_axes(self) -> list[tuple[int, float, float]]:
-        """Return axis, value and share of samples where an extreme value is hit again and again."""
+        """Return axis, value and share of samples where readings pile up at one end.
+
+        Noise has fewer readings at the end than at the value next to it; at the end of a sensor's
+        range all that lies beyond comes on top of it.
+        """
         result = []
         spread = np.sqrt(np.maximum(self._square / self.samples - self.mean**2, 0.0))
-        for extreme, hits in (
-            (self.minimum, self._at_minimum),
-            (self.maximum, self._at_maximum),
-        ):
-            far = np.abs(extreme - self.mean) > 2.0 * spread
-            often = hits > np.maximum(10, _SATURATED * self.samples)
-            for k in np.flatnonzero(far & often):
-                result.append((int(k), float(extreme[k]), float(hits[k] / self.samples)))
+        for end in (self._lowest, self._highest):
+            far = np.abs(end.value - self.mean) > 2.0 * spread
+            often = end.hits > np.maximum(10, _SATURATED * self.samples)
+            piled_up = end.hits > _PILED_UP * end.next_hits
+            for k in np.flatnonzero(far & often & piled_up):
+                share = float(end.hits[k] / self.samples)
+                result.append((int(k), float(end.value[k]), share))
         return result
+
+
+class _Extreme:
+    """The smallest or largest value of each axis and the value next to it, with their hits."""
+
+    def __init__(self, find: np.ufunc) -> None:
+        self._find = find
+        self._none = np.inf if find is np.minimum else -np.inf
+        self.value = np.full(6, self._none)
+        self.hits = np.zeros(6, dtype=np.int64)
+        self.next_value = np.full(6, self._none)
+        self.next_hits = np.zeros(6, dtype=np.int64)
+
+    def take(self, columns: Array) -> None:
+        """Take the next readings (6, n)."""
+        if columns.shape[1] == 0:
+            return
+        first = self._find.reduce(columns, axis=1)
+        at_first = columns == first[:, None]
+        rest = np.where(at_first, self._none, columns)
+        second = self._find.reduce(rest, axis=1)
+        at_second = np.count_nonzero(rest == second[:, None], axis=1)
+        values = np.stack([self.value, self.next_value, first, second])
+        hits = np.stack([self.hits, self.next_hits, np.count_nonzero(at_first, axis=1), at_second])
+        self.value = self._find.reduce(values, axis=0)
+        self.hits = np.sum(np.where(values == self.value, hits, 0), axis=0)
+        beyond = np.where(values == self.value, self._none, values)
+        self.next_value = self._find.reduce(beyond, axis=0)
+        self.next_hits = np.sum(np.where(beyond == self.next_value, hits, 0), axis=0)

@@ -21,8 +21,14 @@ _SLOW: Final = 25.0
 """Variance of the window means over that of white noise of the same samples."""
 _SMALLEST_MOTION: Final = np.array([2e-3] * 3 + [2e-2] * 3)
 """Below this the means of a second may wander [rad/s, m/s^2]: that is a sensor's random walk."""
-_TABLE_RATE: Final = 0.5
-"""A mean rate above this [rad/s] is no bias."""
+_SUDDEN: Final = 50.0
+"""Variance of the means in one stretch over the median one that no random walk reaches.
+
+Without its line, a walk's variance in a stretch is nearly chi-square's of one degree of freedom,
+which is 23 times its mean, 50 times its median, once in 10^6.
+"""
+_FEWEST: Final = 4
+"""Stretches below which none of them stands out."""
 
 
 class Motion(NamedTuple):
@@ -47,7 +53,13 @@ class RestCheck:
         self._before: Array | None = None
         self._time = 0.0
         self.moving: list[Motion] = []
-        """Stretches of continued motion; they are handed on nevertheless."""
+        """Stretches of continued motion, or of a walk of such size; they are handed on."""
+        self.step = np.zeros(6)
+        """(6,) digital steps of the readings, where they are known."""
+        self.spreads: list[Array] = []
+        """(6,) for each stretch: standard deviation of the means of a second, without a line."""
+        self._variance = np.zeros(6)
+        self._windows_seen = 0
         self.disturbed: list[Motion] = []
         """Single disturbances; they are cut out."""
         self.seconds = 0.0
@@ -84,6 +96,8 @@ class RestCheck:
         typical = np.median(variance, axis=0)
         self._note_motion(mean, typical, begin)
         bad = self._disturbances(mean, variance, typical, begin)
+        self._variance += variance[~bad].sum(axis=0)
+        self._windows_seen += int(np.count_nonzero(~bad))
         yield from self._without(y, bad)
 
     def _note_motion(self, mean: Array, typical: Array, begin: float) -> None:
@@ -97,16 +111,27 @@ class RestCheck:
         white = np.sqrt(typical / self._window)
         end = begin + len(mean) * self._window / self._rate
         moving = (spread > _SMALLEST_MOTION) & (spread**2 > _SLOW * white**2)
-        turning = np.abs(np.median(mean, axis=0)) > np.array([_TABLE_RATE] * 3 + [np.inf] * 3)
-        size = np.where(turning, np.abs(np.median(mean, axis=0)), spread)
-        for axis in np.flatnonzero(moving | turning):
-            self.moving.append(Motion(int(axis), begin, end, float(size[axis])))
+        self.spreads.append(spread)
+        for axis in np.flatnonzero(moving):
+            self.moving.append(Motion(int(axis), begin, end, float(spread[axis])))
+
+    def noise(self) -> Array:
+        """Return (6,) the standard deviation of the readings within a second."""
+        result: Array = np.sqrt(self._variance / max(self._windows_seen, 1))
+        return result
+
+    def sudden(self, motion: Motion) -> bool:
+        """Tell whether a motion is far larger than what the axis does in the other stretches."""
+        if len(self.spreads) < _FEWEST:
+            return False
+        typical = float(np.median([spread[motion.axis] for spread in self.spreads]))
+        return motion.size**2 > _SUDDEN * typical**2
 
     def _jump_limit(self, jump: Array, typical: Array) -> Array:
         """Return (6,) the difference between neighbouring means that no noise makes."""
         robust = 1.4826 * np.median(jump, axis=0)
         result: Array = _JUMP * np.maximum(robust, np.sqrt(2.0 * typical / self._window))
-        return result
+        return result + self.step
 
     def _disturbances(
         self, mean: Array, variance: Array, typical: Array, begin: float
@@ -117,7 +142,9 @@ class RestCheck:
         self._before = mean[-1:]
         limit = self._jump_limit(jump, typical)
         # An axis that hardly changes its last digit has a typical variance of zero.
-        shaken = (variance > _NOISIER * typical) & (typical > 0.0)
+        # One that goes to and fro between two codes has half a step as its deviation.
+        noisy = _NOISIER * (typical + 0.25 * self.step**2)
+        shaken = (variance > noisy) & (typical > 0.0)
         bad_axis = shaken | ((jump > limit) & (limit > 0.0))
         bad: NDArray[np.bool_] = np.logical_or.reduce(bad_axis, axis=1)
         for k in np.flatnonzero(np.diff(bad.astype(int), prepend=0) == 1):

@@ -10,11 +10,19 @@ from typing import Final, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.calibration.noise.band import Band, usable_band
+from imu_sim_ros.calibration import resolution
+from imu_sim_ros.calibration.noise.band import Band, explains_wander, usable_band
 from imu_sim_ros.calibration.noise.deviation import Deviation, DeviationAccumulator
-from imu_sim_ros.calibration.noise.estimate import AxisNoise, Estimate, estimate
+from imu_sim_ros.calibration.noise.estimate import RAMP, AxisNoise, Estimate, estimate
 from imu_sim_ros.calibration.noise.gauss_markov import estimate_gauss_markov
 from imu_sim_ros.calibration.noise.spectrum import Spectrum, SpectrumAccumulator
+from imu_sim_ros.calibration.noise.terms import (
+    FLICKER,
+    FLICKER_FLOOR,
+    QUANTISATION,
+    WALK,
+    WHITE,
+)
 from imu_sim_ros.calibration.record import AXES, Record, Timing
 from imu_sim_ros.errors import InputError
 
@@ -25,6 +33,8 @@ SHORTEST: Final = 60.0
 _SHORT: Final = 3600.0
 """Seconds below which a random walk can hardly be seen."""
 _MOVING_SHARE: Final = 0.01
+_TABLE_RATE: Final = 0.5
+"""Mean rate [rad/s] that is worth a word."""
 _DISTURBED_SHARE: Final = 0.05
 MODELS: Final = ("standard", "gauss_markov")
 UNITS: Final = ("rad/s", "m/s^2")
@@ -115,14 +125,17 @@ def analyse(
     """
     record = Record()
     sinks = _read(record, bags, advance)
-    problems, warnings = _judge(record, sinks)
-    if sinks is None or sinks.longest < SHORTEST * record.rate or (problems and not force):
-        raise InputError(problems)
+    if sinks is None or sinks.longest < SHORTEST * record.rate:
+        raise InputError(_judge(record, sinks, None)[0])
     spectrum = sinks.spectrum.result()
+    problems, warnings = _judge(record, sinks, spectrum)
+    if problems and not force:
+        raise InputError(problems)
     constant = record.constant_axes()
     bands = [None if k in constant else usable_band(spectrum, k) for k in range(6)]
     noise = [
-        None if band is None else _noise(spectrum, k, band, model) for k, band in enumerate(bands)
+        None if band is None else _rounded(_noise(spectrum, k, band, model), record, k)
+        for k, band in enumerate(bands)
     ]
     warnings += problems + list(_band_warnings(bands, record.rate))
     return AllanResult(
@@ -140,6 +153,35 @@ def analyse(
 def _noise(spectrum: Spectrum, axis: int, band: Band, model: str) -> AxisNoise:
     rows = spectrum.rows(band.used)
     return estimate(rows, axis) if model == "standard" else estimate_gauss_markov(rows, axis)
+
+
+def _rounded(noise: AxisNoise, record: Record, axis: int) -> AxisNoise:
+    """Return what is known of an axis in view of its digital step.
+
+    Where the readings are coarse nothing has a value, and each bound is at least what the rounding
+    hides: an error of half a step either way, whose Allan deviation is below a step.
+    """
+    step = float(record.step[axis])
+    deviation = 0.0 if record.rest is None else float(record.rest.noise()[axis])
+    estimates = dict(noise.estimates)
+    if step > 0.0 and deviation < resolution.COARSE * step:
+        seconds = record.samples / record.rate
+        hidden = {
+            WHITE.key: resolution.HIDDEN * step / np.sqrt(record.rate),
+            QUANTISATION.key: step / record.rate / np.sqrt(3.0),
+            FLICKER.key: step / FLICKER_FLOOR,
+            WALK.key: step * np.sqrt(3.0 / seconds),
+            RAMP: step * np.sqrt(2.0) / seconds,
+        }
+        for key, found in estimates.items():
+            estimates[key] = Estimate(None, 0.0, max(found.high, float(hidden.get(key, 0.0))))
+        return noise._replace(estimates=estimates, chosen=())
+    found = estimates[WHITE.key]
+    doubt = 0.5 * resolution.doubt(deviation, step)
+    estimates[WHITE.key] = found._replace(
+        low=found.low * (1.0 - doubt), high=found.high * (1.0 + doubt)
+    )
+    return noise._replace(estimates=estimates)
 
 
 def _read(
@@ -163,7 +205,9 @@ def _read(
     return sinks
 
 
-def _judge(record: Record, sinks: _Sinks | None) -> tuple[list[str], list[str]]:
+def _judge(
+    record: Record, sinks: _Sinks | None, spectrum: Spectrum | None
+) -> tuple[list[str], list[str]]:
     """Return what forbids an analysis, and what a user should know of it."""
     if sinks is None or record.rest is None:
         return ["no Imu messages"], []
@@ -173,12 +217,12 @@ def _judge(record: Record, sinks: _Sinks | None) -> tuple[list[str], list[str]]:
         for k in np.flatnonzero(record.bad)
     ]
     problems += [
-        f"{AXES[k]}: always {record.minimum[k]:g}: a missing or dead axis, or no noise at all; "
+        f"{AXES[k]}: always 0: a missing or dead axis, or no noise at all; "
         "all six axes must be measured (--skip-checks leaves it out)"
         for k in record.constant_axes()
-        if record.bad[k] == 0
+        if record.bad[k] == 0 and record.minimum[k] == 0.0
     ]
-    problems += _motion_problems(record)
+    problems += _motion_problems(record, spectrum)
     longest = sinks.longest / record.rate
     if longest < SHORTEST:
         problems.append(
@@ -188,14 +232,16 @@ def _judge(record: Record, sinks: _Sinks | None) -> tuple[list[str], list[str]]:
     return problems, list(_warnings(record, longest))
 
 
-def _motion_problems(record: Record) -> list[str]:
+def _motion_problems(record: Record, spectrum: Spectrum | None) -> list[str]:
     rest = record.rest
     if rest is None:
         return []
     result = []
-    moving = sum(m.end - m.begin for m in {m.begin: m for m in rest.moving}.values())
+    walks = set() if spectrum is None else _walks(spectrum, {m.axis for m in rest.moving})
+    motions = [m for m in rest.moving if m.axis not in walks or rest.sudden(m)]
+    moving = sum(m.end - m.begin for m in {m.begin: m for m in motions}.values())
     if moving > _MOVING_SHARE * rest.seconds:
-        worst = max(rest.moving, key=lambda m: m.size / (1.0 if m.axis < 3 else 10.0))
+        worst = max(motions, key=lambda m: m.size / (1.0 if m.axis < 3 else 10.0))
         result.append(
             f"not at rest: the {AXES[worst.axis]} moves by {worst.size:.3g} "
             f"{UNITS[worst.axis // 3]} between {worst.begin:.0f} and {worst.end:.0f} s; "
@@ -210,6 +256,40 @@ def _motion_problems(record: Record) -> list[str]:
             "record the IMU at rest"
         )
     return result
+
+
+def _walks(spectrum: Spectrum, suspects: Iterable[int]) -> set[int]:
+    """Return the axes that wander as their own noise makes them."""
+    return {
+        axis
+        for axis in suspects
+        if explains_wander(spectrum.rows(usable_band(spectrum, axis).used), axis)
+    }
+
+
+def _reading_warnings(record: Record) -> Iterable[str]:
+    """Say what the readings' own values tell: constant rates, codes and ends of the range."""
+    for axis, mean in enumerate(record.mean[:3]):
+        if abs(mean) > _TABLE_RATE:
+            yield (
+                f"{AXES[axis]}: its mean is {mean:.3g} rad/s, a large bias or a turning table; "
+                "a steady rate does not change the noise"
+            )
+    noise = np.zeros(6) if record.rest is None else record.rest.noise()
+    saturated: dict[int, list[tuple[float, float]]] = {}
+    for axis, value, share in record.saturated_axes():
+        saturated.setdefault(axis, []).append((value, share))
+    for axis, step in enumerate(record.step):
+        if axis in record.constant_axes():
+            if record.minimum[axis] != 0.0:
+                yield (
+                    f"{AXES[axis]}: always {record.minimum[axis]:g}: a dead axis, or noise far "
+                    "below the resolution; nothing is said of it"
+                )
+        elif step > 0.0 and noise[axis] < resolution.COARSE * step:
+            yield (f"{AXES[axis]}: the resolution of {step:.3g} hides the noise: upper bounds only")
+        for value, share in saturated.get(axis, ()):
+            yield f"{AXES[axis]}: {100 * share:.2g} % of the samples are {value:g}: saturated"
 
 
 def _warnings(record: Record, longest: float) -> Iterable[str]:
@@ -229,8 +309,7 @@ def _warnings(record: Record, longest: float) -> Iterable[str]:
             f"stamps jitter by {timing.jitter * 1e3:.3f} ms, {100 * share:.0f} % of the interval; "
             "equal intervals are assumed"
         )
-    for axis, value, hits in record.saturated_axes():
-        yield f"{AXES[axis]}: {100 * hits:.2g} % of the samples are {value:g}: saturated"
+    yield from _reading_warnings(record)
     for motion in (record.rest.disturbed if record.rest else [])[:5]:
         yield (
             f"disturbance cut out at {motion.begin:.0f} s: {AXES[motion.axis]}, "

@@ -29,6 +29,8 @@ _FLOOR: Final = 1e-15
 """Smallest expectation, relative to the largest row: a model may lack all terms."""
 _ITERATIONS: Final = 60
 _HALVINGS: Final = 12
+_ROUNDING: Final = 1e-7
+"""Loss of the log-likelihood that is no reason to halve a step."""
 _TOLERANCE: Final = 1e-5
 """Gain of the log-likelihood below which an iteration is the last."""
 
@@ -117,7 +119,7 @@ def fit_many(
             trial = theta + fraction[:, None] * step
             expected = np.maximum(trial @ scaled.T, floor)
             objective, power, slopes = _objective(data, expected, trend)
-            worse = ~(objective <= last)
+            worse = ~(objective <= last + _ROUNDING)
             if not worse.any():
                 break
             fraction = np.where(worse, 0.4 * fraction, fraction)

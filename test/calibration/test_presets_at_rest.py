@@ -1,0 +1,41 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A sensor at rest is at rest: no preset is called moving or dead, whatever its turn-on values."""
+
+import pytest
+
+from imu_sim_ros.calibration.noise import analyse
+from imu_sim_ros.config import files, load_simulation
+from imu_sim_ros.simulation import Simulation
+
+PRESETS = [name for name in files.names("imus") if name != "perfect"]
+OFTEN_REFUSED = ["mpu6000", "adis16448", "navigation"]
+"""By a turn-on bias as of a turning table, a walk as of a motion, and readings without noise."""
+
+
+def analysed(preset: str, seed: int) -> list[str]:
+    """Five minutes at 100 Hz; raises where the record is refused."""
+    parameters = load_simulation(
+        {
+            "imu.preset": preset,
+            "trajectory.type": "static",
+            "rate": 100.0,
+            "duration": 300.0,
+            "seed": seed,
+        }
+    )
+    return list(analyse([Simulation(parameters).blocks()]).warnings)
+
+
+@pytest.mark.parametrize("preset", OFTEN_REFUSED)
+def test_a_preset_at_rest_is_accepted(preset: str) -> None:
+    for seed in range(2):
+        assert not any("not at rest" in warning for warning in analysed(preset, seed))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("preset", PRESETS)
+def test_every_preset_at_rest_is_accepted(preset: str) -> None:
+    for seed in range(20):
+        analysed(preset, seed)
