@@ -56,10 +56,13 @@ class PublishParameters:
     )
     tf_rate: float = number(
         0.0,
-        "rate of the transform from world_frame to body_frame on /tf (needs tf2_ros); 0: none",
+        "rate of the transform from world_frame to body_frame on /tf; 0: none",
         unit="Hz",
         minimum=0.0,
         maximum=1000.0,
+    )
+    tf_static: bool = flag(
+        True, "publish where the IMUs are in body_frame, by lever arm and mounting, on /tf_static"
     )
 
 

@@ -97,7 +97,10 @@ def _plain(own: Sequence[str], known: Mapping[str, Parameter], problems: list[st
             continue
         kind = known[name].kind if name in known else ""
         quoted = kind in ("text", "choice")
-        result += ["-p", f"{name}:=" + ('"' + value + '"' if quoted else value)]
+        try:
+            result += ["-p", f'{name}:="{value}"' if quoted else _rule(f"{name}:={value}", Path())]
+        except ConfigurationError as error:
+            problems += error.problems
     return result
 
 

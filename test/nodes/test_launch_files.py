@@ -113,14 +113,46 @@ def test_rviz_shows_topics_that_exist_with_displays_of_their_types():
         for display in manager["Displays"]
         if "Topic" in display
     }
+    # Relative: RViz resolves them in the namespace that the launch file starts it in.
     assert shown == {
-        "/ground_truth/odom": "Odometry",
-        "/dead_reckoned/odom": "Odometry",
-        "/dead_reckoned/path": "Path",
+        "ground_truth/odom": "Odometry",
+        "dead_reckoned/odom": "Odometry",
+        "dead_reckoned/path": "Path",
     }
-    assert set(shown) <= set(published_topics())
+    assert {f"/{topic}" for topic in shown} <= set(published_topics())
     world = build(IntegratorParameters, layer_integrator({})).world_frame
     assert manager["Global Options"]["Fixed Frame"] == world
+
+
+# Read from packages/suite-base/src/panels of lichtblick-suite/lichtblick 66adecb99 (2026-08-07);
+# a panel's title has a key of its own in either program, which passes over the other's.
+TITLES = {"foxglovePanelTitle", "lichtblickPanelTitle"}
+KEYS_OF_PANELS = {
+    "Plot": {
+        *TITLES,
+        *("paths", "minXValue", "maxXValue", "minYValue", "maxYValue", "showLegend"),
+        *("legendDisplay", "showPlotValuesInLegend", "showXAxisLabels", "showYAxisLabels"),
+        *("isSynced", "xAxisVal", "xAxisPath", "xAxisLabel", "yAxisLabel", "followingViewWidth"),
+        "sidebarDimension",
+    },
+    "3D": {
+        *TITLES,
+        *("cameraState", "followTf", "followMode", "scene", "publish", "transforms", "topics"),
+        *("layers", "imageMode"),
+    },
+}
+KEYS_OF_PATHS = {"value", "enabled", "color", "label", "timestampMethod", "showLine", "lineSize"}
+
+
+def test_foxglove_has_only_keys_that_its_panels_know():
+    layout = json.loads((REPOSITORY / "config/foxglove_layout.json").read_text())
+    for name, panel in layout["configById"].items():
+        kind = name.partition("!")[0]
+        assert set(panel) <= KEYS_OF_PANELS[kind], name
+        for path in panel.get("paths", []):
+            assert set(path) <= KEYS_OF_PATHS
+        if kind == "Plot":
+            assert panel["foxglovePanelTitle"] == panel["lichtblickPanelTitle"] != ""
 
 
 def test_foxglove_plots_fields_that_exist_and_lays_out_every_panel():
@@ -139,6 +171,20 @@ def test_foxglove_plots_fields_that_exist_and_lays_out_every_panel():
         return [*leaves(place["first"]), *leaves(place["second"])]
 
     assert sorted(leaves(layout["layout"])) == sorted(layout["configById"])
+
+
+def test_plotjuggler_names_its_plugins_as_they_name_themselves():
+    """name() of facontidavide/PlotJuggler ddcbd05b and PlotJuggler/plotjuggler-ros-plugins 66e9101,
+    whose parser_configuration.cpp reads true and false."""
+    root = ElementTree.parse(REPOSITORY / "config/plotjuggler_layout.xml").getroot()
+    plugins = {plugin.get("ID"): plugin for plugin in root.iter("plugin")}
+    assert set(plugins) == {"DataLoad MCAP", "ROS2 Topic Subscriber"}
+    settings = {entry.tag: entry.get("value") for entry in plugins["ROS2 Topic Subscriber"]}
+    assert settings == {
+        "use_header_stamp": "true",
+        "discard_large_arrays": "false",
+        "max_array_size": "100",
+    }
 
 
 def test_plotjuggler_plots_fields_that_exist():

@@ -38,7 +38,6 @@ pytestmark = pytest.mark.ros
         (["--nonsense"], ["--ros-args: ['--nonsense']"]),
         (["-p", "imus:=[a, a]"], ["imus = ['a', 'a']: names must differ"]),
         (["-p", "imus:=[a]", "-p", "a.duration:=1"], ["a.duration: unknown parameter"]),
-        (["-p", "publish.tf_rate:=10"], ["publish.tf_rate = 10: needs tf2_ros"]),
         (["-p", "use_sim_time:=true", "-p", "real_time_factor:=2"], ["real_time_factor = 2: must"]),
         (
             ["-p", "qos_overrides./imu/data_raw.publisher.dept:=3"],
@@ -51,13 +50,6 @@ pytestmark = pytest.mark.ros
     ],
 )
 def test_bad_arguments(start: Any, arguments: list[str], lines: list[str]) -> None:
-    if "publish.tf_rate:=10" in arguments:
-        try:
-            import tf2_ros  # noqa: F401
-        except ImportError:
-            pass
-        else:
-            pytest.skip("tf2_ros is installed here")
     node = start("simulator", "--ros-args", *arguments)
     assert node.status() == 2, node.output
     said = node.output.splitlines()
@@ -123,6 +115,15 @@ def test_plain_arguments_become_those_of_ros(tmp_path: Path) -> None:
         *("-r", "a:=b"),
         *("-p", "rate:=400", "-p", 'imu.preset:="perfect"', "-p", "publish.clock_rate:=5"),
     ]
+    lists = ["--imu.gyroscope_bias", "[0.01, 0, 5e-4]", "--imus=[]"]
+    assert ros_arguments(lists, SimulatorParameters, {}, tmp_path) == [
+        "--ros-args",
+        *("-p", "imu.gyroscope_bias:=[0.01, 0.0, 0.0005]", "-p", 'imus:="[]"'),
+    ]
+    with pytest.raises(
+        ConfigurationError, match=r"gravity = \[1, 'a'\]: must be a list of one type"
+    ):
+        ros_arguments(["--gravity", "[1, a]"], SimulatorParameters, {}, tmp_path)
     with pytest.raises(ConfigurationError) as raised:
         ros_arguments(["word", "-p", "rate:=1", "--rate"], SimulatorParameters, {}, tmp_path)
     assert raised.value.problems == (

@@ -175,6 +175,7 @@ class McapWriter(ChunkWriter):
         from mcap.opcode import Opcode
         from mcap.records import DataEnd, Footer, SummaryOffset
 
+        metadata_index = self._write_metadata()
         self.file.write(_packed(DataEnd(0)))
         summary_start = self.file.position
         builder = RecordBuilder()
@@ -184,6 +185,7 @@ class McapWriter(ChunkWriter):
             (Opcode.CHANNEL, self._channels),
             (Opcode.STATISTICS, [self._statistics()]),
             (Opcode.CHUNK_INDEX, self._written),
+            (Opcode.METADATA_INDEX, [metadata_index]),
         ):
             start = builder.count
             for record in records:
@@ -199,6 +201,24 @@ class McapWriter(ChunkWriter):
         crc = zlib.crc32(footer, zlib.crc32(summary))
         self.file.write(summary, _packed(Footer(summary_start, offset_start, crc)), MAGIC)
 
+    def _write_metadata(self) -> Any:
+        """Write what rosbag2 keeps in each of its files, the ROS distribution among it.
+
+        Jazzy reads the first entry; the second is that of Humble and Iron.
+        """
+        import yaml
+        from mcap.records import Metadata, MetadataIndex
+
+        from imu_sim_ros.bags.rosbag2 import metadata
+
+        content = metadata.document("mcap", self.topics, [metadata.part(self.path, self.topics)])
+        text = yaml.safe_dump(content, sort_keys=False)
+        entries = {"serialized_metadata": text, "ROS_DISTRO": content["ros_distro"]}
+        record = _packed(Metadata(name="rosbag2", metadata=entries))
+        offset = self.file.position
+        self.file.write(record)
+        return MetadataIndex(offset=offset, length=len(record), name="rosbag2")
+
     def _statistics(self) -> Any:
         from mcap.records import Statistics
 
@@ -210,7 +230,7 @@ class McapWriter(ChunkWriter):
             message_count=self.count,
             message_end_time=max((t.last_ns for t in self.topics if t.count), default=0),
             message_start_time=min((t.first_ns for t in self.topics if t.count), default=0),
-            metadata_count=0,
+            metadata_count=1,
             schema_count=len(self._schemas),
         )
 

@@ -27,6 +27,7 @@ from imu_sim_ros.bags.messages.installed import BrokenMessageError, recorded_typ
 from imu_sim_ros.bags.messages.layouts import Bytes
 from imu_sim_ros.bags.messages.qos import Qos, parse_qos, qos_profiles, qos_text
 from imu_sim_ros.bags.messages.schemas import Schema, ros1_name, ros2_name, schema
+from imu_sim_ros.bags.messages.transforms import TF_MESSAGE, TransformsEncoder
 
 __all__ = [
     "CLOCK",
@@ -34,6 +35,7 @@ __all__ = [
     "ODOMETRY",
     "POSE_STAMPED",
     "TEMPERATURE",
+    "TF_MESSAGE",
     "VECTOR3_STAMPED",
     "BrokenMessageError",
     "Bytes",
@@ -49,6 +51,7 @@ __all__ = [
     "TemperatureEncoder",
     "Times",
     "TopicInfo",
+    "TransformsEncoder",
     "Vector3StampedEncoder",
     "as_list",
     "decode_block",

@@ -28,7 +28,23 @@ TEMPERATURE: Final = "sensor_msgs/msg/Temperature"
 CLOCK: Final = "rosgraph_msgs/msg/Clock"
 
 _LAST_SECOND: Final = {"cdr": 2**31 - 1, "ros1": 2**32 - 1}
-_ROS_ORDER: Final = [1, 2, 3, 0]
+ROS_ORDER: Final = [1, 2, 3, 0]
+"""Where (x, y, z, w) stand in (w, x, y, z)."""
+
+
+def seconds(t_ns: Times, encoding: str) -> tuple[Times, Times]:
+    """Return the seconds and nanoseconds of stamps (n,).
+
+    :raises InputError: for stamps that a message cannot hold.
+    """
+    second, nanosecond = np.divmod(t_ns, NANOSECONDS_PER_SECOND)
+    last = _LAST_SECOND[encoding]
+    if len(t_ns) and (second.min() < 0 or second.max() > last):
+        raise InputError(
+            f"stamps from {t_ns.min() * 1e-9:.3f} s to {t_ns.max() * 1e-9:.3f} s: a message "
+            f"holds 0 to {last} s"
+        )
+    return second, nanosecond
 
 
 class Encoder:
@@ -46,13 +62,7 @@ class Encoder:
         rows = np.empty((len(t_ns), self.layout.size), np.uint8)
         rows[:] = self._template
         fields = self.layout.view(rows)
-        second, nanosecond = np.divmod(t_ns, NANOSECONDS_PER_SECOND)
-        last = _LAST_SECOND[self.layout.encoding]
-        if len(t_ns) and (second.min() < 0 or second.max() > last):
-            raise InputError(
-                f"stamps from {t_ns.min() * 1e-9:.3f} s to {t_ns.max() * 1e-9:.3f} s: a message "
-                f"holds 0 to {last} s"
-            )
+        second, nanosecond = seconds(t_ns, self.layout.encoding)
         fields["sec"] = second
         fields["nanosec"] = nanosecond
         return rows, fields
@@ -127,7 +137,7 @@ class OdometryEncoder(Encoder):
         """
         rows, fields = self._messages(t_ns)
         fields["position"] = position
-        fields["orientation"] = np.asarray(q_wb)[:, _ROS_ORDER]
+        fields["orientation"] = np.asarray(q_wb)[:, ROS_ORDER]
         fields["linear"] = velocity_b
         fields["angular"] = angular_velocity_b
         for name, covariance in (
@@ -152,7 +162,7 @@ class PoseStampedEncoder(Encoder):
         """Return messages (n, size) of positions (n, 3) [m] and quaternions (n, 4)."""
         rows, fields = self._messages(t_ns)
         fields["position"] = position
-        fields["orientation"] = np.asarray(q_wb)[:, _ROS_ORDER]
+        fields["orientation"] = np.asarray(q_wb)[:, ROS_ORDER]
         return rows
 
 

@@ -95,7 +95,7 @@ class Layout(NamedTuple):
         return fields
 
 
-class _Builder:
+class Builder:
     """Collects fields at their offsets."""
 
     def __init__(self, encoding: str) -> None:
@@ -137,6 +137,17 @@ class _Builder:
         self.align(4)
         self.constant(len(encoded).to_bytes(4, "little") + encoded)
 
+    def dtype(self) -> np.dtype[np.void]:
+        """Return the structured type of the size of a message."""
+        return np.dtype(
+            {
+                "names": self.names,
+                "formats": self.formats,
+                "offsets": self.offsets,
+                "itemsize": len(self.template),
+            }
+        )
+
 
 @lru_cache(maxsize=64)
 def layout(type_name: str, encoding: str, texts: Sequence[str] = ()) -> Layout:
@@ -148,7 +159,7 @@ def layout(type_name: str, encoding: str, texts: Sequence[str] = ()) -> Layout:
     """
     if encoding not in ENCODINGS:
         raise ValueError(f"encoding {encoding!r}: must be one of {', '.join(ENCODINGS)}")
-    builder = _Builder(encoding)
+    builder = Builder(encoding)
     remaining = iter(texts)
     for name, kind, count in FIELDS[type_name]:
         if kind == "text":
@@ -159,15 +170,9 @@ def layout(type_name: str, encoding: str, texts: Sequence[str] = ()) -> Layout:
             builder.time()
         else:
             builder.number(name, "<" + kind, count)
-    dtype = np.dtype(
-        {
-            "names": builder.names,
-            "formats": builder.formats,
-            "offsets": builder.offsets,
-            "itemsize": len(builder.template),
-        }
+    return Layout(
+        type_name, encoding, builder.dtype(), bytes(builder.template), tuple(builder.fixed)
     )
-    return Layout(type_name, encoding, dtype, bytes(builder.template), tuple(builder.fixed))
 
 
 def texts_of(type_name: str, encoding: str, payload: bytes) -> tuple[str, ...]:

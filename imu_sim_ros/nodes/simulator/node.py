@@ -29,7 +29,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from imu_sim_ros import conventions, timebase, topics
 from imu_sim_ros.bags import read_poses
-from imu_sim_ros.bags.messages import CLOCK, ClockEncoder
+from imu_sim_ros.bags.messages import CLOCK, TF_MESSAGE, ClockEncoder
 from imu_sim_ros.config import (
     BODY,
     PublishParameters,
@@ -38,9 +38,10 @@ from imu_sim_ros.config import (
     simulations,
     simulator_section,
 )
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.errors import ConfigurationError, MissingDependencyError
 from imu_sim_ros.nodes import run
 from imu_sim_ros.nodes.parameters import ConfiguredNode
+from imu_sim_ros.nodes.simulator import transforms
 from imu_sim_ros.nodes.simulator.diagnostics import Histogram, Report, fault_message
 from imu_sim_ros.nodes.simulator.engine import LEAD_NS, Engine
 from imu_sim_ros.nodes.simulator.pacing import Pacer, RosClockPacer, Stall
@@ -50,7 +51,6 @@ from imu_sim_ros.nodes.simulator.publish_queue import (
     Stream,
     TickStream,
 )
-from imu_sim_ros.nodes.simulator.transforms import transform_stream
 from imu_sim_ros.nodes.topics import Counter, check_overrides, create, sensor_description
 from imu_sim_ros.sensor import Fault
 from imu_sim_ros.simulation import Simulation
@@ -90,6 +90,8 @@ class Simulator(ConfiguredNode):
         )
         self._diagnostics = create(self, DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
         streams = list(self._streams(parameters))
+        if parameters.publish.tf_static:
+            self._publish_mounts(parameters)
         first = next(s.simulation for s in streams if isinstance(s, SimulationStream))
         check_overrides(self)
         self.engine = Engine(
@@ -168,7 +170,8 @@ class Simulator(ConfiguredNode):
                 described.publish(String(data=sensor_description.encode(simulated)))
                 self._descriptions[name] = described
         if publish.tf_rate:
-            yield transform_stream(self, publish.tf_rate, parameters, truth.trajectory)
+            send = self._counted(conventions.TF_TOPIC, TF_MESSAGE, transforms.QOS)
+            yield transforms.transform_stream(publish.tf_rate, parameters, truth.trajectory, send)
         if publish.clock_rate:
             clock = ClockEncoder()
             yield TickStream(
@@ -177,8 +180,19 @@ class Simulator(ConfiguredNode):
                 self._counted("/clock", CLOCK),
             )
 
-    def _counted(self, topic: str, type_name: str) -> Any:
-        publisher = create(self, type_name, topic, QoSProfile(depth=QUEUE))
+    def _publish_mounts(self, parameters: SimulatorParameters) -> None:
+        mounts = transforms.imu_mounts(simulations(parameters))
+        t_ns = int(self.get_clock().now().nanoseconds)
+        try:
+            # Kept: who comes later gets it from the publisher.
+            self._mounts = transforms.publish_mounts(self, parameters.body_frame, mounts, t_ns)
+        except MissingDependencyError as error:
+            if "publish.tf_static" in self.given:
+                raise
+            self._notes.append(f"/tf_static is not published: {error}")
+
+    def _counted(self, topic: str, type_name: str, qos: QoSProfile | None = None) -> Any:
+        publisher = create(self, type_name, topic, qos or QoSProfile(depth=QUEUE))
         self._counters.append(Counter(topic, publisher))
         return self._counters[-1].send
 

@@ -1,59 +1,85 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The body's pose as a transform, where tf2_ros is installed."""
+"""Transforms for tf: the body in the world as it moves, and what is fixed to the body.
 
-from typing import Any
+The messages and the quality of service are those of tf2_ros' broadcasters, which are not needed.
+"""
+
+from collections.abc import Callable, Iterable
+from typing import Any, Final, NamedTuple
 
 import numpy as np
-from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
 from numpy.typing import NDArray
-from rclpy.time import Time
+from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from imu_sim_ros import timebase
-from imu_sim_ros.config import SimulationParameters
-from imu_sim_ros.errors import MissingDependencyError
+from imu_sim_ros import rotation, timebase
+from imu_sim_ros.bags.messages import TransformsEncoder
+from imu_sim_ros.config import BODY, SimulationParameters
+from imu_sim_ros.conventions import TF_STATIC_TOPIC
 from imu_sim_ros.nodes.simulator.publish_queue import TickStream
+from imu_sim_ros.nodes.topics import create
 from imu_sim_ros.trajectory import Trajectory
+
+QOS: Final = QoSProfile(depth=100)
+STATIC_QOS: Final = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class Mount(NamedTuple):
+    """What is fixed to the body."""
+
+    frame: str
+    pose: NDArray[np.float64]
+    """(4, 4) T_bf: maps coordinates in the frame to the body."""
+
+
+def imu_mounts(simulated: dict[str, SimulationParameters]) -> list[Mount]:
+    """Return where the IMUs are, by their lever arms and mountings.
+
+    :param simulated: the parameters of each IMU by its name, and of the body.
+    """
+    mounts = []
+    for name, parameters in simulated.items():
+        if name != BODY:
+            pose = np.eye(4)
+            pose[:3, :3] = np.reshape(parameters.imu.mounting, (3, 3))
+            pose[:3, 3] = parameters.imu.lever_arm
+            mounts.append(Mount(parameters.imu_frame, pose))
+    return mounts
+
+
+def publish_mounts(node: Any, body_frame: str, mounts: Iterable[Mount], t_ns: int) -> Any:
+    """Publish once, for all who ever listen, what is fixed to the body; return the publisher.
+
+    What stands in the body's own frame needs no transform.
+
+    :param t_ns: the stamp [ns]; tf takes a static transform at all times.
+    :returns: None where there is nothing to publish.
+    """
+    placed = [mount for mount in mounts if mount.frame != body_frame]
+    if not placed:
+        return None
+    poses = np.stack([mount.pose for mount in placed])
+    encoder = TransformsEncoder([(body_frame, mount.frame) for mount in placed])
+    q = rotation.from_matrix(poses[:, :3, :3])
+    rows = encoder.encode(np.array([t_ns]), poses[None, :, :3, 3], q[None])
+    publisher = create(node, encoder.type_name, TF_STATIC_TOPIC, STATIC_QOS)
+    publisher.publish(rows[0].tobytes())
+    return publisher
 
 
 def transform_stream(
-    node: Any, rate: float, parameters: SimulationParameters, trajectory: Trajectory
-) -> TickStream:
-    """Return the stream of transforms from the world to the body.
-
-    :raises MissingDependencyError: where tf2_ros is not installed.
-    """
-    try:
-        from tf2_ros import TransformBroadcaster
-    except ImportError:
-        raise MissingDependencyError(
-            f"publish.tf_rate = {rate:g}: needs tf2_ros, which is not installed here "
-            "(apt install ros-jazzy-tf2-ros; it is not on PyPI)"
-        ) from None
-    return TickStream(
-        rate,
-        lambda t_ns, t0_ns: transforms(t_ns, t0_ns, parameters, trajectory),
-        TransformBroadcaster(node).sendTransform,
-    )
-
-
-def transforms(
-    t_ns: NDArray[np.int64],
-    t0_ns: int,
+    rate: float,
     parameters: SimulationParameters,
     trajectory: Trajectory,
-) -> list[TransformStamped]:
-    """Return the transforms from the world to the body at times (n,)."""
-    motion = trajectory.sample(timebase.seconds_since(t_ns, t0_ns))
-    result = []
-    for stamp, position, q in zip(
-        t_ns.tolist(), motion.position.tolist(), motion.q_wb.tolist(), strict=True
-    ):
-        message = TransformStamped(child_frame_id=parameters.body_frame)
-        message.header.frame_id = parameters.world_frame
-        message.header.stamp = Time(nanoseconds=stamp).to_msg()
-        message.transform.translation = Vector3(x=position[0], y=position[1], z=position[2])
-        message.transform.rotation = Quaternion(w=q[0], x=q[1], y=q[2], z=q[3])
-        result.append(message)
-    return result
+    send: Callable[[bytes], None],
+) -> TickStream:
+    """Return the stream of transforms from the world to the body."""
+    encoder = TransformsEncoder([(parameters.world_frame, parameters.body_frame)])
+
+    def make(t_ns: NDArray[np.int64], t0_ns: int) -> list[bytes]:
+        motion = trajectory.sample(timebase.seconds_since(t_ns, t0_ns))
+        rows = encoder.encode(t_ns, motion.position[:, None], motion.q_wb[:, None])
+        return [row.tobytes() for row in rows]
+
+    return TickStream(rate, make, send)

@@ -4,7 +4,8 @@
 """What comes in and goes out as bytes: subscriptions without objects, publishers, message types.
 
 ``decode`` reads numbers out of messages, ``sensor_description`` is the text beside the readings of
-an IMU. Imports bags, config, conventions and errors; its modules are imported when first used.
+an IMU, ``transform_type`` is tf2_msgs/TFMessage where tf2_msgs is not installed. Imports bags,
+config, conventions and errors; its modules are imported when first used.
 """
 
 from typing import TYPE_CHECKING

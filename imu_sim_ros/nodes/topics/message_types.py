@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.nodes.topics import transform_type
 
 _BUILTIN = frozenset(
     [
@@ -37,13 +38,17 @@ _BUILTIN = frozenset(
 )
 _FIELD = re.compile(r"^\s*([A-Za-z][\w/]*)\s*(?:<=\d+)?\s*(?:\[[^\]]*\])?\s+[A-Za-z]\w*")
 _SEPARATOR = "=" * 80
+_KNOWN_HERE = {"tf2_msgs/TFMessage": transform_type.DEFINITION}
 
 
 def message_class(type_name: str) -> Any:
     """Return the Python class of a type such as ``sensor_msgs/msg/Imu``.
 
     :raises InputError: where its package is not installed.
+    :raises MissingDependencyError: where tf2_msgs is not, and cannot be done without.
     """
+    if type_name == transform_type.TYPE:
+        return transform_type.transform_message_class()
     package, _, name = type_name.split("/")
     try:
         return getattr(importlib.import_module(f"{package}.msg"), name)
@@ -59,6 +64,8 @@ def stamp_offset(message: Any) -> int | None:
     """
     fields = message.get_fields_and_field_types()
     first = next(iter(fields.values()), "")
+    if first == "sequence<geometry_msgs/TransformStamped>":
+        return 8  # the stamp of the first transform, behind their number
     return 4 if first in ("std_msgs/Header", "builtin_interfaces/Time") else None
 
 
@@ -77,9 +84,9 @@ def definition(type_name: str) -> str:
         if key in texts:
             continue
         path = _find(key.split("/")[0], f"{key.split('/')[1]}.msg")
-        if path is None:
+        if path is None and key not in _KNOWN_HERE:
             return ""
-        texts[key] = path.read_text(encoding="utf-8")
+        texts[key] = _KNOWN_HERE[key] if path is None else path.read_text(encoding="utf-8")
         wanted += _nested(texts[key], key.split("/")[0])
     (_, first), *others = texts.items()
     return first + "".join(f"\n{_SEPARATOR}\nMSG: {key}\n{text}" for key, text in others)
@@ -91,7 +98,7 @@ def type_hash(type_name: str) -> str:
     package, _, name = type_name.split("/")
     path = _find(package, f"{name}.json")
     if path is None:
-        return ""
+        return transform_type.HASH if type_name == transform_type.TYPE else ""
     hashes = json.loads(path.read_text(encoding="utf-8")).get("type_hashes", [])
     return next((h["hash_string"] for h in hashes if h["type_name"] == type_name), "")
 

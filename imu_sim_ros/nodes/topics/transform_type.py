@@ -1,0 +1,272 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""tf2_msgs/TFMessage also where tf2_msgs is not installed: the ROS 2 wheels of PyPI have none.
+
+What Fast DDS needs to know of a message that comes and goes as bytes is the type's name, members,
+hash and description. Those of TFMessage, a list of geometry_msgs/TransformStamped, are put together
+from the type support of TransformStamped that is installed; the structures are those of Jazzy's
+``rosidl_runtime_c``, ``rosidl_typesupport_introspection_c`` and ``..._fastrtps_cpp``. Bytes are all
+that goes through: a message object of this type cannot be published. With tf2_msgs installed, its
+own class is used.
+"""
+
+import ctypes
+import importlib.util
+from functools import cache
+from typing import Any, Final
+
+from imu_sim_ros.errors import MissingDependencyError
+
+TYPE: Final = "tf2_msgs/msg/TFMessage"
+DEFINITION: Final = "geometry_msgs/TransformStamped[] transforms\n"
+HASH: Final = "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087"
+_NAMESPACE: Final = b"tf2_msgs::msg"
+_NAME: Final = b"TFMessage"
+_MIDDLEWARE: Final = "rmw_fastrtps_cpp"
+_FASTRTPS: Final = b"rosidl_typesupport_fastrtps_c"
+_INTROSPECTION: Final = b"rosidl_typesupport_introspection_c"
+_MESSAGE: Final = 18
+"""rosidl_typesupport_introspection_c: ROS_TYPE_MESSAGE."""
+_NESTED_UNBOUNDED_SEQUENCE: Final = 145
+"""rosidl: FIELD_TYPE_NESTED_TYPE_UNBOUNDED_SEQUENCE."""
+_POINTER: Final = ctypes.c_void_p
+_TO_HANDLE: Final = ctypes.CFUNCTYPE(_POINTER, _POINTER, ctypes.c_char_p)
+_TO_POINTER: Final = ctypes.CFUNCTYPE(_POINTER, _POINTER)
+
+
+class _TypeSupport(ctypes.Structure):
+    """rosidl_message_type_support_t."""
+
+    _fields_ = (
+        ("identifier", ctypes.c_char_p),
+        ("data", _POINTER),
+        ("func", _POINTER),
+        ("hash", _POINTER),
+        ("description", _POINTER),
+        ("sources", _POINTER),
+    )
+
+
+class _Callbacks(ctypes.Structure):
+    """message_type_support_callbacks_t: two names, and five pointers that bytes do not need."""
+
+    _fields_ = (
+        ("namespace", ctypes.c_char_p),
+        ("name", ctypes.c_char_p),
+        ("others", _POINTER * 5),
+    )
+
+
+class _Member(ctypes.Structure):
+    """rosidl_typesupport_introspection_c__MessageMember; its functions handle message objects."""
+
+    _fields_ = (
+        ("name", ctypes.c_char_p),
+        ("type_id", ctypes.c_uint8),
+        ("string_upper_bound", ctypes.c_size_t),
+        ("members", _POINTER),
+        ("is_key", ctypes.c_bool),
+        ("is_array", ctypes.c_bool),
+        ("array_size", ctypes.c_size_t),
+        ("is_upper_bound", ctypes.c_bool),
+        ("offset", ctypes.c_uint32),
+        ("default_value", _POINTER),
+        ("functions", _POINTER * 6),
+    )
+
+
+class _Members(ctypes.Structure):
+    """rosidl_typesupport_introspection_c__MessageMembers."""
+
+    _fields_ = (
+        ("namespace", ctypes.c_char_p),
+        ("name", ctypes.c_char_p),
+        ("count", ctypes.c_uint32),
+        ("size", ctypes.c_size_t),
+        ("has_any_key", ctypes.c_bool),
+        ("members", _POINTER),
+        ("functions", _POINTER * 2),
+    )
+
+
+class _Hash(ctypes.Structure):
+    """rosidl_type_hash_t."""
+
+    _fields_ = (("version", ctypes.c_uint8), ("value", ctypes.c_uint8 * 32))
+
+
+class _String(ctypes.Structure):
+    """rosidl_runtime_c__String."""
+
+    _fields_ = (
+        ("data", ctypes.c_char_p),
+        ("size", ctypes.c_size_t),
+        ("capacity", ctypes.c_size_t),
+    )
+
+
+class _Sequence(ctypes.Structure):
+    """A sequence of any type."""
+
+    _fields_ = (
+        ("data", _POINTER),
+        ("size", ctypes.c_size_t),
+        ("capacity", ctypes.c_size_t),
+    )
+
+
+class _FieldType(ctypes.Structure):
+    """rosidl_runtime_c__type_description__FieldType."""
+
+    _fields_ = (
+        ("type_id", ctypes.c_uint8),
+        ("capacity", ctypes.c_uint64),
+        ("string_capacity", ctypes.c_uint64),
+        ("nested_type_name", _String),
+    )
+
+
+class _Field(ctypes.Structure):
+    """rosidl_runtime_c__type_description__Field."""
+
+    _fields_ = (("name", _String), ("type", _FieldType), ("default_value", _String))
+
+
+class _Individual(ctypes.Structure):
+    """rosidl_runtime_c__type_description__IndividualTypeDescription."""
+
+    _fields_ = (("type_name", _String), ("fields", _Sequence))
+
+
+class _Description(ctypes.Structure):
+    """rosidl_runtime_c__type_description__TypeDescription."""
+
+    _fields_ = (("type", _Individual), ("referenced", _Sequence))
+
+
+@cache
+def transform_message_class() -> Any:
+    """Return the class of tf2_msgs/TFMessage, with which bytes are published and received.
+
+    :raises MissingDependencyError: where tf2_msgs is not installed and the middleware is another
+        one than Fast DDS.
+    """
+    if importlib.util.find_spec("tf2_msgs") is not None:
+        from tf2_msgs.msg import TFMessage
+
+        return TFMessage
+    from rclpy.utilities import get_rmw_implementation_identifier
+
+    if (middleware := get_rmw_implementation_identifier()) != _MIDDLEWARE:
+        raise MissingDependencyError(
+            f"transforms with {middleware} need tf2_msgs, which is not installed here "
+            "(apt install ros-jazzy-tf2-msgs; it is not on PyPI)"
+        )
+    return _assembled()
+
+
+def _assembled() -> Any:
+    """Return a class with a type support made of that of TransformStamped."""
+    donor = _donor(_FASTRTPS)
+    callbacks = _Callbacks.from_buffer_copy(_Callbacks.from_address(donor.data))
+    callbacks.namespace, callbacks.name = _NAMESPACE, _NAME
+    member = _Member(
+        b"transforms", _MESSAGE, members=ctypes.addressof(_donor(_INTROSPECTION)), is_array=True
+    )
+    # A message object would be a sequence; none is ever made.
+    size = ctypes.sizeof(_Sequence)
+    members = _Members(_NAMESPACE, _NAME, 1, size, members=ctypes.addressof(member))
+    answers, kept = _answers(donor)
+    supports: dict[bytes, _TypeSupport] = {}
+
+    def find(_: Any, identifier: bytes) -> int | None:
+        support = supports.get(identifier)
+        return None if support is None else ctypes.addressof(support)
+
+    of_identifier = _TO_HANDLE(find)
+    for identifier, data in ((_FASTRTPS, callbacks), (_INTROSPECTION, members)):
+        function = ctypes.cast(of_identifier, _POINTER)
+        pointer = ctypes.addressof(data)
+        supports[identifier] = _TypeSupport(identifier, pointer, function, *answers)
+    # The middleware keeps pointers into all these for as long as the process lives.
+    return _class(supports[_FASTRTPS], (supports, of_identifier, callbacks, member, members, kept))
+
+
+def _class(support: _TypeSupport, kept: Any) -> Any:
+    """Return what rclpy takes for a generated class."""
+    new = ctypes.pythonapi.PyCapsule_New
+    new.restype, new.argtypes = ctypes.py_object, (_POINTER, ctypes.c_char_p, _POINTER)
+
+    class WithTypeSupport(type):
+        _TYPE_SUPPORT = new(ctypes.addressof(support), None, None)
+        # Functions that make and destroy message objects: rclpy asks whether they are there.
+        _CREATE_ROS_MESSAGE = _CONVERT_FROM_PY = _CONVERT_TO_PY = _DESTROY_ROS_MESSAGE = _no_object
+        _KEPT = kept
+
+    class TFMessage(metaclass=WithTypeSupport):
+        """tf2_msgs/TFMessage as bytes."""
+
+        @classmethod
+        def get_fields_and_field_types(cls) -> dict[str, str]:
+            """Return the names and types of the fields, as generated classes do."""
+            return {"transforms": "sequence<geometry_msgs/TransformStamped>"}
+
+    return TFMessage
+
+
+def _no_object(*_: object) -> None:
+    raise TypeError(f"{TYPE} comes and goes as bytes only, where tf2_msgs is not installed")
+
+
+def _donor(identifier: bytes) -> _TypeSupport:
+    """Return a type support of TransformStamped."""
+    from geometry_msgs.msg import TransformStamped
+
+    TransformStamped.__class__.__import_type_support__()
+    capsule = TransformStamped.__class__._TYPE_SUPPORT
+    pointer = ctypes.pythonapi.PyCapsule_GetPointer
+    pointer.restype, pointer.argtypes = _POINTER, (ctypes.py_object, ctypes.c_char_p)
+    generic = _TypeSupport.from_address(pointer(capsule, None))
+    handle = _TO_HANDLE(generic.func)(ctypes.addressof(generic), identifier)
+    return _TypeSupport.from_address(handle)
+
+
+def _answers(donor: _TypeSupport) -> tuple[list[Any], Any]:
+    """Return the functions that give hash, description and sources, and what they point to."""
+    digest = _Hash(1, (ctypes.c_uint8 * 32)(*bytes.fromhex(HASH.removeprefix("RIHS01_"))))
+    described = _TO_POINTER(donor.description)(ctypes.addressof(donor))
+    description, kept = _description(_Description.from_address(described))
+    sources = _Sequence()  # none, as of any type that was built without its sources
+    functions = [_always(structure) for structure in (digest, description, sources)]
+    pointers = [ctypes.cast(function, _POINTER) for function in functions]
+    return pointers, (functions, digest, description, sources, kept)
+
+
+def _always(structure: ctypes.Structure) -> Any:
+    """Return a C function that answers with a pointer to the structure, whatever it is asked."""
+    address = ctypes.addressof(structure)
+    return _TO_POINTER(lambda _: address)
+
+
+def _description(donor: _Description) -> tuple[_Description, Any]:
+    """Return TFMessage's description, and what it points to."""
+    item: bytes = donor.type.type_name.data
+    fields = (_Field * 1)(
+        _Field(
+            _text(b"transforms"),
+            _FieldType(_NESTED_UNBOUNDED_SEQUENCE, 0, 0, _text(item)),
+            _text(b""),
+        )
+    )
+    nested = (_Individual * donor.referenced.size).from_address(donor.referenced.data)
+    others = sorted([*nested, donor.type], key=lambda described: described.type_name.data)
+    referenced = (_Individual * len(others))(*others)
+    own = _Individual(_text(TYPE.encode()), _Sequence(ctypes.addressof(fields), 1, 1))
+    size = len(others)
+    result = _Description(own, _Sequence(ctypes.addressof(referenced), size, size))
+    return result, (fields, referenced)
+
+
+def _text(content: bytes) -> _String:
+    return _String(content, len(content), len(content) + 1)
