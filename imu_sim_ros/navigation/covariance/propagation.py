@@ -49,9 +49,9 @@ _TWIST_ENTRIES: Final = np.ravel_multi_index(
 """(9, 9) places of attitude, velocity and gyroscope's bias in a flat (15, 15) matrix."""
 
 
-def _places(rows: slice, columns: slice) -> Array:
+def _places(rows: slice, columns: slice) -> NDArray[np.intp]:
     """Return the nine places of a block of a flat (15, 15) matrix."""
-    return np.arange(SIZE * SIZE).reshape(SIZE, SIZE)[rows, columns].ravel()
+    return np.arange(SIZE * SIZE, dtype=np.intp).reshape(SIZE, SIZE)[rows, columns].ravel()
 
 
 _ACROSS: Final = [1, 2, 3, 5, 6, 7]
@@ -239,7 +239,7 @@ class Covariance:
     def _twist(self, mean_square: Array, r_wb: Array, velocity: ArrayLike, rate_hz: float) -> Array:
         # v_b = R^T v: turning the attitude turns the velocity the other way. R^T [v]x = [v_b]x R^T
         jacobian, r_bw = self._jacobian, r_wb.T
-        vx, vy, vz = velocity
+        vx, vy, vz = np.asarray(velocity, dtype=np.float64).tolist()
         jacobian[:3, :3] = r_bw.dot([[0.0, -vz, vy], [vz, 0.0, -vx], [-vy, vx, 0.0]])
         jacobian[:3, 3:6] = r_bw
         result: Array = jacobian.dot(mean_square.ravel()[_TWIST_ENTRIES]).dot(jacobian.T)

@@ -34,7 +34,7 @@ class SecondOrder:
         self._velocity, self._position = np.zeros(3), np.zeros(3)
         # z, velocity, position, each less its mean
         self._covariance = np.zeros((12, 12))
-        self._mean_square = np.zeros((6, 6))
+        self._mean_square: Array = np.zeros((6, 6))
 
     def step(self, h: float, acceleration: Array, before: Array, after: Array, kept: Array) -> None:
         """Propagate over an interval.
