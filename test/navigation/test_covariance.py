@@ -177,6 +177,19 @@ def test_growth_of_an_unknown_scale():
     np.testing.assert_allclose(np.diag(result.twist(np.eye(3), np.zeros(3), 100.0))[3:], angle**2)
 
 
+def test_growth_of_unknown_cross_axis_terms():
+    """At rest gravity leaks into x and y by m g, by q g^2 into z, and by G g into the gyroscope."""
+    noise = SILENT._replace(
+        accelerometer_misalignment_sigma=1e-3 * AXES, accelerometer_quadratic_sigma=1e-5 * AXES
+    )
+    found = diagonal(at_rest(noise, T, RATE), covariance.VELOCITY)
+    expected = [1e-3 * 9.81 * T, 2e-3 * 9.81 * T, 3e-5 * 9.81**2 * T]
+    np.testing.assert_allclose(found, np.square(expected), rtol=1e-9)
+    noise = SILENT._replace(gyroscope_g_sensitivity_sigma=1e-5 * AXES)
+    found = diagonal(at_rest(noise, T, RATE), covariance.ATTITUDE)
+    np.testing.assert_allclose(found, np.square(1e-5 * AXES * 9.81 * T), rtol=1e-9)
+
+
 def test_rounding_is_noise_of_a_twelfth_of_a_step():
     noise = SILENT._replace(accelerometer_resolution=0.1 * AXES)
     found = diagonal(at_rest(noise, T, RATE), covariance.VELOCITY)
