@@ -6,6 +6,7 @@
 import argparse
 import json
 import os
+import shutil
 import sys
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -259,7 +260,16 @@ def _plain(value: Any) -> Any:
 
 
 def print_table(header: Sequence[str], rows: Sequence[Sequence[str]], title: str = "") -> None:
-    """Print an aligned table: the first column to the left, the others to the right."""
+    """Print an aligned table: the first column to the left, the others to the right.
+
+    On a terminal too narrow for it, each row becomes a block with a line for each column: no number
+    is ever cut.
+    """
+    columns = zip(header, *rows, strict=True)
+    needed = sum(max(map(len, column)) + 3 for column in columns)
+    if sys.stdout.isatty() and needed > shutil.get_terminal_size().columns:
+        print("\n".join(stacked(header, rows, title)))
+        return
     from rich import box
     from rich.console import Console
     from rich.table import Table
@@ -269,10 +279,21 @@ def print_table(header: Sequence[str], rows: Sequence[Sequence[str]], title: str
         table.add_column(name, justify="right" if k else "left", no_wrap=True)
     for row in rows:
         table.add_row(*row)
-    # A pipe has no width: 160 columns keep every row on one line. Units stand in brackets, which
-    # are markup to rich.
-    width = None if sys.stdout.isatty() else 160
+    # A pipe has no width: every row stays on one line. Units stand in brackets, which are markup to
+    # rich.
+    width = None if sys.stdout.isatty() else max(160, needed + 4)
     Console(width=width, highlight=False, markup=False).print(table)
+
+
+def stacked(header: Sequence[str], rows: Sequence[Sequence[str]], title: str = "") -> list[str]:
+    """Return a table as lines: a block for each row, a line for each further column."""
+    width = max((len(name) for name in header[1:]), default=0)
+    lines = [title] if title else []
+    for row in rows:
+        lines.append(f"{header[0]}: {row[0]}" if header[0] else row[0])
+        pairs = zip(header[1:], row[1:], strict=True)
+        lines += [f"  {name:{width}}  {value}" for name, value in pairs]
+    return lines
 
 
 @contextmanager

@@ -132,11 +132,12 @@ def _made(arguments: argparse.Namespace, written: Outputs) -> dict[str, Any]:
         result["velocity_error_m_s"] = statistics(lengths)._asdict()
         velocity_b = rotate_inverse(true_poses.q_wb, true_velocity)
         velocity_b -= rotate_inverse(poses.q_wb, velocity)
-    if arguments.align == "none":
+    result["nees"] = None
+    result["no_nees"] = _why_no_nees(arguments.align, estimate)
+    if result["no_nees"] is None:
         result["nees"] = _consistency(estimate, rows, errors, velocity_b)
-    else:
-        # An alignment takes out a part of the error that the covariance still holds.
-        result["nees"] = None
+        if result["nees"] is None:
+            result["no_nees"] = "the estimate's covariances are singular"
     if arguments.output is not None:
         write_tum(written.where(arguments.output), poses)
     if arguments.plot is not None:
@@ -251,6 +252,15 @@ def _consistency(
     return result
 
 
+def _why_no_nees(alignment: str, estimate: Track) -> str | None:
+    """Return why there can be no NEES; None where there can."""
+    if alignment != "none":
+        return f"--align {alignment} takes out a part of the error that the covariance still holds"
+    if estimate.pose_covariance is None or estimate.twist_covariance is None:
+        return "the estimate has no covariance; give a bag with nav_msgs/Odometry"
+    return None
+
+
 def _nees(errors: Array, covariances: Array, band: Band) -> dict[str, float]:
     values = nees(errors, covariances)
     return {
@@ -296,6 +306,8 @@ def _print(result: dict[str, Any]) -> None:
         )
     if result["nees"] is not None:
         _print_consistency(result["nees"])
+    else:
+        print(f"no NEES: {result['no_nees']}")
 
 
 def _print_consistency(result: dict[str, Any]) -> None:

@@ -57,6 +57,7 @@ def test_known_shift(tmp_path, truth, capsys):
     assert [entry["unit"] for entry in found["rpe"]] == ["s"] + ["m"] * 5
     assert max(entry["translation_m"]["max"] for entry in found["rpe"]) < 1e-9
     assert found["nees"] is None
+    assert found["no_nees"].startswith("the estimate has no covariance")
     for kind in ("yaw", "se3", "sim3"):
         aligned = result(capsys, estimate, truth, "--align", kind)
         assert aligned["ate_m"]["max"] < 1e-9
@@ -138,7 +139,9 @@ def test_nees_of_a_bag_with_covariances(tmp_path, capsys, factor):
     for name in ("position", "attitude", "velocity"):
         expected = 3.0 / factor**2
         assert found[name]["mean"] == pytest.approx(expected, abs=4 * np.sqrt(6 / 400) / factor**2)
-    assert result(capsys, bag, truth, "--align", "se3")["nees"] is None
+    aligned = result(capsys, bag, truth, "--align", "se3")
+    assert aligned["nees"] is None
+    assert aligned["no_nees"].startswith("--align se3 takes out")
     assert "NEES, 3 expected" in run(capsys, bag, truth)[1]
 
 

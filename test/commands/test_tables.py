@@ -1,0 +1,28 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Tables on terminals of any width: no number is cut."""
+
+import sys
+
+import pytest
+
+from imu_sim_ros.commands import common
+
+HEADER = ["axis", "noise density [rad/s/sqrt(Hz)]", "random walk [rad/s^2/sqrt(Hz)]", "B [rad/s]"]
+ROWS = [[f"gyroscope {axis}", "0.0150012 +- 0.0000123", "5.123e-05", "< 1.5e-6"] for axis in "xyz"]
+
+
+@pytest.mark.parametrize("columns", [40, 80, 100, 200])
+@pytest.mark.parametrize("terminal", [True, False])
+def test_every_number_is_whole(columns, terminal, monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", str(columns))
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: terminal, raising=False)
+    common.print_table(HEADER, ROWS, "Noise")
+    out = capsys.readouterr().out
+    assert "\N{HORIZONTAL ELLIPSIS}" not in out
+    for row in ROWS:
+        assert all(out.count(cell) >= 1 for cell in row)
+    if terminal and columns == 80:
+        assert max(len(line) for line in out.splitlines()) <= 80
+        assert out.count("noise density [rad/s/sqrt(Hz)]") == 3
