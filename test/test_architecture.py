@@ -11,6 +11,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+import yaml
 
 import imu_sim_ros
 
@@ -228,14 +229,22 @@ def test_dependencies_of_package_xml_and_setup_py_are_the_same():
         "rosbags": "python3-rosbags-pip",
         "orjson": "python3-orjson",
         "mcap": "mcap-ros2-support",  # no key of its own; comes with this one
-        "lz4": "python3-lz4",
-        "zstandard": "python3-zstandard",
+        "lz4": "python3-rosbags-pip",  # these two have no key either; rosbags brings them
+        "zstandard": "python3-rosbags-pip",
     }
     text = (ROOT / "setup.py").read_text(encoding="utf-8")
     block = text.split("install_requires=[")[1].split("]")[0]
     required = {re.split(r"[<>=]", name)[0] for name in re.findall(r'"([^"]+)"', block)}
     assert required - {"setuptools"} == set(rosdep)
     assert {rosdep[name] for name in rosdep} <= keys
+
+
+def test_every_key_of_package_xml_is_known_to_rosdep():
+    """Against the list of what resolved on the day that it names; a new key is looked up first."""
+    known = yaml.safe_load((ROOT / "test/data/rosdep_keys.yaml").read_text(encoding="utf-8"))
+    tags = ("exec_depend", "depend", "build_depend", "buildtool_depend", "test_depend")
+    keys = {element.text for tag in tags for element in manifest().iter(tag)}
+    assert keys <= {*known["ros"], *known["system"]}
 
 
 HEADER = "# Copyright 2026 imu_sim_ros maintainers\n# SPDX-License-Identifier: Apache-2.0\n"

@@ -39,7 +39,10 @@ class RecorderParameters:
         "is set, or always the time of its reception",
     )
     duration: float = number(
-        0.0, "end after this time since the first message; 0: never", unit="s", minimum=0.0
+        0.0,
+        "end after this time, counted on the stamps of each topic; 0: never",
+        unit="s",
+        minimum=0.0,
     )
     max_size: float = number(0.0, "end when this much is written; 0: never", unit="MB", minimum=0.0)
     split_size: float = number(

@@ -19,9 +19,11 @@ from imu_sim_ros.config import RecorderParameters
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.nodes import run
 from imu_sim_ros.nodes.parameters import ConfiguredNode
+from imu_sim_ros.nodes.recorder.duration_limit import DurationLimit
 from imu_sim_ros.nodes.recorder.recording import Recording, Topic
 from imu_sim_ros.nodes.recorder.stamp_statistics import StampStatistics
 from imu_sim_ros.nodes.topics import (
+    Message,
     RawSubscriptions,
     definition,
     is_weaker,
@@ -70,9 +72,10 @@ class Recorder(ConfiguredNode):
             lambda error: self.ending.fail(error, status=1),
             parameters.buffer_size * MEGABYTE,
         )
+        self._limit = DurationLimit(parameters.duration)
         self.reader = RawSubscriptions(
             self,
-            self.recording.put,
+            self._put,
             self.ending.fail,
             _READ_PERIOD,
             by_reception=parameters.record_time == "reception",
@@ -165,6 +168,12 @@ class Recorder(ConfiguredNode):
             names = ", ".join(missing) or "any topic"
             self.get_logger().warning(f"waiting for a publisher of {names}")
 
+    def _put(self, messages: list[Message]) -> None:
+        """Have messages of one topic written, in the reader's thread."""
+        within = self._limit.take(messages, time.monotonic())
+        if within:
+            self.recording.put(within)
+
     # ------------------------------------------------------------------------------- the end
     def _check_end(self) -> None:
         """End where it is time to."""
@@ -173,7 +182,7 @@ class Recorder(ConfiguredNode):
             self.ending.finish()
         elif self.reader.first_at:
             self._began_at = self._began_at or self._seconds(self.reader.first_at)
-            if 0 < parameters.duration <= self._seconds() - self._began_at:
+            if self._limit.reached(self._seconds() - self._began_at, time.monotonic()):
                 self.ending.finish()
 
     def _seconds(self, steady: float = 0.0) -> float:

@@ -51,6 +51,7 @@ from imu_sim_ros.nodes.simulator.publish_queue import (
     Stream,
     TickStream,
 )
+from imu_sim_ros.nodes.simulator.settling import Settling
 from imu_sim_ros.nodes.topics import Counter, check_overrides, create, sensor_description
 from imu_sim_ros.sensor import Fault
 from imu_sim_ros.simulation import Simulation
@@ -62,8 +63,6 @@ QUEUE: Final = 4000
 
 _SWITCH_INTERVAL: Final = 1e-4
 """[s] Python lets the publishing thread in after this long; its own 5 ms are 10 samples late."""
-_SETTLE: Final = 0.3
-"""[s] A subscriber that is known here may still have to learn of this publisher."""
 _ACKNOWLEDGEMENT: Final = Duration(nanoseconds=50_000_000)
 _STEP_TIMEOUT: Final = 5.0
 
@@ -78,7 +77,7 @@ class Simulator(ConfiguredNode):
         self._lateness = Histogram()
         self._remarks: list[str] = []
         self._notes: list[str] = []
-        self._satisfied = 0.0
+        self._settling = Settling()
         parameters: SimulatorParameters = self.parameters
         self._follows = bool(self.get_parameter("use_sim_time").value)
         self._check_clocks(parameters)
@@ -254,11 +253,9 @@ class Simulator(ConfiguredNode):
                 if counter.topic.endswith(topic):
                     missing |= counter.publisher.get_subscription_count() < count
         if missing or not any(wanted.values()):
-            self._satisfied = 0.0
             return not missing
-        now = time.monotonic()
-        self._satisfied = self._satisfied or now
-        return now - self._satisfied >= _SETTLE
+        counts = [counter.publisher.get_subscription_count() for counter in self._counters]
+        return self._settling.settled(counts, time.monotonic())
 
     def _zero(self) -> int:
         """Return the time of the first sample [ns]."""

@@ -1,0 +1,31 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""When all who are waited for are there, and nobody else is still coming."""
+
+from collections.abc import Sequence
+from typing import Final
+
+_SETTLE: Final = 0.3
+"""[s] A subscriber that is known here may still have to learn of this publisher."""
+
+
+class Settling:
+    """Waits until the numbers of subscribers have stayed the same for a while.
+
+    A recorder subscribes to its topics one after the other, and to each of them some time after the
+    first is known here: the first samples of the last topic would be lost.
+    """
+
+    def __init__(self) -> None:
+        self._counts: tuple[int, ...] = ()
+        self._since = 0.0
+
+    def settled(self, counts: Sequence[int], now: float) -> bool:
+        """Tell whether the subscribers of all topics are there to stay.
+
+        :param now: on the steady clock [s].
+        """
+        if tuple(counts) != self._counts:
+            self._counts, self._since = tuple(counts), now
+        return now - self._since >= _SETTLE
