@@ -65,7 +65,8 @@ def explain(error: BaseException) -> tuple[tuple[str, ...], int]:
         return error.problems, error.status
     if isinstance(error, OSError) and error.strerror:
         names = [str(name) for name in (error.filename, error.filename2) if name is not None]
-        return (": ".join([*names, error.strerror]),), 1
+        status = 2 if error.errno == errno.ENAMETOOLONG else 1
+        return (": ".join([*names, error.strerror]),), status
     if isinstance(error, MemoryError):
         return ("not enough memory",), 1
     words = " ".join(str(error).split())

@@ -76,6 +76,7 @@ def to_nanoseconds(seconds: float) -> int:
     return round(Fraction(repr(float(seconds))) * NANOSECONDS_PER_SECOND)
 
 
+_LONGEST_DURATION: Final = 40
 _SECONDS: Final = {"": 1.0, "s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0}
 
 
@@ -85,6 +86,6 @@ def parse_duration(words: str) -> float:
     :raises ValueError: for anything else.
     """
     match = re.fullmatch(r"(\d+\.?\d*|\.\d+)\s*(s|min|h|d|)", words.strip())
-    if match is None:
-        raise ValueError(f"{words!r} is not a duration such as 20s, 10min or 4h")
+    if match is None or len(words) > _LONGEST_DURATION:
+        raise ValueError(f"{words[:40]!r} is not a duration such as 20s, 10min or 4h")
     return float(match[1]) * _SECONDS[match[2]]

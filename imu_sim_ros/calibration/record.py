@@ -109,9 +109,11 @@ class Record:
             self.start_ns = int(t_ns[0])
             self.rest = RestCheck(self.rate)
         t_ns, y = self._in_order(t_ns, y)
+        if not len(y):  # nothing but repetitions of the message before
+            return
         self._look(t_ns, y)
         yield from self._pieces(t_ns, np.where(np.isfinite(y), y, 0.0))
-        self._last_ns = int(t_ns[-1]) if len(t_ns) else self._last_ns
+        self._last_ns = int(t_ns[-1])
 
     def at_rest(self, y: Array | None) -> Iterator[Array | None]:
         """Yield what of a piece is at rest; None stands for the end of a piece."""

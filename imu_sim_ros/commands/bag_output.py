@@ -15,6 +15,7 @@ from imu_sim_ros.commands import common, shared
 from imu_sim_ros.errors import InputError
 
 DATASET_SUFFIXES: Final = {".csv": "csv", ".tum": "tum", ".txt": "tum"}
+_LONGEST_SIZE: Final = 20
 _SIZE_UNITS: Final = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9}
 
 
@@ -104,8 +105,8 @@ def outputs(arguments: argparse.Namespace, inputs: Iterable[object] = ()) -> Out
 def size(words: str) -> int:
     """Return the bytes of ``500M``, ``2G`` or a plain number."""
     match = re.fullmatch(r"(\d+\.?\d*)\s*([kmg]?)b?", words.strip().lower())
-    if match is None:
-        raise argparse.ArgumentTypeError(f"{words!r} is not a size such as 500M or 2G")
+    if match is None or len(words) > _LONGEST_SIZE:
+        raise argparse.ArgumentTypeError(f"{words[:40]!r} is not a size such as 500M or 2G")
     return round(float(match[1]) * _SIZE_UNITS[match[2]])
 
 

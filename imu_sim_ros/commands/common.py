@@ -72,8 +72,11 @@ def main(
     open_standard_streams()
     made = parser()
     _complete(made)
-    arguments = made.parse_args(argv)
-    return run(parser().prog, lambda: command(arguments), getattr(arguments, "debug", False))
+    try:
+        arguments = made.parse_args(argv)
+    except Exception as error:  # an argument that nobody has thought of
+        return _told(made.prog, error, debug=False)
+    return run(made.prog, lambda: command(arguments), getattr(arguments, "debug", False))
 
 
 def _complete(parser: argparse.ArgumentParser) -> None:

@@ -3,7 +3,7 @@
 
 """Hostile inputs for every command: one case for each number, run in this process and judged.
 
-``python test/fuzz/hostile.py COUNT [FIRST]`` runs COUNT cases and reports them by kind.
+``python test/fuzz/hostile.py COUNT [FIRST [SECONDS]]`` runs COUNT cases and reports them by kind.
 """
 
 import contextlib
@@ -343,13 +343,17 @@ def _poses(dice: random.Random, inputs: Inputs, place: Path) -> tuple[str, list[
 _MAKERS: Final = {"bag": _bag, "yaml": _yaml, "arguments": _arguments, "poses": _poses}
 
 
-def main(count: int, first: int = 0) -> int:
-    """Run cases and report them by kind; returns 1 where one of them failed."""
+def main(count: int, first: int = 0, seconds: float = 1e9) -> int:
+    """Run cases, at most for some time, and report them by kind; returns 1 where one failed."""
+    end = time.monotonic() + seconds
     counts: Counter[tuple[str, str]] = Counter()
     failed = 0
     with tempfile.TemporaryDirectory() as name:
         inputs = Inputs(Path(name))
         for number in range(first, first + count):
+            if time.monotonic() > end:
+                count = number - first
+                break
             begin = time.process_time()
             outcome = run(number, inputs)
             spent = time.process_time() - begin

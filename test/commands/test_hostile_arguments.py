@@ -1,0 +1,117 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Programs whose arguments, streams or surroundings nobody should give them."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from imu_sim_ros.commands import common, convert_bag, evaluate, generate
+
+GENERATE = [sys.executable, "-m", "imu_sim_ros.commands.generate", "--duration", "1s", "--json"]
+
+
+def _shell(command, folder, **options):
+    return subprocess.run(
+        ["/bin/bash", "-o", "pipefail", "-c", command],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+        **options,
+    )
+
+
+def test_standard_output_that_is_full_closed_or_read_no_further(tmp_path):
+    command = " ".join(GENERATE)
+    full = _shell(f"{command} -o full.mcap > /dev/full", tmp_path)
+    assert full.returncode == 1
+    assert full.stderr == "generate: No space left on device\n"
+    closed = _shell(f"{command} -o closed.mcap >&- && {command} -o both.mcap >&- 2>&-", tmp_path)
+    assert (closed.returncode, closed.stderr) == (0, "")
+    cut = _shell(f"{command} --help | head -1", tmp_path)
+    assert "Traceback" not in cut.stderr
+    assert "Exception ignored" not in cut.stderr
+    assert sorted(os.listdir(tmp_path)) == ["both.mcap", "closed.mcap", "full.mcap"]
+
+
+def test_a_working_folder_that_was_deleted(tmp_path):
+    command = f"mkdir gone; cd gone; rmdir ../gone; {' '.join(GENERATE)} -o x.mcap"
+    environment = {**os.environ, "PYTHONPATH": os.getcwd()}
+    result = _shell(command, tmp_path, env=environment)
+    assert result.returncode in (1, 2)
+    assert "Traceback" not in result.stderr
+    assert len(result.stderr.splitlines()) <= 2
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["--x=--"],
+        ["--rate", "9" * 400],
+        ["--duration", "9" * 400],
+        ["--split-size", "9" * 400],
+        ["--split-duration", "9" * 400],
+        ["--seed", "9" * 5000],
+        ["--imu", "A" * 5000],
+        ["--trajectory", "A" * 5000],
+        ["--set", "A" * 5000],
+        ["--topic", "=" * 5000],
+    ],
+)
+def test_arguments_without_measure_are_short_lines(tmp_path, monkeypatch, capsys, arguments):
+    monkeypatch.chdir(tmp_path)
+    try:
+        status = generate.main(["-o", "x.mcap", "--duration", "1s", *arguments])
+    except SystemExit as ended:
+        status = ended.code
+    error = capsys.readouterr().err
+    assert status in (0, 2), error
+    assert "Traceback" not in error
+    assert "unexpected" not in error
+    assert all(len(line) < 1200 for line in error.splitlines())
+
+
+def test_an_unforeseen_error_is_one_line_and_a_traceback_on_request(capsys):
+    def fail():
+        raise KeyError("what")
+
+    assert common.run("program", fail) == 1
+    line = "program: unexpected: KeyError: 'what'; run with --debug for the traceback\n"
+    assert capsys.readouterr().err == line
+    assert common.run("program", fail, debug=True) == 1
+    assert "Traceback" in capsys.readouterr().err
+
+
+def test_every_output_is_checked_before_any_is_written(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    rows = "".join(f"{k}.0 {k} {k % 3} 0 0 0 0 1\n" for k in range(20))
+    (tmp_path / "truth.txt").write_text(rows)
+    (tmp_path / "there.png").write_text("mine")
+    for more, words in (
+        (["-o", "a.txt", "--plot", "there.png"], "there.png: exists already"),
+        (["-o", "a.png", "--plot", "a.png"], "two outputs would have this name"),
+        (["-o", "a.txt", "--plot", "/dev/null"], "must end in .png or .svg or .pdf"),
+        (["-o", "truth.txt", "--force"], "is the input truth.txt"),
+    ):
+        assert evaluate.main(["truth.txt", "truth.txt", *more]) == 2
+        assert words in capsys.readouterr().err
+    assert sorted(os.listdir(tmp_path)) == ["there.png", "truth.txt"]
+    assert (tmp_path / "truth.txt").read_text() == rows
+    assert evaluate.main(["truth.txt", "truth.txt", "-o", "new/folder/a.txt", "--quiet"]) == 0
+    assert (tmp_path / "new" / "folder" / "a.txt").is_file()
+
+
+def test_bad_rows_are_skipped_on_request_and_counted(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    rows = [f"{k}.0 {k} 0 0 0 0 0 1" for k in range(20)]
+    rows[7] = "7.0 7 0 0"
+    (tmp_path / "poses.tum").write_text("\n".join(rows))
+    assert convert_bag.main(["poses.tum", "-o", "x.mcap"]) == 2
+    assert "line 8: 4 columns" in capsys.readouterr().err
+    assert convert_bag.main(["poses.tum", "-o", "x.mcap", "--skip-bad-rows"]) == 0
+    assert "convert_bag: poses.tum: 1 bad rows skipped" in capsys.readouterr().err
