@@ -10,7 +10,7 @@ blocks of any size, and can be made in any order.
 
 from imu_sim_ros.camera.build import build_scene
 from imu_sim_ros.camera.model import CameraModel, Projection, Rays
-from imu_sim_ros.camera.rig import Blindness, Rig
+from imu_sim_ros.camera.rig import Blindness, Rig, build_rig
 from imu_sim_ros.camera.scene import Scene, Surfaces
 from imu_sim_ros.camera.tracks import Lines, Tracker, Tracks
 from imu_sim_ros.camera.view import Frames, Poses, View, in_camera
@@ -29,6 +29,7 @@ __all__ = [
     "Tracker",
     "Tracks",
     "View",
+    "build_rig",
     "build_scene",
     "in_camera",
 ]

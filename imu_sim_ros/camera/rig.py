@@ -3,16 +3,21 @@
 
 """All cameras of a body, and the scene that they see."""
 
-from collections.abc import Iterator
+import itertools
+from collections.abc import Iterator, Mapping
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
+from imu_sim_ros import timebase
 from imu_sim_ros.camera.build import build_scene
 from imu_sim_ros.camera.tracks import Tracker, Tracks
 from imu_sim_ros.camera.view import View
-from imu_sim_ros.config.cameras import RigParameters
-from imu_sim_ros.trajectory import Trajectory
+from imu_sim_ros.config import load_simulation
+from imu_sim_ros.config.cameras import RigParameters, load_rig, rig_problems, split_rig
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.trajectory import Trajectory, build_trajectory
 
 BLOCK: Final = 64
 """Frames that are made in one go."""
@@ -56,9 +61,50 @@ class Rig:
         total = self.views[name].total
         first = 0
         while total is None or first < total:
-            count = block if total is None else min(block, total - first)
-            yield tracker.tracks(first, count)
-            first += count
+            size = block if total is None else min(block, total - first)
+            yield tracker.tracks(first, size)
+            first += size
+
+    def images(self, name: str) -> Iterator[tuple[int, NDArray[np.uint8]]]:
+        """Yield the stamp [ns] and the grey values (h, w) of all frames of a camera.
+
+        Frames that are lost are left out.
+
+        :raises ConfigurationError: for a scene without surfaces.
+        :raises MissingDependencyError: where OpenCV is not installed.
+        """
+        from imu_sim_ros.camera.images import Imager, atlas  # they need OpenCV
+
+        view = self.views[name]
+        textures = atlas(self.scene.surfaces, self.parameters.scene)
+        imager = Imager(view, self.scene, textures, self.trajectory)
+        numbers = itertools.count() if view.total is None else range(view.total)
+        for number in numbers:
+            frames = view.frames(number, 1)
+            if frames.delivered[0]:
+                yield int(frames.t_ns[0]), imager.image(number)
+
+
+def build_rig(parameters: Mapping[str, object]) -> Rig:
+    """Return the cameras that parameters by dotted name describe, on their trajectory.
+
+    The frames are those of ``generate`` with the same parameters.
+
+    :param parameters: for instance ``{"cameras": ["cam0"], "camera.preset": "euroc_cam0",
+        "trajectory.type": "figure_eight", "duration": 10.0, "seed": 1}``.
+    :raises ConfigurationError: with a line for everything that is wrong.
+    :raises InputError: for a file that cannot be used.
+    """
+    of_rig, others = split_rig(parameters)
+    simulation, rig = load_simulation(others), load_rig(of_rig)
+    problems = list(rig_problems(rig, simulation))
+    if problems:
+        raise ConfigurationError(problems)
+    start = simulation.start_time
+    t0_ns = timebase.to_nanoseconds(start if start >= 0.0 else 1.0)
+    trajectory = build_trajectory(simulation.trajectory)
+    duration = simulation.duration or trajectory.duration
+    return Rig(rig, trajectory, t0_ns, duration, simulation.seed)
 
 
 class Blindness:

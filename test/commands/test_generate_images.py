@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 import yaml
 
+from imu_sim_ros.camera import build_rig
 from imu_sim_ros.commands import generate
+from imu_sim_ros.config.files import trajectory_layer
 
 RIG = [
     "--camera",
@@ -77,6 +79,34 @@ def test_a_euroc_folder_holds_images_under_their_stamps(tmp_path, capsys):
         assert sensor["distortion_model"] == "radial-tangential"
     assert (folder / "imu0" / "data.csv").is_file()
     assert (folder / "state_groundtruth_estimate0" / "data.csv").is_file()
+
+
+def test_python_gives_the_frames_of_the_command(tmp_path):
+    folder = tmp_path / "mav0"
+    assert generate.main(["-o", str(folder), "--format", "euroc", *RIG]) == 0
+    rig = build_rig(
+        {
+            "cameras": ["cam0", "cam1"],
+            "cam0.camera.preset": "euroc_cam0",
+            "cam1.camera.preset": "euroc_cam1",
+            **trajectory_layer("target"),
+            "duration": 0.5,
+            "seed": 5,
+            "camera.body_axes": "flu",
+            "camera.width": 94,
+            "camera.height": 60,
+            "camera.intrinsics": [57.3, 57.2, 45.9, 31.0],
+            "camera.dropout_probability": 0.3,
+            "camera.time_offset": 0.005,
+            "scene.type": "aprilgrid",
+        }
+    )
+    for name in ("cam0", "cam1"):
+        frames = dict(rig.images(name))
+        written = {int(path.stem): path for path in (folder / name / "data").iterdir()}
+        assert set(frames) == set(written)
+        for stamp, image in frames.items():
+            assert np.array_equal(cv2.imread(str(written[stamp]), cv2.IMREAD_UNCHANGED), image)
 
 
 def test_the_number_of_threads_and_the_block_change_nothing(tmp_path, monkeypatch):
