@@ -1,0 +1,44 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""An oracle that is missing is a failure in CI, and a skip elsewhere."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+CONFTEST = Path(__file__).with_name("conftest.py")
+TESTS = """
+import pytest
+
+def test_oracle():
+    pytest.importorskip("an_oracle_that_is_not_there")
+
+def test_flight():
+    pytest.skip("no recorded poses in ../shared/data")
+
+@pytest.mark.xfail(strict=True)
+def test_known():
+    assert False
+"""
+
+
+@pytest.mark.parametrize(
+    ("ci", "line"), [("1", "1 failed, 1 skipped, 1 xfailed"), ("", "2 skipped, 1 xfailed")]
+)
+def test_a_missing_oracle_fails_in_ci(ci, line, tmp_path):
+    (tmp_path / "conftest.py").write_text(CONFTEST.read_text(encoding="utf-8"))
+    (tmp_path / "test_it.py").write_text(TESTS)
+    (tmp_path / "pytest.ini").write_text("[pytest]\nmarkers = xdist_group\n")
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_it.py"],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        env={**os.environ, "IMU_SIM_CI": ci},
+    )
+    assert line in done.stdout
+    assert ("an_oracle_that_is_not_there" in done.stdout) == bool(ci)
