@@ -16,8 +16,8 @@ MAY_BE_MISSING = {
     "the launch package comes with": "ROS 2's launch is not on PyPI",
     "REAL ROS 1 NOT TESTED": "only Debian has it, and only root can install it",
 }
-"""What CI cannot have, by words of the skip's reason. Anything else that a test skips for, an oracle
-above all, makes it fail where IMU_SIM_CI is set, as .ci/run does."""
+"""What CI cannot have, by words of the skip's reason. Anything else that a test skips for, an
+oracle above all, makes it fail where IMU_SIM_CI is set, as .ci/run does."""
 _REAL_PROCESSES = (Path("test/nodes"), Path("test/commands/test_demo.py"))
 
 
