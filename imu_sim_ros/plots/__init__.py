@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.plots import calibration as calibration
     from imu_sim_ros.plots import navigation as navigation
     from imu_sim_ros.plots import readings as readings
+    from imu_sim_ros.plots import sensors as sensors
     from imu_sim_ros.plots import style as style
     from imu_sim_ros.plots.style import Figure as Figure
 else:
@@ -22,6 +23,6 @@ else:
         __name__,
         {
             "style": ["Figure"],
-            "": ["allan", "calibration", "navigation", "readings", "style"],
+            "": ["allan", "calibration", "navigation", "readings", "sensors", "style"],
         },
     )
