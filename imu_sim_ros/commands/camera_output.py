@@ -6,14 +6,21 @@
 import argparse
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 from imu_sim_ros.bags.text import Dataset, writer
 from imu_sim_ros.commands import common
-from imu_sim_ros.config import SimulationParameters, files, flatten, load_simulation
+from imu_sim_ros.config import (
+    SimulationParameters,
+    files,
+    flatten,
+    load_simulator,
+    of_the_node,
+    simulations,
+)
 from imu_sim_ros.conventions import TRUTH_TOPIC
 from imu_sim_ros.datasets import DatasetTarget
 from imu_sim_ros.errors import ConfigurationError, InputError
@@ -72,14 +79,17 @@ def parameters(arguments: argparse.Namespace) -> Parameters:
     given: dict[str, object] = {**_short(arguments)}
     for values in layers:
         given.update(values)
+    node = of_the_node(given)
+    if node and not (arguments.quiet or arguments.json):
+        print(f"generate: note: without effect in a file: {', '.join(node)}", file=sys.stderr)
     if not _has_cameras(given):
-        return load_simulation(given), None
+        return _simulation(given), None
     from imu_sim_ros.config.cameras import load_rig, rig_problems, split_rig
 
     of_rig, others = split_rig(given)
     problems: list[str] = []
     loaded: list[Any] = []
-    for load, values in ((load_simulation, others), (load_rig, of_rig)):
+    for load, values in ((_simulation, others), (load_rig, of_rig)):
         try:
             loaded.append(load(values))
         except ConfigurationError as error:
@@ -89,6 +99,17 @@ def parameters(arguments: argparse.Namespace) -> Parameters:
     if problems:
         raise ConfigurationError(problems)
     return loaded[0], loaded[1]
+
+
+def _simulation(given: Mapping[str, object]) -> SimulationParameters:
+    """Return the simulation of the simulator node's parameters: one file serves both."""
+    simulator = load_simulator(given)
+    if simulator.imus:
+        raise ConfigurationError(
+            f"imus = {list(simulator.imus)}: generate writes one IMU; give each one's parameters "
+            "in a run of its own, with the same seed plus its place"
+        )
+    return simulations(simulator)[""]
 
 
 def _short(arguments: argparse.Namespace) -> dict[str, object]:

@@ -4,6 +4,7 @@
 """``generate``: parameters in, a bag or a dataset out, as fast as the machine can."""
 
 import argparse
+import dataclasses
 import sys
 import time
 from collections.abc import Iterator, Sequence
@@ -16,7 +17,7 @@ import numpy as np
 from imu_sim_ros.bags import Outputs, ahead, open_writer
 from imu_sim_ros.bags.text import writer as text_writer
 from imu_sim_ros.commands import bag_output, camera_output, common, shared
-from imu_sim_ros.config import SimulationParameters, flatten
+from imu_sim_ros.config import SimulationParameters, files, flatten
 from imu_sim_ros.consumers import ImuValues, write_all
 from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.datasets import (
@@ -105,6 +106,8 @@ def generate(arguments: argparse.Namespace) -> None:
     written = bag_output.outputs(arguments, everything.values())
     if arguments.with_configs:
         written.add(_configs(arguments.output))
+    if _has_readings(arguments) and not arguments.output.parent.is_file():  # one line is enough
+        written.add(_truth(arguments.output))
     with written:
         result = _generated(arguments, (parameters, rig), names, written)
     result["wall_s"] = time.perf_counter() - started
@@ -133,6 +136,8 @@ def _generated(
     with _target(arguments, output, parameters, names, cameras) as target:
         written.describe(arguments.output, target.described)
         _write(simulation, target, arguments)
+    if _has_readings(arguments):
+        _write_truth(written.where(_truth(arguments.output)), arguments.output.name, parameters)
     if arguments.with_configs:
         folder = written.where(_configs(arguments.output))
         _write_configs(folder, simulation, names)
@@ -235,6 +240,31 @@ def _values(parameters: SimulationParameters, topic: str, duration: float = 0.0)
 def _configs(output: Path) -> Path:
     """Return the folder of the configurations that belong to an output."""
     return output.with_name(output.name + "_configs")
+
+
+def _has_readings(arguments: argparse.Namespace) -> bool:
+    return bag_output.form(arguments) not in ("tum", "vio_data_simulation")
+
+
+def _truth(output: Path) -> Path:
+    """Return the file of the realised truth that belongs to an output: NAME_truth.yaml."""
+    known = output.suffix.lower() in (".bag", ".mcap", ".csv")
+    return output.with_name(f"{output.stem if known else output.name}_truth.yaml")
+
+
+def _write_truth(path: Path, name: str, parameters: SimulationParameters) -> None:
+    """Write the sensor of this run: every constant that its seed drew, in its parameter's place.
+
+    ``calibrate --truth`` and ``allan --truth`` take it, and ``--imu`` for the same unit again.
+    """
+    imu = dataclasses.replace(realised_imu(parameters), preset="perfect")
+    files.write(
+        {"rate": parameters.rate, **{f"imu.{k}": v for k, v in flatten(imu).items()}},
+        path,
+        comment=f"The sensor that made {name}: preset {parameters.imu.preset}, with the turn-on "
+        f"biases and scales\nthat seed {parameters.seed} drew in the places of the parameters. "
+        "For calibrate --truth and allan --truth;\ngenerate --imu takes it for the same unit.",
+    )
 
 
 def _write_configs(folder: Path, simulation: Simulation, names: dict[str, str]) -> None:

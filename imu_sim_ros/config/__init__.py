@@ -48,6 +48,8 @@ from imu_sim_ros.config.simulator import (
     PublishParameters,
     SimulatorParameters,
     layer_simulator,
+    load_simulator,
+    of_the_node,
     simulations,
     simulator_section,
 )
@@ -116,6 +118,8 @@ __all__ = [
     "layer_integrator",
     "layer_simulator",
     "load_simulation",
+    "load_simulator",
+    "of_the_node",
     "parameters",
     "parse",
     "shown",

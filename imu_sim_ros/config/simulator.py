@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from imu_sim_ros.config.files import build_layered
 from imu_sim_ros.config.imu import LARGEST_LATENCY, LONGEST, ImuParameters
 from imu_sim_ros.config.parameter import (
     Vector,
@@ -259,3 +260,21 @@ def layer_simulator(given: Mapping[str, object]) -> dict[str, object]:
             if not key.startswith("trajectory."):
                 result[f"{name}.{key}"] = value
     return result
+
+
+def load_simulator(*layers: Mapping[str, object]) -> SimulatorParameters:
+    """Return everything that layers of parameters give to the simulator, later ones above.
+
+    :raises ConfigurationError: with a line for everything that is wrong.
+    """
+    given: dict[str, object] = {}
+    for values in layers:
+        given.update(values)
+    return build_layered(simulator_section(given), layer_simulator, given)
+
+
+def of_the_node(given: Mapping[str, object]) -> list[str]:
+    """Return the names among those given that concern the live node alone, not its samples."""
+    samples = {field.name for field in dataclasses.fields(SimulationParameters)}
+    node = {field.name for field in dataclasses.fields(SimulatorParameters)} - samples - {"imus"}
+    return [name for name in given if name.partition(".")[0] in node]

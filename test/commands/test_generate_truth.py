@@ -1,0 +1,109 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The realised truth beside a bag, and one parameter file for node and command."""
+
+import json
+
+import numpy as np
+import pytest
+
+from imu_sim_ros.bags import read_imu
+from imu_sim_ros.commands import calibrate, dead_reckon, generate
+from imu_sim_ros.config import RecorderParameters, build, files, load_simulation
+
+SHORT = ["--duration", "0.1s", "--quiet"]
+
+
+def test_the_truth_of_a_run_has_what_its_seed_drew(tmp_path):
+    """The same unit again, with nothing to draw, reads the same: its truth is the realised one."""
+    bag = str(tmp_path / "run.mcap")
+    quiet = [f"--set=imu.{t}_{key}=0" for t in ("gyroscope", "accelerometer")
+             for key in ("noise_density", "bias_instability", "resolution")]  # fmt: skip
+    options = ["--imu", "mpu6000", "--trajectory", "lecture", "--seed", "7", *SHORT, *quiet]
+    assert generate.main([*options, "-o", bag]) == 0
+    truth = tmp_path / "run_truth.yaml"
+    imu = load_simulation(files.load(truth)).imu
+    assert imu.gyroscope_turn_on_bias_sigma == (0.0,) * 3
+    assert np.abs(imu.gyroscope_bias).min() > 0.0
+    again = str(tmp_path / "again.mcap")
+    options = ["--imu", str(truth), "--trajectory", "lecture", "--seed", "8", *SHORT]
+    assert generate.main([*options, "-o", again]) == 0
+    one, other = read_imu(bag), read_imu(again)
+    np.testing.assert_allclose(one.gyro, other.gyro, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(one.accel, other.accel, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("output", "name"),
+    [
+        ("a.bag", "a_truth.yaml"),
+        ("b.csv", "b_truth.yaml"),
+        ("v1.2", "v1.2_truth.yaml"),
+        ("c.tum", None),
+    ],
+)
+def test_names_of_the_truth(tmp_path, output, name):
+    assert generate.main(["-o", str(tmp_path / output), *SHORT]) == 0
+    found = [path.name for path in tmp_path.glob("*_truth.yaml")]
+    assert found == ([name] if name else [])
+
+
+def test_an_existing_truth_is_refused_before_any_work(tmp_path, capsys):
+    (tmp_path / "a_truth.yaml").write_text("mine")
+    assert generate.main(["-o", str(tmp_path / "a.mcap"), *SHORT]) == 2
+    assert "a_truth.yaml" in capsys.readouterr().err
+    assert (tmp_path / "a_truth.yaml").read_text() == "mine"
+    assert not (tmp_path / "a.mcap").exists()
+
+
+def test_a_correct_calibration_is_not_thousands_of_errors_off(tmp_path, capsys):
+    bag = str(tmp_path / "six.mcap")
+    options = ["--imu", "mpu6000", "--trajectory", "six_position", "--quiet", "-o", bag]
+    assert generate.main(options) == 0
+    options = ["six_position", bag, "--no-files", "--json", "--truth"]
+    assert calibrate.main([*options, str(tmp_path / "six_truth.yaml")]) == 0
+    found = json.loads(capsys.readouterr().out)["parameters"]["accelerometer_bias"]
+    value, truth, sigma = (np.array(found[key]) for key in ("value", "truth", "sigma"))
+    # Normal errors are below 5 sigma in all three axes but once in half a million times.
+    assert (np.abs(value - truth) < 5.0 * sigma).all()
+    assert np.abs(truth).min() > 100.0 * sigma.max()  # the turn-on bias is what would be off
+
+
+def shipped():
+    folder = files.config_folder()
+    return [
+        folder / "simulator.yaml",
+        *(files.find("imus", name) for name in files.names("imus")),
+        *(files.find("trajectories", name) for name in files.names("trajectories")),
+    ]
+
+
+@pytest.mark.parametrize("path", shipped(), ids=lambda path: path.stem)
+def test_every_shipped_file_of_the_simulator_serves_generate(tmp_path, path):
+    """The node's own loader is the command's: what one accepts, the other does."""
+    arguments = ["--params-file", str(path), "-o", str(tmp_path / "a.mcap"), *SHORT]
+    assert generate.main(arguments) == 0
+
+
+def test_what_concerns_the_node_alone_is_said(tmp_path, capsys):
+    file = files.config_folder() / "simulator.yaml"
+    arguments = ["--params-file", str(file), "-o", str(tmp_path / "a.mcap"), "--duration", "0.1s"]
+    assert generate.main(arguments) == 0
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if "without effect" in line]
+    assert "real_time_factor" in line
+    assert "publish.clock_rate" in line
+    assert "imu.preset" not in line
+    bad = ["--set", "publish.clock_rate=-1", "-o", str(tmp_path / "b.mcap"), *SHORT]
+    assert generate.main(bad) == 2
+    assert "publish.clock_rate = -1" in capsys.readouterr().err
+
+
+def test_the_integrators_and_recorders_files_serve_their_commands(tmp_path, capsys):
+    bag = str(tmp_path / "a.mcap")
+    assert generate.main(["-o", bag, "--duration", "1s", "--quiet"]) == 0
+    file = files.config_folder() / "integrator.yaml"
+    assert dead_reckon.main([bag, "--params-file", str(file), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["samples"] == 200
+    recorder = files.load(files.config_folder() / "recorder.yaml", "recorder")
+    assert build(RecorderParameters, recorder).compression == "none"
