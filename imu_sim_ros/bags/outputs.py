@@ -307,7 +307,8 @@ class Outputs:
                 entry.rename(place)
                 names.append(str(place))
             if names:
-                lines.append(f"{', '.join(names)}: {target.described()}")
+                more = f" and {len(names) - 1} more files" if len(names) > 1 else ""
+                lines.append(f"{names[0]}{more}: {target.described()}")
         return lines
 
     def _clear(self) -> None:

@@ -202,3 +202,15 @@ def test_errors_of_the_machine_end_with_status_1():
     assert explain(OSError(errno.EIO, "broken", "x")) == (("x: broken",), 1)
     line = "unexpected: KeyError: 'what'; run with --debug for the traceback"
     assert explain(KeyError("what")) == ((line,), 1)
+
+
+def test_the_parts_of_a_split_output_are_one_line():
+    outputs = Outputs()
+    bag = outputs.add("x.mcap", kept=True)
+    with pytest.raises(KeyboardInterrupt) as stopped, outputs:  # noqa: PT012
+        for k in range(100):
+            bag.with_name(f"x_{k}.mcap").touch()
+        raise KeyboardInterrupt
+    line = "x_0.partial.mcap and 99 more files: what was written before"
+    assert stopped.value.args == (line,)
+    assert len(os.listdir()) == 100
