@@ -66,6 +66,9 @@ setup(
         "zstandard",
     ],
     extras_require={
+        "complete": ["argcomplete"],
+        "docs": ["myst-parser", "sphinx"],
+        "frames": ["pandas"],
         "camera": ["opencv-python-headless>=4.6"],
         "campaign": ["distributed", "plotly", "pyarrow"],
         "test": ["pytest", "allantools", "evo", "mcap-ros2-support"],
