@@ -170,6 +170,9 @@ def write_parameters(
 class CameraTarget(DatasetTarget):
     """A folder of readings, truth, and what cameras see: tracks or images."""
 
+    block_size: Final = 512
+    """Samples in a block at most: frames take far longer, and the progress bar should move."""
+
     def __init__(self, dataset: Dataset, seen: Any) -> None:
         super().__init__(dataset)
         self.seen = seen

@@ -203,7 +203,9 @@ def _write(
     quiet = arguments.quiet or arguments.json
     with common.progress(f"writing {arguments.output}", simulation.total or 0, quiet) as advance:
         # The samples are made in a thread of their own while the messages are written.
-        blocks = ahead(simulation.blocks(BLOCK_SIZE))
+        blocks = ahead(
+            simulation.blocks(min(BLOCK_SIZE, getattr(target, "block_size", BLOCK_SIZE)))
+        )
         try:
             for block in blocks:
                 target.write(block)
