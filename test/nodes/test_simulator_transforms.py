@@ -177,3 +177,22 @@ def test_what_is_known_of_the_type_without_tf2_msgs():
     assert definition(TYPE).startswith("geometry_msgs/TransformStamped[] transforms\n")
     assert "MSG: geometry_msgs/Quaternion" in definition(TYPE)
     assert stamp_offset(message_class(TYPE)) == 8
+
+
+def test_an_empty_message_of_transforms_has_no_stamp_and_ends_no_recorder(
+    start, listener, tmp_path
+):
+    from rosbags.highlevel import AnyReader
+
+    bag = tmp_path / "bag"
+    publisher = listener.node.create_publisher(message_class(TYPE), "/tf", 10)
+    recorder = start("recorder", topics="[/tf]", output=str(bag))
+    while publisher.get_subscription_count() < 1:
+        listener.spin(0.1)
+    listener.spin(0.5)
+    for _ in range(3):
+        publisher.publish(bytes([0, 1, 0, 0, 0, 0, 0, 0]))
+        listener.spin(0.2)
+    assert recorder.end() == 0, recorder.output
+    with AnyReader([bag]) as reader:
+        assert len(list(reader.messages())) == 3

@@ -150,7 +150,7 @@ def _stamp_ns(payload: bytes, offset: int | None) -> int | None:
 
     A stamp of zero was never set: the header's default.
     """
-    if offset is None:
+    if offset is None or len(payload) < offset + 8:  # a TFMessage may be empty
         return None
     second, nanosecond = _STAMPS[payload[1] & 1].unpack_from(payload, offset)
     t_ns: int = second * 1_000_000_000 + nanosecond
