@@ -46,6 +46,15 @@ def test_stamps_that_stand_still_end_by_the_clock():
     assert limit.reached(2.0, 2.0)
 
 
+def test_a_first_stamp_of_the_wall_clock_does_not_hide_the_others():
+    """With start_time 0 the first sample has stamp zero, as if none were set."""
+    limit = DurationLimit(1.0)
+    limit.take([Message("a", 17 * 10**17, b"")], 0.0)
+    kept = limit.take(stream("a", 100, 300, 10_000_000), 0.1)
+    assert len(kept) == 100
+    assert limit.reached(0.1, 0.1)
+
+
 def test_slow_stamps_are_waited_for():
     limit = DurationLimit(2.0)
     limit.take(stream("slow", 100, 100), 9.9)

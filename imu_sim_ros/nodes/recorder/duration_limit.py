@@ -44,6 +44,8 @@ class DurationLimit:
         if topic is None:
             topic = self._topics[first.topic] = _Topic(first.t_ns, first.t_ns, now)
         topic.last_ns, topic.seen_at = last.t_ns, now
+        # A first stamp that was never set stands for the time of reception, perhaps much later.
+        topic.first_ns = min(topic.first_ns, *(message.t_ns for message in messages))
         end_ns = topic.first_ns + self._length_ns
         if max(message.t_ns for message in messages) < end_ns:
             return messages
