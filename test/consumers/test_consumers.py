@@ -211,6 +211,7 @@ def changed(name, parameter):
     triad = name.split("_")[0]
     beside = {
         "gauss_markov": {f"imu.{triad}_correlation_time": 10.0},
+        "increment_resolution": {"imu.sampling": "averaged"},
         "dropout_burst_rate": {"imu.dropout_burst_duration": 0.1},
     }
     value = {
