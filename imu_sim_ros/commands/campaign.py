@@ -83,9 +83,8 @@ def parser() -> argparse.ArgumentParser:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit status."""
-    arguments = parser().parse_args(argv)
     gate: list[str] = []
-    status = common.run("campaign", lambda: gate.extend(run(arguments)))
+    status = common.main(parser, lambda arguments: gate.extend(run(arguments)), argv)
     for line in gate:
         print(f"campaign: {line}", file=sys.stderr)
     return GATE_FAILED if gate and not status else status
@@ -120,12 +119,8 @@ def run(arguments: argparse.Namespace) -> list[str]:
             advance(min(there, plan.run_count))
             try:
                 outcome = campaign.run(plan, store, engine, advance, arguments.retry_failed)
-            except KeyboardInterrupt:
-                print(
-                    f"campaign: stopped; {arguments.output} holds what is done, go on with "
-                    "--resume",
-                    file=sys.stderr,
-                )
+            except KeyboardInterrupt as stop:
+                stop.args = (f"{arguments.output} holds what is done; go on with --resume",)
                 raise
     wall_s = time.perf_counter() - started
     found = groups(outcome.rows, plan.grid_names)

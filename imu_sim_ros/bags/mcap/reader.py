@@ -7,7 +7,7 @@ import struct
 import zlib
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import IO, Any, BinaryIO, NamedTuple, cast
 
 import numpy as np
 
@@ -82,7 +82,7 @@ class McapBag(Bag):
 
         self._file.seek(0)
         try:
-            summary = SeekingReader(_Bounded(self._file, self._end)).get_summary()
+            summary = SeekingReader(cast(IO[bytes], _Bounded(self._file, self._end))).get_summary()
         except (McapError, *DAMAGE):
             raise InputError(
                 f"{self.path}: no valid end (interrupted or damaged); --recover takes what is there"

@@ -151,7 +151,7 @@ class SqliteBag(Bag):
         if rows:
             yield Timed(_END_NS, self._blocks(rows))
 
-    def _blocks(self, rows: list[tuple[int, int, bytes]]) -> list[MessageBlock]:
+    def _blocks(self, rows: list[tuple[int, Any, Any]]) -> list[MessageBlock]:
         by_topic: dict[int, tuple[list[int], list[bytes]]] = {}
         for id_, t_ns, payload in rows:
             if not isinstance(t_ns, int) or not isinstance(payload, bytes):
