@@ -4,6 +4,7 @@
 """How the tests are shared out among processes, and what a run of CI may leave out."""
 
 import os
+import signal
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -35,6 +36,16 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     items.sort(key=lambda item: group(item) != "")
     for item in items:
         item.add_marker(pytest.mark.xdist_group(group(item) or "nodes"))
+
+
+@pytest.fixture(autouse=True)
+def signals_as_before() -> Iterator[None]:
+    """Give a test's processes the signals that the next test's should find."""
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = {number: signal.getsignal(number) for number in numbers}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
 
 
 def may_be_missing(reason: str) -> bool:

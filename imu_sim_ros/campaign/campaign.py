@@ -5,7 +5,8 @@
 
 import csv
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -21,7 +22,7 @@ SUMMARY: Final = "summary.csv"
 _BUILT_IN_BATCH: Final = 50
 """Seeds in a task: large enough that a cell's covariance is not made often (30 us a sample)."""
 
-Engine = Callable[[Plan, Iterable[Task], Path], Iterator[list[Row]]]
+Engine = Callable[[Plan, Iterable[Task], Path], Generator[list[Row], None, None]]
 Progress = Callable[[int], None]
 
 
@@ -96,10 +97,11 @@ def run(
     }
     new = 0
     try:
-        for rows in start(plan, tasks(plan, there, batch_size(plan)), store.folder):
-            store.append(rows)
-            new += len(rows)
-            advance(len(rows))
+        with closing(start(plan, tasks(plan, there, batch_size(plan)), store.folder)) as batches:
+            for rows in batches:
+                store.append(rows)
+                new += len(rows)
+                advance(len(rows))
     finally:
         rows = collect(plan, store)
         write_tables(store.folder, rows, columns(plan))
@@ -146,7 +148,7 @@ def counts(rows: Sequence[Row]) -> dict[str, int]:
 def embedded(workers: int) -> Engine:
     """Return the engine of this machine."""
 
-    def start(plan: Plan, todo: Iterable[Task], folder: Path) -> Iterator[list[Row]]:
+    def start(plan: Plan, todo: Iterable[Task], folder: Path) -> Generator[list[Row], None, None]:
         return engine.run(plan, todo, folder, workers)
 
     return start

@@ -4,7 +4,7 @@
 """The runs of a campaign on a Dask cluster (``dask.distributed``, an extra)."""
 
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -55,10 +55,12 @@ def client(scheduler: str | None, workers: int) -> Iterator["Client"]:
         yield found
 
 
-def engine(connected: "Client") -> Callable[[Plan, Iterable[Task], Path], Iterator[list[Row]]]:
+def engine(
+    connected: "Client",
+) -> Callable[[Plan, Iterable[Task], Path], Generator[list[Row], None, None]]:
     """Return the engine of a cluster."""
 
-    def start(plan: Plan, todo: Iterable[Task], folder: Path) -> Iterator[list[Row]]:
+    def start(plan: Plan, todo: Iterable[Task], folder: Path) -> Generator[list[Row], None, None]:
         return _run(connected, plan, iter(todo), folder)
 
     return start
@@ -66,7 +68,7 @@ def engine(connected: "Client") -> Callable[[Plan, Iterable[Task], Path], Iterat
 
 def _run(
     connected: "Client", plan: Plan, todo: Iterator[Task], folder: Path
-) -> Iterator[list[Row]]:
+) -> Generator[list[Row], None, None]:
     from distributed import as_completed
     from distributed.scheduler import KilledWorker
 

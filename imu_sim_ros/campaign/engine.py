@@ -13,7 +13,7 @@ import multiprocessing
 import os
 import signal
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
@@ -91,6 +91,7 @@ def _begin(plan: Plan, folder: Path) -> None:
     """Prepare a worker: Ctrl-C is the main process's matter."""
     global _plan, _folder
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
     _plan, _folder = plan, folder
 
 
@@ -104,7 +105,7 @@ def run(
     tasks: Iterable[Task],
     folder: Path,
     workers: int,
-) -> Iterator[list[Row]]:
+) -> Generator[list[Row], None, None]:
     """Yield the rows of each task as they come."""
     yield from _Pool(plan, folder, workers).run(iter(tasks))
 
@@ -118,7 +119,7 @@ class _Pool:
         self._running: dict[Future[list[Row]], Task] = {}
         self._pool: ProcessPoolExecutor | None = None
 
-    def run(self, tasks: Iterator[Task]) -> Iterator[list[Row]]:
+    def run(self, tasks: Iterator[Task]) -> Generator[list[Row], None, None]:
         try:
             while self._fill(tasks):
                 done, _ = wait(self._running, return_when=FIRST_COMPLETED)
@@ -154,7 +155,7 @@ class _Pool:
                 future = self._pool.submit(_work, task)
         self._running[future] = task
 
-    def _collect(self, done: Iterable[Future[list[Row]]]) -> Iterator[list[Row]]:
+    def _collect(self, done: Iterable[Future[list[Row]]]) -> Generator[list[Row], None, None]:
         for future in done:
             task = self._running.pop(future)
             try:
@@ -163,7 +164,7 @@ class _Pool:
                 yield from self._died([task, *self._running.values()])
                 return
 
-    def _died(self, tasks: list[Task]) -> Iterator[list[Row]]:
+    def _died(self, tasks: list[Task]) -> Generator[list[Row], None, None]:
         alone = len(tasks) == 1
         self._running.clear()
         self._end()

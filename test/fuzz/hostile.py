@@ -93,7 +93,9 @@ class Inputs:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         for name, options in _BAGS.items():
-            status, error = called("generate", ["-o", str(folder / name), *_SMALL, *options])
+            status, error = called(
+                "generate", ["-o", str(folder / name), "--force", *_SMALL, *options]
+            )
             assert status == 0, error
         (folder / "poses.txt").write_text("\n".join(_POSES) + "\n")
         (folder / "file.yaml").write_text("/**:\n  ros__parameters: {rate: 100.0}\n")

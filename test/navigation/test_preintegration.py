@@ -130,11 +130,11 @@ BEFORE = rotation.from_euler([0.3, -0.2, 0.9])
 
 @pytest.mark.parametrize("method", METHODS)
 def test_f_and_g_are_the_derivatives_of_a_step(method):
-    from imu_sim_ros.navigation.preintegration.deltas import deltas as preintegration
+    from imu_sim_ros.navigation.preintegration import deltas
 
     h = np.array([[0.01]])
     gyro, accel = np.random.default_rng(1).normal(size=(2, 1, 2, 3)) * [[[[2.0]]], [[[10.0]]]]
-    step = {"euler": preintegration._euler, "midpoint": preintegration._midpoint}[method]
+    step = {"euler": deltas._euler, "midpoint": deltas._midpoint}[method]
     _, f, g = step(h, BEFORE[None], gyro, accel)
 
     def difference(direction, size):

@@ -119,7 +119,8 @@ def _norm_sigma(inverse: Array, centred: Array, norms: Array, steady: Steady) ->
     slope = (centred @ inverse.T) @ inverse / norms[:, None]
     smallest = 1e-9 * float(np.abs(steady.accel).max())
     variance = np.sum(np.square(slope * steady.accel_sigma), axis=1)
-    return np.sqrt(np.maximum(variance, smallest**2))
+    sigma: Array = np.sqrt(np.maximum(variance, smallest**2))
+    return sigma
 
 
 def _summary(inverse: Array, bias: Array, steady: Steady, gravity: float) -> NormFit:
@@ -141,7 +142,7 @@ def _summary(inverse: Array, bias: Array, steady: Steady, gravity: float) -> Nor
     left = weight @ (residuals - jacobian @ change)
     chi_square = float(left @ left) / max(len(residuals) - PARAMETERS, 1)
     covariance = np.linalg.pinv(whitened.T @ whitened) * max(chi_square, 1.0)
-    scale = np.linalg.inv(inverse)
+    scale: Array = np.linalg.inv(inverse)
     # dS = -S dT S, entry by entry of T.
     by_entry = -scale[:, _ROWS].T[:, :, None] * scale[_COLUMNS][:, None, :]  # (6, 3, 3)
     spread = np.einsum("aij,ab,bij->ij", by_entry, covariance[:6, :6], by_entry)
@@ -163,6 +164,6 @@ def upper_triangular(scale_misalignment: Array) -> Array:
 
     Any S is such a matrix times a rotation (an RQ decomposition): ``S a = U (Q a)``.
     """
-    r = np.linalg.qr(scale_misalignment[::-1].T, mode="r")
+    r: Array = np.asarray(np.linalg.qr(scale_misalignment[::-1].T, mode="r"))
     upper: Array = r.T[::-1, ::-1]
     return upper * np.sign(np.diag(upper))
