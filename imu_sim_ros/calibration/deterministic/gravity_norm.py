@@ -142,7 +142,7 @@ def _summary(inverse: Array, bias: Array, steady: Steady, gravity: float) -> Nor
     left = weight @ (residuals - jacobian @ change)
     chi_square = float(left @ left) / max(len(residuals) - PARAMETERS, 1)
     covariance = np.linalg.pinv(whitened.T @ whitened) * max(chi_square, 1.0)
-    scale: Array = np.linalg.inv(inverse)
+    scale: Array = np.linalg.inv(inverse).astype(np.float64)
     # dS = -S dT S, entry by entry of T.
     by_entry = -scale[:, _ROWS].T[:, :, None] * scale[_COLUMNS][:, None, :]  # (6, 3, 3)
     spread = np.einsum("aij,ab,bij->ij", by_entry, covariance[:6, :6], by_entry)
