@@ -28,7 +28,6 @@ from imu_sim_ros.commands.shared import add_force, outputs
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import InputError
 
-_IN_JSON = ("noise_density", "random_walk", "bias_instability")
 _FILES = (
     "allan.csv",
     "kalibr_imu.yaml",

@@ -263,6 +263,17 @@ def test_force_leaves_a_dead_axis_out(rest):
     assert noise(result)[1:] == pytest.approx([1e-3] * 2 + [0.01] * 3, rel=0.021)
 
 
+def test_a_constant_reading_forbids_only_where_no_axis_changes(rest):
+    rest.accel[:, 2] = 9.81
+    result = analyse([rest.blocks()])
+    assert says(result, "accelerometer z: always 9.81")
+    assert result.noise[5] is None
+    rest.gyro[:], rest.accel[:] = 0.01, 9.81
+    with pytest.raises(InputError) as error:
+        analyse([rest.blocks()])
+    assert sum("no noise at all" in problem for problem in error.value.problems) == 6
+
+
 def test_rate_of_stamps_in_bursts_is_their_mean():
     t_ns = np.repeat(np.arange(0, 100) * 20_000_000, 4) + np.tile([0, 100, 200, 300], 100) * 1000
     assert sampling_interval(t_ns) == pytest.approx(5_000_000, rel=0.02)

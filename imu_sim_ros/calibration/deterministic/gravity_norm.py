@@ -15,7 +15,11 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.calibration.deterministic.response import Observations, likely_whitener
+from imu_sim_ros.calibration.deterministic.response import (
+    Observations,
+    likely_whitener,
+    rounding_of,
+)
 from imu_sim_ros.calibration.deterministic.steady import Steady
 from imu_sim_ros.errors import InputError
 
@@ -117,9 +121,8 @@ def _jacobian(inverse: Array, centred: Array, norms: Array) -> Array:
 def _norm_sigma(inverse: Array, centred: Array, norms: Array, steady: Steady) -> Array:
     """Return (m,) the standard errors of the norms by those of the readings."""
     slope = (centred @ inverse.T) @ inverse / norms[:, None]
-    smallest = 1e-9 * float(np.abs(steady.accel).max())
     variance = np.sum(np.square(slope * steady.accel_sigma), axis=1)
-    sigma: Array = np.sqrt(np.maximum(variance, smallest**2))
+    sigma: Array = np.sqrt(np.maximum(variance, rounding_of(steady.accel) ** 2))
     return sigma
 
 

@@ -19,7 +19,12 @@ from imu_sim_ros.calibration.deterministic.gravity_norm import (
     fit_norm,
     is_determined,
 )
-from imu_sim_ros.calibration.deterministic.response import AxisResponse, Observations, fit_axis
+from imu_sim_ros.calibration.deterministic.response import (
+    AxisResponse,
+    Observations,
+    fit_axis,
+    rounding_of,
+)
 from imu_sim_ros.calibration.deterministic.steady import Steady
 from imu_sim_ros.errors import InputError
 
@@ -41,6 +46,7 @@ _CHANCE: Final = 1e-4
 _TILTED: Final = 10.0
 """Variance of the rests' residuals, over that of the readings, from which on it is a tilt."""
 _UNTESTED: Final = "fewer than ten directions do not tell whether the fixture is tilted"
+_NO_RESIDUALS: Final = "eq. 7 leaves nothing but rounding"
 
 
 class SixPosition(NamedTuple):
@@ -100,11 +106,14 @@ def _chosen(steady: Steady, gravity: float, simple: bool, fixture: str) -> SixPo
         return _by_norm(fit_norm(steady, gravity), steady, "as asked for")
     if not is_determined(steady.accel):
         return _exact(steady, gravity, _UNTESTED)
-    found = fit_norm(steady, gravity)
     try:
-        exact = _exact(steady, gravity, "")
+        exact = _exact(steady, gravity, _NO_RESIDUALS)
     except InputError:
+        found = fit_norm(steady, gravity)
         return _by_norm(found, steady, "not every axis rests pointing up and down")
+    if not exact.scale_misalignment_sigma.any():  # a ratio of rounding to rounding says nothing
+        return exact
+    found = fit_norm(steady, gravity)
     ratio, limit = _compared(exact, found, len(steady.accel))
     words = f"eq. 7 leaves {ratio:.3g} times the variance that the norm leaves"
     if ratio <= limit:
@@ -128,7 +137,8 @@ def _compared(exact: SixPosition, norm: NormFit, rests: int) -> tuple[float, flo
     from scipy.stats import f as f_distribution  # 0.3 s that only this needs
 
     freedom = 3 * len(exact.faces) - 12, rests - PARAMETERS
-    misfit = float(np.sum(np.square(exact.misfit / exact.positions.accel_sigma)))
+    sigma = np.maximum(exact.positions.accel_sigma, rounding_of(exact.positions.accel))
+    misfit = float(np.sum(np.square(exact.misfit / sigma)))
     ratio = (misfit / freedom[0]) / max(norm.misfit / freedom[1], 1e-12)
     return ratio, float(f_distribution.ppf(1.0 - _CHANCE, *freedom))
 
@@ -244,8 +254,11 @@ def _tilt(positions: Steady, force: Array, axes: list[AxisResponse], gravity: fl
     """Return the RMS tilt of the rests about each axis [rad] that the residuals show; 0: none.
 
     Across an axis a tilt of theta reads g theta. Each axis has four numbers; what is left of the
-    rests' means beyond them is tilt where it is far above the readings' own errors.
+    rests' means beyond them is tilt where it is far above the readings' own errors. Rounding, which
+    is all that an exact fit of readings without noise leaves, is none.
     """
+    if all(axis.is_exact for axis in axes):
+        return 0.0
     numbers, first = np.unique(positions.stretch, return_index=True)
     freedom = 3 * (len(numbers) - 4)
     misfit = _misfit(axes, force, positions, simple=False)

@@ -48,6 +48,11 @@ class AxisResponse(NamedTuple):
     """Bayesian information criterion, chi-square + q ln n; the smallest model is the best."""
 
     @property
+    def is_exact(self) -> bool:
+        """Whether readings without noise left nothing but rounding."""
+        return not self.covariance.any()
+
+    @property
     def sigma(self) -> Array:
         """(q,) standard errors."""
         result: Array = np.sqrt(np.diag(self.covariance))
@@ -123,9 +128,14 @@ def fit_axis(
     return found._replace(residuals=data.sigma**2 * (weight.T @ (weight @ found.residuals)))
 
 
+def rounding_of(readings: Array) -> float:
+    """Return what rounding may make of readings of one axis: no standard error is below it."""
+    return max(_ROUNDING * float(np.abs(readings).max()), _NOTHING)
+
+
 def _above_rounding(data: Observations) -> tuple[Observations, bool]:
     """Return readings whose sigma is at least their rounding, and whether they have no other."""
-    rounding = max(_ROUNDING * float(np.abs(data.readings).max()), _NOTHING)
+    rounding = rounding_of(data.readings)
     sigma = np.maximum(data.sigma, rounding)
     return data._replace(sigma=sigma), bool(np.all(sigma == rounding))
 

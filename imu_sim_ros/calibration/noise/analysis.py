@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from imu_sim_ros.calibration import resolution
 from imu_sim_ros.calibration.noise.band import Band, explains_wander, usable_band
 from imu_sim_ros.calibration.noise.deviation import Deviation, DeviationAccumulator
-from imu_sim_ros.calibration.noise.estimate import RAMP, AxisNoise, Estimate, estimate
-from imu_sim_ros.calibration.noise.gauss_markov import estimate_gauss_markov
+from imu_sim_ros.calibration.noise.estimate import KEYS, RAMP, AxisNoise, Estimate, estimate
+from imu_sim_ros.calibration.noise.gauss_markov import GAUSS_MARKOV_KEYS, estimate_gauss_markov
 from imu_sim_ros.calibration.noise.spectrum import Spectrum, SpectrumAccumulator
 from imu_sim_ros.calibration.noise.terms import (
     FLICKER,
@@ -73,8 +73,8 @@ class AllanResult(NamedTuple):
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """Names of the parameters that were estimated."""
-        return next((tuple(noise.estimates) for noise in self.noise if noise is not None), ())
+        """Names of the model's parameters, also where no axis has noise to estimate them from."""
+        return KEYS if self.model == "standard" else GAUSS_MARKOV_KEYS
 
     def estimate(self, axis: int, key: str) -> Estimate:
         """Return a parameter of one axis; of a constant axis nothing is known but zero."""
@@ -217,10 +217,10 @@ def _judge(
         for k in np.flatnonzero(record.bad)
     ]
     problems += [
-        f"{AXES[k]}: always 0: a missing or dead axis, or no noise at all; "
+        f"{AXES[k]}: always {record.minimum[k]:g}: a missing or dead axis, or no noise at all; "
         "all six axes must be measured (--skip-checks leaves it out)"
-        for k in record.constant_axes()
-        if record.bad[k] == 0 and record.minimum[k] == 0.0
+        for k in _dead_axes(record)
+        if record.bad[k] == 0
     ]
     problems += _motion_problems(record, spectrum)
     longest = sinks.longest / record.rate
@@ -230,6 +230,18 @@ def _judge(
             "an hour for white noise and flicker, several for a random walk"
         )
     return problems, list(_warnings(record, longest))
+
+
+def _dead_axes(record: Record) -> list[int]:
+    """Return the constant axes that forbid an analysis.
+
+    A constant zero is no measurement. Another constant may be noise below the resolution, which is
+    no fault of a record in which other axes change; where none does there is nothing to analyse.
+    """
+    constant = record.constant_axes()
+    if len(constant) == len(AXES):
+        return constant
+    return [k for k in constant if record.minimum[k] == 0.0]
 
 
 def _motion_problems(record: Record, spectrum: Spectrum | None) -> list[str]:
@@ -279,9 +291,10 @@ def _reading_warnings(record: Record) -> Iterable[str]:
     saturated: dict[int, list[tuple[float, float]]] = {}
     for axis, value, share in record.saturated_axes():
         saturated.setdefault(axis, []).append((value, share))
+    constant, dead = record.constant_axes(), _dead_axes(record)
     for axis, step in enumerate(record.step):
-        if axis in record.constant_axes():
-            if record.minimum[axis] != 0.0:
+        if axis in constant:
+            if axis not in dead:
                 yield (
                     f"{AXES[axis]}: always {record.minimum[axis]:g}: a dead axis, or noise far "
                     "below the resolution; nothing is said of it"

@@ -38,7 +38,8 @@ chi-square(1); Self and Liang 1987). Flicker must convince twice as strongly as 
 trend and the walk's first coefficient are nearly the same thing, so a trend is believed only where
 it leaves no doubt.
 """
-_KEYS: Final = (*(term.key for term in TERMS), RAMP)
+KEYS: Final = (*(term.key for term in TERMS), RAMP)
+"""Of the standard model's parameters."""
 _MARGIN: Final = 0.02
 """Share of an interval that a value keeps from its ends."""
 
@@ -93,13 +94,13 @@ def estimate(spectrum: Spectrum, axis: int) -> AxisNoise:
     """
     data, design = axis_data(spectrum, axis), standard_design(spectrum)
     components, ramp = intervals(data, design, trend=True)
-    ends = dict(zip(_KEYS, [*components, ramp or Interval(0.0, 0.0, 0.0)], strict=True))
-    shown = {key for key in _KEYS if ends[key].low > 0.0}
+    ends = dict(zip(KEYS, [*components, ramp or Interval(0.0, 0.0, 0.0)], strict=True))
+    shown = {key for key in KEYS if ends[key].low > 0.0}
     if not shown & set(PRICES):
         shown |= _slow_term(data, design, shown)
     best = _fit_terms(data, design, [shown]).best()
-    sizes = dict(zip(_KEYS, [*np.sqrt(best.components[0]), abs(float(best.slope[0]))], strict=True))
-    chosen = tuple(key for key in _KEYS if key in shown and sizes[key] > 0.0)
+    sizes = dict(zip(KEYS, [*np.sqrt(best.components[0]), abs(float(best.slope[0]))], strict=True))
+    chosen = tuple(key for key in KEYS if key in shown and sizes[key] > 0.0)
     estimates = {
         key: Estimate(_inside(float(sizes[key]), end) if key in chosen else None, end.low, end.high)
         for key, end in ends.items()
