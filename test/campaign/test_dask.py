@@ -1,0 +1,104 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A real Dask cluster on this machine: scheduler and workers in their own processes, over TCP."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+# Not part of the run on the oldest versions, which has no Dask.
+pytestmark = pytest.mark.ros
+
+
+@pytest.fixture
+def cluster(tmp_path):
+    """Return a function that starts a scheduler and workers; all end with the test."""
+    pytest.importorskip("distributed")
+    processes = []
+
+    def begin(*arguments):
+        log = (tmp_path / f"dask_{len(processes)}.log").open("w")
+        process = subprocess.Popen(
+            [sys.executable, "-m", *map(str, arguments)],
+            stdout=log,
+            stderr=subprocess.STDOUT,
+            cwd=tmp_path,
+            start_new_session=True,
+        )
+        processes.append(process)
+        return process
+
+    def start(workers):
+        file = tmp_path / f"scheduler_{len(processes)}.json"
+        scheduler = begin(
+            *("distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", 0),
+            *("--no-dashboard", "--scheduler-file", file),
+        )
+        one = ("--nthreads", 1, "--nworkers", 1, "--no-nanny", "--no-dashboard")
+        found = [
+            begin("distributed.cli.dask_worker", "--scheduler-file", file, *one)
+            for _ in range(workers)
+        ]
+        deadline = time.monotonic() + 60
+        while not (file.exists() and file.stat().st_size) and time.monotonic() < deadline:
+            time.sleep(0.05)
+        return json.loads(file.read_text())["address"], scheduler, found
+
+    yield start
+    for process in processes:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+
+
+def wait_for(path, rows):
+    deadline = time.monotonic() + 120
+    while time.monotonic() < deadline:
+        if path.exists() and path.read_bytes().count(b"\n") >= rows:
+            return
+        time.sleep(0.02)
+    raise AssertionError(f"{path}: fewer than {rows} rows")
+
+
+def test_killed_workers_and_schedulers_lose_nothing(plan_file, start, campaign, cluster, tmp_path):
+    """A worker is killed, then the scheduler; resumed, every run is there once, bit for bit."""
+    path = plan_file(
+        grid={"trajectory": ["lecture", "circle"]},
+        seeds=600,
+        parameters={"rate": 200.0, "duration": 5.0, "imu": "mpu6000"},
+    )
+    folder, log = tmp_path / "dask", tmp_path / "dask" / "runs.jsonl"
+    address, scheduler, workers = cluster(2)
+    process = start(path, "-o", folder, "--scheduler", address, "--quiet")
+    wait_for(log, 50)
+    os.killpg(workers[0].pid, signal.SIGKILL)
+    wait_for(log, 250)
+    os.killpg(scheduler.pid, signal.SIGKILL)
+    process.send_signal(signal.SIGTERM)
+    process.communicate(timeout=120)
+    assert process.returncode in (1, 143)
+    before = log.read_bytes().count(b"\n")
+    assert 250 <= before < 1200
+    address, _, _ = cluster(2)
+    status, result, _ = campaign(path, "-o", folder, "--resume", "--scheduler", address)
+    assert (status, result["runs"], result["done"]) == (0, 1200, 1200)
+    assert log.read_bytes().count(b"\n") == 1200
+    embedded = tmp_path / "embedded"
+    assert campaign(path, "-o", embedded)[0] == 0
+    assert (folder / "results.csv").read_bytes() == (embedded / "results.csv").read_bytes()
+
+
+def test_no_scheduler_is_said_in_a_line(plan_file, campaign, tmp_path):
+    pytest.importorskip("distributed")
+    status, _, lines = campaign(
+        plan_file(), "-o", tmp_path / "out", "--scheduler", "tcp://127.0.0.1:9"
+    )
+    assert status == 2
+    assert len(lines) == 1
+    assert lines[0].startswith("campaign: --scheduler tcp://127.0.0.1:9: ")
