@@ -64,6 +64,8 @@ build: .venv/built
 	$(CLEAN) $(PYTHON) -m venv .venv-floor
 	touch .venv-floor/COLCON_IGNORE
 	$(CLEAN) .venv-floor/bin/pip install -qq -r .ci/requirements-floor.txt
+	# Not installed, and yet there for the scripts that tests start elsewhere.
+	echo "$$PWD" > "$$(.venv-floor/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/imu_sim_ros.pth"
 	touch $@
 
 demo: build
