@@ -14,6 +14,8 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from imu_sim_ros.sensor.errors.chunked import ChunkedProcess
+
 Array = NDArray[np.float64]
 
 _ROWS = 32
@@ -21,7 +23,7 @@ _COLUMNS = 32
 CHUNK = _ROWS * _COLUMNS
 
 
-class GaussMarkovBank:
+class GaussMarkovBank(ChunkedProcess):
     """Sums of stationary unit-variance Gauss-Markov processes, one sum for each axis."""
 
     def __init__(self, streams: list[Generator], correlation_times: Array, dt: float) -> None:
@@ -31,7 +33,7 @@ class GaussMarkovBank:
         :param correlation_times: (a, p) of the p processes that are summed on each axis [s], > 0.
         :param dt: time between two samples [s].
         """
-        self._streams = streams
+        super().__init__(streams, CHUNK)
         exponent = -dt / correlation_times
         self._drive = np.sqrt(-np.expm1(2.0 * exponent))
         # One factor for each row, too: the innermost loop of NumPy is then over rows and processes.
@@ -41,21 +43,6 @@ class GaussMarkovBank:
         rows = np.arange(_ROWS)
         self._row_decay = np.exp(exponent[:, :, None] * _COLUMNS * rows)
         self._state = np.stack([s.standard_normal(correlation_times.shape[1]) for s in streams])
-        self._chunk = np.empty((len(streams), CHUNK))
-        self._used = CHUNK
-
-    def next_block(self, count: int) -> Array:
-        """Return the next values (a, count); variance p on each axis."""
-        out = np.empty((len(self._streams), count))
-        done = 0
-        while done < count:
-            if self._used == CHUNK:
-                self._make_chunk()
-            take = min(count - done, CHUNK - self._used)
-            out[:, done : done + take] = self._chunk[:, self._used : self._used + take]
-            done += take
-            self._used += take
-        return out
 
     def _make_chunk(self) -> None:
         axes, processes = self._state.shape
@@ -69,7 +56,6 @@ class GaussMarkovBank:
         table += self._column_decay * starts[:, None]
         self._state = table[:, -1, :, -1].copy()
         self._chunk = table.sum(axis=2).transpose(0, 2, 1).reshape(axes, CHUNK)
-        self._used = 0
 
     def _row_starts(self, ends: Array) -> Array:
         """Return the value before each row (a, p, R) from the ends of rows that start at 0."""

@@ -22,6 +22,8 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from imu_sim_ros.sensor.errors.chunked import ChunkedProcess
+
 Array = NDArray[np.float64]
 
 LONGEST_TIME: Final = 1e4
@@ -72,7 +74,7 @@ def _below_one(corner: Array) -> Array:
     return result
 
 
-class FlickerNoise:
+class FlickerNoise(ChunkedProcess):
     """1/f noise of density ``1 / (2 pi f)``, stationary from the first sample on."""
 
     def __init__(self, streams: list[Generator], dt: float) -> None:
@@ -81,7 +83,7 @@ class FlickerNoise:
         :param streams: one for each axis.
         :param dt: time between two samples [s].
         """
-        self._streams = streams
+        super().__init__(streams, CHUNK)
         design = FlickerFilter.design(dt)
         poles, gains = design.poles, design.gains
         powers = poles ** np.arange(_COLUMNS + 1)[:, None]  # (C + 1, p)
@@ -98,21 +100,6 @@ class FlickerNoise:
         root = np.linalg.cholesky(covariance)
         self._state = np.stack([root @ s.standard_normal(len(poles)) for s in streams])
         self._noise = np.empty((len(streams), _ROWS, _COLUMNS))
-        self._chunk = np.empty((len(streams), CHUNK))
-        self._used = CHUNK
-
-    def next_block(self, count: int) -> Array:
-        """Return the next values (axes, count)."""
-        out = np.empty((len(self._streams), count))
-        done = 0
-        while done < count:
-            if self._used == CHUNK:
-                self._make_chunk()
-            take = min(count - done, CHUNK - self._used)
-            out[:, done : done + take] = self._chunk[:, self._used : self._used + take]
-            done += take
-            self._used += take
-        return out
 
     def _make_chunk(self) -> None:
         for stream, numbers in zip(self._streams, self._noise, strict=True):
@@ -128,4 +115,3 @@ class FlickerNoise:
         values += starts @ self._from_state
         self._chunk = values.reshape(len(self._streams), CHUNK)
         self._state = ends[:, -1].copy()
-        self._used = 0
