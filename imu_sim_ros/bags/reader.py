@@ -141,26 +141,22 @@ def listed(topics: Iterable[TopicInfo]) -> str:
 
 def ahead(items: Iterable[_T]) -> Iterator[_T]:
     """Yield items that are made in a thread of their own, a few ahead of the one that is used."""
-    made: queue.Queue[tuple[str, Any]] = queue.Queue(_AHEAD)
-    stopped = threading.Event()
-
-    def put(kind: str, content: Any) -> bool:
-        while not stopped.is_set():
-            try:
-                made.put((kind, content), timeout=0.1)
-                return True
-            except queue.Full:
-                continue
-        return False
+    # Queues without locks in Python: an exception of a signal's handler must not leave one taken.
+    made: queue.SimpleQueue[tuple[str, Any]] = queue.SimpleQueue()
+    places: queue.SimpleQueue[bool] = queue.SimpleQueue()
+    for _ in range(_AHEAD):
+        places.put(True)
+    stopped = False
 
     def work() -> None:
         try:
             for item in items:
-                if not put("item", item):
+                if not places.get() or stopped:
                     return
-            put("end", None)
+                made.put(("item", item))
+            made.put(("end", None))
         except BaseException as error:
-            put("error", error)
+            made.put(("error", error))
 
     worker = threading.Thread(target=work, daemon=True)
     worker.start()
@@ -171,9 +167,11 @@ def ahead(items: Iterable[_T]) -> Iterator[_T]:
                 return
             if kind == "error":
                 raise content
+            places.put(True)
             yield content
     finally:
-        stopped.set()
+        stopped = True
+        places.put(False)
         worker.join()
 
 

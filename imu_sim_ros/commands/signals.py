@@ -7,11 +7,17 @@ Before a command's work begins there is nothing to clean up: the process ends at
 work a signal raises :class:`Interrupted` wherever the program is, so that ``with`` and ``finally``
 do what they are there for; where a step must not be broken off, :func:`collected` keeps the signal
 until it is over.
+
+Python runs a handler between any two instructions, also where an exception does harm: in the first
+instruction of ``__exit__``, which would leave a lock of :mod:`threading` taken for ever, or in a
+finaliser, which would swallow it. There the signal comes again a few milliseconds later.
 """
 
 import os
 import signal
-from collections.abc import Callable, Iterator
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 from typing import Any, Final
@@ -21,6 +27,11 @@ _Handler = Callable[[int, FrameType | None], Any]
 
 
 _received: list[int] = []
+_AGAIN: Final = 0.005
+"""After this time a signal that came at a bad moment comes again [s]."""
+_LONGEST_DELAY: Final = 0.5
+"""A thread that waits for a lock this long is interrupted all the same [s]."""
+_FRAGILE: Final = ("__enter__", "__exit__", "__del__")
 
 
 class Interrupted(KeyboardInterrupt):
@@ -52,17 +63,43 @@ def ignore() -> None:
 @contextmanager
 def raised() -> Iterator[None]:
     """Let signals raise :class:`Interrupted` in the main thread."""
+    first = 0.0
 
-    def interrupt(number: int, _: FrameType | None) -> None:
-        _received.append(number)
-        raise Interrupted
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        nonlocal first
+        first = first or time.monotonic()
+        if number != signal.SIGALRM:
+            _received.append(number)
+        if _fragile(frame) and time.monotonic() - first < _LONGEST_DELAY:
+            signal.setitimer(signal.ITIMER_REAL, _AGAIN)
+        else:
+            raise Interrupted
+
+    def swallowed(event: "sys.UnraisableHookArgs") -> None:
+        if issubclass(event.exc_type, Interrupted):
+            signal.setitimer(signal.ITIMER_REAL, _AGAIN)
+        else:
+            hook(event)
 
     _received.clear()
-    before = _handle(interrupt)
+    hook = sys.unraisablehook
+    before = _handle(interrupt, (*SIGNALS, signal.SIGALRM))
+    if before:
+        sys.unraisablehook = swallowed
     try:
         yield
     finally:
+        if before:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+            sys.unraisablehook = hook
         _restore(before)
+
+
+def _fragile(frame: FrameType | None) -> bool:
+    """Tell whether an exception in this frame could leave a lock taken, or be swallowed."""
+    return frame is not None and (
+        frame.f_code.co_name in _FRAGILE or frame.f_globals.get("__name__") == "threading"
+    )
 
 
 @contextmanager
@@ -74,21 +111,22 @@ def collected() -> Iterator[list[int]]:
     requests: list[int] = []
 
     def keep(number: int, _: FrameType | None) -> None:
-        _received.append(number)
+        if number != signal.SIGALRM:  # the repetition of one that came just before
+            _received.append(number)
         requests.append(number)
 
-    before = _handle(keep)
+    before = _handle(keep, (*SIGNALS, signal.SIGALRM))
     try:
         yield requests
     finally:
         _restore(before)
 
 
-def _handle(handler: _Handler) -> dict[int, Any]:
+def _handle(handler: _Handler, numbers: Iterable[int] = SIGNALS) -> dict[int, Any]:
     """Install a handler; returns those before it, none where this is not the main thread."""
     before: dict[int, Any] = {}
     try:
-        for number in SIGNALS:
+        for number in numbers:
             # What nohup lets be ignored stays ignored.
             if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:
                 before[number] = signal.signal(number, handler)

@@ -5,12 +5,15 @@
 
 import importlib
 import os
+import random
 import re
 import signal
 import subprocess
 import sys
 import textwrap
+import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -109,3 +112,74 @@ def test_every_executable_begins_where_signals_are_looked_after():
     assert all(callable(getattr(start, name)) for name in programs)
     assert "commands.start:{name}" in text
     assert "nodes.start:{name}" in text
+
+
+def _interrupted_at_any_moment(work: Callable[[], object]) -> None:
+    """Run work until a signal ends it; it comes after a time that nobody chose."""
+
+    @signals.raised()
+    def repeated() -> None:
+        # Processor time: on a busy machine too the work has begun.
+        signal.setitimer(signal.ITIMER_PROF, random.uniform(1e-4, 2e-3))
+        deadline = time.monotonic() + 60
+        while time.monotonic() < deadline:
+            work()
+
+    with pytest.raises(signals.Interrupted):
+        repeated()
+
+
+@pytest.fixture
+def _profiling_timer(monkeypatch):
+    monkeypatch.setattr(signals, "SIGNALS", (signal.SIGPROF,))
+
+
+@pytest.mark.usefixtures("_profiling_timer")
+def test_an_interruption_leaves_no_lock_taken():
+    # An exception in the first instruction of Condition.__exit__ would leave it taken for ever.
+    random.seed(1)
+    condition = threading.Condition(threading.Lock())
+
+    def work() -> None:
+        with condition:
+            pass
+
+    for _ in range(200):
+        _interrupted_at_any_moment(work)
+        assert condition.acquire(blocking=False)
+        condition.release()
+
+
+@pytest.mark.usefixtures("_profiling_timer")
+def test_an_interruption_that_python_swallows_comes_again():
+    class Finalised:
+        def __del__(self) -> None:
+            slow()
+
+    def slow() -> None:  # exceptions in here are "ignored"
+        for _ in range(2000):
+            pass
+
+    def work() -> None:
+        Finalised()
+        slow()
+
+    random.seed(2)
+    for _ in range(20):
+        _interrupted_at_any_moment(work)
+
+
+def test_a_thread_that_waits_is_interrupted():
+    program = (
+        "import threading\nfrom imu_sim_ros.commands import common\n"
+        "def work():\n    print('begun', flush=True)\n    threading.Event().wait(300)\n"
+        "raise SystemExit(common.run('work', work))"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    process.stdout.readline()
+    process.send_signal(signal.SIGTERM)
+    assert process.communicate(timeout=60)[1] == "work: interrupted; nothing was written\n"
+    assert process.returncode == 143
