@@ -104,8 +104,8 @@ def test_one_line(read):
 def test_every_problem_of_a_kind_is_named_with_its_line(read):
     lines = ["# head", GOOD[0], "1.1 1 2 3 0 0 0", GOOD[2], "1.3 1 2 3 0 0 0 1 9"]
     assert wrong(read, *lines) == [
-        "line 3: 7 columns; the TUM form has 8 or 14 or 20",
-        "line 5: 9 columns; the TUM form has 8 or 14 or 20",
+        "line 3: 7 columns; the TUM form has 8, 14 or 20",
+        "line 5: 9 columns; the TUM form has 8, 14 or 20",
     ]
 
 
@@ -135,7 +135,7 @@ def test_a_bad_line_is_named(read, bad, problem):
 def test_bad_lines_of_the_euroc_form(read):
     good = "1,0,0,0,1,0,0,0"
     assert wrong(read, good, "2,0,0,0,1,0,0") == [
-        "line 2: 7 columns; the EuRoC form has 8 or 11 or 17"
+        "line 2: 7 columns; the EuRoC form has 8, 11, 17, 20, 23 or 29"
     ]
     assert wrong(read, good, "2.5,0,0,0,1,0,0,0") == [
         "line 2: '2.5' is not a stamp in whole nanoseconds"
@@ -164,7 +164,7 @@ def test_all_classes_of_bad_rows_stand_in_one_report(read):
         "later 1 2 3 0 0 0 1",
     ]
     assert wrong(read, *rows) == [
-        "line 5: 7 columns; the TUM form has 8 or 14 or 20",
+        "line 5: 7 columns; the TUM form has 8, 14 or 20",
         "line 6: 'x' is not a number",
         "line 7: a value that is not finite",
         "line 8: a quaternion of length 2 instead of 1",

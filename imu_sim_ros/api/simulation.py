@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -93,14 +93,12 @@ def _simulation(
 
     layers = [files.load(params_file)] if params_file is not None else []
     own: dict[str, object] = {**_imu(imu), **_flat(parameters)}
-    reader = read_poses
+    reader: Callable[..., PoseSequence] = read_poses
     if isinstance(trajectory, PoseSequence):
         own.update({"trajectory.type": "poses", "trajectory.file": "poses given as arrays"})
         poses = trajectory
 
-        def reader(
-            path: str | Path, topic: str | None = None, skip_bad_rows: bool = False
-        ) -> PoseSequence:
+        def reader(*_: object, **__: object) -> PoseSequence:
             return poses
 
     elif isinstance(trajectory, Mapping):

@@ -193,18 +193,21 @@ def read_odometry(path: str | Path, topic: str | None = None) -> OdometryMessage
 
 
 def read_poses(
-    path: str | Path, topic: str | None = None, skip_bad_rows: bool = False
+    path: str | Path,
+    topic: str | None = None,
+    skip_bad_rows: bool = False,
+    covariance: bool = False,
 ) -> PoseSequence:
     """Return poses: of a text file (TUM, EuRoC), or a bag's Odometry or PoseStamped topic.
 
     :param topic: None: the only topic of Odometry, else of PoseStamped.
     :param skip_bad_rows: of a text file: pass over rows that are wrong, and count them.
+    :param covariance: of a text file: read the covariances too, where every row has them.
     """
     path = Path(path)
-    if path.is_file() and text_reader.is_text(path):
-        return read_pose_file(path, topic, skip_bad_rows)
     if text_reader.is_text(path):
-        return read_pose_file(text_reader.state_file(path), topic, skip_bad_rows)
+        file = path if path.is_file() else text_reader.state_file(path)
+        return read_pose_file(file, topic, skip_bad_rows, covariance)
     with open_bag(path) as bag:
         types = {info.type for info in bag.topics if topic is None or _same(info.name, topic)}
     type_name = POSE_STAMPED if POSE_STAMPED in types and ODOMETRY not in types else ODOMETRY

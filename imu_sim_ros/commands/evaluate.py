@@ -33,6 +33,7 @@ from imu_sim_ros.navigation import (
     pairs,
     relative_errors,
     statistics,
+    time_offset,
 )
 from imu_sim_ros.poses import PoseSequence, write_tum
 from imu_sim_ros.rotation import rotate_inverse
@@ -45,6 +46,7 @@ DEFAULT_FRACTIONS = (0.1, 0.2, 0.3, 0.4, 0.5)
 EXAMPLES: Final = """
 evaluate track.csv flight.mcap
 evaluate estimate.tum groundtruth.csv --align se3 --rpe 1s --rpe 10m
+evaluate vio.tum flight.mcap --align yaw --time-offset
 evaluate run.mcap run.mcap --estimate-topic /dead_reckoned/odom --plot errors.png
 """
 
@@ -71,6 +73,12 @@ def parser() -> argparse.ArgumentParser:
         action="append",
         help="relative error over 1s, 10m or 5frames; repeatable. Default: 1s, and tenths of the "
         "path's length up to half of it",
+    )
+    result.add_argument(
+        "--time-offset",
+        action="store_true",
+        help="estimate the offset of the estimate's stamps from the motion, up to 1 s either way, "
+        "and take it out before comparing",
     )
     result.add_argument(
         "--max-gap",
@@ -115,6 +123,9 @@ def _made(arguments: argparse.Namespace, written: Outputs) -> dict[str, Any]:
     estimate = read_track(arguments.estimate, arguments.estimate_topic, True, reader)
     topic = truth_topic(arguments.truth, arguments.truth_topic)
     truth = read_track(arguments.truth, topic, reader=reader)
+    offset = _time_offset(arguments, estimate, truth) if arguments.time_offset else None
+    if offset is not None:
+        estimate = _shifted(estimate, offset["value_s"])
     rows = common_rows(estimate.poses.t_ns, truth.poses.t_ns, arguments.max_gap)
     at_ns = estimate.poses.t_ns[rows]
     true_poses = interpolate_poses(truth.poses, at_ns)
@@ -123,6 +134,7 @@ def _made(arguments: argparse.Namespace, written: Outputs) -> dict[str, Any]:
     poses = alignment.apply(poses)
     errors = absolute_errors(poses, true_poses)
     result = _result(arguments, estimate, poses, true_poses, errors, alignment)
+    result["time_offset"] = offset
     velocity_b = None
     result["velocity_error_m_s"] = None
     if estimate.velocity is not None and truth.velocity is not None:
@@ -143,6 +155,23 @@ def _made(arguments: argparse.Namespace, written: Outputs) -> dict[str, Any]:
     if arguments.plot is not None:
         _draw(written.where(arguments.plot), poses, true_poses, errors)
     return result
+
+
+def _time_offset(arguments: argparse.Namespace, estimate: Track, truth: Track) -> dict[str, float]:
+    """Return the offset to be added to the estimate's stamps, and the ATE without it."""
+    scaled = arguments.align == "sim3"
+    value = time_offset(estimate.poses, truth.poses, arguments.max_gap, scaled)
+    rows = common_rows(estimate.poses.t_ns, truth.poses.t_ns, arguments.max_gap)
+    position = estimate.poses.position[rows]
+    true_position = interpolate_poses(truth.poses, estimate.poses.t_ns[rows]).position
+    found = align(position, true_position, arguments.align)
+    lengths = np.linalg.norm(true_position - (found.scale * position @ found.r.T + found.t), axis=1)
+    return {"value_s": value, "ate_rmse_m_before": statistics(lengths).rmse}
+
+
+def _shifted(track: Track, seconds: float) -> Track:
+    t_ns = track.poses.t_ns + round(seconds * 1e9)
+    return track._replace(poses=track.poses._replace(t_ns=t_ns))
 
 
 def _delta(words: str) -> tuple[float, str]:
@@ -231,11 +260,10 @@ def _consistency(
 
     :param velocity_b: (n, 3) error of the velocity in the body, as the twist's covariance has it.
     """
-    if estimate.pose_covariance is None or estimate.twist_covariance is None:
+    if estimate.pose_covariance is None:
         return None
-    pose, twist = estimate.pose_covariance[rows], estimate.twist_covariance[rows]
-    # Where the start is set to the truth its covariance is zero: no NEES there.
-    usable = np.linalg.matrix_rank(pose, hermitian=True) == 6
+    pose = estimate.pose_covariance[rows]
+    usable = _invertible(pose)
     if not usable.any():
         return None
     band = anees_band(3, 1)
@@ -246,9 +274,18 @@ def _consistency(
         "attitude": _nees(errors.attitude[usable], pose[usable, 3:, 3:], band),
         "velocity": None,
     }
-    linear = twist[usable, :3, :3]
-    if velocity_b is not None and np.all(np.linalg.matrix_rank(linear, hermitian=True) == 3):
-        result["velocity"] = _nees(velocity_b[usable], linear, band)
+    if velocity_b is not None and estimate.twist_covariance is not None:
+        linear = estimate.twist_covariance[rows][usable, :3, :3]
+        if np.all(_invertible(linear)):
+            result["velocity"] = _nees(velocity_b[usable], linear, band)
+    return result
+
+
+def _invertible(covariances: Array) -> NDArray[np.bool_]:
+    """Tell which covariances (n, k, k) have a NEES: where the start is the truth, they are zero."""
+    result: NDArray[np.bool_] = np.asarray(np.isfinite(covariances).all(axis=(1, 2)))
+    ranks = np.linalg.matrix_rank(covariances[result], hermitian=True)
+    result[result] = ranks == covariances.shape[-1]
     return result
 
 
@@ -256,8 +293,11 @@ def _why_no_nees(alignment: str, estimate: Track) -> str | None:
     """Return why there can be no NEES; None where there can."""
     if alignment != "none":
         return f"--align {alignment} takes out a part of the error that the covariance still holds"
-    if estimate.pose_covariance is None or estimate.twist_covariance is None:
-        return "the estimate has no covariance; give a bag with nav_msgs/Odometry"
+    if estimate.pose_covariance is None:
+        return (
+            "the estimate has no covariance, which nav_msgs/Odometry in a bag has, or text with "
+            "OpenVINS' 12 columns"
+        )
     return None
 
 
@@ -289,15 +329,21 @@ def _print(result: dict[str, Any]) -> None:
         print(f"{result['poses_without_truth']} poses are left out: no truth at their times")
     if result["alignment"]["kind"] == "sim3":
         print(f"scale of the estimate: {result['alignment']['scale']:.6g}")
+    if result["time_offset"] is not None:
+        print(
+            f"time offset: {1e3 * result['time_offset']['value_s']:.2f} ms added to the estimate's "
+            f"stamps; ATE {result['time_offset']['ate_rmse_m_before']:.4g} m without, "
+            f"{result['ate_m']['rmse']:.4g} m with it"
+        )
     names = ("rmse", "mean", "median", "std", "min", "max")
     rows = [("ATE position [m]", result["ate_m"]), ("attitude [rad]", result["attitude_error_rad"])]
     if result["velocity_error_m_s"] is not None:
         rows.append(("velocity [m/s]", result["velocity_error_m_s"]))
     for entry in result["rpe"]:
-        over = f"RPE over {entry['delta']:.4g} {entry['unit']}"
+        over = f"RPE {entry['delta']:.3g} {entry['unit']}"
         rows.append((f"{over} [m]", entry["translation_m"]))
         rows.append((f"{over} [rad]", entry["rotation_rad"]))
-    table = [[name, *(f"{values[key]:.4g}" for key in names)] for name, values in rows]
+    table = [[name, *(f"{values[key]:.3g}" for key in names)] for name, values in rows]
     common.print_table(["error", *names], table)
     if result["final_drift_percent"] is not None:
         print(

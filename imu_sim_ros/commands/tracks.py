@@ -73,7 +73,8 @@ def read_track(
         numbers that are not finite, fewer than two poses.
     """
     if path.is_file() if is_text(path) else not odometry_topics(path):
-        track = Track(reader(path, topic))
+        poses = reader(path, topic, covariance=covariance)
+        track = Track(poses, pose_covariance=poses.covariance)
     else:
         track = _odometry(path, topic, covariance)
     _check(f"{path}{'' if topic is None else f', {topic}'}", track.poses)

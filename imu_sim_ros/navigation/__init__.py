@@ -28,6 +28,7 @@ from imu_sim_ros.navigation.comparison import (
     pairs,
     relative_errors,
     statistics,
+    time_offset,
 )
 from imu_sim_ros.navigation.correction import correction_of
 from imu_sim_ros.navigation.initialisation import Initial
@@ -67,4 +68,5 @@ __all__ = [
     "pairs",
     "relative_errors",
     "statistics",
+    "time_offset",
 ]

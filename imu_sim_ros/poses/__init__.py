@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Poses over time, and their form as text. Imports errors and timebase; a leaf to all others."""
+"""Poses over time, and their form as text. Imports the other leaves."""
 
 from imu_sim_ros.poses.read import read_poses
 from imu_sim_ros.poses.sequence import PoseSequence

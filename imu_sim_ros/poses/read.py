@@ -9,11 +9,12 @@ block that cannot be converted at once is halved until the lines that are wrong 
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros import rotation
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import open_regular
 from imu_sim_ros.poses.sequence import PoseSequence
@@ -22,8 +23,12 @@ from imu_sim_ros.poses.stamps import STAMP_BYTES, nanosecond, nanoseconds
 Array = NDArray[np.float64]
 
 _POSE_COLUMNS: Final = 8
-_EUROC_COLUMNS: Final = (_POSE_COLUMNS, 11, 17)  # pose; and velocity; and both biases
-_TUM_COLUMNS: Final = (_POSE_COLUMNS, 14, 20)  # pose; OpenVINS: and one covariance; and two
+_TRIANGLES: Final = 12
+"""Columns of covariance: the upper triangles of that of rotation and that of position."""
+_EUROC_PLAIN: Final = (_POSE_COLUMNS, 11, 17)  # pose; and velocity; and both biases
+_EUROC_COLUMNS: Final = (*_EUROC_PLAIN, *(count + _TRIANGLES for count in _EUROC_PLAIN))
+_TUM_COLUMNS: Final = (_POSE_COLUMNS, 14, _POSE_COLUMNS + _TRIANGLES)  # pose; OpenVINS: and more
+_WITH_COVARIANCE: Final = frozenset(count + _TRIANGLES for count in _EUROC_PLAIN)
 _NORM_TOLERANCE: Final = 0.05  # a quaternion of text is rounded; one of another length is a mix-up
 _SHOWN_PROBLEMS: Final = 10
 _CHUNK_BYTES: Final = 4 << 20
@@ -39,23 +44,29 @@ _COLUMNS, _NUMBERS, _VALUES, _STAMPS = "columns", "numbers", "values", "stamps"
 
 
 def read_poses(
-    path: str | Path, topic: str | None = None, skip_bad_rows: bool = False
+    path: str | Path,
+    topic: str | None = None,
+    skip_bad_rows: bool = False,
+    covariance: bool = False,
 ) -> PoseSequence:
     """Return the poses of a text file; commas mean EuRoC's form, spaces TUM's.
 
     TUM: seconds, position, quaternion x y z w, then perhaps the 6 or 12 columns of covariances that
     OpenVINS writes. EuRoC: nanoseconds, position, quaternion w x y z, then perhaps velocity and
-    biases. What follows the pose is left out. Lines that start with # are comments. A pose that
-    stands twice is taken once.
+    biases. Either may end in the 12 columns of covariance that OpenVINS writes (``ov_eval``): the
+    upper triangles, row by row, of the covariance of the rotation about the body's axes [rad^2] and
+    of the position [m^2]. Lines that start with # are comments. A pose that occurs twice is taken
+    once.
 
     :param topic: must be None; for readers that know bags as well.
     :param skip_bad_rows: pass over rows that are wrong, and count them.
+    :param covariance: read the covariances too, where every row has them.
     :raises InputError: with the lines of all that is wrong, whatever it is.
     """
     path = Path(path)
     if topic is not None:
         raise InputError(f"{path}: a text file of poses has no topic {topic}")
-    return _Reading(path, skip_bad_rows).poses()
+    return _Reading(path, skip_bad_rows, covariance).poses()
 
 
 class _Poses(NamedTuple):
@@ -65,26 +76,25 @@ class _Poses(NamedTuple):
     t_ns: NDArray[np.int64]
     position: Array
     q_wb: Array
+    triangles: Array
+    """(n, 12) columns of covariance, not a number where a row has none; (n, 0) where not wanted."""
 
     def at(self, rows: NDArray[np.bool_] | NDArray[np.intp]) -> "_Poses":
         """Return some of the poses."""
-        return _Poses(self.number[rows], self.t_ns[rows], self.position[rows], self.q_wb[rows])
+        columns: Iterator[Any] = (column[rows] for column in self)
+        return _Poses(*columns)
 
     def before(self, other: "_Poses") -> "_Poses":
         """Return these poses with others behind them."""
-        return _Poses(
-            np.concatenate([self.number, other.number]),
-            np.concatenate([self.t_ns, other.t_ns]),
-            np.concatenate([self.position, other.position]),
-            np.concatenate([self.q_wb, other.q_wb]),
-        )
+        columns: Iterator[Any] = (np.concatenate(pair) for pair in zip(self, other, strict=True))
+        return _Poses(*columns)
 
 
 class _Reading:
     """One file that is being read, and what is wrong with it so far."""
 
-    def __init__(self, path: Path, skip: bool) -> None:
-        self._path, self._skip = path, skip
+    def __init__(self, path: Path, skip: bool, covariance: bool) -> None:
+        self._path, self._skip, self._covariance = path, skip, covariance
         self._euroc: bool | None = None
         self._found: dict[str, list[tuple[int, str]]] = {}
         self._counts: dict[str, int] = {}
@@ -105,14 +115,16 @@ class _Reading:
         t_ns = np.empty(count, dtype=np.int64)
         position, q_wb = np.empty((count, 3)), np.empty((count, 4))
         lines = np.empty(count, dtype=np.int64)
+        triangles = np.empty((count, _TRIANGLES if self._covariance else 0))
         stop = count
         while blocks:  # from the end, so that each block's memory is free once it is copied
             block = blocks.pop()
             start = stop - len(block.t_ns)
-            t_ns[start:stop], position[start:stop], q_wb[start:stop] = block[1:]
-            lines[start:stop] = block.number
+            t_ns[start:stop], position[start:stop], q_wb[start:stop] = block[1:4]
+            lines[start:stop], triangles[start:stop] = block.number, block.triangles
             stop = start
-        return PoseSequence(t_ns, position, q_wb, self._dropped, self._bad_rows, lines)
+        covariance = _covariance(triangles, q_wb) if self._covariance else None
+        return PoseSequence(t_ns, position, q_wb, self._dropped, self._bad_rows, lines, covariance)
 
     def _block(self, rows: list[_Row]) -> Iterator[_Poses]:
         """Yield the good poses of some rows."""
@@ -161,7 +173,27 @@ class _Reading:
         order = [3, 4, 5, 6] if self._euroc else [6, 3, 4, 5]
         number = np.array([number for number, _ in rows], dtype=np.int64)
         t_ns = nanoseconds(stamps, bool(self._euroc))
-        return _Poses(number, t_ns, table["values"][:, :3].copy(), table["values"][:, order])
+        position, q_wb = table["values"][:, :3].copy(), table["values"][:, order]
+        return _Poses(number, t_ns, position, q_wb, self._triangles(rows, columns))
+
+    def _triangles(self, rows: list[_Row], columns: set[int]) -> Array:
+        """Return the columns of covariance, not a number where not all of these rows have them."""
+        if not self._covariance:
+            return np.empty((len(rows), 0))
+        if len(columns) > 1 or not columns <= _WITH_COVARIANCE:
+            return np.full((len(rows), _TRIANGLES), np.nan)
+        separator = "," if self._euroc else None
+        (count,) = columns
+        values: Array = np.loadtxt(
+            [text.decode("latin-1") for _, text in rows],
+            delimiter=separator,
+            usecols=range(count - _TRIANGLES, count),
+            comments=None,
+            ndmin=2,
+        )
+        if not np.isfinite(values).all():
+            raise ValueError("covariance")
+        return values
 
     def _is_sound(self, number: int, text: bytes) -> bool:
         """Tell whether one row is all numbers; note what is wrong with it."""
@@ -172,7 +204,7 @@ class _Reading:
         ]
         allowed = _EUROC_COLUMNS if self._euroc else _TUM_COLUMNS
         if len(fields) not in allowed:
-            form, expected = "EuRoC" if self._euroc else "TUM", " or ".join(map(str, allowed))
+            form, expected = "EuRoC" if self._euroc else "TUM", _alternatives(allowed)
             words = f"{len(fields)} columns; the {form} form has {expected}"
             self._note(_COLUMNS, number, words)
         else:
@@ -192,6 +224,11 @@ class _Reading:
                 float(field.replace("_", "x"))  # Python's own 1_000 is no number of a file
             except ValueError:
                 self._note(_NUMBERS, number, f"{_short(field)} is not a number")
+        if self._covariance and len(fields) in _WITH_COVARIANCE:
+            for field in fields[-_TRIANGLES:]:
+                if not _is_finite(field):
+                    words = f"{_short(field)} is not a finite number of a covariance"
+                    self._note(_NUMBERS, number, words)
 
     def _valid(self, poses: _Poses) -> _Poses:
         """Return the poses with finite values and unit quaternions, which are made exact."""
@@ -260,12 +297,40 @@ class _Reading:
         raise InputError(problems)
 
 
+def _is_finite(field: str) -> bool:
+    try:
+        return bool(np.isfinite(float(field.replace("_", "x"))))
+    except ValueError:
+        return False
+
+
+def _covariance(triangles: Array, q_wb: Array) -> Array | None:
+    """Return the covariances (n, 6, 6) with rotation about the world's axes; None without them.
+
+    :param triangles: (n, 12) upper triangles: of rotation about the body's axes, of position.
+    :param q_wb: (n, 4).
+    """
+    if np.isnan(triangles).any():
+        return None
+    upper = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
+    r_wb = rotation.to_matrix(q_wb)
+    result = np.zeros((len(q_wb), 6, 6))
+    result[:, :3, :3] = triangles[:, 6:][:, upper]
+    result[:, 3:, 3:] = r_wb @ triangles[:, :6][:, upper] @ np.swapaxes(r_wb, 1, 2)
+    return result
+
+
 def _repeated(poses: _Poses) -> NDArray[np.bool_]:
     """Tell which rows say once more what the row before them says."""
     same_pose = (np.diff(poses.position, axis=0) == 0).all(axis=-1) & (
         np.abs(np.sum(poses.q_wb[1:] * poses.q_wb[:-1], axis=-1)) > _SAME
     )
     return np.concatenate([[False], (np.diff(poses.t_ns) == 0) & same_pose])
+
+
+def _alternatives(counts: tuple[int, ...]) -> str:
+    *others, last = map(str, counts)
+    return f"{', '.join(others)} or {last}"
 
 
 def _short(word: str) -> str:

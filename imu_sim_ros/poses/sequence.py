@@ -24,3 +24,5 @@ class PoseSequence(NamedTuple):
     """Bad rows that were passed over on request."""
     lines: NDArray[np.int64] | None = None
     """(n,) lines of the file that they stand in, from 1; None: they are from no text."""
+    covariance: NDArray[np.float64] | None = None
+    """(n, 6, 6) of position and of rotation about the world's axes; None: the source has none."""

@@ -145,6 +145,129 @@ def test_nees_of_a_bag_with_covariances(tmp_path, capsys, factor):
     assert "NEES, 3 expected" in run(capsys, bag, truth)[1]
 
 
+SIGMA_POSITION, SIGMA_ROTATION = 0.005, 0.002
+LATE = 0.05
+
+
+def motion(t):
+    """Return positions and attitudes at any times [s], those of :func:`track`."""
+    position = np.stack([5 * np.cos(0.3 * t), 4 * np.sin(0.3 * t), np.sin(t)], axis=1)
+    return position, rotation.from_euler(
+        np.stack([0.1 * np.sin(t), 0.1 * np.cos(t), 0.3 * t], axis=1)
+    )
+
+
+def late_estimate():
+    """Return noisy poses between those of the truth, whose stamps are 50 ms late."""
+    rng = np.random.default_rng(5)
+    t = 0.013 + np.arange(399) * 0.05
+    position, q_wb = motion(t)
+    position = position + SIGMA_POSITION * rng.normal(size=position.shape)
+    q_wb = rotation.multiply(q_wb, rotation.exp(SIGMA_ROTATION * rng.normal(size=(len(t), 3))))
+    return t, PoseSequence(START + np.round((t + LATE) * 1e9).astype(np.int64), position, q_wb)
+
+
+def sigma_of_offset(t, interval=0.5):
+    """Return what relative poses over 0.5 s can tell of an offset at best, as standard deviation.
+
+    The information is the sum of squared derivatives of the relative motion over their variance;
+    both ends of a pair are noisy (2 sigma^2), and a pose is the end of two pairs (2 again).
+    """
+    step = 1e-4
+    t = t[(t > 1.0) & (t < 18.5)]
+    changes = []
+    for shift in (-step, step):
+        p, q = motion(t + shift)
+        p_end, q_end = motion(t + shift + interval)
+        changes.append(
+            (rotation.rotate_inverse(q, p_end - p), rotation.multiply(rotation.conjugate(q), q_end))
+        )
+    (p_0, q_0), (p_1, q_1) = changes
+    slope_p = (p_1 - p_0) / (2 * step)
+    slope_q = rotation.log(rotation.multiply(rotation.conjugate(q_0), q_1)) / (2 * step)
+    information = np.sum(slope_p**2) / SIGMA_POSITION**2 + np.sum(slope_q**2) / SIGMA_ROTATION**2
+    return np.sqrt(4.0 / information)
+
+
+@pytest.mark.parametrize("align", ["none", "yaw", "sim3"])
+def test_a_planted_time_offset_is_recovered(tmp_path, truth, capsys, align):
+    t, poses = late_estimate()
+    if align == "sim3":
+        poses = poses._replace(position=2.0 * poses.position)
+    estimate = saved(tmp_path, poses)
+    plain = result(capsys, estimate, truth, "--align", align)
+    assert plain["time_offset"] is None
+    found = result(capsys, estimate, truth, "--align", align, "--time-offset")
+    sigma = sigma_of_offset(t)
+    assert sigma < 2e-3
+    assert found["time_offset"]["value_s"] == pytest.approx(-LATE, abs=4 * sigma)
+    # At up to 1.8 m/s, 50 ms are 90 mm, less what an alignment takes. Then noise is left.
+    assert found["time_offset"]["ate_rmse_m_before"] == pytest.approx(plain["ate_m"]["rmse"])
+    assert plain["ate_m"]["rmse"] > 2 * np.sqrt(3) * SIGMA_POSITION
+    left = np.hypot(np.sqrt(3) * SIGMA_POSITION, 1.8 * 4 * sigma)
+    assert found["ate_m"]["rmse"] < left
+    out = run(capsys, estimate, truth, "--align", align, "--time-offset")[1]
+    assert f"time offset: {1e3 * found['time_offset']['value_s']:.2f} ms added" in out
+
+
+def test_a_motion_that_shows_no_time_offset(tmp_path, capsys):
+    """On a circle at constant speed every moment looks alike."""
+    t = np.arange(401) * 0.05
+    circle = PoseSequence(
+        START + np.arange(401) * SECOND // 20,
+        np.stack([np.cos(t), np.sin(t), 0 * t], axis=1),
+        rotation.from_euler(np.stack([0 * t, 0 * t, t], axis=1)),
+    )
+    truth, estimate = saved(tmp_path, circle, "truth.txt"), saved(tmp_path, circle)
+    status, _, errors = run(capsys, estimate, truth, "--time-offset")
+    assert (status, len(errors)) == (2, 1)
+    assert "does not show a time offset" in errors[0]
+    short = saved(tmp_path, PoseSequence(*(column[:30] for column in circle[:3])), "short.txt")
+    status, _, errors = run(capsys, short, truth, "--time-offset")
+    assert (status, len(errors)) == (2, 1)
+    assert "too little time in common" in errors[0]
+
+
+@pytest.mark.parametrize("form", ["tum", "csv"])
+def test_nees_of_text_with_covariances(tmp_path, truth, capsys, form):
+    """OpenVINS' columns: rotation about the body's axes, then position; correlated errors."""
+    rng = np.random.default_rng(3)
+    poses = track()
+    n = len(poses.t_ns)
+    factors = rng.normal(size=(2, 3, 3)) * np.array([0.01, 0.1])[:, None, None]
+    turned, moved = (rng.normal(size=(n, 3)) @ factor.T for factor in factors)
+    position = poses.position - moved
+    q_wb = rotation.multiply(poses.q_wb, rotation.exp(-turned))
+    upper = np.triu_indices(3)
+    columns = np.tile(np.concatenate([(f @ f.T)[upper] for f in factors]), (n, 1))
+    path = tmp_path / f"estimate.{form}"
+    if form == "csv":
+        values = np.column_stack([position, q_wb, columns])
+        rows = [
+            ",".join([str(s), *map(repr, v)])
+            for s, v in zip(poses.t_ns.tolist(), values.tolist(), strict=True)
+        ]
+    else:
+        values = np.column_stack([position, q_wb[:, [1, 2, 3, 0]], columns])
+        rows = [
+            " ".join([f"{s / 1e9:.9f}", *map(repr, v)])
+            for s, v in zip(poses.t_ns.tolist(), values.tolist(), strict=True)
+        ]
+    path.write_text("\n".join(rows) + "\n")
+    found = result(capsys, path, truth)["nees"]
+    assert found["poses"] == n
+    assert found["velocity"] is None
+    for name in ("position", "attitude"):
+        assert found[name]["mean"] == pytest.approx(3.0, abs=4 * np.sqrt(6 / n))
+    rows[7] = rows[7].rpartition("," if form == "csv" else " ")[0] + (
+        ",nan" if form == "csv" else " nan"
+    )
+    path.write_text("\n".join(rows) + "\n")
+    status, _, errors = run(capsys, path, truth)
+    assert (status, len(errors)) == (2, 1)
+    assert "line 8: 'nan' is not a finite number of a covariance" in errors[0]
+
+
 def test_estimate_and_truth_in_one_bag(tmp_path, capsys):
     bag = tmp_path / "both"
     poses = track()

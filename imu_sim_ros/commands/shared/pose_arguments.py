@@ -27,9 +27,11 @@ class PoseReader:
     def __init__(self, arguments: argparse.Namespace, program: str) -> None:
         self._skip, self._program = arguments.skip_bad_rows, program
 
-    def __call__(self, path: str | Path, topic: str | None = None) -> PoseSequence:
-        """Return the poses of a text file or a topic."""
-        poses = read_poses(path, topic, self._skip)
+    def __call__(
+        self, path: str | Path, topic: str | None = None, covariance: bool = False
+    ) -> PoseSequence:
+        """Return the poses of a text file or a topic, on request with the file's covariances."""
+        poses = read_poses(path, topic, self._skip, covariance)
         if poses.skipped:
             print(f"{self._program}: {path}: {poses.skipped} bad rows skipped", file=sys.stderr)
         return poses

@@ -24,6 +24,7 @@ from imu_sim_ros.navigation.comparison.evaluation import (
     relative_errors,
     statistics,
 )
+from imu_sim_ros.navigation.comparison.timing import time_offset
 
 __all__ = [
     "ALIGNMENTS",
@@ -46,4 +47,5 @@ __all__ = [
     "pairs",
     "relative_errors",
     "statistics",
+    "time_offset",
 ]
