@@ -14,12 +14,16 @@ simulation runs it can be changed between two blocks:
     saturation, a stuck output, lost messages or latency, for a given time.
 ``reset()``
     goes back to the first sample; faults are forgotten, parameters stay.
+
+:class:`SimulatedBody` holds the simulations of several IMUs on one body, and gives their samples in
+common windows of time.
 """
 
 import copy
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from fractions import Fraction
 from typing import Final
 
 from imu_sim_ros import timebase
@@ -28,7 +32,13 @@ from imu_sim_ros.config import parameters as described
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.poses import read_poses
 from imu_sim_ros.sensor import Fault, Imu, ImuBlock
-from imu_sim_ros.trajectory import PoseReader, build_trajectory, implausible, recorded_in
+from imu_sim_ros.trajectory import (
+    PoseReader,
+    Trajectory,
+    build_trajectory,
+    implausible,
+    recorded_in,
+)
 
 BLOCK_SIZE: Final = 8192
 """Large enough that Python's part is small, small enough for a processor's cache."""
@@ -43,16 +53,20 @@ class Simulation:
         parameters: SimulationParameters,
         pose_reader: PoseReader = read_poses,
         t0_ns: int | None = None,
+        trajectory: Trajectory | None = None,
     ) -> None:
         """Set up trajectory and sensor.
 
         :param pose_reader: reads the file of a trajectory of recorded poses.
         :param t0_ns: time of sample 0 [ns]; None: ``start_time``, or 1 s where that is -1.
+        :param trajectory: the one of these parameters, where it is there already.
         :raises ConfigurationError: for parameters that do not fit together.
         :raises InputError: for a file of poses that cannot be used.
         """
         self.parameters = parameters
-        self.trajectory = build_trajectory(parameters.trajectory, pose_reader)
+        if trajectory is None:
+            trajectory = build_trajectory(parameters.trajectory, pose_reader)
+        self.trajectory = trajectory
         if t0_ns is None:
             start = parameters.start_time
             t0_ns = timebase.to_nanoseconds(start) if start >= 0.0 else DEFAULT_START_NS
@@ -161,3 +175,54 @@ class Simulation:
             end = min(end, self.total)
         while self.position < end:
             yield self.next_block(int(min(block_size, end - self.position)))
+
+
+class SimulatedBody:
+    """The simulations of one body by name: one IMU, or several and the body's own motion.
+
+    Each gives the samples that it gives alone; what is common is the trajectory, which is built
+    once, and the windows of time.
+    """
+
+    def __init__(
+        self, parameters: Mapping[str, SimulationParameters], pose_reader: PoseReader = read_poses
+    ) -> None:
+        """Set up all simulations; arguments and errors as for :class:`Simulation`.
+
+        :param parameters: at least one; all have the same trajectory and duration.
+        """
+        self.simulations: dict[str, Simulation] = {}
+        trajectory = None
+        for name, own in parameters.items():
+            self.simulations[name] = Simulation(own, pose_reader, trajectory=trajectory)
+            trajectory = self.simulations[name].trajectory
+
+    @property
+    def total(self) -> int | None:
+        """How many samples there are of all together; None: no end."""
+        totals = [simulation.total for simulation in self.simulations.values()]
+        return None if None in totals else sum(total or 0 for total in totals)
+
+    def warnings(self) -> list[str]:
+        """Return what is allowed and yet may not be meant, each line once."""
+        every = [line for one in self.simulations.values() for line in one.warnings()]
+        return list(dict.fromkeys(every))
+
+    def windows(self, block_size: int = BLOCK_SIZE) -> Iterator[dict[str, ImuBlock]]:
+        """Yield all samples, window by window: each simulation's block that lies in it.
+
+        A window has ``block_size`` samples of the fastest simulation; one that has no sample in a
+        window is left out of it. Blocks of simulations that are over, too.
+        """
+        rates = {n: timebase.exact_rate(s.parameters.rate) for n, s in self.simulations.items()}
+        window = Fraction(block_size) / max(rates.values())
+        end = Fraction(0)
+        while any(one.position != one.total for one in self.simulations.values()):
+            end += window
+            blocks = {}
+            for name, simulation in self.simulations.items():
+                # Samples k / rate < end, as timebase.sample_count has it, in exact numbers.
+                block = simulation.next_block(math.ceil(end * rates[name]) - simulation.position)
+                if len(block.true_t_ns):
+                    blocks[name] = block
+            yield blocks

@@ -161,9 +161,9 @@ class Flight:
         names = chosen_topics(topics, imu_only, rename or {})
         if format is None and path.suffix != ".csv":
             with open_writer(path) as writer:
-                bag = BagTarget(writer, self.parameters, names)
+                bag = BagTarget(writer, {"": self.parameters}, names)
                 for block in self._blocks:
-                    bag.write(block)
+                    bag.write({"": block})
             return path
         unfit = [name for name in names if name not in (IMU_TOPIC, TRUTH_TOPIC)]
         if unfit:
@@ -171,5 +171,5 @@ class Flight:
         with text.Dataset(path, format or "csv", TRUTH_TOPIC in names) as dataset:
             rows = DatasetTarget(dataset)
             for block in self._blocks:
-                rows.write(block)
+                rows.write({"": block})
         return path

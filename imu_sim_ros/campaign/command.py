@@ -141,14 +141,14 @@ def _write_dataset(runs: "CellRuns", form: str, block: ImuBlock, place: Path) ->
         path = place / "dataset"
         path.mkdir()
         with Dataset(path / "mav0", "euroc", True) as dataset:
-            DatasetTarget(dataset).write(block)
+            DatasetTarget(dataset).write({"": block})
         return path
     path = place / _STUB[form]
     with open_writer(path) as writer:
         target = BagTarget(
-            writer, runs.parameters, {IMU_TOPIC: IMU_TOPIC, TRUTH_TOPIC: TRUTH_TOPIC}
+            writer, {"": runs.parameters}, {IMU_TOPIC: IMU_TOPIC, TRUTH_TOPIC: TRUTH_TOPIC}
         )
-        target.write(block)
+        target.write({"": block})
     return path
 
 

@@ -6,15 +6,15 @@
 import argparse
 import os
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from imu_sim_ros.bags.text import Dataset, writer
 from imu_sim_ros.commands import common
 from imu_sim_ros.config import (
-    SimulationParameters,
+    SimulatorParameters,
     files,
     flatten,
     load_simulator,
@@ -22,7 +22,7 @@ from imu_sim_ros.config import (
     simulations,
 )
 from imu_sim_ros.conventions import TRUTH_TOPIC
-from imu_sim_ros.datasets import DatasetTarget
+from imu_sim_ros.datasets import DatasetTarget, body_of
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.sensor import ImuBlock
 from imu_sim_ros.simulation import Simulation
@@ -39,8 +39,19 @@ FORMATS: Final = (*writer.FORMATS, *CAMERA_FORMATS)
 """Datasets that generate writes."""
 
 
-Parameters: TypeAlias = "tuple[SimulationParameters, RigParameters | None]"
-"""A simulation, and its cameras where it has some."""
+class Asked(NamedTuple):
+    """What the arguments ask for."""
+
+    simulator: SimulatorParameters
+    rig: "RigParameters | None"
+    """The cameras, where there are some."""
+
+    def values(self) -> dict[str, Any]:
+        """Return everything that decides the samples and frames, by dotted name."""
+        simulated = flatten(simulations(self.simulator).get("", self.simulator))
+        node = set(of_the_node(simulated))
+        own = {name: value for name, value in simulated.items() if name not in node}
+        return {**own, **(flatten(self.rig) if self.rig else {})}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -69,8 +80,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def parameters(arguments: argparse.Namespace) -> Parameters:
-    """Return what the arguments ask for: the simulation, and its cameras where it has some.
+def parameters(arguments: argparse.Namespace) -> Asked:
+    """Return what the arguments ask for: the IMUs, and the cameras where there are some.
 
     :raises ConfigurationError: with a line for everything that is wrong with either.
     """
@@ -83,13 +94,13 @@ def parameters(arguments: argparse.Namespace) -> Parameters:
     if node and not (arguments.quiet or arguments.json):
         print(f"generate: note: without effect in a file: {', '.join(node)}", file=sys.stderr)
     if not _has_cameras(given):
-        return _simulation(given), None
+        return Asked(load_simulator(given), None)
     from imu_sim_ros.config.cameras import load_rig, rig_problems, split_rig
 
     of_rig, others = split_rig(given)
     problems: list[str] = []
     loaded: list[Any] = []
-    for load, values in ((_simulation, others), (load_rig, of_rig)):
+    for load, values in ((load_simulator, others), (load_rig, of_rig)):
         try:
             loaded.append(load(values))
         except ConfigurationError as error:
@@ -98,18 +109,7 @@ def parameters(arguments: argparse.Namespace) -> Parameters:
         problems += rig_problems(loaded[1], loaded[0])
     if problems:
         raise ConfigurationError(problems)
-    return loaded[0], loaded[1]
-
-
-def _simulation(given: Mapping[str, object]) -> SimulationParameters:
-    """Return the simulation of the simulator node's parameters: one file serves both."""
-    simulator = load_simulator(given)
-    if simulator.imus:
-        raise ConfigurationError(
-            f"imus = {list(simulator.imus)}: generate writes one IMU; give each one's parameters "
-            "in a run of its own, with the same seed plus its place"
-        )
-    return simulations(simulator)[""]
+    return Asked(*loaded)
 
 
 def _short(arguments: argparse.Namespace) -> dict[str, object]:
@@ -140,11 +140,14 @@ def rig(parameters: "RigParameters | None", simulation: Simulation) -> "Rig | No
     return Rig(parameters, simulation.trajectory, simulation.t0_ns, duration, seed)
 
 
-def check_form(form: str | None, path: Path, cameras: "Rig | None") -> None:
-    """Refuse cameras where a form has no place for them, and a form that wants some.
+def check_form(form: str | None, path: Path, cameras: "Rig | None", imus: int) -> None:
+    """Refuse cameras and IMUs where a form has no place for them, and a form that wants some.
 
+    :param imus: how many there are.
     :raises InputError: with what to give.
     """
+    if form == "vio_data_simulation" and imus > 1:
+        raise InputError(f"format vio_data_simulation: holds one IMU, not {imus}")
     forms = (*CAMERA_FORMATS, *IMAGE_FORMATS)
     if cameras is not None and (form not in forms or path.suffix == ".csv"):
         raise InputError(f"cameras: need a folder and --format {', '.join(forms)}")
@@ -152,15 +155,13 @@ def check_form(form: str | None, path: Path, cameras: "Rig | None") -> None:
         raise InputError(f"format {form}: needs a camera; --camera names one")
 
 
-def write_parameters(
-    folder: Path, name: str, simulation: SimulationParameters, rig: "RigParameters | None"
-) -> None:
+def write_parameters(folder: Path, name: str, asked: Asked) -> None:
     """Write everything that makes an output into a parameter file.
 
     :param name: of the output.
     """
     files.write(
-        {**flatten(simulation), **(flatten(rig) if rig else {})},
+        asked.values(),
         folder / "simulation.yaml",
         comment=f"All parameters of {name}:\n"
         "generate --params-file simulation.yaml makes the same samples.",
@@ -173,27 +174,31 @@ class CameraTarget(DatasetTarget):
     block_size: Final = 512
     """Samples in a block at most: frames take far longer, and the progress bar should move."""
 
-    def __init__(self, dataset: Dataset, seen: Any) -> None:
-        super().__init__(dataset)
+    def __init__(self, dataset: Dataset, seen: Any, imus: Sequence[str]) -> None:
+        super().__init__(dataset, imus)
         self.seen = seen
+        self._body = body_of(imus)
 
     @property
     def counts(self) -> dict[str, int]:
         """Rows by table, images by camera."""
         return {**super().counts, **self.seen.counts}
 
-    def write(self, block: ImuBlock) -> None:
-        """Write the rows of a block, and those of the frames taken until its end."""
-        super().write(block)
-        if len(block.true_t_ns):
-            self.seen.until(int(block.true_t_ns[-1]) + 1)
+    def write(self, blocks: Mapping[str, ImuBlock]) -> None:
+        """Write the rows of a window, and those of the frames taken until the body's last."""
+        super().write(blocks)
+        if self._body in blocks:
+            self.seen.until(int(blocks[self._body].true_t_ns[-1]) + 1)
 
 
 @contextmanager
-def opened(form: str, output: Path, cameras: "Rig", names: dict[str, str]) -> Iterator[Any]:
+def opened(
+    form: str, output: Path, cameras: "Rig", names: dict[str, str], imus: Sequence[str]
+) -> Iterator[Any]:
     """Open a dataset with cameras; it is whole when the block ends without an error.
 
     :param names: of the topics that are written.
+    :param imus: the names of the IMUs.
     """
     from imu_sim_ros.datasets import TrackFiles, VioDataSimulation
 
@@ -203,10 +208,10 @@ def opened(form: str, output: Path, cameras: "Rig", names: dict[str, str]) -> It
         _warn(target.warnings())
         return
     with (
-        Dataset(output, "csv", TRUTH_TOPIC in names) as dataset,
+        Dataset(output, "csv", TRUTH_TOPIC in names, len(imus)) as dataset,
         TrackFiles(output, cameras) as tracks,
     ):
-        combined = CameraTarget(dataset, tracks)
+        combined = CameraTarget(dataset, tracks, imus)
         yield combined
     _warn(tracks.warnings())
     combined.files = dataset.files

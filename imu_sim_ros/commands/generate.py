@@ -4,7 +4,6 @@
 """``generate``: parameters in, a bag or a dataset out, as fast as the machine can."""
 
 import argparse
-import dataclasses
 import sys
 import time
 from collections.abc import Iterator, Sequence
@@ -12,23 +11,22 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
-
 from imu_sim_ros.bags import Outputs, ahead, open_writer
 from imu_sim_ros.bags.text import writer as text_writer
 from imu_sim_ros.commands import bag_output, camera_output, common, shared
-from imu_sim_ros.config import SimulationParameters, files, flatten
-from imu_sim_ros.consumers import ImuValues, write_all
+from imu_sim_ros.config import SimulationParameters, simulations
 from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.datasets import (
     BagTarget,
     DatasetTarget,
+    body_of,
     chosen_topics,
-    resolved,
+    imus_of,
+    offered,
 )
 from imu_sim_ros.errors import ConfigurationError, InputError
-from imu_sim_ros.sensor import catalogue, realised_imu
-from imu_sim_ros.simulation import Simulation
+from imu_sim_ros.sensor import catalogue
+from imu_sim_ros.simulation import SimulatedBody
 from imu_sim_ros.topics import TYPES
 
 EXAMPLES: Final = """
@@ -93,59 +91,65 @@ def main(argv: Sequence[str] | None = None) -> int:
 def generate(arguments: argparse.Namespace) -> None:
     """Write what the arguments ask for."""
     started = time.perf_counter()
-    parameters, rig = camera_output.parameters(arguments)
+    asked = camera_output.parameters(arguments)
+    simulated = simulations(asked.simulator)
     names = chosen_topics(
         [name for name in arguments.topics.split(",") if name],
         arguments.imu_only,
         dict(arguments.topic),
+        imus_of(simulated),
     )
-    bag_output.check_split(
-        arguments.split_duration, 1.0 / parameters.rate, parameters.duration or 0.0
-    )
-    everything = {**flatten(parameters), **(flatten(rig) if rig else {})}
-    written = bag_output.outputs(arguments, everything.values())
+    fastest = max(parameters.rate for parameters in simulated.values())
+    bag_output.check_split(arguments.split_duration, 1.0 / fastest, asked.simulator.duration or 0.0)
+    written = bag_output.outputs(arguments, asked.values().values())
     if arguments.with_configs:
-        written.add(_configs(arguments.output))
+        written.add(shared.configs(arguments.output))
+    truths: dict[Path, str] = {}
     if _has_readings(arguments) and not arguments.output.parent.is_file():  # one line is enough
-        written.add(_truth(arguments.output))
+        truths = shared.new_truths(arguments.output, simulated)
+        for path in truths:
+            written.add(path)
     with written:
-        result = _generated(arguments, (parameters, rig), names, written)
+        result = _generated(arguments, asked, names, written)
+        for path, text in truths.items():
+            written.where(path).write_text(text, encoding="utf-8")
     result["wall_s"] = time.perf_counter() - started
     _report(result, arguments)
 
 
 def _generated(
     arguments: argparse.Namespace,
-    what: camera_output.Parameters,
+    asked: camera_output.Asked,
     names: dict[str, str],
     written: Outputs,
 ) -> dict[str, Any]:
-    """Write all outputs; returns the result but the time that it took."""
-    parameters, rig = what
-    simulation = Simulation(parameters, pose_reader=shared.PoseReader(arguments, "generate"))
-    if simulation.total is None:
+    """Write the output and its configurations; returns the result but the time that it took."""
+    simulated = simulations(asked.simulator)
+    body = SimulatedBody(simulated, pose_reader=shared.PoseReader(arguments, "generate"))
+    if body.total is None:
         raise ConfigurationError(
             "duration = 0: this trajectory has no end; say how long, for instance --duration 20s"
         )
-    for warning in simulation.warnings():
+    for warning in body.warnings():
         print(f"generate: warning: {warning}", file=sys.stderr)
+    imus = {name: body.simulations[name] for name in imus_of(simulated)}
+    of_body = body.simulations[body_of(list(imus))]
     if not (arguments.quiet or arguments.json):
-        print("\n".join(simulation.notes()), end="\n" if simulation.notes() else "")
+        print("".join(f"{note}\n" for note in of_body.notes()), end="")
     output = written.where(arguments.output)
-    cameras = camera_output.rig(rig, simulation)
-    with _target(arguments, output, parameters, names, cameras) as target:
+    cameras = camera_output.rig(asked.rig, of_body)
+    with _target(arguments, output, simulated, names, cameras) as target:
         written.describe(arguments.output, target.described)
-        _write(simulation, target, arguments)
-    if _has_readings(arguments):
-        _write_truth(written.where(_truth(arguments.output)), arguments.output.name, parameters)
+        _write(body, target, arguments)
     if arguments.with_configs:
-        folder = written.where(_configs(arguments.output))
-        _write_configs(folder, simulation, names)
-        camera_output.write_parameters(folder, arguments.output.name, parameters, rig)
+        folder = written.where(shared.configs(arguments.output))
+        topics = {name: names.get(f"{name}/{IMU_TOPIC}".lstrip("/")) for name in imus}
+        shared.write_configs(folder, imus, topics)
+        camera_output.write_parameters(folder, arguments.output.name, asked)
     return {
         "output": str(arguments.output),
         "messages": target.counts,
-        "samples": simulation.position,
+        "samples": sum(simulation.position for simulation in imus.values()),
         "wall_s": 0.0,
         "bytes": sum(file.stat().st_size for file in target.files if file.is_file()),
     }
@@ -155,13 +159,13 @@ def _generated(
 def _target(
     arguments: argparse.Namespace,
     output: Path,
-    parameters: SimulationParameters,
+    parameters: dict[str, SimulationParameters],
     names: dict[str, str],
     cameras: Any,
 ) -> Iterator[Any]:
     """Open the output; it is whole when the block ends without an error."""
-    form = bag_output.form(arguments)
-    camera_output.check_form(form, output, cameras)
+    form, imus = bag_output.form(arguments), imus_of(parameters)
+    camera_output.check_form(form, output, cameras, len(imus))
     if form is None:
         with open_writer(
             output,
@@ -173,107 +177,52 @@ def _target(
             bag = BagTarget(writer, parameters, names)
             yield bag
         return
+    sources = offered(imus)
     unfit = [
-        f"topic {name}: is not for {form}" for name in names if name not in (IMU_TOPIC, TRUTH_TOPIC)
+        f"topic {name}: is not for {form}"
+        for name in names
+        if sources[name][1] not in (IMU_TOPIC, TRUTH_TOPIC)
     ]
     if unfit:
         raise InputError(unfit)
     if form in camera_output.CAMERA_FORMATS:
-        with camera_output.opened(form, output, cameras, names) as seen:
+        with camera_output.opened(form, output, cameras, names, imus) as seen:
             yield seen
         return
-    with text_writer.Dataset(output, form, TRUTH_TOPIC in names) as dataset:
-        target = DatasetTarget(dataset)
+    with text_writer.Dataset(output, form, TRUTH_TOPIC in names, len(imus)) as dataset:
+        target = DatasetTarget(dataset, imus)
         if cameras is None:
             yield target
         else:
-            comment = f"simulated by imu_sim_ros, seed {parameters.seed}"
+            comment = f"simulated by imu_sim_ros, seed {parameters[body_of(imus)].seed}"
             with camera_output.images(form, output, cameras, arguments, comment) as seen:
-                target = camera_output.CameraTarget(dataset, seen)
+                target = camera_output.CameraTarget(dataset, seen, imus)
                 yield target
         if form == "euroc":
-            _describe(output, parameters, TRUTH_TOPIC in names)
+            for k, name in enumerate(imus):
+                shared.describe(output, k, parameters[name], TRUTH_TOPIC in names)
     target.files = dataset.files
 
 
 def _write(
-    simulation: Simulation, target: BagTarget | DatasetTarget, arguments: argparse.Namespace
+    body: SimulatedBody, target: BagTarget | DatasetTarget, arguments: argparse.Namespace
 ) -> None:
     """Write all samples."""
     quiet = arguments.quiet or arguments.json
-    with common.progress(f"writing {arguments.output}", simulation.total or 0, quiet) as advance:
+    with common.progress(f"writing {arguments.output}", body.total or 0, quiet) as advance:
         # The samples are made in a thread of their own while the messages are written.
-        blocks = ahead(
-            simulation.blocks(min(BLOCK_SIZE, getattr(target, "block_size", BLOCK_SIZE)))
-        )
+        size = min(BLOCK_SIZE, getattr(target, "block_size", BLOCK_SIZE))
+        windows = ahead(body.windows(size))
         try:
-            for block in blocks:
-                target.write(block)
-                advance(len(block.t_ns))
+            for blocks in windows:
+                target.write(blocks)
+                advance(sum(len(block.t_ns) for block in blocks.values()))
         finally:
-            blocks.close()  # type: ignore[attr-defined]
-
-
-def _describe(output: Path, parameters: SimulationParameters, states: bool) -> None:
-    """Write the sensor.yaml files of a EuRoC folder."""
-    values = _values(parameters, "/imu0")
-    imu = parameters.imu
-    text_writer.write_euroc_descriptions(
-        output,
-        parameters.rate,
-        values.densities(),
-        np.reshape(imu.mounting, (3, 3)),
-        np.asarray(imu.lever_arm),
-        f"simulated by imu_sim_ros, preset {imu.preset}, seed {parameters.seed}",
-        states,
-    )
-
-
-def _values(parameters: SimulationParameters, topic: str, duration: float = 0.0) -> ImuValues:
-    return ImuValues(
-        realised_imu(parameters),
-        parameters.rate,
-        float(np.linalg.norm(parameters.gravity)),
-        topic,
-        duration,
-    )
-
-
-def _configs(output: Path) -> Path:
-    """Return the folder of the configurations that belong to an output."""
-    return output.with_name(output.name + "_configs")
+            windows.close()  # type: ignore[attr-defined]
 
 
 def _has_readings(arguments: argparse.Namespace) -> bool:
     return bag_output.form(arguments) not in ("tum", "vio_data_simulation")
-
-
-def _truth(output: Path) -> Path:
-    """Return the file of the realised truth that belongs to an output: NAME_truth.yaml."""
-    known = output.suffix.lower() in (".bag", ".mcap", ".csv")
-    return output.with_name(f"{output.stem if known else output.name}_truth.yaml")
-
-
-def _write_truth(path: Path, name: str, parameters: SimulationParameters) -> None:
-    """Write the sensor of this run: every constant that its seed drew, in its parameter's place.
-
-    ``calibrate --truth`` and ``allan --truth`` take it, and ``--imu`` for the same unit again.
-    """
-    imu = dataclasses.replace(realised_imu(parameters), preset="perfect")
-    files.write(
-        {"rate": parameters.rate, **{f"imu.{k}": v for k, v in flatten(imu).items()}},
-        path,
-        comment=f"The sensor that made {name}: preset {parameters.imu.preset}, with the turn-on "
-        f"biases and scales\nthat seed {parameters.seed} drew in the places of the parameters. "
-        "For calibrate --truth and allan --truth;\ngenerate --imu takes it for the same unit.",
-    )
-
-
-def _write_configs(folder: Path, simulation: Simulation, names: dict[str, str]) -> None:
-    parameters = simulation.parameters
-    topic = resolved(names.get(IMU_TOPIC, IMU_TOPIC))
-    duration = simulation.position / parameters.rate
-    write_all(folder, _values(parameters, topic, duration))
 
 
 def _report(result: dict[str, Any], arguments: argparse.Namespace) -> None:

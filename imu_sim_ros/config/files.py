@@ -257,6 +257,11 @@ def dump(instance: object, path: Path, node: str = "/**", comment: str = "") -> 
 
 def write(values: Mapping[str, Value], path: Path, node: str = "/**", comment: str = "") -> None:
     """Write values by dotted name as a ROS 2 parameter file, nested."""
+    path.write_text(text(values, node, comment), encoding="utf-8")
+
+
+def text(values: Mapping[str, Value], node: str = "/**", comment: str = "") -> str:
+    """Return values by dotted name as the text of a ROS 2 parameter file, nested."""
     import yaml
 
     tree: dict[str, Any] = {}
@@ -268,4 +273,4 @@ def write(values: Mapping[str, Value], path: Path, node: str = "/**", comment: s
         place[last] = list(value) if isinstance(value, tuple) else value
     header = "".join(f"# {line}\n" for line in comment.splitlines())
     body = yaml.safe_dump({node: {_PARAMETERS: tree}}, sort_keys=False, default_flow_style=None)
-    path.write_text(header + body, encoding="utf-8")
+    return header + body

@@ -17,7 +17,10 @@ if TYPE_CHECKING:
     from imu_sim_ros.datasets.images import ImageFolders as ImageFolders
     from imu_sim_ros.datasets.topics import BagTarget as BagTarget
     from imu_sim_ros.datasets.topics import DatasetTarget as DatasetTarget
+    from imu_sim_ros.datasets.topics import body_of as body_of
     from imu_sim_ros.datasets.topics import chosen_topics as chosen_topics
+    from imu_sim_ros.datasets.topics import imus_of as imus_of
+    from imu_sim_ros.datasets.topics import offered as offered
     from imu_sim_ros.datasets.topics import resolved as resolved
     from imu_sim_ros.datasets.tracks import TrackFiles as TrackFiles
     from imu_sim_ros.datasets.vio_data_simulation import VioDataSimulation as VioDataSimulation
@@ -26,7 +29,15 @@ else:
         __name__,
         {
             "images": ["ImageFolders"],
-            "topics": ["BagTarget", "DatasetTarget", "chosen_topics", "resolved"],
+            "topics": [
+                "BagTarget",
+                "DatasetTarget",
+                "body_of",
+                "chosen_topics",
+                "imus_of",
+                "offered",
+                "resolved",
+            ],
             "tracks": ["TrackFiles"],
             "vio_data_simulation": ["VioDataSimulation"],
         },

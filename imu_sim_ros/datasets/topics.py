@@ -8,44 +8,63 @@ One home for ``generate``, the public interface and campaigns.
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 from imu_sim_ros.bags import Block, Topic, Writer, amount, described
 from imu_sim_ros.bags.text import Dataset, States
-from imu_sim_ros.config import SimulationParameters
+from imu_sim_ros.config import BODY, SimulationParameters
 from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.sensor import ImuBlock
 from imu_sim_ros.topics import TYPES, Encode, delivered, encoder
+
+Blocks = Mapping[str, ImuBlock]
+"""Blocks of the simulations of one body by name; a single IMU has an empty name."""
+SINGLE = ("",)
+"""The names of the IMUs where there is one only."""
+
+
+class _Output(NamedTuple):
+    topic: Topic
+    simulation: str
+    parameters: SimulationParameters
+    encode: Encode
 
 
 class BagTarget:
     """Blocks of samples into a bag."""
 
     def __init__(
-        self, writer: Writer, parameters: SimulationParameters, names: Mapping[str, str]
+        self,
+        writer: Writer,
+        parameters: Mapping[str, SimulationParameters],
+        names: Mapping[str, str],
     ) -> None:
         """Make the topics.
 
-        :param names: for each topic of TYPES that is written its name in the bag.
+        :param parameters: of each simulation, by name.
+        :param names: for each topic of :func:`offered` that is written its name in the bag.
         """
         self.writer = writer
-        self._parameters = parameters
-        self._topics: list[tuple[Topic, Encode]] = [
-            (
+        sources = offered(imus_of(parameters))
+        self._outputs = [
+            _Output(
                 writer.add_topic(resolved(name), TYPES[key]),
-                encoder(key, parameters, writer.encoding),
+                simulation,
+                parameters[simulation],
+                encoder(key, parameters[simulation], writer.encoding),
             )
-            for key, name in names.items()
+            for (simulation, key), name in ((sources[full], name) for full, name in names.items())
         ]
 
     @property
     def counts(self) -> dict[str, int]:
         """Messages by topic."""
-        return {topic.name: topic.count for topic, _ in self._topics}
+        return {output.topic.name: output.topic.count for output in self._outputs}
 
     def described(self) -> str:
         """Return how much was written."""
-        return described(topic for topic, _ in self._topics)
+        return described(output.topic for output in self._outputs)
 
     @property
     def files(self) -> list[Path]:
@@ -53,18 +72,29 @@ class BagTarget:
         path = self.writer.path
         return list(path.iterdir()) if path.is_dir() else self.writer.files
 
-    def write(self, block: ImuBlock) -> None:
-        """Write the messages of a block."""
-        made = [(topic, encode(block, self._parameters)) for topic, encode in self._topics]
+    def write(self, blocks: Blocks) -> None:
+        """Write the messages of a window of time, all topics in order."""
+        made = [
+            (topic, encode(blocks[name], parameters))
+            for topic, name, parameters, encode in self._outputs
+            if name in blocks
+        ]
         self.writer.write_blocks([Block(topic, m.t_ns, m.payloads) for topic, m in made])
 
 
 class DatasetTarget:
     """Blocks of samples into text."""
 
-    def __init__(self, dataset: Dataset) -> None:
+    def __init__(self, dataset: Dataset, imus: Sequence[str] = SINGLE) -> None:
+        """Join simulations with the files of a dataset.
+
+        :param imus: the names of the IMUs: imu0, imu1, ... of the dataset.
+        """
         self.dataset = dataset
         self.files: Sequence[Path] = ()
+        self._imus = tuple(imus)
+        # EuRoC's states hold biases: each IMU has its own. Poses alone are the body's.
+        self._states = self._imus if dataset.form == "euroc" else (body_of(imus),)
 
     def described(self) -> str:
         """Return how much was written."""
@@ -73,25 +103,33 @@ class DatasetTarget:
     @property
     def counts(self) -> dict[str, int]:
         """Rows by topic."""
-        files = {IMU_TOPIC: self.dataset.imu, TRUTH_TOPIC: self.dataset.truth}
-        return {resolved(name): file.rows for name, file in files.items() if file is not None}
+        readings = zip(self._imus, self.dataset.imus, strict=False)  # a TUM file has none
+        states = zip(self._states, self.dataset.truths, strict=False)
+        return {
+            **{resolved(f"{name}/{IMU_TOPIC}"): file.rows for name, file in readings},
+            **{resolved(f"{_space(name)}{TRUTH_TOPIC}"): file.rows for name, file in states},
+        }
 
-    def write(self, block: ImuBlock) -> None:
-        """Write the rows of a block."""
-        if self.dataset.imu is not None:
-            self.dataset.write_imu(*delivered(block))
-        if self.dataset.truth is not None:
-            motion = block.motion
-            self.dataset.write_states(
-                States(
-                    block.true_t_ns,
-                    motion.position,
-                    motion.q_wb,
-                    motion.velocity,
-                    block.gyro_bias,
-                    block.accel_bias,
-                )
-            )
+    def write(self, blocks: Blocks) -> None:
+        """Write the rows of a window of time."""
+        for k, name in enumerate(self._imus[: len(self.dataset.imus)]):
+            if name in blocks:
+                self.dataset.write_imu(*delivered(blocks[name]), k)
+        for k, name in enumerate(self._states[: len(self.dataset.truths)]):
+            if name in blocks:
+                self.dataset.write_states(_states(blocks[name]), k)
+
+
+def _states(block: ImuBlock) -> States:
+    motion = block.motion
+    return States(
+        block.true_t_ns,
+        motion.position,
+        motion.q_wb,
+        motion.velocity,
+        block.gyro_bias,
+        block.accel_bias,
+    )
 
 
 def resolved(name: str) -> str:
@@ -99,25 +137,63 @@ def resolved(name: str) -> str:
     return "/" + name.lstrip("/")
 
 
+def imus_of(simulations: Mapping[str, object]) -> list[str]:
+    """Return the names of the IMUs among simulations of one body."""
+    return [name for name in simulations if name != BODY]
+
+
+def body_of(imus: Sequence[str]) -> str:
+    """Return the name of the simulation that tells the truth of IMUs."""
+    return "" if tuple(imus) == SINGLE else BODY
+
+
+def _space(name: str) -> str:
+    """Return the namespace of a simulation's topics."""
+    return "" if name in ("", BODY) else f"{name}/"
+
+
+def offered(imus: Sequence[str] = SINGLE) -> dict[str, tuple[str, str]]:
+    """Return all topics as the simulator node names them: each one's simulation and key of TYPES.
+
+    Several IMUs have a namespace each; the body's motion is the truth of all.
+    """
+    body = body_of(imus)
+    own = {
+        f"{_space(name)}{key}": (name, key) for name in imus for key in TYPES if key != TRUTH_TOPIC
+    }
+    return {**own, TRUTH_TOPIC: (body, TRUTH_TOPIC)}
+
+
 def chosen_topics(
-    topics: Sequence[str], imu_only: bool, renamed: Mapping[str, str]
+    topics: Sequence[str],
+    imu_only: bool,
+    renamed: Mapping[str, str],
+    imus: Sequence[str] = SINGLE,
 ) -> dict[str, str]:
     """Return the topics to write, each with its name in the bag.
 
+    :param topics: a name without a namespace stands for that topic of every IMU.
+    :param imus: the names of the IMUs.
     :raises InputError: with a line for every name that is unknown or stands twice.
     """
-    names = list(topics) or ([IMU_TOPIC] if imu_only else [IMU_TOPIC, TRUTH_TOPIC])
-    names = [name.strip().lstrip("/") for name in names]
-    problems = list(_topic_problems(names, renamed))
+    wanted = list(topics) or ([IMU_TOPIC] if imu_only else [IMU_TOPIC, TRUTH_TOPIC])
+    known = offered(imus)
+    names: list[str] = []
+    for name in (name.strip().lstrip("/") for name in wanted):
+        of_all = [full for full, (_, key) in known.items() if key == name and full != name]
+        names += of_all if of_all else [name]
+    problems = list(_topic_problems(names, renamed, known))
     if problems:
         raise InputError(problems)
     return {name: renamed.get(name, name) for name in names}
 
 
-def _topic_problems(names: Sequence[str], renamed: Mapping[str, str]) -> Iterator[str]:
+def _topic_problems(
+    names: Sequence[str], renamed: Mapping[str, str], known: Mapping[str, object]
+) -> Iterator[str]:
     for name in [*names, *renamed]:
-        if name not in TYPES:
-            yield f"topic {name}: must be one of {', '.join(TYPES)}"
+        if name not in known:
+            yield f"topic {name}: must be one of {', '.join(known)}"
     for name in set(names):
         if names.count(name) > 1:
             yield f"topic {name}: given twice"

@@ -11,6 +11,7 @@ index; the original applies no noise and knows no border, so its readers see a l
 camera does not.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Final
@@ -93,8 +94,12 @@ class VioDataSimulation:
         """Return how much was written."""
         return amount(self._files["imu_pose"].rows, self._last_ns, "rows")
 
-    def write(self, block: ImuBlock) -> None:
-        """Write the samples of a block, and the frames taken until its end."""
+    def write(self, blocks: Mapping[str, ImuBlock]) -> None:
+        """Write the samples of a block, and the frames taken until its end.
+
+        :param blocks: that of the only IMU, whose name is empty.
+        """
+        block = blocks[""]
         m = block.motion
         t = (block.true_t_ns - self._t0_ns)[:, None] * _SECOND
         pose = [t, m.q_wb, m.position]

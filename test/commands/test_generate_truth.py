@@ -107,3 +107,40 @@ def test_the_integrators_and_recorders_files_serve_their_commands(tmp_path, caps
     assert json.loads(capsys.readouterr().out)["samples"] == 200
     recorder = files.load(files.config_folder() / "recorder.yaml", "recorder")
     assert build(RecorderParameters, recorder).compression == "none"
+
+
+def test_outputs_of_one_name_share_the_truth_of_one_unit(tmp_path, capsys):
+    """``x.bag`` beside ``x.mcap``: the same sensor and seed have one truth, which stays."""
+    place = str(tmp_path / "x")
+    assert generate.main(["--imu", "mpu6000", "-o", f"{place}.mcap", *SHORT]) == 0
+    truth = tmp_path / "x_truth.yaml"
+    before = truth.read_bytes(), truth.stat().st_mtime_ns
+    for name in ("x.bag", "x", "x.csv"):
+        assert generate.main(["--imu", "mpu6000", "-o", str(tmp_path / name), *SHORT]) == 0
+        assert (truth.read_bytes(), truth.stat().st_mtime_ns) == before
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize("force", [[], ["--force"]])
+@pytest.mark.parametrize("second", ["x.bag", "x.csv", "x"])
+def test_a_truth_that_another_output_relies_on_is_never_replaced(tmp_path, capsys, force, second):
+    place = str(tmp_path / "x")
+    assert generate.main(["--imu", "mpu6000", "-o", f"{place}.mcap", *SHORT]) == 0
+    before = (tmp_path / "x_truth.yaml").read_bytes()
+    options = ["--imu", "mpu6000", "--seed", "7", *SHORT, *force]
+    assert generate.main([*options, "-o", str(tmp_path / second)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "x_truth.yaml: is the truth of" in line
+    assert "x.mcap" in line
+    assert (tmp_path / "x_truth.yaml").read_bytes() == before
+    assert {path.name for path in tmp_path.iterdir()} == {"x.mcap", "x_truth.yaml"}
+
+
+def test_a_truth_is_replaced_with_its_own_output(tmp_path):
+    place = str(tmp_path / "x.mcap")
+    assert generate.main(["--imu", "mpu6000", "-o", place, *SHORT]) == 0
+    before = (tmp_path / "x_truth.yaml").read_bytes()
+    again = ["--imu", "mpu6000", "--seed", "7", "-o", place, *SHORT]
+    assert generate.main(again) == 2
+    assert generate.main([*again, "--force"]) == 0
+    assert (tmp_path / "x_truth.yaml").read_bytes() != before

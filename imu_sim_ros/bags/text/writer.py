@@ -7,7 +7,6 @@ Times are exact nanoseconds; numbers have as many digits as a float64 needs.
 """
 
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -35,6 +34,8 @@ EUROC_STATE_HEADER: Final = (
     "b_w_RS_S_x [rad s^-1], b_w_RS_S_y [rad s^-1], b_w_RS_S_z [rad s^-1], "
     "b_a_RS_S_x [m s^-2], b_a_RS_S_y [m s^-2], b_a_RS_S_z [m s^-2]"
 )
+STATE_FOLDER: Final = "state_groundtruth_estimate"
+"""Of EuRoC, with the number of the IMU behind it."""
 KALIBR_HEADER: Final = "timestamp,omega_x,omega_y,omega_z,alpha_x,alpha_y,alpha_z"
 TUM_HEADER: Final = "# timestamp tx ty tz qx qy qz qw"
 
@@ -78,42 +79,59 @@ class TextFile:
 class Dataset:
     """A dataset of text that is being written; use as a context manager."""
 
-    def __init__(self, path: Path, form: str, states: bool = True) -> None:
+    def __init__(self, path: Path, form: str, states: bool = True, imus: int = 1) -> None:
         """Make the files.
 
-        ``euroc``: a folder with imu0 and state_groundtruth_estimate0. ``csv``: a folder with
-        imu0.csv and groundtruth.tum, or one file of readings where the name ends in .csv. ``tum``:
-        one file of poses.
+        ``euroc``: a folder with imu0 and state_groundtruth_estimate0, and so on for each IMU.
+        ``csv``: a folder with imu0.csv, imu1.csv, ... and groundtruth.tum, or one file of readings
+        where the name ends in .csv. ``tum``: one file of poses.
 
         :param states: write the truth.
+        :param imus: how many there are.
+        :raises InputError: for a place that cannot be used, and several IMUs in one file.
         """
         if form not in FORMATS:
             raise InputError(f"format {form!r}: must be one of {', '.join(FORMATS)}")
         self.path, self.form = path, form
-        self.imu: TextFile | None = None
-        self.truth: TextFile | None = None
-        self._write_states: Callable[[States], None] = self._write_tum
+        self.imus: list[TextFile] = []
+        self.truths: list[TextFile] = []
+        """Of EuRoC: one for each IMU, with its biases."""
         if form == "tum":
-            self.truth = TextFile(path, TUM_HEADER)
+            self.truths = [TextFile(path, TUM_HEADER)]
         elif form == "csv" and path.suffix.lower() == ".csv":
-            self.imu = TextFile(path, KALIBR_HEADER)
+            if imus > 1:
+                raise InputError(
+                    f"{path}: one table holds one IMU, not {imus}; name a folder, with --format csv"
+                )
+            self.imus = [TextFile(path, KALIBR_HEADER)]
         else:
             make_folder(path)
             if form == "csv":
-                self.imu = TextFile(path / "imu0.csv", KALIBR_HEADER)
+                self.imus = [TextFile(path / f"imu{k}.csv", KALIBR_HEADER) for k in range(imus)]
                 if states:
-                    self.truth = TextFile(path / "groundtruth.tum", TUM_HEADER)
+                    self.truths = [TextFile(path / "groundtruth.tum", TUM_HEADER)]
             else:
-                self._make_euroc(states)
+                self._make_euroc(states, imus)
 
-    def _make_euroc(self, states: bool) -> None:
-        (self.path / "imu0").mkdir()
-        self.imu = TextFile(self.path / "imu0" / "data.csv", EUROC_IMU_HEADER)
-        if states:
-            folder = self.path / "state_groundtruth_estimate0"
+    def _make_euroc(self, states: bool, imus: int) -> None:
+        for k in range(imus):
+            folder = self.path / f"imu{k}"
             folder.mkdir()
-            self.truth = TextFile(folder / "data.csv", EUROC_STATE_HEADER)
-            self._write_states = self._write_euroc
+            self.imus.append(TextFile(folder / "data.csv", EUROC_IMU_HEADER))
+            if states:
+                folder = self.path / f"{STATE_FOLDER}{k}"
+                folder.mkdir()
+                self.truths.append(TextFile(folder / "data.csv", EUROC_STATE_HEADER))
+
+    @property
+    def imu(self) -> TextFile | None:
+        """The readings of the first IMU, where the form has some."""
+        return next(iter(self.imus), None)
+
+    @property
+    def truth(self) -> TextFile | None:
+        """The truth, where it is written."""
+        return next(iter(self.truths), None)
 
     @property
     def files(self) -> list[Path]:
@@ -125,38 +143,45 @@ class Dataset:
     @property
     def rows(self) -> int:
         """Rows of all files so far."""
-        return sum(file.rows for file in (self.imu, self.truth) if file is not None)
+        return sum(file.rows for file in self._open)
 
     @property
     def last_ns(self) -> int:
         """The last time of all rows; -1 without any."""
-        files = (self.imu, self.truth)
-        return max((file.last_ns for file in files if file is not None), default=-1)
+        return max((file.last_ns for file in self._open), default=-1)
 
-    def write_imu(self, t_ns: Times, gyro: Array, accel: Array) -> None:
-        """Write readings: times (n,), angular rates (n, 3), specific forces (n, 3)."""
-        if self.imu is not None:
-            self.imu.write(t_ns, np.concatenate([gyro, accel], axis=1))
+    @property
+    def _open(self) -> list[TextFile]:
+        return [*self.imus, *self.truths]
 
-    def write_states(self, states: States) -> None:
-        """Write true states."""
-        if self.truth is not None:
-            self._write_states(states)
+    def write_imu(self, t_ns: Times, gyro: Array, accel: Array, index: int = 0) -> None:
+        """Write readings: times (n,), angular rates (n, 3), specific forces (n, 3).
 
-    def _write_tum(self, states: States) -> None:
-        assert self.truth is not None
-        q_xyzw = states.q_wb[:, [1, 2, 3, 0]]
-        self.truth.write(states.t_ns, np.concatenate([states.position, q_xyzw], axis=1), " ")
+        :param index: of the IMU.
+        """
+        if self.imus:
+            self.imus[index].write(t_ns, np.concatenate([gyro, accel], axis=1))
 
-    def _write_euroc(self, states: States) -> None:
-        assert self.truth is not None
-        self.truth.write(states.t_ns, np.concatenate(states[1:], axis=1))
+    def write_states(self, states: States, index: int = 0) -> None:
+        """Write true states.
+
+        :param index: of the IMU whose biases they hold.
+        """
+        if not self.truths:
+            return
+        if self.form == "euroc":
+            self.truths[index].write(states.t_ns, np.concatenate(states[1:], axis=1))
+        else:
+            q_xyzw = states.q_wb[:, [1, 2, 3, 0]]
+            self.truths[index].write(
+                states.t_ns, np.concatenate([states.position, q_xyzw], axis=1), " "
+            )
 
     def __enter__(self) -> "Dataset":
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        files = [file for file in (self.imu, self.truth) if file is not None]
+        files = self._open
         for file in files:
             if kind is None or (self.rows and not issubclass(kind, Exception)):
                 file.file.finish()
@@ -174,16 +199,18 @@ def write_euroc_descriptions(
     p_bi: Array,
     comment: str,
     states: bool = True,
+    index: int = 0,
 ) -> None:
-    """Write sensor.yaml of each sensor, and body.yaml.
+    """Write sensor.yaml of an IMU and its states, and body.yaml.
 
+    :param index: of the IMU.
     :param noise: the four densities by kalibr's names; nothing where they are not known.
     :param r_bi: (3, 3) orientation of the IMU on the body.
     :param p_bi: (3,) place of the IMU on the body [m].
     """
     (folder / "body.yaml").write_text(f"# body\ncomment: {comment}\n", encoding="utf-8")
     densities = "".join(f"{name}: {decimal(value)}\n" for name, value in noise.items())
-    (folder / "imu0" / "sensor.yaml").write_text(
+    (folder / f"imu{index}" / "sensor.yaml").write_text(
         f"# IMU\nsensor_type: imu\ncomment: {comment}\n\n"
         f"# T_BS maps points of the sensor into the body.\n{_pose(r_bi, p_bi)}\n"
         f"rate_hz: {rate:g}\n\n"
@@ -192,7 +219,7 @@ def write_euroc_descriptions(
         encoding="utf-8",
     )
     if states:
-        (folder / "state_groundtruth_estimate0" / "sensor.yaml").write_text(
+        (folder / f"{STATE_FOLDER}{index}" / "sensor.yaml").write_text(
             f"# Truth of the body, without error\nsensor_type: visual-inertial\n"
             f"comment: {comment}\n\n{_pose(np.eye(3), np.zeros(3))}",
             encoding="utf-8",

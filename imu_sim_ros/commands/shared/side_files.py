@@ -1,0 +1,148 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What ``generate`` puts beside its output: the realised truth, and each stack's configuration.
+
+``OUTPUT_configs`` is a folder. ``NAME_truth.yaml`` has the output's name without ``.bag``,
+``.mcap`` or ``.csv``; of several IMUs each has its own, ``NAME_truth_LEFT.yaml``. It tells of a
+sensor, not of a file: two outputs of one name that hold the same unit (``flight.bag``,
+``flight.mcap``) share it. Where they do not, the second is refused, for one file cannot be true of
+both.
+"""
+
+import dataclasses
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from imu_sim_ros.bags import make_folder
+from imu_sim_ros.bags.text import writer as text_writer
+from imu_sim_ros.config import SimulationParameters, files, flatten
+from imu_sim_ros.consumers import ImuValues, write_all
+from imu_sim_ros.conventions import IMU_TOPIC
+from imu_sim_ros.datasets import imus_of, resolved
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.sensor import realised_imu
+from imu_sim_ros.simulation import Simulation
+
+_SUFFIXES: Final = (".bag", ".mcap", ".csv")
+"""What is not part of the name of the truth; folders have none of them."""
+
+
+def configs(output: Path) -> Path:
+    """Return the folder of the configurations that belong to an output."""
+    return output.with_name(output.name + "_configs")
+
+
+def new_truths(output: Path, simulated: Mapping[str, SimulationParameters]) -> dict[Path, str]:
+    """Return the files of the realised truth that are to be written, each with its text.
+
+    One that stands there already with the same text is left out: the outputs share it.
+
+    :raises InputError: where another output of this name has another sensor.
+    """
+    result, problems = {}, []
+    for name in imus_of(simulated):
+        path, text = _truth(output, name), _truth_text(simulated[name])
+        there = _read(path)
+        if there == text:
+            continue
+        result[path] = text
+        other = next(_siblings(output), None)
+        if there is not None and other is not None:
+            problems.append(
+                f"{path}: is the truth of {other}, which has another sensor or seed; "
+                "give this output another name"
+            )
+    if problems:
+        raise InputError(problems)
+    return result
+
+
+def _truth(output: Path, imu: str) -> Path:
+    own = f"_{imu}" if imu else ""
+    return output.with_name(f"{_stem(output)}_truth{own}.yaml")
+
+
+def _stem(output: Path) -> str:
+    return output.stem if output.suffix.lower() in _SUFFIXES else output.name
+
+
+def _siblings(output: Path) -> Iterator[Path]:
+    """Yield the other outputs whose realised truth has the same name."""
+    stem = _stem(output)
+    for name in (stem, *(f"{stem}{part}{suffix}" for suffix in _SUFFIXES for part in ("", "_0"))):
+        path = output.with_name(name)
+        of_this = name in (output.name, f"{stem}_0{output.suffix}")
+        if not of_this and path.exists():
+            yield path
+
+
+def _read(path: Path) -> str | None:
+    """Return the text of a file; an empty one where it is none, None where nothing is there."""
+    if not path.exists():
+        return None
+    try:
+        return path.read_text(encoding="utf-8") if path.is_file() else ""
+    except (OSError, UnicodeDecodeError):
+        return ""
+
+
+def _truth_text(parameters: SimulationParameters) -> str:
+    """Return the sensor of this run: every constant that its seed drew, in its parameter's place.
+
+    ``calibrate --truth`` and ``allan --truth`` take it, and ``--imu`` for the same unit again.
+    """
+    imu = dataclasses.replace(realised_imu(parameters), preset="perfect")
+    return files.text(
+        {"rate": parameters.rate, **{f"imu.{k}": v for k, v in flatten(imu).items()}},
+        comment=f"The sensor of this run: preset {parameters.imu.preset}, with the turn-on "
+        f"biases and scales\nthat seed {parameters.seed} drew in the places of the parameters. "
+        "For calibrate --truth and allan --truth;\ngenerate --imu takes it for the same unit.",
+    )
+
+
+def write_configs(
+    folder: Path, imus: Mapping[str, Simulation], topics: Mapping[str, str | None]
+) -> None:
+    """Write the files of all stacks; several IMUs have a folder each, of their names.
+
+    :param topics: of each IMU's readings; None: they are not written.
+    """
+    if "" not in imus:
+        make_folder(folder)
+    for name, simulation in imus.items():
+        topic = resolved(topics[name] or f"{name}/{IMU_TOPIC}")
+        duration = simulation.position / simulation.parameters.rate
+        write_all(folder / name, _values(simulation.parameters, topic, duration))
+
+
+def describe(folder: Path, index: int, parameters: SimulationParameters, states: bool) -> None:
+    """Write the sensor.yaml files of an IMU of a EuRoC folder.
+
+    :param index: of the IMU.
+    :param states: whether the folder has its truth.
+    """
+    imu = parameters.imu
+    text_writer.write_euroc_descriptions(
+        folder,
+        parameters.rate,
+        _values(parameters, f"/imu{index}").densities(),
+        np.reshape(imu.mounting, (3, 3)),
+        np.asarray(imu.lever_arm),
+        f"simulated by imu_sim_ros, preset {imu.preset}, seed {parameters.seed}",
+        states,
+        index,
+    )
+
+
+def _values(parameters: SimulationParameters, topic: str, duration: float = 0.0) -> ImuValues:
+    return ImuValues(
+        realised_imu(parameters),
+        parameters.rate,
+        float(np.linalg.norm(parameters.gravity)),
+        topic,
+        duration,
+    )
