@@ -1,9 +1,9 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Visual-inertial odometry with gtsam on simulated readings and tracks, judged against the truth.
+r"""Visual-inertial odometry with gtsam on simulated readings and tracks, judged against the truth.
 
-    generate -o flight --format tracks --imu adis16448 --trajectory figure_eight --duration 15s \\
+    generate -o flight --format tracks --imu adis16448 --trajectory figure_eight --duration 15s \
         --camera euroc_cam0 --set camera.body_axes=flu --set camera.max_features=60 --with-configs
     python examples/gtsam_vio.py flight
 

@@ -23,7 +23,7 @@ _REAL_PROCESSES = (Path("test/nodes"), Path("test/commands/test_demo.py"))
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Tests with real nodes mostly wait: they come first, one after the other, beside the others.
+    """Put tests with real nodes first, one after the other beside the rest: they mostly wait.
 
     All others stay together by file, whose fixtures they share.
     """

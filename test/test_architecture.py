@@ -127,7 +127,7 @@ def exports(folder):
 
 
 def doors_passed(module, names):
-    """The (room, name) pairs that an import statement takes something through, outside in."""
+    """Return the (room, name) pairs that an import takes something through, outside in."""
     folder = PACKAGE
     *parts, last = module.split(".")[1:] or [""]
     for part in parts:

@@ -17,7 +17,7 @@ SOURCES = sorted(path for path in PACKAGE.rglob("*.py") if path.name != "convent
 
 
 def constants(tree):
-    """The constants of a file, its docstrings and help texts aside."""
+    """Return the constants of a file, its docstrings and help texts aside."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Constant):
             yield node.value

@@ -93,13 +93,15 @@ def _simulation(
 
     layers = [files.load(params_file)] if params_file is not None else []
     own: dict[str, object] = {**_imu(imu), **_flat(parameters)}
-    reader: Callable[..., PoseSequence] = read_poses
+    pose_reader: Callable[..., PoseSequence] = read_poses
     if isinstance(trajectory, PoseSequence):
         own.update({"trajectory.type": "poses", "trajectory.file": "poses given as arrays"})
         poses = trajectory
 
-        def reader(*_: object, **__: object) -> PoseSequence:
+        def given_poses(*_: object, **__: object) -> PoseSequence:
             return poses
+
+        pose_reader = given_poses
 
     elif isinstance(trajectory, Mapping):
         own.update({f"trajectory.{name}": value for name, value in _flat(trajectory).items()})
@@ -109,7 +111,7 @@ def _simulation(
     given["seed"] = seed
     own.update({name: value for name, value in given.items() if value is not None})
     built: SimulationParameters = load_simulation(*layers, own)
-    simulation = Simulation(built, pose_reader=reader)
+    simulation = Simulation(built, pose_reader=pose_reader)
     if simulation.total is None:
         raise ConfigurationError("duration: this trajectory has no end; say how long, duration=60")
     return simulation

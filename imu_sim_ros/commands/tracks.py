@@ -126,7 +126,7 @@ def write_states(path: Path, states: NavigationStates) -> None:
 
 
 def _write_csv(path: Path, states: NavigationStates) -> None:
-    """The columns of EuRoC's states, without the biases, so that everything reads it."""
+    """Return the columns of EuRoC's states, without the biases, so that everything reads it."""
     names = ["#timestamp", *(f"p_RS_R_{axis} [m]" for axis in "xyz")]
     names += [f"q_RS_{axis} []" for axis in "wxyz"]
     names += [f"v_RS_R_{axis} [m s^-1]" for axis in "xyz"]

@@ -17,7 +17,7 @@ TYPES = get_typestore(Stores.ROS1_NOETIC)
 
 
 def sequences(*paths):
-    """The header.seq of each topic over the parts of a bag, as rosbags reads them."""
+    """Return the header.seq of each topic over the parts of a bag, as rosbags reads them."""
     found = {}
     for path in paths:
         with Reader(path) as reader:

@@ -33,7 +33,8 @@ def test_an_output_has_its_name_only_when_it_is_whole(tmp_path):
 def test_an_error_leaves_nothing_not_even_parents(tmp_path):
     outputs = Outputs()
     table, picture = outputs.add("a/b/table.csv"), outputs.add("picture.png")
-    with pytest.raises(MachineError, match=r"^a/b/table\.csv: No space left"), outputs:  # noqa: PT012
+    told = r"^a/b/table\.csv: No space left"
+    with pytest.raises(MachineError, match=told), outputs:  # noqa: PT012
         table.write_text("half")
         picture.write_text("torn")
         raise system_error(table, OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))

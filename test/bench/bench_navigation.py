@@ -48,7 +48,7 @@ def median_time(work: Callable[[], object], repeat: int = 5) -> float:
 
 
 def numpy_per_step(t_ns: np.ndarray, gyro: np.ndarray, accel: np.ndarray) -> np.ndarray:
-    """The midpoint method as one writes it down: the yardstick."""
+    """Integrate by the midpoint method as one writes it down: the yardstick."""
     position, velocity, r = np.zeros(3), np.zeros(3), np.eye(3)
     gravity = np.array([0.0, 0.0, -9.81])
     for k, h in enumerate(np.diff(t_ns) * 1e-9):

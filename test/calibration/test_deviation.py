@@ -16,7 +16,7 @@ from imu_sim_ros.calibration.noise.deviation import (
 
 
 def nbs14() -> np.ndarray:
-    """The 1000-point test set of NIST SP 1065, section 12.4."""
+    """Return the 1000-point test set of NIST SP 1065, section 12.4."""
     values = [1234567890]
     for _ in range(999):
         values.append(16807 * values[-1] % 2147483647)

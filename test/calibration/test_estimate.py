@@ -34,7 +34,7 @@ TEMPLATE = template()
 
 
 def drawn(expected: np.ndarray, rng: np.random.Generator, spectrum: Spectrum) -> Spectrum:
-    """A spectrum with these expected rows: what white noise with a walk has, exactly."""
+    """Return a spectrum with these expected rows: what white noise with a walk has, exactly."""
     power = expected * rng.chisquare(spectrum.freedom) / spectrum.freedom
     signs = rng.choice([-1.0, 1.0], len(power))
     amplitude = np.where(spectrum.order > 0, signs * np.sqrt(power), 0.0)

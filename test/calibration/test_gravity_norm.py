@@ -39,9 +39,12 @@ def deviations(found, truth):
 
 @pytest.mark.parametrize("tilt_deg", [1.7, 3.0])
 def test_standard_errors_hold_in_a_hundred_tilted_runs(tilt_deg):
-    """900 numbers, nine independent ones a run: 95 % within 1.96, to three binomial deviations of
-    the 100 runs (if a run's nine went together, sqrt(0.95 0.05 / 100) = 2.2 %), and the mean square
-    1 to three of sqrt(2 / 900) = 4.7 %, twice that for what the chi-square of 15 adds."""
+    """900 numbers, nine independent ones a run, have a mean square of 1.
+
+    95 % are within 1.96, to three binomial deviations of the 100 runs (if a run's nine went
+    together, sqrt(0.95 0.05 / 100) = 2.2 %), and the mean square is 1 to three of
+    sqrt(2 / 900) = 4.7 %, twice that for what the chi-square of 15 adds.
+    """
     rng = np.random.default_rng(5)
     z = []
     for _ in range(100):

@@ -28,7 +28,7 @@ FLAWS = """
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
-    """A folder with the flaws and a bag of each run, 100 Hz."""
+    """Return a folder with the flaws and a bag of each run, 100 Hz."""
     result = tmp_path_factory.mktemp("calibrate")
     (result / "flaws.yaml").write_text(FLAWS)
     for run in ("six_position", "turntable", "temperature_soak"):

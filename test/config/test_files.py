@@ -118,7 +118,7 @@ def test_an_unknown_preset_hides_no_other_problem():
 
 
 def chain(tmp_path):
-    """A sensor's file whose preset is a file whose preset is a name."""
+    """Return a sensor's file whose preset is a file whose preset is a name."""
     first = written(
         tmp_path,
         "/**:\n  ros__parameters:\n    imu: {preset: mpu6000, gyroscope_bias: [0.1, 0.2, 0.3]}\n",

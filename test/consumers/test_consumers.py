@@ -37,7 +37,7 @@ LOWER = {
 
 
 def simulated(**values):
-    """A noise-free sensor with large errors, and its readings."""
+    """Return a noise-free sensor with large errors, and its readings."""
     chosen = {"imu.preset": "perfect", "trajectory.type": "excitation", "seed": 3, "rate": RATE}
     loaded = load_simulation({**chosen, **values})
     return loaded, Simulation(loaded).next_block(400)
@@ -207,7 +207,7 @@ TERMS = [
 
 
 def changed(name, parameter):
-    """A value that switches a term on, with what it needs beside it."""
+    """Return a value that switches a term on, with what it needs beside it."""
     triad = name.split("_")[0]
     beside = {
         "gauss_markov": {f"imu.{triad}_correlation_time": 10.0},

@@ -28,7 +28,7 @@ class Record(NamedTuple):
 
 
 def lecture(t):
-    """The ellipse of the lecture's simulation, with its sinusoidal height, roll and pitch."""
+    """Return the ellipse of the lecture's simulation with its sinusoidal height, roll and pitch."""
     k = np.pi / 10
     one = np.ones_like(t)
     s, c, s10, c10 = np.sin(k * t), np.cos(k * t), np.sin(10 * k * t), np.cos(10 * k * t)
@@ -42,7 +42,7 @@ def lecture(t):
 
 
 def coning(t):
-    """The body's axis goes round a cone: q = (cos a/2, sin a/2 cos nt, sin a/2 sin nt, 0)."""
+    """Move the body's axis round a cone: q = (cos a/2, sin a/2 cos nt, sin a/2 sin nt, 0)."""
     angle, n = 0.3, 4.0
     c, s = np.cos(n * t), np.sin(n * t)
     zero = np.zeros_like(t)

@@ -21,7 +21,7 @@ AXES = np.array([1.0, 2.0, 3.0])
 
 
 def at_rest(noise, duration, rate, initial=None):
-    """The covariance after a time of rest, level."""
+    """Return the covariance after a time of rest, level."""
     result = Covariance(noise, initial)
     for _ in range(round(duration * rate)):
         result.step(1.0 / rate, np.eye(3), np.array([0.0, 0.0, 9.81]))
@@ -245,7 +245,7 @@ def test_an_averaged_gyroscope_is_as_uncertain_as_what_changed_since():
 
 
 def second_order_of_a_bias(sigma, duration):
-    """Closed form at rest: theta = -b t turns the force g; it is off by (bb^T - |b|^2) g t^2 / 2.
+    """Give the closed form at rest: theta = -b t turns g; it is off by (bb^T - |b|^2) g t^2 / 2.
 
     The vertical loses (b_x^2 + b_y^2) g t^3 / 6 of velocity and t^4 / 24 of position; with two
     independent normal numbers of one sigma, E[(b_x^2 + b_y^2)^2] = 8 sigma^4.

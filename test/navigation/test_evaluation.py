@@ -34,7 +34,7 @@ def truth(record):
 
 @pytest.fixture(scope="module")
 def estimate(truth):
-    """The truth, turned, moved, scaled and with noise."""
+    """Return the truth, turned, moved, scaled and with noise."""
     rng = np.random.default_rng(6)
     n = len(truth.t_ns)
     turn = rotation.from_euler([0.05, -0.03, 1.1])

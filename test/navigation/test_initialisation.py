@@ -52,7 +52,7 @@ def record(count=300, gap=None):
 
 
 def of_the_node(chosen, readings):
-    """The start that the node's initialiser finds, reading by reading."""
+    """Return the start that the node's initialiser finds, reading by reading."""
     start = initialiser(chosen, pytest.fail)
     columns = (readings.t_ns.tolist(), readings.gyro.tolist(), readings.accel.tolist())
     for t_ns, gyro, accel in zip(*columns, strict=True):

@@ -85,7 +85,7 @@ def test_readings_are_interpolated_at_the_edges(record):
 
 
 def perturbed(readings, method, column, step):
-    """The deltas with one component of a bias moved, as (B, 9)."""
+    """Return the deltas with one component of a bias moved, as (B, 9)."""
     moved = np.zeros(6)
     moved[column] = step
     pre = preintegrate(readings, None, 0.01 + moved[3:], 0.1 + moved[:3], method)

@@ -43,7 +43,7 @@ def pair(record):
 
 
 def moved(states, column, step):
-    """The states perturbed in one of their 15 numbers: p, theta, v, b_a, b_g."""
+    """Return the states perturbed in one of their 15 numbers: p, theta, v, b_a, b_g."""
     d = np.zeros(15)
     d[column] = step
     return States(

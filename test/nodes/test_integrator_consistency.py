@@ -64,6 +64,8 @@ def squared_errors() -> np.ndarray:
 @pytest.mark.parametrize(("column", "what"), [(0, "pose"), (1, "twist")])
 def test_errors_are_as_large_as_the_covariance_says(squared_errors, column, what):
     """The sum over the runs is chi-square with 6 per run: mean 6, deviation sqrt(12 / RUNS) = 0.55.
-    Three deviations are 27 %; a sigma that is wrong by sqrt(2) would be off by 100 % or 50 %."""
+
+    Three deviations are 27 %; a sigma that is wrong by sqrt(2) would be off by 100 % or 50 %.
+    """
     mean = squared_errors[:, column].mean()
     assert abs(mean - 6.0) < 3.0 * np.sqrt(12.0 / RUNS), what

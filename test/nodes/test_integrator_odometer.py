@@ -178,8 +178,11 @@ def test_new_biases_hold_from_the_next_reading_on():
 
 
 def test_the_covariance_of_a_body_at_rest_follows_the_closed_form():
-    """White noise of density N gives var(v) = N^2 t and var(p) = N^2 t^3 / 3; a walk K of the bias
-    gives var(v) = K^2 t^3 / 3. Without gyroscope noise nothing else contributes."""
+    """White noise of density N gives var(v) = N^2 t and var(p) = N^2 t^3 / 3.
+
+    A walk K of the bias gives var(v) = K^2 t^3 / 3. Without gyroscope noise nothing else
+    contributes.
+    """
     density, walk = 0.02, 0.003
     harness = Harness(
         **{

@@ -174,8 +174,11 @@ def test_foxglove_plots_fields_that_exist_and_lays_out_every_panel():
 
 
 def test_plotjuggler_names_its_plugins_as_they_name_themselves():
-    """name() of facontidavide/PlotJuggler ddcbd05b and PlotJuggler/plotjuggler-ros-plugins 66e9101,
-    whose parser_configuration.cpp reads true and false."""
+    """The IDs are what name() returns, and the settings what the loader reads.
+
+    facontidavide/PlotJuggler ddcbd05b and PlotJuggler/plotjuggler-ros-plugins 66e9101, whose
+    parser_configuration.cpp reads true and false.
+    """
     root = ElementTree.parse(REPOSITORY / "config/plotjuggler_layout.xml").getroot()
     plugins = {plugin.get("ID"): plugin for plugin in root.iter("plugin")}
     assert set(plugins) == {"DataLoad MCAP", "ROS2 Topic Subscriber"}

@@ -23,7 +23,7 @@ G_SENSITIVITY = np.array([[1e-3, 2e-3, 3e-3], [4e-3, 5e-3, 6e-3], [7e-3, 8e-3, 9
 
 
 def read(count: int = 500, **values: object) -> ImuBlock:
-    """Samples on the lecture's trajectory, where all axes move."""
+    """Return samples on the lecture's trajectory, where all axes move."""
     base = {"imu.preset": "perfect", "trajectory.type": "lecture"}
     return Simulation(load_simulation({**base, **values})).next_block(count)
 

@@ -25,7 +25,7 @@ SIGMAS = {
 
 
 def drawn(kind: str, seed: int) -> np.ndarray:
-    """The numbers that a seed adds to a constant of the gyroscope."""
+    """Return the numbers that a seed adds to a constant of the gyroscope."""
     imu = build(ImuParameters, {f"gyroscope_{kind}_sigma": SIGMAS[kind]})
     unit = unit_of_seed(imu, "gyroscope", seed)
     assert not any(getattr(unit, f"gyroscope_{kind}_sigma"))

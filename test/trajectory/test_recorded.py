@@ -38,7 +38,7 @@ def follow(build, tmp_path):
 
 
 def smooth_motion(t):
-    """A smooth motion of 0.5 to 2 rad/s, far below the default cut-off."""
+    """Return a smooth motion of 0.5 to 2 rad/s, far below the default cut-off."""
     position = np.column_stack([np.sin(t), np.cos(1.3 * t), 0.5 * np.sin(2 * t)])
     euler = np.column_stack([0.4 * np.sin(1.1 * t), 0.3 * np.cos(0.9 * t), 0.8 * t])
     return position, rotation.from_euler(euler)
@@ -164,9 +164,10 @@ def test_repeated_poses_are_left_out_and_counted(tmp_path, build):
 
 
 def test_white_noise_is_smoothed_as_the_cutoff_says(follow):
-    """The filter 1 / (1 + (f/fc)^6) lets a white noise of variance s^2 at rate r through with
+    """The filter 1 / (1 + (f/fc)^6) lets as much white noise through as its integral says.
 
-    variance s^2 (2/r) integral_0^inf df / (1 + x^6)^2 = s^2 (2 fc / r) (5/6) (pi/6) / sin(pi/6).
+    Of the variance s^2 at rate r it leaves
+    s^2 (2/r) integral_0^inf df / (1 + x^6)^2 = s^2 (2 fc / r) (5/6) (pi/6) / sin(pi/6).
     Some 20 s of 5 Hz band: 200 independent values per axis, 3 axes: 4 % of standard error.
     """
     random = np.random.default_rng(5)

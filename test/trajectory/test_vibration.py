@@ -17,9 +17,11 @@ def shaken(build, seconds=200.0, **values):
 
 
 def test_noise_has_its_rms_on_each_axis(build):
-    """Lines of equal power in the band: over T seconds two neighbouring lines that are d apart
-    leave a relative error of the mean square of about 1 / (2 pi d T) each; with 60 / 32 Hz and
-    200 s, 32 lines: below 1 %."""
+    """The mean square of 32 lines of equal power over 200 s is right within 1 %.
+
+    Over T seconds two neighbouring lines that are d apart leave a relative error of about
+    1 / (2 pi d T) each; d is 60 / 32 Hz.
+    """
     rms = [0.5, 1.0, 2.0]
     m = shaken(build, noise_rms=rms)
     actual = np.sqrt(np.mean(m.acceleration**2, axis=0))

@@ -65,12 +65,12 @@ class AxisResponse(NamedTuple):
 
     @property
     def bias_sigma(self) -> Array:
-        """(k + 1,)"""
+        """(k + 1,) standard errors of the bias."""
         return self.sigma[len(self.gain) : len(self.gain) + len(self.bias)]
 
     @property
     def scale_sigma(self) -> Array:
-        """(l,)"""
+        """(l,) standard errors of the scale."""
         return self.sigma[len(self.gain) + len(self.bias) :]
 
 

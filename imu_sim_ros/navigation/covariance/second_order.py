@@ -72,7 +72,7 @@ class SecondOrder:
 
 
 def _acceleration(a: Array) -> Array:
-    """The matrix (3, 6) of ``(Z - tr(Z) I) a / 2`` on the entries xx, xy, xz, yy, yz, zz of Z."""
+    """Return ``(Z - tr(Z) I) a / 2`` as a matrix (3, 6) on Z's xx, xy, xz, yy, yz and zz."""
     x, y, z = 0.5 * a
     return np.array(
         [
@@ -92,7 +92,7 @@ def _products(s: Array) -> Array:
 
 
 def _pairs(g: Array) -> Array:
-    """The matrix (6, 6) of ``Z -> G Z G^T`` on the entries of a symmetric Z."""
+    """Return the matrix (6, 6) of ``Z -> G Z G^T`` on the entries of a symmetric Z."""
     i, j = _ROWS[:, None], _COLUMNS[:, None]
     k, m = _ROWS, _COLUMNS
     both = g[i, k] * g[j, m] + g[i, m] * g[j, k]

@@ -122,7 +122,7 @@ def preintegrate(
 
 
 def _pairs(values: Array) -> Array:
-    """Readings (B, m + 1, 3) as those of both ends of each step (m, B, 2, 3)."""
+    """Return readings (B, m + 1, 3) as those of both ends of each step (m, B, 2, 3)."""
     result: Array = np.stack([values[:, :-1], values[:, 1:]], axis=2).swapaxes(0, 1)
     return result
 
@@ -144,7 +144,7 @@ def _attitudes(gamma: Array, turns: Array) -> Array:
 
 
 def _period(h: Array) -> float:
-    """The sensor's sampling interval: partial steps at the edges are shorter, no noisier."""
+    """Return the sensor's sampling interval: partial steps at the edges are shorter, no noisier."""
     return float(np.median(h[h > 0.0])) if np.any(h > 0.0) else 1.0
 
 
@@ -153,7 +153,7 @@ _Step = tuple[Array, Array, Array]
 
 
 def _euler(h: Array, gamma: Array, rate: Array, force: Array) -> _Step:
-    """The reading at the start holds throughout; G has no part for that of the end."""
+    """Hold the reading at the start throughout; G has no part for that of the end."""
     r = rotation.to_matrix(gamma)
     turn = _turn("euler", h, rate)
     acceleration = (r @ force[:, 0, :, None])[..., 0]

@@ -222,7 +222,7 @@ def reprojection_residual(
 
 
 def _by_point(x: Array, y: Array, z: Array) -> Array:
-    """The derivatives (B, 2, 3) of x / z and y / z by the point."""
+    """Return the derivatives (B, 2, 3) of x / z and y / z by the point."""
     projection = np.zeros((len(z), 2, 3))
     projection[:, 0, 0] = projection[:, 1, 1] = 1.0 / z
     projection[:, 0, 2], projection[:, 1, 2] = -x / (z * z), -y / (z * z)

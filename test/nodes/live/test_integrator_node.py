@@ -128,8 +128,10 @@ def test_signals_end_it_with_status_0_while_readings_arrive(node, feed, number):
 
 
 def test_with_the_simulator_the_error_is_that_of_the_method(node, catch):
-    """The lecture's trajectory without noise at 1 kHz: the error of midpoint after 3 s is below
-    a millimetre, and every reading of the truth's stamps is there."""
+    """Without noise, at 1 kHz on the lecture's trajectory, midpoint is a millimetre off after 3 s.
+
+    Every reading of the truth's stamps is there.
+    """
     topics = ("dead_reckoned/odom", "dead_reckoned/position_error", "dead_reckoned/attitude_error")
     listener = catch(*topics, "dead_reckoned/roll_pitch_yaw", "dead_reckoned/path")
     options = "--initial_state truth --error true --roll_pitch_yaw true --path_rate 10"
