@@ -60,8 +60,11 @@ _UNITS = {
 
 EXAMPLES: Final = """
 calibrate six_position positions.bag -o calibration
+calibrate six_position positions.mcap --truth positions_truth.yaml --json
 calibrate turntable table.mcap --rates-deg 30,60,120
+calibrate turntable table.mcap --truth table_truth.yaml --no-files
 calibrate temperature soak.mcap --reference 25 --truth mpu6000
+calibrate temperature ramp.bag --temperature-topic /imu/temperature -o thermal
 """
 
 
@@ -102,7 +105,10 @@ def parser() -> argparse.ArgumentParser:
 
 def _kind(kinds: Any, name: str, text: str) -> argparse.ArgumentParser:
     """Return the parser of one kind of run, with what all have in common."""
-    result: argparse.ArgumentParser = kinds.add_parser(name, help=text, description=text)
+    examples = common.examples_of(EXAMPLES, f"calibrate {name} ")
+    result: argparse.ArgumentParser = kinds.add_parser(
+        name, help=text, description=text, examples=examples
+    )
     result.add_argument("bag", metavar="BAG", type=Path, help="bag, EuRoC folder or CSV file")
     result.add_argument("--topic", help="sensor_msgs/Imu topic, where the bag has several")
     result.add_argument(

@@ -57,6 +57,13 @@ class Parser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: {_shortened(message)} (--help lists the arguments)\n")
 
 
+def examples_of(examples: str, command: str) -> str:
+    """Return the example lines of one subcommand, such as ``calibrate turntable``."""
+    return "\n".join(
+        line for line in examples.splitlines() if f"{line.strip()} ".startswith(command)
+    )
+
+
 def main(
     parser: Callable[[], argparse.ArgumentParser],
     command: Callable[[argparse.Namespace], None],
@@ -266,13 +273,14 @@ def _plain(value: Any) -> Any:
 def print_table(header: Sequence[str], rows: Sequence[Sequence[str]], title: str = "") -> None:
     """Print an aligned table: the first column to the left, the others to the right.
 
-    On a terminal too narrow for it, each row becomes a block with a line for each column: no number
-    is ever cut.
+    On a terminal too narrow for it the columns move together; where that is not enough, each row
+    becomes a block with a line for each column: no number is ever cut.
     """
-    columns = zip(header, *rows, strict=True)
-    needed = sum(max(map(len, column)) + 3 for column in columns)
-    if sys.stdout.isatty() and needed > shutil.get_terminal_size().columns:
-        print("\n".join(stacked(header, rows, title)))
+    widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
+    needed = sum(widths) + 3 * len(widths)
+    if sys.stdout.isatty() and needed > (terminal := shutil.get_terminal_size().columns):
+        close = sum(widths) + 2 * (len(widths) - 1) <= terminal
+        print("\n".join((_close if close else stacked)(header, rows, title)))
         return
     from rich import box
     from rich.console import Console
@@ -287,6 +295,17 @@ def print_table(header: Sequence[str], rows: Sequence[Sequence[str]], title: str
     # rich.
     width = None if sys.stdout.isatty() else max(160, needed + 4)
     Console(width=width, highlight=False, markup=False).print(table)
+
+
+def _close(header: Sequence[str], rows: Sequence[Sequence[str]], title: str) -> list[str]:
+    """Return a table as lines, two spaces between its columns."""
+    widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
+    lines = [title] if title else []
+    for row in (header, ["\N{BOX DRAWINGS LIGHT HORIZONTAL}" * width for width in widths], *rows):
+        first, *others = row
+        cells = [f"{cell:>{width}}" for cell, width in zip(others, widths[1:], strict=True)]
+        lines.append("  ".join([f"{first:{widths[0]}}", *cells]))
+    return lines
 
 
 def stacked(header: Sequence[str], rows: Sequence[Sequence[str]], title: str = "") -> list[str]:

@@ -16,25 +16,22 @@ from imu_sim_ros.errors import ConfigurationError
 if TYPE_CHECKING:
     from imu_sim_ros.nodes import Control, InjectedFault, Status
 
-EXAMPLES: Final = """\
-examples:
+EXAMPLES: Final = """
   control pause
+  control resume
   control step 10
+  control reset --node /left/simulator
   control inject bias_jump --value '[0.1, 0, 0]' --duration 2s
   control inject dropout --value 1 --delay 5s --node /left/simulator
   control watch
+  control watch --json --duration 10s
 """
 _PATIENCE: Final = 5.0
 
 
 def parser() -> argparse.ArgumentParser:
     """Return the command's arguments."""
-    result = common.Parser(
-        prog="control",
-        description=__doc__,
-        epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    result = common.Parser(prog="control", description=__doc__, examples=EXAMPLES)
     shared = argparse.ArgumentParser(add_help=False)
     shared.add_argument(
         "--node",
@@ -70,7 +67,8 @@ def parser() -> argparse.ArgumentParser:
 
 
 def _add(actions: Any, shared: Any, name: str, words: str) -> Any:
-    options = {"parents": [shared], "add_help": True, "help": words, "description": words}
+    examples = common.examples_of(EXAMPLES, f"control {name} ")
+    options = {"parents": [shared], "help": words, "description": words, "examples": examples}
     return actions.add_parser(name, **options)
 
 

@@ -312,18 +312,19 @@ def _print(summaries: Sequence[dict[str, Any]]) -> None:
         f"{first['distance_m']:.6g} m travelled, initial state: {first['initial_state']}"
     )
     columns = {
-        "final position [m]": "final_position_error_m",
-        "of distance [%]": "final_position_error_percent",
-        "rms position [m]": "rms_position_error_m",
-        "final velocity [m/s]": "final_velocity_error_m_s",
-        "final attitude [rad]": "final_attitude_error_rad",
+        "position [m]": "final_position_error_m",
+        "of path [%]": "final_position_error_percent",
+        "rms [m]": "rms_position_error_m",
+        "v [m/s]": "final_velocity_error_m_s",
+        "att. [rad]": "final_attitude_error_rad",
     }
     rows = [
         [summary["method"], summary["attitude_update"]]
         + ["-" if summary[key] is None else f"{summary[key]:.4g}" for key in columns.values()]
         for summary in summaries
     ]
-    common.print_table(["method", "attitude", *columns], rows, "Error against the truth")
+    title = "Final errors against the truth; rms: of the position over the run"
+    common.print_table(["method", "attitude", *columns], rows, title)
 
 
 def _draw(path: Path, results: Sequence[Result], truth: Truth | None) -> None:

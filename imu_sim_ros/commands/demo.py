@@ -17,7 +17,7 @@ import time
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import IO, NamedTuple
+from typing import IO, Final, NamedTuple
 
 import numpy as np
 
@@ -45,14 +45,34 @@ class Paths(NamedTuple):
     drift: Drift
 
 
+EXAMPLES: Final = """
+make demo
+python -m imu_sim_ros.commands.demo --imu mpu6000 --duration 10s -o flight --force
+"""
+
+
 def parser() -> argparse.ArgumentParser:
     """Return the command's arguments."""
-    result = common.Parser(prog="demo", description=__doc__)
-    result.add_argument("--trajectory", default="lecture", metavar="NAME|FILE")
-    result.add_argument("--imu", default="lecture", metavar="NAME|FILE")
-    result.add_argument("--rate", default=200.0, type=float, metavar="HZ")
-    result.add_argument("--duration", default=20.0, type=common.duration, metavar="TIME")
-    result.add_argument("-o", "--output", default=Path("demo_output"), type=Path, metavar="FOLDER")
+    result = common.Parser(prog="demo", description=__doc__, examples=EXAMPLES)
+    text = {
+        "trajectory": ("lecture", str, "NAME|FILE", "the motion"),
+        "imu": ("lecture", str, "NAME|FILE", "the sensor"),
+        "rate": (200.0, float, "HZ", "samples per second"),
+        "duration": (20.0, common.duration, "TIME", "length of the flight [s]"),
+    }
+    for name, (default, kind, metavar, words) in text.items():
+        help_text = f"{words}; default %(default)s"
+        result.add_argument(
+            f"--{name}", default=default, type=kind, metavar=metavar, help=help_text
+        )
+    result.add_argument(
+        "-o",
+        "--output",
+        default=Path("demo_output"),
+        type=Path,
+        metavar="FOLDER",
+        help="for the bag and the picture; default %(default)s",
+    )
     add_force(result)
     return result
 

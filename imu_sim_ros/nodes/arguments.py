@@ -8,7 +8,6 @@ values that the commands accept are therefore read here first: everything that i
 together, and numbers are written in the one form that rcl understands.
 """
 
-import argparse
 import re
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -191,26 +190,3 @@ def _uniform(name: str, value: Any, problems: list[str]) -> Any:
 def _differs(uniform: Any, tree: Any) -> bool:
     """Compare with types: 1 == 1.0, and yet only one of them may stand in a list of floats."""
     return repr(uniform) != repr(tree)
-
-
-def help_text(program: str, text: str, section: type, values: Mapping[str, object]) -> str:
-    """Return the help of a node: every parameter with its default, unit, range and text."""
-    parser = argparse.ArgumentParser(
-        prog=program,
-        usage=f"{program} [--PARAMETER VALUE ...] [--ros-args -p NAME:=VALUE --params-file FILE]",
-        description=text,
-        formatter_class=argparse.RawTextHelpFormatter,
-    )
-    group = parser.add_argument_group("parameters (* changes while the node runs)")
-    for name, parameter in parameters(section, values).items():
-        mark = " *" if parameter.live else ""
-        words = f"{parameter.text}{mark}\n{parameter.allowed()}; default {_plainly(parameter)}"
-        group.add_argument(f"--{name}", metavar="VALUE", help=words.replace("%", "%%"))
-    return parser.format_help()
-
-
-def _plainly(parameter: Parameter) -> str:
-    default = parameter.default
-    if isinstance(default, tuple):
-        return "[" + ", ".join(str(entry) for entry in default) + "]"
-    return repr(default) if isinstance(default, str) else str(default).lower()

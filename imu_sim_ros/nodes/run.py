@@ -14,7 +14,8 @@ from typing import Any, Final, Protocol
 
 from imu_sim_ros.errors import ConfigurationError, explain
 from imu_sim_ros.nodes import signals
-from imu_sim_ros.nodes.arguments import help_text, ros_arguments
+from imu_sim_ros.nodes.arguments import ros_arguments
+from imu_sim_ros.nodes.help import help_text
 
 _HEARTBEAT_NS: Final = 50_000_000
 """A reader learns of a lost packet from the next heartbeat: Fast DDS's own period is 3 s."""

@@ -3,15 +3,20 @@
 
 """Help for people: examples at its end that can be parsed, and one entry point for all programs."""
 
+import argparse
 import importlib
+import re
 import shlex
 import sys
+from pathlib import Path
 
 import pytest
 
 from imu_sim_ros.commands import start
+from imu_sim_ros.config import files
 
-WITH_PARSER = [name for name in start.PROGRAMS if name not in ("campaign", "control")]
+WITH_PARSER = [*start.PROGRAMS, "demo"]
+ROOT = Path(__file__).parents[2]
 
 
 def parser(name):
@@ -23,23 +28,60 @@ def examples(text):
     return [line.strip() for line in tail.splitlines() if line.strip()]
 
 
+def subcommands(name):
+    """The parsers of a program's subcommands by name."""
+    for action in parser(name)._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            return dict(action.choices)
+    return {}
+
+
+def accept(line):
+    """Parse an example as the program that it names would."""
+    words = shlex.split(line, comments=True)
+    if words[0] == "make":
+        makefile = (ROOT / "Makefile").read_text()
+        assert re.search(rf"^{words[1]}:", makefile, re.M)
+        return
+    if words[:2] == ["python", "-m"]:
+        words = [words[2].rpartition(".")[2], *words[3:]]
+    if words[0] == "imu_sim":
+        words = words[1:]
+    given = parser(words[0]).parse_args(words[1:])
+    for argument, folder in (("imu", "imus"), ("trajectory", "trajectories"), ("truth", "imus")):
+        value = str(getattr(given, argument, None) or "perfect")
+        assert "." in value or value in {*files.names(folder), "perfect"}
+    if words[0] == "campaign" and "." not in given.plan:
+        assert given.plan in files.names("campaigns")
+
+
 @pytest.mark.parametrize("name", WITH_PARSER)
 def test_every_help_ends_with_examples_that_are_accepted(name, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     lines = examples(parser(name).format_help())
     assert len(lines) >= 2
     for line in lines:
-        program, *arguments = shlex.split(line, comments=True)
-        assert program == name
-        parser(name).parse_args(arguments)
+        assert name in line.split("#")[0] or line.startswith("make")
+        accept(line)
+
+
+@pytest.mark.parametrize("name", [name for name in WITH_PARSER if subcommands(name)])
+def test_the_help_of_every_subcommand_ends_with_its_examples(name):
+    for action, inner in subcommands(name).items():
+        lines = examples(inner.format_help())
+        assert lines, f"{name} {action}"
+        assert all(line.startswith(f"{name} {action}") for line in lines)
 
 
 @pytest.mark.parametrize("name", WITH_PARSER)
 def test_help_is_wrapped_to_the_terminal(name, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
-    above = parser(name).format_help().partition("examples:")[0]
-    # A choice such as {none,yaw,se3,sim3} cannot be broken.
-    assert [line for line in above.splitlines() if len(line) > 80 and " " in line.strip()] == []
+    for made in (parser(name), *subcommands(name).values()):
+        above, _, tail = made.format_help().partition("examples:")
+        assert max(map(len, tail.splitlines()), default=0) <= 100
+        # A choice such as {none,yaw,se3,sim3} cannot be broken.
+        long = [line for line in above.splitlines() if len(line) > 80 and " " in line.strip()]
+        assert long == []
 
 
 def run(monkeypatch, *arguments):
@@ -51,6 +93,10 @@ def test_imu_sim_lists_all_programs_and_runs_them(monkeypatch, capsys):
     assert run(monkeypatch) == 0
     out = capsys.readouterr().out
     assert all(f"  {name} " in out for name in start.PROGRAMS | start.NODES)
+    lines = examples(out)
+    assert len(lines) >= 2
+    for line in lines:
+        accept(line)
     assert run(monkeypatch, "--version") == 0
     with pytest.raises(SystemExit) as ended:
         run(monkeypatch, "allan", "--help")

@@ -26,3 +26,17 @@ def test_every_number_is_whole(columns, terminal, monkeypatch, capsys):
     if terminal and columns == 80:
         assert max(len(line) for line in out.splitlines()) <= 80
         assert out.count("noise density [rad/s/sqrt(Hz)]") == 3
+
+
+def test_columns_move_together_before_the_table_is_stacked(monkeypatch, capsys):
+    header = ["error", "rmse", "mean", "median", "std", "min", "max"]
+    rows = [["RPE 14.8 m [rad]", *["1.99e-06"] * 6], ["ATE position [m]", *["0.629"] * 6]]
+    assert 16 + 6 * (8 + 2) <= 80 < 16 + 6 * 8 + 7 * 3
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True, raising=False)
+    common.print_table(header, rows, "Errors")
+    title, names, _, first, second = capsys.readouterr().out.splitlines()
+    assert title == "Errors"
+    assert names.split() == header
+    assert (first.split()[-6:], second.split()[-6:]) == (rows[0][1:], rows[1][1:])
+    assert len(first) == len(second) == len(names) == 76

@@ -15,7 +15,8 @@ from imu_sim_ros.config.simulator import (
     simulator_section,
 )
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.nodes.arguments import help_text, ros_arguments
+from imu_sim_ros.nodes.arguments import ros_arguments
+from imu_sim_ros.nodes.help import help_text
 
 pytestmark = pytest.mark.ros
 
@@ -134,10 +135,11 @@ def test_plain_arguments_become_those_of_ros(tmp_path: Path) -> None:
 
 
 def test_help_names_every_parameter() -> None:
-    words = help_text("simulator", "", SimulatorParameters, {})
+    words = "".join(help_text("simulator", "", SimulatorParameters, {}).split())
     for name, parameter in parameters(SimulatorParameters).items():
-        assert f"--{name} VALUE" in words
-        assert parameter.unit in words
+        assert f"--{name}VALUE" in words
+        assert "".join(parameter.unit.split()) in words
+        assert "".join(parameter.text.split()) in words
 
 
 def test_own_parameters_of_several_imus() -> None:

@@ -36,9 +36,8 @@ from imu_sim_ros.nodes.topics import (
 
 TEXT = """Records topics into a bag: rosbag2 in MCAP or SQLite form, or ROS 1.
 
-  recorder                                     all topics, into a folder named after the time
-  recorder -o flight imu/data_raw /ground_truth/odom
-  recorder -o flight.bag --duration 20s        ROS 1
+Words are topics (none: all), -o is --output (none: a folder named after the time; NAME.bag is
+ROS 1), -d is --duration and takes units such as 20s and 10min.
 
 Whatever kills it, the bag holds all but the last second; convert_bag --recover opens it again.
 Ends with status 0 after Ctrl-C, SIGTERM, duration or max_size; 1 where writing failed."""
