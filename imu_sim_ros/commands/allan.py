@@ -199,21 +199,9 @@ def _print(
     )
     for warning in result.warnings:
         print(f"note: {warning}")
-    header = ["", "value", "95 % interval", "unit", "", "unit"]
-    rows = []
     by_place = {(c.axis, c.key): c for c in comparisons}
-    if comparisons:
-        header += ["truth", "covered"]
-    for axis in range(6):
-        for key in result.keys:
-            found = result.estimate(axis, key)
-            if key in _OPTIONAL and found.value is None and (axis, key) not in by_place:
-                continue
-            row = _row(axis, key, found)
-            if comparisons:
-                row += _truth_columns(by_place.get((axis, key)))
-            rows.append(row)
-    common.print_table(header, rows)
+    for triad in range(len(TRIADS)):
+        _print_triad(result, triad, by_place)
     if comparisons:
         covered = sum(c.covered for c in comparisons)
         print(f"{covered} of {len(comparisons)} intervals hold the truth")
@@ -221,17 +209,36 @@ def _print(
         print(path)
 
 
-def _row(axis: int, key: str, found: Estimate) -> list[str]:
-    triad = TRIADS[axis // 3]
-    q = quantity(triad, key)
-    name = f"{triad} {'xyz'[axis % 3]}  {q.symbol} {q.text}"
-    factor = q.field_factor
+def _print_triad(
+    result: AllanResult, triad: int, by_place: Mapping[tuple[int, str], truth.Comparison]
+) -> None:
+    """Print the terms of one sensor, each axis with its interval, then in data sheets' units."""
+    header = ["", "axis", "value", "95 % interval", *(["truth", "covered"] if by_place else [])]
+    rows, names, field_rows = [], [], []
+    for key in result.keys:
+        axes = range(3 * triad, 3 * triad + 3)
+        found = [result.estimate(axis, key) for axis in axes]
+        known = any((axis, key) in by_place for axis in axes)
+        if key in _OPTIONAL and all(each.value is None for each in found) and not known:
+            continue
+        q = quantity(TRIADS[triad], key)
+        names.append(f"{q.symbol} {q.text}")
+        for axis, each in zip(axes, found, strict=True):
+            row = [f"{q.symbol} [{q.unit}]", "xyz"[axis % 3], *_value_and_interval(each)]
+            if by_place:
+                row += _truth_columns(by_place.get((axis, key)))
+            rows.append(row)
+        values = [_value_and_interval(each, q.field_factor)[0] for each in found]
+        field_rows.append([f"{q.symbol} [{q.field_unit}]", *values])
+    common.print_table(header, rows, f"{TRIADS[triad].capitalize()}: {', '.join(names)}")
+    common.print_table(["in data sheets' units", "x", "y", "z"], field_rows)
+
+
+def _value_and_interval(found: Estimate, factor: float = 1.0) -> list[str]:
     if found.value is None:
-        return [name, f"< {found.high:.3g}", "", q.unit, f"< {found.high * factor:.3g}",
-                q.field_unit]  # fmt: skip
-    interval = f"{found.low:.5g} .. {found.high:.5g}"
-    return [name, f"{found.value:.5g}", interval, q.unit, f"{found.value * factor:.5g}",
-            q.field_unit]  # fmt: skip
+        return [f"< {found.high * factor:.3g}", ""]
+    interval = f"{found.low * factor:.4g} .. {found.high * factor:.4g}"
+    return [f"{found.value * factor:.4g}", interval]
 
 
 def _truth_columns(comparison: truth.Comparison | None) -> list[str]:

@@ -138,7 +138,9 @@ def test_truth_is_compared(bag, capsys):
     wrong = analysed(capsys, str(bag), "--no-files", "--truth", "adis16448")
     assert not any(c["covered"] for c in wrong["truth"] if c["parameter"] == "noise_density")
     assert allan.main([str(bag), "--no-files", "--truth", "lecture"]) == 0
-    assert "intervals hold the truth" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert "intervals hold the truth" in out
+    assert max(len(line.rstrip()) for line in out.splitlines()) <= 90
 
 
 def test_gauss_markov_model(bag, capsys):
