@@ -29,7 +29,7 @@ def examples(text):
 
 
 def subcommands(name):
-    """The parsers of a program's subcommands by name."""
+    """Return the parsers of a program's subcommands by name."""
     for action in parser(name)._actions:
         if isinstance(action, argparse._SubParsersAction):
             return dict(action.choices)
