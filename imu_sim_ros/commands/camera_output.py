@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from imu_sim_ros.bags.text import Dataset, writer
-from imu_sim_ros.commands import common
+from imu_sim_ros.commands import bag_output, common
 from imu_sim_ros.config import (
     SimulatorParameters,
     files,
@@ -22,7 +22,7 @@ from imu_sim_ros.config import (
     simulations,
 )
 from imu_sim_ros.conventions import TRUTH_TOPIC
-from imu_sim_ros.datasets import DatasetTarget, body_of
+from imu_sim_ros.datasets import BagTarget, DatasetTarget, body_of
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.sensor import ImuBlock
 from imu_sim_ros.simulation import Simulation
@@ -126,7 +126,9 @@ def _short(arguments: argparse.Namespace) -> dict[str, object]:
 
 
 def _has_cameras(given: dict[str, object]) -> bool:
-    return any(key == "cameras" or key.startswith(("camera.", "scene.")) for key in given)
+    return any(
+        key == "cameras" or key.startswith(("camera.", "scene.", "features.")) for key in given
+    )
 
 
 def rig(parameters: "RigParameters | None", simulation: Simulation) -> "Rig | None":
@@ -149,8 +151,8 @@ def check_form(form: str | None, path: Path, cameras: "Rig | None", imus: int) -
     if form == "vio_data_simulation" and imus > 1:
         raise InputError(f"format vio_data_simulation: holds one IMU, not {imus}")
     forms = (*CAMERA_FORMATS, *IMAGE_FORMATS)
-    if cameras is not None and (form not in forms or path.suffix == ".csv"):
-        raise InputError(f"cameras: need a folder and --format {', '.join(forms)}")
+    if cameras is not None and form is not None and (form not in forms or path.suffix == ".csv"):
+        raise InputError(f"cameras: need a bag, or a folder and --format {', '.join(forms)}")
     if cameras is None and form in CAMERA_FORMATS:
         raise InputError(f"format {form}: needs a camera; --camera names one")
 
@@ -217,13 +219,41 @@ def opened(
     combined.files = dataset.files
 
 
+def topics(arguments: argparse.Namespace, rig: "RigParameters | None") -> list[str]:
+    """Return the topics that the cameras have in a bag; none in any other form."""
+    if rig is None or not rig.cameras or bag_output.form(arguments) is not None:
+        return []
+    from imu_sim_ros.datasets import camera_topics
+
+    return list(camera_topics(rig))
+
+
+@contextmanager
+def in_bag(
+    bag: BagTarget, cameras: "Rig", names: Mapping[str, str], arguments: argparse.Namespace
+) -> Iterator[Any]:
+    """Open what cameras see beside the readings in a bag.
+
+    :param names: of the cameras' topics.
+    """
+    _check_jobs(arguments)
+    from imu_sim_ros.datasets import CameraBag
+
+    with CameraBag(bag, cameras, names, arguments.jobs, bag.world_frame) as target:
+        yield target
+
+
+def _check_jobs(arguments: argparse.Namespace) -> None:
+    if arguments.jobs < 1:
+        raise InputError(f"--jobs {arguments.jobs}: must be at least 1")
+
+
 @contextmanager
 def images(
     form: str, output: Path, cameras: "Rig", arguments: argparse.Namespace, comment: str
 ) -> Iterator[Any]:
     """Open the images of a dataset's cameras; the folder exists."""
-    if arguments.jobs < 1:
-        raise InputError(f"--jobs {arguments.jobs}: must be at least 1")
+    _check_jobs(arguments)
     from imu_sim_ros.datasets import ImageFolders
 
     with ImageFolders(output, cameras, form, arguments.jobs, comment) as seen:

@@ -98,6 +98,7 @@ def generate(arguments: argparse.Namespace) -> None:
         arguments.imu_only,
         dict(arguments.topic),
         imus_of(simulated),
+        camera_output.topics(arguments, asked.rig),
     )
     fastest = max(parameters.rate for parameters in simulated.values())
     bag_output.check_split(arguments.split_duration, 1.0 / fastest, asked.simulator.duration or 0.0)
@@ -165,6 +166,7 @@ def _target(
 ) -> Iterator[Any]:
     """Open the output; it is whole when the block ends without an error."""
     form, imus = bag_output.form(arguments), imus_of(parameters)
+    sources = offered(imus)
     camera_output.check_form(form, output, cameras, len(imus))
     if form is None:
         with open_writer(
@@ -174,10 +176,15 @@ def _target(
             arguments.split_duration,
             arguments.split_size,
         ) as writer:
-            bag = BagTarget(writer, parameters, names)
-            yield bag
+            own = {name: new for name, new in names.items() if name in sources}
+            bag = BagTarget(writer, parameters, own)
+            if cameras is None:
+                yield bag
+                return
+            seen = {name: new for name, new in names.items() if name not in sources}
+            with camera_output.in_bag(bag, cameras, seen, arguments) as target:
+                yield target
         return
-    sources = offered(imus)
     unfit = [
         f"topic {name}: is not for {form}"
         for name in names
@@ -230,10 +237,11 @@ def _report(result: dict[str, Any], arguments: argparse.Namespace) -> None:
         common.print_json(result)
     elif not arguments.quiet:
         counts = ", ".join(f"{count:,} {name}" for name, count in result["messages"].items())
-        speed = sum(result["messages"].values()) / result["wall_s"] / 1e3
+        speed = sum(result["messages"].values()) / result["wall_s"]
+        shown = f"{speed / 1e3:,.0f} k" if speed >= 1e4 else f"{speed:,.0f}"
         print(
             f"{result['output']}: {counts}; {result['bytes'] / 1e6:,.1f} MB in "
-            f"{result['wall_s']:.2f} s ({speed:,.0f} k messages/s)"
+            f"{result['wall_s']:.2f} s ({shown} messages/s)"
         )
 
 

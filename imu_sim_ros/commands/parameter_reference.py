@@ -95,8 +95,11 @@ def _cameras() -> Iterator[str]:
     yield _CAMERAS.format(
         cameras=", ".join(files.names("cameras")), scenes=", ".join(files.names("scenes"))
     )
+    known = parameters(RigParameters)
     own = {f"camera.{name}": p for name, p in parameters(CameraParameters).items()}
-    yield from _table({"cameras": parameters(RigParameters)["cameras"], **own})
+    yield from _table(
+        {"cameras": known["cameras"], "features.layout": known["features.layout"], **own}
+    )
     shared = {f"scene.{name}": p for name, p in parameters(SceneParameters).items()}
     yield "### Every scene\n"
     yield from _table(shared)

@@ -4,8 +4,9 @@
 """Where a simulation is written: bags, datasets of text, and what its cameras see.
 
 ``topics`` holds the IMU's samples and the truth, ``tracks`` the features of cameras as tables,
-``images`` their images as files, ``vio_data_simulation`` the text files of the simulator of that
-name; ``columns`` are the tables. One home for ``generate``, the public interface and campaigns.
+``images`` their images as files, ``frames`` and ``features`` both as messages, ``camera_bag`` these
+in a bag, ``vio_data_simulation`` the text files of the simulator of that name; ``columns`` are the
+tables. One home for ``generate``, the public interface and campaigns.
 Imports bags, topics, sensor, camera. What it exports is imported when it is first used.
 """
 
@@ -14,6 +15,13 @@ from typing import TYPE_CHECKING
 from imu_sim_ros.lazy import exported
 
 if TYPE_CHECKING:
+    from imu_sim_ros.datasets.camera_bag import CameraBag as CameraBag
+    from imu_sim_ros.datasets.features import FeatureStream as FeatureStream
+    from imu_sim_ros.datasets.frames import CameraMessages as CameraMessages
+    from imu_sim_ros.datasets.frames import camera_info as camera_info
+    from imu_sim_ros.datasets.frames import camera_topics as camera_topics
+    from imu_sim_ros.datasets.frames import imagers as imagers
+    from imu_sim_ros.datasets.frames import landmarks as landmarks
     from imu_sim_ros.datasets.images import ImageFolders as ImageFolders
     from imu_sim_ros.datasets.topics import BagTarget as BagTarget
     from imu_sim_ros.datasets.topics import DatasetTarget as DatasetTarget
@@ -28,6 +36,9 @@ else:
     __getattr__, __dir__, __all__ = exported(
         __name__,
         {
+            "camera_bag": ["CameraBag"],
+            "features": ["FeatureStream"],
+            "frames": ["CameraMessages", "camera_info", "camera_topics", "imagers", "landmarks"],
             "images": ["ImageFolders"],
             "topics": [
                 "BagTarget",

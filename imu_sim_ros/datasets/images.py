@@ -19,16 +19,14 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.bags.text import decimal
 from imu_sim_ros.camera import CameraModel, Rig
-from imu_sim_ros.camera.images import Imager, atlas, opencv
+from imu_sim_ros.camera.images import Imager, atlas, opencv, png
 from imu_sim_ros.config.cameras import CameraParameters
 from imu_sim_ros.datasets.tracks import CameraProgress
-from imu_sim_ros.errors import InputError, system_error
+from imu_sim_ros.errors import system_error
 
 EUROC_HEADER: Final = "#timestamp [ns],filename"
 _AHEAD: Final = 4
 """Images in the making for each thread."""
-_COMPRESSION: Final = 1
-"""Of PNG: level 9 takes ten times as long for a tenth of the size."""
 _DISTORTIONS: Final = {"none": "none", "radtan": "radial-tangential", "equidistant": "equidistant"}
 
 
@@ -124,12 +122,9 @@ def write_png(path: Path, image: NDArray[np.uint8]) -> None:
 
     :raises ImuSimError: where it cannot be written, with the reason.
     """
-    cv2 = opencv()
-    done, encoded = cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, _COMPRESSION])
-    if not done:
-        raise InputError(f"{path}: OpenCV cannot make a PNG of {image.shape}")
+    data = png(image)
     try:
-        path.write_bytes(encoded.tobytes())
+        path.write_bytes(data)
     except OSError as error:
         path.unlink(missing_ok=True)
         raise system_error(path, error) from None

@@ -6,7 +6,7 @@
 One home for ``generate``, the public interface and campaigns.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -46,7 +46,10 @@ class BagTarget:
         :param names: for each topic of :func:`offered` that is written its name in the bag.
         """
         self.writer = writer
-        sources = offered(imus_of(parameters))
+        simulated = imus_of(parameters)
+        sources, self.body = offered(simulated), body_of(simulated)
+        self.world_frame = parameters[self.body].world_frame
+        self.fastest = max(simulation.rate for simulation in parameters.values())
         self._outputs = [
             _Output(
                 writer.add_topic(resolved(name), TYPES[key]),
@@ -74,12 +77,16 @@ class BagTarget:
 
     def write(self, blocks: Blocks) -> None:
         """Write the messages of a window of time, all topics in order."""
+        self.writer.write_blocks(self.messages(blocks))
+
+    def messages(self, blocks: Blocks) -> list[Block]:
+        """Return the messages of a window of time, by topic."""
         made = [
             (topic, encode(blocks[name], parameters))
             for topic, name, parameters, encode in self._outputs
             if name in blocks
         ]
-        self.writer.write_blocks([Block(topic, m.t_ns, m.payloads) for topic, m in made])
+        return [Block(topic, m.t_ns, m.payloads) for topic, m in made]
 
 
 class DatasetTarget:
@@ -169,27 +176,30 @@ def chosen_topics(
     imu_only: bool,
     renamed: Mapping[str, str],
     imus: Sequence[str] = SINGLE,
+    more: Iterable[str] = (),
 ) -> dict[str, str]:
     """Return the topics to write, each with its name in the bag.
 
     :param topics: a name without a namespace stands for that topic of every IMU.
     :param imus: the names of the IMUs.
+    :param more: topics besides those of the IMUs and the body: of cameras.
     :raises InputError: with a line for every name that is unknown or stands twice.
     """
-    wanted = list(topics) or ([IMU_TOPIC] if imu_only else [IMU_TOPIC, TRUTH_TOPIC])
+    more = tuple(more)
+    wanted = list(topics) or [IMU_TOPIC, *([] if imu_only else [TRUTH_TOPIC]), *more]
     known = offered(imus)
     names: list[str] = []
     for name in (name.strip().lstrip("/") for name in wanted):
         of_all = [full for full, (_, key) in known.items() if key == name and full != name]
         names += of_all if of_all else [name]
-    problems = list(_topic_problems(names, renamed, known))
+    problems = list(_topic_problems(names, renamed, (*known, *more)))
     if problems:
         raise InputError(problems)
     return {name: renamed.get(name, name) for name in names}
 
 
 def _topic_problems(
-    names: Sequence[str], renamed: Mapping[str, str], known: Mapping[str, object]
+    names: Sequence[str], renamed: Mapping[str, str], known: Sequence[str]
 ) -> Iterator[str]:
     for name in [*names, *renamed]:
         if name not in known:

@@ -131,8 +131,7 @@ def test_the_folder_of_kalibr_bagcreater(tmp_path):
     [
         ("--format euroc --scene cloud", "nothing to make images of"),
         ("--format euroc --jobs 0", "--jobs 0: must be at least 1"),
-        ("", "cameras: need a folder and --format"),
-        ("--format tum", "cameras: need a folder and --format"),
+        ("--format tum", "cameras: need a bag, or a folder and --format"),
     ],
 )
 def test_bad_input_is_one_line_and_leaves_nothing(tmp_path, capsys, words, message):

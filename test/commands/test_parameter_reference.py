@@ -27,7 +27,8 @@ def test_every_parameter_has_a_row_with_its_unit():
     known = {**parameters(IntegratorParameters), **parameters(RecorderParameters)}
     for kind in TYPES:
         known.update(parameters(SimulatorParameters, {"trajectory.type": kind}))
-    known["cameras"] = parameters(RigParameters)["cameras"]
+    rig = parameters(RigParameters)
+    known.update({name: rig[name] for name in ("cameras", "features.layout")})
     sections = {"camera": [CameraParameters], "scene": list(SCENES.values())}
     for prefix, classes in sections.items():
         for one in classes:

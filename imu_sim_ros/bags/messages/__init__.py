@@ -23,28 +23,54 @@ from imu_sim_ros.bags.messages.encode import (
     TemperatureEncoder,
     Vector3StampedEncoder,
 )
+from imu_sim_ros.bags.messages.images import (
+    CAMERA_INFO,
+    COMPRESSED_IMAGE,
+    IMAGE,
+    CameraInfo,
+    CameraInfoEncoder,
+    CompressedImageEncoder,
+    ImageEncoder,
+)
 from imu_sim_ros.bags.messages.installed import BrokenMessageError, recorded_type
 from imu_sim_ros.bags.messages.layouts import Bytes
+from imu_sim_ros.bags.messages.point_clouds import (
+    POINT_CLOUD,
+    POINT_CLOUD2,
+    PointCloud2Encoder,
+    PointCloudEncoder,
+)
 from imu_sim_ros.bags.messages.qos import Qos, parse_qos, qos_profiles, qos_text
 from imu_sim_ros.bags.messages.schemas import Schema, ros1_name, ros2_name, schema
 from imu_sim_ros.bags.messages.transforms import TF_MESSAGE, TransformsEncoder
 
 __all__ = [
+    "CAMERA_INFO",
     "CLOCK",
+    "COMPRESSED_IMAGE",
+    "IMAGE",
     "IMU",
     "ODOMETRY",
+    "POINT_CLOUD",
+    "POINT_CLOUD2",
     "POSE_STAMPED",
     "TEMPERATURE",
     "TF_MESSAGE",
     "VECTOR3_STAMPED",
     "BrokenMessageError",
     "Bytes",
+    "CameraInfo",
+    "CameraInfoEncoder",
     "ClockEncoder",
+    "CompressedImageEncoder",
     "Decoded",
+    "ImageEncoder",
     "ImuEncoder",
     "MessageBlock",
     "OdometryEncoder",
     "Payloads",
+    "PointCloud2Encoder",
+    "PointCloudEncoder",
     "PoseStampedEncoder",
     "Qos",
     "Schema",

@@ -4,11 +4,12 @@
 """Images of what a camera sees; the only place of OpenCV, imported when an image is made.
 
 ``texture`` is what surfaces look like, ``tag36h11`` the tags of a target, ``renderer`` where each
-pixel looks, ``imager`` what the sensor makes of it.
+pixel looks, ``imager`` what the sensor makes of it, ``encode`` a PNG of it.
 """
 
+from imu_sim_ros.camera.images.encode import png
 from imu_sim_ros.camera.images.imager import Imager
 from imu_sim_ros.camera.images.renderer import Maps, Renderer, look_up, opencv
 from imu_sim_ros.camera.images.texture import Atlas, atlas
 
-__all__ = ["Atlas", "Imager", "Maps", "Renderer", "atlas", "look_up", "opencv"]
+__all__ = ["Atlas", "Imager", "Maps", "Renderer", "atlas", "look_up", "opencv", "png"]

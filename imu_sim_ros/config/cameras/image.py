@@ -5,13 +5,22 @@
 
 from dataclasses import dataclass
 
-from imu_sim_ros.config.parameter import integer, number
+from imu_sim_ros.config.parameter import choice, integer, number, text
+
+IMAGES = ("raw", "compressed", "both", "none")
 
 
 @dataclass(frozen=True)
 class ImageParameters:
     """How an image comes about; grey values are 0 to 255."""
 
+    images: str = choice(
+        "raw",
+        IMAGES,
+        "messages on topics and in bags: raw: NAME/image_raw; compressed: "
+        "NAME/image_raw/compressed, PNG; both; none: tracks alone, as scenes without surfaces want",
+    )
+    frame: str = text("", "frame of the messages; empty: NAME_optical_frame")
     supersampling: int = integer(
         1,
         "rays along each side of a pixel; 2 to 4 for edges as sharp as real ones",

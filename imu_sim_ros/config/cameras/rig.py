@@ -16,15 +16,17 @@ from typing import Any, Final
 from imu_sim_ros.config import files
 from imu_sim_ros.config.cameras.camera import CameraParameters
 from imu_sim_ros.config.cameras.scene import SceneParameters, find_scene
-from imu_sim_ros.config.parameter import build, section, texts, variant
+from imu_sim_ros.config.parameter import build, choice, section, texts, variant
 from imu_sim_ros.config.simulation import SimulationParameters
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.timebase import exact_rate
 
 DEFAULT_CAMERA: Final = "vio_data_simulation"
 DEFAULT_SCENE: Final = "room"
+LAYOUTS: Final = ("mono", "fusion", "none")
+_OF_ALL: Final = ("camera", "scene", "features")
 _NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
-_TAKEN: Final = {"cameras", "camera", "scene", "imus", "imu", "trajectory", "publish", "inject"}
+_TAKEN: Final = {*_OF_ALL, "cameras", "imus", "imu", "trajectory", "publish", "inject"}
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,18 @@ class OneCameraParameters:
     """What a camera has of its own."""
 
     camera: CameraParameters = section(CameraParameters)
+
+
+@dataclass(frozen=True)
+class FeatureParameters:
+    """The topic of tracked features, feature_tracker/feature."""
+
+    layout: str = choice(
+        "mono",
+        LAYOUTS,
+        "channels of its messages: mono: the five of VINS-Mono; fusion: the nine of VINS-Fusion; "
+        "none: no such topic",
+    )
 
 
 @dataclass(frozen=True)
@@ -44,6 +58,12 @@ class RigParameters:
         "parameters (cam0.camera.rate, ...); none: no camera",
     )
     scene: SceneParameters = variant("type", DEFAULT_SCENE, find_scene)
+
+    features: FeatureParameters = section(FeatureParameters)
+
+    def frame(self, name: str) -> str:
+        """Return the frame of a camera's messages."""
+        return self.camera(name).frame or f"{name}_optical_frame"
 
     def camera(self, name: str) -> CameraParameters:
         """Return the parameters of one camera."""
@@ -58,7 +78,7 @@ class RigParameters:
 def is_rig_key(key: str, names: list[str]) -> bool:
     """Tell whether a parameter is about cameras or the scene, given the cameras' names."""
     first, dot, rest = key.partition(".")
-    if key == "cameras" or (dot and first in ("camera", "scene")):
+    if key == "cameras" or (dot and first in _OF_ALL):
         return True
     return bool(dot) and first in names and rest.startswith("camera.")
 
@@ -116,6 +136,7 @@ def layer_rig(given: Mapping[str, object], node: str = "simulator") -> dict[str,
         return {}
     result: dict[str, object] = {"cameras": tuple(names)}
     result.update(_scene_layer(given, node))
+    result.update({k: v for k, v in given.items() if k.startswith("features.")})
     for name in names:
         own = {k.removeprefix(f"{name}."): v for k, v in given.items() if k.startswith(f"{name}.")}
         merged: dict[str, object] = {"camera.preset": DEFAULT_CAMERA, **common, **own}

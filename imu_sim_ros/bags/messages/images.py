@@ -1,0 +1,134 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Images and what belongs to them as the bytes of ROS messages: one message for each call.
+
+Field by field in the order of common_interfaces, the same in ROS 1 and ROS 2: sensor_msgs/Image,
+sensor_msgs/CompressedImage and sensor_msgs/CameraInfo.
+"""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from imu_sim_ros.bags.messages.encode import seconds
+from imu_sim_ros.bags.messages.layouts import Builder
+
+IMAGE: Final = "sensor_msgs/msg/Image"
+COMPRESSED_IMAGE: Final = "sensor_msgs/msg/CompressedImage"
+CAMERA_INFO: Final = "sensor_msgs/msg/CameraInfo"
+
+
+class CameraInfo(NamedTuple):
+    """A camera's model in the words of sensor_msgs/CameraInfo."""
+
+    height: int
+    width: int
+    distortion_model: str
+    d: tuple[float, ...]
+    """Parameters of the distortion."""
+    k: NDArray[np.float64]
+    """(3, 3) intrinsic matrix."""
+    r: NDArray[np.float64]
+    """(3, 3) rectification."""
+    p: NDArray[np.float64]
+    """(3, 4) projection of the rectified image."""
+
+
+class StampedBuilder(Builder):
+    """A message that begins with a header; its texts and lengths are known."""
+
+    def __init__(self, frame_id: str, encoding: str) -> None:
+        super().__init__(encoding)
+        self._encoding = encoding
+        if not self.cdr:
+            self.number("seq", "<u4")
+        self.time()
+        self.text(frame_id)
+
+    def count(self, value: int) -> None:
+        """Add the length of an array, or any other number of four bytes that is known."""
+        self.align(4)
+        self.constant(value.to_bytes(4, "little"))
+
+    def values(self, values: ArrayLike, code: str) -> None:
+        """Add numbers that are known."""
+        data = np.asarray(values, dtype=code)
+        if data.size:
+            self.align(data.dtype.itemsize)
+            self.constant(data.tobytes())
+
+    def stamped(self, t_ns: int) -> bytearray:
+        """Return the message with a stamp.
+
+        :raises InputError: for a stamp that a message cannot hold.
+        """
+        second, nanosecond = seconds(np.array([t_ns]), self._encoding)
+        result = bytearray(self.template)
+        at = self.offsets[self.names.index("sec")]
+        result[at : at + 4] = int(second[0]).to_bytes(4, "little")
+        result[at + 4 : at + 8] = int(nanosecond[0]).to_bytes(4, "little")
+        return result
+
+
+class ImageEncoder:
+    """sensor_msgs/Image of one size and pixel encoding."""
+
+    type_name = IMAGE
+
+    def __init__(
+        self, frame_id: str, height: int, width: int, pixels: str = "mono8", encoding: str = "cdr"
+    ) -> None:
+        """Set up the messages.
+
+        :param pixels: mono8, rgb8 or 32FC1.
+        """
+        step = width * {"mono8": 1, "rgb8": 3, "32FC1": 4}[pixels]
+        self._head = StampedBuilder(frame_id, encoding)
+        self._head.values([height, width], "<u4")
+        self._head.text(pixels)
+        self._head.values([0], "u1")  # little-endian
+        self._head.values([step, step * height], "<u4")
+
+    def encode(self, t_ns: int, image: NDArray[np.generic]) -> bytes:
+        """Return the message of an image (h, w) or (h, w, 3)."""
+        return bytes(self._head.stamped(t_ns) + np.ascontiguousarray(image).data.cast("B"))
+
+
+class CompressedImageEncoder:
+    """sensor_msgs/CompressedImage with PNG, as image_transport names it."""
+
+    type_name = COMPRESSED_IMAGE
+
+    def __init__(self, frame_id: str, pixels: str = "mono8", encoding: str = "cdr") -> None:
+        target = {"mono8": "", "rgb8": "bgr8"}[pixels]
+        self._head = StampedBuilder(frame_id, encoding)
+        self._head.text(f"{pixels}; png compressed {target}")
+        self._head.align(4)
+
+    def encode(self, t_ns: int, png: bytes) -> bytes:
+        """Return the message of an encoded image."""
+        return bytes(self._head.stamped(t_ns) + len(png).to_bytes(4, "little") + png)
+
+
+class CameraInfoEncoder:
+    """sensor_msgs/CameraInfo of one camera."""
+
+    type_name = CAMERA_INFO
+
+    def __init__(self, frame_id: str, info: CameraInfo, encoding: str = "cdr") -> None:
+        self._all = StampedBuilder(frame_id, encoding)
+        self._all.values([info.height, info.width], "<u4")
+        self._all.text(info.distortion_model)
+        self._all.count(len(info.d))
+        self._all.values(info.d, "<f8")
+        for matrix in (info.k, info.r, info.p):
+            self._all.values(matrix, "<f8")
+        # Binning 0 x 0, region of interest 0: the whole image; not rectified.
+        self._all.values([0] * 6, "<u4")
+        self._all.values([0], "u1")
+
+    def encode(self, t_ns: int) -> bytes:
+        """Return the message."""
+        return bytes(self._all.stamped(t_ns))

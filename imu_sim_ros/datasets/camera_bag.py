@@ -1,0 +1,180 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Bags with what cameras see beside the readings: images, tracks, landmarks."""
+
+from collections import deque
+from collections.abc import Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+from types import TracebackType
+from typing import Final
+
+import numpy as np
+
+from imu_sim_ros.bags import Block, Topic
+from imu_sim_ros.camera import Rig
+from imu_sim_ros.camera.images import opencv
+from imu_sim_ros.conventions import FEATURES_TOPIC, LANDMARKS_TOPIC
+from imu_sim_ros.datasets.features import FeatureStream
+from imu_sim_ros.datasets.frames import (
+    LATCHED,
+    CameraMessages,
+    camera_topics,
+    imagers,
+    landmarks,
+)
+from imu_sim_ros.datasets.topics import BagTarget, Blocks, resolved
+from imu_sim_ros.datasets.tracks import CameraProgress
+
+_SPAN: Final = 0.5
+"""Simulated seconds in a block: two of them are in memory, with their images."""
+
+
+class _Waiting:
+    """A window of readings, and its frames in the making."""
+
+    def __init__(self, blocks: Blocks) -> None:
+        self.blocks = blocks
+        self.frames: list[tuple[str, int, Future[dict[str, bytes]]]] = []
+        """Camera, stamp [ns], messages by topic."""
+        self.features: list[tuple[int, bytes]] = []
+
+
+class CameraBag:
+    """Blocks of samples and the frames taken meanwhile, into a bag; use as a context manager.
+
+    Threads make the images of a block while the one before it is written.
+    """
+
+    def __init__(
+        self, bag: BagTarget, rig: Rig, names: Mapping[str, str], jobs: int, world_frame: str
+    ) -> None:
+        """Make the cameras' topics.
+
+        :param names: for each topic of the cameras that is written its name in the bag.
+        :param jobs: threads.
+        """
+        self.bag, self._rig, self._world_frame = bag, rig, world_frame
+        self.block_size = max(1, round(_SPAN * bag.fastest))
+        types = camera_topics(rig.parameters)
+        self._topics: dict[str, Topic] = {
+            key: bag.writer.add_topic(
+                resolved(name), types[key], [LATCHED] if key == LANDMARKS_TOPIC else None
+            )
+            for key, name in names.items()
+        }
+        encoding = bag.writer.encoding
+        self._cameras = [CameraProgress(rig, name) for name in self._with_frames()]
+        seen = [c.name for c in self._cameras if self._wants_images(c.name)]
+        makers = imagers(rig, seen)
+        if makers:
+            opencv().setNumThreads(1)  # the threads are ours
+        self._messages = {
+            c.name: CameraMessages(
+                c.view, rig.parameters.frame(c.name), makers.get(c.name), encoding
+            )
+            for c in self._cameras
+        }
+        self._features = self._blind = None
+        if FEATURES_TOPIC in self._topics:
+            layout = rig.parameters.features.layout
+            self._features = FeatureStream(rig, layout, world_frame, encoding)
+            self._blind = CameraProgress(rig, next(iter(rig.views)))
+        self._pool = ThreadPoolExecutor(max(1, jobs), thread_name_prefix="images")
+        self._waiting: deque[_Waiting] = deque()
+        self._begun = False
+
+    def _with_frames(self) -> list[str]:
+        """Return the cameras of which any topic is written."""
+        return [n for n in self._rig.views if any(t.startswith(f"{n}/") for t in self._topics)]
+
+    def _wants_images(self, name: str) -> bool:
+        return any(t.startswith(f"{name}/image") for t in self._topics)
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Messages by topic."""
+        return self.bag.counts | {t.name: t.count for t in self._topics.values()}
+
+    @property
+    def files(self) -> list[Path]:
+        """The files of the bag."""
+        return self.bag.files
+
+    def described(self) -> str:
+        """Return how much was written."""
+        return self.bag.described()
+
+    def write(self, blocks: Blocks) -> None:
+        """Order the frames taken until a window's end, and write the window before it."""
+        waiting = _Waiting(blocks)
+        if self.bag.body in blocks:
+            self._order(waiting, int(blocks[self.bag.body].true_t_ns[-1]) + 1)
+        self._waiting.append(waiting)
+        if len(self._waiting) > 1:
+            self._put(self._waiting.popleft())
+
+    def _order(self, waiting: _Waiting, end: int) -> None:
+        """Have the frames made that are taken before a time [ns]."""
+        for camera in self._cameras:
+            make = self._messages[camera.name].messages
+            while count := camera.until(end):
+                frames = camera.view.frames(camera.position, count)
+                for k in np.flatnonzero(frames.delivered).tolist():
+                    t_ns = int(frames.t_ns[k])
+                    made = self._pool.submit(make, int(frames.number[k]), t_ns)
+                    waiting.frames.append((camera.name, t_ns, made))
+                camera.position += count
+        self._track(waiting, end)
+
+    def _track(self, waiting: _Waiting, end: int) -> None:
+        """Have the features of the frames before a time made."""
+        if self._features is None or self._blind is None:
+            return
+        while count := self._blind.until(end):
+            waiting.features += [(m.t_ns, m.payload) for m in self._features.next(count)]
+            self._blind.position += count
+
+    def _put(self, waiting: _Waiting) -> None:
+        """Write a block with its frames."""
+        blocks = [*self._latched(waiting.blocks), *self.bag.messages(waiting.blocks)]
+        if waiting.features:
+            times = np.array([t_ns for t_ns, _ in waiting.features])
+            clouds = [payload for _, payload in waiting.features]
+            blocks.append(Block(self._topics[FEATURES_TOPIC], times, clouds))
+        found: dict[Topic, tuple[list[int], list[bytes]]] = {}
+        for camera, t_ns, made in waiting.frames:
+            for below, payload in made.result().items():
+                topic = self._topics.get(f"{camera}/{below}")
+                if topic is not None:
+                    stamps, payloads = found.setdefault(topic, ([], []))
+                    stamps.append(t_ns)
+                    payloads.append(payload)
+        blocks += [Block(t, np.array(stamps), rows) for t, (stamps, rows) in found.items()]
+        self.bag.writer.write_blocks(blocks)
+
+    def _latched(self, blocks: Blocks) -> list[Block]:
+        """Return the landmarks, once."""
+        if self._begun or LANDMARKS_TOPIC not in self._topics or self.bag.body not in blocks:
+            return []
+        self._begun = True
+        t_ns = int(blocks[self.bag.body].true_t_ns[0])
+        encoding = self.bag.writer.encoding
+        cloud = landmarks(self._rig.scene, self._world_frame, t_ns, encoding)
+        return [Block(self._topics[LANDMARKS_TOPIC], np.array([t_ns]), [cloud])]
+
+    def __enter__(self) -> "CameraBag":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        try:
+            while self._waiting and error is None:
+                self._put(self._waiting.popleft())
+        finally:
+            self._pool.shutdown(cancel_futures=True)

@@ -1,0 +1,276 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""generate with cameras into bags, read back by rosbags, mcap and real ROS 1."""
+
+import functools
+import json
+import os
+import subprocess
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from rosbags.highlevel import AnyReader
+
+from imu_sim_ros import conventions
+from imu_sim_ros.camera import build_rig
+from imu_sim_ros.commands import generate
+from imu_sim_ros.config.cameras import load_rig
+from imu_sim_ros.config.files import trajectory_layer
+from imu_sim_ros.datasets import camera_topics
+from imu_sim_ros.datasets.features import FeatureStream
+
+SETTINGS = {
+    "camera.body_axes": "flu",
+    "camera.width": "94",
+    "camera.height": "60",
+    "camera.intrinsics": "[57.3,57.2,45.9,31.0]",
+    "camera.dropout_probability": "0.2",
+    "camera.time_offset": "0.005",
+    "camera.images": "both",
+    "features.layout": "fusion",
+}
+RIG = [
+    *("--camera", "euroc_cam0", "--camera", "euroc_cam1", "--trajectory", "target"),
+    *("--duration", "1.2s", "--seed", "5", "--quiet", "--scene", "aprilgrid"),
+    *(word for key, value in SETTINGS.items() for word in ("--set", f"{key}={value}")),
+]
+FORMS = ("ros1.bag", "one.mcap", "folder", "sqlite")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """The same flight in every container."""
+    place = tmp_path_factory.mktemp("bags")
+    for form in FORMS:
+        more = ["--storage", "sqlite3"] if form == "sqlite" else []
+        jobs = "1" if form == "ros1.bag" else "3"
+        words = ["-o", str(place / form), *RIG, *more, "--jobs", jobs]
+        assert generate.main(words) == 0
+    return place
+
+
+@pytest.fixture(scope="module")
+def rig():
+    """The same cameras, built in Python."""
+    values = {key: json.loads(v) if v[0] in "[0123456789" else v for key, v in SETTINGS.items()}
+    own = {"cam0.camera.preset": "euroc_cam0", "cam1.camera.preset": "euroc_cam1"}
+    return build_rig(
+        {
+            **trajectory_layer("target"),
+            "scene.type": "aprilgrid",
+            **values,
+            **own,
+            "cameras": ["cam0", "cam1"],
+            "duration": 1.2,
+            "seed": 5,
+        }
+    )
+
+
+@pytest.fixture(scope="module")
+def pictures(rig):
+    return {name: list(rig.images(name)) for name in rig.views}
+
+
+@functools.cache
+def contents(path):
+    """Return record times and messages by topic, as rosbags reads them."""
+    found = {}
+    with AnyReader([path]) as reader:
+        for connection, t_ns, raw in reader.messages():
+            message = reader.deserialize(raw, connection.msgtype)
+            found.setdefault(connection.topic, []).append((t_ns, message))
+    return found
+
+
+def stamp(message):
+    return message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_images_in_a_bag_are_those_of_the_camera(folder, pictures, form):
+    found = contents(folder / form)
+    for name in ("cam0", "cam1"):
+        expected = pictures[name]
+        raw, png = found[f"/{name}/image_raw"], found[f"/{name}/image_raw/compressed"]
+        infos = found[f"/{name}/camera_info"]
+        assert len(raw) == len(png) == len(infos) == len(expected) < 24
+        for (t_ns, image), (record, message), (_, small), (_, info) in zip(
+            expected, raw, png, infos, strict=True
+        ):
+            assert record == stamp(message) == stamp(small) == stamp(info) == t_ns
+            assert message.header.frame_id == info.header.frame_id == f"{name}_optical_frame"
+            assert np.array_equal(message.data.reshape(image.shape), image)
+            decoded = cv2.imdecode(small.data, cv2.IMREAD_UNCHANGED)
+            assert np.array_equal(decoded, image)
+
+
+def test_camera_info_projects_as_the_camera_does(folder, rig):
+    _, info = contents(folder / "folder")["/cam1/camera_info"][0]
+    points = np.array([[0.1, 0.2, 1.5], [-0.5, 0.1, 2.0]])
+    by_opencv, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), info.k.reshape(3, 3), info.d)
+    assert info.distortion_model == "plumb_bob"
+    ours, _ = rig.views["cam1"].model.project(points)
+    assert np.abs(by_opencv[:, 0] - ours).max() < 1e-9
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_features_are_the_tracks_as_vins_fusion_reads_them(folder, rig, form):
+    """Message by message against a slow plain loop over the tracks."""
+    found = [message for _, message in contents(folder / form)["/feature_tracker/feature"]]
+    expected = list(plain_features(rig))
+    assert [stamp(message) for message in found] == [t_ns for t_ns, _ in expected]
+    assert len(found) > 10
+    for message, (_, rows) in zip(found, expected, strict=True):
+        assert message.header.frame_id == "world"
+        values = np.column_stack([channel.values for channel in message.channels])
+        points = np.array([(p.x, p.y, p.z) for p in message.points])
+        assert values.shape[1] == 9
+        np.testing.assert_allclose(np.column_stack([points, values]), rows, rtol=1e-6, atol=1e-6)
+
+
+def plain_features(rig):
+    """Yield stamps and rows (n, 12) of VINS-Fusion's messages; feature by feature."""
+    tracks = [next(rig.tracks(name)) for name in ("cam0", "cam1")]
+    places = []
+    for name, t in zip(("cam0", "cam1"), tracks, strict=True):
+        ray = rig.views[name].model.unproject(t.uv).direction
+        places.append(ray[:, :2] / ray[:, 2:])
+    before = [{}, {}]
+    first = True
+    for k in range(24):
+        if not tracks[0].frames.delivered[k]:
+            continue
+        rows, sent = [], set()
+        for camera, (t, place) in enumerate(zip(tracks, places, strict=True)):
+            if not t.frames.delivered[k]:
+                continue
+            now = {int(t.id[i]): (i, t.frames.t_ns[k]) for i in np.flatnonzero(t.frame == k)}
+            for key in sorted(now):
+                i, t_ns = now[key]
+                if key not in before[camera] or (camera and key not in sent):
+                    continue
+                j, old = before[camera][key]
+                speed = (place[i] - place[j]) / ((t_ns - old) * 1e-9)
+                truth = rig.scene.landmarks[t.landmark[i]]
+                rows.append([*place[i], 1.0, key, camera, *t.uv[i], *speed, *truth])
+                sent.add(key)
+            before[camera] = now
+        if not first:
+            yield int(tracks[0].frames.t_ns[k]), np.array(rows)
+        first = False
+
+
+def test_mono_has_five_channels_and_an_id_for_each_camera(rig):
+    fusion, mono = (FeatureStream(rig, layout, "world") for layout in ("fusion", "mono"))
+    assert len(fusion.next(24)) == len(mono.next(24))
+    halves = FeatureStream(rig, "mono", "world")
+    again = FeatureStream(rig, "mono", "world").next(24)
+    assert halves.next(7) + halves.next(17) == again
+    ids = set()
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_JAZZY)
+    for message in again:
+        cloud = store.deserialize_cdr(message.payload, "sensor_msgs/msg/PointCloud")
+        assert len(cloud.channels) == 5
+        ids |= {(int(v) // 2, int(v) % 2) for v in cloud.channels[0].values}
+    seen = {(int(i), camera) for camera in (0, 1) for i in next(rig.tracks(f"cam{camera}")).id}
+    assert ids <= seen
+    assert {camera for _, camera in ids} == {0, 1}
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_landmarks_stand_in_the_bag_once(folder, rig, form):
+    ((_, cloud),) = contents(folder / form)["/ground_truth/landmarks"]
+    rows = cloud.data.view([("xyz", "<f4", 3), ("id", "<u4")])
+    assert np.array_equal(rows["xyz"], rig.scene.landmarks.astype("f4"))
+    assert np.array_equal(rows["id"], np.arange(len(rig.scene.landmarks)))
+
+
+def test_readings_are_the_same_with_and_without_cameras(folder, tmp_path):
+    alone = [word for word in RIG if word not in ("--camera", "euroc_cam0", "euroc_cam1")]
+    words = [w for w in alone if not w.startswith(("camera.", "features.", "--scene", "aprilgrid"))]
+    words = [w for w in words if w != "--set"]
+    assert generate.main(["-o", str(tmp_path / "a.mcap"), *words]) == 0
+    bare, with_cameras = contents(tmp_path / "a.mcap"), contents(folder / "one.mcap")
+    for topic in ("/imu/data_raw", "/ground_truth/odom"):
+        assert [repr(m) for m in bare[topic]] == [repr(m) for m in with_cameras[topic]]
+
+
+def test_the_mcap_library_reads_all_in_order(folder):
+    with (folder / "one.mcap").open("rb") as file:
+        reader = make_reader(file)
+        times = [message.log_time for _, _, message in reader.iter_messages()]
+        summary = reader.get_summary()
+    assert times == sorted(times)
+    assert summary.statistics.message_count == len(times)
+    latched = next(c for c in summary.channels.values() if c.topic == "/ground_truth/landmarks")
+    assert "transient_local" in latched.metadata["offered_qos_profiles"]
+
+
+def test_real_ros_1_takes_the_bag_without_a_complaint(folder):
+    environment = {"PATH": "/usr/bin:/bin", "HOME": os.environ.get("HOME", "/")}
+
+    def run(*words):
+        return subprocess.run(words, env=environment, capture_output=True, text=True, check=False)
+
+    code = "import rosbag, sensor_msgs.msg, nav_msgs.msg"
+    python = "/usr/bin/python3"
+    if not Path(python).exists() or run(python, "-c", code).returncode:
+        pytest.skip(
+            "REAL ROS 1 NOT TESTED: apt-get install python3-rosbag python3-sensor-msgs "
+            "python3-nav-msgs python3-geometry-msgs"
+        )
+    path = str(folder / "ros1.bag")
+    done = run("/usr/bin/rosbag", "check", path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    code = (
+        "import rosbag, sys\n"
+        "for t, m, _ in rosbag.Bag(sys.argv[1]).read_messages(topics=['/cam0/image_raw']):\n"
+        "    print(m.header.seq, m.height, m.width, m.encoding, len(m.data))"
+    )
+    lines = run(python, "-c", code, path).stdout.splitlines()
+    assert lines == [f"{k} 60 94 mono8 5640" for k in range(len(lines))]
+    assert lines
+
+
+def test_topics_are_chosen_and_renamed(tmp_path, capsys):
+    words = [
+        "-o",
+        str(tmp_path / "a.mcap"),
+        *RIG,
+        "--json",
+        "--topics",
+        "imu/data_raw,cam1/image_raw",
+    ]
+    assert generate.main([*words, "--topic", "cam1/image_raw=/right/image"]) == 0
+    counts = json.loads(capsys.readouterr().out)["messages"]
+    assert set(counts) == {"/imu/data_raw", "/right/image"}
+    assert generate.main([*words, "--force", "--topics", "cam2/image_raw"]) == 2
+    assert "topic cam2/image_raw: must be one of imu/data_raw" in capsys.readouterr().err
+
+
+def test_a_scene_without_surfaces_gives_tracks_alone(tmp_path, capsys):
+    words = ["-o", str(tmp_path / "a.mcap"), *RIG, "--scene", "cloud"]
+    assert generate.main(words) == 2
+    assert "nothing to make images" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+    assert generate.main([*words, "--set", "camera.images=none"]) == 0
+    found = contents(tmp_path / "a.mcap")
+    assert "/cam0/image_raw" not in found
+    assert {"/cam0/camera_info", "/feature_tracker/feature"} < set(found)
+
+
+def test_the_topics_of_a_rig_follow_its_parameters():
+    own = {"right.camera.images": "none", "features.layout": "none", "left.camera.frame": "eye"}
+    rig = load_rig({"cameras": ["left", "right"], **own})
+    assert set(camera_topics(rig)) == {
+        *("left/image_raw", "left/camera_info", "right/camera_info"),
+        conventions.LANDMARKS_TOPIC,
+    }
+    assert (rig.frame("left"), rig.frame("right")) == ("eye", "right_optical_frame")
