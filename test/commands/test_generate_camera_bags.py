@@ -43,7 +43,7 @@ FORMS = ("ros1.bag", "one.mcap", "folder", "sqlite")
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """The same flight in every container."""
+    """Write the same flight into every container."""
     place = tmp_path_factory.mktemp("bags")
     for form in FORMS:
         more = ["--storage", "sqlite3"] if form == "sqlite" else []
@@ -55,7 +55,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def rig():
-    """The same cameras, built in Python."""
+    """Build the same cameras in Python."""
     values = {key: json.loads(v) if v[0] in "[0123456789" else v for key, v in SETTINGS.items()}
     own = {"cam0.camera.preset": "euroc_cam0", "cam1.camera.preset": "euroc_cam1"}
     return build_rig(
