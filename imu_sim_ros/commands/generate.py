@@ -157,6 +157,33 @@ def _generated(
 
 
 @contextmanager
+def _bag(
+    arguments: argparse.Namespace,
+    output: Path,
+    parameters: dict[str, SimulationParameters],
+    names: dict[str, str],
+    cameras: Any,
+) -> Iterator[Any]:
+    """Open a bag; it is whole when the block ends without an error."""
+    known = offered(imus_of(parameters))
+    with open_writer(
+        output,
+        arguments.storage,
+        arguments.compression,
+        arguments.split_duration,
+        arguments.split_size,
+    ) as writer:
+        own = {name: new for name, new in names.items() if name in known}
+        bag = BagTarget(writer, parameters, own)
+        if cameras is None:
+            yield bag
+            return
+        seen = {name: new for name, new in names.items() if name not in known}
+        with camera_output.in_bag(bag, cameras, seen, arguments) as target:
+            yield target
+
+
+@contextmanager
 def _target(
     arguments: argparse.Namespace,
     output: Path,
@@ -169,21 +196,8 @@ def _target(
     sources = offered(imus)
     camera_output.check_form(form, output, cameras, len(imus))
     if form is None:
-        with open_writer(
-            output,
-            arguments.storage,
-            arguments.compression,
-            arguments.split_duration,
-            arguments.split_size,
-        ) as writer:
-            own = {name: new for name, new in names.items() if name in sources}
-            bag = BagTarget(writer, parameters, own)
-            if cameras is None:
-                yield bag
-                return
-            seen = {name: new for name, new in names.items() if name not in sources}
-            with camera_output.in_bag(bag, cameras, seen, arguments) as target:
-                yield target
+        with _bag(arguments, output, parameters, names, cameras) as bag:
+            yield bag
         return
     unfit = [
         f"topic {name}: is not for {form}"
