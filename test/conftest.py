@@ -19,23 +19,28 @@ MAY_BE_MISSING = {
 }
 """What CI cannot have, by words of the skip's reason. Anything else that a test skips for, an
 oracle above all, makes it fail where IMU_SIM_CI is set, as .ci/run does."""
-_REAL_PROCESSES = (Path("test/nodes"), Path("test/commands/test_demo.py"))
+_REAL_PROCESSES = {
+    Path("test/nodes/live"): "live",
+    Path("test/nodes"): "nodes",
+    Path("test/commands/test_demo.py"): "nodes",
+}
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Put tests with real nodes first, one after the other beside the rest: they mostly wait.
+    """Put tests with real nodes first, in two rows beside the rest: they mostly wait.
 
     All others stay together by file, whose fixtures they share.
     """
 
-    def group(item: pytest.Item) -> str:
+    def waiting(item: pytest.Item) -> str:
         path = item.path.relative_to(config.rootpath)
-        waits = any(path.is_relative_to(place) for place in _REAL_PROCESSES)
-        return "" if waits else str(path)
+        rows = (row for place, row in _REAL_PROCESSES.items() if path.is_relative_to(place))
+        return next(rows, "")
 
-    items.sort(key=lambda item: group(item) != "")
+    items.sort(key=lambda item: not waiting(item))
     for item in items:
-        item.add_marker(pytest.mark.xdist_group(group(item) or "nodes"))
+        group = waiting(item) or str(item.path.relative_to(config.rootpath))
+        item.add_marker(pytest.mark.xdist_group(group))
 
 
 @pytest.fixture(autouse=True)
