@@ -177,11 +177,11 @@ class Estimator:
 def _imu_noise(parameters: SimulationParameters) -> gtsam.PreintegrationCombinedParams:
     imu = parameters.imu
     noise = gtsam.PreintegrationCombinedParams(np.asarray(parameters.gravity))
-    noise.setAccelerometerCovariance(np.diag(np.square(imu.accelerometer_noise_density)))
-    noise.setGyroscopeCovariance(np.diag(np.square(imu.gyroscope_noise_density)))
+    noise.setAccelerometerCovariance(np.diag(np.square(imu.accelerometer.noise_density)))
+    noise.setGyroscopeCovariance(np.diag(np.square(imu.gyroscope.noise_density)))
     tiny = 1e-12 * np.eye(3)  # a covariance that gtsam inverts must not be zero
-    noise.setBiasAccCovariance(np.diag(np.square(imu.accelerometer_random_walk)) + tiny)
-    noise.setBiasOmegaCovariance(np.diag(np.square(imu.gyroscope_random_walk)) + tiny)
+    noise.setBiasAccCovariance(np.diag(np.square(imu.accelerometer.random_walk)) + tiny)
+    noise.setBiasOmegaCovariance(np.diag(np.square(imu.gyroscope.random_walk)) + tiny)
     noise.setIntegrationCovariance(1e-10 * np.eye(3))
     pose = gtsam.Pose3(gtsam.Rot3(np.reshape(imu.mounting, (3, 3))), np.asarray(imu.lever_arm))
     noise.setBodyPSensor(pose)
@@ -191,7 +191,7 @@ def _imu_noise(parameters: SimulationParameters) -> gtsam.PreintegrationCombined
 def _bias_sigma(parameters: SimulationParameters) -> np.ndarray:
     """Return how well the biases (6,) are known at the start: accelerometer, gyroscope."""
     imu = parameters.imu
-    both = (imu.accelerometer_turn_on_bias_sigma, imu.gyroscope_turn_on_bias_sigma)
+    both = (imu.accelerometer.turn_on_bias_sigma, imu.gyroscope.turn_on_bias_sigma)
     return np.maximum(np.concatenate(both), 1e-6)
 
 

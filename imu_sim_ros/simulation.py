@@ -100,8 +100,8 @@ class Simulation:
             + of_poses
             + implausible(
                 self.trajectory,
-                imu.gyroscope_range,
-                imu.accelerometer_range,
+                imu.gyroscope.range,
+                imu.accelerometer.range,
                 self.parameters.gravity,
                 self.parameters.duration or self.trajectory.duration,
             )

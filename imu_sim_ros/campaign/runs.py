@@ -207,8 +207,8 @@ class CellRuns:
     ) -> dict[str, Array | None]:
         imu = self.parameters.imu
         initial = initial_covariance(
-            gyroscope_bias=imu.gyroscope_turn_on_bias_sigma,
-            accelerometer_bias=imu.accelerometer_turn_on_bias_sigma,
+            gyroscope_bias=imu.gyroscope.turn_on_bias_sigma,
+            accelerometer_bias=imu.accelerometer.turn_on_bias_sigma,
         )
         matrix = propagate(truth, block.ideal_accel, noise_of(imu), initial)[0]
         found: dict[str, Array | None] = {}

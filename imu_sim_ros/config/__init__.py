@@ -21,6 +21,7 @@ from imu_sim_ros.config.integrator import (
     ATTITUDE_UPDATES,
     INITIAL_STATES,
     METHODS,
+    IntegratorNoiseParameters,
     IntegratorParameters,
     layer_integrator,
 )
@@ -69,6 +70,7 @@ from imu_sim_ros.config.trajectory import (
     VibrationParameters,
     WaypointsParameters,
 )
+from imu_sim_ros.config.triads import NO_CROSS_AXIS, TriadParameters
 
 __all__ = [
     "ATTITUDE_UPDATES",
@@ -78,6 +80,7 @@ __all__ = [
     "INITIAL_STATES",
     "LARGEST_LATENCY",
     "METHODS",
+    "NO_CROSS_AXIS",
     "PLACES",
     "TYPES",
     "ZERO_MATRIX",
@@ -89,6 +92,7 @@ __all__ = [
     "HarmonicParameters",
     "ImuParameters",
     "InjectParameters",
+    "IntegratorNoiseParameters",
     "IntegratorParameters",
     "Layering",
     "LeadInParameters",
@@ -105,6 +109,7 @@ __all__ = [
     "StaticParameters",
     "TemperatureParameters",
     "TrajectoryParameters",
+    "TriadParameters",
     "TurntableParameters",
     "Value",
     "Vector",

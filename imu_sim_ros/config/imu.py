@@ -24,12 +24,8 @@ from imu_sim_ros.config.parameter import (
     text,
     vector,
 )
-from imu_sim_ros.config.triads import (
-    NO_CROSS_AXIS,
-    AccelerometerParameters,
-    GyroscopeParameters,
-)
-from imu_sim_ros.conventions import TRIADS
+from imu_sim_ros.config.triads import TriadsParameters
+from imu_sim_ros.conventions import TRIADS, Triad
 
 _USUAL_RATIO = 8
 """Readings inside a sensor for each sample."""
@@ -120,7 +116,7 @@ class TimingParameters:
 
 
 @dataclass(frozen=True)
-class ImuParameters(TimingParameters, AccelerometerParameters, GyroscopeParameters):
+class ImuParameters(TimingParameters, TriadsParameters):
     """One IMU."""
 
     preset: str = text("lecture", "file in config/imus, or a path, to start from")
@@ -162,8 +158,6 @@ class ImuParameters(TimingParameters, AccelerometerParameters, GyroscopeParamete
         """Say which parameters contradict each other, a line each."""
         yield from rotation_problems(self.mounting, f"{prefix}mounting")
         for triad in TRIADS:
-            yield from self._gauss_markov_problems(triad, prefix)
-            yield from self._scale_problems(triad, prefix)
             yield from self._sampling_problems(triad, prefix)
         if self.dropout_burst_rate > 0.0 and self.dropout_burst_duration == 0.0:
             yield (
@@ -171,47 +165,18 @@ class ImuParameters(TimingParameters, AccelerometerParameters, GyroscopeParamete
                 f"where {prefix}dropout_burst_rate is"
             )
 
-    def _gauss_markov_problems(self, triad: str, prefix: str) -> Iterator[str]:
-        sigma = getattr(self, f"{triad}_gauss_markov_sigma")
-        density = getattr(self, f"{triad}_gauss_markov_density")
-        tau = getattr(self, f"{triad}_correlation_time")
-        if any(sigma) and any(density):
-            yield (
-                f"{prefix}{triad}_gauss_markov_density = {density}: must be 0 "
-                f"where {triad}_gauss_markov_sigma is given; the two are one process"
-            )
-        if any((s or d) and not t for s, d, t in zip(sigma, density, tau, strict=True)):
-            yield (
-                f"{prefix}{triad}_correlation_time = {tau}: must be above 0 s "
-                f"on every axis that has a Gauss-Markov bias"
-            )
-
-    def _sampling_problems(self, triad: str, prefix: str) -> Iterator[str]:
-        bandwidth = getattr(self, f"{triad}_bandwidth")
+    def _sampling_problems(self, triad: Triad, prefix: str) -> Iterator[str]:
+        bandwidth = self.triad(triad).bandwidth
         if self.sampling == "oversampled" and min(bandwidth) == 0.0:
             yield (
                 f"{prefix}{triad}_bandwidth = {bandwidth}: must be above 0 Hz on every axis where "
                 f"{prefix}sampling is oversampled; it is the filter ahead of the decimation"
             )
-        step = getattr(self, f"{triad}_increment_resolution")
+        step = self.triad(triad).increment_resolution
         if any(step) and self.sampling != "averaged":
             yield (
                 f"{prefix}{triad}_increment_resolution = {step}: must be 0 where "
                 f"{prefix}sampling is not averaged; only means are increments"
-            )
-
-    def _scale_problems(self, triad: str, prefix: str) -> Iterator[str]:
-        cross = getattr(self, f"{triad}_misalignment_percent")
-        if len(cross) != len(NO_CROSS_AXIS):
-            yield (
-                f"{prefix}{triad}_misalignment_percent = {cross}: "
-                f"must be six numbers: xy, xz, yx, yz, zx, zy [%]"
-            )
-        percent = any(cross) or any(getattr(self, f"{triad}_scale_error_percent"))
-        if percent and getattr(self, f"{triad}_scale_misalignment") != IDENTITY_MATRIX:
-            yield (
-                f"{prefix}{triad}_scale_misalignment: must be the identity where "
-                f"{triad}_scale_error_percent or {triad}_misalignment_percent is given"
             )
 
     def warnings(self, prefix: str, gravity: float) -> Iterator[str]:
@@ -219,7 +184,7 @@ class ImuParameters(TimingParameters, AccelerometerParameters, GyroscopeParamete
 
         :param gravity: magnitude [m/s^2].
         """
-        limits = [limit for limit in self.accelerometer_range if limit > 0.0]
+        limits = [limit for limit in self.accelerometer.range if limit > 0.0]
         if limits and min(limits) < gravity:
             yield (
                 f"{prefix}accelerometer_range = {min(limits):g}: smaller than gravity "

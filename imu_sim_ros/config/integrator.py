@@ -25,6 +25,7 @@ from imu_sim_ros.config.parameter import (
     text,
     vector,
 )
+from imu_sim_ros.config.triads import TriadParameters, triad
 from imu_sim_ros.conventions import BODY_FRAME, GRAVITY, TRIADS, WORLD_FRAME
 
 DEFAULT_IMU = "lecture"
@@ -38,14 +39,42 @@ _EARTH_GRAVITY_MAXIMUM = 30.0
 
 def _of_the_imu(name: str, words: str = "") -> Any:
     """Describe a parameter that the simulator has, too: its unit and range, by default its text."""
-    described = parameters(ImuParameters)[name]
+    described = parameters(TriadParameters)[name]
     return vector(
         ZERO_VECTOR, words or described.text, unit=described.unit, minimum=described.minimum
     )
 
 
 @dataclass(frozen=True)
-class NoiseParameters:
+class TriadNoiseParameters:
+    """Errors of a triad as the covariance of the odometry takes them; each as in the simulator."""
+
+    noise_density: Vector = _of_the_imu("noise_density")
+    random_walk: Vector = _of_the_imu("random_walk")
+    gauss_markov_sigma: Vector = _of_the_imu("gauss_markov_sigma")
+    gauss_markov_density: Vector = _of_the_imu("gauss_markov_density")
+    correlation_time: Vector = _of_the_imu("correlation_time")
+    bias_instability: Vector = _of_the_imu("bias_instability")
+    turn_on_bias_sigma: Vector = _of_the_imu(
+        "turn_on_bias_sigma", "uncertainty of {triad}_bias at the start"
+    )
+    turn_on_scale_sigma: Vector = _of_the_imu(
+        "turn_on_scale_sigma", "uncertainty of the diagonal of {triad}_scale_misalignment"
+    )
+    misalignment_sigma: Vector = _of_the_imu(
+        "misalignment_sigma", "uncertainty of each term beside the diagonal of the same"
+    )
+    quadratic_sigma: Vector = _of_the_imu(
+        "quadratic_sigma", "uncertainty of the {triad}'s second-order non-linearity"
+    )
+    g_sensitivity_sigma: Vector = _of_the_imu(
+        "g_sensitivity_sigma", "uncertainty of each term of the g-sensitivity"
+    )
+    resolution: Vector = _of_the_imu("resolution")
+
+
+@dataclass(frozen=True)
+class IntegratorNoiseParameters:
     """The IMU's errors as the covariance of the odometry takes them; each as in the simulator."""
 
     preset: str = text(
@@ -53,53 +82,8 @@ class NoiseParameters:
         "file in config/imus, or a path, that the noise comes from; the node takes what the "
         "simulator says where no imu.* is given",
     )
-    gyroscope_noise_density: Vector = _of_the_imu("gyroscope_noise_density")
-    gyroscope_random_walk: Vector = _of_the_imu("gyroscope_random_walk")
-    gyroscope_gauss_markov_sigma: Vector = _of_the_imu("gyroscope_gauss_markov_sigma")
-    gyroscope_gauss_markov_density: Vector = _of_the_imu("gyroscope_gauss_markov_density")
-    gyroscope_correlation_time: Vector = _of_the_imu("gyroscope_correlation_time")
-    gyroscope_bias_instability: Vector = _of_the_imu("gyroscope_bias_instability")
-    gyroscope_turn_on_bias_sigma: Vector = _of_the_imu(
-        "gyroscope_turn_on_bias_sigma", "uncertainty of gyroscope_bias at the start"
-    )
-    gyroscope_turn_on_scale_sigma: Vector = _of_the_imu(
-        "gyroscope_turn_on_scale_sigma",
-        "uncertainty of the diagonal of gyroscope_scale_misalignment",
-    )
-    gyroscope_misalignment_sigma: Vector = _of_the_imu(
-        "gyroscope_misalignment_sigma",
-        "uncertainty of each term beside the diagonal of the same",
-    )
-    gyroscope_quadratic_sigma: Vector = _of_the_imu(
-        "gyroscope_quadratic_sigma",
-        "uncertainty of the gyroscope's second-order non-linearity",
-    )
-    gyroscope_g_sensitivity_sigma: Vector = _of_the_imu(
-        "gyroscope_g_sensitivity_sigma", "uncertainty of each term of the g-sensitivity"
-    )
-    gyroscope_resolution: Vector = _of_the_imu("gyroscope_resolution")
-    accelerometer_noise_density: Vector = _of_the_imu("accelerometer_noise_density")
-    accelerometer_random_walk: Vector = _of_the_imu("accelerometer_random_walk")
-    accelerometer_gauss_markov_sigma: Vector = _of_the_imu("accelerometer_gauss_markov_sigma")
-    accelerometer_gauss_markov_density: Vector = _of_the_imu("accelerometer_gauss_markov_density")
-    accelerometer_correlation_time: Vector = _of_the_imu("accelerometer_correlation_time")
-    accelerometer_bias_instability: Vector = _of_the_imu("accelerometer_bias_instability")
-    accelerometer_turn_on_bias_sigma: Vector = _of_the_imu(
-        "accelerometer_turn_on_bias_sigma", "uncertainty of accelerometer_bias at the start"
-    )
-    accelerometer_turn_on_scale_sigma: Vector = _of_the_imu(
-        "accelerometer_turn_on_scale_sigma",
-        "uncertainty of the diagonal of accelerometer_scale_misalignment",
-    )
-    accelerometer_misalignment_sigma: Vector = _of_the_imu(
-        "accelerometer_misalignment_sigma",
-        "uncertainty of each term beside the diagonal of the same",
-    )
-    accelerometer_quadratic_sigma: Vector = _of_the_imu(
-        "accelerometer_quadratic_sigma",
-        "uncertainty of the accelerometer's second-order non-linearity",
-    )
-    accelerometer_resolution: Vector = _of_the_imu("accelerometer_resolution")
+    gyroscope: TriadNoiseParameters = triad(TriadNoiseParameters, "gyroscope")
+    accelerometer: TriadNoiseParameters = triad(TriadNoiseParameters, "accelerometer")
 
 
 @dataclass(frozen=True)
@@ -159,7 +143,7 @@ class IntegratorParameters:
     world_frame: str = text(WORLD_FRAME, "frame of the pose")
     body_frame: str = text(BODY_FRAME, "frame of the body, in which the twist is given")
     covariance: bool = flag(True, "propagate the covariance of pose and twist from imu.*")
-    imu: NoiseParameters = section(NoiseParameters)
+    imu: IntegratorNoiseParameters = section(IntegratorNoiseParameters)
     path_rate: float = number(
         0.0, "rate of dead_reckoned/path; 0: none", unit="Hz", minimum=0.0, maximum=50.0
     )
@@ -186,10 +170,10 @@ class IntegratorParameters:
                 f"{prefix}gravity = {list(self.gravity)}: must be at most "
                 f"{_EARTH_GRAVITY_MAXIMUM:g} m/s^2 long"
             )
-        for triad in TRIADS:
-            name = f"{triad}_scale_misalignment"
-            if abs(_determinant(getattr(self, name))) < 1e-3:
-                yield f"{prefix}{name} = {list(getattr(self, name))}: must be invertible"
+        both = (self.gyroscope_scale_misalignment, self.accelerometer_scale_misalignment)
+        for name, values in zip(TRIADS, both, strict=True):
+            if abs(_determinant(values)) < 1e-3:
+                yield f"{prefix}{name}_scale_misalignment = {list(values)}: must be invertible"
 
 
 def layer_integrator(

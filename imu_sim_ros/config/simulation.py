@@ -84,11 +84,10 @@ class SimulationParameters:
             )
         nyquist = 0.5 * self.rate * float(ratio)
         for triad in TRIADS:
-            name = f"{triad}_bandwidth"
-            cutoff = max(getattr(self.imu, name))
+            cutoff = max(self.imu.triad(triad).bandwidth)
             if cutoff >= nyquist:
                 yield (
-                    f"{prefix}imu.{name} = {cutoff:g}: must be below half the "
+                    f"{prefix}imu.{triad}_bandwidth = {cutoff:g}: must be below half the "
                     f"{'rate' if ratio == 1 else 'internal rate'}, {nyquist:g} Hz"
                 )
         if self.imu.jitter * self.rate > LARGEST_JITTER:

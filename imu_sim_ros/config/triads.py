@@ -1,13 +1,20 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parameters of the errors of gyroscope and accelerometer: each off at zero, each per axis.
+"""Parameters of the errors of a triad, gyroscope or accelerometer: each off at zero, each per axis.
 
-Names and units of the noise are kalibr's. ``live`` marks what may change between two blocks without
-a jump of anything else.
+One table describes both; where their words and units differ they stand in braces.
+``imu.gyroscope.bias`` in Python is the parameter ``imu.gyroscope_bias``. Names and units of the
+noise are kalibr's. ``live`` marks what may change between two blocks without a jump of anything
+else.
 """
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
 
 from imu_sim_ros.config.parameter import (
     IDENTITY_MATRIX,
@@ -16,322 +23,252 @@ from imu_sim_ros.config.parameter import (
     Vector,
     matrix,
     numbers,
+    section,
     vector,
 )
+from imu_sim_ros.conventions import Triad
 
 NO_CROSS_AXIS = (0.0,) * 6
 
+_WORDS: Final[Mapping[Triad, Mapping[str, str]]] = {
+    "gyroscope": {
+        "triad": "gyroscope",
+        "quantity": "rate",
+        "unit": "rad/s",
+        "change": "rad/s^2",
+        "increment": "rad",
+        "increments": "delta angles",
+    },
+    "accelerometer": {
+        "triad": "accelerometer",
+        "quantity": "specific force",
+        "unit": "m/s^2",
+        "change": "m/s^3",
+        "increment": "m/s",
+        "increments": "delta velocities",
+    },
+}
+"""What the descriptions say of each; ``change`` is the unit per second, ``increment`` times it."""
+_OF_THE_GYROSCOPE: Final = ("g_sensitivity", "g_sensitivity_sigma")
+"""An accelerometer's response to specific force is its scale: these are no parameters of it."""
+
+
+def triad(cls: type, name: Triad) -> Any:
+    """Describe the section of one triad, whose parameters are ``gyroscope_...`` in ROS.
+
+    :param cls: with fields of :class:`TriadParameters`, all or some.
+    """
+    without = () if name == "gyroscope" else _OF_THE_GYROSCOPE
+    return section(cls, joint="_", words=_WORDS[name], without=without)
+
 
 @dataclass(frozen=True)
-class GyroscopeParameters:
-    """Errors of the gyroscope."""
+class TriadParameters:
+    """Errors of a gyroscope or an accelerometer."""
 
-    gyroscope_noise_density: Vector = vector(
+    noise_density: Vector = vector(
         0.0,
-        "white noise of the gyroscope, continuous time, two-sided: the variance of a sample is "
+        "white noise of the {triad}, continuous time, two-sided: the variance of a sample is "
         "density^2 * rate; a data sheet's one-sided density D is D / sqrt(2) here",
-        unit="rad/s/sqrt(Hz)",
+        unit="{unit}/sqrt(Hz)",
         minimum=0.0,
         live=True,
     )
-    gyroscope_random_walk: Vector = vector(
+    random_walk: Vector = vector(
         0.0,
-        "random walk of the gyroscope's bias, continuous time",
-        unit="rad/s^2/sqrt(Hz)",
+        "random walk of the {triad}'s bias, continuous time",
+        unit="{change}/sqrt(Hz)",
         minimum=0.0,
         live=True,
     )
-    gyroscope_gauss_markov_sigma: Vector = vector(
+    gauss_markov_sigma: Vector = vector(
         0.0,
-        "first-order Gauss-Markov bias of the gyroscope: its stationary standard deviation",
-        unit="rad/s",
+        "first-order Gauss-Markov bias of the {triad}: its stationary standard deviation",
+        unit="{unit}",
         minimum=0.0,
         live=True,
     )
-    gyroscope_gauss_markov_density: Vector = vector(
+    gauss_markov_density: Vector = vector(
         0.0,
-        "first-order Gauss-Markov bias of the gyroscope: the noise that drives it (as in RotorS)",
-        unit="rad/s^2/sqrt(Hz)",
+        "first-order Gauss-Markov bias of the {triad}: the noise that drives it (as in RotorS)",
+        unit="{change}/sqrt(Hz)",
         minimum=0.0,
         live=True,
     )
-    gyroscope_correlation_time: Vector = vector(
-        0.0, "correlation time of the gyroscope's Gauss-Markov bias", unit="s", minimum=0.0
+    correlation_time: Vector = vector(
+        0.0, "correlation time of the {triad}'s Gauss-Markov bias", unit="s", minimum=0.0
     )
-    gyroscope_bias_instability: Vector = vector(
+    bias_instability: Vector = vector(
         0.0,
-        "bias instability B of the gyroscope: 1/f noise of two-sided density "
+        "bias instability B of the {triad}: 1/f noise of two-sided density "
         "B^2 / (2 pi f); the flat Allan deviation is 0.664 B",
-        unit="rad/s",
+        unit="{unit}",
         minimum=0.0,
         live=True,
     )
-    gyroscope_rate_ramp: Vector = vector(
-        0.0, "steady drift of the gyroscope's bias", unit="rad/s^2", live=True
+    rate_ramp: Vector = vector(
+        0.0, "steady drift of the {triad}'s bias", unit="{change}", live=True
     )
-    gyroscope_bias: Vector = vector(0.0, "constant bias of the gyroscope", unit="rad/s", live=True)
-    gyroscope_turn_on_bias_sigma: Vector = vector(
+    bias: Vector = vector(0.0, "constant bias of the {triad}", unit="{unit}", live=True)
+    turn_on_bias_sigma: Vector = vector(
         0.0,
-        "standard deviation of the gyroscope's bias from run to run, drawn from the seed",
-        unit="rad/s",
+        "standard deviation of the {triad}'s bias from run to run, drawn from the seed",
+        unit="{unit}",
         minimum=0.0,
     )
-    gyroscope_turn_on_scale_sigma: Vector = vector(
+    turn_on_scale_sigma: Vector = vector(
         0.0,
-        "standard deviation of the gyroscope's scale from run to run, drawn from the seed",
+        "standard deviation of the {triad}'s scale from run to run, drawn from the seed",
         unit="1",
         minimum=0.0,
     )
-    gyroscope_scale_misalignment: Matrix = matrix(
-        IDENTITY_MATRIX, "scale and misalignment S of the gyroscope: reading = S x + b", live=True
+    scale_misalignment: Matrix = matrix(
+        IDENTITY_MATRIX, "scale and misalignment S of the {triad}: reading = S x + b", live=True
     )
-    gyroscope_scale_error_percent: Vector = vector(
+    scale_error_percent: Vector = vector(
         0.0,
-        "scale error of the gyroscope, instead of the matrix: the diagonal of S - I",
+        "scale error of the {triad}, instead of the matrix: the diagonal of S - I",
         unit="%",
         live=True,
     )
-    gyroscope_misalignment_percent: tuple[float, ...] = numbers(
+    misalignment_percent: tuple[float, ...] = numbers(
         NO_CROSS_AXIS,
-        "cross-axis terms of the gyroscope, instead of the matrix: xy, xz, yx, yz, zx, zy of S",
+        "cross-axis terms of the {triad}, instead of the matrix: xy, xz, yx, yz, zx, zy of S",
         unit="%",
         group=6,
         live=True,
     )
-    gyroscope_quadratic: Vector = vector(
-        0.0, "second-order non-linearity of the gyroscope: q x^2", unit="1/(rad/s)", live=True
+    quadratic: Vector = vector(
+        0.0, "second-order non-linearity of the {triad}: q x^2", unit="1/({unit})", live=True
     )
-    gyroscope_g_sensitivity: Matrix = matrix(
+    g_sensitivity: Matrix = matrix(
         ZERO_MATRIX,
-        "what one m/s^2 of specific force adds to the gyroscope's reading",
-        unit="(rad/s)/(m/s^2)",
+        "what one m/s^2 of specific force adds to the {triad}'s reading",
+        unit="({unit})/(m/s^2)",
         live=True,
     )
-    gyroscope_temperature_bias: tuple[float, ...] = numbers(
+    temperature_bias: tuple[float, ...] = numbers(
         (),
-        "bias polynomial of the gyroscope: row k, x y z, is the coefficient of (T - T0)^(k+1)",
-        unit="rad/s/K^(k+1)",
+        "bias polynomial of the {triad}: row k, x y z, is the coefficient of (T - T0)^(k+1)",
+        unit="{unit}/K^(k+1)",
         group=3,
         live=True,
     )
-    gyroscope_temperature_scale: tuple[float, ...] = numbers(
+    temperature_scale: tuple[float, ...] = numbers(
         (),
-        "scale polynomial of the gyroscope: row k, x y z, is the coefficient of (T - T0)^(k+1)",
+        "scale polynomial of the {triad}: row k, x y z, is the coefficient of (T - T0)^(k+1)",
         unit="1/K^(k+1)",
         group=3,
         live=True,
     )
-    gyroscope_temperature_bias_sigma: Vector = vector(
+    temperature_bias_sigma: Vector = vector(
         0.0,
-        "standard deviation over units of the gyroscope's linear bias drift with temperature; "
+        "standard deviation over units of the {triad}'s linear bias drift with temperature; "
         "sign and size are drawn from the seed and add to temperature_bias",
-        unit="rad/s/K",
+        unit="{unit}/K",
         minimum=0.0,
     )
-    gyroscope_temperature_scale_sigma: Vector = vector(
+    temperature_scale_sigma: Vector = vector(
         0.0,
-        "standard deviation over units of the gyroscope's linear scale drift with temperature; "
+        "standard deviation over units of the {triad}'s linear scale drift with temperature; "
         "sign and size are drawn from the seed and add to temperature_scale",
         unit="1/K",
         minimum=0.0,
     )
-    gyroscope_misalignment_sigma: Vector = vector(
+    misalignment_sigma: Vector = vector(
         0.0,
-        "standard deviation over units of each cross-axis term of the gyroscope's axis, "
+        "standard deviation over units of each cross-axis term of the {triad}'s axis, "
         "drawn from the seed",
         unit="1",
         minimum=0.0,
     )
-    gyroscope_quadratic_sigma: Vector = vector(
+    quadratic_sigma: Vector = vector(
         0.0,
-        "standard deviation over units of the gyroscope's second-order non-linearity, "
+        "standard deviation over units of the {triad}'s second-order non-linearity, "
         "drawn from the seed",
-        unit="1/(rad/s)",
+        unit="1/({unit})",
         minimum=0.0,
     )
-    gyroscope_g_sensitivity_sigma: Vector = vector(
+    g_sensitivity_sigma: Vector = vector(
         0.0,
-        "standard deviation over units of each term of the g-sensitivity of the gyroscope's axis, "
+        "standard deviation over units of each term of the g-sensitivity of the {triad}'s axis, "
         "drawn from the seed",
-        unit="(rad/s)/(m/s^2)",
+        unit="({unit})/(m/s^2)",
         minimum=0.0,
     )
-    gyroscope_bandwidth: Vector = vector(
-        0.0, "cut-off (-3 dB) of the gyroscope's low-pass; 0: none", unit="Hz", minimum=0.0
+    bandwidth: Vector = vector(
+        0.0, "cut-off (-3 dB) of the {triad}'s low-pass; 0: none", unit="Hz", minimum=0.0
     )
-    gyroscope_range: Vector = vector(
-        0.0, "largest rate of the gyroscope; 0: no limit", unit="rad/s", minimum=0.0, live=True
+    range: Vector = vector(
+        0.0, "largest {quantity} of the {triad}; 0: no limit", unit="{unit}", minimum=0.0, live=True
     )
-    gyroscope_resolution: Vector = vector(
+    resolution: Vector = vector(
         0.0,
-        "step of the gyroscope's digital output (1 LSB); 0: none. The largest reading is the "
+        "step of the {triad}'s digital output (1 LSB); 0: none. The largest reading is the "
         "largest whole step within the range",
-        unit="rad/s",
+        unit="{unit}",
         minimum=0.0,
         live=True,
     )
-    gyroscope_increment_resolution: Vector = vector(
+    increment_resolution: Vector = vector(
         0.0,
-        "step of the gyroscope's delta angles where sampling is averaged; what rounding leaves is "
+        "step of the {triad}'s {increments} where sampling is averaged; what rounding leaves is "
         "carried on to the next; 0: exact",
-        unit="rad",
+        unit="{increment}",
         minimum=0.0,
         live=True,
     )
+
+    def response(self) -> NDArray[np.float64]:
+        """Return S (3, 3), whether given as a matrix or in percent (lecture eq. 7)."""
+        xy, xz, yx, yz, zx, zy = self.misalignment_percent
+        percent = np.array([[0.0, xy, xz], [yx, 0.0, yz], [zx, zy, 0.0]])
+        percent += np.diag(self.scale_error_percent)
+        result: NDArray[np.float64] = np.reshape(self.scale_misalignment, (3, 3)) + 0.01 * percent
+        return result
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Say which parameters contradict each other, a line each."""
+        triad = prefix.rpartition(".")[2]
+        yield from self._gauss_markov_problems(prefix, triad)
+        yield from self._scale_problems(prefix, triad)
+
+    def _gauss_markov_problems(self, prefix: str, triad: str) -> Iterator[str]:
+        sigma, density = self.gauss_markov_sigma, self.gauss_markov_density
+        tau = self.correlation_time
+        if any(sigma) and any(density):
+            yield (
+                f"{prefix}gauss_markov_density = {density}: must be 0 "
+                f"where {triad}gauss_markov_sigma is given; the two are one process"
+            )
+        if any((s or d) and not t for s, d, t in zip(sigma, density, tau, strict=True)):
+            yield (
+                f"{prefix}correlation_time = {tau}: must be above 0 s "
+                f"on every axis that has a Gauss-Markov bias"
+            )
+
+    def _scale_problems(self, prefix: str, triad: str) -> Iterator[str]:
+        cross = self.misalignment_percent
+        if len(cross) != len(NO_CROSS_AXIS):
+            yield (
+                f"{prefix}misalignment_percent = {cross}: "
+                f"must be six numbers: xy, xz, yx, yz, zx, zy [%]"
+            )
+        percent = any(cross) or any(self.scale_error_percent)
+        if percent and self.scale_misalignment != IDENTITY_MATRIX:
+            yield (
+                f"{prefix}scale_misalignment: must be the identity where "
+                f"{triad}scale_error_percent or {triad}misalignment_percent is given"
+            )
 
 
 @dataclass(frozen=True)
-class AccelerometerParameters:
-    """Errors of the accelerometer."""
+class TriadsParameters:
+    """Errors of both triads."""
 
-    accelerometer_noise_density: Vector = vector(
-        0.0,
-        "white noise of the accelerometer, continuous time, two-sided: the variance of a sample is "
-        "density^2 * rate; a data sheet's one-sided density D is D / sqrt(2) here",
-        unit="m/s^2/sqrt(Hz)",
-        minimum=0.0,
-        live=True,
-    )
-    accelerometer_random_walk: Vector = vector(
-        0.0,
-        "random walk of the accelerometer's bias, continuous time",
-        unit="m/s^3/sqrt(Hz)",
-        minimum=0.0,
-        live=True,
-    )
-    accelerometer_gauss_markov_sigma: Vector = vector(
-        0.0,
-        "first-order Gauss-Markov bias of the accelerometer: its stationary standard deviation",
-        unit="m/s^2",
-        minimum=0.0,
-        live=True,
-    )
-    accelerometer_gauss_markov_density: Vector = vector(
-        0.0,
-        "first-order Gauss-Markov bias of the accelerometer: the noise that drives it "
-        "(as in RotorS)",
-        unit="m/s^3/sqrt(Hz)",
-        minimum=0.0,
-        live=True,
-    )
-    accelerometer_correlation_time: Vector = vector(
-        0.0, "correlation time of the accelerometer's Gauss-Markov bias", unit="s", minimum=0.0
-    )
-    accelerometer_bias_instability: Vector = vector(
-        0.0,
-        "bias instability B of the accelerometer: 1/f noise of two-sided density "
-        "B^2 / (2 pi f); the flat Allan deviation is 0.664 B",
-        unit="m/s^2",
-        minimum=0.0,
-        live=True,
-    )
-    accelerometer_rate_ramp: Vector = vector(
-        0.0, "steady drift of the accelerometer's bias", unit="m/s^3", live=True
-    )
-    accelerometer_bias: Vector = vector(
-        0.0, "constant bias of the accelerometer", unit="m/s^2", live=True
-    )
-    accelerometer_turn_on_bias_sigma: Vector = vector(
-        0.0,
-        "standard deviation of the accelerometer's bias from run to run, drawn from the seed",
-        unit="m/s^2",
-        minimum=0.0,
-    )
-    accelerometer_turn_on_scale_sigma: Vector = vector(
-        0.0,
-        "standard deviation of the accelerometer's scale from run to run, drawn from the seed",
-        unit="1",
-        minimum=0.0,
-    )
-    accelerometer_scale_misalignment: Matrix = matrix(
-        IDENTITY_MATRIX,
-        "scale and misalignment S of the accelerometer: reading = S x + b",
-        live=True,
-    )
-    accelerometer_scale_error_percent: Vector = vector(
-        0.0,
-        "scale error of the accelerometer, instead of the matrix: the diagonal of S - I",
-        unit="%",
-        live=True,
-    )
-    accelerometer_misalignment_percent: tuple[float, ...] = numbers(
-        NO_CROSS_AXIS,
-        "cross-axis terms of the accelerometer, instead of the matrix: xy, xz, yx, yz, zx, zy of S",
-        unit="%",
-        group=6,
-        live=True,
-    )
-    accelerometer_quadratic: Vector = vector(
-        0.0,
-        "second-order non-linearity of the accelerometer: q x^2",
-        unit="1/(m/s^2)",
-        live=True,
-    )
-    accelerometer_temperature_bias: tuple[float, ...] = numbers(
-        (),
-        "bias polynomial of the accelerometer: row k, x y z, is the coefficient of (T - T0)^(k+1)",
-        unit="m/s^2/K^(k+1)",
-        group=3,
-        live=True,
-    )
-    accelerometer_temperature_scale: tuple[float, ...] = numbers(
-        (),
-        "scale polynomial of the accelerometer: row k, x y z, is the coefficient of (T - T0)^(k+1)",
-        unit="1/K^(k+1)",
-        group=3,
-        live=True,
-    )
-    accelerometer_temperature_bias_sigma: Vector = vector(
-        0.0,
-        "standard deviation over units of the accelerometer's linear bias drift with temperature; "
-        "sign and size are drawn from the seed and add to temperature_bias",
-        unit="m/s^2/K",
-        minimum=0.0,
-    )
-    accelerometer_temperature_scale_sigma: Vector = vector(
-        0.0,
-        "standard deviation over units of the accelerometer's linear scale drift with temperature; "
-        "sign and size are drawn from the seed and add to temperature_scale",
-        unit="1/K",
-        minimum=0.0,
-    )
-    accelerometer_misalignment_sigma: Vector = vector(
-        0.0,
-        "standard deviation over units of each cross-axis term of the accelerometer's axis, "
-        "drawn from the seed",
-        unit="1",
-        minimum=0.0,
-    )
-    accelerometer_quadratic_sigma: Vector = vector(
-        0.0,
-        "standard deviation over units of the accelerometer's second-order non-linearity, "
-        "drawn from the seed",
-        unit="1/(m/s^2)",
-        minimum=0.0,
-    )
-    accelerometer_bandwidth: Vector = vector(
-        0.0, "cut-off (-3 dB) of the accelerometer's low-pass; 0: none", unit="Hz", minimum=0.0
-    )
-    accelerometer_range: Vector = vector(
-        0.0,
-        "largest specific force of the accelerometer; 0: no limit",
-        unit="m/s^2",
-        minimum=0.0,
-        live=True,
-    )
-    accelerometer_resolution: Vector = vector(
-        0.0,
-        "step of the accelerometer's digital output (1 LSB); 0: none. The largest reading is the "
-        "largest whole step within the range",
-        unit="m/s^2",
-        minimum=0.0,
-        live=True,
-    )
-    accelerometer_increment_resolution: Vector = vector(
-        0.0,
-        "step of the accelerometer's delta velocities where sampling is averaged; what rounding "
-        "leaves is carried on to the next; 0: exact",
-        unit="m/s",
-        minimum=0.0,
-        live=True,
-    )
+    gyroscope: TriadParameters = triad(TriadParameters, "gyroscope")
+    accelerometer: TriadParameters = triad(TriadParameters, "accelerometer")
+
+    def triad(self, name: Triad) -> TriadParameters:
+        """Return the errors of one triad."""
+        return {"gyroscope": self.gyroscope, "accelerometer": self.accelerometer}[name]

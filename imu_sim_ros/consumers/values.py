@@ -53,7 +53,7 @@ class ImuValues:
 
     def axes(self, name: str) -> Array:
         """Return a parameter of the IMU per axis (3,)."""
-        return np.asarray(getattr(self.imu, name), dtype=np.float64)
+        return np.asarray(flatten(self.imu)[name], dtype=np.float64)
 
     def one(self, name: str) -> float:
         """Return a parameter as one number for three axes: their root mean square."""

@@ -51,8 +51,8 @@ def from_parameters(parameters: IntegratorParameters) -> Initial:
 def from_state(parameters: IntegratorParameters, state: NavigationState) -> Initial:
     """Return the start at a known state, such as the truth's; the sensor's biases are not known."""
     covariance = initial_covariance(
-        gyroscope_bias=parameters.imu.gyroscope_turn_on_bias_sigma,
-        accelerometer_bias=parameters.imu.accelerometer_turn_on_bias_sigma,
+        gyroscope_bias=parameters.imu.gyroscope.turn_on_bias_sigma,
+        accelerometer_bias=parameters.imu.accelerometer.turn_on_bias_sigma,
     )
     return Initial(
         state, correction_of(parameters), Covariance(noise_of(parameters.imu), covariance)
@@ -122,10 +122,10 @@ def from_rest(
     heading = parameters.initial_orientation[2] if yaw is None else yaw
     imu = parameters.imu
     response = math.hypot(
-        max(imu.accelerometer_turn_on_scale_sigma), max(imu.accelerometer_misalignment_sigma)
+        max(imu.accelerometer.turn_on_scale_sigma), max(imu.accelerometer.misalignment_sigma)
     )
     by_scale = response * np.linalg.norm(parameters.gravity)
-    uncertainty = math.hypot(max(imu.accelerometer_turn_on_bias_sigma), by_scale)
+    uncertainty = math.hypot(max(imu.accelerometer.turn_on_bias_sigma), by_scale)
     found = level(rates, forces, parameters.gravity, heading, uncertainty)
     turning = rotation.rotate_inverse(found.q_wb, np.asarray(parameters.earth_rate))
     scale = np.reshape(parameters.gyroscope_scale_misalignment, (3, 3))
@@ -137,7 +137,7 @@ def from_rest(
     covariance = after_rest(
         noise_of(parameters.imu),
         parameters.level_time,
-        parameters.imu.accelerometer_turn_on_bias_sigma,
+        parameters.imu.accelerometer.turn_on_bias_sigma,
         rotation.to_matrix(found.q_wb),
         parameters.gravity,
         len(rates) / parameters.level_time,

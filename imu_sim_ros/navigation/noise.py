@@ -8,62 +8,56 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.config import ImuParameters, IntegratorNoiseParameters
+
 Array = NDArray[np.float64]
 
 _NONE: Final = np.zeros(3)
 
 
-class Noise(NamedTuple):
-    """Sizes of the errors, each (3,) per axis, named as the parameters of an IMU are.
+class TriadErrors(NamedTuple):
+    """Sizes of a triad's errors, each (3,) per axis, named as the parameters of an IMU are.
 
-    The first four are densities in continuous time with kalibr's names and units. Preintegration
-    takes these alone, :mod:`imu_sim_ros.navigation.covariance` takes them all.
+    Below, u is the unit of the readings: rad/s or m/s^2. The first two are densities in continuous
+    time with kalibr's names. Preintegration takes these alone,
+    :mod:`imu_sim_ros.navigation.covariance` takes them all.
     """
 
-    gyroscope_noise_density: Array
-    """[rad/s/sqrt(Hz)]"""
-    gyroscope_random_walk: Array
-    """[rad/s^2/sqrt(Hz)]"""
-    accelerometer_noise_density: Array
-    """[m/s^2/sqrt(Hz)]"""
-    accelerometer_random_walk: Array
-    """[m/s^3/sqrt(Hz)]"""
-    gyroscope_gauss_markov_sigma: Array = _NONE
-    """[rad/s]"""
-    gyroscope_gauss_markov_density: Array = _NONE
-    """[rad/s^2/sqrt(Hz)]"""
-    gyroscope_correlation_time: Array = _NONE
+    noise_density: Array = _NONE
+    """[u/sqrt(Hz)]"""
+    random_walk: Array = _NONE
+    """[u/s/sqrt(Hz)]"""
+    gauss_markov_sigma: Array = _NONE
+    """[u]"""
+    gauss_markov_density: Array = _NONE
+    """[u/s/sqrt(Hz)]"""
+    correlation_time: Array = _NONE
     """[s]"""
-    gyroscope_bias_instability: Array = _NONE
-    """[rad/s]"""
-    gyroscope_turn_on_scale_sigma: Array = _NONE
+    bias_instability: Array = _NONE
+    """[u]"""
+    turn_on_scale_sigma: Array = _NONE
     """[1]"""
-    gyroscope_misalignment_sigma: Array = _NONE
+    misalignment_sigma: Array = _NONE
     """[1]"""
-    gyroscope_quadratic_sigma: Array = _NONE
-    """[1/(rad/s)]"""
-    gyroscope_g_sensitivity_sigma: Array = _NONE
-    """[(rad/s)/(m/s^2)]"""
-    gyroscope_resolution: Array = _NONE
-    """[rad/s]"""
-    accelerometer_gauss_markov_sigma: Array = _NONE
-    """[m/s^2]"""
-    accelerometer_gauss_markov_density: Array = _NONE
-    """[m/s^3/sqrt(Hz)]"""
-    accelerometer_correlation_time: Array = _NONE
-    """[s]"""
-    accelerometer_bias_instability: Array = _NONE
-    """[m/s^2]"""
-    accelerometer_turn_on_scale_sigma: Array = _NONE
-    """[1]"""
-    accelerometer_misalignment_sigma: Array = _NONE
-    """[1]"""
-    accelerometer_quadratic_sigma: Array = _NONE
-    """[1/(m/s^2)]"""
-    accelerometer_resolution: Array = _NONE
-    """[m/s^2]"""
+    quadratic_sigma: Array = _NONE
+    """[1/u]"""
+    g_sensitivity_sigma: Array = _NONE
+    """[u/(m/s^2)], of the gyroscope alone"""
+    resolution: Array = _NONE
+    """[u]"""
 
 
-def noise_of(parameters: object) -> Noise:
-    """Return the noise that a section of parameters describes; each has the fields of `Noise`."""
-    return Noise(*(np.asarray(getattr(parameters, name), dtype=float) for name in Noise._fields))
+class ImuErrors(NamedTuple):
+    """Sizes of the errors of both triads."""
+
+    gyroscope: TriadErrors = TriadErrors()
+    accelerometer: TriadErrors = TriadErrors()
+
+
+def noise_of(parameters: ImuParameters | IntegratorNoiseParameters) -> ImuErrors:
+    """Return the errors that a section of parameters describes."""
+    gyroscope, accelerometer = (
+        TriadErrors(*(np.asarray(getattr(triad, name), float) for name in TriadErrors._fields))
+        for triad in (parameters.gyroscope, parameters.accelerometer)
+    )
+    return ImuErrors(gyroscope, accelerometer)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.noise import TERMS, gauss_markov_deviation
-from imu_sim_ros.config import ImuParameters
+from imu_sim_ros.config import ImuParameters, TriadParameters
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.plots import style
 
@@ -19,16 +19,20 @@ Array = NDArray[np.float64]
 _UNITS = {"gyroscope": "rad/s", "accelerometer": "m/s$^2$"}
 
 
-def allan_deviation(imu: ImuParameters, triad: str, tau: Array) -> Array:
+def allan_deviation(triad: TriadParameters, tau: Array) -> Array:
     """Return the Allan deviation (m,) of a triad's x axis at cluster times [s] (IEEE 952)."""
     variance = np.zeros(len(tau))
+    sizes = {
+        "noise_density": triad.noise_density,
+        "random_walk": triad.random_walk,
+        "bias_instability": triad.bias_instability,
+    }
     for term in TERMS:
-        if term.key != "quantisation":
-            variance += (getattr(imu, f"{triad}_{term.key}")[0] * term.deviation(tau)) ** 2
-    time = getattr(imu, f"{triad}_correlation_time")[0]
+        if term.key in sizes:
+            variance += (sizes[term.key][0] * term.deviation(tau)) ** 2
+    time = triad.correlation_time[0]
     if time > 0.0:
-        sigma = getattr(imu, f"{triad}_gauss_markov_sigma")[0]
-        sigma += getattr(imu, f"{triad}_gauss_markov_density")[0] * np.sqrt(0.5 * time)
+        sigma = triad.gauss_markov_sigma[0] + triad.gauss_markov_density[0] * np.sqrt(0.5 * time)
         variance += (sigma * gauss_markov_deviation(tau, time)) ** 2
     result: Array = np.sqrt(variance)
     return result
@@ -40,7 +44,7 @@ def draw(sensors: Mapping[str, ImuParameters], path: str | Path) -> None:
     figure, panels = style.panels(1, 2, 14.0, 7.0)
     for triad, axes in zip(TRIADS, panels, strict=True):
         for k, (name, imu) in enumerate(sensors.items()):
-            line = allan_deviation(imu, triad, tau)
+            line = allan_deviation(imu.triad(triad), tau)
             if line.any():
                 dashes = ("-", "--", "-.", ":")[k // 7 % 4]
                 axes.loglog(tau, line, dashes, color=f"C{k % 7}", label=name, lw=1.2)

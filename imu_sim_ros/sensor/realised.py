@@ -8,9 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from imu_sim_ros.config import ImuParameters, SimulationParameters
+from imu_sim_ros.config import (
+    ZERO_VECTOR,
+    ImuParameters,
+    SimulationParameters,
+    TriadParameters,
+)
 from imu_sim_ros.conventions import TRIADS
-from imu_sim_ros.sensor.errors import TurnOn, axis_values, scale_misalignment, unit_of_seed
+from imu_sim_ros.sensor.errors import TurnOn, as_matrix, unit_of_seed
 
 
 def realised_imu(parameters: SimulationParameters) -> ImuParameters:
@@ -23,23 +28,23 @@ def realised_imu(parameters: SimulationParameters) -> ImuParameters:
     only.
     """
     imu = parameters.imu
-    for triad in TRIADS:
-        imu = unit_of_seed(imu, triad, parameters.seed)
-    changed: dict[str, Any] = {}
-    for triad in TRIADS:
-        drawn = TurnOn(parameters.seed, triad, imu)
-        gain = 1.0 + drawn.scale
-        changed[f"{triad}_bias"] = axis_values(imu, triad, "bias") + drawn.bias
-        changed[f"{triad}_scale_misalignment"] = gain[:, None] * scale_misalignment(imu, triad)
-        changed[f"{triad}_quadratic"] = gain * axis_values(imu, triad, "quadratic")
-        thermal = axis_values(imu, triad, "temperature_scale").reshape(-1, 3)
-        changed[f"{triad}_temperature_scale"] = thermal / gain
-        changed[f"{triad}_scale_error_percent"] = np.zeros(3)
-        changed[f"{triad}_misalignment_percent"] = np.zeros(6)
-        changed[f"{triad}_turn_on_bias_sigma"] = np.zeros(3)
-        changed[f"{triad}_turn_on_scale_sigma"] = np.zeros(3)
-        if triad == "gyroscope":
-            sensitivity = axis_values(imu, triad, "g_sensitivity").reshape(3, 3)
-            changed[f"{triad}_g_sensitivity"] = gain[:, None] * sensitivity
-    values: dict[str, Any] = {n: tuple(np.ravel(v).tolist()) for n, v in changed.items()}
-    return dataclasses.replace(imu, **values)
+    gyroscope, accelerometer = (
+        _realised(imu.triad(name), name, parameters.seed) for name in TRIADS
+    )
+    return dataclasses.replace(imu, gyroscope=gyroscope, accelerometer=accelerometer)
+
+
+def _realised(parameters: TriadParameters, triad: str, seed: int) -> TriadParameters:
+    p = unit_of_seed(parameters, triad, seed)
+    drawn = TurnOn(seed, triad, p)
+    gain = 1.0 + drawn.scale
+    values = {
+        "bias": np.asarray(p.bias) + drawn.bias,
+        "quadratic": gain * p.quadratic,
+        "g_sensitivity": gain[:, None] * np.reshape(p.g_sensitivity, (3, 3)),
+        "temperature_scale": np.reshape(p.temperature_scale, (-1, 3)) / gain,
+    }
+    changed: dict[str, Any] = {name: tuple(np.ravel(v).tolist()) for name, v in values.items()}
+    changed |= as_matrix(gain[:, None] * p.response())
+    changed |= {"turn_on_bias_sigma": ZERO_VECTOR, "turn_on_scale_sigma": ZERO_VECTOR}
+    return dataclasses.replace(p, **changed)

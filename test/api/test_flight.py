@@ -86,7 +86,7 @@ def test_a_kalibr_file_is_a_sensor(tmp_path):
     file = tmp_path / "imu.yaml"
     file.write_text("accelerometer_noise_density: 0.02\ngyroscope_noise_density: 0.01\n")
     made = ims.simulate(imu=file, trajectory="static", duration=1)
-    assert made.parameters.imu.accelerometer_noise_density == (0.02,) * 3
+    assert made.parameters.imu.accelerometer.noise_density == (0.02,) * 3
 
 
 def test_poses_are_a_trajectory():

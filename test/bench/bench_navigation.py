@@ -16,7 +16,7 @@ from imu_sim_ros.commands.common import print_table
 from imu_sim_ros.config.integrator import ATTITUDE_UPDATES, METHODS
 from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.navigation.covariance import Covariance
-from imu_sim_ros.navigation.noise import Noise
+from imu_sim_ros.navigation.noise import ImuErrors, TriadErrors
 from imu_sim_ros.navigation.preintegration.deltas import preintegrate
 from imu_sim_ros.navigation.preintegration.intervals import Readings
 from imu_sim_ros.navigation.state import AT_REST, NavigationState, NavigationStates
@@ -26,7 +26,10 @@ from imu_sim_ros.simulation import Simulation
 
 SAMPLES = 2_000_000
 STEPS = 40_000
-NOISE = Noise(*np.array([[1.7e-4] * 3, [1.9e-5] * 3, [2e-3] * 3, [3e-3] * 3]))
+NOISE = ImuErrors(
+    TriadErrors(np.full(3, 1.7e-4), np.full(3, 1.9e-5)),
+    TriadErrors(np.full(3, 2e-3), np.full(3, 3e-3)),
+)
 
 
 def readings(count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

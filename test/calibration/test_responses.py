@@ -276,7 +276,7 @@ def test_files_are_read_by_simulator_and_integrator(tmp_path):
     write_simulator(values, tmp_path / "imu.yaml", "comment")
     write_correction(values, tmp_path / "correction.yaml", "comment")
     imu = load_simulation({"imu.preset": str(tmp_path / "imu.yaml")}).imu
-    assert imu.accelerometer_bias == pytest.approx(values["accelerometer_bias"].value, rel=1e-8)
+    assert imu.accelerometer.bias == pytest.approx(values["accelerometer_bias"].value, rel=1e-8)
     correction = build(IntegratorParameters, files.load(tmp_path / "correction.yaml", "integrator"))
     assert correction.accelerometer_scale_misalignment == pytest.approx(
         values["accelerometer_scale_misalignment"].value, rel=1e-8

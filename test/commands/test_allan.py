@@ -84,7 +84,7 @@ def test_files(bag, tmp_path, capsys):
     assert "rostopic: /imu/data_raw" in (folder / "kalibr_imu.yaml").read_text()
 
     imu = load_simulation(files.load(folder / "imu.yaml")).imu
-    assert imu.accelerometer_noise_density == pytest.approx([0.019] * 3, rel=0.021)
+    assert imu.accelerometer.noise_density == pytest.approx([0.019] * 3, rel=0.021)
 
 
 def test_imu_utils_in_both_meanings(bag, tmp_path):

@@ -24,8 +24,8 @@ def test_the_truth_of_a_run_has_what_its_seed_drew(tmp_path):
     assert generate.main([*options, "-o", bag]) == 0
     truth = tmp_path / "run_truth.yaml"
     imu = load_simulation(files.load(truth)).imu
-    assert imu.gyroscope_turn_on_bias_sigma == (0.0,) * 3
-    assert np.abs(imu.gyroscope_bias).min() > 0.0
+    assert imu.gyroscope.turn_on_bias_sigma == (0.0,) * 3
+    assert np.abs(imu.gyroscope.bias).min() > 0.0
     again = str(tmp_path / "again.mcap")
     options = ["--imu", str(truth), "--trajectory", "lecture", "--seed", "8", *SHORT]
     assert generate.main([*options, "-o", again]) == 0

@@ -47,7 +47,7 @@ def test_a_kalibr_file_gives_noise_and_rate(tmp_path):
     )
     simulation = load_simulation({"imu.preset": str(path), "trajectory.type": "static"})
     assert simulation.rate == 100.0
-    assert simulation.imu.gyroscope_noise_density == (1.87e-4,) * 3
+    assert simulation.imu.gyroscope.noise_density == (1.87e-4,) * 3
 
 
 def test_presets_lie_below_what_is_set(tmp_path):
@@ -55,8 +55,8 @@ def test_presets_lie_below_what_is_set(tmp_path):
         {"imu.preset": "lecture", "trajectory.type": "static"},
         {"imu.gyroscope_noise_density": [0.1, 0.2, 0.3]},
     )
-    assert simulation.imu.gyroscope_noise_density == (0.1, 0.2, 0.3)
-    assert simulation.imu.accelerometer_noise_density == (0.019,) * 3
+    assert simulation.imu.gyroscope.noise_density == (0.1, 0.2, 0.3)
+    assert simulation.imu.accelerometer.noise_density == (0.019,) * 3
 
 
 @pytest.mark.parametrize("preset", files.names("imus"))
@@ -136,9 +136,9 @@ def test_a_sensor_file_lies_above_the_preset_that_it_names(tmp_path):
     path = chain(tmp_path)
     short = load_simulation({"imu.preset": str(path)}).imu
     layered = load_simulation(files.load(path)).imu
-    assert short.gyroscope_noise_density == (6.1707e-5,) * 3
-    assert short.gyroscope_bias == (0.1, 0.2, 0.3)
-    assert short.accelerometer_bias == (0.5,) * 3
+    assert short.gyroscope.noise_density == (6.1707e-5,) * 3
+    assert short.gyroscope.bias == (0.1, 0.2, 0.3)
+    assert short.accelerometer.bias == (0.5,) * 3
     assert flatten(short) | {"preset": ""} == flatten(layered) | {"preset": ""}
 
 
@@ -163,7 +163,7 @@ def test_a_file_of_all_parameters_is_a_sensors_file_too(tmp_path):
     assert flatten(again) | {"imu.preset": "bmi088"} == flatten(whole)
     still = load_simulation({"imu.preset": path, "trajectory.type": "static"})
     assert still.trajectory.type == "static"
-    assert still.imu.gyroscope_noise_density == whole.imu.gyroscope_noise_density
+    assert still.imu.gyroscope.noise_density == whole.imu.gyroscope.noise_density
 
 
 @pytest.mark.parametrize(

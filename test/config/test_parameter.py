@@ -168,3 +168,53 @@ def test_a_list_may_come_as_a_string(words, expected):
 def test_a_malformed_list_in_a_string_is_refused(words):
     with pytest.raises(ConfigurationError, match=r"^bias = .*: must be a finite number or a list"):
         p.parse("bias", p.Parameter("vector", p.ZERO_VECTOR, ""), words)
+
+
+@dataclass(frozen=True)
+class Side:
+    offset: p.Vector = p.vector(0.0, "offset of the {side}", unit="{unit}", minimum=0.0)
+    tilt: float = p.number(2.0, "tilt of the {side}")
+
+    def problems(self, prefix):
+        if self.tilt > max(self.offset) > 0.0:
+            yield f"{prefix}tilt = {self.tilt:g}: must be at most the offset"
+
+
+@dataclass(frozen=True)
+class Both:
+    left: Side = p.section(Side, joint="_", words={"side": "left", "unit": "m"})
+    right: Side = p.section(
+        Side, joint="_", words={"side": "right", "unit": "mm"}, without=["tilt"]
+    )
+
+
+@dataclass(frozen=True)
+class Owner:
+    sides: Both = p.section(Both)
+
+
+def test_one_description_serves_two_sections():
+    described = p.parameters(Owner)
+    assert list(described) == ["sides.left_offset", "sides.left_tilt", "sides.right_offset"]
+    assert [d.text for d in described.values()][::2] == [
+        "offset of the left",
+        "offset of the right",
+    ]
+    assert [d.unit for d in described.values()] == ["m", "", "mm"]
+    owner = p.build(Owner, {"sides.left_offset": 3.0, "sides.right_offset": [1.0, 2.0, 3.0]})
+    assert (owner.sides.left.offset, owner.sides.right.offset) == ((3.0,) * 3, (1.0, 2.0, 3.0))
+    assert owner.sides.right.tilt == 2.0
+    assert list(p.flatten(owner)) == list(described)
+    assert p.build(Owner, p.flatten(owner)) == owner
+
+
+def test_problems_of_two_sections_bear_their_names():
+    given = {"sides.left_offset": -1.0, "sides.right_tilt": 1.0}
+    with pytest.raises(ConfigurationError) as caught:
+        p.build(Owner, given)
+    assert list(caught.value.problems) == [
+        "sides.right_tilt: unknown parameter; did you mean sides.left_tilt?",
+        "sides.left_offset = -1.0: must be a finite number or a list of three, each at least 0 [m]",
+    ]
+    with pytest.raises(ConfigurationError, match=r"^sides\.left_tilt = 2: must be at most"):
+        p.build(Owner, {"sides.left_offset": 1.0})

@@ -85,8 +85,8 @@ def test_openvins_predicts_the_readings(tmp_path, errors):
         np.testing.assert_allclose(r @ r.T, np.eye(3), atol=1e-11)
         assert np.linalg.det(r) > 0.0
     bias = realised_imu(loaded)
-    gyro = block.ideal_gyro @ (tw @ r_gyro).T + block.ideal_accel @ tg.T + bias.gyroscope_bias
-    accel = block.ideal_accel @ (ta @ r_acc).T + bias.accelerometer_bias
+    gyro = block.ideal_gyro @ (tw @ r_gyro).T + block.ideal_accel @ tg.T + bias.gyroscope.bias
+    accel = block.ideal_accel @ (ta @ r_acc).T + bias.accelerometer.bias
     # Twelve digits are written, of numbers up to 40.
     np.testing.assert_allclose(gyro, block.gyro, rtol=0, atol=1e-10)
     np.testing.assert_allclose(accel, block.accel, rtol=0, atol=1e-9)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from imu_sim_ros.commands import generate
-from imu_sim_ros.config import files, load_simulation
+from imu_sim_ros.config import ImuParameters, build, files, flatten, load_simulation
 from imu_sim_ros.config.cameras import load_rig, split_rig
 
 EXAMPLE = Path(__file__).parents[2] / "examples/gtsam_vio.py"
@@ -69,14 +69,11 @@ def test_the_errors_are_as_large_as_the_covariance_says(results, quantity):
 
 def test_noise_configured_ten_times_too_small_shows_in_the_nees(example, tmp_path):
     parameters, camera = flight(tmp_path / "flight", 1)
-    names = [f.name for f in dataclasses.fields(parameters.imu)]
-    tenth = {
-        name: tuple(0.1 * value for value in getattr(parameters.imu, name))
-        for name in names
-        if name.endswith(("_noise_density", "_random_walk"))
-    }
-    assert len(tenth) == 4
-    wrong = dataclasses.replace(parameters, imu=dataclasses.replace(parameters.imu, **tenth))
+    values = flatten(parameters.imu)
+    densities = [n for n in values if n.endswith(("_noise_density", "_random_walk"))]
+    assert len(densities) == 4
+    tenth = values | {name: tuple(0.1 * np.array(values[name])) for name in densities}
+    wrong = dataclasses.replace(parameters, imu=build(ImuParameters, tenth))
     summary = example.run(tmp_path / "flight", wrong, camera).summary()
     print(summary)
     assert summary["nees_orientation_per_dof"] > 3.0

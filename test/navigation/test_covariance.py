@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from imu_sim_ros import rotation
+from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.navigation import covariance
 from imu_sim_ros.navigation.covariance import (
     Covariance,
@@ -12,12 +13,18 @@ from imu_sim_ros.navigation.covariance import (
     initial_covariance,
     propagate,
 )
-from imu_sim_ros.navigation.noise import Noise
+from imu_sim_ros.navigation.noise import ImuErrors, TriadErrors
 from imu_sim_ros.navigation.state import AT_REST, NavigationState
 from imu_sim_ros.navigation.strapdown.dead_reckoning import dead_reckon
 
-SILENT = Noise(*np.zeros((4, 3)))
+SILENT = ImuErrors()
 AXES = np.array([1.0, 2.0, 3.0])
+
+
+def of_sizes(**sizes: np.ndarray) -> ImuErrors:
+    """Errors of these sizes and no others, by the parameters' names."""
+    triads = ({n.partition("_")[2]: v for n, v in sizes.items() if n.startswith(t)} for t in TRIADS)
+    return ImuErrors(*(TriadErrors(**triad) for triad in triads))
 
 
 def at_rest(noise, duration, rate, initial=None):
@@ -39,7 +46,7 @@ T, RATE = 10.0, 200.0
 
 
 def test_growth_of_accelerometer_noise():
-    noise = SILENT._replace(accelerometer_noise_density=0.01 * AXES)
+    noise = of_sizes(accelerometer_noise_density=0.01 * AXES)
     found = at_rest(noise, T, RATE)
     expected = np.square(0.01 * AXES) * T
     np.testing.assert_allclose(diagonal(found, covariance.VELOCITY), expected, rtol=1e-9)
@@ -47,7 +54,7 @@ def test_growth_of_accelerometer_noise():
 
 
 def test_growth_of_accelerometer_walk():
-    noise = SILENT._replace(accelerometer_random_walk=1e-3 * AXES)
+    noise = of_sizes(accelerometer_random_walk=1e-3 * AXES)
     found = at_rest(noise, T, RATE)
     expected = np.square(1e-3 * AXES) * T
     np.testing.assert_allclose(diagonal(found, covariance.ACCEL_BIAS), expected, rtol=1e-9)
@@ -59,14 +66,14 @@ def test_growth_of_accelerometer_walk():
 
 def test_growth_of_gyroscope_noise_and_walk():
     """Tilt times gravity is an acceleration: one more power of t^2 each; none along gravity."""
-    white = at_rest(SILENT._replace(gyroscope_noise_density=1e-3 * AXES), T, RATE)
+    white = at_rest(of_sizes(gyroscope_noise_density=1e-3 * AXES), T, RATE)
     expected = np.square(1e-3 * AXES) * T
     np.testing.assert_allclose(diagonal(white, covariance.ATTITUDE), expected, rtol=1e-9)
     sideways = np.array([expected[1], expected[0], 0.0]) * 9.81**2
     np.testing.assert_allclose(
         diagonal(white, covariance.POSITION), sideways * T**4 / 20, rtol=5e-3
     )
-    walk = at_rest(SILENT._replace(gyroscope_random_walk=1e-5 * AXES), T, RATE)
+    walk = at_rest(of_sizes(gyroscope_random_walk=1e-5 * AXES), T, RATE)
     expected = np.square(1e-5 * AXES) * T
     np.testing.assert_allclose(diagonal(walk, covariance.ATTITUDE), expected * T**2 / 3, rtol=3e-3)
     sideways = np.array([expected[1], expected[0], 0.0]) * 9.81**2
@@ -137,10 +144,8 @@ def test_growth_of_a_gauss_markov_bias():
     """Integrated from its stationary state: Var v = 2 s^2 tau^2 (T / tau - 1 + exp(-T / tau))."""
     sigma, tau = 0.02 * AXES, 3.0
     given = {"accelerometer_correlation_time": tau * np.ones(3)}
-    by_sigma = SILENT._replace(accelerometer_gauss_markov_sigma=sigma, **given)
-    by_density = SILENT._replace(
-        accelerometer_gauss_markov_density=sigma * np.sqrt(2.0 / tau), **given
-    )
+    by_sigma = of_sizes(accelerometer_gauss_markov_sigma=sigma, **given)
+    by_density = of_sizes(accelerometer_gauss_markov_density=sigma * np.sqrt(2.0 / tau), **given)
     expected = 2 * sigma**2 * tau**2 * (T / tau - 1 + np.exp(-T / tau))
     for noise in (by_sigma, by_density):
         found = at_rest(noise, T, RATE)
@@ -153,7 +158,7 @@ def test_growth_of_bias_instability():
     The sum of Gauss-Markov biases, each by the closed form; with variances B^2 ln 10 / pi.
     """
     b = 1e-3
-    noise = SILENT._replace(accelerometer_bias_instability=b * AXES)
+    noise = of_sizes(accelerometer_bias_instability=b * AXES)
     found = diagonal(at_rest(noise, T, RATE), covariance.VELOCITY)
     tau = 10.0 ** np.arange(-1, 5)
     one = 2 * tau**2 * (T / tau - 1 + np.exp(-T / tau))
@@ -163,7 +168,7 @@ def test_growth_of_bias_instability():
 
 def test_growth_of_an_unknown_scale():
     """At rest gravity is off by s g, up only; turning, the attitude is off by s times the angle."""
-    noise = SILENT._replace(
+    noise = of_sizes(
         accelerometer_turn_on_scale_sigma=1e-3 * AXES, gyroscope_turn_on_scale_sigma=1e-2 * AXES
     )
     found = diagonal(at_rest(noise, T, RATE), covariance.VELOCITY)
@@ -179,19 +184,19 @@ def test_growth_of_an_unknown_scale():
 
 def test_growth_of_unknown_cross_axis_terms():
     """At rest gravity leaks into x and y by m g, by q g^2 into z, and by G g into the gyroscope."""
-    noise = SILENT._replace(
+    noise = of_sizes(
         accelerometer_misalignment_sigma=1e-3 * AXES, accelerometer_quadratic_sigma=1e-5 * AXES
     )
     found = diagonal(at_rest(noise, T, RATE), covariance.VELOCITY)
     expected = [1e-3 * 9.81 * T, 2e-3 * 9.81 * T, 3e-5 * 9.81**2 * T]
     np.testing.assert_allclose(found, np.square(expected), rtol=1e-9)
-    noise = SILENT._replace(gyroscope_g_sensitivity_sigma=1e-5 * AXES)
+    noise = of_sizes(gyroscope_g_sensitivity_sigma=1e-5 * AXES)
     found = diagonal(at_rest(noise, T, RATE), covariance.ATTITUDE)
     np.testing.assert_allclose(found, np.square(1e-5 * AXES * 9.81 * T), rtol=1e-9)
 
 
 def test_rounding_is_noise_of_a_twelfth_of_a_step():
-    noise = SILENT._replace(accelerometer_resolution=0.1 * AXES)
+    noise = of_sizes(accelerometer_resolution=0.1 * AXES)
     found = diagonal(at_rest(noise, T, RATE), covariance.VELOCITY)
     np.testing.assert_allclose(found, np.square(0.1 * AXES) / 12 / RATE * T, rtol=1e-9)
 
@@ -222,7 +227,7 @@ def test_an_averaged_gyroscope_is_as_uncertain_as_what_changed_since():
     Against 20,000 simulated rests: variances are good to 1 %, four of these.
     """
     n, k, sigma, tau, time, rate = 1e-3, 2e-4, 1e-3, 3.0, 5.0, 20.0
-    noise = SILENT._replace(
+    noise = of_sizes(
         gyroscope_noise_density=np.full(3, n),
         gyroscope_random_walk=np.full(3, k),
         gyroscope_gauss_markov_sigma=np.full(3, sigma),
@@ -273,7 +278,7 @@ def test_second_order_of_gyroscope_noise():
     Cov(q(t), q(u)) = 4 N^4 min(t, u)^2, E[V^2] = g^2/4 (N^4 T^4 + 4 N^4 T^4 / 6).
     """
     density, duration = 0.015, 10.0
-    noise = SILENT._replace(gyroscope_noise_density=np.full(3, density))
+    noise = of_sizes(gyroscope_noise_density=np.full(3, density))
     result = Covariance(noise)
     for _ in range(2000):
         result.step(0.005, np.eye(3), np.array([0.0, 0.0, 9.81]))
@@ -283,7 +288,7 @@ def test_second_order_of_gyroscope_noise():
 
 def test_pose_and_twist_blocks():
     matrix = np.diag(np.arange(1.0, 16.0))
-    found = Covariance(SILENT._replace(gyroscope_noise_density=0.1 * AXES), matrix)
+    found = Covariance(of_sizes(gyroscope_noise_density=0.1 * AXES), matrix)
     np.testing.assert_array_equal(np.diag(found.pose()), [7, 8, 9, 1, 2, 3])
     r_wb = rotation.to_matrix(rotation.from_euler([0.1, 0.2, 1.5]))
     velocity = np.array([1.0, 2.0, 3.0])
@@ -304,7 +309,7 @@ def test_pose_and_twist_blocks():
 @pytest.mark.parametrize("at", [(0,), (0, 100, -1), (400,)])
 def test_propagate_gives_the_rows_that_are_asked_for(record, at):
     motion = record("lecture", 200.0, 2.0)
-    noise = Noise(*np.full((4, 3), 1e-3))
+    noise = ImuErrors(*[TriadErrors(np.full(3, 1e-3), np.full(3, 1e-3))] * 2)
     states = dead_reckon(motion.t_ns, motion.gyro, motion.accel, motion.initial)
     found = propagate(states, motion.accel, noise, at=at)
     whole = propagate(states, motion.accel, noise, at=range(401))
@@ -315,7 +320,7 @@ def test_propagate_gives_the_rows_that_are_asked_for(record, at):
 def test_the_fast_step_is_the_plain_one(axes: tuple[float, float, float]) -> None:
     """The step as matrices, written as in the module's text, gives the same numbers."""
     each = np.array(axes)
-    noise = SILENT._replace(
+    noise = of_sizes(
         gyroscope_noise_density=0.01 * each,
         gyroscope_random_walk=1e-4 * each,
         accelerometer_noise_density=0.02 * each,
@@ -339,12 +344,11 @@ def test_the_fast_step_is_the_plain_one(axes: tuple[float, float, float]) -> Non
         f[3:6, 0:3], f[6:9, 0:3] = tilt, tilt * h / 2
         f[6:9, 3:6] = h * np.eye(3)
         plain = f @ plain @ f.T
-        for rows, name in ((slice(0, 3), "gyroscope"), (slice(3, 6), "accelerometer")):
-            density = getattr(noise, f"{name}_noise_density")
-            rounding = getattr(noise, f"{name}_resolution") ** 2 / 12
-            white = np.diag(density**2 * h + rounding * h**2)
+        for rows, triad in ((slice(0, 3), noise.gyroscope), (slice(3, 6), noise.accelerometer)):
+            rounding = triad.resolution**2 / 12
+            white = np.diag(triad.noise_density**2 * h + rounding * h**2)
             plain[rows, rows] += r_wb @ white @ r_wb.T
-        walks = [noise.gyroscope_random_walk, noise.accelerometer_random_walk]
+        walks = [noise.gyroscope.random_walk, noise.accelerometer.random_walk]
         plain[9:, 9:] += np.diag(np.concatenate(walks) ** 2 * h)
     sigma = np.sqrt(np.diag(plain))
     np.testing.assert_allclose(
@@ -359,6 +363,6 @@ def test_the_fast_step_is_the_plain_one(axes: tuple[float, float, float]) -> Non
     jacobian[3:, 9:12] = -np.eye(3)
     expected = jacobian @ fast.mean_square() @ jacobian.T
     expected[3:, 3:] += np.diag(
-        noise.gyroscope_noise_density**2 * rate + noise.gyroscope_resolution**2 / 12
+        noise.gyroscope.noise_density**2 * rate + noise.gyroscope.resolution**2 / 12
     )
     np.testing.assert_allclose(twist, expected, rtol=1e-12, atol=1e-18)

@@ -6,7 +6,7 @@ import pytest
 
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError, InputError
-from imu_sim_ros.navigation.noise import Noise
+from imu_sim_ros.navigation.noise import ImuErrors, TriadErrors
 from imu_sim_ros.navigation.preintegration.deltas import (
     ACCEL_BIAS,
     GYRO_BIAS,
@@ -20,14 +20,13 @@ from imu_sim_ros.navigation.preintegration.intervals import Readings, between
 from imu_sim_ros.navigation.state import AT_REST
 from imu_sim_ros.navigation.strapdown.dead_reckoning import dead_reckon
 
-ADIS16448 = Noise(
-    np.full(3, 1.6968e-4), np.full(3, 1.9393e-5), np.full(3, 2.0e-3), np.full(3, 3.0e-3)
+ADIS16448 = ImuErrors(
+    TriadErrors(np.full(3, 1.6968e-4), np.full(3, 1.9393e-5)),
+    TriadErrors(np.full(3, 2.0e-3), np.full(3, 3.0e-3)),
 )
-ANISOTROPIC = Noise(
-    np.array([1.0, 2.0, 3.0]) * 1e-3,
-    np.array([3.0, 1.0, 2.0]) * 1e-4,
-    np.array([2.0, 3.0, 1.0]) * 1e-2,
-    np.array([1.0, 3.0, 2.0]) * 1e-3,
+ANISOTROPIC = ImuErrors(
+    TriadErrors(np.array([1.0, 2.0, 3.0]) * 1e-3, np.array([3.0, 1.0, 2.0]) * 1e-4),
+    TriadErrors(np.array([2.0, 3.0, 1.0]) * 1e-2, np.array([1.0, 3.0, 2.0]) * 1e-3),
 )
 SECOND = 1_000_000_000
 
@@ -177,7 +176,8 @@ def test_first_order_correction_and_repropagation(readings):
 
 def test_noise_of_both_ends_taken_as_new_halves_the_white_noise(readings):
     """The form of VINS; over many steps the shared form has twice its variance."""
-    white = ADIS16448._replace(gyroscope_random_walk=np.zeros(3))
+    gyroscope = ADIS16448.gyroscope._replace(random_walk=np.zeros(3))
+    white = ADIS16448._replace(gyroscope=gyroscope)
     shared = preintegrate(readings, white).covariance[:, THETA, THETA]
     separate = preintegrate(readings, white, shared_noise=False).covariance[:, THETA, THETA]
     # n steps: n - 1/2 readings' worth against n / 2.
@@ -210,12 +210,12 @@ def gtsam_measurements(kind, t_ns, gyro, accel, noise=ADIS16448, biases=(0.1, 0.
         gtsam.PreintegrationCombinedParams if combined else gtsam.PreintegrationParams
     )
     parameters = parameters_class.MakeSharedU(0.0)
-    parameters.setAccelerometerCovariance(np.diag(noise.accelerometer_noise_density**2))
-    parameters.setGyroscopeCovariance(np.diag(noise.gyroscope_noise_density**2))
+    parameters.setAccelerometerCovariance(np.diag(noise.accelerometer.noise_density**2))
+    parameters.setGyroscopeCovariance(np.diag(noise.gyroscope.noise_density**2))
     parameters.setIntegrationCovariance(np.zeros((3, 3)))
     if combined:
-        parameters.setBiasAccCovariance(np.diag(noise.accelerometer_random_walk**2))
-        parameters.setBiasOmegaCovariance(np.diag(noise.gyroscope_random_walk**2))
+        parameters.setBiasAccCovariance(np.diag(noise.accelerometer.random_walk**2))
+        parameters.setBiasOmegaCovariance(np.diag(noise.gyroscope.random_walk**2))
     bias = gtsam.imuBias.ConstantBias(np.full(3, biases[0]), np.full(3, biases[1]))
     measured = getattr(gtsam, kind)(parameters, bias)
     for k, h in enumerate(np.diff(t_ns) * 1e-9):
@@ -286,9 +286,7 @@ def test_covariance_equals_gtsam(record, method):
     """Rotation, position, velocity; the walk of the biases is not in this one."""
     motion = record("excitation", 200.0, 2.0)
     measured = gtsam_measurements(MANIFOLD, motion.t_ns, motion.gyro, motion.accel)
-    no_walk = ADIS16448._replace(
-        gyroscope_random_walk=np.zeros(3), accelerometer_random_walk=np.zeros(3)
-    )
+    no_walk = ImuErrors(*(triad._replace(random_walk=np.zeros(3)) for triad in ADIS16448))
     readings = between(motion.t_ns, motion.gyro, motion.accel, motion.t_ns[[0, -1]])
     ours = as_gtsam(preintegrate(readings, no_walk, 0.01, 0.1, method))[:9, :9]
     assert_close_covariance(ours, measured.preintMeasCov(), 1e-9 if method == "euler" else 0.01)

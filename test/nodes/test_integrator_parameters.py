@@ -17,8 +17,8 @@ def integrator(**values: object) -> IntegratorParameters:
 
 def test_the_noise_is_that_of_the_preset_below_what_is_given():
     parameters = integrator(**{"imu.accelerometer_random_walk": 0.5})
-    assert parameters.imu.gyroscope_noise_density == (0.015,) * 3
-    assert parameters.imu.accelerometer_random_walk == (0.5,) * 3
+    assert parameters.imu.gyroscope.noise_density == (0.015,) * 3
+    assert parameters.imu.accelerometer.random_walk == (0.5,) * 3
 
 
 def test_a_calibration_corrects_and_given_values_stand_above_it(tmp_path):
@@ -32,7 +32,7 @@ def test_a_calibration_corrects_and_given_values_stand_above_it(tmp_path):
     assert parameters.gyroscope_bias == (0.1, 0.2, 0.3)
     assert parameters.accelerometer_bias == (0.0, 0.0, 0.5)
     assert parameters.accelerometer_scale_misalignment[0] == 1.01
-    assert parameters.imu.gyroscope_random_walk == (1e-3,) * 3
+    assert parameters.imu.gyroscope.random_walk == (1e-3,) * 3
 
 
 def test_what_a_file_says_of_the_simulated_imu_does_not_disturb():

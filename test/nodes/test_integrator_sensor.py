@@ -80,7 +80,7 @@ def test_the_description_is_a_parameter_file(start: Any, listener: Any, tmp_path
     file.write_text(first)
     assert load_simulation(load(file)).imu == load_simulation({"imu.preset": "mpu6000"}).imu
     file.write_text(second)
-    assert load_simulation(load(file)).imu.gyroscope_noise_density == (0.25, 0.25, 0.25)
+    assert load_simulation(load(file)).imu.gyroscope.noise_density == (0.25, 0.25, 0.25)
 
 
 def test_several_imus_describe_themselves_each(start: Any, listener: Any) -> None:

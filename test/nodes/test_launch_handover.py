@@ -120,7 +120,7 @@ def test_the_lists_of_a_users_launch_file_reach_the_readings(
     assert listener.wait_for_end(node) == 0, node.output
     given = files.load(tmp_path / "launch_params")
     (simulated,) = simulations(build(SimulatorParameters, layer_simulator(given))).values()
-    assert simulated.imu.gyroscope_bias == (0.01, 0.0, -0.02)
+    assert simulated.imu.gyroscope.bias == (0.01, 0.0, -0.02)
     block = Simulation(simulated).next_block(50)
     live = [
         [m.angular_velocity.x, m.angular_velocity.y, m.angular_velocity.z]

@@ -153,8 +153,8 @@ def test_own_parameters_of_several_imus() -> None:
     built: Any = build(simulator_section(given), layer_simulator(given))
     assert (built.left.rate, built.left.seed, built.left.imu_frame) == (300, 5, "left_imu_link")
     assert (built.right.rate, built.right.seed) == (100, 6)
-    assert built.left.imu.gyroscope_noise_density == (0.015,) * 3
-    assert built.right.imu.gyroscope_noise_density == (0.0,) * 3
+    assert built.left.imu.gyroscope.noise_density == (0.015,) * 3
+    assert built.right.imu.gyroscope.noise_density == (0.0,) * 3
     with pytest.raises(ConfigurationError, match=r"left\.imu\.gyroscope_bandwidth = 150"):
         build(
             simulator_section(given),

@@ -8,7 +8,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from imu_sim_ros.config import ImuParameters, build, load_simulation
+from imu_sim_ros.config import ImuParameters, build, flatten, load_simulation
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.sensor import realised_imu
 from imu_sim_ros.sensor.errors import unit_of_seed
@@ -27,13 +27,13 @@ SIGMAS = {
 def drawn(kind: str, seed: int) -> np.ndarray:
     """Return the numbers that a seed adds to a constant of the gyroscope."""
     imu = build(ImuParameters, {f"gyroscope_{kind}_sigma": SIGMAS[kind]})
-    unit = unit_of_seed(imu, "gyroscope", seed)
-    assert not any(getattr(unit, f"gyroscope_{kind}_sigma"))
+    unit = unit_of_seed(imu.gyroscope, "gyroscope", seed)
+    assert not any(getattr(unit, f"{kind}_sigma"))
     if kind == "misalignment":
-        matrix = np.reshape(unit.gyroscope_scale_misalignment, (3, 3))
+        matrix = np.reshape(unit.scale_misalignment, (3, 3))
         assert np.diag(matrix) == pytest.approx(1.0)
         return matrix[~np.eye(3, dtype=bool)]
-    return np.array(getattr(unit, f"gyroscope_{kind}"))
+    return np.array(getattr(unit, kind))
 
 
 @pytest.mark.parametrize("kind", SIGMAS)
@@ -49,10 +49,10 @@ def test_size_and_sign_differ_from_unit_to_unit(kind: str) -> None:
 
 def test_one_constant_more_changes_no_other() -> None:
     sigmas = {f"accelerometer_{k}_sigma": v for k, v in SIGMAS.items() if k != "g_sensitivity"}
-    every = unit_of_seed(build(ImuParameters, sigmas), "accelerometer", 3)
+    every = unit_of_seed(build(ImuParameters, sigmas).accelerometer, "accelerometer", 3)
     alone = {k: v for k, v in sigmas.items() if "quadratic" in k}
-    one = unit_of_seed(build(ImuParameters, alone), "accelerometer", 3)
-    assert every.accelerometer_quadratic == one.accelerometer_quadratic
+    one = unit_of_seed(build(ImuParameters, alone).accelerometer, "accelerometer", 3)
+    assert every.quadratic == one.quadratic
 
 
 def test_the_realised_sensor_has_the_same_readings() -> None:
@@ -68,7 +68,7 @@ def test_the_realised_sensor_has_the_same_readings() -> None:
         {"imu.preset": "perfect", "trajectory.type": "lecture", "seed": 5, **values}
     )
     fixed = dataclasses.replace(parameters, imu=realised_imu(parameters))
-    assert not any(any(getattr(fixed.imu, name[4:])) for name in values if name.endswith("_sigma"))
+    assert not any(any(flatten(fixed)[name]) for name in values if name.endswith("_sigma"))
     one, two = (Simulation(p).next_block(500) for p in (parameters, fixed))
     assert one.gyro == pytest.approx(two.gyro, abs=1e-12)
     assert one.accel == pytest.approx(two.accel, abs=1e-11)

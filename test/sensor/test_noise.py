@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.integrate import trapezoid
 
-from imu_sim_ros.config.imu import ImuParameters
+from imu_sim_ros.config import ImuParameters, TriadParameters
 from imu_sim_ros.config.parameter import build
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.random_streams import axis_generators, generator
@@ -34,11 +34,12 @@ N = 1_000_000
 SEED = 7
 
 
-def imu(**values: object) -> ImuParameters:
-    return build(ImuParameters, values)
+def gyroscope(**values: object) -> TriadParameters:
+    own = {f"gyroscope_{name}": value for name, value in values.items()}
+    return build(ImuParameters, own).gyroscope
 
 
-def draw(term: Term, parameters: ImuParameters, count: int = N) -> np.ndarray:
+def draw(term: Term, parameters: TriadParameters, count: int = N) -> np.ndarray:
     """Return (3, count) samples, made in blocks."""
     term.configure(parameters)
     values = np.zeros((3, count))
@@ -59,7 +60,7 @@ def allan_variance(values: np.ndarray, samples: int) -> float:
 def test_white_noise(rate: float, triad: str) -> None:
     """Variance sigma^2 / dt (lecture eq. 16); relative deviation of its estimate sqrt(2 / n)."""
     density = np.array([0.01, 0.02, 0.03])
-    parameters = imu(**{f"{triad}_noise_density": density.tolist()})
+    parameters = gyroscope(noise_density=density.tolist())
     noise = draw(WhiteNoise(SEED, triad, 1.0 / rate), parameters)
     assert np.abs(noise.var(axis=1) / (density**2 * rate) - 1.0).max() < 5.0 * np.sqrt(2.0 / N)
     assert np.abs(noise.mean(axis=1) / (density * np.sqrt(rate / N))).max() < 5.0
@@ -81,7 +82,7 @@ def test_white_noise(rate: float, triad: str) -> None:
 def test_random_walk(rate: float, triad: str) -> None:
     """Increments are white with variance sigma_b^2 dt (lecture eq. 20 and 21)."""
     density = np.array([0.01, 0.02, 0.03])
-    parameters = imu(**{f"{triad}_random_walk": density.tolist()})
+    parameters = gyroscope(random_walk=density.tolist())
     walk = draw(RandomWalk(SEED, triad, 1.0 / rate), parameters)
     assert not walk[:, 0].any()
     steps = np.diff(walk, axis=1)
@@ -110,9 +111,7 @@ def test_gauss_markov(rate: float, form: str) -> None:
     """
     tau, sigma = 0.2, 0.05
     strength = sigma if form == "sigma" else sigma * np.sqrt(2.0 / tau)
-    parameters = imu(
-        **{f"gyroscope_gauss_markov_{form}": strength, "gyroscope_correlation_time": tau}
-    )
+    parameters = gyroscope(**{f"gauss_markov_{form}": strength, "correlation_time": tau})
     dt = 1.0 / rate
     values = draw(GaussMarkov(SEED, "gyroscope", dt, parameters), parameters)
     deviation = np.sqrt(2.0 * tau / (3.0 * N * dt))
@@ -135,7 +134,7 @@ def test_gauss_markov(rate: float, form: str) -> None:
 def test_gauss_markov_of_rotors_is_the_driving_density() -> None:
     """RotorS: sigma_bd^2 = sigma_b^2 tau / 2 (1 - exp(-2 dt / tau)) for every step."""
     tau, density, dt = 3.0, 0.02, 0.01
-    parameters = imu(accelerometer_gauss_markov_density=density, accelerometer_correlation_time=tau)
+    parameters = gyroscope(gauss_markov_density=density, correlation_time=tau)
     values = draw(GaussMarkov(SEED, "accelerometer", dt, parameters), parameters)
     steps = values[:, 1:] - np.exp(-dt / tau) * values[:, :-1]
     expected = density**2 * tau / 2.0 * (1.0 - np.exp(-2.0 * dt / tau))
@@ -226,7 +225,7 @@ def test_bias_instability(rate: float) -> None:
     of white noise, so sqrt(3 / pairs) is an upper bound. Half a per cent of ripple comes on top.
     """
     b = 0.02
-    parameters = imu(gyroscope_bias_instability=b)
+    parameters = gyroscope(bias_instability=b)
     values = draw(BiasInstability(SEED, "gyroscope", 1.0 / rate), parameters)
     window = np.hanning(N)
     power = np.abs(np.fft.rfft(window * values, axis=1)) ** 2 / (rate * np.sum(window**2))
@@ -242,9 +241,7 @@ def test_bias_instability(rate: float) -> None:
 
 
 def test_rate_ramp() -> None:
-    ramp = draw(
-        RateRamp("gyroscope", 0.01), imu(gyroscope_rate_ramp=[1e-6, 0.0, -2e-6]), count=100_001
-    )
+    ramp = draw(RateRamp(0.01), gyroscope(rate_ramp=[1e-6, 0.0, -2e-6]), count=100_001)
     assert ramp[:, -1] == pytest.approx([1e-3, 0.0, -2e-3], rel=1e-12)
     # Allan deviation R tau / sqrt(2).
     assert np.sqrt(allan_variance(ramp[[0, 0, 0]], 1000)) == pytest.approx(
@@ -254,7 +251,7 @@ def test_rate_ramp() -> None:
 
 def test_turn_on_bias_and_scale_over_many_runs() -> None:
     """1000 runs of three axes: deviation of the variance sqrt(2 / 3000) of it."""
-    parameters = imu(accelerometer_turn_on_bias_sigma=0.2, accelerometer_turn_on_scale_sigma=0.01)
+    parameters = gyroscope(turn_on_bias_sigma=0.2, turn_on_scale_sigma=0.01)
     runs = [TurnOn(seed, "accelerometer", parameters) for seed in range(1000)]
     biases = np.array([run.bias for run in runs])
     scales = np.array([run.scale for run in runs])

@@ -137,7 +137,7 @@ def test_noise_in_a_bandwidth_is_the_data_sheets(
 def test_a_16_bit_sensor_has_16_bit_codes(preset: str) -> None:
     imu = load_simulation({"imu.preset": preset}).imu
     for triad in TRIADS:
-        step, limit = (getattr(imu, f"{triad}_{name}")[0] for name in ("resolution", "range"))
+        step, limit = (imu.triad(triad).resolution[0], imu.triad(triad).range[0])
         if step and limit:
             assert math.floor(limit / step * (1.0 + 1e-6)) <= 2**15 - 1
 
@@ -155,7 +155,7 @@ def test_every_preset_has_grade_price_class_and_source() -> None:
 def test_grades_are_in_order() -> None:
     """White noise of the gyroscope: consumer, industrial, tactical, navigation."""
     order = ["mpu9250", "mpu6000", "tactical", "icm42688p", "hg4930", "navigation"]
-    noise = [load_simulation({"imu.preset": name}).imu.gyroscope_noise_density[0] for name in order]
+    noise = [load_simulation({"imu.preset": name}).imu.gyroscope.noise_density[0] for name in order]
     assert noise == sorted(noise, reverse=True)
 
 
@@ -168,5 +168,5 @@ def test_a_kalibr_file_is_a_preset(tmp_path: Path) -> None:
     )
     parameters = load_simulation({"imu.preset": str(path)})
     assert parameters.rate == 250.0
-    assert parameters.imu.gyroscope_noise_density == (1e-3, 1e-3, 1e-3)
+    assert parameters.imu.gyroscope.noise_density == (1e-3, 1e-3, 1e-3)
     assert flatten(parameters)["imu.accelerometer_random_walk"] == (2e-4, 2e-4, 2e-4)

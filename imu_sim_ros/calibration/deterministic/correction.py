@@ -14,7 +14,7 @@ from imu_sim_ros.calibration.deterministic.gravity_norm import upper_triangular
 from imu_sim_ros.calibration.deterministic.positions import SixPosition
 from imu_sim_ros.calibration.deterministic.temperature import Temperature, TriadTemperature
 from imu_sim_ros.calibration.deterministic.turntable import Turntable
-from imu_sim_ros.config import ImuParameters, Value, files
+from imu_sim_ros.config import ImuParameters, Value, files, flatten
 from imu_sim_ros.conventions import TRIADS
 
 Array = NDArray[np.float64]
@@ -112,20 +112,15 @@ def _value(name: str, value: Array) -> Value:
 
 def true_parameters(imu: ImuParameters, values: Mapping[str, Calibrated]) -> dict[str, Array]:
     """Return the truth of each calibrated parameter; percent forms are turned into matrices."""
+    given = flatten(imu)
+    for triad in TRIADS:
+        given[f"{triad}_scale_misalignment"] = tuple(imu.triad(triad).response().ravel().tolist())
     result = {}
     for name, found in values.items():
-        truth = np.ravel(np.asarray(getattr(imu, name), dtype=np.float64))
-        if name.endswith("scale_misalignment"):
-            truth = truth + _percent(imu, name.split("_", maxsplit=1)[0])
+        truth = np.ravel(np.asarray(given[name], dtype=np.float64))
         size = max(len(found.value), len(truth))
         result[name] = np.pad(truth, (0, size - len(truth)))
     return result
-
-
-def _percent(imu: ImuParameters, triad: str) -> Array:
-    xy, xz, yx, yz, zx, zy = getattr(imu, f"{triad}_misalignment_percent")
-    x, y, z = getattr(imu, f"{triad}_scale_error_percent")
-    return 0.01 * np.array([x, xy, xz, yx, y, yz, zx, zy, z])
 
 
 def turn_to_upper_triangular(true: dict[str, Array]) -> None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from imu_sim_ros.calibration.noise.analysis import AllanResult
 from imu_sim_ros.calibration.noise.estimate import Estimate
 from imu_sim_ros.calibration.noise.gauss_markov import CORRELATION_TIME, SIGMA
-from imu_sim_ros.config import ImuParameters, load_simulation
+from imu_sim_ros.config import ImuParameters, TriadParameters, load_simulation
 from imu_sim_ros.conventions import TRIADS
 
 Array = NDArray[np.float64]
@@ -43,19 +43,20 @@ def true_noise(imu: ImuParameters, rate: float) -> dict[str, Array]:
 
     :param rate: samples per second [Hz].
     """
+    triads = [_true_noise(imu.triad(name), rate) for name in TRIADS]
+    return {key: np.concatenate([each[key] for each in triads]) for key in triads[0]}
 
-    def both(name: str) -> Array:
-        return np.array([getattr(imu, f"{triad}_{name}") for triad in TRIADS]).reshape(6)
 
-    rounding = both("resolution") ** 2 / (12.0 * rate)
-    correlation_time = both(CORRELATION_TIME)
-    density = both("gauss_markov_density") * np.sqrt(0.5 * correlation_time)
+def _true_noise(triad: TriadParameters, rate: float) -> dict[str, Array]:
+    rounding = np.square(triad.resolution) / (12.0 * rate)
+    correlation_time = np.asarray(triad.correlation_time)
+    density = triad.gauss_markov_density * np.sqrt(0.5 * correlation_time)
     return {
-        "noise_density": np.sqrt(both("noise_density") ** 2 + rounding),
-        "random_walk": both("random_walk"),
-        "bias_instability": both("bias_instability"),
-        "rate_ramp": np.abs(both("rate_ramp")),
-        SIGMA: np.maximum(both(SIGMA), density),
+        "noise_density": np.sqrt(np.square(triad.noise_density) + rounding),
+        "random_walk": np.asarray(triad.random_walk),
+        "bias_instability": np.asarray(triad.bias_instability),
+        "rate_ramp": np.abs(triad.rate_ramp),
+        SIGMA: np.maximum(triad.gauss_markov_sigma, density),
         CORRELATION_TIME: correlation_time,
     }
 

@@ -32,7 +32,7 @@ from numpy.typing import ArrayLike, NDArray
 from imu_sim_ros import rotation
 from imu_sim_ros.navigation.covariance.second_order import SecondOrder
 from imu_sim_ros.navigation.covariance.slow_errors import SlowErrors
-from imu_sim_ros.navigation.noise import Noise
+from imu_sim_ros.navigation.noise import ImuErrors
 from imu_sim_ros.navigation.state import NavigationStates
 
 Array = NDArray[np.float64]
@@ -90,7 +90,7 @@ class Covariance:
     """The covariance of the error state, step by step."""
 
     def __init__(
-        self, noise: Noise, initial: Array | None = None, cross: Array | None = None
+        self, noise: ImuErrors, initial: Array | None = None, cross: Array | None = None
     ) -> None:
         """Start with the covariance of the initial state's error (15, 15); None is no error.
 
@@ -98,12 +98,12 @@ class Covariance:
         """
         self.matrix = np.zeros((SIZE, SIZE)) if initial is None else np.array(initial)
         """(15, 15), to first order."""
-        self._gyro_white = np.square(noise.gyroscope_noise_density)
-        self._accel_white = np.square(noise.accelerometer_noise_density)
-        walks = (noise.gyroscope_random_walk, noise.accelerometer_random_walk)
+        self._gyro_white = np.square(noise.gyroscope.noise_density)
+        self._accel_white = np.square(noise.accelerometer.noise_density)
+        walks = (noise.gyroscope.random_walk, noise.accelerometer.random_walk)
         self._walk = np.square(np.concatenate(walks))
-        self._gyro_rounding = np.square(noise.gyroscope_resolution) / 12.0
-        self._accel_rounding = np.square(noise.accelerometer_resolution) / 12.0
+        self._gyro_rounding = np.square(noise.gyroscope.resolution) / 12.0
+        self._accel_rounding = np.square(noise.accelerometer.resolution) / 12.0
         # White noise of equal axes turns with the body and stays what it is: R w I R^T = w I.
         self._equal_axes = all(
             np.all(white == white[0])
@@ -279,7 +279,7 @@ def _transition_values(
 def propagate(
     states: NavigationStates,
     accel: Array,
-    noise: Noise,
+    noise: ImuErrors,
     initial: Array | Covariance | None = None,
     at: Sequence[int] = (-1,),
 ) -> Array:

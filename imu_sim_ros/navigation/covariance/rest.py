@@ -21,13 +21,13 @@ from imu_sim_ros.navigation.covariance.propagation import (
     GYRO_BIAS,
     Covariance,
 )
-from imu_sim_ros.navigation.noise import Noise
+from imu_sim_ros.navigation.noise import ImuErrors
 
 Array = NDArray[np.float64]
 
 
 def after_rest(
-    noise: Noise,
+    noise: ImuErrors,
     time: float,
     accelerometer_bias: ArrayLike,
     r_wb: Array,
@@ -52,17 +52,17 @@ def after_rest(
     mean, end = slow.over(time)
     gyro, accel = slow.effect[:3], slow.effect[3:]
     # A walk w of density K is off its mean over the rest by K^2 T / 3; E[mean(w) w] = K^2 T / 2.
-    walk = np.square(noise.gyroscope_random_walk) * time
-    white = _mean_of_white(noise.gyroscope_noise_density, noise.gyroscope_resolution, time, rate_hz)
+    walk = np.square(noise.gyroscope.random_walk) * time
+    white = _mean_of_white(noise.gyroscope.noise_density, noise.gyroscope.resolution, time, rate_hz)
     p[GYRO_BIAS, GYRO_BIAS] = np.diag(white + walk / 3.0) + (gyro * mean) @ gyro.T
     slow.cross[GYRO_BIAS] = -gyro * end
-    walk = np.square(noise.accelerometer_random_walk) * time
+    walk = np.square(noise.accelerometer.random_walk) * time
     constant = np.diag(np.broadcast_to(np.square(accelerometer_bias), 3))
     p[ACCEL_BIAS, ACCEL_BIAS] = constant + np.diag(walk)
     if levelled:
         tilt = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]) @ r_wb / -gravity[2]
         white = _mean_of_white(
-            noise.accelerometer_noise_density, noise.accelerometer_resolution, time, rate_hz
+            noise.accelerometer.noise_density, noise.accelerometer.resolution, time, rate_hz
         )
         own = constant + np.diag(white + walk / 3.0) + (accel * mean) @ accel.T
         p[ATTITUDE, ATTITUDE] = tilt @ own @ tilt.T

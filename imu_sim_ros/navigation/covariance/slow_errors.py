@@ -26,8 +26,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.conventions import TRIADS
-from imu_sim_ros.navigation.noise import Noise
+from imu_sim_ros.navigation.noise import ImuErrors
 
 Array = NDArray[np.float64]
 
@@ -40,7 +39,7 @@ _FLICKER_SHARE: Final = np.log(10.0) / np.pi
 class SlowErrors:
     """The vector a, its covariance C with the error of the state, and how it acts on readings."""
 
-    def __init__(self, noise: Noise, size: int) -> None:
+    def __init__(self, noise: ImuErrors, size: int) -> None:
         """Start with errors that the state knows nothing of.
 
         :param size: n, how many numbers the error of the state has; its last six are the biases.
@@ -119,46 +118,42 @@ _Entry = tuple[int, float, float]
 """Axis 0 to 5, gyroscope first; correlation time [s]; standard deviation."""
 
 
-def _gauss_markov(noise: Noise) -> list[_Entry]:
+def _gauss_markov(noise: ImuErrors) -> list[_Entry]:
     """Return the Gauss-Markov biases, whichever of the two ways their strength is given in."""
     entries = []
-    for k, triad in enumerate(TRIADS):
-        tau = getattr(noise, f"{triad}_correlation_time")
+    for k, triad in enumerate(noise):
+        tau = triad.correlation_time
         # The density b drives a stationary variance of b^2 tau / 2.
-        sigma = getattr(noise, f"{triad}_gauss_markov_sigma") + getattr(
-            noise, f"{triad}_gauss_markov_density"
-        ) * np.sqrt(0.5 * tau)
+        sigma = triad.gauss_markov_sigma + triad.gauss_markov_density * np.sqrt(0.5 * tau)
         entries += [(3 * k + i, float(tau[i]), float(sigma[i])) for i in range(3) if sigma[i] > 0]
     return entries
 
 
-def _flicker(noise: Noise) -> list[_Entry]:
+def _flicker(noise: ImuErrors) -> list[_Entry]:
     """Return the processes of the 1/f noise."""
     return [
         (3 * k + i, tau, float(b * np.sqrt(_FLICKER_SHARE)))
-        for k, triad in enumerate(TRIADS)
-        for i, b in enumerate(getattr(noise, f"{triad}_bias_instability"))
+        for k, triad in enumerate(noise)
+        for i, b in enumerate(triad.bias_instability)
         if b > 0
         for tau in FLICKER_CORRELATION_TIMES
     ]
 
 
-def _scales(noise: Noise) -> list[tuple[int, int, float]]:
+def _scales(noise: ImuErrors) -> list[tuple[int, int, float]]:
     """Return what is multiplied by a reading: axis, its input, and the deviation of the factor.
 
     The inputs are the readings 0 to 5, gyroscope first, and their squares 6 to 11: scale and
     misalignment, g-sensitivity, and second-order non-linearity.
     """
     entries = []
-    for k, triad in enumerate(TRIADS):
-        scale = getattr(noise, f"{triad}_turn_on_scale_sigma")
-        cross = getattr(noise, f"{triad}_misalignment_sigma")
-        square = getattr(noise, f"{triad}_quadratic_sigma")
+    for k, triad in enumerate(noise):
+        scale, cross = triad.turn_on_scale_sigma, triad.misalignment_sigma
         for i in range(3):
             axis = 3 * k + i
             for j in range(3):
                 entries.append((axis, 3 * k + j, float(scale[i] if i == j else cross[i])))
-            entries.append((axis, 6 + axis, float(square[i])))
-    for i, sigma in enumerate(noise.gyroscope_g_sensitivity_sigma):
+            entries.append((axis, 6 + axis, float(triad.quadratic_sigma[i])))
+    for i, sigma in enumerate(noise.gyroscope.g_sensitivity_sigma):
         entries += [(i, 3 + j, float(sigma)) for j in range(3)]
     return [entry for entry in entries if entry[2] > 0.0]

@@ -30,7 +30,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.navigation.noise import Noise
+from imu_sim_ros.navigation.noise import ImuErrors
 from imu_sim_ros.navigation.preintegration.intervals import Readings
 
 Array = NDArray[np.float64]
@@ -73,7 +73,7 @@ class Preintegration(NamedTuple):
 
 def preintegrate(
     readings: Readings,
-    noise: Noise | None = None,
+    noise: ImuErrors | None = None,
     gyro_bias: ArrayLike = 0.0,
     accel_bias: ArrayLike = 0.0,
     method: str = "midpoint",
@@ -226,15 +226,15 @@ def _move_rows(
 class _Errors:
     """Jacobian and covariance of B intervals, step by step."""
 
-    def __init__(self, batch: int, noise: Noise | None, period: float, shared: bool) -> None:
+    def __init__(self, batch: int, noise: ImuErrors | None, period: float, shared: bool) -> None:
         self.jacobian = np.tile(np.eye(SIZE), (batch, 1, 1))
         self.covariance = np.zeros((batch, SIZE, SIZE))
         self._noise = noise
         if noise is None:
             return
-        densities = (noise.accelerometer_noise_density, noise.gyroscope_noise_density)
+        densities = (noise.accelerometer.noise_density, noise.gyroscope.noise_density)
         self._white = np.square(np.concatenate(densities)) / period
-        walks = (noise.accelerometer_random_walk, noise.gyroscope_random_walk)
+        walks = (noise.accelerometer.random_walk, noise.gyroscope.random_walk)
         self._walk = np.square(np.concatenate(walks))
         self._diagonal = np.arange(ACCEL_BIAS.start, SIZE)
         self._shared = shared
@@ -299,7 +299,7 @@ def repropagated(
     pre: Preintegration,
     gyro_bias: ArrayLike,
     accel_bias: ArrayLike,
-    noise: Noise | None = None,
+    noise: ImuErrors | None = None,
     method: str = "midpoint",
 ) -> tuple[Preintegration, NDArray[np.bool_]]:
     """Return the intervals with those integrated again whose biases moved far, and which these are.

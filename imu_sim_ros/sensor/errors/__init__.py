@@ -6,9 +6,8 @@
 Imports the leaves, and faults and random streams of the room above.
 """
 
-from imu_sim_ros.sensor.errors.deterministic import TurnOn, scale_misalignment
-from imu_sim_ros.sensor.errors.drawn import unit_of_seed
-from imu_sim_ros.sensor.errors.noise import axis_values
+from imu_sim_ros.sensor.errors.deterministic import TurnOn
+from imu_sim_ros.sensor.errors.drawn import as_matrix, unit_of_seed
 from imu_sim_ros.sensor.errors.temperature import TemperatureProfile
 from imu_sim_ros.sensor.errors.triad import Reading, Triad
 from imu_sim_ros.sensor.errors.variance import accel_variance_discrete, gyro_variance_discrete
@@ -19,8 +18,7 @@ __all__ = [
     "Triad",
     "TurnOn",
     "accel_variance_discrete",
-    "axis_values",
+    "as_matrix",
     "gyro_variance_discrete",
-    "scale_misalignment",
     "unit_of_seed",
 ]

@@ -6,22 +6,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.config import ImuParameters
+from imu_sim_ros.config import TriadParameters
 from imu_sim_ros.random_streams import axis_generators
 from imu_sim_ros.rotation.components import transform
-from imu_sim_ros.sensor.errors.noise import axis_values
 
 Array = NDArray[np.float64]
-
-
-def scale_misalignment(imu: ImuParameters, triad: str) -> Array:
-    """Return S (3, 3) of a triad, given as a matrix or in percent (lecture eq. 7)."""
-    xy, xz, yx, yz, zx, zy = getattr(imu, f"{triad}_misalignment_percent")
-    percent = np.array([[0.0, xy, xz], [yx, 0.0, yz], [zx, zy, 0.0]])
-    percent += np.diag(axis_values(imu, triad, "scale_error_percent"))
-    matrix = axis_values(imu, triad, "scale_misalignment").reshape(3, 3)
-    result: Array = matrix + 0.01 * percent
-    return result
 
 
 class Response:
@@ -30,18 +19,16 @@ class Response:
     G, the g-sensitivity, is the gyroscope's only; f is the ideal specific force.
     """
 
-    def __init__(self, triad: str) -> None:
-        self._triad = triad
+    def __init__(self) -> None:
         self._s = np.eye(3)
         self._quadratic = np.zeros(3)
         self._g = np.zeros((3, 3))
 
-    def configure(self, imu: ImuParameters) -> None:
+    def configure(self, parameters: TriadParameters) -> None:
         """Take the coefficients."""
-        self._s = scale_misalignment(imu, self._triad)
-        self._quadratic = axis_values(imu, self._triad, "quadratic")
-        if self._triad == "gyroscope":
-            self._g = axis_values(imu, self._triad, "g_sensitivity").reshape(3, 3)
+        self._s = parameters.response()
+        self._quadratic = np.asarray(parameters.quadratic)
+        self._g = np.reshape(parameters.g_sensitivity, (3, 3))
 
     def apply(self, ideal: Array, force: Array) -> Array:
         """Return the response (3, n), a new array.
@@ -61,13 +48,12 @@ class Response:
 class ConstantBias:
     """The constant bias."""
 
-    def __init__(self, triad: str) -> None:
-        self._triad = triad
+    def __init__(self) -> None:
         self._bias = np.zeros(3)
 
-    def configure(self, imu: ImuParameters) -> None:
+    def configure(self, parameters: TriadParameters) -> None:
         """Take the bias."""
-        self._bias = axis_values(imu, self._triad, "bias")
+        self._bias = np.asarray(parameters.bias)
 
     def add_to(self, values: Array) -> None:
         """Add n samples to values (3, n)."""
@@ -78,13 +64,12 @@ class ConstantBias:
 class TurnOn:
     """Bias and scale that differ from run to run, drawn from the seed."""
 
-    def __init__(self, seed: int, triad: str, imu: ImuParameters) -> None:
-        self.bias = _drawn(seed, triad, imu, "turn_on_bias")
+    def __init__(self, seed: int, triad: str, parameters: TriadParameters) -> None:
+        self.bias = _normal(seed, f"{triad}.turn_on_bias") * parameters.turn_on_bias_sigma
         """(3,)"""
-        self.scale = _drawn(seed, triad, imu, "turn_on_scale")
+        self.scale = _normal(seed, f"{triad}.turn_on_scale") * parameters.turn_on_scale_sigma
         """(3,) relative."""
 
 
-def _drawn(seed: int, triad: str, imu: ImuParameters, name: str) -> Array:
-    numbers = [s.standard_normal() for s in axis_generators(seed, f"{triad}.{name}")]
-    return np.array(numbers) * axis_values(imu, triad, f"{name}_sigma")
+def _normal(seed: int, name: str) -> Array:
+    return np.array([stream.standard_normal() for stream in axis_generators(seed, name)])

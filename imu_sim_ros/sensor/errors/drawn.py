@@ -4,66 +4,59 @@
 """Constants of a unit that its seed draws: what a data sheet gives as a tolerance."""
 
 import dataclasses
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.config import ImuParameters
+from imu_sim_ros.config import NO_CROSS_AXIS, ZERO_VECTOR, TriadParameters, Vector
 from imu_sim_ros.random_streams import axis_generators
-from imu_sim_ros.sensor.errors.deterministic import scale_misalignment
-from imu_sim_ros.sensor.errors.noise import axis_values
 
 Array = NDArray[np.float64]
 
-_KINDS: Final = (
-    ("temperature_bias", 1),
-    ("temperature_scale", 1),
-    ("misalignment", 2),
-    ("quadratic", 1),
-    ("g_sensitivity", 3),
-)
-"""Names with the numbers that are drawn for each axis."""
 
-
-def unit_of_seed(imu: ImuParameters, triad: str, seed: int) -> ImuParameters:
-    """Return the IMU with the drawn part of each constant added to it and nothing left to draw.
+def unit_of_seed(parameters: TriadParameters, triad: str, seed: int) -> TriadParameters:
+    """Return the triad with the drawn part of each constant added to it and nothing left to draw.
 
     Temperature coefficients, cross-axis terms, non-linearity and g-sensitivity; the turn-on bias
     and scale, which differ from run to run, are :class:`TurnOn`'s. Each constant has a stream of
     its own per axis, so that one more of them changes no other.
 
-    :param triad: whose constants are drawn.
+    :param triad: name of the triad, as in the streams' names.
     """
+    p = parameters
+    constants = {
+        "temperature_bias": (p.temperature_bias, p.temperature_bias_sigma, 1),
+        "temperature_scale": (p.temperature_scale, p.temperature_scale_sigma, 1),
+        "quadratic": (p.quadratic, p.quadratic_sigma, 1),
+        "g_sensitivity": (p.g_sensitivity, p.g_sensitivity_sigma, 3),
+    }
     changed: dict[str, Any] = {}
-    for kind, count in _KINDS:
-        name = f"{triad}_{kind}_sigma"
-        sigma = getattr(imu, name, (0.0,))
+    for kind, (value, sigma, count) in constants.items():
         if any(sigma):
-            streams = axis_generators(seed, f"{triad}.{kind}")
-            drawn = np.array([s.standard_normal(count) for s in streams]) * np.array(sigma)[:, None]
-            changed.update(_added(imu, triad, kind, drawn))
-            changed[name] = np.zeros(3)
-    if not changed:
-        return imu
-    values: dict[str, Any] = {n: tuple(np.ravel(v).tolist()) for n, v in changed.items()}
-    return dataclasses.replace(imu, **values)
+            added = _drawn(seed, f"{triad}.{kind}", sigma, count)
+            sums = np.array(value or ZERO_VECTOR)
+            sums[: added.size] += added.ravel()
+            changed |= {kind: tuple(sums.tolist()), f"{kind}_sigma": ZERO_VECTOR}
+    if any(p.misalignment_sigma):
+        matrix = p.response()
+        added = _drawn(seed, f"{triad}.misalignment", p.misalignment_sigma, 2)
+        matrix[~np.eye(3, dtype=bool)] += added.ravel()
+        changed |= {**as_matrix(matrix), "misalignment_sigma": ZERO_VECTOR}
+    return dataclasses.replace(p, **changed) if changed else p
 
 
-def _added(imu: ImuParameters, triad: str, kind: str, drawn: Array) -> dict[str, Array]:
-    """Return the parameters that hold a constant, with the drawn numbers (3, count) added."""
-    if kind == "misalignment":
-        matrix = scale_misalignment(imu, triad)
-        matrix[~np.eye(3, dtype=bool)] += drawn.ravel()
-        return {
-            f"{triad}_scale_misalignment": matrix,
-            f"{triad}_scale_error_percent": np.zeros(3),
-            f"{triad}_misalignment_percent": np.zeros(6),
-        }
-    name = f"{triad}_{kind}"
-    value = axis_values(imu, triad, kind)
-    if kind.startswith("temperature") and not len(value):
-        value = np.zeros(3)
-    result = value.copy()
-    result[: drawn.size] += drawn.ravel()
-    return {name: result}
+def as_matrix(response: Array) -> dict[str, Any]:
+    """Return the parameters that give S (3, 3) as a matrix, and no part of it in percent."""
+    return {
+        "scale_misalignment": tuple(np.ravel(response).tolist()),
+        "scale_error_percent": ZERO_VECTOR,
+        "misalignment_percent": NO_CROSS_AXIS,
+    }
+
+
+def _drawn(seed: int, name: str, sigma: Vector, count: int) -> Array:
+    """Return count numbers for each axis (3, count)."""
+    numbers = [stream.standard_normal(count) for stream in axis_generators(seed, name)]
+    result: Array = np.array(numbers) * np.array(sigma)[:, None]
+    return result

@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.config import ImuParameters
+from imu_sim_ros.config import TriadParameters
 from imu_sim_ros.random_streams import axis_generators
 from imu_sim_ros.sensor.errors.autoregressive import GaussMarkovBank
 from imu_sim_ros.sensor.errors.flicker import FlickerNoise
@@ -23,29 +23,24 @@ Array = NDArray[np.float64]
 class Term(Protocol):
     """One error of a triad."""
 
-    def configure(self, imu: ImuParameters) -> None:
+    def configure(self, parameters: TriadParameters) -> None:
         """Take the strength that the parameters give, from the next sample on."""
 
     def add_to(self, values: Array) -> None:
         """Add the next n samples to values (3, n)."""
 
 
-def axis_values(imu: ImuParameters, triad: str, name: str) -> Array:
-    """Return a parameter of a triad as (3,)."""
-    return np.asarray(getattr(imu, f"{triad}_{name}"), dtype=np.float64)
-
-
 class WhiteNoise:
     """White noise: ``n_d = sigma / sqrt(dt) w`` (lecture eq. 16)."""
 
     def __init__(self, seed: int, triad: str, dt: float) -> None:
-        self._triad, self._dt = triad, dt
+        self._dt = dt
         self._streams = axis_generators(seed, f"{triad}.white_noise")
         self._sigma = [0.0] * 3
 
-    def configure(self, imu: ImuParameters) -> None:
+    def configure(self, parameters: TriadParameters) -> None:
         """Take the density."""
-        sigma = axis_values(imu, self._triad, "noise_density") / np.sqrt(self._dt)
+        sigma = np.asarray(parameters.noise_density) / np.sqrt(self._dt)
         self._sigma = sigma.tolist()
 
     def add_to(self, values: Array) -> None:
@@ -62,14 +57,14 @@ class RandomWalk:
     """Random walk: ``b_k = b_(k-1) + sigma_b sqrt(dt) w`` (lecture eq. 20 and 21), ``b_0 = 0``."""
 
     def __init__(self, seed: int, triad: str, dt: float) -> None:
-        self._triad, self._dt = triad, dt
+        self._dt = dt
         self._streams = axis_generators(seed, f"{triad}.random_walk")
         self._sigma = [0.0] * 3
         self._state = [0.0] * 3
 
-    def configure(self, imu: ImuParameters) -> None:
+    def configure(self, parameters: TriadParameters) -> None:
         """Take the density; the walk goes on from where it is."""
-        sigma = axis_values(imu, self._triad, "random_walk") * np.sqrt(self._dt)
+        sigma = np.asarray(parameters.random_walk) * np.sqrt(self._dt)
         self._sigma = sigma.tolist()
 
     def add_to(self, values: Array) -> None:
@@ -96,9 +91,8 @@ class GaussMarkov:
     distribution.
     """
 
-    def __init__(self, seed: int, triad: str, dt: float, imu: ImuParameters) -> None:
-        self._triad = triad
-        tau = axis_values(imu, triad, "correlation_time")
+    def __init__(self, seed: int, triad: str, dt: float, parameters: TriadParameters) -> None:
+        tau = np.asarray(parameters.correlation_time)
         # An axis without correlation time has no such bias (that is checked); any time will do.
         tau = np.where(tau > 0.0, tau, 1.0)
         self._root_half_tau = np.sqrt(0.5 * tau)
@@ -107,10 +101,10 @@ class GaussMarkov:
         )
         self._sigma = np.zeros(3)
 
-    def configure(self, imu: ImuParameters) -> None:
+    def configure(self, parameters: TriadParameters) -> None:
         """Take the strength, in whichever of the two forms it is given."""
-        density = axis_values(imu, self._triad, "gauss_markov_density")
-        sigma = axis_values(imu, self._triad, "gauss_markov_sigma")
+        density = np.asarray(parameters.gauss_markov_density)
+        sigma = np.asarray(parameters.gauss_markov_sigma)
         self._sigma = sigma + density * self._root_half_tau
 
     def add_to(self, values: Array) -> None:
@@ -129,13 +123,12 @@ class BiasInstability:
     """
 
     def __init__(self, seed: int, triad: str, dt: float) -> None:
-        self._triad = triad
         self._noise = FlickerNoise(axis_generators(seed, f"{triad}.bias_instability"), dt)
         self._scale = np.zeros(3)
 
-    def configure(self, imu: ImuParameters) -> None:
+    def configure(self, parameters: TriadParameters) -> None:
         """Take B."""
-        self._scale = axis_values(imu, self._triad, "bias_instability")
+        self._scale = np.asarray(parameters.bias_instability)
 
     def add_to(self, values: Array) -> None:
         """Add n samples to values (3, n)."""
@@ -146,15 +139,15 @@ class BiasInstability:
 class RateRamp:
     """Steady drift: ``b = R t``; a new R takes over without a jump."""
 
-    def __init__(self, triad: str, dt: float) -> None:
-        self._triad, self._dt = triad, dt
+    def __init__(self, dt: float) -> None:
+        self._dt = dt
         self._slope = np.zeros(3)
         self._reached = np.zeros(3)
         self._samples = 0
 
-    def configure(self, imu: ImuParameters) -> None:
+    def configure(self, parameters: TriadParameters) -> None:
         """Take the slope; the ramp goes on from where it is."""
-        slope = axis_values(imu, self._triad, "rate_ramp")
+        slope = np.asarray(parameters.rate_ramp)
         if np.array_equal(slope, self._slope):
             return
         self._reached = self._reached + self._slope * (self._samples * self._dt)

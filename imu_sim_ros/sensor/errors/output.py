@@ -9,8 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.config import ImuParameters
-from imu_sim_ros.sensor.errors.noise import axis_values
+from imu_sim_ros.config import TriadParameters
 
 Array = NDArray[np.float64]
 
@@ -34,15 +33,19 @@ class LowPass:
     settled on the first sample.
     """
 
-    def __init__(self, triad: str, imu: ImuParameters, rate: float) -> None:
-        cutoffs = axis_values(imu, triad, "bandwidth")
+    def __init__(self, cutoffs: Array, order: int, rate: float) -> None:
+        """Set up the filters.
+
+        :param cutoffs: (3,) [Hz]; 0: none.
+        :param rate: [Hz] of what is filtered.
+        """
         self._groups: list[_Group] = []
         if cutoffs.any():
             from scipy import signal  # half a second of import that only a low-pass costs
 
             self._filter = signal.sosfilt
             for cutoff in np.unique(cutoffs[cutoffs > 0.0]):
-                sections = signal.butter(imu.bandwidth_order, cutoff, fs=rate, output="sos")
+                sections = signal.butter(order, cutoff, fs=rate, output="sos")
                 axes = np.flatnonzero(cutoffs == cutoff)
                 self._groups.append(_Group(axes, sections, signal.sosfilt_zi(sections)))
 
@@ -64,15 +67,14 @@ _WHOLE: Final = 1.0 + 1e-6
 class Digitiser:
     """Rounding to whole steps, and saturation: at the last whole step within the range."""
 
-    def __init__(self, triad: str) -> None:
-        self._triad = triad
+    def __init__(self) -> None:
         self._range = np.zeros(3)
         self._resolution = np.zeros(3)
 
-    def configure(self, imu: ImuParameters) -> None:
+    def configure(self, parameters: TriadParameters) -> None:
         """Take range and resolution; 0 is none."""
-        self._range = axis_values(imu, self._triad, "range")
-        self._resolution = axis_values(imu, self._triad, "resolution")
+        self._range = np.asarray(parameters.range)
+        self._resolution = np.asarray(parameters.resolution)
 
     def apply(self, values: Array) -> None:
         """Saturate and round values (3, n) in place."""
@@ -96,18 +98,18 @@ class IncrementRounding:
     of IEEE Std 952-1997, C.1.5, with ``Q = step / sqrt(12)``.
     """
 
-    def __init__(self, triad: str, interval: float) -> None:
+    def __init__(self, interval: float) -> None:
         """Start with a sum of 0.
 
         :param interval: nominal time between two samples [s].
         """
-        self._triad, self._interval = triad, interval
+        self._interval = interval
         self._step = [0.0] * 3
         self._sum = [0.0] * 3
 
-    def configure(self, imu: ImuParameters) -> None:
+    def configure(self, parameters: TriadParameters) -> None:
         """Take the steps; 0 is none."""
-        step = axis_values(imu, self._triad, "increment_resolution").tolist()
+        step = np.asarray(parameters.increment_resolution).tolist()
         for k, (old, new) in enumerate(zip(self._step, step, strict=True)):
             if old != new:
                 self._sum[k] = 0.0

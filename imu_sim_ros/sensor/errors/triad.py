@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.config import ImuParameters
+from imu_sim_ros.conventions import Triad as TriadName
 from imu_sim_ros.sensor.errors.deterministic import ConstantBias, Response, TurnOn
 from imu_sim_ros.sensor.errors.drawn import unit_of_seed
 from imu_sim_ros.sensor.errors.noise import (
@@ -37,7 +38,7 @@ class Reading(NamedTuple):
 class Triad:
     """One triad; see the package's docstring for the order of the errors."""
 
-    def __init__(self, triad: str, imu: ImuParameters, seed: int, rate: float) -> None:
+    def __init__(self, triad: TriadName, imu: ImuParameters, seed: int, rate: float) -> None:
         """Set up the errors at their start.
 
         :param rate: samples per second [Hz].
@@ -46,32 +47,33 @@ class Triad:
         internal = rate * self._ratio
         dt = 1.0 / internal
         self._triad, self._seed = triad, seed
-        self._turn_on = TurnOn(seed, triad, imu)
-        self._response = Response(triad)
+        own = imu.triad(triad)
+        self._turn_on = TurnOn(seed, triad, own)
+        self._response = Response()
         self._bias_terms: tuple[Term, ...] = (
-            ConstantBias(triad),
+            ConstantBias(),
             RandomWalk(seed, triad, dt),
-            GaussMarkov(seed, triad, dt, imu),
+            GaussMarkov(seed, triad, dt, own),
             BiasInstability(seed, triad, dt),
-            RateRamp(triad, dt),
+            RateRamp(dt),
         )
         self._white = WhiteNoise(seed, triad, dt)
-        self._low_pass = LowPass(triad, imu, internal)
-        self._digitiser = Digitiser(triad)
-        self._increments = IncrementRounding(triad, 1.0 / rate)
+        self._low_pass = LowPass(np.asarray(own.bandwidth), imu.bandwidth_order, internal)
+        self._digitiser = Digitiser()
+        self._increments = IncrementRounding(1.0 / rate)
         self._last: Array | None = None
         self.configure(imu)
 
     def configure(self, imu: ImuParameters) -> None:
         """Take new values of live parameters, from the next sample on."""
-        imu = unit_of_seed(imu, self._triad, self._seed)
-        self._imu = imu
-        self._response.configure(imu)
+        own = unit_of_seed(imu.triad(self._triad), self._triad, self._seed)
+        self._parameters = own
+        self._response.configure(own)
         for term in self._bias_terms:
-            term.configure(imu)
-        self._white.configure(imu)
-        self._digitiser.configure(imu)
-        self._increments.configure(imu)
+            term.configure(own)
+        self._white.configure(own)
+        self._digitiser.configure(own)
+        self._increments.configure(own)
 
     def read(
         self,
@@ -115,9 +117,7 @@ class Triad:
 
     def _scale(self, temperature_offset: Array) -> Array | None:
         """Return the scale by temperature and turn-on (3, n); None where it is 1."""
-        thermal = polynomial(
-            getattr(self._imu, f"{self._triad}_temperature_scale"), temperature_offset
-        )
+        thermal = polynomial(self._parameters.temperature_scale, temperature_offset)
         if thermal is None and not self._turn_on.scale.any():
             return None
         drawn = (1.0 + self._turn_on.scale)[:, None]
@@ -128,7 +128,7 @@ class Triad:
 
     def _bias(self, first: int, temperature_offset: Array, faults: FaultSchedule) -> Array:
         """Return the sum of all biases (3, n)."""
-        bias = polynomial(getattr(self._imu, f"{self._triad}_temperature_bias"), temperature_offset)
+        bias = polynomial(self._parameters.temperature_bias, temperature_offset)
         if bias is None:
             bias = np.zeros((3, len(temperature_offset)))
         if self._turn_on.bias.any():

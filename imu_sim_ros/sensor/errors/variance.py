@@ -11,8 +11,7 @@ not noise of a sample and are left out.
 
 import numpy as np
 
-from imu_sim_ros.config import ImuParameters, Vector
-from imu_sim_ros.sensor.errors.noise import axis_values
+from imu_sim_ros.config import ImuParameters, TriadParameters, Vector
 from imu_sim_ros.sensor.errors.output import noise_gain
 
 
@@ -21,7 +20,7 @@ def gyro_variance_discrete(imu: ImuParameters, rate: float) -> Vector:
 
     :param rate: samples per second [Hz].
     """
-    return _variance_discrete(imu, "gyroscope", rate)
+    return _variance_discrete(imu, imu.gyroscope, rate)
 
 
 def accel_variance_discrete(imu: ImuParameters, rate: float) -> Vector:
@@ -29,17 +28,16 @@ def accel_variance_discrete(imu: ImuParameters, rate: float) -> Vector:
 
     :param rate: samples per second [Hz].
     """
-    return _variance_discrete(imu, "accelerometer", rate)
+    return _variance_discrete(imu, imu.accelerometer, rate)
 
 
-def _variance_discrete(imu: ImuParameters, triad: str, rate: float) -> Vector:
-    names = ("noise_density", "bandwidth", "resolution", "increment_resolution")
-    density, cutoff, step, increment = (axis_values(imu, triad, name) for name in names)
+def _variance_discrete(imu: ImuParameters, triad: TriadParameters, rate: float) -> Vector:
     internal = rate * float(imu.internal_ratio(rate))
     white = [
         d * d * internal * noise_gain(f, imu.bandwidth_order, internal)
-        for d, f in zip(density, cutoff, strict=True)
+        for d, f in zip(triad.noise_density, triad.bandwidth, strict=True)
     ]
+    step, increment = np.asarray(triad.resolution), np.asarray(triad.increment_resolution)
     rounding = step * step / 12.0 + np.square(increment * rate) / 6.0
     x, y, z = (float(w + r) for w, r in zip(white, rounding, strict=True))
     return (x, y, z)

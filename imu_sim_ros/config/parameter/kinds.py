@@ -1,23 +1,15 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How a parameter is described once and read from anywhere.
-
-A section is a frozen dataclass whose fields are made by the functions below; each field carries its
-unit, range and text. From that one description come the checks, the declaration of ROS parameters,
-the arguments' help and the reference in the documentation. Sections nest; names are joined by dots.
-"""
+"""What is known of a parameter: kind, default, unit, range and text; and how a value is read."""
 
 import dataclasses
-import difflib
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias, TypeVar, cast
+from typing import Any, TypeAlias, cast
 
 import numpy as np
-
-from imu_sim_ros.errors import ConfigurationError
 
 Vector: TypeAlias = tuple[float, float, float]
 Matrix: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
@@ -29,8 +21,8 @@ ZERO_VECTOR: Vector = (0.0, 0.0, 0.0)
 EMPTY_LIST = "[]"
 """An empty list as a string, for ROS, which has no empty list of numbers or strings."""
 
-_T = TypeVar("_T")
-_METADATA = "parameter"
+METADATA = "parameter"
+"""Key of a field's description in the dataclass."""
 
 
 @dataclass(frozen=True)
@@ -88,6 +80,11 @@ class Parameter:
         if self.maximum < math.inf:
             words.append(f"at most {self.maximum:g}")
         return " and ".join(words)
+
+    def worded(self, words: Mapping[str, str]) -> "Parameter":
+        """Return the same with words in the place of ``{word}`` in text and unit."""
+        text, unit = self.text.format_map(words), self.unit.format_map(words)
+        return dataclasses.replace(self, text=text, unit=unit)
 
     def in_range(self, number: float) -> bool:
         """Tell whether a number lies in the parameter's range."""
@@ -193,7 +190,7 @@ _PARSERS: dict[str, Callable[[Parameter, object], Value]] = {
 
 def _field(kind: str, default: Value, text: str, **details: Any) -> Any:
     parameter = Parameter(kind, default, text, **details)
-    return dataclasses.field(default=default, metadata={_METADATA: parameter})
+    return dataclasses.field(default=default, metadata={METADATA: parameter})
 
 
 def number(default: float, text: str, **details: Any) -> Any:
@@ -240,147 +237,3 @@ def numbers(default: tuple[float, ...], text: str, **details: Any) -> Any:
 def texts(default: tuple[str, ...], text: str, **details: Any) -> Any:
     """Describe a list of texts."""
     return _field("texts", default, text, **details)
-
-
-def section(cls: type) -> Any:
-    """Describe a nested section, below the field's name and a dot."""
-    return dataclasses.field(default_factory=cls, metadata={"section": cls})
-
-
-def variant(key: str, default: str, find: Callable[[str], type]) -> Any:
-    """Describe a nested section whose class depends on the text at ``key`` within it.
-
-    :param find: returns the class for a string, or raises ConfigurationError with one line.
-    """
-    return dataclasses.field(
-        default_factory=lambda: find(default)(),
-        metadata={"variant": (key, default, find)},
-    )
-
-
-def parameters(cls: type, values: Mapping[str, object] | None = None) -> dict[str, Parameter]:
-    """Return every parameter of a section by its dotted name.
-
-    :param values: chosen values; they decide which class a variant has.
-    """
-    return dict(_walk(cls, values or {}, ""))
-
-
-def _walk(cls: type, values: Mapping[str, object], prefix: str) -> Iterator[tuple[str, Parameter]]:
-    for field in dataclasses.fields(cls):
-        name = prefix + field.name
-        if _METADATA in field.metadata:
-            yield name, field.metadata[_METADATA]
-        else:
-            yield from _walk(_section_class(field, values, name), values, name + ".")
-
-
-def _section_class(field: Any, values: Mapping[str, object], name: str) -> type:
-    if "section" in field.metadata:
-        return cast(type, field.metadata["section"])
-    key, default, find = field.metadata["variant"]
-    chosen = values.get(f"{name}.{key}", default)
-    return cast(type, find(str(chosen)))
-
-
-def build(cls: type[_T], values: Mapping[str, object]) -> _T:
-    """Return the section with the given values and the defaults of all others.
-
-    :param values: by dotted name, as :func:`imu_sim_ros.config.files.load` returns them.
-    :raises ConfigurationError: with a line for every unknown name and every bad value.
-    """
-    values, problems = _without_bad_variants(cls, values, "")
-    known = parameters(cls, values)
-    problems += [unknown(name, known) for name in values if name not in known]
-    parsed: dict[str, Value] = {}
-    for name, parameter in known.items():
-        try:
-            parsed[name] = parse(name, parameter, values.get(name, parameter.default))
-        except ConfigurationError as error:
-            problems += error.problems
-    if problems:
-        raise ConfigurationError(problems)
-    result = _construct(cls, parsed, values, "")
-    problems = list(_checks(result, ""))
-    if problems:
-        raise ConfigurationError(problems)
-    return result
-
-
-def parse(name: str, parameter: Parameter, value: object) -> Value:
-    """Return the value in the parameter's own type.
-
-    :raises ConfigurationError: with the line that names the parameter and what is allowed.
-    """
-    try:
-        return parameter.parse(value)
-    except (ValueError, TypeError, OverflowError):
-        raise ConfigurationError(
-            f"{name} = {shown(value)}: must be {parameter.allowed()}"
-        ) from None
-
-
-def _without_bad_variants(
-    cls: type, values: Mapping[str, object], prefix: str
-) -> tuple[Mapping[str, object], list[str]]:
-    """Set aside variants whose class cannot be found, so that all else is still checked."""
-    problems: list[str] = []
-    for field in dataclasses.fields(cls):
-        name = prefix + field.name
-        if "variant" not in field.metadata:
-            continue
-        try:
-            _section_class(field, values, name)
-        except ConfigurationError as error:
-            problems += error.problems
-            values = {key: v for key, v in values.items() if not key.startswith(name + ".")}
-    return values, problems
-
-
-def _construct(
-    cls: type[_T], parsed: Mapping[str, Value], values: Mapping[str, object], prefix: str
-) -> _T:
-    arguments: dict[str, object] = {}
-    for field in dataclasses.fields(cast(Any, cls)):
-        name = prefix + field.name
-        if _METADATA in field.metadata:
-            arguments[field.name] = parsed[name]
-        else:
-            nested = _section_class(field, values, name)
-            arguments[field.name] = _construct(nested, parsed, values, name + ".")
-    return cls(**arguments)
-
-
-def _checks(instance: object, prefix: str) -> Iterator[str]:
-    """Collect what the sections' own ``problems(prefix)`` say: rules over several parameters."""
-    own = getattr(instance, "problems", None)
-    if own is not None:
-        yield from own(prefix)
-    for field in dataclasses.fields(cast(Any, instance)):
-        if _METADATA not in field.metadata:
-            yield from _checks(getattr(instance, field.name), f"{prefix}{field.name}.")
-
-
-def flatten(instance: object, prefix: str = "") -> dict[str, Value]:
-    """Return all values of a section by dotted name; :func:`build` of it gives an equal section."""
-    result: dict[str, Value] = {}
-    for field in dataclasses.fields(cast(Any, instance)):
-        value = getattr(instance, field.name)
-        if _METADATA in field.metadata:
-            result[prefix + field.name] = value
-        else:
-            result.update(flatten(value, f"{prefix}{field.name}."))
-    return result
-
-
-def unknown(name: str, known: Mapping[str, object]) -> str:
-    """Return the line for a name that does not exist, with the nearest one that does."""
-    near = difflib.get_close_matches(name, known, n=1)
-    hint = f"did you mean {near[0]}?" if near else "see the parameter reference for all names"
-    return f"{name}: unknown parameter; {hint}"
-
-
-def shown(value: object) -> str:
-    """Return a value as a message shows it, cut where it is long."""
-    words = repr(value)
-    return words if len(words) <= 60 else words[:57] + "..."

@@ -1,0 +1,195 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Sections of parameters: frozen dataclasses that nest, built from values by dotted name."""
+
+import dataclasses
+import difflib
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, TypeVar, cast
+
+from imu_sim_ros.config.parameter.kinds import METADATA, Parameter, Value
+from imu_sim_ros.errors import ConfigurationError
+
+_T = TypeVar("_T")
+
+
+@dataclass(frozen=True)
+class _Nested:
+    """A section within another, see :func:`section`."""
+
+    cls: type
+    joint: str = "."
+    words: Mapping[str, str] | None = None
+    without: Collection[str] = ()
+
+
+def section(
+    cls: type,
+    *,
+    joint: str = ".",
+    words: Mapping[str, str] | None = None,
+    without: Collection[str] = (),
+) -> Any:
+    """Describe a nested section; its parameters' names are the field's, the joint, and their own.
+
+    :param words: what stands in the section's texts and units for ``{word}``.
+    :param without: fields of the section that are no parameters here and keep their default.
+    """
+    nested = _Nested(cls, joint, words, without)
+    return dataclasses.field(default_factory=cls, metadata={"section": nested})
+
+
+def variant(key: str, default: str, find: Callable[[str], type]) -> Any:
+    """Describe a nested section whose class depends on the text at ``key`` within it.
+
+    :param find: returns the class for a string, or raises ConfigurationError with one line.
+    """
+    return dataclasses.field(
+        default_factory=lambda: find(default)(),
+        metadata={"variant": (key, default, find)},
+    )
+
+
+def parameters(cls: type, values: Mapping[str, object] | None = None) -> dict[str, Parameter]:
+    """Return every parameter of a section by its dotted name.
+
+    :param values: chosen values; they decide which class a variant has.
+    """
+    return dict(_walk(cls, values or {}, ""))
+
+
+def _walk(cls: type, values: Mapping[str, object], prefix: str) -> Iterator[tuple[str, Parameter]]:
+    for field in dataclasses.fields(cls):
+        name = prefix + field.name
+        if METADATA in field.metadata:
+            yield name, field.metadata[METADATA]
+            continue
+        nested = _nested(field, values, name)
+        below = name + nested.joint
+        absent = [below + other for other in nested.without]
+        for dotted, parameter in _walk(nested.cls, values, below):
+            if dotted not in absent:
+                yield dotted, parameter.worded(nested.words) if nested.words else parameter
+
+
+def _nested(field: Any, values: Mapping[str, object], name: str) -> _Nested:
+    if "section" in field.metadata:
+        return cast(_Nested, field.metadata["section"])
+    key, default, find = field.metadata["variant"]
+    chosen = values.get(f"{name}.{key}", default)
+    return _Nested(find(str(chosen)))
+
+
+def build(cls: type[_T], values: Mapping[str, object]) -> _T:
+    """Return the section with the given values and the defaults of all others.
+
+    :param values: by dotted name, as :func:`imu_sim_ros.config.files.load` returns them.
+    :raises ConfigurationError: with a line for every unknown name and every bad value.
+    """
+    values, problems = _without_bad_variants(cls, values, "")
+    known = parameters(cls, values)
+    problems += [unknown(name, known) for name in values if name not in known]
+    parsed: dict[str, Value] = {}
+    for name, parameter in known.items():
+        try:
+            parsed[name] = parse(name, parameter, values.get(name, parameter.default))
+        except ConfigurationError as error:
+            problems += error.problems
+    if problems:
+        raise ConfigurationError(problems)
+    result = _construct(cls, parsed, values, "")
+    problems = list(_checks(result, ""))
+    if problems:
+        raise ConfigurationError(problems)
+    return result
+
+
+def parse(name: str, parameter: Parameter, value: object) -> Value:
+    """Return the value in the parameter's own type.
+
+    :raises ConfigurationError: with the line that names the parameter and what is allowed.
+    """
+    try:
+        return parameter.parse(value)
+    except (ValueError, TypeError, OverflowError):
+        raise ConfigurationError(
+            f"{name} = {shown(value)}: must be {parameter.allowed()}"
+        ) from None
+
+
+def _without_bad_variants(
+    cls: type, values: Mapping[str, object], prefix: str
+) -> tuple[Mapping[str, object], list[str]]:
+    """Set aside variants whose class cannot be found, so that all else is still checked."""
+    problems: list[str] = []
+    for field in dataclasses.fields(cls):
+        name = prefix + field.name
+        if "variant" not in field.metadata:
+            continue
+        try:
+            _nested(field, values, name)
+        except ConfigurationError as error:
+            problems += error.problems
+            values = {key: v for key, v in values.items() if not key.startswith(name + ".")}
+    return values, problems
+
+
+def _construct(
+    cls: type[_T], parsed: Mapping[str, Value], values: Mapping[str, object], prefix: str
+) -> _T:
+    arguments: dict[str, object] = {}
+    for field in dataclasses.fields(cast(Any, cls)):
+        name = prefix + field.name
+        if METADATA not in field.metadata:
+            nested = _nested(field, values, name)
+            arguments[field.name] = _construct(nested.cls, parsed, values, name + nested.joint)
+        elif name in parsed:
+            arguments[field.name] = parsed[name]
+    return cls(**arguments)
+
+
+def _checks(instance: object, prefix: str) -> Iterator[str]:
+    """Collect what the sections' own ``problems(prefix)`` say: rules over several parameters."""
+    own = getattr(instance, "problems", None)
+    if own is not None:
+        yield from own(prefix)
+    for field in dataclasses.fields(cast(Any, instance)):
+        if METADATA not in field.metadata:
+            below = f"{prefix}{field.name}{_built(field).joint}"
+            yield from _checks(getattr(instance, field.name), below)
+
+
+def flatten(instance: object, prefix: str = "") -> dict[str, Value]:
+    """Return all values of a section by dotted name; :func:`build` of it gives an equal section."""
+    result: dict[str, Value] = {}
+    for field in dataclasses.fields(cast(Any, instance)):
+        value = getattr(instance, field.name)
+        if METADATA in field.metadata:
+            result[prefix + field.name] = value
+            continue
+        nested = _built(field)
+        below = f"{prefix}{field.name}{nested.joint}"
+        result.update(flatten(value, below))
+        for absent in nested.without:
+            result.pop(below + absent, None)
+    return result
+
+
+def _built(field: Any) -> _Nested:
+    """Return how a section that is built lies within another."""
+    return cast(_Nested, field.metadata.get("section", _Nested(object)))
+
+
+def unknown(name: str, known: Mapping[str, object]) -> str:
+    """Return the line for a name that does not exist, with the nearest one that does."""
+    near = difflib.get_close_matches(name, known, n=1)
+    hint = f"did you mean {near[0]}?" if near else "see the parameter reference for all names"
+    return f"{name}: unknown parameter; {hint}"
+
+
+def shown(value: object) -> str:
+    """Return a value as a message shows it, cut where it is long."""
+    words = repr(value)
+    return words if len(words) <= 60 else words[:57] + "..."
