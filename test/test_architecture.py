@@ -61,10 +61,6 @@ ONLY_IN = {
     "distributed": {"campaign"},
     "pyarrow": {"campaign"},
 }
-LONGEST_FILE = 400
-LONGEST_FUNCTION = 50
-# Rooms that are still to be divided, and how many files they have.
-TOO_LARGE = {"commands": 16}
 LARGEST_ROOM, LONGEST_FILE, LONGEST_FUNCTION = 12, 400, 50
 # Reading a file of poses must not cost what only some commands need.
 HEAVY = {"cv2", "distributed", "pyarrow", "scipy", "matplotlib", "rosbags", "mcap", "rich", "yaml"}
@@ -155,8 +151,8 @@ def test_rooms_are_imported_through_their_door(path):
 @pytest.mark.parametrize("room", [PACKAGE, *rooms()], ids=dotted)
 def test_rooms_are_small_enough_to_live_in(room):
     files = [path.name for path in room.glob("*.py") if path.name != "__init__.py"]
-    allowed = TOO_LARGE.get(room.name, LARGEST_ROOM)
-    assert len(files) <= allowed, f"{len(files)} files on one level: {files}"
+
+    assert len(files) <= LARGEST_ROOM, f"{len(files)} files on one level: {files}"
 
 
 @pytest.mark.parametrize("path", modules(), ids=lambda path: str(path.relative_to(PACKAGE)))

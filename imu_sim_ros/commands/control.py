@@ -8,7 +8,8 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Final
 
-from imu_sim_ros.commands import common, signals
+from imu_sim_ros.commands import common
+from imu_sim_ros.commands.common import signals
 from imu_sim_ros.config import InjectParameters, files, parameters
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import ConfigurationError

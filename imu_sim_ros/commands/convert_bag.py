@@ -24,7 +24,8 @@ from imu_sim_ros.bags.messages import IMU, ODOMETRY
 from imu_sim_ros.bags.text import Dataset
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text import writer as text_writer
-from imu_sim_ros.commands import bag_output, common, shared
+from imu_sim_ros.commands import common, shared
+from imu_sim_ros.commands.shared import bag_output
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.poses import PoseSequence
 

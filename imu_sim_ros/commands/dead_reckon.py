@@ -19,9 +19,11 @@ from numpy.typing import NDArray
 from imu_sim_ros.bags import ImuMessages, Outputs, read_imu
 from imu_sim_ros.bags.messages import ODOMETRY
 from imu_sim_ros.commands import common
-from imu_sim_ros.commands.shared import PICTURES, add_force, outputs
-from imu_sim_ros.commands.tracks import (
+from imu_sim_ros.commands.shared import (
+    PICTURES,
+    add_force,
     has_truth,
+    outputs,
     read_track,
     truth_topic,
     write_states,

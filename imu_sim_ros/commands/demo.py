@@ -14,7 +14,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import IO, Final, NamedTuple
@@ -54,7 +54,7 @@ python -m imu_sim_ros.commands.demo --imu mpu6000 --duration 10s -o flight --for
 def parser() -> argparse.ArgumentParser:
     """Return the command's arguments."""
     result = common.Parser(prog="demo", description=__doc__, examples=EXAMPLES)
-    text = {
+    text: dict[str, tuple[object, Callable[[str], object], str, str]] = {
         "trajectory": ("lecture", str, "NAME|FILE", "the motion"),
         "imu": ("lecture", str, "NAME|FILE", "the sensor"),
         "rate": (200.0, float, "HZ", "samples per second"),

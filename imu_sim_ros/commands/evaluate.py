@@ -15,8 +15,16 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.bags import Outputs
 from imu_sim_ros.commands import common
-from imu_sim_ros.commands.shared import PICTURES, PoseReader, add_force, add_skip_bad_rows, outputs
-from imu_sim_ros.commands.tracks import Track, read_track, truth_topic
+from imu_sim_ros.commands.shared import (
+    PICTURES,
+    PoseReader,
+    Track,
+    add_force,
+    add_skip_bad_rows,
+    outputs,
+    read_track,
+    truth_topic,
+)
 from imu_sim_ros.navigation import (
     ALIGNMENTS,
     AbsoluteErrors,

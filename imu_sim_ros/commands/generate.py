@@ -13,7 +13,8 @@ from typing import Any, Final
 
 from imu_sim_ros.bags import Outputs, ahead, open_writer
 from imu_sim_ros.bags.text import writer as text_writer
-from imu_sim_ros.commands import bag_output, camera_output, common, shared
+from imu_sim_ros.commands import common, shared
+from imu_sim_ros.commands.shared import bag_output, camera_output
 from imu_sim_ros.config import SimulationParameters, simulations
 from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.datasets import (

@@ -7,7 +7,7 @@ import importlib
 import sys
 from typing import Final
 
-from imu_sim_ros.commands import signals
+from imu_sim_ros.commands.common import signals
 
 PROGRAMS: Final = {
     "generate": "parameters in, a bag or a dataset out",

@@ -18,7 +18,8 @@ from pathlib import Path
 
 import pytest
 
-from imu_sim_ros.commands import common, signals
+from imu_sim_ros.commands import common
+from imu_sim_ros.commands.common import signals
 
 COMMANDS = ("allan", "calibrate", "convert_bag", "dead_reckon", "evaluate", "generate")
 STATUS = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGHUP: 129}

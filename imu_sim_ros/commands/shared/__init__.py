@@ -3,8 +3,9 @@
 
 """What several commands share: their outputs and their files of poses, with the arguments.
 
-``side_files`` are what ``generate`` puts beside its output. What is exported is imported when it is
-first used.
+``bag_output`` and ``camera_output`` are what makes a bag or dataset, ``side_files`` what
+``generate`` puts beside it, ``tracks`` trajectories to be compared. Sees every room. What is
+exported is imported when it is first used.
 """
 
 from typing import TYPE_CHECKING
@@ -12,6 +13,8 @@ from typing import TYPE_CHECKING
 from imu_sim_ros.lazy import exported
 
 if TYPE_CHECKING:
+    from imu_sim_ros.commands.shared import bag_output as bag_output
+    from imu_sim_ros.commands.shared import camera_output as camera_output
     from imu_sim_ros.commands.shared.output_arguments import PICTURES as PICTURES
     from imu_sim_ros.commands.shared.output_arguments import add_force as add_force
     from imu_sim_ros.commands.shared.output_arguments import outputs as outputs
@@ -21,12 +24,19 @@ if TYPE_CHECKING:
     from imu_sim_ros.commands.shared.side_files import describe as describe
     from imu_sim_ros.commands.shared.side_files import new_truths as new_truths
     from imu_sim_ros.commands.shared.side_files import write_configs as write_configs
+    from imu_sim_ros.commands.shared.tracks import Track as Track
+    from imu_sim_ros.commands.shared.tracks import has_truth as has_truth
+    from imu_sim_ros.commands.shared.tracks import read_track as read_track
+    from imu_sim_ros.commands.shared.tracks import truth_topic as truth_topic
+    from imu_sim_ros.commands.shared.tracks import write_states as write_states
 else:
     __getattr__, __dir__, __all__ = exported(
         __name__,
         {
+            "": ["bag_output", "camera_output"],
             "output_arguments": ["PICTURES", "add_force", "outputs"],
             "pose_arguments": ["PoseReader", "add_skip_bad_rows"],
             "side_files": ["configs", "describe", "new_truths", "write_configs"],
+            "tracks": ["Track", "has_truth", "read_track", "truth_topic", "write_states"],
         },
     )

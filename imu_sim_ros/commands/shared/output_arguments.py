@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from imu_sim_ros.bags import Outputs
-from imu_sim_ros.commands import signals
+from imu_sim_ros.commands.common import signals
 
 PICTURES: Final = (".png", ".svg", ".pdf")
 """What the name of a picture may end in."""

@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from imu_sim_ros.bags.text import Dataset, writer
-from imu_sim_ros.commands import bag_output, common
+from imu_sim_ros.commands import common
+from imu_sim_ros.commands.shared import bag_output
 from imu_sim_ros.config import (
     SimulatorParameters,
     files,

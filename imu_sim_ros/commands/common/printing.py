@@ -1,0 +1,109 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Results as tables and JSON, and progress."""
+
+import json
+import shutil
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+
+def print_json(result: Mapping[str, Any] | Sequence[Any]) -> None:
+    """Print a result as one JSON object; not-a-number does not exist in JSON and is refused."""
+    print(json.dumps(result, allow_nan=False, default=_plain))
+
+
+def _plain(value: Any) -> Any:
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    if isinstance(value, Path):
+        return str(value)
+    raise TypeError(f"{type(value).__name__} has no JSON form")
+
+
+def print_table(header: Sequence[str], rows: Sequence[Sequence[str]], title: str = "") -> None:
+    """Print an aligned table: the first column to the left, the others to the right.
+
+    On a terminal too narrow for it the columns move together; where that is not enough, each row
+    becomes a block with a line for each column: no number is ever cut.
+    """
+    widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
+    needed = sum(widths) + 3 * len(widths)
+    if sys.stdout.isatty() and needed > (terminal := shutil.get_terminal_size().columns):
+        close = sum(widths) + 2 * (len(widths) - 1) <= terminal
+        print("\n".join((_close if close else stacked)(header, rows, title)))
+        return
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, title=title or None, title_justify="left")
+    for k, name in enumerate(header):
+        table.add_column(name, justify="right" if k else "left", no_wrap=True)
+    for row in rows:
+        table.add_row(*row)
+    # A pipe has no width: every row stays on one line. Units stand in brackets, which are markup to
+    # rich.
+    width = None if sys.stdout.isatty() else max(160, needed + 4)
+    Console(width=width, highlight=False, markup=False).print(table)
+
+
+def _close(header: Sequence[str], rows: Sequence[Sequence[str]], title: str) -> list[str]:
+    """Return a table as lines, two spaces between its columns."""
+    widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
+    lines = [title] if title else []
+    for row in (header, ["\N{BOX DRAWINGS LIGHT HORIZONTAL}" * width for width in widths], *rows):
+        first, *others = row
+        cells = [f"{cell:>{width}}" for cell, width in zip(others, widths[1:], strict=True)]
+        lines.append("  ".join([f"{first:{widths[0]}}", *cells]))
+    return lines
+
+
+def stacked(header: Sequence[str], rows: Sequence[Sequence[str]], title: str = "") -> list[str]:
+    """Return a table as lines: a block for each row, a line for each further column."""
+    width = max((len(name) for name in header[1:]), default=0)
+    lines = [title] if title else []
+    for row in rows:
+        lines.append(f"{header[0]}: {row[0]}" if header[0] else row[0])
+        pairs = zip(header[1:], row[1:], strict=True)
+        lines += [f"  {name:{width}}  {value}" for name, value in pairs]
+    return lines
+
+
+@contextmanager
+def progress(text: str, total: int, quiet: bool = False) -> Iterator[Callable[[int], None]]:
+    """Show a bar with speed and time left on a terminal; yields ``advance(count)``.
+
+    Nothing is shown, and nothing imported, where standard error is not a terminal.
+    """
+    if quiet or not sys.stderr.isatty():
+        yield lambda count: None
+        return
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        TaskProgressColumn,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TaskProgressColumn(),
+        TextColumn("{task.fields[speed]}"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(text, total=total, speed="")
+
+        def advance(count: int) -> None:
+            speed = bar.tasks[0].speed
+            bar.update(task, advance=count, speed=f"{speed / 1e3:,.0f} k/s" if speed else "")
+
+        yield advance

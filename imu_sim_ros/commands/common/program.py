@@ -1,0 +1,151 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A program's parser, its run with the exit status, and what it says of what goes wrong."""
+
+import argparse
+import os
+import sys
+import traceback
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from typing import Any, Final, NoReturn
+
+from imu_sim_ros.commands.common import signals
+from imu_sim_ros.errors import explain
+
+_LONGEST_LINE: Final = 1000
+
+
+class Formatter(argparse.HelpFormatter):
+    """Wraps the description to the terminal and leaves the examples as they are."""
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        if text.startswith("examples:"):
+            return "".join(indent + line for line in text.splitlines(keepends=True))
+        return super()._fill_text(text, width, indent)
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser whose complaint is one line, and that knows ``--debug``."""
+
+    def __init__(self, prog: str | None = None, *, examples: str = "", **options: Any) -> None:
+        """Set up the parser.
+
+        :param examples: command lines, one a line; the help ends with them.
+        """
+        if examples:
+            lines = "".join(f"\n  {line.strip()}" for line in examples.strip().splitlines())
+            options |= {"epilog": "examples:" + lines, "formatter_class": Formatter}
+        if options.get("description"):
+            options["description"] = options["description"].replace("``", "")
+        super().__init__(prog, **options)
+        self.add_argument(
+            "--debug",
+            action="store_true",
+            default=argparse.SUPPRESS,  # a subcommand's default must not hide what stands before it
+            help="show the traceback of an error",
+        )
+
+    def error(self, message: str) -> NoReturn:
+        """Say what is wrong in one line and end with status 2."""
+        self.exit(2, f"{self.prog}: {_shortened(message)} (--help lists the arguments)\n")
+
+
+def examples_of(examples: str, command: str) -> str:
+    """Return the example lines of one subcommand, such as ``calibrate turntable``."""
+    return "\n".join(
+        line for line in examples.splitlines() if f"{line.strip()} ".startswith(command)
+    )
+
+
+def main(
+    parser: Callable[[], argparse.ArgumentParser],
+    command: Callable[[argparse.Namespace], None],
+    argv: Sequence[str] | None = None,
+) -> int:
+    """Run a program: read its arguments, do what it does, tell what went wrong.
+
+    :param command: does the work; raises what goes wrong.
+    :param argv: the command line without the program's name; None: that of the process.
+    :returns: exit status: 0; 2 after a line for each problem of the input; 1 for anything else.
+    :raises SystemExit: for arguments that cannot be read, with status 2, and after ``--help``.
+    """
+    open_standard_streams()
+    made = parser()
+    _complete(made)
+    try:
+        arguments = made.parse_args(argv)
+    except Exception as error:  # an argument that nobody has thought of
+        return _told(made.prog, error, debug=False)
+    return run(made.prog, lambda: command(arguments), getattr(arguments, "debug", False))
+
+
+def _complete(parser: argparse.ArgumentParser) -> None:
+    """Answer the shell's question after a press of tab, where argcomplete is installed."""
+    if "_ARGCOMPLETE" in os.environ:
+        with suppress(ImportError):
+            import argcomplete
+
+            argcomplete.autocomplete(parser)
+
+
+def run(program: str, command: Callable[[], None], debug: bool = False) -> int:
+    """Run a command; return its exit status after printing a line for each problem.
+
+    :param debug: print tracebacks as well.
+    """
+    try:
+        with signals.raised():
+            command()
+        sys.stdout.flush()
+    except BrokenPipeError:  # `| head` closed standard output: nobody reads on
+        _give_up_output()
+        return 1
+    except KeyboardInterrupt as error:
+        for line in error.args or ["nothing was written"]:
+            print(f"{program}: interrupted; {line}", file=sys.stderr)
+        return signals.status()
+    except Exception as error:
+        return _told(program, error, debug)
+    return 0
+
+
+def _told(program: str, error: Exception, debug: bool) -> int:
+    """Print what an error means; return the exit status."""
+    if debug:
+        traceback.print_exception(error)
+    lines, status = explain(error)
+    for line in lines:
+        print(f"{program}: {_shortened(line)}", file=sys.stderr)
+    try:
+        sys.stdout.flush()
+    except OSError:
+        _give_up_output()
+    return status
+
+
+def _shortened(line: str) -> str:
+    """Return a line without what a hostile name may put into it: line ends, control characters."""
+    words = "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in line)
+    if len(words) <= _LONGEST_LINE:
+        return words
+    return f"{words[: _LONGEST_LINE // 2]} ... {words[-_LONGEST_LINE // 2 :]}"
+
+
+def open_standard_streams() -> None:
+    """Let closed standard streams lead nowhere, lest the next file that is opened become one."""
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # the lowest free number is this one
+        if getattr(sys, name) is None:
+            mode = "r+" if number else "r"
+            setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115
+
+
+def _give_up_output() -> None:
+    """Forget what standard output cannot take; the interpreter's end would try again."""
+    with suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
