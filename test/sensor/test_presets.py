@@ -103,11 +103,12 @@ def test_every_noise_density_names_its_convention(preset: str) -> None:
 IN_BANDWIDTH = [
     ("mpu6000", "gyroscope", math.radians(0.005), math.radians(0.05), 100.0),
     ("mpu9250", "gyroscope", math.radians(0.01), math.radians(0.1), 92.0),
-    ("bmi055", "gyroscope", math.radians(0.014), math.radians(0.1), 47.0),
-    ("bno055", "gyroscope", math.radians(0.014), math.radians(0.1), 47.0),
     ("bmi088", "gyroscope", math.radians(0.014), math.radians(0.1), 47.0),
+    ("bmi270", "gyroscope", math.radians(0.007), math.radians(0.0614), 77.0),
+    ("bmi270", "accelerometer", 160e-6 * 9.80665, 1.51e-3 * 9.80665, 89.0),
+    ("icm42688p", "gyroscope", math.radians(0.0028), math.radians(0.028), 100.0),
 ]
-"""Preset, triad, the sheet's D, its RMS (rounded to one digit there) and the bandwidth [Hz]."""
+"""Preset, triad, the sheet's D, its RMS (rounded there) and the bandwidth [Hz]."""
 
 
 @pytest.mark.parametrize(("preset", "triad", "density", "rms", "bandwidth"), IN_BANDWIDTH)
@@ -116,7 +117,8 @@ def test_noise_in_a_bandwidth_is_the_data_sheets(
 ) -> None:
     """What is left of the simulated noise below the bandwidth has the RMS D sqrt(bandwidth).
 
-    300 s at 1 kHz on three axes: 2 * 300 * 47 * 3 coefficients, a standard error of 0.24 % at most.
+    300 s at 1 kHz on three axes: 2 * 300 * 47 * 3 coefficients, a standard error of 0.24 % at
+    most.
     """
     rate, seconds = 1000.0, 300
     without = {"bias_instability": 0.0, "resolution": 0.0, "turn_on_bias_sigma": 0.0}
