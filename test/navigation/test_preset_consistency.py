@@ -18,9 +18,9 @@ from imu_sim_ros.config import files
 from imu_sim_ros.config.integrator import IntegratorParameters, layer_integrator
 from imu_sim_ros.config.parameter import build
 from imu_sim_ros.config.simulation import load_simulation
-from imu_sim_ros.navigation import covariance, initialisation
+from imu_sim_ros.navigation import initialisation
 from imu_sim_ros.navigation.comparison.consistency import anees_band, nees
-from imu_sim_ros.navigation.covariance import propagate
+from imu_sim_ros.navigation.covariance import ATTITUDE, POSITION, VELOCITY, propagate
 from imu_sim_ros.navigation.noise import noise_of
 from imu_sim_ros.navigation.state import NavigationStates
 from imu_sim_ros.navigation.strapdown.dead_reckoning import dead_reckon
@@ -30,9 +30,9 @@ RATE = 200.0
 REST = 10.0
 FIRST_SEED = 1000
 PLACES = {
-    "attitude": covariance.ATTITUDE,
-    "velocity": covariance.VELOCITY,
-    "position": covariance.POSITION,
+    "attitude": ATTITUDE,
+    "velocity": VELOCITY,
+    "position": POSITION,
 }
 PRESETS = [name for name in files.names("imus") if name != "perfect"]
 TRAJECTORIES = ("lecture", "figure_eight")
@@ -55,16 +55,16 @@ def mean_nees(given, trajectory, runs, duration):
             *(x[rest:] for x in (block.t_ns, motion.position, motion.velocity, motion.q_wb))
         )
         gyro, accel = block.gyro, block.accel
-        start = initialisation.from_rest(
-            integrator,
-            gyro[: rest + 1],
-            accel[: rest + 1],
-            position=truth.position[0],
-            yaw=float(rotation.to_euler(truth.q_wb[0])[2]),
-        )
-        if not seed:
+        known = {
+            "position": truth.position[0],
+            "yaw": float(rotation.to_euler(truth.q_wb[0])[2]),
+        }
+        start = initialisation.from_rest(integrator, gyro[: rest + 1], accel[: rest + 1], **known)
+        if not seed:  # what is expected of all runs: along the truth, from the true attitude on
+            ideal = block.ideal_gyro[: rest + 1], block.ideal_accel[: rest + 1]
+            covariance = initialisation.from_rest(integrator, *ideal, **known).covariance
             predicted = propagate(
-                truth, block.ideal_accel[rest:], noise_of(integrator.imu), start.covariance
+                truth, block.ideal_accel[rest:], noise_of(integrator.imu), covariance
             )[0]
         states = dead_reckon(
             truth.t_ns, gyro[rest:], accel[rest:], start.state, correction=start.correction

@@ -60,12 +60,13 @@ def after_rest(
     constant = np.diag(np.broadcast_to(np.square(accelerometer_bias), 3))
     p[ACCEL_BIAS, ACCEL_BIAS] = constant + np.diag(walk)
     if levelled:
-        tilt = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]) @ r_wb / -gravity[2]
+        tilt = _turn_by_bias(r_wb) / -gravity[2]
         white = _mean_of_white(
             noise.accelerometer.noise_density, noise.accelerometer.resolution, time, rate_hz
         )
         own = constant + np.diag(white + walk / 3.0) + (accel * mean) @ accel.T
         p[ATTITUDE, ATTITUDE] = tilt @ own @ tilt.T
+        p[ATTITUDE, ATTITUDE][2, 2] += _coning(p[ATTITUDE, ATTITUDE][:2, :2], r_wb)
         p[ATTITUDE, ACCEL_BIAS] = tilt @ (constant + np.diag(0.5 * walk))
         p[ACCEL_BIAS, ATTITUDE] = p[ATTITUDE, ACCEL_BIAS].T
         slow.cross[ATTITUDE] = tilt @ accel * end
@@ -74,6 +75,35 @@ def after_rest(
         p[ATTITUDE, GYRO_BIAS] = shared
         p[GYRO_BIAS, ATTITUDE] = shared.T
     return Covariance(noise, p, slow.cross)
+
+
+def _turn_by_bias(r_wb: Array) -> Array:
+    """Return (3, 3) the turn of a levelled attitude by a bias of the force, times gravity.
+
+    A bias b along the world's axes turns by ``(-b_y, b_x) / g`` about x and y. The heading that is
+    kept is Euler's: at a pitch theta, a turn t about the horizontal axis ahead turns by
+    ``-t tan(theta)`` about the vertical as well.
+    """
+    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    ahead = r_wb[:2, 0]  # cos(theta) (cos psi, sin psi); r_wb[2, 0] is -sin(theta)
+    turn[2] = r_wb[2, 0] / max(float(ahead @ ahead), 1e-12) * (ahead @ turn[:2])
+    result: Array = turn @ r_wb
+    return result
+
+
+def _coning(tilt: Array, r_wb: Array) -> float:
+    """Return the mean square turn about the vertical, to second order in a level body's tilt.
+
+    Roll and pitch that are wrong by a and b are the rotation ``exp(a x) exp(b y)``, whose vector
+    has ``a b / 2`` about z; of normal a and b the mean of ``(a b)^2`` is ``A B + 2 C^2``.
+
+    :param tilt: (2, 2) covariance about the world's x and y.
+    """
+    heading = np.arctan2(r_wb[1, 0], r_wb[0, 0])
+    cosine, sine = np.cos(heading), np.sin(heading)
+    own = np.array([[cosine, sine], [-sine, cosine]])
+    (a, c), (_, b) = own @ tilt @ own.T
+    return float(0.25 * (a * b + 2.0 * c * c))
 
 
 def _mean_of_white(density: Array, step: Array, time: float, rate_hz: float) -> Array:
