@@ -22,6 +22,8 @@ _NODES = 0.5 + 0.5 * np.sqrt(0.6) * np.array([-1.0, 0.0, 1.0])
 _WEIGHTS = np.array([5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0])
 _MOST_PERIODS: Final = 50.0
 """Of the highest frequency in the interval; they take 170 nodes."""
+_TOGETHER: Final = 2048
+"""Times at which a motion is sampled in one go; a short block has all its nodes in one."""
 _ACCURACY: Final = 1e-6
 """Error of the mean of a sinusoid, over its amplitude."""
 
@@ -114,11 +116,17 @@ class IdealImu:
         :param end: (n,) seconds, not before start.
         :param quadrature: nodes and weights on [0, 1], see :func:`quadrature`.
         """
+        nodes, weights = quadrature
         rate, force = np.zeros((2, 3, len(start)))
-        for node, weight in zip(*quadrature, strict=True):
-            omega, f = self.read(trajectory.sample(start + node * (end - start)))
-            rate += weight * omega
-            force += weight * f
+        together = max(1, _TOGETHER // max(len(start), 1))
+        for first in range(0, len(nodes), together):
+            part = nodes[first : first + together]
+            times = start[:, None] + part * (end - start)[:, None]
+            omega, f = self.read(trajectory.sample(times.ravel()))
+            omega, f = (x.reshape(3, len(start), len(part)) for x in (omega, f))
+            for k, weight in enumerate(weights[first : first + together]):
+                rate += weight * omega[:, :, k]
+                force += weight * f[:, :, k]
         return rate, force
 
 

@@ -3,7 +3,7 @@
 
 """Vibration of the body on top of its motion: sinusoids and band-limited noise, shift and turn."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -18,64 +18,91 @@ _TURNS: Final = 1
 """Names the stream of the turning noise; the shaking noise has the seed's own."""
 
 
-class _Line(NamedTuple):
-    amplitude: float
-    w: float
+_FEW: Final = 64
+"""Times up to which all lines are worked out at once; more are worked out line by line."""
+
+
+class _Lines(NamedTuple):
+    """The lines of one axis, in columns (lines, 1)."""
+
+    amplitude: Array
+    w: Array
     """Angular frequency [rad/s]."""
-    phase: float
+    phase: Array
 
 
 class Lines:
-    """``sum A sin(w t + phase)`` on each of three axes, with integrals and derivative."""
+    """``sum A sin(w t + phase)`` on each of three axes, with integrals and derivative.
+
+    Lines are added one after the other, in the same order for any number of times, so that a sum
+    at a time does not depend on the times beside it.
+    """
 
     def __init__(self, tones: "_Tones", noise: "_Tones") -> None:
-        self._lines = [
-            [
-                _Line(*line)
-                for line in zip(
-                    np.concatenate([tones[0][axis], noise[0][axis]]).tolist(),
-                    np.concatenate([tones[1][axis], noise[1][axis]]).tolist(),
-                    np.concatenate([tones[2][axis], noise[2][axis]]).tolist(),
-                    strict=True,
-                )
-                if line[0] != 0.0
+        self._lines = []
+        for axis in range(_AXES):
+            columns = [
+                np.concatenate([a[axis], b[axis]]) for a, b in zip(tones, noise, strict=True)
             ]
-            for axis in range(_AXES)
-        ]
+            there = columns[0] != 0.0
+            self._lines.append(_Lines(*(column[there][:, None] for column in columns)))
 
     def __bool__(self) -> bool:
         """Tell whether there is any line."""
-        return any(self._lines)
+        return any(len(lines.w) for lines in self._lines)
 
     @property
     def highest_frequency(self) -> float:
         """[Hz]; 0 without lines."""
-        found = [line.w for lines in self._lines for line in lines]
+        found = [float(lines.w.max()) for lines in self._lines if len(lines.w)]
         return max(found, default=0.0) / (2.0 * np.pi)
 
     def with_integrals(self, t: Array) -> tuple[Array, Array, Array]:
         """Return second and first integral, without constants, and the sum (n, 3)."""
-        second, first, value = np.zeros((3, len(t), _AXES))
+        sums = np.zeros((3, len(t), _AXES))
         for axis, lines in enumerate(self._lines):
-            for amplitude, w, phase in lines:
+            for amplitude, w, phase in _groups(lines, len(t)):
                 angle = w * t + phase
                 wave = amplitude * np.sin(angle)
-                value[:, axis] += wave
-                second[:, axis] -= wave / (w * w)
-                first[:, axis] -= (amplitude / w) * np.cos(angle)
+                parts = (-(wave / (w * w)), -((amplitude / w) * np.cos(angle)), wave)
+                for total, part in zip(sums, parts, strict=True):
+                    _add(total[:, axis], part)
+        second, first, value = sums
         return second, first, value
 
     def with_derivative(self, t: Array) -> tuple[Array, Array, Array]:
         """Return the first integral, the sum, and its derivative (n, 3)."""
-        first, value, slope = np.zeros((3, len(t), _AXES))
+        sums = np.zeros((3, len(t), _AXES))
         for axis, lines in enumerate(self._lines):
-            for amplitude, w, phase in lines:
+            for amplitude, w, phase in _groups(lines, len(t)):
                 angle = w * t + phase
-                value[:, axis] += amplitude * np.sin(angle)
                 cosine = np.cos(angle)
-                slope[:, axis] += (amplitude * w) * cosine
-                first[:, axis] -= (amplitude / w) * cosine
+                parts = (
+                    -((amplitude / w) * cosine),
+                    amplitude * np.sin(angle),
+                    (amplitude * w) * cosine,
+                )
+                for total, part in zip(sums, parts, strict=True):
+                    _add(total[:, axis], part)
+        first, value, slope = sums
         return first, value, slope
+
+
+def _groups(lines: _Lines, count: int) -> Iterator[_Lines]:
+    """Yield the lines that are worked out together for so many times."""
+    if count <= _FEW:
+        yield lines
+        return
+    for k in range(len(lines.w)):
+        yield _Lines(*(column[k : k + 1] for column in lines))
+
+
+def _add(total: Array, parts: Array) -> None:
+    """Add rows (lines, n) one after the other to a sum (n,) of none or of the lines before."""
+    if len(parts) == 1:
+        total += parts[0]
+    elif len(parts):
+        total += np.add.accumulate(parts, axis=0)[-1]
 
 
 class Vibration:
