@@ -25,6 +25,7 @@ from imu_sim_ros.calibration.deterministic.turntable import (
     specific_force,
     true_rates,
 )
+from imu_sim_ros.calibration.deterministic.walk_filter import whitened
 from imu_sim_ros.config import files
 from imu_sim_ros.config.imu import ImuParameters
 from imu_sim_ros.config.simulation import load_simulation
@@ -309,3 +310,17 @@ def test_the_correction_makes_dead_reckoning_drift_less():
         for extra in ({}, {"correction": correction})
     ]  # fmt: skip
     assert errors[1] < errors[0] / 30.0
+
+
+def test_a_filter_whitens_as_the_covariances_factor_does():
+    """``L^-1 X`` with ``L L^T = q min(t, t) + sigma^2`` by Cholesky's factor."""
+    rng = np.random.default_rng(5)
+    time = np.concatenate([[0.0, 0.0], np.sort(rng.uniform(1.0, 900.0, 40))])
+    sigma, columns = rng.uniform(0.5, 2.0, 42), rng.standard_normal((42, 3))
+    walks = np.array([0.0, 1e-6, 1e-2, 10.0])
+    found = whitened(columns, time, sigma, walks)
+    for k, walk in enumerate(walks):
+        factor = np.linalg.cholesky(walk * np.minimum.outer(time, time) + np.diag(sigma**2))
+        assert found.columns[k] == pytest.approx(np.linalg.solve(factor, columns), abs=1e-12)
+        determinant = 2.0 * np.sum(np.log(np.diag(factor)))
+        assert found.log_determinant[k] == pytest.approx(determinant, abs=1e-11)

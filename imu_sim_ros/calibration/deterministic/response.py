@@ -13,6 +13,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.calibration.deterministic.walk_filter import whitened
+
 Array = NDArray[np.float64]
 
 _STEPS: Final = 8
@@ -190,25 +192,39 @@ def likely_whitener(data: Observations, columns: Array, alike: Array | None = No
     columns = basis[:, np.abs(np.diag(triangle)) > _DEPENDENT * np.abs(triangle).max()]
     time = np.maximum(data.time, 0.0)
     unit = float(np.median(data.sigma)) ** 2 / max(float(time[-1]), 1e-9)
+    grid = np.linspace(*_LOG_WALKS, _GRID)
     shape = np.minimum.outer(time, time) * unit
     if alike is not None:
         shape = shape * alike
-
-    def objective(log_walk: float) -> float:
-        w, log_determinant = _whitener(data, shape, float(np.exp(log_walk)))
-        wx = w @ columns
-        r = w @ data.readings
-        r = r - wx @ np.linalg.lstsq(wx, r, rcond=None)[0]
-        information = np.linalg.slogdet(wx.T @ wx)[1]
-        return float(0.5 * (log_determinant + information + r @ r))
-
-    grid = np.linspace(*_LOG_WALKS, _GRID)
-    values = np.array([objective(float(x)) for x in grid])
+        values = np.array([_by_matrix(data, columns, shape, float(np.exp(x))) for x in grid])
+    else:
+        order = np.argsort(time, kind="stable")
+        both = np.column_stack([columns, data.readings])[order]
+        found = whitened(both, time[order], data.sigma[order], unit * np.exp(grid))
+        values = np.array(
+            [
+                _restricted(w[:, :-1], w[:, -1], float(log))
+                for w, log in zip(found.columns, found.log_determinant, strict=True)
+            ]
+        )
     # The mean of K^2 under a flat prior in K, not the most likely value: few readings can make a
     # walk look absent, and then every bias would be claimed too sure.
     probability = np.exp(values.min() - values + 0.5 * grid)
     walk = float(np.sum(probability * np.exp(grid)) / np.sum(probability))
     return _whitener(data, shape, walk)[0]
+
+
+def _by_matrix(data: Observations, columns: Array, shape: Array, walk: float) -> float:
+    """Return minus the restricted log-likelihood of a walk that acts on readings as in shape."""
+    w, log_determinant = _whitener(data, shape, walk)
+    return _restricted(w @ columns, w @ data.readings, log_determinant)
+
+
+def _restricted(columns: Array, readings: Array, log_determinant: float) -> float:
+    """Return minus the restricted log-likelihood of whitened columns (n, p) and readings (n,)."""
+    r = readings - columns @ np.linalg.lstsq(columns, readings, rcond=None)[0]
+    information = np.linalg.slogdet(columns.T @ columns)[1]
+    return float(0.5 * (log_determinant + information + r @ r))
 
 
 def _whitener(data: Observations, shape: Array, walk: float) -> tuple[Array, float]:
