@@ -3,7 +3,9 @@
 
 """Allan analysis: coverage and bias over many runs, barely visible walks, speed and memory.
 
-``python test/bench/bench_allan.py [--runs 100] [--only coverage|competing|walks|lecture|speed]``
+Where all terms compete: bench_coverage.py.
+
+``python test/bench/bench_allan.py [--runs 100] [--only coverage|walks|lecture|speed]``
 """
 
 import argparse
@@ -25,7 +27,6 @@ from imu_sim_ros.calibration.noise.truth import compare
 from imu_sim_ros.commands.common import print_table
 from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.sensor.block import ImuBlock
-from imu_sim_ros.sensor.errors.flicker import FlickerNoise
 from imu_sim_ros.simulation import Simulation
 
 HOUR = 3600.0
@@ -98,74 +99,6 @@ def coverage(runs: int) -> None:
                 )
     header = ["2 h at 100 Hz", "truth", "covered", "mean bias", "spread", "bounds only"]
     print_table(header, rows, f"Coverage of 95 % intervals: seeds 0..{runs - 1}, three axes each")
-
-
-COMPETING: dict[str, dict[str, float]] = {
-    "gyroscope": {
-        "quantisation": 1e-5,
-        "noise_density": 1e-3,
-        "bias_instability": 5e-4,
-        "random_walk": 2e-5,
-        "rate_ramp": 1e-6,
-    },
-    "accelerometer": {
-        "quantisation": 1e-4,
-        "noise_density": 1e-2,
-        "bias_instability": 2e-3,
-        "random_walk": 1e-4,
-        "rate_ramp": 1e-5,
-    },
-}
-"""Q, N, B, K and R of a sensor in which all of them can be seen, or nearly."""
-
-
-def exact_flicker(n: int, rng: np.random.Generator, rate: float) -> np.ndarray:
-    """Return n samples of 1/f noise of density 1 / (2 pi f), a quarter of a periodic record."""
-    from scipy.fft import irfft, next_fast_len
-
-    m = next_fast_len(4 * n, real=True)
-    f = np.fft.rfftfreq(m, 1.0 / rate)
-    amplitude = np.zeros(len(f))
-    amplitude[1:] = np.sqrt(rate * m / (4.0 * np.pi * f[1:]))
-    noise = rng.standard_normal(len(f)) + 1j * rng.standard_normal(len(f))
-    return np.asarray(irfft(amplitude * noise, m)[:n])
-
-
-def readings(
-    terms: dict[str, float], n: int, rate: float, rng: np.random.Generator, exact: bool
-) -> np.ndarray:
-    """Return n readings of one axis with the given terms."""
-    dt = 1.0 / rate
-    flicker = exact_flicker(n, rng, rate) if exact else FlickerNoise([rng], dt).next_block(n)[0]
-    angle = np.sqrt(12.0) * rng.uniform(-0.5, 0.5, n + 1)
-    y = terms["noise_density"] * np.sqrt(rate) * rng.standard_normal(n)
-    y += terms["quantisation"] * np.diff(angle) * rate
-    y += terms["bias_instability"] * flicker
-    y += terms["random_walk"] * np.sqrt(dt) * np.cumsum(rng.standard_normal(n))
-    y += terms["rate_ramp"] * dt * np.arange(n)
-    return np.asarray(y)
-
-
-def competing(runs: int, hours: float = 2.0, rate: float = 100.0) -> None:
-    """Print how often intervals hold the truth where all terms compete, or one is missing."""
-    rows = []
-    for triad, terms in COMPETING.items():
-        for exact in (True, False):
-            for missing in (None, *terms):
-                present = {key: 0.0 if key == missing else v for key, v in terms.items()}
-                held = np.zeros(len(terms))
-                for seed in range(runs):
-                    rng = np.random.default_rng([seed, int(exact)])
-                    accumulator = SpectrumAccumulator(rate, 1)
-                    n = int(hours * HOUR * rate)
-                    accumulator.add(readings(present, n, rate, rng, exact)[:, None])
-                    accumulator.end_piece()
-                    found = estimate(accumulator.result(), 0).estimates
-                    held += [found[key].covers(value) for key, value in present.items()]
-                name = f"{triad}, {'exact' if exact else 'our'} 1/f, no {missing or '-'}"
-                rows.append([name, *(f"{100 * share:.0f} %" for share in held / runs)])
-    header = [f"{hours:g} h at {rate:g} Hz", *COMPETING["gyroscope"]]
-    print_table(header, rows, f"Coverage of 95 % intervals where terms compete: {runs} runs each")
 
 
 def walks(runs: int) -> None:
@@ -257,7 +190,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Print the chosen tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=100)
-    parser.add_argument("--only", choices=("coverage", "competing", "walks", "lecture", "speed"))
+    parser.add_argument("--only", choices=("coverage", "walks", "lecture", "speed"))
     arguments = parser.parse_args(argv)
     if arguments.only in (None, "speed"):
         speed()
@@ -267,8 +200,6 @@ def main(argv: Sequence[str] | None = None) -> None:
         walks(max(arguments.runs // 5, 1))
     if arguments.only in (None, "coverage"):
         coverage(arguments.runs)
-    if arguments.only in (None, "competing"):
-        competing(arguments.runs)
 
 
 if __name__ == "__main__":

@@ -182,16 +182,19 @@ def _search(problem: _Problem, ends: _Ends) -> Array:
         outside = np.where(go, further, outside)
         outside_value = np.where(go, _root_of_drop(problem, ends, outside), outside_value)
     at_zero = bounded & (outside_value < 0.0)
+    open_ends = np.flatnonzero(~at_zero)
     for _ in range(_REFINEMENTS):
-        share = np.clip(inside_value / np.minimum(inside_value - outside_value, -1e-9), 0.02, 0.98)
-        x = inside + share * (outside - inside)
-        value = _root_of_drop(problem, ends, x)
-        within = value < 0.0
-        inside, inside_value = np.where(within, x, inside), np.where(within, value, inside_value)
-        outside = np.where(within, outside, x)
-        outside_value = np.where(within, outside_value, value)
-        if np.all((np.abs(value) < _CLOSE) | at_zero):
+        if not len(open_ends):
             break
+        k, low, high = open_ends, inside_value[open_ends], outside_value[open_ends]
+        share = np.clip(low / np.minimum(low - high, -1e-9), 0.02, 0.98)
+        x = inside[k] + share * (outside[k] - inside[k])
+        some = _Ends(ends.term[k], ends.best[k], ends.step[k], ends.drop[k])
+        value = _root_of_drop(problem, some, x)
+        within = value < 0.0
+        inside[k], inside_value[k] = np.where(within, (x, value), (inside[k], low))
+        outside[k], outside_value[k] = np.where(within, (outside[k], high), (x, value))
+        open_ends = k[np.abs(value) >= _CLOSE]
     nearer = np.where(np.abs(inside_value) < np.abs(outside_value), inside, outside)
     result: Array = np.where(at_zero, 0.0, nearer)
     return result

@@ -33,6 +33,8 @@ _ROUNDING: Final = 1e-7
 """Loss of the log-likelihood that is no reason to halve a step."""
 _TOLERANCE: Final = 1e-5
 """Gain of the log-likelihood below which an iteration is the last."""
+_NEGATIVE: Final = 1e-12
+"""Scaled component below zero that is rounding."""
 
 
 class Data(NamedTuple):
@@ -155,23 +157,37 @@ def _without_trend(data: Data, slopes: Array) -> Array:
 def _non_negative(curvature: Array, gradient: Array, free: NDArray[np.bool_]) -> Array:
     """Return (b, p) the minima of ``x H x / 2 - g x`` with x >= 0 and x = 0 where not free.
 
-    Every subset of the few components is solved without the bound; the best feasible one is the
-    solution.
+    Where the minimum without the bound is feasible it is the solution. Elsewhere every subset of
+    the few components is solved without the bound; the best feasible one is the solution.
     """
     size = gradient.shape[1]
     if size == 0:
         return gradient
-    subsets = np.array(list(product([0.0, 1.0], repeat=size)))
     root = np.sqrt(np.einsum("bii->bi", curvature))
     scaled = curvature / (root[:, :, None] * root[:, None, :])
-    inside = subsets * free[:, None, :]  # (b, 2^p, p)
-    blocks = scaled[:, None] * (inside[..., :, None] * inside[..., None, :])
-    blocks += np.eye(size) * (1.0 - inside + 1e-12)[..., None]
-    right = inside * (gradient / root)[:, None, :]
-    x = np.linalg.solve(blocks, right[..., None])[..., 0]
-    value = np.where((x >= -1e-12).all(axis=2), -0.5 * np.sum(x * right, axis=2), np.inf)
-    best = np.argmin(value, axis=1)
-    result: Array = np.maximum(x[np.arange(len(x)), best], 0.0) / root
+    right: Array = free * (gradient / root)
+    x: Array = _restricted_minima(scaled, right, free[:, None, :].astype(np.float64))[:, 0]
+    bound = np.flatnonzero((x < -_NEGATIVE).any(axis=1))
+    if len(bound):
+        subsets = np.array(list(product([0.0, 1.0], repeat=size)))
+        inside = subsets * free[bound, None, :]  # (b, 2^p, p)
+        minima = _restricted_minima(scaled[bound], right[bound], inside)
+        value = -0.5 * np.sum(minima * inside * right[bound, None, :], axis=2)
+        value = np.where((minima >= -_NEGATIVE).all(axis=2), value, np.inf)
+        x[bound] = minima[np.arange(len(bound)), np.argmin(value, axis=1)]
+    result: Array = np.maximum(x, 0.0) / root
+    return result
+
+
+def _restricted_minima(curvature: Array, gradient: Array, inside: Array) -> Array:
+    """Return (b, s, p) the minima over s subsets of components, the others 0.
+
+    :param inside: (b, s, p) 1 for components of the subset.
+    """
+    blocks: Array = curvature[:, None] * (inside[..., :, None] * inside[..., None, :])
+    blocks = blocks + np.eye(inside.shape[2]) * (1.0 - inside + 1e-12)[..., None]
+    right = inside * gradient[:, None, :]
+    result: Array = np.linalg.solve(blocks, right[..., None])[..., 0]
     return result
 
 

@@ -1,0 +1,205 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""How often the 95 % intervals of Allan's terms hold the truth where all five compete.
+
+``python test/bench/bench_coverage.py [--results FILE] [--table]``
+
+Records of one axis with quantisation, white noise, 1/f noise, a random walk and a ramp, or all but
+one of them, go through what ``allan`` does with a spectrum: the choice of the band, then the fit.
+Results are appended to FILE seed by seed, so that a study can be ended and gone on with;
+``--table`` prints what there is. One draw of the five terms serves all twelve sums of them.
+"""
+
+import argparse
+import itertools
+import json
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.calibration.noise.band import usable_band
+from imu_sim_ros.calibration.noise.estimate import KEYS, estimate
+from imu_sim_ros.calibration.noise.spectrum import SpectrumAccumulator
+from imu_sim_ros.commands.common import print_table
+from imu_sim_ros.sensor.errors.flicker import FlickerNoise
+
+Array = NDArray[np.float64]
+
+HOUR: Final = 3600.0
+COMPETING: Final[dict[str, tuple[float, ...]]] = {
+    "gyroscope": (1e-5, 1e-3, 5e-4, 2e-5, 1e-6),
+    "accelerometer": (1e-4, 1e-2, 2e-3, 1e-4, 1e-5),
+}
+"""Q, N, B, K and R of a sensor in which all of them can be seen, or nearly."""
+CUTOFF: Final = 42.0
+"""[Hz] of the low-pass of an accelerometer at 200 Hz."""
+_BLOCK: Final = 1 << 18
+
+
+class Setting(NamedTuple):
+    """One kind of record."""
+
+    hours: float
+    rate: float
+    generator: str
+    """``exact``: 1/f noise by FFT; ``simulator``: by the simulator's filter."""
+    low_pass: bool
+    seeds: int
+
+    @property
+    def name(self) -> str:
+        """What the results are filed under."""
+        form = ", low-pass" if self.low_pass else ""
+        return f"{self.hours:g} h at {self.rate:g} Hz, {self.generator} 1/f{form}"
+
+
+SETTINGS: Final = (
+    Setting(2, 100, "simulator", False, 100),
+    Setting(2, 100, "exact", False, 50),
+    Setting(1, 50, "simulator", False, 50),
+    Setting(1, 50, "exact", False, 50),
+    Setting(4, 50, "simulator", False, 50),
+    Setting(4, 50, "exact", False, 30),
+    Setting(2, 200, "simulator", True, 50),
+    Setting(1, 200, "simulator", False, 30),
+    Setting(1, 1000, "simulator", False, 10),
+    Setting(4, 200, "simulator", False, 10),
+    Setting(4, 1000, "simulator", False, 4),
+)
+
+
+def exact_flicker(n: int, rng: np.random.Generator, rate: float) -> Array:
+    """Return n samples of 1/f noise of density 1 / (2 pi f), a quarter of a periodic record."""
+    from scipy.fft import irfft, next_fast_len
+
+    m = next_fast_len(4 * n, real=True)
+    f = np.fft.rfftfreq(m, 1.0 / rate)
+    amplitude = np.zeros(len(f))
+    amplitude[1:] = np.sqrt(rate * m / (4.0 * np.pi * f[1:]))
+    noise = rng.standard_normal(len(f)) + 1j * rng.standard_normal(len(f))
+    return np.asarray(irfft(amplitude * noise, m)[:n])
+
+
+def unit_terms(setting: Setting, rng: np.random.Generator) -> Iterator[Array]:
+    """Yield blocks (5, n) of readings of Q, N, B, K and R with coefficients of 1."""
+    from scipy.signal import butter, sosfilt, sosfilt_zi
+
+    rate, dt = setting.rate, 1.0 / setting.rate
+    total = round(setting.hours * HOUR * rate)
+    exact = exact_flicker(total, rng, rate) if setting.generator == "exact" else None
+    flicker = FlickerNoise([rng], dt)
+    sections = butter(2, CUTOFF, fs=rate, output="sos") if setting.low_pass else None
+    state, walk, angle = None, 0.0, rng.uniform(-0.5, 0.5)
+    for first in range(0, total, _BLOCK):
+        n = min(_BLOCK, total - first)
+        angles = rng.uniform(-0.5, 0.5, n)
+        y = np.empty((5, n))
+        y[0] = np.sqrt(12.0) * rate * np.diff(angles, prepend=angle)
+        y[1] = np.sqrt(rate) * rng.standard_normal(n)
+        y[2] = exact[first : first + n] if exact is not None else flicker.next_block(n)[0]
+        y[3] = walk + np.sqrt(dt) * np.cumsum(rng.standard_normal(n))
+        y[4] = dt * np.arange(first, first + n)
+        walk, angle = y[3, -1], angles[-1]
+        if sections is not None:  # what the sensor rounds is filtered already
+            if state is None:
+                state = sosfilt_zi(sections)[:, None] * y[1:, :1]
+            y[1:], state = sosfilt(sections, y[1:], zi=state)
+        yield y
+
+
+def sums(setting: Setting) -> dict[str, Array]:
+    """Return by name the coefficients of the sums of terms that are looked at."""
+    result = {}
+    for triad, terms in COMPETING.items():
+        if setting.low_pass and triad == "gyroscope":
+            continue
+        for k in range(-1, len(terms)):
+            present = np.array(terms)
+            if k >= 0:
+                present[k] = 0.0
+            result[f"{triad}, no {'QNBKR'[k]}" if k >= 0 else f"{triad}, all"] = present
+    return result
+
+
+def held(setting: Setting, seed: int) -> Iterator[dict[str, object]]:
+    """Yield for each sum of terms how many of three axes' intervals hold the truth, and values."""
+    wanted = sums(setting)
+    coefficients = np.stack(list(wanted.values()))
+    counts: dict[str, list[int]] = {name: [0] * len(KEYS) for name in wanted}
+    values: dict[str, list[list[float | None]]] = {name: [] for name in wanted}
+    for axis in range(3):
+        rng = np.random.default_rng([seed, axis, setting.generator == "exact"])
+        accumulator = SpectrumAccumulator(setting.rate, len(wanted))
+        for block in unit_terms(setting, rng):
+            accumulator.add((coefficients @ block).T)
+        accumulator.end_piece()
+        spectrum = accumulator.result()
+        for k, (name, truth) in enumerate(wanted.items()):
+            found = estimate(spectrum.rows(usable_band(spectrum, k).used), k).estimates
+            covers = [found[key].covers(t) for key, t in zip(KEYS, truth, strict=True)]
+            counts[name] = [a + int(b) for a, b in zip(counts[name], covers, strict=True)]
+            values[name].append([found[key].value for key in KEYS])
+    for name in wanted:
+        yield {
+            "setting": setting.name,
+            "sum": name,
+            "seed": seed,
+            "held": counts[name],
+            "values": values[name],
+        }
+
+
+def run(results: Path) -> None:
+    """Go through all settings, a tenth of the seeds at a time, and append what is not there yet."""
+    done = {(row["setting"], row["seed"]) for row in rows(results)}
+    for part, setting in itertools.product(range(10), SETTINGS):
+        first, last = (setting.seeds * (part + k) // 10 for k in range(2))
+        for seed in range(first, last):
+            if (setting.name, seed) not in done:
+                lines = "".join(json.dumps(row) + "\n" for row in held(setting, seed))
+                with results.open("a", encoding="utf-8") as file:
+                    file.write(lines)
+
+
+def rows(results: Path) -> list[dict[str, object]]:
+    """Return what there is."""
+    if not results.exists():
+        return []
+    return [json.loads(line) for line in results.read_text(encoding="utf-8").splitlines()]
+
+
+def table(results: Path) -> None:
+    """Print the share of intervals that hold the truth."""
+    counts: dict[tuple[str, str], NDArray[np.int64]] = {}
+    axes: Counter[tuple[str, str]] = Counter()
+    for row in rows(results):
+        key = (str(row["setting"]), str(row["sum"]))
+        counts[key] = counts.get(key, np.zeros(len(KEYS), dtype=np.int64)) + np.array(row["held"])
+        axes[key] += 3
+    order = {setting.name: k for k, setting in enumerate(SETTINGS)}
+    for setting in sorted({key[0] for key in counts}, key=lambda name: order.get(name, 99)):
+        lines = [
+            [name, f"{axes[key]}", *(f"{100 * c / axes[key]:.0f} %" for c in counts[key])]
+            for key, name in ((key, key[1]) for key in counts if key[0] == setting)
+        ]
+        print_table([setting, "axes", *"QNBKR"], lines, "95 % intervals that hold the truth")
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Run what is missing, and print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--results", type=Path, default=Path("coverage.jsonl"))
+    parser.add_argument("--table", action="store_true", help="print what there is, run nothing")
+    arguments = parser.parse_args(argv)
+    if not arguments.table:
+        run(arguments.results)
+    table(arguments.results)
+
+
+if __name__ == "__main__":
+    main()
