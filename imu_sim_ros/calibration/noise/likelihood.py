@@ -184,10 +184,10 @@ def _restricted_minima(curvature: Array, gradient: Array, inside: Array) -> Arra
 
     :param inside: (b, s, p) 1 for components of the subset.
     """
-    blocks: Array = curvature[:, None] * (inside[..., :, None] * inside[..., None, :])
-    blocks = blocks + np.eye(inside.shape[2]) * (1.0 - inside + 1e-12)[..., None]
-    right = inside * gradient[:, None, :]
-    result: Array = np.linalg.solve(blocks, right[..., None])[..., 0]
+    outside = np.eye(inside.shape[2]) * (1.0 - inside + 1e-12)[..., None]
+    blocks = curvature[:, None] * (inside[..., :, None] * inside[..., None, :]) + outside
+    right: Array = inside * gradient[:, None, :]
+    result: Array = np.asarray(np.linalg.solve(blocks, right[..., None])[..., 0], dtype=np.float64)
     return result
 
 
