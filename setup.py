@@ -18,6 +18,7 @@ COMMANDS = (
     "convert_bag",
     "evaluate",
     "campaign",
+    "report",
     "control",
 )
 
@@ -39,7 +40,7 @@ setup(
     license=manifest.findtext("license"),
     python_requires=">=3.10",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
-    package_data={PACKAGE: ["py.typed"]},
+    package_data={PACKAGE: ["py.typed"], f"{PACKAGE}.report": ["assets/*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
@@ -70,7 +71,7 @@ setup(
         "docs": ["myst-parser", "sphinx"],
         "frames": ["pandas"],
         "camera": ["opencv-python-headless>=4.6"],
-        "campaign": ["distributed", "plotly", "pyarrow"],
+        "campaign": ["distributed", "pyarrow"],
         "test": ["pytest", "allantools", "evo", "mcap-ros2-support"],
     },
     zip_safe=False,

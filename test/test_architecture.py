@@ -47,6 +47,7 @@ ROOMS = {
     "campaign": LEAVES
     | {"trajectory", "sensor", "simulation", "topics", "datasets", "bags"}
     | {"navigation", "calibration", "consumers"},
+    "report": LEAVES | {"campaign", "bags", "navigation", "calibration"},
 }
 SEE_EVERYTHING = {"nodes", "commands"}
 ONLY_IN = {

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from imu_sim_ros.campaign.plan import check_plan as check_plan
     from imu_sim_ros.campaign.plan import find_plan as find_plan
     from imu_sim_ros.campaign.plan import load_plan as load_plan
+    from imu_sim_ros.campaign.results import LOG as LOG
+    from imu_sim_ros.campaign.results import TABLE as TABLE
     from imu_sim_ros.campaign.results import Row as Row
     from imu_sim_ros.campaign.results import Store as Store
     from imu_sim_ros.campaign.results import read_results as read_results
@@ -51,7 +53,7 @@ else:
             "cells": ["Cell", "cell_count"],
             "engine": ["Task"],
             "plan": ["Plan", "check_plan", "find_plan", "load_plan"],
-            "results": ["Row", "Store", "read_results", "write_tables"],
+            "results": ["LOG", "TABLE", "Row", "Store", "read_results", "write_tables"],
             "runs": ["CellRuns"],
             "statistics": ["Interval", "quantile", "statistic"],
             "summary": [

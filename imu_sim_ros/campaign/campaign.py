@@ -4,12 +4,17 @@
 """A campaign from its plan to its results."""
 
 import csv
+import json
+import platform
+import re
 from collections import Counter
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
+from importlib import metadata
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
+import imu_sim_ros
 from imu_sim_ros.campaign import engine
 from imu_sim_ros.campaign.cells import Cell
 from imu_sim_ros.campaign.engine import Task
@@ -19,6 +24,7 @@ from imu_sim_ros.campaign.summary import groups, summary_rows
 from imu_sim_ros.config import CommandEstimator
 
 SUMMARY: Final = "summary.csv"
+_NUMBER: Final = re.compile(r"(?<![\w.])\d+(\.\d+)?(e[-+]?\d+)?\b")
 _BUILT_IN_BATCH: Final = 50
 """Seeds in a task: large enough that a cell's covariance is not made often (30 us a sample)."""
 
@@ -106,6 +112,7 @@ def run(
         rows = collect(plan, store)
         write_tables(store.folder, rows, columns(plan))
         write_summary(store.folder, plan, rows)
+        write_versions(store.folder)
     return Outcome(rows, new, len(rows) == plan.run_count)
 
 
@@ -140,9 +147,32 @@ def write_summary(folder: Path, plan: Plan, rows: Sequence[Row]) -> Path:
     return path
 
 
+def write_versions(folder: Path) -> Path:
+    """Write ``versions.json``: what the numbers were made with."""
+    names = ["imu_sim_ros", "numpy", "scipy", "orjson", "rosbags", "mcap", "pyarrow", "distributed"]
+    versions = {"python": platform.python_version(), "machine": platform.platform()}
+    for name in names:
+        with suppress(metadata.PackageNotFoundError):
+            versions[name] = metadata.version(name)
+    path = folder / "versions.json"
+    path.write_text(json.dumps({**versions, "imu_sim_ros": imu_sim_ros.__version__}, indent=1))
+    return path
+
+
 def counts(rows: Sequence[Row]) -> dict[str, int]:
-    """Return how often each status stands in the rows, the most frequent first."""
-    return dict(Counter(str(row["status"]) for row in rows).most_common())
+    """Return how often each status stands in the rows, the most frequent first.
+
+    Statuses that differ in numbers alone are one, with ``...`` for the numbers.
+    """
+    found: dict[str, Counter[str]] = {}
+    for row in rows:
+        status = str(row["status"])
+        found.setdefault(_NUMBER.sub("...", status), Counter())[status] += 1
+    named = {
+        next(iter(alike)) if len(alike) == 1 else name: alike.total()
+        for name, alike in found.items()
+    }
+    return dict(sorted(named.items(), key=lambda item: -item[1]))
 
 
 def embedded(workers: int) -> Engine:

@@ -6,6 +6,7 @@
 import argparse
 import contextlib
 import os
+import shlex
 import shutil
 import sys
 import time
@@ -75,6 +76,7 @@ def parser() -> argparse.ArgumentParser:
         metavar="NAME",
         help="metric of the tables and of --baseline (%(default)s)",
     )
+    result.add_argument("--no-report", action="store_true", help="write no report.html")
     result.add_argument("--check", action="store_true", help="check the plan and say what it runs")
     result.add_argument("--yes", action="store_true", help=f"run {MANY:,} runs or more")
     common.add_output_arguments(result)
@@ -122,6 +124,8 @@ def run(arguments: argparse.Namespace) -> list[str]:
             except KeyboardInterrupt as stop:
                 stop.args = (f"{arguments.output} holds what is done; go on with --resume",)
                 raise
+        if not arguments.no_report:
+            _write_page(arguments)
     wall_s = time.perf_counter() - started
     found = groups(outcome.rows, plan.grid_names)
     if arguments.json:
@@ -135,6 +139,18 @@ def _keep_plan(path: Path, copy: Path) -> None:
     """Put the plan beside its results; the plan itself may lie there."""
     if not (copy.exists() and copy.samefile(path)):
         shutil.copyfile(path, copy)
+
+
+def _write_page(arguments: argparse.Namespace) -> None:
+    """Write report.html, for whoever opens the folder."""
+    from imu_sim_ros.report import campaign_sections, html
+
+    folder = arguments.output
+    title, sections = campaign_sections(folder, "")
+    part = folder / ".report.html.part"
+    command = f"campaign {shlex.quote(arguments.plan)} -o {shlex.quote(str(folder))}"
+    part.write_text(html(title, [f"Made by {command}"], sections), encoding="utf-8")
+    part.replace(folder / "report.html")
 
 
 def _check(arguments: argparse.Namespace, plan: "Plan") -> None:

@@ -17,6 +17,7 @@ PROGRAMS: Final = {
     "allan": "noise parameters from a record at rest",
     "calibrate": "bias, scale, misalignment and temperature",
     "campaign": "many runs of an estimator, and their statistics",
+    "report": "a campaign or bags as one HTML page",
     "control": "a running simulator: pause, step, inject, watch (needs ROS 2)",
 }
 NODES: Final = {
@@ -68,6 +69,11 @@ def evaluate() -> int:
 def campaign() -> int:
     """Run the command; returns its exit status."""
     return _run("campaign")
+
+
+def report() -> int:
+    """Run the command; returns its exit status."""
+    return _run("report")
 
 
 def control() -> int:

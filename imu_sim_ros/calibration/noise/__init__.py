@@ -8,6 +8,7 @@ Imports the leaves and the room above.
 
 from imu_sim_ros.calibration.noise import noise_files, truth
 from imu_sim_ros.calibration.noise.analysis import MODELS, AllanResult, analyse
+from imu_sim_ros.calibration.noise.deviation import Deviation, DeviationAccumulator
 from imu_sim_ros.calibration.noise.estimate import RAMP, Estimate
 from imu_sim_ros.calibration.noise.gauss_markov import CORRELATION_TIME, SIGMA
 from imu_sim_ros.calibration.noise.terms import TERMS, gauss_markov_deviation, ramp_deviation
@@ -21,6 +22,8 @@ __all__ = [
     "SIGMA",
     "TERMS",
     "AllanResult",
+    "Deviation",
+    "DeviationAccumulator",
     "Estimate",
     "analyse",
     "gauss_markov_deviation",

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.commands.shared.side_files import write_configs as write_configs
     from imu_sim_ros.commands.shared.tracks import Track as Track
     from imu_sim_ros.commands.shared.tracks import has_truth as has_truth
+    from imu_sim_ros.commands.shared.tracks import odometry_topics as odometry_topics
     from imu_sim_ros.commands.shared.tracks import read_track as read_track
     from imu_sim_ros.commands.shared.tracks import truth_topic as truth_topic
     from imu_sim_ros.commands.shared.tracks import write_states as write_states
@@ -37,6 +38,13 @@ else:
             "output_arguments": ["PICTURES", "add_force", "outputs"],
             "pose_arguments": ["PoseReader", "add_skip_bad_rows"],
             "side_files": ["configs", "describe", "new_truths", "write_configs"],
-            "tracks": ["Track", "has_truth", "read_track", "truth_topic", "write_states"],
+            "tracks": [
+                "Track",
+                "has_truth",
+                "odometry_topics",
+                "read_track",
+                "truth_topic",
+                "write_states",
+            ],
         },
     )

@@ -1,0 +1,110 @@
+// Copyright 2026 imu_sim_ros maintainers
+// SPDX-License-Identifier: Apache-2.0
+// Elements, numbers in words, axes. Every text gets into the page as text, never as HTML.
+
+const SERIES_COLOURS = 8;
+const DASHES = ["", "6 3", "2 2", "8 3 2 3"];
+
+function element(name, attributes = {}, ...content) {
+  const made = document.createElement(name);
+  for (const [key, value] of Object.entries(attributes)) {
+    if (key.startsWith("on")) made.addEventListener(key.slice(2), value);
+    else if (value !== null && value !== undefined) made.setAttribute(key, value);
+  }
+  made.append(...content.filter((part) => part !== null));
+  return made;
+}
+
+function drawing(name, attributes = {}, text = null) {
+  const made = document.createElementNS("http://www.w3.org/2000/svg", name);
+  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+  if (text !== null) made.textContent = text;
+  return made;
+}
+
+function colour(index) { return `var(--c${index % SERIES_COLOURS})`; }
+function dash(index) { return DASHES[Math.floor(index / SERIES_COLOURS) % DASHES.length]; }
+
+function inWords(value, digits = 4) {
+  if (value === null || value === undefined) return "";
+  if (typeof value !== "number") return String(value);
+  if (Number.isInteger(value) && Math.abs(value) < 1e15) return String(value);
+  const size = Math.abs(value);
+  if (size !== 0 && (size < 1e-3 || size >= 1e6)) {
+    return value.toExponential(digits - 1).replace(/\.?0+e/, "e").replace("e+", "e");
+  }
+  return String(Number(value.toPrecision(digits)));
+}
+
+function extent(values) {
+  let low = Infinity, high = -Infinity;
+  for (const value of values) {
+    if (value === null || value === undefined || !Number.isFinite(value)) continue;
+    if (value < low) low = value;
+    if (value > high) high = value;
+  }
+  return low <= high ? [low, high] : null;
+}
+
+function quantile(sorted, p) {
+  const place = (sorted.length - 1) * p, below = Math.floor(place);
+  const above = Math.min(below + 1, sorted.length - 1);
+  return sorted[below] + (sorted[above] - sorted[below]) * (place - below);
+}
+
+// A scale holds a range of values and where it lies in the drawing.
+class Scale {
+  constructor(range, log, from, to) {
+    this.log = log;
+    this.range = range;
+    this.from = from;
+    this.to = to;
+  }
+  inner(value) { return this.log ? Math.log10(value) : value; }
+  outer(value) { return this.log ? 10 ** value : value; }
+  at(value) {
+    const [low, high] = this.range.map((end) => this.inner(end));
+    return this.from + ((this.inner(value) - low) / (high - low)) * (this.to - this.from);
+  }
+  value(place) {
+    const [low, high] = this.range.map((end) => this.inner(end));
+    return this.outer(low + ((place - this.from) / (this.to - this.from)) * (high - low));
+  }
+  ticks(wanted) {
+    const [low, high] = this.range;
+    if (this.log && Math.log10(high / low) >= 1) return this.decades(low, high, wanted);
+    const rough = (high - low) / Math.max(wanted, 1), power = 10 ** Math.floor(Math.log10(rough));
+    const step = power * [1, 2, 5, 10].find((factor) => factor * power >= rough * 0.999);
+    const found = [];
+    for (let k = Math.ceil(low / step - 1e-9); k * step <= high + step * 1e-9; k++) {
+      found.push(Number((k * step).toPrecision(12)));
+    }
+    return found;
+  }
+  decades(low, high, wanted) {
+    const first = Math.ceil(Math.log10(low) - 1e-9), last = Math.floor(Math.log10(high) + 1e-9);
+    const every = Math.max(1, Math.ceil((last - first + 1) / wanted)), found = [];
+    const factors = last - first < 2 ? [1, 2, 5] : [1];
+    for (let k = first - 1; k <= last; k++) {
+      if ((k - first) % every !== 0) continue;
+      for (const factor of factors) {
+        const tick = Number((factor * 10 ** k).toPrecision(12));
+        if (tick >= low * 0.999 && tick <= high * 1.001) found.push(tick);
+      }
+    }
+    return found;
+  }
+}
+
+function padded(range, log) {
+  if (range === null) return log ? [0.1, 10] : [0, 1];
+  let [low, high] = range;
+  if (log) {
+    if (low === high) return [low / 2, high * 2];
+    const more = (high / low) ** 0.04;
+    return [low / more, high * more];
+  }
+  if (low === high) return [low - (Math.abs(low) || 1) * 0.5, high + (Math.abs(high) || 1) * 0.5];
+  const more = (high - low) * 0.04;
+  return [low - more, high + more];
+}

@@ -1,0 +1,49 @@
+// Copyright 2026 imu_sim_ros maintainers
+// SPDX-License-Identifier: Apache-2.0
+// The page from its content.
+
+const builders = {
+  text: (item) => element("p", { class: item.faint ? "caption" : null }, item.text),
+  code: (item) => element("pre", { tabindex: "0" }, item.text),
+  table: (item) => {
+    const table = new Table(item.columns, { name: item.name, search: item.search });
+    return item.name ? element("div", {}, element("h3", {}, item.name), table.host) : table.host;
+  },
+  plot: (item) => new Plot(item).figure,
+  path: (item) => new Path(item).figure,
+  plots: (item) => element("div", { class: "plots" }, ...item.items.map(built)),
+  campaign: (item) => {
+    const host = element("div");
+    new Campaign(item, host);
+    return host;
+  },
+};
+
+function built(item) {
+  const made = builders[item.kind](item);
+  if (item.wide) made.classList.add("wide");
+  return made;
+}
+
+function theme() {
+  const dark = document.documentElement.dataset.theme
+    ? document.documentElement.dataset.theme === "dark"
+    : matchMedia("(prefers-color-scheme: dark)").matches;
+  document.documentElement.dataset.theme = dark ? "light" : "dark";
+}
+
+function start() {
+  const content = JSON.parse(document.getElementById("content").textContent);
+  const links = document.getElementById("links"), main = document.querySelector("main");
+  content.sections.forEach((section, k) => {
+    const id = `part${k + 1}`;
+    links.append(element("a", { href: `#${id}` }, section.short || section.title));
+    const host = element("section", { id }, element("h2", {}, section.title));
+    main.append(host);  // plots measure their width: they are built in a page that has one
+    for (const item of section.items) host.append(built(item));
+  });
+  links.append(element("button", { type: "button", title: "dark or light", "aria-label": "dark or light", onclick: theme }, "\u25d0"));
+  document.documentElement.dataset.ready = "";
+}
+
+start();

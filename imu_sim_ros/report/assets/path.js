@@ -1,0 +1,111 @@
+// Copyright 2026 imu_sim_ros maintainers
+// SPDX-License-Identifier: Apache-2.0
+// Paths in three dimensions: turned by dragging, drawn without perspective, scaled alike on all axes.
+
+class Path {
+  // spec: {title, series: [{name, x, y, z, colour}]}
+  constructor(spec) {
+    this.spec = spec;
+    this.turn = { azimuth: -0.9, elevation: 0.6, size: 1 };
+    this.hidden = new Set();
+    this.holder = element("div");
+    const tool = (sign, words, action) => element("button", { type: "button", title: words, "aria-label": words, onclick: () => { action(); this.draw(); } }, sign);
+    const look = (azimuth, elevation) => () => Object.assign(this.turn, { azimuth, elevation, size: 1 });
+    this.figure = element("figure", { "data-plot": spec.title },
+      element("div", { class: "head" }, element("h3", {}, spec.title),
+        tool("+", "larger", () => { this.turn.size *= 1.4; }), tool("\u2212", "smaller", () => { this.turn.size /= 1.4; }),
+        tool("top", "from above", look(-Math.PI / 2, Math.PI / 2)), tool("side", "from the side", look(-Math.PI / 2, 0)), tool("\u21ba", "as at first", look(-0.9, 0.6))),
+      this.holder,
+      this.legend = element("div", { class: "legend" }),
+      element("figcaption", { class: "caption" }, "Drag to turn; a click on a name hides its path. A circle is a start, a square an end; metres."));
+    this.pointer();
+    this.drawLegend();
+    new ResizeObserver(() => { if (Math.abs(this.holder.clientWidth - this.width) > 1) this.draw(); }).observe(this.holder);
+  }
+
+  drawLegend() {
+    this.legend.replaceChildren(...this.spec.series.map((one) => {
+      const sign = drawing("svg", { viewBox: "0 0 22 10", "aria-hidden": "true" });
+      sign.append(drawing("line", { x1: 0, x2: 22, y1: 5, y2: 5, stroke: colour(one.colour), "stroke-width": 3, "stroke-dasharray": dash(one.colour) }));
+      const turn = () => { if (!this.hidden.delete(one.name)) this.hidden.add(one.name); this.drawLegend(); };
+      return element("button", { type: "button", "aria-pressed": String(!this.hidden.has(one.name)), onclick: turn }, sign, one.name);
+    }));
+    this.measure();
+    this.draw();
+  }
+
+  shown() { return this.spec.series.filter((one) => !this.hidden.has(one.name)); }
+
+  measure() {
+    this.ends = ["x", "y", "z"].map((axis) => {
+      let range = null;
+      for (const one of this.shown()) {
+        const found = extent(one[axis]);
+        if (found) range = range ? [Math.min(range[0], found[0]), Math.max(range[1], found[1])] : found;
+      }
+      return range || [0, 1];
+    });
+    this.middle = this.ends.map(([low, high]) => (low + high) / 2);
+    this.reach = Math.hypot(...this.ends.map(([low, high]) => high - low)) / 2 || 1;
+  }
+
+  at(x, y, z) {
+    const { azimuth, elevation, size } = this.turn;
+    const [a, b, c] = [x - this.middle[0], y - this.middle[1], z - this.middle[2]];
+    const across = -Math.sin(azimuth) * a + Math.cos(azimuth) * b;
+    const depth = Math.cos(azimuth) * a + Math.sin(azimuth) * b;
+    const up = Math.cos(elevation) * c - Math.sin(elevation) * depth;
+    const scale = (Math.min(this.width, this.height * 1.4) / 2 - 26) * size / this.reach;
+    return [this.width / 2 + across * scale, this.height / 2 - up * scale];
+  }
+
+  draw() {
+    this.width = Math.max(this.holder.clientWidth || 600, 260);
+    this.height = Math.min(460, this.width * 0.8);
+    const svg = drawing("svg", { viewBox: `0 0 ${this.width} ${this.height}`, role: "img", "aria-label": this.spec.title });
+    this.axes(svg);
+    for (const one of this.shown()) {
+      const line = one.x.map((x, k) => this.at(x, one.y[k], one.z[k]).map((value) => value.toFixed(1)).join(" "));
+      const look = { stroke: colour(one.colour), fill: "none", "stroke-width": 1.6, "stroke-dasharray": dash(one.colour) };
+      if (line.length > 1) svg.append(drawing("path", { d: `M${line.join("L")}`, class: "track", ...look }));
+      const [first, last] = [line[0], line[line.length - 1]].map((words) => words.split(" ").map(Number));
+      svg.append(drawing("circle", { cx: first[0], cy: first[1], r: 4, fill: colour(one.colour) }),
+        drawing("rect", { x: last[0] - 3.5, y: last[1] - 3.5, width: 7, height: 7, fill: colour(one.colour) }));
+    }
+    this.holder.replaceChildren(svg);
+    this.figure.dataset.drawn = svg.querySelectorAll("path.track").length;
+  }
+
+  axes(svg) {
+    const [[x0, x1], [y0, y1], [z0, z1]] = this.ends;
+    const line = (a, b) => {
+      const [p, q] = [this.at(...a), this.at(...b)];
+      svg.append(drawing("line", { class: "grid", x1: p[0], y1: p[1], x2: q[0], y2: q[1] }));
+    };
+    for (const x of new Scale([x0, x1], false, 0, 1).ticks(5)) if (x1 > x0) line([x, y0, z0], [x, y1, z0]);
+    for (const y of new Scale([y0, y1], false, 0, 1).ticks(5)) if (y1 > y0) line([x0, y, z0], [x1, y, z0]);
+    line([x0, y0, z0], [x0, y0, z1]);
+    const words = (name, end, ...place) => {
+      const [x, y] = this.at(...place);
+      svg.append(drawing("text", { class: "tick", x, y: y + 4, "text-anchor": "middle" }, `${name} ${inWords(end, 3)}`));
+    };
+    words("x", x1, x1, y0, z0);
+    words("y", y1, x0, y1, z0);
+    words("z", z1, x0, y0, z1);
+  }
+
+  pointer() {
+    let from = null;
+    this.holder.addEventListener("pointerdown", (event) => {
+      from = { x: event.clientX, y: event.clientY, ...this.turn };
+      this.holder.setPointerCapture(event.pointerId);
+    });
+    this.holder.addEventListener("pointermove", (event) => {
+      if (from === null) return;
+      this.turn.azimuth = from.azimuth - (event.clientX - from.x) * 0.01;
+      this.turn.elevation = Math.min(Math.PI / 2, Math.max(-Math.PI / 2, from.elevation + (event.clientY - from.y) * 0.01));
+      this.draw();
+    });
+    for (const end of ["pointerup", "pointercancel"]) this.holder.addEventListener(end, () => { from = null; });
+  }
+}

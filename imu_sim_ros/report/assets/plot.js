@@ -1,0 +1,293 @@
+// Copyright 2026 imu_sim_ros maintainers
+// SPDX-License-Identifier: Apache-2.0
+// A plot: lines, steps, points with error bars, bands, boxes. Drag to zoom, double-click to go back.
+
+const linked = new Map();
+let clips = 0;
+
+class Plot {
+  // spec: {title, x: {label, log}, y: {label, log}, series, link, caption, categories, onpick}
+  constructor(spec) {
+    this.hidden = new Set();
+    this.figure = element("figure", { "data-plot": spec.title });
+    this.tip = element("div", { class: "tip", hidden: "" });
+    this.head = element("div", { class: "head" }, element("h3", {}, spec.title),
+      this.tool("+", "zoom in", () => this.scaled(0.5)),
+      this.tool("\u2212", "zoom out", () => this.scaled(2)),
+      this.tool("\u21ba", "whole range", () => this.zoom(null, null)));
+    this.holder = element("div");
+    this.legend = element("div", { class: "legend" });
+    this.figure.append(this.head, this.holder, this.legend);
+    if (spec.caption) this.figure.append(element("figcaption", { class: "caption" }, spec.caption));
+    this.figure.append(this.tip);
+    if (spec.link) {
+      if (!linked.has(spec.link)) linked.set(spec.link, new Set());
+      linked.get(spec.link).add(this);
+    }
+    this.show(spec);
+    new ResizeObserver(() => {
+      const width = this.holder.clientWidth;
+      if (width && Math.abs(width - this.width) > 1) this.draw();
+    }).observe(this.holder);
+  }
+
+  tool(sign, words, action) {
+    return element("button", { type: "button", title: words, "aria-label": words, onclick: action }, sign);
+  }
+
+  show(spec) {
+    this.spec = spec;
+    this.head.firstChild.textContent = spec.title;
+    this.rangeX = this.rangeY = null;
+    this.drawLegend();
+    this.draw();
+  }
+
+  shown() { return this.spec.series.filter((one) => !this.hidden.has(one.name)); }
+
+  drawLegend() {
+    const named = this.spec.series.filter((one) => one.name && !one.unlisted);
+    this.legend.replaceChildren(...(named.length > 1 || this.spec.legend ? named : []).map((one) => {
+      const sign = drawing("svg", { viewBox: "0 0 22 10", "aria-hidden": "true" });
+      const look = { stroke: colour(one.colour), "stroke-width": 3, "stroke-dasharray": dash(one.colour) };
+      sign.append(one.mode === "points" || one.mode === "bars"
+        ? drawing("circle", { cx: 11, cy: 5, r: 4, fill: colour(one.colour) })
+        : drawing("line", { x1: 0, x2: 22, y1: 5, y2: 5, ...look }));
+      const button = element("button", { type: "button", "aria-pressed": String(!this.hidden.has(one.name)) }, sign, one.name);
+      button.addEventListener("click", () => {
+        if (!this.hidden.delete(one.name)) this.hidden.add(one.name);
+        this.drawLegend();
+        this.draw();
+      });
+      return button;
+    }));
+  }
+
+  usable(axis) {
+    const all = [];
+    for (const one of this.shown()) {
+      for (const key of axis === "x" ? ["x"] : ["y", "low", "high"]) {
+        for (const value of one[key] || []) if (!this.spec[axis].log || value > 0) all.push(value);
+      }
+      if (axis === "x" && one.boxes) for (const box of one.boxes) all.push(box.low, box.high);
+    }
+    return all;
+  }
+
+  ranges() {
+    const { x, y, categories } = this.spec;
+    const wholeX = padded(extent(this.usable("x")), x.log);
+    const wholeY = categories ? [categories.length - 0.5, -0.5] : y.range || padded(extent(this.usable("y")), y.log);
+    return [this.rangeX || wholeX, this.rangeY || wholeY];
+  }
+
+  draw() {
+    const { spec } = this;
+    const width = this.width = Math.max(this.holder.clientWidth || 600, 260);
+    const rows = spec.categories ? spec.categories.length : 0;
+    const height = this.height = rows ? 60 + rows * 22 : Math.min(340, 160 + width * 0.3);
+    const longest = rows ? Math.min(width * 0.42, 12 + 6.4 * Math.max(...spec.categories.map((name) => name.length))) : 62;
+    this.box = { left: longest, right: width - 12, top: 8, bottom: height - 42 };
+    const [rangeX, rangeY] = this.ranges();
+    this.sx = new Scale(rangeX, spec.x.log, this.box.left, this.box.right);
+    this.sy = new Scale(rangeY, Boolean(spec.y && spec.y.log), this.box.bottom, this.box.top);
+    const svg = this.svg = drawing("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": spec.title });
+    this.axes(svg, longest);
+    const clip = `clip${clips++}`;
+    const path = drawing("clipPath", { id: clip });
+    const { left, right, top, bottom } = this.box;
+    path.append(drawing("rect", { x: left, y: top, width: right - left, height: bottom - top }));
+    const marks = drawing("g", { "clip-path": `url(#${clip})` });
+    this.taken = [];
+    for (const one of this.shown()) this.series(marks, one);
+    svg.append(path, marks, drawing("rect", { class: "frame", x: left, y: top, width: right - left, height: bottom - top }));
+    this.pointer(svg);
+    this.holder.replaceChildren(svg);
+    Object.assign(this.figure.dataset, { drawn: marks.childElementCount, x0: rangeX[0], x1: rangeX[1] });
+  }
+
+  axes(svg, margin) {
+    const { left, right, top, bottom } = this.box, { spec } = this;
+    for (const tick of this.sx.ticks(Math.max(2, Math.floor((right - left) / 90)))) {
+      const x = this.sx.at(tick);
+      svg.append(drawing("line", { class: "grid", x1: x, x2: x, y1: top, y2: bottom }),
+        drawing("text", { class: "tick", x, y: bottom + 16, "text-anchor": "middle" }, inWords(tick)));
+    }
+    svg.append(drawing("text", { x: (left + right) / 2, y: bottom + 34, "text-anchor": "middle" }, spec.x.label));
+    if (spec.categories) {
+      spec.categories.forEach((name, k) => {
+        const room = Math.floor((margin - 10) / 6.2);
+        const words = name.length > room ? `${name.slice(0, room - 1)}\u2026` : name;
+        const text = drawing("text", { x: left - 6, y: this.sy.at(k) + 4, "text-anchor": "end" }, words);
+        text.append(drawing("title", {}, name));
+        svg.append(text);
+      });
+      return;
+    }
+    for (const tick of this.sy.ticks(Math.max(2, Math.floor((bottom - top) / 45)))) {
+      const y = this.sy.at(tick);
+      svg.append(drawing("line", { class: "grid", x1: left, x2: right, y1: y, y2: y }),
+        drawing("text", { class: "tick", x: left - 6, y: y + 4, "text-anchor": "end" }, inWords(tick, 3)));
+    }
+    const middle = (top + bottom) / 2;
+    svg.append(drawing("text", { x: 12, y: middle, transform: `rotate(-90 12 ${middle})`, "text-anchor": "middle" }, spec.y.label));
+  }
+
+  place(one, k, key = "y") {
+    const x = one.x[k], y = one[key][k];
+    if (x === null || y === null || x === undefined || y === undefined) return null;
+    if ((this.spec.x.log && x <= 0) || (this.spec.y.log && y <= 0)) return null;
+    return [this.sx.at(x), this.sy.at(y)];
+  }
+
+  series(marks, one) {
+    const look = { stroke: colour(one.colour), "stroke-dasharray": dash(one.colour), fill: "none", "stroke-width": one.thin ? 1 : 1.6 };
+    if (one.boxes) return this.boxes(marks, one);
+    if (one.low && one.mode !== "bars") this.band(marks, one);
+    if (one.mode === "points" || one.mode === "bars") return this.points(marks, one);
+    if (!one.y) return;
+    let path = "", before = null;
+    for (let k = 0; k < one.x.length; k++) {
+      const at = this.place(one, k);
+      if (at === null) { before = null; continue; }
+      const [x, y] = at.map((value) => value.toFixed(1));
+      if (before === null) path += `M${x} ${y}`;
+      else path += one.mode === "step" ? `H${x}V${y}` : `L${x} ${y}`;
+      before = at;
+    }
+    if (path) marks.append(drawing("path", { d: path, ...look }));
+  }
+
+  band(marks, one) {
+    const up = [], down = [];
+    for (let k = 0; k < one.x.length; k++) {
+      const high = this.place(one, k, "high"), low = this.place(one, k, "low");
+      if (high === null || low === null) continue;
+      up.push(high.map((value) => value.toFixed(1)).join(" "));
+      down.unshift(low.map((value) => value.toFixed(1)).join(" "));
+    }
+    if (up.length > 1) marks.append(drawing("path", { d: `M${[...up, ...down].join("L")}Z`, fill: colour(one.colour), "fill-opacity": 0.18 }));
+  }
+
+  points(marks, one) {
+    for (let k = 0; k < one.x.length; k++) {
+      const at = this.place(one, k);
+      if (at === null) continue;
+      const [x, y] = at, fill = colour(one.colour);
+      if (one.mode === "bars" && one.low[k] !== null && one.high[k] !== null) {
+        const low = this.place(one, k, "low"), high = this.place(one, k, "high");
+        if (low && high) marks.append(drawing("line", { x1: x, x2: x, y1: low[1], y2: high[1], stroke: fill, "stroke-width": 1.5 }));
+      }
+      marks.append(drawing("circle", { cx: x, cy: y, r: one.size || 4, fill }));
+      if (one.labels) this.label(marks, one.labels[k], x, y);
+    }
+  }
+
+  label(marks, words, x, y) {
+    const wide = words.length * 6 + 4;
+    for (const [dx, dy] of [[7, 4], [-7 - wide, 4], [-wide / 2, -8], [-wide / 2, 16]]) {
+      const box = [x + dx, y + dy - 10, x + dx + wide, y + dy + 3];
+      const free = this.taken.every((other) => box[0] > other[2] || box[2] < other[0] || box[1] > other[3] || box[3] < other[1]);
+      if (!free || box[0] < this.box.left || box[2] > this.box.right) continue;
+      this.taken.push(box);
+      marks.append(drawing("text", { class: "label", x: x + dx, y: y + dy }, words));
+      return;
+    }
+  }
+
+  boxes(marks, one) {
+    one.boxes.forEach((box, k) => {
+      const y = this.sy.at(k), at = (value) => this.sx.at(this.spec.x.log ? Math.max(value, 1e-300) : value);
+      const ink = { stroke: colour(box.colour), "stroke-width": 1.5 };
+      const group = drawing("g", { class: "box", "data-name": box.name });
+      group.append(drawing("line", { x1: at(box.low), x2: at(box.high), y1: y, y2: y, ...ink }));
+      for (const end of [box.low, box.high]) group.append(drawing("line", { x1: at(end), x2: at(end), y1: y - 4, y2: y + 4, ...ink }));
+      group.append(drawing("rect", { x: at(box.q1), y: y - 7, width: Math.max(at(box.q3) - at(box.q1), 1), height: 14, fill: colour(box.colour), "fill-opacity": 0.3, ...ink }),
+        drawing("line", { x1: at(box.median), x2: at(box.median), y1: y - 7, y2: y + 7, stroke: colour(box.colour), "stroke-width": 3 }));
+      marks.append(group);
+    });
+  }
+
+  zoom(rangeX, rangeY, spread = true) {
+    this.rangeX = rangeX;
+    this.rangeY = this.spec.categories ? null : rangeY;
+    this.draw();
+    if (spread && this.spec.link) for (const other of linked.get(this.spec.link)) if (other !== this) other.zoom(rangeX, null, false);
+  }
+
+  scaled(factor) {
+    const { left, right } = this.box, middle = (left + right) / 2, half = ((right - left) / 2) * factor;
+    this.zoom([this.sx.value(middle - half), this.sx.value(middle + half)], this.rangeY);
+  }
+
+  pointer(svg) {
+    const { left, right, top, bottom } = this.box;
+    const area = drawing("rect", { class: "area", x: left, y: top, width: right - left, height: bottom - top });
+    const select = drawing("rect", { class: "select", visibility: "hidden" });
+    let begin = null;
+    const at = (event) => {
+      const shape = svg.getBoundingClientRect();
+      const x = ((event.clientX - shape.left) / shape.width) * this.width, y = ((event.clientY - shape.top) / shape.height) * this.height;
+      return [Math.min(Math.max(x, left), right), Math.min(Math.max(y, top), bottom)];
+    };
+    const frame = ([x, y]) => {
+      const tall = !this.spec.categories && Math.abs(y - begin[1]) > 24;
+      return [Math.min(x, begin[0]), tall ? Math.min(y, begin[1]) : top, Math.max(x, begin[0]), tall ? Math.max(y, begin[1]) : bottom, tall];
+    };
+    area.addEventListener("pointerdown", (event) => { begin = at(event); area.setPointerCapture(event.pointerId); });
+    area.addEventListener("pointermove", (event) => {
+      this.hover(at(event));
+      if (begin === null) return;
+      const [x0, y0, x1, y1] = frame(at(event));
+      for (const [key, value] of Object.entries({ x: x0, y: y0, width: x1 - x0, height: y1 - y0, visibility: "visible" })) select.setAttribute(key, value);
+    });
+    area.addEventListener("pointerup", (event) => {
+      if (begin === null) return;
+      const [x0, y0, x1, y1, tall] = frame(at(event));
+      begin = null;
+      select.setAttribute("visibility", "hidden");
+      if (x1 - x0 > 8) this.zoom([this.sx.value(x0), this.sx.value(x1)], tall ? [this.sy.value(y1), this.sy.value(y0)] : this.rangeY);
+      else if (this.spec.onpick) this.spec.onpick(Math.round(this.sy.value(at(event)[1])));
+    });
+    area.addEventListener("pointercancel", () => { begin = null; select.setAttribute("visibility", "hidden"); });
+    area.addEventListener("pointerleave", () => { this.tip.hidden = true; });
+    area.addEventListener("dblclick", () => this.zoom(null, null));
+    svg.append(select, area);
+  }
+
+  hover([x, y]) {
+    const lines = this.spec.categories ? this.told(Math.round(this.sy.value(y))) : this.nearest(x, y);
+    this.tip.hidden = !lines.length;
+    if (!lines.length) return;
+    this.tip.textContent = lines.slice(0, 12).join("\n");
+    const scale = this.holder.clientWidth / this.width, room = this.figure.clientWidth - this.tip.offsetWidth;
+    this.tip.style.left = `${Math.max(0, Math.min(x * scale + 12, room))}px`;
+    this.tip.style.top = `${this.holder.offsetTop + y * scale + 14}px`;
+  }
+
+  told(row) {
+    const box = this.spec.series[0] && this.spec.series[0].boxes[row];
+    if (!box) return [];
+    return [box.name, `median ${inWords(box.median)}`, `quartiles ${inWords(box.q1)} ${inWords(box.q3)}`, `${box.count} runs`];
+  }
+
+  nearest(x, y) {
+    const lines = [];
+    let head = null;
+    for (const one of this.shown()) {
+      if (!one.y) continue;
+      let best = null, gap = Infinity;
+      for (let k = 0; k < one.x.length; k++) {
+        const at = this.place(one, k);
+        if (at === null) continue;
+        const away = Math.abs(at[0] - x) + (one.labels ? Math.abs(at[1] - y) : 0);
+        if (away < gap) { gap = away; best = k; }
+      }
+      if (best === null || gap > 40) continue;
+      head = head || `${this.spec.x.label}: ${inWords(one.x[best])}`;
+      const interval = one.low && one.low[best] !== null && one.high[best] !== null ? ` (${inWords(one.low[best])} to ${inWords(one.high[best])})` : "";
+      lines.push(`${one.labels ? `${one.labels[best]}, ` : ""}${one.name || this.spec.y.label}: ${inWords(one.y[best])}${interval}`);
+    }
+    return head ? [head, ...lines] : lines;
+  }
+}

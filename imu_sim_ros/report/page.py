@@ -1,0 +1,122 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""One HTML file from its content, with style, programs and numbers inside.
+
+The content is a tree of plain values; the programs of ``assets/`` draw it. It stands in a script
+element as JSON in which ``<``, ``>`` and ``&`` are escaped, so that no text can end the element,
+and it gets into the page as text only. A content security policy lets the browser run the page's
+own program alone, by its hash, and fetch nothing.
+"""
+
+import base64
+import hashlib
+import html as markup
+import json
+import math
+from collections.abc import Iterable, Sequence
+from importlib import resources
+from typing import Any, Final, NamedTuple
+
+_SCRIPTS: Final = ("base.js", "plot.js", "path.js", "table.js", "runs.js", "main.js")
+_STYLE: Final = "page.css"
+_DIGITS: Final = 6
+
+Item = dict[str, Any]
+"""``kind``: text, code, table, plot, path, plots or campaign; the rest as main.js takes it."""
+
+
+class Section(NamedTuple):
+    """A part of a page, with a link to it."""
+
+    title: str
+    items: list[Item]
+    short: str = ""
+    """The link's words; none: the title."""
+
+
+def html(title: str, lines: Sequence[str], sections: Sequence[Section]) -> str:
+    """Return a page.
+
+    :param lines: what stands below the title.
+    :param sections: values that are not finite become gaps.
+    """
+    style = _asset(_STYLE)
+    script = '"use strict";\n' + "".join(_asset(name) for name in _SCRIPTS)
+    content = {"sections": [section._asdict() for section in sections]}
+    policy = (
+        f"default-src 'none'; script-src '{_digest(script)}'; style-src '{_digest(style)}'; "
+        "base-uri 'none'; form-action 'none'"
+    )
+    below = "".join(f'<p class="faint">{markup.escape(line)}</p>\n' for line in lines)
+    return (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{markup.escape(title)}</title>\n<style>{style}</style>\n</head>\n<body>\n"
+        f"<header><h1>{markup.escape(title)}</h1>\n{below}"
+        "<noscript><p>The plots and tables need JavaScript.</p></noscript></header>\n"
+        '<nav><div id="links"></div></nav>\n<main></main>\n'
+        f'<script type="application/json" id="content">{as_json(content)}</script>\n'
+        f"<script>{script}</script>\n</body>\n</html>\n"
+    )
+
+
+def as_json(content: object) -> str:
+    """Return content as JSON that can stand in a script element."""
+    text = json.dumps(plain(content), allow_nan=False, separators=(",", ":"))
+    for letter in "<>&":
+        text = text.replace(letter, f"\\u{ord(letter):04x}")
+    return text
+
+
+def plain(value: Any) -> Any:
+    """Return a value as JSON can hold it: numbers of six digits, None for those not finite."""
+    if isinstance(value, str | bool | int) or value is None:
+        return value
+    if isinstance(value, float):
+        return _shortened(value)
+    if isinstance(value, dict):
+        return {str(key): plain(entry) for key, entry in value.items()}
+    if hasattr(value, "tolist"):
+        return plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_shortened(one) if type(one) is float else plain(one) for one in value]
+    return str(value)
+
+
+def _shortened(value: float) -> float | int | None:
+    if not math.isfinite(value):
+        return None
+    short = float(f"{value:.{_DIGITS}g}")
+    return int(short) if short.is_integer() and abs(short) < 1e15 else short
+
+
+def column(name: str, values: Iterable[Any]) -> Item:
+    """Return a table's column; strings that stand often are written once."""
+    found = list(values)
+    words = list(dict.fromkeys(value for value in found if isinstance(value, str)))
+    if (
+        words
+        and len(words) * 2 < len(found)
+        and all(isinstance(v, str) or v is None for v in found)
+    ):
+        place = {word: k for k, word in enumerate(words)}
+        index = [None if value is None else place[value] for value in found]
+        return {"name": name, "words": words, "index": index}
+    return {"name": name, "values": found}
+
+
+def table(name: str, header: Sequence[str], rows: Sequence[Sequence[Any]], search: bool) -> Item:
+    """Return a table from its rows."""
+    columns = [column(head, (row[k] for row in rows)) for k, head in enumerate(header)]
+    return {"kind": "table", "name": name, "columns": columns, "search": search}
+
+
+def _asset(name: str) -> str:
+    return (resources.files(__package__) / "assets" / name).read_text(encoding="utf-8")
+
+
+def _digest(text: str) -> str:
+    digest = hashlib.sha256(text.encode()).digest()
+    return f"sha256-{base64.b64encode(digest).decode()}"

@@ -1,0 +1,210 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The pages in a real browser, as wide as a desk's screen and as a phone's."""
+
+import pytest
+
+from imu_sim_ros.commands.report import main
+
+from .conftest import HOSTILE
+
+WIDTHS = (1280, 390)
+
+
+@pytest.fixture(scope="module")
+def pages(results, bag, tmp_path_factory):
+    """The page of the campaign and that of the bag."""
+    folder = tmp_path_factory.mktemp("pages")
+    for source, name in ((results, "campaign.html"), (bag, "bag.html")):
+        assert main([str(source), "-o", str(folder / name), "--quiet"]) == 0
+    return folder
+
+
+@pytest.fixture
+def opened(browser, pages):
+    """Return a function that opens a page; there must be no complaint by then, nor at the end."""
+
+    def one(name, width=1280):
+        size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": width < 500}
+        browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+        browser.get((pages / name).as_uri())
+        assert browser.execute_script("return 'ready' in document.documentElement.dataset")
+        return browser
+
+    yield one
+    assert browser.get_log("browser") == []
+
+
+def run(browser, script, *arguments):
+    """Run a script that knows ``figure`` and ``table``: one by its title's or name's beginning."""
+    tools = """
+    const figure = (title) => document.querySelector(`figure[data-plot^="${title}"]`);
+    const table = (name) => document.querySelector(`[data-table^="${name}"]`);
+    """
+    return browser.execute_script(tools + script, *arguments)
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("name", ["campaign.html", "bag.html"])
+def test_every_plot_is_drawn_and_fits(opened, name, width):
+    page = opened(name, width)
+    drawn = run(
+        page,
+        """return [...document.querySelectorAll("figure")].map((one) => [one.dataset.plot,
+        Number(one.dataset.drawn), one.querySelector("svg").clientWidth])""",
+    )
+    assert len(drawn) >= 5
+    for title, marks, wide in drawn:
+        assert marks > 0, title
+        assert 200 < wide <= width, title
+    # Nothing is wider than the window: a phone's page is not pushed from side to side.
+    assert run(page, "return document.documentElement.scrollWidth") <= width
+
+
+def test_hostile_names_are_text(opened):
+    page = opened("campaign.html")
+    assert page.title == HOSTILE
+    assert run(page, "return document.querySelector('h1').textContent") == HOSTILE
+    assert run(page, "return document.images.length") == 0
+    assert HOSTILE in run(page, "return table('failed runs').textContent")
+
+
+def test_nothing_is_fetched(opened):
+    page = opened("bag.html")
+    assert run(page, "return performance.getEntriesByType('resource').length") == 0
+
+
+def test_links_lead_to_sections(opened):
+    page = opened("campaign.html")
+    for link in page.find_elements("css selector", "#links a"):
+        link.click()
+        target = link.get_attribute("href").partition("#")[2]
+        top = run(
+            page, "return document.getElementById(arguments[0]).getBoundingClientRect().top", target
+        )
+        bottom = run(
+            page, "return innerHeight + scrollY >= document.documentElement.scrollHeight - 2"
+        )
+        assert 0 <= top < 120 or bottom
+
+
+SORTED = """
+const host = table("runs"), buttons = [...host.querySelectorAll("th button")];
+const k = buttons.findIndex((one) => one.textContent.startsWith("ate_rmse_m"));
+for (let times = 0; times < arguments[0]; times++) buttons[k].click();
+return [[...host.querySelectorAll("tbody tr")].map((row) => row.children[k].textContent),
+  buttons[k].parentElement.getAttribute("aria-sort")];
+"""
+
+
+def test_the_table_of_runs_is_sorted_by_a_click(opened):
+    page = opened("campaign.html")
+    for clicks, order in ((1, "ascending"), (1, "descending")):
+        words, state = run(page, SORTED, clicks)
+        values = [float(word) for word in words if word]
+        assert state == order
+        assert len(values) == 25
+        assert values == sorted(values, reverse=order == "descending")
+
+
+def test_the_search_narrows_table_and_plots(opened):
+    page = opened("campaign.html")
+    count = """return [Number(table("runs").dataset.rows),
+      figure("ate rmse [m], by").querySelectorAll(".box").length]"""
+    search = """const input = table("runs").querySelector("input"); input.value = arguments[0];
+    input.dispatchEvent(new Event("input"));"""
+    assert run(page, count) == [108, 2]
+    for query, rows, boxes in (
+        ("estimator=euler", 54, 1),
+        ('imu=mpu6000 "imu.gyroscope_bias"=0.01 estimator=midpoint', 6, 1),
+        ("seed<2 bmi088", 12, 2),
+        ("onerror", 1, 0),
+        ("no such words", 0, 0),
+        ("", 108, 2),
+    ):
+        run(page, search, query)
+        assert run(page, count) == [rows, boxes], query
+
+
+def test_dragging_zooms_all_linked_plots(opened):
+    from selenium.webdriver import ActionChains
+
+    page = opened("bag.html")
+    ranges = """const names = ["Angular rate", "Specific force",
+        "Gaps", "Angular rate: spectrum"];
+      return names.map((name) => [Number(figure(name).dataset.x0), Number(figure(name).dataset.x1)])"""
+    before = run(page, ranges)
+    area = page.find_element("css selector", 'figure[data-plot="Specific force"] .area')
+    page.execute_script("arguments[0].scrollIntoView({block: 'center'})", area)
+    wide = area.rect["width"]
+    ActionChains(page, duration=20).move_to_element_with_offset(
+        area, int(-wide / 4), 0
+    ).click_and_hold().move_by_offset(int(wide / 2), 3).release().perform()
+    after = run(page, ranges)
+    whole = before[1][1] - before[1][0]
+    for old, new in zip(before[:3], after[:3], strict=True):
+        assert new[0] == pytest.approx(old[0] + whole / 4, abs=0.02 * whole)
+        assert new[1] == pytest.approx(old[1] - whole / 4, abs=0.02 * whole)
+    assert after[3] == before[3]
+    run(page, "figure('Gaps').querySelector('[title=\"whole range\"]').click()")
+    assert run(page, ranges) == before
+
+
+def test_the_path_turns_and_series_can_be_hidden(opened):
+    page = opened("bag.html")
+    line = "return figure('Path').querySelector('path.track').getAttribute('d')"
+    first = run(page, line)
+    run(page, "figure('Path').querySelector('[title=\"from above\"]').click()")
+    assert run(page, line) != first
+    run(page, "figure('Path').querySelector('.legend button').click()")
+    assert run(page, "return Number(figure('Path').dataset.drawn)") == 1
+    hidden = """const one = figure("Angular rate"), before = one.dataset.drawn;
+    one.querySelector(".legend button").click();
+    return [Number(before), Number(one.dataset.drawn)]"""
+    before, after = run(page, hidden)
+    assert after < before
+
+
+def test_the_metric_and_the_sensor_page_follow_their_menus(opened):
+    page = opened("campaign.html")
+    run(
+        page,
+        """for (const [label, value] of [["metric", "final_attitude_error_rad"],
+          ["Which IMU? Error over its", "accelerometer_noise_density"], ["group by", "imu"]]) {
+          const menu = document.querySelector(`select[aria-label="${label}"]`);
+          menu.value = value; menu.dispatchEvent(new Event("change")); }""",
+    )
+    titles = run(
+        page, "return [...document.querySelectorAll('figure h3')].map((one) => one.textContent)"
+    )
+    assert "final attitude error [rad], by imu" in titles
+    assert "final attitude error [rad] over accelerometer noise density [m/s^2/sqrt(Hz)]" in titles
+    assert "final attitude error [rad] over imu.gyroscope_bias" in titles
+    labels = run(
+        page,
+        "return [...document.querySelectorAll('figure text.label')].map((one) => one.textContent)",
+    )
+    assert set(labels) == {"mpu6000", "adis16448", "bmi088"}
+
+
+def test_dark_and_light_have_contrast(opened):
+    """Words against paper at least 7:1 (WCAG 2.1, success criterion 1.4.6), in both."""
+    page = opened("campaign.html")
+    found = []
+    for _ in range(2):
+        run(page, "document.querySelector('nav button').click()")
+        colours = run(
+            page, "const s = getComputedStyle(document.body); return [s.color, s.backgroundColor]"
+        )
+        light, dark = sorted(map(luminance, colours), reverse=True)
+        assert (light + 0.05) / (dark + 0.05) >= 7.0
+        found.append(colours)
+    assert found[0] != found[1]
+
+
+def luminance(colour):
+    """Relative luminance of ``rgb(r, g, b)`` by WCAG 2.1."""
+    parts = [int(part) / 255 for part in colour[4:-1].split(",")]
+    linear = [p / 12.92 if p <= 0.03928 else ((p + 0.055) / 1.055) ** 2.4 for p in parts]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]

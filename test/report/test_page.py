@@ -1,0 +1,190 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What a page holds: numbers against SciPy, names that are escaped, sizes, complaints."""
+
+import csv
+import itertools
+import json
+import re
+
+import numpy as np
+import pytest
+import scipy.signal
+
+from imu_sim_ros.bags import read_imu
+from imu_sim_ros.campaign import read_results
+from imu_sim_ros.commands.report import main
+from imu_sim_ros.report import Section, html, streams
+from imu_sim_ros.report.page import column, plain, table
+
+from .conftest import GAP_AT, HOSTILE, RATE, SAMPLES
+
+
+def content(page):
+    """Return what the page's program draws."""
+    (text,) = re.findall(r'<script type="application/json" id="content">(.*?)</script>', page)
+    return json.loads(text)
+
+
+def items(page, kind):
+    found = [item for section in content(page)["sections"] for item in section["items"]]
+    found += [inner for item in found for inner in item.get("items", [])]
+    return [item for item in found if item["kind"] == kind]
+
+
+def page_of(path, tmp_path, *arguments):
+    output = tmp_path / "page.html"
+    assert main([str(path), "-o", str(output), "--quiet", *map(str, arguments)]) == 0
+    return output.read_text(encoding="utf-8")
+
+
+def test_no_text_ends_its_element_and_nothing_is_fetched():
+    name = HOSTILE + "\u2028<!--"
+    page = html(name, [name], [Section(name, [table(name, [name], [[name]], search=True)])])
+    assert page.count("</script>") == 2
+    assert "<img" not in page
+    assert content(page)["sections"][0]["items"][0]["columns"][0]["values"] == [name]
+    # No address but the namespace of drawings, which is a name and is never opened.
+    assert set(re.findall(r"https?://[^\"'\s]*", page)) == {"http://www.w3.org/2000/svg"}
+
+
+def test_numbers_are_short_and_finite():
+    assert plain([1.23456789, np.nan, np.inf, 2.0, True, None, np.float64(3e-7)]) == [
+        *(1.23457, None, None, 2, True, None, 3e-7)
+    ]
+    assert column("a", ["x", "x", "y", "x", None]) == {
+        "name": "a",
+        "words": ["x", "y"],
+        "index": [0, 0, 1, 0, None],
+    }
+
+
+def test_a_campaigns_runs_are_in_its_page(results, tmp_path):
+    page = page_of(results, tmp_path)
+    rows = read_results(results)
+    (campaign,) = items(page, "campaign")
+    columns = {one["name"]: one for one in campaign["columns"]}
+    shown = columns["ate_rmse_m"]["values"]
+    assert shown == [plain(row["ate_rmse_m"]) for row in rows]
+    assert campaign["curves"] == ["imu.gyroscope_bias"]
+    assert {one["name"] for one in campaign["sensors"]} >= {"gyroscope_noise_density"}
+    euler = [row["ate_rmse_m"] for row in rows if row["estimator"] == "euler"][6:12]
+    group = [one for one in campaign["groups"] if one["estimator"] == "euler"][1]
+    assert group["metrics"]["ate_rmse_m"][0] == pytest.approx(np.median(euler), rel=1e-5)
+    names = [item["name"] for item in items(page, "table")]
+    assert names[:2] == ["cells", "requirements not met"]
+    assert "parameters" in names
+    code = "\n".join(item["text"] for item in items(page, "code"))
+    assert "campaign plan.yaml -o results" in code
+    assert (results / "plan.yaml").read_text() in code
+
+
+def test_a_page_of_10_000_runs_is_small(results, tmp_path):
+    """Under 6 MB: the runs of the campaign 93 times, with other seeds and digits."""
+    rows = read_results(results)
+    rng = np.random.default_rng(0)
+    folder = tmp_path / "many"
+    folder.mkdir()
+    with (folder / "results.csv").open("w", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, rows[0])
+        writer.writeheader()
+        for k in range(93):
+            for row in rows:
+                factor = rng.uniform(0.5, 2.0)
+                moved = {n: v * factor for n, v in row.items() if isinstance(v, float)}
+                moved["imu.gyroscope_bias"] = row["imu.gyroscope_bias"]
+                writer.writerow({**row, **moved, "seed": row["seed"] + 6 * k})
+    (folder / "plan.yaml").write_bytes((results / "plan.yaml").read_bytes())
+    page = page_of(folder, tmp_path)
+    assert len(items(page, "campaign")[0]["columns"][0]["values"]) == 93 * 108
+    assert len(page.encode()) < 3e6
+
+
+def test_a_bags_streams_gaps_errors_and_consistency(bag, tmp_path):
+    page = page_of(bag, tmp_path)
+    plots = {item["title"]: item for item in items(page, "plot")}
+    (path,) = items(page, "path")
+    assert [one["name"] for one in path["series"]] == ["truth (/ground_truth/odom)", "/filter/odom"]
+    tables = {item["name"]: item for item in items(page, "table")}
+    gaps = {one["name"]: one["values"] for one in tables["gaps of /imu/data_raw"]["columns"]}
+    assert gaps == {
+        "at [s]": [pytest.approx((GAP_AT - 1) / RATE + 1.0)],
+        "interval [s]": [1],
+        "in usual intervals": [100],
+    }
+    band, error = plots["/filter/odom: position error y"]["series"]
+    assert band["high"][0] == pytest.approx(0.3)
+    # 2000 errors of 0.1 m: their deviation scatters by 1 / sqrt(4000) = 1.6 %.
+    assert np.std(error["y"]) == pytest.approx(0.1, rel=0.05)
+    nees = plots["/filter/odom: NEES"]["series"][1]
+    assert np.mean(nees["y"]) == pytest.approx(3.0, abs=4 * np.sqrt(6 / len(nees["y"])))
+
+
+def test_the_spectrum_is_welchs_and_white_noise_lies_at_its_density(bag):
+    """White noise of 0.02 rad/s at 100 Hz has a two-sided density of 0.002 rad/s/sqrt(Hz)."""
+    imu = read_imu(bag)
+    found = streams.analyse([imu._replace(t_ns=imu.t_ns, gyro=imu.gyro)], SAMPLES)
+    assert found is not None
+    assert found.gap_count == 1
+    # The pieces of 30 s are shorter than a segment: one of them is the spectrum.
+    piece = imu.gyro[:GAP_AT]
+    f, power = scipy.signal.welch(piece, RATE, "hann", len(piece), axis=0, detrend="constant")
+    high = f > 20
+    theirs = np.sqrt(power[high][:-1].mean(axis=0) / 2)
+    ours = np.sqrt((found.density[found.frequency > 20, :3] ** 2).mean(axis=0))
+    # Bins of equal ratio weigh frequencies otherwise: 1200 values scatter by 1/sqrt(2400) = 2 %.
+    assert ours == pytest.approx(theirs, rel=0.06)
+    assert ours == pytest.approx([0.002] * 3, rel=0.08)
+    sigma = found.deviation.deviation[0, 3:]
+    assert sigma == pytest.approx([0.5] * 3, rel=0.05)
+
+
+def test_streams_are_the_same_in_blocks_of_any_size(bag):
+    imu = read_imu(bag)
+    whole = streams.analyse([imu], SAMPLES)
+    cuts = [0, 1, 7, 1000, 4999, SAMPLES]
+    parts = [
+        type(imu)(*(v[a:b] if isinstance(v, np.ndarray) else v for v in imu))
+        for a, b in itertools.pairwise(cuts)
+    ]
+    other = streams.analyse(parts, SAMPLES)
+    for name in ("low", "high", "t_s", "longest", "density"):
+        assert getattr(other, name) == pytest.approx(getattr(whole, name), rel=1e-9), name
+    assert other.gaps == whole.gaps
+    assert other.deviation.deviation == pytest.approx(whole.deviation.deviation, rel=1e-6)
+
+
+def complaints(capsys, *arguments):
+    status = main([str(argument) for argument in arguments])
+    return status, capsys.readouterr().err.splitlines()
+
+
+def test_bad_inputs_are_one_line_each(results, bag, tmp_path, capsys):
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    (empty / "results.csv").write_text("cell,seed,estimator,status\n")
+    (empty / "plan.yaml").write_text("seeds: 1\n")
+    noise = tmp_path / "noise.mcap"
+    noise.write_bytes(b"\x89MCAP" + bytes(100))
+    for arguments, said in (
+        (["none", "nor this"], "none: no such file or folder"),
+        ([empty], f"{empty}: holds no run yet"),
+        ([noise, "-o", tmp_path / "n.html"], "not an MCAP file"),
+        ([results, "--metric", "beauty", "-o", tmp_path / "n.html"], "--metric beauty: must be"),
+        ([bag, "-o", tmp_path / "n.txt"], "must end in .html or .htm"),
+        ([bag, "--truth-topic", "/x", "-o", tmp_path / "n.html"], "--truth-topic /x"),
+    ):
+        status, lines = complaints(capsys, *arguments)
+        assert status == 2
+        assert said in lines[0]
+        assert all(line.startswith("report: ") for line in lines)
+    assert not list(tmp_path.glob("*.html"))
+
+
+def test_a_page_lies_in_its_campaign_and_is_not_overwritten(results, capsys):
+    assert main([str(results), "--quiet"]) == 0
+    status, lines = complaints(capsys, results)
+    assert status == 2
+    assert "exists already" in lines[0]
+    (results / "report.html").unlink()
