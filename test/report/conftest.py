@@ -33,14 +33,14 @@ PLAN = {
 
 
 def here(plan, todo, folder):
-    """An engine that makes all runs in this process."""
+    """Make all runs in this process: an engine."""
     for task in todo:
         yield work(plan, task, folder)
 
 
 @pytest.fixture(scope="session")
 def results(tmp_path_factory):
-    """The folder of a campaign with names that are hostile to a page."""
+    """Return the folder of a campaign with names that are hostile to a page."""
     folder = tmp_path_factory.mktemp("campaign") / "results"
     folder.mkdir()
     path = folder / "plan.yaml"
@@ -62,7 +62,7 @@ START = 1_600_000_000_000_000_000
 
 @pytest.fixture(scope="session")
 def bag(tmp_path_factory):
-    """One minute: white noise of known density, a gap of 1 s, a truth, an estimate of 0.1 m."""
+    """Return one minute: white noise of known density, a gap of 1 s, a truth, an estimate of 0.1 m."""
     path = tmp_path_factory.mktemp("bag") / "walk.mcap"
     rng = np.random.default_rng(1)
     steps = np.full(SAMPLES, 10_000_000)
@@ -88,7 +88,7 @@ def bag(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def browser():
-    """Headless Chromium, of Debian's packages chromium and chromium-driver."""
+    """Return headless Chromium, of Debian's packages chromium and chromium-driver."""
     selenium = pytest.importorskip("selenium", reason="no browser: selenium is not installed")
     programs = [shutil.which("chromium"), shutil.which("chromedriver")]
     if None in programs:

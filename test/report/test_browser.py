@@ -14,7 +14,7 @@ WIDTHS = (1280, 390)
 
 @pytest.fixture(scope="module")
 def pages(results, bag, tmp_path_factory):
-    """The page of the campaign and that of the bag."""
+    """Return the folder of two pages, of the campaign and of the bag."""
     folder = tmp_path_factory.mktemp("pages")
     for source, name in ((results, "campaign.html"), (bag, "bag.html")):
         assert main([str(source), "-o", str(folder / name), "--quiet"]) == 0
@@ -133,7 +133,8 @@ def test_dragging_zooms_all_linked_plots(opened):
     page = opened("bag.html")
     ranges = """const names = ["Angular rate", "Specific force",
         "Gaps", "Angular rate: spectrum"];
-      return names.map((name) => [Number(figure(name).dataset.x0), Number(figure(name).dataset.x1)])"""
+      const at = (name) => figure(name).dataset;
+      return names.map((name) => [Number(at(name).x0), Number(at(name).x1)])"""
     before = run(page, ranges)
     area = page.find_element("css selector", 'figure[data-plot="Specific force"] .area')
     page.execute_script("arguments[0].scrollIntoView({block: 'center'})", area)
