@@ -133,8 +133,8 @@ def _sensors(plan: Plan, found: Sequence[Group]) -> list[Item]:
         return []
     by_cell = {}
     for cell in plan.cells():
-        values = flatten(plan.simulation(cell))
-        by_cell[cell.name] = {n: float(np.mean(values[f"imu.{n}"])) for n in _SENSORS}
+        imu: dict[str, Any] = dict(flatten(plan.simulation(cell)))
+        by_cell[cell.name] = {name: float(np.mean(imu[f"imu.{name}"])) for name in _SENSORS}
     result = []
     for name, unit in _SENSORS.items():
         values = [by_cell[group.cell][name] if group.cell in by_cell else None for group in found]

@@ -62,7 +62,7 @@ START = 1_600_000_000_000_000_000
 
 @pytest.fixture(scope="session")
 def bag(tmp_path_factory):
-    """Return one minute: white noise of known density, a gap of 1 s, a truth, an estimate of 0.1 m."""
+    """Return a minute of white noise with a gap of 1 s, a truth, and an estimate off by 0.1 m."""
     path = tmp_path_factory.mktemp("bag") / "walk.mcap"
     rng = np.random.default_rng(1)
     steps = np.full(SAMPLES, 10_000_000)
