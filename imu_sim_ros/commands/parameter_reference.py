@@ -45,7 +45,7 @@ parameter file; `trajectory.type` a file in `config/trajectories` ({trajectories
 kinds below.
 """
 _CAMERAS = """\
-Cameras of the command `generate`. `cameras` names them (`--camera` does so as well); `camera.*`
+Cameras of `simulator` and `generate`. `cameras` names them (`--camera` does so as well); `camera.*`
 holds for all, `NAME.camera.*` for one. `camera.preset` names a file in `config/cameras`
 ({cameras}) or any parameter file, and `scene.type` a file in `config/scenes` ({scenes}) or one of
 the kinds below.

@@ -143,6 +143,11 @@ class SimulatorParameters(SimulationParameters):
         "several IMUs on the body: names, each the namespace of its topics and the prefix of its "
         "own parameters (left.rate, left.imu.lever_arm, ...); none: one IMU",
     )
+    cameras: tuple[str, ...] = texts(
+        (),
+        "cameras on the body: names, each the namespace of its topics and the prefix of its own "
+        "parameters (cam0.camera.rate, ...); none: no camera",
+    )
     publish: PublishParameters = section(PublishParameters)
     inject: InjectParameters = section(InjectParameters)
 
@@ -170,6 +175,8 @@ class SimulatorParameters(SimulationParameters):
         for name, simulation in simulations(self).items():
             if name not in ("", BODY):
                 yield from simulation.problems(f"{name}.")
+        if self.cameras and isinstance(self, _rig().RigParameters):
+            yield from _rig().rig_problems(self, self)
 
 
 @dataclass(frozen=True)
@@ -206,12 +213,31 @@ def simulations(parameters: SimulatorParameters) -> dict[str, SimulationParamete
 def simulator_section(given: Mapping[str, object]) -> type[SimulatorParameters]:
     """Return the section that holds the parameters of all IMUs that ``imus`` names."""
     names = _imus(given)
-    if not names:
+    bases: tuple[type, ...] = (SimulatorParameters,)
+    if has_cameras(given):
+        cameras = _rig().camera_names(given)
+        both = [f"cameras: {name!r}: is the name of an IMU" for name in cameras if name in names]
+        if both:
+            raise ConfigurationError(both)
+        if cameras:
+            bases = (SimulatorParameters, _rig().rig_section(cameras))
+    if not names and len(bases) == 1:
         return SimulatorParameters
     fields: list[Any] = [(name, OneImuParameters, section(OneImuParameters)) for name in names]
-    return dataclasses.make_dataclass(
-        "SimulatorParameters", fields, bases=(SimulatorParameters,), frozen=True
-    )
+    return dataclasses.make_dataclass("SimulatorParameters", fields, bases=bases, frozen=True)
+
+
+def has_cameras(given: Mapping[str, object]) -> bool:
+    """Tell whether any parameter is about cameras."""
+    ours = ("camera.", "scene.", "features.")
+    return any(key == "cameras" or key.startswith(ours) for key in given)
+
+
+def _rig() -> Any:
+    """Return the parameters of cameras, which most runs do not need."""
+    from imu_sim_ros.config import cameras
+
+    return cameras
 
 
 def _imus(given: Mapping[str, object]) -> list[str]:
@@ -237,6 +263,10 @@ def layer_simulator(given: Mapping[str, object]) -> dict[str, object]:
     An IMU of several takes ``rate`` and ``imu.*`` from those of all, where it has none of its own;
     its seed is the common one plus its place in ``imus``, so that no two have the same noise.
     """
+    of_rig: dict[str, object] = {}
+    if has_cameras(given):
+        seen, given = _rig().split_rig(given)
+        of_rig = _rig().layer_rig(seen, NODE)
     names = _imus(given)
     own: dict[str, dict[str, object]] = {name: {} for name in names}
     common: dict[str, object] = {}
@@ -259,7 +289,7 @@ def layer_simulator(given: Mapping[str, object]) -> dict[str, object]:
         for key, value in layer_simulation(layers, NODE).items():
             if not key.startswith("trajectory."):
                 result[f"{name}.{key}"] = value
-    return result
+    return {**result, **of_rig}
 
 
 def load_simulator(*layers: Mapping[str, object]) -> SimulatorParameters:
@@ -276,5 +306,9 @@ def load_simulator(*layers: Mapping[str, object]) -> SimulatorParameters:
 def of_the_node(given: Mapping[str, object]) -> list[str]:
     """Return the names among those given that concern the live node alone, not its samples."""
     samples = {field.name for field in dataclasses.fields(SimulationParameters)}
-    node = {field.name for field in dataclasses.fields(SimulatorParameters)} - samples - {"imus"}
+    node = (
+        {field.name for field in dataclasses.fields(SimulatorParameters)}
+        - samples
+        - {"imus", "cameras"}
+    )
     return [name for name in given if name.partition(".")[0] in node]

@@ -51,6 +51,8 @@ _PROFILE: Final = """<?xml version="1.0" encoding="UTF-8"?>
 """
 _PROFILE_VARIABLES: Final = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 
+_PROFILE_FILE: Final = "imu_sim_ros_fastdds.xml"
+
 _SHUTDOWN: Final = 0.1
 """[s] How long the executor waits for callbacks that are still waiting for something themselves."""
 
@@ -134,10 +136,19 @@ def set_profile(folder: Path) -> None:
     """Give Fast DDS a profile, unless the user has one; other middlewares do not look at it."""
     if any(name in os.environ for name in _PROFILE_VARIABLES):
         return
-    path = folder / "fastdds.xml"
+    path = folder / _PROFILE_FILE
     numbers = (_ANNOUNCEMENT_NS, _BYTES_PER_MINUTE, _HEARTBEAT_NS, _SUPPRESSION_NS)
     path.write_text(_PROFILE % numbers, encoding="utf-8")
     os.environ[_PROFILE_VARIABLES[0]] = str(path)
+
+
+def without_own_profile(environment: Mapping[str, str]) -> dict[str, str]:
+    """Return an environment for another process of ours, which makes a profile of its own."""
+    return {
+        name: value
+        for name, value in environment.items()
+        if name not in _PROFILE_VARIABLES or Path(value).name != _PROFILE_FILE
+    }
 
 
 def _start(arguments: Sequence[str], create: Callable[[], Program]) -> Program:

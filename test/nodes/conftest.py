@@ -147,6 +147,10 @@ class Listener:
         taken = self.raw[topic]
         until(lambda: len(taken) >= count, self.spin, f"{count} on {topic}, {len(taken)} came")
 
+    def wait_until(self, condition: Callable[[], Any], what: str) -> None:
+        """Spin until a condition holds."""
+        until(condition, self.spin, what)
+
     def wait_for_end(self, node: NodeProcess) -> int:
         """Spin until a process has ended and what it sent was taken; return its status."""
         until(lambda: node.process.poll() is not None, self.spin, "the end of a node")

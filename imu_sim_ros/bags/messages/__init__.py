@@ -31,6 +31,7 @@ from imu_sim_ros.bags.messages.images import (
     CameraInfoEncoder,
     CompressedImageEncoder,
     ImageEncoder,
+    Stamped,
 )
 from imu_sim_ros.bags.messages.installed import BrokenMessageError, recorded_type
 from imu_sim_ros.bags.messages.layouts import Bytes
@@ -74,6 +75,7 @@ __all__ = [
     "PoseStampedEncoder",
     "Qos",
     "Schema",
+    "Stamped",
     "TemperatureEncoder",
     "Times",
     "TopicInfo",

@@ -11,8 +11,6 @@ Copyright 2008-2010 Willow Garage, Inc., BSD-3-Clause.
 
 from typing import Final
 
-from imu_sim_ros.bags.messages import camera_definitions
-
 # A line is a literal of its own because trailing blanks belong to the text.
 TEXTS: Final[dict[str, str]] = {
     "geometry_msgs/Point": (
@@ -176,6 +174,8 @@ def full_text(name: str) -> str | None:
 
     :param name: in the form of ROS 1, for instance sensor_msgs/Imu.
     """
+    from imu_sim_ros.bags.messages import camera_definitions
+
     texts, nested = {**TEXTS, **camera_definitions.TEXTS}, {**NESTED, **camera_definitions.NESTED}
     if name not in nested:
         return None

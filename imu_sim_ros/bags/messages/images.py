@@ -7,6 +7,7 @@ Field by field in the order of common_interfaces, the same in ROS 1 and ROS 2: s
 sensor_msgs/CompressedImage and sensor_msgs/CameraInfo.
 """
 
+import struct
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -14,10 +15,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from imu_sim_ros.bags.messages.encode import seconds
 from imu_sim_ros.bags.messages.layouts import Builder
+from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
 
 IMAGE: Final = "sensor_msgs/msg/Image"
 COMPRESSED_IMAGE: Final = "sensor_msgs/msg/CompressedImage"
 CAMERA_INFO: Final = "sensor_msgs/msg/CameraInfo"
+_CDR_STAMP: Final = 4
+"""Bytes before the stamp of a message that begins with a header."""
 
 
 class CameraInfo(NamedTuple):
@@ -70,6 +74,22 @@ class StampedBuilder(Builder):
         result[at : at + 4] = int(second[0]).to_bytes(4, "little")
         result[at + 4 : at + 8] = int(nanosecond[0]).to_bytes(4, "little")
         return result
+
+
+class Stamped:
+    """Messages in CDR that begin with a header."""
+
+    @staticmethod
+    def moved(payload: bytes, by_ns: int) -> bytes:
+        """Return a message with its stamp moved by so many nanoseconds.
+
+        :raises InputError: for a stamp that a message cannot hold.
+        """
+        second, nanosecond = struct.unpack_from("<iI", payload, _CDR_STAMP)
+        t_ns = np.array([second * NANOSECONDS_PER_SECOND + nanosecond + by_ns])
+        (second,), (nanosecond,) = seconds(t_ns, "cdr")
+        stamp = struct.pack("<iI", second, nanosecond)
+        return b"".join([payload[:_CDR_STAMP], stamp, payload[_CDR_STAMP + len(stamp) :]])
 
 
 class ImageEncoder:

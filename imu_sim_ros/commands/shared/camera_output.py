@@ -18,6 +18,7 @@ from imu_sim_ros.config import (
     SimulatorParameters,
     files,
     flatten,
+    has_cameras,
     load_simulator,
     of_the_node,
     simulations,
@@ -94,7 +95,7 @@ def parameters(arguments: argparse.Namespace) -> Asked:
     node = of_the_node(given)
     if node and not (arguments.quiet or arguments.json):
         print(f"generate: note: without effect in a file: {', '.join(node)}", file=sys.stderr)
-    if not _has_cameras(given):
+    if not has_cameras(given):
         return Asked(load_simulator(given), None)
     from imu_sim_ros.config.cameras import load_rig, rig_problems, split_rig
 
@@ -124,12 +125,6 @@ def _short(arguments: argparse.Namespace) -> dict[str, object]:
 
         result.update(scene_layer(arguments.scene))
     return result
-
-
-def _has_cameras(given: dict[str, object]) -> bool:
-    return any(
-        key == "cameras" or key.startswith(("camera.", "scene.", "features.")) for key in given
-    )
 
 
 def rig(parameters: "RigParameters | None", simulation: Simulation) -> "Rig | None":

@@ -11,8 +11,11 @@ from imu_sim_ros.config.cameras.camera import CameraModelParameters, CameraParam
 from imu_sim_ros.config.cameras.distortion import distorted_radius, fold, radial_coefficients
 from imu_sim_ros.config.cameras.rig import (
     RigParameters,
+    camera_names,
+    layer_rig,
     load_rig,
     rig_problems,
+    rig_section,
     scene_layer,
     split_rig,
 )
@@ -43,11 +46,14 @@ __all__ = [
     "RoomParameters",
     "SceneParameters",
     "TargetParameters",
+    "camera_names",
     "distorted_radius",
     "fold",
+    "layer_rig",
     "load_rig",
     "radial_coefficients",
     "rig_problems",
+    "rig_section",
     "scene_layer",
     "split_rig",
 ]

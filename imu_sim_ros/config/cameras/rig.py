@@ -10,13 +10,14 @@ file that a camera's ``preset`` names, and below the scene's parameters the file
 import dataclasses
 import re
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Final
 
 from imu_sim_ros.config import files
 from imu_sim_ros.config.cameras.camera import CameraParameters
 from imu_sim_ros.config.cameras.scene import SceneParameters, find_scene
-from imu_sim_ros.config.parameter import build, choice, section, texts, variant
+from imu_sim_ros.config.parameter import build, choice, entries, section, texts, variant
 from imu_sim_ros.config.simulation import SimulationParameters
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.timebase import exact_rate
@@ -89,9 +90,9 @@ def camera_names(given: Mapping[str, object]) -> list[str]:
     :raises ConfigurationError: for names that cannot be used.
     """
     value = given.get("cameras", ())
+    with suppress(ValueError):  # what is no list is said below
+        value = entries(value)
     if not isinstance(value, list | tuple):
-        if value == "[]":  # an empty list as ROS has it
-            return []
         raise ConfigurationError(f"cameras = {value!r}: must be a list of names")
     names = [str(name) for name in value]
     problems = [

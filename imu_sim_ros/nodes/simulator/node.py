@@ -32,7 +32,6 @@ from imu_sim_ros.bags import read_poses
 from imu_sim_ros.bags.messages import CLOCK, TF_MESSAGE, ClockEncoder
 from imu_sim_ros.config import (
     BODY,
-    PublishParameters,
     SimulatorParameters,
     layer_simulator,
     simulations,
@@ -52,6 +51,7 @@ from imu_sim_ros.nodes.simulator.publish_queue import (
     TickStream,
 )
 from imu_sim_ros.nodes.simulator.settling import Settling
+from imu_sim_ros.nodes.simulator.wanted import is_wanted
 from imu_sim_ros.nodes.topics import Counter, check_overrides, create, sensor_description
 from imu_sim_ros.sensor import Fault
 from imu_sim_ros.simulation import Simulation
@@ -72,7 +72,8 @@ class Simulator(ConfiguredNode):
 
     def __init__(self) -> None:
         super().__init__("simulator", simulator_section, layer_simulator)
-        self._counters: list[Counter] = []
+        self._counters: list[Any] = []
+        self._cameras: Any = None
         self._descriptions: dict[str, Any] = {}
         self._lateness = Histogram()
         self._remarks: list[str] = []
@@ -92,7 +93,7 @@ class Simulator(ConfiguredNode):
         if parameters.publish.tf_static:
             self._publish_mounts(parameters)
         first = next(s.simulation for s in streams if isinstance(s, SimulationStream))
-        check_overrides(self)
+        check_overrides(self, self._cameras.topics if self._cameras else ())
         self.engine = Engine(
             PublishQueue(streams, parameters.duration or first.trajectory.duration),
             self._pacer(parameters),
@@ -128,6 +129,8 @@ class Simulator(ConfiguredNode):
                 f"p99 {self._lateness.quantile_us(0.99):.0f} us, "
                 f"max {self._lateness.maximum_ns * 1e-3:.0f} us"
             )
+        if self._cameras is not None:
+            self._cameras.close()
         for counter in self._counters:
             print(f"simulator: counted {counter.topic} {counter.count}", flush=True)
 
@@ -155,7 +158,7 @@ class Simulator(ConfiguredNode):
             outputs = [
                 (topics.encoder(topic, simulated), self._counted(prefix + topic, kind))
                 for topic, kind in topics.TYPES.items()
-                if _is_wanted(topic, name, publish)
+                if is_wanted(topic, name, publish)
             ]
             yield SimulationStream(simulation, outputs, name)
             truth = simulation
@@ -171,6 +174,8 @@ class Simulator(ConfiguredNode):
         if publish.tf_rate:
             send = self._counted(conventions.TF_TOPIC, TF_MESSAGE, transforms.QOS)
             yield transforms.transform_stream(publish.tf_rate, parameters, truth.trajectory, send)
+        if parameters.cameras:
+            yield from self._camera_streams(parameters, truth.trajectory.duration)
         if publish.clock_rate:
             clock = ClockEncoder()
             yield TickStream(
@@ -179,8 +184,17 @@ class Simulator(ConfiguredNode):
                 self._counted("/clock", CLOCK),
             )
 
+    def _camera_streams(self, parameters: SimulatorParameters, longest: float) -> Iterator[Stream]:
+        from imu_sim_ros.nodes.simulator.cameras import Cameras  # most runs have none
+
+        duration = parameters.duration or longest
+        self._cameras = Cameras(self, parameters, duration, self.ending.fail)
+        self._counters += self._cameras.counters
+        yield from self._cameras.streams
+
     def _publish_mounts(self, parameters: SimulatorParameters) -> None:
         mounts = transforms.imu_mounts(simulations(parameters))
+        mounts += self._cameras.mounts if self._cameras else []
         t_ns = int(self.get_clock().now().nanoseconds)
         try:
             # Kept: who comes later gets it from the publisher.
@@ -236,12 +250,15 @@ class Simulator(ConfiguredNode):
             for name, p in simulations(parameters).items()
             if name != BODY
         )
-        return f"{imus}; trajectory {parameters.trajectory.type}"
+        seen = f"; cameras {', '.join(parameters.cameras)}" if parameters.cameras else ""
+        return f"{imus}; trajectory {parameters.trajectory.type}{seen}"
 
     # ------------------------------------------------------------------------- the run
     def _ready(self) -> bool:
         """Tell whether all who are waited for are there; asked again and again."""
         if self._follows and self.get_clock().now().nanoseconds == 0:
+            return False
+        if self._cameras is not None and not self._cameras.ready:
             return False
         wanted = {
             conventions.IMU_TOPIC: self.parameters.wait_for_subscribers,
@@ -361,26 +378,6 @@ class Simulator(ConfiguredNode):
 
 
 _OF_THE_NODE: Final = ("inject", "real_time_factor", "catch_up", "step_samples")
-
-
-def _is_wanted(topic: str, imu: str, publish: PublishParameters) -> bool:
-    """Tell whether a topic is published for an IMU (``BODY``: for the body of several)."""
-    if topic == conventions.TRUTH_TOPIC:
-        return publish.ground_truth and imu in ("", BODY)
-    return (
-        imu != BODY
-        and {
-            conventions.IMU_TOPIC: True,
-            conventions.IDEAL_IMU_TOPIC: publish.ground_truth_imu,
-            conventions.GYROSCOPE_BIAS_TOPIC: publish.biases,
-            conventions.ACCELEROMETER_BIAS_TOPIC: publish.biases,
-            conventions.TEMPERATURE_TOPIC: publish.temperature,
-            conventions.DELTA_ANGLE_TOPIC: publish.increments,
-            conventions.DELTA_VELOCITY_TOPIC: publish.increments,
-            conventions.IDEAL_DELTA_ANGLE_TOPIC: publish.ground_truth_increments,
-            conventions.IDEAL_DELTA_VELOCITY_TOPIC: publish.ground_truth_increments,
-        }[topic]
-    )
 
 
 def main() -> int:

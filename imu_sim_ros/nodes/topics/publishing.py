@@ -3,7 +3,7 @@
 
 """Publishers whose quality of service can be overridden by parameters."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 from rclpy.node import Node
@@ -61,16 +61,17 @@ def create(node: Node, message_type: Any, topic: str, qos: QoSProfile) -> Any:
         ) from None
 
 
-def check_overrides(node: Node) -> None:
+def check_overrides(node: Node, others: Sequence[str] = ()) -> None:
     """Look for overrides that concern no publisher of the node.
 
     A file that ``ros2 param dump`` made of a node with remappings holds overrides of the topics as
     they were called there: those of other topics are ignored, with a note. A policy that does not
     exist is refused, for a topic of this node.
 
+    :param others: topics that are published for the node elsewhere.
     :raises ConfigurationError: with a line for each policy that does not exist.
     """
-    topics = sorted(publisher.topic_name for publisher in node.publishers)
+    topics = sorted([*(publisher.topic_name for publisher in node.publishers), *others])
     policies = [policy.name.lower() for policy in _POLICIES]
     foreign: dict[str, None] = {}
     problems = []

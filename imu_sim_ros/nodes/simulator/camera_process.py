@@ -1,0 +1,254 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The process of one camera: renders frames ahead, publishes each when the simulator says so.
+
+It reads one line of JSON, then tokens, from standard input, and ends with it; it says what it has
+done in lines of JSON on standard output. It runs below the priority of the node that started it.
+"""
+
+import json
+import os
+import signal
+import sys
+import tempfile
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, Final
+
+import rclpy
+from rclpy.duration import Duration
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.serialization import serialize_message
+
+from imu_sim_ros.bags import read_poses
+from imu_sim_ros.bags.messages import Stamped
+from imu_sim_ros.camera import Rig
+from imu_sim_ros.config import build, simulator_section
+from imu_sim_ros.conventions import FEATURES_TOPIC, LANDMARKS_TOPIC, MARKERS_TOPIC
+from imu_sim_ros.datasets import (
+    CameraMessages,
+    FeatureStream,
+    camera_topics,
+    imagers,
+    landmarks,
+)
+from imu_sim_ros.errors import explain
+from imu_sim_ros.nodes import run
+from imu_sim_ros.nodes.simulator.cameras import MARKERS, TOKEN
+from imu_sim_ros.nodes.simulator.markers import markers
+from imu_sim_ros.nodes.topics import Counter, create
+from imu_sim_ros.trajectory import build_trajectory
+
+ORIGIN_NS: Final = 10**12
+"""Time zero of frames that are made ahead: no stamp is negative, whatever the time offset."""
+AHEAD: Final = 8
+"""Frames that wait to be published: 3 MB of 752 x 480."""
+_NICE: Final = 5
+_BEHIND: Final = 20
+"""Frames that are due and not yet made, from which on it is said."""
+_ACKNOWLEDGEMENT: Final = Duration(nanoseconds=2_000_000_000)
+_LATCHED: Final = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class Frames:
+    """The messages of a camera's frames, made ahead in a thread; one thread takes them."""
+
+    def __init__(self, make: Callable[[int], dict[str, bytes]], lost: Callable[[int], bool]):
+        """Set up.
+
+        :param make: returns the messages of a frame, stamped as if time zero were ORIGIN_NS.
+        :param lost: tells which frames are never asked for.
+        """
+        self._make, self._lost = make, lost
+        self._made: dict[int, dict[str, bytes]] = {}
+        self._next = self._wanted = 0
+        self._run = 0
+        self._changed = threading.Condition()
+
+    def work(self) -> None:
+        """Make frames for ever."""
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: len(self._made) < AHEAD)
+                number, run_number = self._next, self._run
+            made = None if self._lost(number) else self._make(number)
+            with self._changed:
+                if run_number == self._run:  # else somebody wants others
+                    self._next = number + 1
+                    if made is not None and number >= self._wanted:
+                        self._made[number] = made
+                    self._changed.notify_all()
+
+    def wait_for_first(self) -> None:
+        """Wait until half of what is made ahead is there, or the first 100 frames are lost."""
+        with self._changed:
+            self._changed.wait_for(lambda: len(self._made) >= AHEAD // 2 or self._next > 100)
+
+    def take(self, number: int) -> dict[str, bytes]:
+        """Return the messages of a frame, and forget it and all before it."""
+        with self._changed:
+            if number < self._wanted or number > self._next + AHEAD:  # a reset, or a jump
+                self._made.clear()
+                self._next = number
+                self._run += 1
+            self._wanted = number
+            self._made = {k: made for k, made in self._made.items() if k >= number}
+            self._changed.notify_all()
+            self._changed.wait_for(lambda: number in self._made)
+            found = self._made.pop(number)
+            self._wanted = number + 1
+            self._changed.notify_all()
+        return found
+
+
+class CameraNode:
+    """What one process publishes."""
+
+    def __init__(self, start: dict[str, Any]) -> None:
+        """Make node, publishers, scene and frames.
+
+        :param start: what :class:`~imu_sim_ros.nodes.simulator.cameras.Cameras` sends.
+        """
+        values = start["parameters"]
+        parameters: Any = build(simulator_section(values), values)
+        self.name = start["camera"]
+        overrides = [Parameter(name, value=value) for name, value in start["overrides"].items()]
+        rclpy.init(args=[])
+        self.node = rclpy.create_node(
+            start["node"],
+            namespace=start["namespace"],
+            use_global_arguments=False,
+            enable_rosout=False,
+            start_parameter_services=False,
+            parameter_overrides=overrides,
+        )
+        self.parameters = parameters
+        self._names: dict[str, str] = start["topics"]
+        self.counters = dict(self._publishers())
+        trajectory = build_trajectory(parameters.trajectory, read_poses)
+        duration = parameters.duration or trajectory.duration
+        self._rig = Rig(parameters, trajectory, ORIGIN_NS, duration, parameters.seed)
+        self._view = self._rig.views[self.name]
+        maker = imagers(self._rig, [self.name]).get(self.name)
+        frame = parameters.frame(self.name)
+        self._camera = CameraMessages(self._view, frame, maker, "cdr")
+        self._features: FeatureStream | None = None
+        self.frames = Frames(self._make, self._lost)
+
+    def _publishers(self) -> Iterator[tuple[str, Counter]]:
+        """Yield a publisher for each topic of this process."""
+        types = {**camera_topics(self.parameters), MARKERS_TOPIC: MARKERS}
+        depth = max(20, round(4 * self.parameters.camera(self.name).rate))
+        for topic, full in self._names.items():
+            qos = _LATCHED if topic in (LANDMARKS_TOPIC, MARKERS_TOPIC) else QoSProfile(depth=depth)
+            yield topic, Counter(topic, create(self.node, types[topic], full, qos))
+
+    def publish_scene(self) -> None:
+        """Publish what stands still, once for all who ever listen, where it is this process's."""
+        world, scene = self.parameters.world_frame, self._rig.scene
+        if LANDMARKS_TOPIC in self.counters:
+            self.counters[LANDMARKS_TOPIC].send(landmarks(scene, world, 0))
+            self.counters[MARKERS_TOPIC].send(serialize_message(markers(self._rig, world)))
+
+    def publish(self, number: int, t0_ns: int) -> None:
+        """Publish a frame."""
+        for topic, payload in self.frames.take(number).items():
+            self.counters[topic].send(Stamped.moved(payload, t0_ns - ORIGIN_NS))
+
+    def _lost(self, number: int) -> bool:
+        total = self._view.total
+        if total is not None and number >= total:
+            return True
+        return not self._view.frames(number, 1).delivered[0]
+
+    def _make(self, number: int) -> dict[str, bytes]:
+        t_ns = int(self._view.frames(number, 1).t_ns[0])
+        made = {f"{self.name}/{k}": v for k, v in self._camera.messages(number, t_ns).items()}
+        if FEATURES_TOPIC in self._names:
+            made.update(self._tracked(number))
+        return made
+
+    def _tracked(self, number: int) -> dict[str, bytes]:
+        """Return the features of a frame; they depend on the frames before it."""
+        if self._features is None or self._features.position > number:
+            layout, world = self.parameters.features.layout, self.parameters.world_frame
+            self._features = FeatureStream(self._rig, layout, world)
+        messages = self._features.next(number + 1 - self._features.position)
+        payload = next((m.payload for m in messages if m.number == number), None)
+        return {} if payload is None else {FEATURES_TOPIC: payload}
+
+
+class Reports:
+    """What the process says to the node."""
+
+    def __init__(self, descriptor: int) -> None:
+        self._file = os.fdopen(descriptor, "wb", buffering=0)
+        self._lock = threading.Lock()
+
+    def say(self, **said: Any) -> None:
+        """Write a line."""
+        with self._lock:
+            self._file.write(json.dumps(said).encode() + b"\n")
+
+
+def main() -> int:
+    """Run the process until its standard input ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the node closes the pipe when it ends
+    os.nice(_NICE)
+    reports = Reports(os.dup(1))
+    os.dup2(2, 1)  # whatever else prints must not come between the reports
+    try:
+        line = sys.stdin.buffer.readline()
+        if not line:
+            return 0
+        with tempfile.TemporaryDirectory() as folder:
+            run.set_profile(Path(folder))
+            node = CameraNode(json.loads(line))
+        _run(node, reports)
+    except BrokenPipeError:
+        return 0  # the node has gone
+    except Exception as error:
+        lines, status = explain(error)
+        reports.say(problems=lines, status=status)
+        return status
+    return 0
+
+
+def _run(node: CameraNode, reports: Reports) -> None:
+    def work() -> None:
+        try:
+            node.frames.work()
+        except BaseException as error:
+            lines, status = explain(error)
+            reports.say(problems=lines, status=status)
+            os._exit(status)  # the thread that takes frames waits for ever
+
+    threading.Thread(target=work, name="render", daemon=True).start()
+    node.publish_scene()
+    node.frames.wait_for_first()
+    reports.say(ready=True)
+    done, behind = 0, False
+    waiting = b""
+    while data := os.read(0, TOKEN.size * 4096):
+        waiting += data
+        whole = len(waiting) - len(waiting) % TOKEN.size
+        tokens, waiting = list(TOKEN.iter_unpack(waiting[:whole])), waiting[whole:]
+        if len(tokens) > _BEHIND and not behind:
+            behind = True
+            reports.say(warnings=[f"{len(tokens)} frames are due and not yet made"])
+        for number, t0_ns in tokens:
+            node.publish(number, t0_ns)
+        done += len(tokens)
+        reports.say(done=done, counts={t: c.count for t, c in node.counters.items()})
+    for counter in node.counters.values():
+        counter.publisher.wait_for_all_acked(_ACKNOWLEDGEMENT)
+    reports.say(done=done, counts={t: c.count for t, c in node.counters.items()})
+    node.node.destroy_node()
+    rclpy.try_shutdown()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,232 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The cameras of the running simulator: the same bytes as in a file, and how they end."""
+
+import os
+import signal
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rosbags.highlevel import AnyReader
+
+from imu_sim_ros.commands import generate
+from imu_sim_ros.config.cameras import load_rig
+
+pytestmark = pytest.mark.ros
+
+RIG = {
+    "cameras": "[cam0, cam1]",
+    "cam0.camera.preset": "euroc_cam0",
+    "cam1.camera.preset": "euroc_cam1",
+    "camera.body_axes": "flu",
+    "camera.width": 94,
+    "camera.height": 60,
+    "camera.intrinsics": "[57.3, 57.2, 45.9, 31.0]",
+    "camera.dropout_probability": 0.1,
+    "camera.latency": 0.02,
+    "camera.images": "both",
+    "camera.time_offset": 0.01,
+    "scene.type": "aprilgrid",
+    "duration": 1.5,
+    "start_time": 1.0,
+    "seed": 4,
+}
+
+
+def dotted(values: dict[str, Any]) -> dict[str, Any]:
+    return {key.replace(".", "__"): value for key, value in values.items()}
+
+
+def as_arguments(values: dict[str, Any]) -> list[str]:
+    return [word for key, value in values.items() for word in ("--set", f"{key}={value}")]
+
+
+@pytest.fixture(scope="module")
+def offline(tmp_path_factory: Any) -> dict[str, list[bytes]]:
+    """Return the messages that generate writes, as bytes."""
+    path = tmp_path_factory.mktemp("offline") / "a.mcap"
+    words = ["-o", str(path), "--quiet", "--trajectory", "target", *as_arguments(RIG)]
+    assert generate.main(words) == 0
+    found: dict[str, list[bytes]] = {}
+    with AnyReader([path]) as reader:
+        for connection, _, raw in reader.messages():
+            found.setdefault(connection.topic, []).append(bytes(raw))
+    return found
+
+
+def stamps(payloads: list[bytes]) -> list[tuple[int, int]]:
+    return [struct.unpack_from("<iI", payload, 4) for payload in payloads]
+
+
+def unpadded(found: list[bytes], expected: list[bytes]) -> list[bytes]:
+    """Return messages without what Fast DDS appends up to a multiple of four bytes."""
+    pairs = zip(found, expected, strict=False)
+    return [a[: len(b)] if len(a) == -(-len(b) // 4) * 4 else a for a, b in pairs]
+
+
+def listen_to_all(listener: Any) -> None:
+    from nav_msgs.msg import Odometry
+    from rclpy.qos import DurabilityPolicy
+    from sensor_msgs.msg import CameraInfo, CompressedImage, Image, Imu, PointCloud, PointCloud2
+    from visualization_msgs.msg import MarkerArray
+
+    for name in ("cam0", "cam1"):
+        listener.listen(f"/{name}/image_raw", Image)
+        listener.listen(f"/{name}/image_raw/compressed", CompressedImage)
+        listener.listen(f"/{name}/camera_info", CameraInfo)
+    listener.listen("/feature_tracker/feature", PointCloud)
+    listener.listen("/imu/data_raw", Imu)
+    listener.listen("/ground_truth/odom", Odometry)
+    latched = {"depth": 1, "durability": DurabilityPolicy.TRANSIENT_LOCAL}
+    listener.listen("/ground_truth/landmarks", PointCloud2, **latched)
+    listener.listen("/ground_truth/markers", MarkerArray, **latched)
+
+
+@pytest.mark.parametrize("factor", [1.0, 0.0])
+def test_frames_are_those_of_a_file_bit_for_bit(start, listener, offline, factor):
+    listen_to_all(listener)
+    node = start(
+        "simulator",
+        *("--trajectory", "target"),
+        **dotted(RIG),
+        wait_for_subscribers=1,
+        wait_for_truth_subscribers=1,
+        real_time_factor=factor,
+    )
+    assert listener.wait_for_end(node) == 0, node.output
+    for topic, payloads in offline.items():
+        if topic != "/ground_truth/landmarks":
+            assert stamps(listener.raw[topic]) == stamps(payloads), topic
+            assert unpadded(listener.raw[topic], payloads) == payloads, topic
+            assert f"counted {topic[1:]} {len(payloads)}" in node.output
+    assert len(offline["/cam1/image_raw"]) < 30
+    (cloud,) = listener.raw["/ground_truth/landmarks"]
+    (expected,) = offline["/ground_truth/landmarks"]
+    assert cloud[12 : len(expected)] == expected[12:]  # all but the stamp
+    (markers,) = listener.messages("/ground_truth/markers")
+    shown = {marker.ns: len(marker.points) for marker in markers.markers}
+    assert shown == {"landmarks": 144, "surfaces": 8, "cameras": 16}
+
+
+def test_a_paused_simulator_holds_its_frames_and_a_reset_begins_again(start, listener, offline):
+    from sensor_msgs.msg import Image
+    from std_srvs.srv import SetBool, Trigger
+
+    listener.listen("/cam1/image_raw", Image)
+    node = start(
+        "simulator", "--trajectory", "target", **dotted(RIG | {"duration": 100.0}), autostart=False
+    )
+    expected = offline["/cam1/image_raw"]
+    listener.call("/simulator/pause", SetBool, data=False)
+    listener.wait_for("/cam1/image_raw", 5)
+    listener.call("/simulator/pause", SetBool, data=True)
+    listener.spin(0.5)
+    held = len(listener.raw["/cam1/image_raw"])
+    listener.spin(0.5)
+    assert len(listener.raw["/cam1/image_raw"]) == held
+    listener.call("/simulator/pause", SetBool, data=False)
+    listener.wait_for("/cam1/image_raw", held + 3)
+    count = len(listener.raw["/cam1/image_raw"])
+    together = min(count, len(expected))
+    taken = listener.raw["/cam1/image_raw"][:together]
+    assert unpadded(taken, expected) == expected[:together]
+    listener.call("/simulator/reset", Trigger)
+    first = expected[0]
+    listener.wait_for("/cam1/image_raw", count + 3)
+    listener.wait_until(lambda: listener.raw["/cam1/image_raw"].count(first) == 2, "a new start")
+    assert node.end() == 0
+
+
+def test_the_frames_of_the_cameras_are_on_tf_static(start, listener):
+    from rosbags.typesys import Stores, get_typestore
+
+    from imu_sim_ros import rotation
+    from imu_sim_ros.nodes.topics import message_class
+
+    kind = "tf2_msgs/msg/TFMessage"
+    from rclpy.qos import DurabilityPolicy
+
+    durability = DurabilityPolicy.TRANSIENT_LOCAL
+    listener.listen("/tf_static", message_class(kind), depth=10, durability=durability)
+    start("simulator", "--trajectory", "target", **dotted(RIG | {"duration": 100.0}))
+    listener.wait_for("/tf_static", 1)
+    store = get_typestore(Stores.ROS2_JAZZY)
+    found = {
+        t.child_frame_id: t
+        for data in listener.raw["/tf_static"]
+        for t in store.deserialize_cdr(data, kind).transforms
+    }
+    values = {k: v for k, v in RIG.items() if "camera" in k and k != "cameras"}
+    values["camera.intrinsics"] = [57.3, 57.2, 45.9, 31.0]
+    rig = load_rig({**values, "cameras": ["cam0", "cam1"]})
+    for name, camera in rig.each().items():
+        transform = found[f"{name}_optical_frame"]
+        assert transform.header.frame_id == "base_link"
+        r_bc, p_bc = camera.pose()
+        p, q = transform.transform.translation, transform.transform.rotation
+        np.testing.assert_allclose([p.x, p.y, p.z], p_bc, atol=1e-12)
+        matrix = rotation.to_matrix(np.array([[q.w, q.x, q.y, q.z]]))[0]
+        np.testing.assert_allclose(matrix, r_bc, atol=1e-6)
+
+
+def test_what_is_wrong_with_a_camera_is_one_line(start):
+    bad = RIG | {"scene.type": "cloud"}
+    node = start("simulator", "--trajectory", "target", **dotted(bad))
+    assert node.status() == 2
+    assert "scene.type = 'cloud': has points and lines only" in node.output
+    node = start("simulator", **dotted({"cameras": "[cam0]", "cam0.camera.rate": -3.0}))
+    assert node.status() == 2
+    assert "cam0.camera.rate = -3.0: must be" in node.output
+    node = start("simulator", **dotted({"camera.rate": 20.0}))
+    assert node.status() == 2
+    assert "camera.rate: there is no camera; cameras names them" in node.output
+    assert "Traceback" not in node.output
+
+
+def children(pid: int) -> list[int]:
+    return [int(word) for word in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def test_a_camera_that_dies_ends_the_node_and_a_node_that_dies_its_cameras(start, listener):
+    from sensor_msgs.msg import Image
+
+    listener.listen("/cam0/image_raw", Image)
+    endless = dotted(RIG | {"duration": 1000.0})
+    node = start("simulator", "--trajectory", "target", **endless)
+    listener.wait_for("/cam0/image_raw", 2)
+    os.kill(children(node.process.pid)[0], signal.SIGKILL)
+    assert node.status() == 1
+    assert "the camera's process ended, status -9" in node.output
+    node = start("simulator", "--trajectory", "target", **endless)
+    listener.wait_for("/cam0/image_raw", len(listener.raw["/cam0/image_raw"]) + 2)
+    cameras = children(node.process.pid)
+    assert len(cameras) == 2
+    node.send(signal.SIGKILL)
+
+    def gone() -> bool:
+        return not any(_runs(pid) for pid in cameras)
+
+    listener.wait_until(gone, "the end of the cameras")
+
+
+def _runs(pid: int) -> bool:
+    try:
+        return "Z" not in Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    except OSError:
+        return False
+
+
+def test_without_cameras_nothing_of_them_is_imported():
+    import subprocess
+    import sys
+
+    code = (
+        "import sys, imu_sim_ros.nodes.simulator.node\n"
+        "found = [m for m in sys.modules if 'camera' in m or m in ('cv2', 'visualization_msgs')]\n"
+        "assert not found, found"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
