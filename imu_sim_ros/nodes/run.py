@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Final, Protocol
 
 from imu_sim_ros.errors import ConfigurationError, explain
-from imu_sim_ros.nodes import signals
+from imu_sim_ros.nodes import shared_memory, signals
 from imu_sim_ros.nodes.arguments import ros_arguments
 from imu_sim_ros.nodes.help import help_text
 
@@ -99,6 +99,12 @@ def main(
         watch.begin()
         with tempfile.TemporaryDirectory() as folder:
             set_profile(Path(folder))
+            for path in shared_memory.remove_torn_segments():
+                print(
+                    f"{name}: {path}: a killed program of another user left it half made; nodes "
+                    "of its ROS domain may hang until it is removed",
+                    file=sys.stderr,
+                )
             program = _start(ros_arguments(arguments, section, values or {}, Path(folder)), create)
         _spin(program, watch)
         error = program.ending.failure

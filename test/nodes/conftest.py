@@ -16,6 +16,8 @@ from typing import Any
 
 import pytest
 
+from imu_sim_ros.nodes.shared_memory import remove_torn_segments
+
 REPOSITORY = Path(__file__).parents[2]
 PATIENCE = 30.0
 """[s] A loaded machine may take long; nothing that works takes as long as this."""
@@ -28,6 +30,12 @@ def until(condition: Callable[[], Any], act: Callable[[], None], what: str) -> N
     while not condition():
         assert time.monotonic() < end, f"waited {PATIENCE} s for {what}"
         act()
+
+
+@pytest.fixture(autouse=True)
+def no_torn_segments() -> None:
+    """Keep what a killed process left half made from hanging the peers of nodes."""
+    remove_torn_segments()
 
 
 @pytest.fixture(scope="session")

@@ -11,6 +11,7 @@ import signal
 import struct
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import suppress
@@ -307,11 +308,14 @@ def test_a_terminal_shows_a_live_line(feed, tmp_path, domains):
     )
     os.close(stderr)
     feed(count=800)
+    limit = threading.Timer(120.0, recorder.kill)
+    limit.start()
     shown = b""
     with open(terminal, "rb", buffering=0) as screen, suppress(OSError):  # the end of a terminal
         while part := screen.read(4096):
             shown += part
     assert recorder.wait(30) == 0
+    limit.cancel()
     lines = re.findall(
         r"([\d.]+) s  2 topics  (\d+) messages  \d+/s  [\d.]+ MB  0 gaps", str(shown)
     )

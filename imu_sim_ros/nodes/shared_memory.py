@@ -1,0 +1,48 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Shared memory of Fast DDS that a killed process left half made.
+
+Fast DDS opens the segment of a port by ``boost::interprocess::managed_open_or_create`` (in
+``SharedMemGlobal::open_port_internal``; seen in 2.14): who creates it writes 2 into its first word
+when it is ready, and who opens it waits for that, without limit. A process that is killed between
+the two leaves a file that makes every later participant of that domain hang while it starts.
+"""
+
+import time
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
+
+FOLDER: Final = Path("/dev/shm")
+_READY: Final = (2).to_bytes(4, "little")
+_LONGEST_CREATION: Final = 1.0
+"""A segment that is not ready after this time never will be; it takes microseconds [s]."""
+
+
+def remove_torn_segments(folder: Path = FOLDER) -> list[Path]:
+    """Remove the segments of ports that were never finished.
+
+    :param folder: where shared memory lies.
+    :returns: those that are in the way and cannot be removed: another user's.
+    """
+    left: list[Path] = []
+    for path in folder.glob("fastrtps_port*"):
+        if path.name.endswith("_el") or not _torn(path):
+            continue
+        try:
+            path.unlink()
+        except FileNotFoundError:
+            continue
+        except OSError:
+            left.append(path)
+    return left
+
+
+def _torn(path: Path) -> bool:
+    """Tell whether a segment was begun a while ago and is not ready."""
+    with suppress(OSError):
+        if time.time() - path.stat().st_mtime > _LONGEST_CREATION:
+            with path.open("rb") as file:
+                return file.read(len(_READY)) != _READY
+    return False
