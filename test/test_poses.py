@@ -199,7 +199,7 @@ def test_a_file_of_many_blocks_is_as_if_read_at_once(tmp_path, monkeypatch):
     rows[4321] = "0.5 0 0 0 0 0 0 1"
     path = tmp_path / "poses.txt"
     path.write_text("\n".join(rows))  # no end of the last line
-    monkeypatch.setattr("imu_sim_ros.poses.read._CHUNK_BYTES", 777)
+    monkeypatch.setattr("imu_sim_ros.inputs.rows._CHUNK_BYTES", 777)
     poses = read_poses(path, skip_bad_rows=True)
     assert poses.skipped == 2
     assert len(poses.t_ns) == 4998

@@ -28,7 +28,7 @@ from imu_sim_ros.bags.messages import (
 )
 from imu_sim_ros.bags.read import imu_blocks, odometry_blocks, open_bag, vector_blocks
 from imu_sim_ros.bags.reader import Bag, listed, told
-from imu_sim_ros.bags.text import Dataset, States
+from imu_sim_ros.bags.text import Dataset, Skipped, States
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.writer import Block, Topic, Writer
 from imu_sim_ros.conventions import (
@@ -157,11 +157,15 @@ def text_to_bag(
     writer: Writer,
     renamed: Mapping[str, str],
     advance: Callable[[int], object],
+    skipped: Skipped | None = None,
 ) -> None:
-    """Copy a EuRoC folder or a CSV file: readings, and truth and biases where there are states."""
-    streams = [_reading_messages(path, writer, renamed)]
+    """Copy a EuRoC folder or a CSV file: readings, and truth and biases where there are states.
+
+    :param skipped: as for :func:`imu_sim_ros.bags.imu_blocks`.
+    """
+    streams = [_reading_messages(path, writer, renamed, skipped)]
     if text_reader.has_states(path):
-        streams.append(_state_messages(path, writer, renamed))
+        streams.append(_state_messages(path, writer, renamed, skipped))
     for blocks in _interleaved(streams):
         writer.write_blocks(blocks)
         advance(sum(len(block.t_ns) for block in blocks))
@@ -186,16 +190,16 @@ def poses_to_bag(
 
 
 def _reading_messages(
-    path: Path, writer: Writer, renamed: Mapping[str, str]
+    path: Path, writer: Writer, renamed: Mapping[str, str], skipped: Skipped | None
 ) -> Iterator[list[Block]]:
     encoder = ImuEncoder(IMU_FRAME, writer.encoding)
     topic = writer.add_topic(renamed.get(READINGS, READINGS), IMU)
-    for t_ns, gyro, accel in text_reader.imu_blocks(path):
+    for t_ns, gyro, accel in text_reader.imu_blocks(path, skipped=skipped):
         yield [Block(topic, t_ns, encoder.encode(t_ns, gyro, accel))]
 
 
 def _state_messages(
-    path: Path, writer: Writer, renamed: Mapping[str, str]
+    path: Path, writer: Writer, renamed: Mapping[str, str], skipped: Skipped | None
 ) -> Iterator[list[Block]]:
     odometry = OdometryEncoder(WORLD_FRAME, BODY_FRAME, writer.encoding)
     vectors = Vector3StampedEncoder(IMU_FRAME, writer.encoding)
@@ -207,7 +211,7 @@ def _state_messages(
             (ACCEL_BIAS, VECTOR3_STAMPED),
         )
     )
-    for states in text_reader.state_blocks(path):
+    for states in text_reader.state_blocks(path, skipped=skipped):
         t_ns = states.odometry.t_ns
         yield [
             Block(truth, t_ns, odometry.encode(*states.odometry[:5])),
@@ -238,25 +242,29 @@ def to_dataset(
     topics: Mapping[str, str | None],
     advance: Callable[[int], object],
     recover: bool = False,
+    skipped: Skipped | None = None,
 ) -> None:
     """Copy readings and truth of a bag or a dataset into text.
 
+    :param skipped: as for :func:`imu_sim_ros.bags.imu_blocks`.
     :param topics: name of the topic for each of the types Imu and Odometry that is to be copied;
         None: the only one.
     """
     if dataset.imu is not None and IMU in topics:
-        for readings in imu_blocks(path, topics[IMU], recover):
+        for readings in imu_blocks(path, topics[IMU], recover, skipped):
             dataset.write_imu(readings.t_ns, readings.gyro, readings.accel)
             advance(len(readings.t_ns))
     if dataset.truth is not None and ODOMETRY in topics:
-        for states in _states(path, topics[ODOMETRY], recover):
+        for states in _states(path, topics[ODOMETRY], recover, skipped):
             dataset.write_states(states)
             advance(len(states.t_ns))
 
 
-def _states(path: Path, topic: str | None, recover: bool) -> Iterator[States]:
+def _states(
+    path: Path, topic: str | None, recover: bool, skipped: Skipped | None
+) -> Iterator[States]:
     if text_reader.is_text(path):
-        for part in text_reader.state_blocks(path):
+        for part in text_reader.state_blocks(path, skipped=skipped):
             odometry = part.odometry
             velocity_w = rotate(odometry.q_wb, odometry.velocity_b)
             yield States(*odometry[:3], velocity_w, part.gyro_bias, part.accel_bias)

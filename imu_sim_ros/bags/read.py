@@ -27,6 +27,7 @@ from imu_sim_ros.bags.messages import (
 from imu_sim_ros.bags.reader import Bag, told
 from imu_sim_ros.bags.ros1 import Rosbag1Bag
 from imu_sim_ros.bags.rosbag2 import Rosbag2Folder, SqliteBag
+from imu_sim_ros.bags.text import Skipped
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import open_regular
@@ -135,17 +136,21 @@ def _opened(path: Path, recover: bool) -> Bag:
 
 
 def imu_blocks(
-    path: str | Path, topic: str | None = None, recover: bool = False
+    path: str | Path,
+    topic: str | None = None,
+    recover: bool = False,
+    skipped: Skipped | None = None,
 ) -> Iterator[ImuMessages]:
     """Yield the messages of an Imu topic in blocks of bounded size, in the order of record times.
 
     :param path: a bag, an EuRoC folder, or a CSV file in the form of EuRoC or kalibr.
     :param topic: None: the only one.
     :param recover: as for :func:`open_bag`.
+    :param skipped: of text: is told how many bad rows were passed over; None: they are errors.
     :raises InputError: for an input that cannot be used; of several topics all are listed.
     """
     if text_reader.is_text(Path(path)):
-        for t_ns, gyro, accel in text_reader.imu_blocks(Path(path), topic):
+        for t_ns, gyro, accel in text_reader.imu_blocks(Path(path), topic, skipped):
             yield ImuMessages(t_ns, gyro, accel, t_ns, "")
         return
     for block, fields in _decoded(path, IMU, topic, _IMU_FIELDS, recover):
@@ -153,18 +158,23 @@ def imu_blocks(
         yield ImuMessages(fields.t_ns, gyro, accel, block.t_ns, fields.texts[0])
 
 
-def read_imu(path: str | Path, topic: str | None = None) -> ImuMessages:
+def read_imu(
+    path: str | Path, topic: str | None = None, skipped: Skipped | None = None
+) -> ImuMessages:
     """Return all messages of an Imu topic; arguments as for :func:`imu_blocks`."""
     empty = ImuMessages(_times(), _rows(3), _rows(3), _times(), "")
-    return _joined(list(imu_blocks(path, topic)), empty)
+    return _joined(list(imu_blocks(path, topic, skipped=skipped)), empty)
 
 
 def odometry_blocks(
-    path: str | Path, topic: str | None = None, recover: bool = False
+    path: str | Path,
+    topic: str | None = None,
+    recover: bool = False,
+    skipped: Skipped | None = None,
 ) -> Iterator[OdometryMessages]:
     """Yield the messages of an Odometry topic in blocks; arguments as for :func:`imu_blocks`."""
     if text_reader.is_text(Path(path)):
-        for states in text_reader.state_blocks(Path(path), topic):
+        for states in text_reader.state_blocks(Path(path), topic, skipped):
             yield OdometryMessages(*states.odometry, "", "")
         return
     names = ("position", "orientation", "linear", "angular", "pose_covariance", "twist_covariance")
@@ -183,13 +193,15 @@ def odometry_blocks(
         )
 
 
-def read_odometry(path: str | Path, topic: str | None = None) -> OdometryMessages:
+def read_odometry(
+    path: str | Path, topic: str | None = None, skipped: Skipped | None = None
+) -> OdometryMessages:
     """Return all messages of an Odometry topic, or the states of an EuRoC folder."""
     square = np.empty((0, 6, 6))
     empty = OdometryMessages(
         _times(), _rows(3), _rows(4), _rows(3), _rows(3), square, square, "", ""
     )
-    return _joined(list(odometry_blocks(path, topic)), empty)
+    return _joined(list(odometry_blocks(path, topic, skipped=skipped)), empty)
 
 
 def read_poses(

@@ -9,7 +9,7 @@ Allan curve; see imu_sim_ros.calibration.
 
 import argparse
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -24,7 +24,7 @@ from imu_sim_ros.calibration.noise import (
     truth,
 )
 from imu_sim_ros.commands import common
-from imu_sim_ros.commands.shared import add_force, outputs
+from imu_sim_ros.commands.shared import add_force, add_skip_bad_rows, outputs, skipped_rows
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import InputError
 
@@ -74,6 +74,7 @@ def parser() -> argparse.ArgumentParser:
     result.add_argument(
         "--skip-checks", action="store_true", help="go on where a check of the data fails"
     )
+    add_skip_bad_rows(result)
     add_force(result)
     result.add_argument("--no-files", action="store_true", help="write no files, print only")
     common.add_output_arguments(result)
@@ -107,7 +108,7 @@ def _analysed(
     count = sum(_count(bag, arguments.topic) for bag in arguments.bags)
     with common.progress("read", count, arguments.quiet or arguments.json) as advance:
         result = analyse(
-            _blocks(arguments.bags, arguments.topic),
+            _blocks(arguments),
             model=arguments.model,
             force=arguments.skip_checks,
             advance=advance,
@@ -133,9 +134,9 @@ def _count(path: Path, topic: str | None) -> int:
         return 0
 
 
-def _blocks(bags: Iterable[Path], topic: str | None) -> Iterator[Iterator[ImuMessages]]:
-    for bag in bags:
-        yield imu_blocks(bag, topic)
+def _blocks(arguments: argparse.Namespace) -> Iterator[Iterator[ImuMessages]]:
+    for bag in arguments.bags:
+        yield imu_blocks(bag, arguments.topic, skipped=skipped_rows(arguments, "allan", bag))
 
 
 def _write(result: AllanResult, output: Path, arguments: argparse.Namespace) -> None:

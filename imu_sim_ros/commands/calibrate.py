@@ -38,7 +38,7 @@ from imu_sim_ros.calibration.deterministic import (
 )
 from imu_sim_ros.calibration.noise import load_truth
 from imu_sim_ros.commands import common
-from imu_sim_ros.commands.shared import add_force, outputs
+from imu_sim_ros.commands.shared import add_force, add_skip_bad_rows, outputs, skipped_rows
 from imu_sim_ros.config import IntegratorParameters, build, files
 from imu_sim_ros.conventions import GRAVITY
 from imu_sim_ros.errors import InputError
@@ -121,6 +121,7 @@ def _kind(kinds: Any, name: str, text: str) -> argparse.ArgumentParser:
         "--truth", metavar="NAME|FILE", help="compare with the parameters that made the bag"
     )
     result.add_argument("--no-files", action="store_true", help="write no files, print only")
+    add_skip_bad_rows(result)
     add_force(result)
     common.add_output_arguments(result)
     return result
@@ -166,7 +167,8 @@ def calibrate(arguments: argparse.Namespace) -> None:
     staging = None if arguments.no_files else written.add_files(folder, names)
     with written:
         truth = load_truth(arguments.truth) if arguments.truth else None
-        imu = read_imu(arguments.bag, arguments.topic)
+        left_out = skipped_rows(arguments, "calibrate", arguments.bag)
+        imu = read_imu(arguments.bag, arguments.topic, left_out)
         values, facts, draw = _KINDS[arguments.kind](arguments, imu)
         true = {} if truth is None else correction.true_parameters(truth, values)
         if facts.get("fixture") == NORM and true:
@@ -289,7 +291,8 @@ def _rates(
 
 def _truth(arguments: argparse.Namespace) -> OdometryMessages | None:
     try:
-        return read_odometry(arguments.bag, arguments.truth_topic)
+        left_out = skipped_rows(arguments, "calibrate", f"the truth of {arguments.bag}")
+        return read_odometry(arguments.bag, arguments.truth_topic, left_out)
     except InputError:
         if arguments.truth_topic is not None:
             raise

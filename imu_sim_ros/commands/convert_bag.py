@@ -211,6 +211,10 @@ def _poses(arguments: argparse.Namespace) -> PoseSequence:
     return shared.PoseReader(arguments, "convert_bag")(arguments.input)
 
 
+def _skipped(arguments: argparse.Namespace) -> Any:
+    return shared.skipped_rows(arguments, "convert_bag", arguments.input)
+
+
 def _from_text(arguments: argparse.Namespace, form: str | None, written: Outputs) -> dict[str, Any]:
     if arguments.topics:
         raise InputError(f"{arguments.input}: text has no topics to choose from")
@@ -223,7 +227,9 @@ def _from_text(arguments: argparse.Namespace, form: str | None, written: Outputs
             _progress(arguments, 0) as advance,
         ):
             chosen: dict[str, str | None] = {IMU: None, **({ODOMETRY: None} if states else {})}
-            convert.to_dataset(arguments.input, dataset, chosen, advance)
+            convert.to_dataset(
+                arguments.input, dataset, chosen, advance, skipped=_skipped(arguments)
+            )
         if form == "euroc":
             _describe(arguments, states)
         counts = _rows(dataset, convert.READINGS, convert.TRUTH)
@@ -232,7 +238,9 @@ def _from_text(arguments: argparse.Namespace, form: str | None, written: Outputs
         if convert.holds_poses(arguments.input):
             convert.poses_to_bag(_poses(arguments), writer, _renamed(arguments), advance)
         else:
-            convert.text_to_bag(arguments.input, writer, _renamed(arguments), advance)
+            convert.text_to_bag(
+                arguments.input, writer, _renamed(arguments), advance, _skipped(arguments)
+            )
     return _result(arguments, *_tally(writer), False)
 
 

@@ -21,10 +21,13 @@ from imu_sim_ros.bags.messages import ODOMETRY
 from imu_sim_ros.commands import common
 from imu_sim_ros.commands.shared import (
     PICTURES,
+    PoseReader,
     add_force,
+    add_skip_bad_rows,
     has_truth,
     outputs,
     read_track,
+    skipped_rows,
     truth_topic,
     write_states,
 )
@@ -111,6 +114,7 @@ def parser() -> argparse.ArgumentParser:
         "--plot", type=Path, metavar="FILE", help="write a picture: paths, and error over time"
     )
     common.add_parameter_arguments(result)
+    add_skip_bad_rows(result)
     add_force(result)
     common.add_output_arguments(result)
     return result
@@ -139,7 +143,9 @@ def run(arguments: argparse.Namespace) -> None:
 def _made(arguments: argparse.Namespace, written: Outputs) -> list[dict[str, Any]]:
     """Integrate and write; returns what came out of each way of integrating."""
     parameters = _parameters(arguments)
-    readings = _skipped(read_imu(arguments.bag, arguments.imu_topic), arguments.skip)
+    left_out = skipped_rows(arguments, "dead_reckon", arguments.bag)
+    found = read_imu(arguments.bag, arguments.imu_topic, left_out)
+    readings = _skipped(found, arguments.skip)
     truth = _read_truth(arguments)
     if truth is None and parameters.initial_state == "truth":
         raise InputError(
@@ -210,7 +216,12 @@ def _read_truth(arguments: argparse.Namespace) -> Truth | None:
     path: Path = arguments.bag
     if arguments.truth_topic is None and not has_truth(path):
         return None
-    track = read_track(path, truth_topic(path, arguments.truth_topic))
+    track = read_track(
+        path,
+        truth_topic(path, arguments.truth_topic),
+        reader=PoseReader(arguments, "dead_reckon"),
+        skipped=skipped_rows(arguments, "dead_reckon", f"the truth of {path}"),
+    )
     if track.velocity is None:
         raise InputError(f"{path}: the truth has no velocity, which the initial state needs")
     return Truth(track.poses, track.velocity)

@@ -23,6 +23,7 @@ from imu_sim_ros.commands.shared import (
     add_skip_bad_rows,
     outputs,
     read_track,
+    skipped_rows,
     truth_topic,
 )
 from imu_sim_ros.navigation import (
@@ -128,9 +129,11 @@ def run(arguments: argparse.Namespace) -> None:
 def _made(arguments: argparse.Namespace, written: Outputs) -> dict[str, Any]:
     """Compare and write; returns what came out."""
     reader = PoseReader(arguments, "evaluate")
-    estimate = read_track(arguments.estimate, arguments.estimate_topic, True, reader)
+    left_out = skipped_rows(arguments, "evaluate", arguments.estimate)
+    estimate = read_track(arguments.estimate, arguments.estimate_topic, True, reader, left_out)
     topic = truth_topic(arguments.truth, arguments.truth_topic)
-    truth = read_track(arguments.truth, topic, reader=reader)
+    left_out = skipped_rows(arguments, "evaluate", arguments.truth)
+    truth = read_track(arguments.truth, topic, reader=reader, skipped=left_out)
     offset = _time_offset(arguments, estimate, truth) if arguments.time_offset else None
     if offset is not None:
         estimate = _shifted(estimate, offset["value_s"])

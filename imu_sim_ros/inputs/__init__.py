@@ -7,6 +7,30 @@ Imports errors; a leaf to all others.
 """
 
 from imu_sim_ros.inputs.regular import open_regular, read_text
+from imu_sim_ros.inputs.rows import (
+    COLUMNS,
+    NUMBERS,
+    STAMPS,
+    VALUES,
+    BadRows,
+    Row,
+    number_of,
+    row_blocks,
+    shortened,
+)
 from imu_sim_ros.inputs.yaml_text import parse_yaml
 
-__all__ = ["open_regular", "parse_yaml", "read_text"]
+__all__ = [
+    "COLUMNS",
+    "NUMBERS",
+    "STAMPS",
+    "VALUES",
+    "BadRows",
+    "Row",
+    "number_of",
+    "open_regular",
+    "parse_yaml",
+    "read_text",
+    "row_blocks",
+    "shortened",
+]

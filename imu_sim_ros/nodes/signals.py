@@ -24,9 +24,12 @@ class EndSignals:
 
     Before :meth:`begin` there is nothing to close, and the process ends at once. From then on a
     signal is kept until :meth:`deliver_to` says who ends the run; later signals change nothing.
+
+    :param last: the process ends with this watch, and no signal changes its exit status then.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, last: bool = False) -> None:
+        self._last = last
         wanted = [signal.SIGINT, signal.SIGTERM]
         if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # nohup wants it ignored
             wanted.append(signal.SIGHUP)
@@ -56,11 +59,11 @@ class EndSignals:
             end()
 
     def close(self) -> None:
-        """End the thread and let the signals act as before."""
+        """End the thread and let the signals act as before; where this is the end, not at all."""
         global _signals
         _signals = None
         for number, handler in self._handlers.items():
-            signal.signal(number, handler)
+            signal.signal(number, signal.SIG_IGN if self._last else handler)
         signal.set_wakeup_fd(self._wakeup)
         os.close(self._told)
         self._known.set()
@@ -89,9 +92,12 @@ def _nothing(number: int, frame: FrameType | None) -> None:
 _signals: EndSignals | None = None
 
 
-def watch() -> EndSignals:
-    """Return the process's watch over its signals; it begins with the first call."""
+def watch(last: bool = False) -> EndSignals:
+    """Return the process's watch over its signals; it begins with the first call.
+
+    :param last: of the first call: nothing but the end of the process comes after it.
+    """
     global _signals
     if _signals is None:
-        _signals = EndSignals()
+        _signals = EndSignals(last)
     return _signals

@@ -9,7 +9,7 @@ from imu_sim_ros.nodes import signals
 
 
 def _run(name: str) -> int:
-    signals.watch()
+    signals.watch(last=True)
     status: int = importlib.import_module(f"imu_sim_ros.nodes.{name}.node").main()
     return status
 

@@ -16,7 +16,17 @@ from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs import open_regular
+from imu_sim_ros.inputs import (
+    COLUMNS,
+    NUMBERS,
+    STAMPS,
+    VALUES,
+    BadRows,
+    Row,
+    number_of,
+    row_blocks,
+    shortened,
+)
 from imu_sim_ros.poses.sequence import PoseSequence
 from imu_sim_ros.poses.stamps import STAMP_BYTES, nanosecond, nanoseconds
 
@@ -30,17 +40,10 @@ _EUROC_COLUMNS: Final = (*_EUROC_PLAIN, *(count + _TRIANGLES for count in _EUROC
 _TUM_COLUMNS: Final = (_POSE_COLUMNS, 14, _POSE_COLUMNS + _TRIANGLES)  # pose; OpenVINS: and more
 _WITH_COVARIANCE: Final = frozenset(count + _TRIANGLES for count in _EUROC_PLAIN)
 _NORM_TOLERANCE: Final = 0.05  # a quaternion of text is rounded; one of another length is a mix-up
-_SHOWN_PROBLEMS: Final = 10
-_CHUNK_BYTES: Final = 4 << 20
-_LONGEST_LINE: Final = 1 << 16
 _FEW: Final = 8
 """So few lines are looked at one by one."""
 _SAME: Final = 1.0 - 1e-15
-
-_Row = tuple[int, bytes]
-"""Number and text of a line."""
-_COLUMNS, _NUMBERS, _VALUES, _STAMPS = "columns", "numbers", "values", "stamps"
-"""Classes of what can be wrong; of each the first lines are shown."""
+_WHAT: Final = "a text file of poses"
 
 
 def read_poses(
@@ -96,16 +99,15 @@ class _Reading:
     def __init__(self, path: Path, skip: bool, covariance: bool) -> None:
         self._path, self._skip, self._covariance = path, skip, covariance
         self._euroc: bool | None = None
-        self._found: dict[str, list[tuple[int, str]]] = {}
-        self._counts: dict[str, int] = {}
-        self._bad_rows = 0
+        self._bad = BadRows(path)
         self._dropped = 0
         self._last: _Poses | None = None
 
     def poses(self) -> PoseSequence:
         """Return all poses, or raise with a line for every problem."""
-        blocks = [block for rows in _blocks(self._path) for block in self._block(rows)]
-        self._complain()
+        blocks = [block for rows in row_blocks(self._path, _WHAT) for block in self._block(rows)]
+        if not self._skip:
+            self._bad.complain()
         count = sum(len(block.t_ns) for block in blocks)
         if self._euroc is None:
             raise InputError(f"{self._path}: holds no poses")
@@ -124,18 +126,19 @@ class _Reading:
             lines[start:stop], triangles[start:stop] = block.number, block.triangles
             stop = start
         covariance = _covariance(triangles, q_wb) if self._covariance else None
-        return PoseSequence(t_ns, position, q_wb, self._dropped, self._bad_rows, lines, covariance)
+        return PoseSequence(t_ns, position, q_wb, self._dropped, self._bad.rows, lines, covariance)
 
-    def _block(self, rows: list[_Row]) -> Iterator[_Poses]:
+    def _block(self, rows: list[Row]) -> Iterator[_Poses]:
         """Yield the good poses of some rows."""
         if rows and self._euroc is None:
             self._euroc = b"," in rows[0][1]
         for poses in self._converted(rows):
             good = self._in_order(self._valid(poses))
+            self._bad.good += len(good.t_ns)
             if len(good.t_ns):
                 yield good
 
-    def _converted(self, rows: list[_Row]) -> Iterator[_Poses]:
+    def _converted(self, rows: list[Row]) -> Iterator[_Poses]:
         """Yield poses of rows that are numbers; note those that are not."""
         waiting = [rows] if rows else []
         while waiting:
@@ -148,10 +151,11 @@ class _Reading:
                     waiting += [part[half:], part[:half]]
                     continue
                 good = [row for row in part if self._is_sound(*row)]
+                self._bad.give_up()
                 if good:
                     yield self._parsed(good)
 
-    def _parsed(self, rows: list[_Row]) -> _Poses:
+    def _parsed(self, rows: list[Row]) -> _Poses:
         """Return the poses of rows, all converted at once.
 
         :raises ValueError, OverflowError: where one of them cannot be.
@@ -176,7 +180,7 @@ class _Reading:
         position, q_wb = table["values"][:, :3].copy(), table["values"][:, order]
         return _Poses(number, t_ns, position, q_wb, self._triangles(rows, columns))
 
-    def _triangles(self, rows: list[_Row], columns: set[int]) -> Array:
+    def _triangles(self, rows: list[Row], columns: set[int]) -> Array:
         """Return the columns of covariance, not a number where not all of these rows have them."""
         if not self._covariance:
             return np.empty((len(rows), 0))
@@ -197,7 +201,7 @@ class _Reading:
 
     def _is_sound(self, number: int, text: bytes) -> bool:
         """Tell whether one row is all numbers; note what is wrong with it."""
-        before = sum(self._counts.values())
+        before = self._bad.count
         fields = [
             field.strip().decode("utf-8", "replace")
             for field in text.split(b"," if self._euroc else None)
@@ -206,11 +210,11 @@ class _Reading:
         if len(fields) not in allowed:
             form, expected = "EuRoC" if self._euroc else "TUM", _alternatives(allowed)
             words = f"{len(fields)} columns; the {form} form has {expected}"
-            self._note(_COLUMNS, number, words)
+            self._bad.note(COLUMNS, number, words)
         else:
             self._note_fields(number, fields)
-        sound = sum(self._counts.values()) == before
-        self._bad_rows += not sound
+        sound = self._bad.count == before
+        self._bad.rows += not sound
         return sound
 
     def _note_fields(self, number: int, fields: list[str]) -> None:
@@ -218,17 +222,17 @@ class _Reading:
             nanosecond(fields[0], bool(self._euroc))
         except (ValueError, OverflowError):
             unit = "whole nanoseconds" if self._euroc else "seconds"
-            self._note(_NUMBERS, number, f"{_short(fields[0])} is not a stamp in {unit}")
+            self._bad.note(NUMBERS, number, f"{shortened(fields[0])} is not a stamp in {unit}")
         for field in fields[1:_POSE_COLUMNS]:
             try:
-                float(field.replace("_", "x"))  # Python's own 1_000 is no number of a file
+                number_of(field)
             except ValueError:
-                self._note(_NUMBERS, number, f"{_short(field)} is not a number")
+                self._bad.note(NUMBERS, number, f"{shortened(field)} is not a number")
         if self._covariance and len(fields) in _WITH_COVARIANCE:
             for field in fields[-_TRIANGLES:]:
                 if not _is_finite(field):
-                    words = f"{_short(field)} is not a finite number of a covariance"
-                    self._note(_NUMBERS, number, words)
+                    words = f"{shortened(field)} is not a finite number of a covariance"
+                    self._bad.note(NUMBERS, number, words)
 
     def _valid(self, poses: _Poses) -> _Poses:
         """Return the poses with finite values and unit quaternions, which are made exact."""
@@ -240,8 +244,8 @@ class _Reading:
             what = "a value that is not finite"
             if finite[k]:
                 what = f"a quaternion of length {norms[k]:.3g} instead of 1"
-            self._note(_VALUES, int(poses.number[k]), what)
-        self._bad_rows += int(np.count_nonzero(~good))
+            self._bad.note(VALUES, int(poses.number[k]), what)
+        self._bad.rows += int(np.count_nonzero(~good))
         kept = poses.at(good)
         return kept._replace(q_wb=kept.q_wb / norms[good, None])
 
@@ -275,31 +279,14 @@ class _Reading:
                 words = f"the stamp is {-step * 1e-9:.9g} s before that of line {other}"
             else:
                 words = f"the stamp of line {other} with another pose"
-            self._note(_STAMPS, line, words)
-            self._bad_rows += 1
+            self._bad.note(STAMPS, line, words)
+            self._bad.rows += 1
         return keep
-
-    def _note(self, kind: str, number: int, words: str) -> None:
-        self._counts[kind] = self._counts.get(kind, 0) + 1
-        shown = self._found.setdefault(kind, [])
-        if len(shown) < _SHOWN_PROBLEMS:
-            shown.append((number, words))
-
-    def _complain(self) -> None:
-        """Raise with the first lines of every class, in the order of the file."""
-        if self._skip or not self._counts:
-            return
-        shown = sorted(line for lines in self._found.values() for line in lines)
-        problems = [f"{self._path}: line {number}: {words}" for number, words in shown]
-        more = sum(self._counts.values()) - len(shown)
-        if more:
-            problems.append(f"{self._path}: and {more} more such lines")
-        raise InputError(problems)
 
 
 def _is_finite(field: str) -> bool:
     try:
-        return bool(np.isfinite(float(field.replace("_", "x"))))
+        return bool(np.isfinite(number_of(field)))
     except ValueError:
         return False
 
@@ -331,33 +318,3 @@ def _repeated(poses: _Poses) -> NDArray[np.bool_]:
 def _alternatives(counts: tuple[int, ...]) -> str:
     *others, last = map(str, counts)
     return f"{', '.join(others)} or {last}"
-
-
-def _short(word: str) -> str:
-    return repr(word if len(word) <= STAMP_BYTES else word[: STAMP_BYTES - 8] + "...")
-
-
-def _blocks(path: Path) -> Iterator[list[_Row]]:
-    """Yield the lines that are neither empty nor a comment, with their numbers, in blocks."""
-    line, rest = 0, b""
-    with open_regular(path) as file:
-        while True:
-            chunk = file.read(_CHUNK_BYTES)
-            lines = (rest + chunk).split(b"\n")
-            rest = lines.pop() if chunk else b""
-            if b"\0" in chunk or len(rest) > _LONGEST_LINE:
-                raise InputError(f"{path}: not a text file of poses")
-            if not line:
-                _check_text(path, lines or [rest])
-            rows = [(line + k, text.strip()) for k, text in enumerate(lines, start=1)]
-            yield [row for row in rows if row[1] and not row[1].startswith(b"#")]
-            line += len(lines)
-            if not chunk:
-                return
-
-
-def _check_text(path: Path, lines: list[bytes]) -> None:
-    try:
-        b"\n".join(lines).decode("utf-8")
-    except UnicodeDecodeError:
-        raise InputError(f"{path}: not a text file of poses") from None

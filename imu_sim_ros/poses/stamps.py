@@ -56,8 +56,8 @@ def nanosecond(stamp: str, whole: bool) -> int:
 
     :raises ValueError, OverflowError: for a stamp that is not a number, or does not fit.
     """
-    if len(stamp) >= STAMP_BYTES:
-        raise ValueError(stamp)
+    if len(stamp) >= STAMP_BYTES or "_" in stamp or not stamp.isascii():
+        raise ValueError(stamp)  # Python's own 1_000 and digits of other scripts are none here
     if whole:
         result = int(stamp)
     else:

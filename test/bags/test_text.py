@@ -108,9 +108,9 @@ def test_sensor_descriptions(tmp_path, states):
     [
         ("", "holds no rows"),
         ("timestamp,omega_x\n", "holds no rows"),
-        ("1,2,3\n", "7 columns"),
-        ("1.5,1,2,3,4,5,6\n", "after line 0"),
-        ("1,1,2,x,4,5,6\n", "after line 0"),
+        ("1,2,3\n", "line 1: 3 columns; expected nanoseconds and 6"),
+        ("1.5,1,2,3,4,5,6\n", "line 1: .1.5. is not a stamp"),
+        ("1,1,2,x,4,5,6\n", "line 1: .x. is not a number"),
     ],
 )
 def test_files_of_another_form(tmp_path, text, words):

@@ -26,11 +26,20 @@ from pathlib import Path
 from types import FrameType
 from typing import Final, NamedTuple
 
-HANG_S: Final = 10.0
+sys.path.insert(0, str(Path(__file__).parent))
+import processes
+
+HANG_S: Final = processes.HANG_S
 """[s of processor time] A case that takes longer hangs."""
 MEMORY_BYTES: Final = 10**9
-KINDS: Final = ("bag", "yaml", "arguments", "poses")
+IN_PROCESS: Final = ("bag", "yaml", "arguments", "poses", "cameras")
+"""Kinds whose commands run in this process."""
+OF_THEIR_OWN: Final = ("campaign", "control", "node", "imu_sim") if processes.has_ros() else ()
+"""Kinds whose programs are processes."""
+KINDS: Final = (*IN_PROCESS, *OF_THEIR_OWN)
 STATUSES: Final = (0, 1, 2)
+GATE_FAILED: Final = 3
+"""Of ``campaign``: a requirement is not met."""
 
 _SMALL: Final = ["--duration", "1s", "--rate", "100", "--quiet", "--trajectory", "lecture"]
 _BAGS: Final = {
@@ -100,6 +109,27 @@ class Inputs:
         (folder / "poses.txt").write_text("\n".join(_POSES) + "\n")
         (folder / "file.yaml").write_text("/**:\n  ros__parameters: {rate: 100.0}\n")
         self.digests = self._digests()
+        self._domain: processes.Domain | None = None
+        self._simulator: processes.Simulator | None = None
+
+    def environment(self, kind: str) -> dict[str, str]:
+        """Return the variables of a process: ``control`` has a simulator to act on."""
+        if kind == "control":
+            self._simulator = self._simulator or processes.Simulator()
+            return self._simulator.domain.environment()
+        self._domain = self._domain or processes.Domain()
+        return self._domain.environment()
+
+    def lost(self) -> bool:
+        """Tell whether the simulator did not survive what ``control`` was given."""
+        return self._simulator is not None and not self._simulator.alive
+
+    def close(self) -> None:
+        """End the simulator, where there is one."""
+        if self._simulator is not None:
+            status = self._simulator.end()
+            assert status == 0, f"the simulator ended with status {status}"
+            self._simulator = None
 
     def changed(self) -> bool:
         """Tell whether anything is no longer as it was made."""
@@ -132,33 +162,64 @@ def called(program: str, arguments: list[str]) -> tuple[int, str]:
 
 def run(number: int, inputs: Inputs) -> Outcome:
     """Run the case of a number and judge it."""
-    dice = random.Random(number)
     kind = KINDS[number % len(KINDS)]
-    before = os.getcwd()
     with tempfile.TemporaryDirectory() as name:
-        place = Path(name)
-        program, arguments = _MAKERS[kind](dice, inputs, place)
-        os.chdir(place)
-        faults = []
-        signal.signal(signal.SIGPROF, _hang)
-        signal.setitimer(signal.ITIMER_PROF, HANG_S)
-        try:
-            status, error = called(program, arguments)
-        except Hang:
-            status, error = -1, ""
-            faults.append("hang")
-        finally:
-            signal.setitimer(signal.ITIMER_PROF, 0.0)
-            os.chdir(before)
+        made = _of_its_own if kind in OF_THEIR_OWN else _in_process
+        outcome = made(number, kind, inputs, Path(name))
+    if inputs.changed():
+        outcome = outcome._replace(faults=(*outcome.faults, "changed"))
+    return outcome
+
+
+def _in_process(number: int, kind: str, inputs: Inputs, place: Path) -> Outcome:
+    before = os.getcwd()
+    program, arguments = _MAKERS[kind](random.Random(number), inputs, place)
+    os.chdir(place)
+    faults = []
+    signal.signal(signal.SIGPROF, _hang)
+    signal.setitimer(signal.ITIMER_PROF, HANG_S)
+    try:
+        status, error = called(program, arguments)
+    except Hang:
+        status, error = -1, ""
+        faults.append("hang")
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        os.chdir(before)
     if "Traceback" in error:
         faults.append("traceback")
     if status not in STATUSES:
         faults.append("status")
     if resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 > MEMORY_BYTES:
         faults.append("memory")
-    if inputs.changed():
-        faults.append("changed")
     return Outcome(kind, [program, *arguments], status, tuple(faults), error)
+
+
+def _of_its_own(number: int, kind: str, inputs: Inputs, place: Path) -> Outcome:
+    dice, words = random.Random(number), [*_WORDS, str(inputs.folder / "none.mcap")]
+    if kind == "node":
+        program, arguments = processes.node(dice, words, place)
+    else:
+        program = kind
+        maker = {"control": processes.control, "campaign": processes.campaign}
+        arguments = maker.get(kind, processes.by_one_name)(dice, words, place)
+    environment = inputs.environment(kind)
+    ended = processes.run(program, processes.fit(arguments), place, environment, number)
+    allowed = set(STATUSES)
+    if ended.signalled and program not in processes.NODES:
+        allowed = {128 + ended.signalled}
+    if program == "campaign":
+        allowed.add(GATE_FAILED)
+    judged = {
+        "hang": ended.hung,
+        # What a campaign's user runs may show one; its own would be the command's.
+        "traceback": "Traceback" in ended.output and "--debug" not in arguments,
+        "status": ended.status not in allowed,
+        "memory": ended.peak_bytes > MEMORY_BYTES,
+        "lost": inputs.lost(),
+    }
+    faults = tuple(name for name, found in judged.items() if found)
+    return Outcome(kind, [program, *arguments], ended.status, faults, ended.output)
 
 
 def _hang(number: int, frame: FrameType | None) -> None:
@@ -342,7 +403,51 @@ def _poses(dice: random.Random, inputs: Inputs, place: Path) -> tuple[str, list[
     ])  # fmt: skip
 
 
-_MAKERS: Final = {"bag": _bag, "yaml": _yaml, "arguments": _arguments, "poses": _poses}
+def _camera_names() -> list[str]:
+    """Return the names of all parameters of cameras and scenes."""
+    from imu_sim_ros.config import flatten
+    from imu_sim_ros.config.cameras import load_rig
+
+    names = flatten(load_rig({"cameras": ["cam0"]}))
+    return [*names, *(n.removeprefix("cam0.") for n in names), "scene.type", "scene.file", "imus"]
+
+
+def _cameras(dice: random.Random, inputs: Inputs, place: Path) -> tuple[str, list[str]]:
+    """Return generate with cameras that nobody should have."""
+    form = dice.choice(["tracks", "tracks", "vio_data_simulation", "euroc", "csv", "tum"])
+    result = ["-o", "o", "--format", form, "--duration", "0.1s", "--rate", "100", "--jobs", "1"]
+    names = _camera_names()
+    camera = dice.choice(["euroc_cam0", "tum_vi_cam0", "vio_data_simulation"])
+    result += ["--camera", camera if dice.random() < 0.9 else dice.choice(_WORDS)]
+    numbers = ["0", "1", "2", "0.5", "10", "100", "1e6", "100000", "-1", "1e-9", "1e300", "nan"]
+    values = [*_WORDS, "[1, 2, 3]", "[0.1, 0, 0, 0]", "[cam0, cam0]", "equidistant", "room"]
+    for _ in range(dice.randrange(1, 4)):
+        choice = dice.randrange(8)
+        if choice < 6:
+            word = dice.choice(numbers if dice.random() < 0.8 else values)
+            result += ["--set", f"{dice.choice(names)}={word}"]
+        elif choice == 6:
+            poses = str(inputs.folder / "poses.txt")
+            result += ["--scene", dice.choice(["house", "aprilgrid", poses, "x.ply", *_WORDS])]
+        else:
+            result += [dice.choice(["--jobs", "--camera", "--format"]), dice.choice(values)]
+    if dice.random() < 0.2:
+        points = place / dice.choice(["points.csv", "points.ply"])
+        head = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nend_header\n"
+        rows = "\n".join(dice.choice(["1,2,3", "0 0 5", "nan,1,1", *_WORDS]) for _ in range(5))
+        text = (head if dice.random() < 0.5 else "x,y,z\n") + rows
+        points.write_text(text, encoding="utf-8", errors="surrogateescape")
+        result += ["--scene", str(points)]
+    return "generate", processes.fit(result)
+
+
+_MAKERS: Final = {
+    "bag": _bag,
+    "yaml": _yaml,
+    "arguments": _arguments,
+    "poses": _poses,
+    "cameras": _cameras,
+}
 
 
 def main(count: int, first: int = 0, seconds: float = 1e9) -> int:
@@ -365,10 +470,12 @@ def main(count: int, first: int = 0, seconds: float = 1e9) -> int:
                 counts[outcome.kind, fault] += 1
             if outcome.faults or "unexpected:" in outcome.error or spent > HANG_S / 2:
                 failed += bool(outcome.faults)
-                words = " ".join(word[:60] for word in outcome.arguments)
+                words = " ".join(repr(word[:60]) for word in outcome.arguments)
                 print(
-                    f"{number} {spent:.1f} s {outcome.faults} {words!r}\n  {outcome.error[-400:]}"
+                    f"{number} {spent:.1f} s {outcome.faults} {words}\n  {outcome.error[-400:]!r}",
+                    flush=True,
                 )
+        inputs.close()
     for (kind, what), value in sorted(counts.items()):
         print(f"{kind:10} {what:12} {value}")
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

@@ -24,7 +24,9 @@ EXAMPLES = 80
 
 @pytest.fixture(scope="module")
 def inputs(tmp_path_factory):
-    return hostile.Inputs(tmp_path_factory.mktemp("inputs"))
+    made = hostile.Inputs(tmp_path_factory.mktemp("inputs"))
+    yield made
+    made.close()
 
 
 @settings(

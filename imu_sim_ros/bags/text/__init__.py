@@ -5,7 +5,17 @@
 
 from imu_sim_ros.bags.text import decimals, reader, writer
 from imu_sim_ros.bags.text.decimals import decimal
-from imu_sim_ros.bags.text.reader import is_text, state_file
+from imu_sim_ros.bags.text.reader import Skipped, is_text, state_file
 from imu_sim_ros.bags.text.writer import Dataset, States
 
-__all__ = ["Dataset", "States", "decimal", "decimals", "is_text", "reader", "state_file", "writer"]
+__all__ = [
+    "Dataset",
+    "Skipped",
+    "States",
+    "decimal",
+    "decimals",
+    "is_text",
+    "reader",
+    "state_file",
+    "writer",
+]

@@ -3,20 +3,37 @@
 
 """IMU readings and states of text: EuRoC folders, and CSV in the forms of EuRoC and kalibr."""
 
-from collections.abc import Iterator
+import re
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs import (
+    COLUMNS,
+    NUMBERS,
+    STAMPS,
+    VALUES,
+    BadRows,
+    Row,
+    number_of,
+    row_blocks,
+    shortened,
+)
 from imu_sim_ros.rotation import normalise, rotate_inverse
 
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
 
-_BLOCK_ROWS: Final = 65536
+Skipped = Callable[[int], object]
+"""Is told how many bad rows of a file were passed over."""
+
+_WHAT: Final = "a table of numbers"
+_STAMP: Final = re.compile(r"[+-]?[0-9]{1,19}")
+_EARLIEST: Final = -(2**63) + 1
 _IMU_COLUMNS: Final = 6
 _STATE_COLUMNS: Final = 16
 _STATE_FOLDER: Final = "state_groundtruth_estimate0"
@@ -53,12 +70,16 @@ def is_text(path: Path) -> bool:
     return path.suffix.lower() in _SUFFIXES and path.is_file()
 
 
-def imu_blocks(path: Path, name: str | None = None) -> Iterator[tuple[Times, Array, Array]]:
+def imu_blocks(
+    path: Path, name: str | None = None, skipped: Skipped | None = None
+) -> Iterator[tuple[Times, Array, Array]]:
     """Yield stamps (n,), angular rates (n, 3) and specific forces (n, 3) in blocks.
 
     :param name: of the sensor, where a folder has several: imu0, imu1.
+    :param skipped: is told how many bad rows were passed over; None: they are errors.
+    :raises InputError: with the first lines of every class of bad rows, at the end of the file.
     """
-    for t_ns, numbers in _blocks(_imu_file(path, name), _IMU_COLUMNS):
+    for t_ns, numbers in _blocks(_imu_file(path, name), _IMU_COLUMNS, skipped):
         yield t_ns, numbers[:, :3], numbers[:, 3:]
 
 
@@ -73,11 +94,16 @@ def state_file(path: Path) -> Path:
     return found
 
 
-def state_blocks(path: Path, topic: str | None = None) -> Iterator[States]:
-    """Yield the states of a EuRoC folder, or of its file, in blocks."""
+def state_blocks(
+    path: Path, topic: str | None = None, skipped: Skipped | None = None
+) -> Iterator[States]:
+    """Yield the states of a EuRoC folder, or of its file, in blocks.
+
+    :param skipped: as for :func:`imu_blocks`.
+    """
     if topic is not None:
         raise InputError(f"{path}: text has no topic {topic}")
-    for t_ns, numbers in _blocks(state_file(path), _STATE_COLUMNS):
+    for t_ns, numbers in _blocks(state_file(path), _STATE_COLUMNS, skipped):
         q_wb = normalise(numbers[:, 3:7])
         square = np.zeros((len(t_ns), 6, 6))
         odometry = Odometry(
@@ -128,43 +154,120 @@ def _state_path(folder: Path) -> Path | None:
     return None
 
 
-def _blocks(path: Path, columns: int) -> Iterator[tuple[Times, Array]]:
+def _blocks(path: Path, columns: int, skipped: Skipped | None) -> Iterator[tuple[Times, Array]]:
     """Yield stamps (n,) and numbers (n, columns) of a CSV file.
 
-    :raises InputError: for a file of another form, with the line where that is known.
+    :param skipped: is told how many bad rows were passed over; None: they are errors.
+    :raises InputError: for a file of another form, and at its end with the first lines of every
+        class of bad rows.
     """
-    row = np.dtype([("t_ns", "<i8"), ("numbers", "<f8", (columns,))])
-    line = rows = 0
-    try:
-        with path.open(encoding="utf-8") as file:
-            start = file.tell()
-            first = file.readline()
-            if first[:1].isdigit():
-                file.seek(start)
-            else:
-                line = 1
-            while True:
-                block = _load(file, row)
-                if not len(block):
-                    break
-                yield block["t_ns"], block["numbers"]
-                line += len(block)
-                rows += len(block)
-    except (ValueError, OverflowError, DeprecationWarning) as error:
-        reason = " ".join(str(error).split()).split(";")[0]
-        raise InputError(
-            f"{path}: after line {line}: {reason}; expected nanoseconds and {columns} numbers"
-        ) from None
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from None
-    if not rows:
-        raise InputError(f"{path}: holds no rows")
+    table = _Table(path, columns)
+    count = 0
+    for rows in row_blocks(path, _WHAT):
+        for t_ns, numbers in table.blocks(rows):
+            count += len(t_ns)
+            yield t_ns, numbers
+    if skipped is None:
+        table.bad.complain()
+    elif table.bad.rows:
+        skipped(table.bad.rows)
+    if not count:
+        raise InputError(f"{path}: holds no rows{' that could be used' * bool(table.bad.rows)}")
 
 
-def _load(file: Any, row: np.dtype[np.void]) -> NDArray[np.void]:
-    import warnings
+class _Table:
+    """A CSV file of stamps and numbers that is being read, and what is wrong with it so far."""
 
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # numpy warns of the end of the file
-        warnings.simplefilter("error", DeprecationWarning)  # numpy 1 takes 1.5 for the integer 1
-        return np.loadtxt(file, row, delimiter=",", ndmin=1, max_rows=_BLOCK_ROWS)
+    def __init__(self, path: Path, columns: int) -> None:
+        self.bad = BadRows(path)
+        self._columns = columns
+        self._row = np.dtype([("t_ns", "<i8"), ("numbers", "<f8", (columns,))])
+        self._begun = False
+        self._last_ns = _EARLIEST
+
+    def blocks(self, rows: list[Row]) -> Iterator[tuple[Times, Array]]:
+        """Yield the good rows of some lines; note what is wrong with the others."""
+        if rows and not self._begun:
+            self._begun = True
+            if not rows[0][1][:1].isdigit():  # kalibr's header
+                rows = rows[1:]
+        found = list(self._parts(rows))
+        if found:
+            yield (
+                np.concatenate([part["t_ns"] for part in found]),
+                np.concatenate([part["numbers"] for part in found]),
+            )
+
+    def _parts(self, rows: list[Row]) -> Iterator[NDArray[np.void]]:
+        """Yield the good rows, in pieces: what cannot be converted at once is halved."""
+        waiting = [rows] if rows else []
+        while waiting:
+            part = waiting.pop()
+            try:
+                found = self._loaded(part)
+            except (ValueError, OverflowError, DeprecationWarning):
+                if len(part) > 1:
+                    half = len(part) // 2
+                    waiting += [part[half:], part[:half]]
+                else:
+                    self._note(*part[0])
+                    self.bad.give_up()
+                continue
+            good = self._good(np.array([number for number, _ in part]), found)
+            if good.any():
+                yield found[good]
+
+    def _loaded(self, rows: list[Row]) -> NDArray[np.void]:
+        import warnings
+
+        with warnings.catch_warnings():
+            warnings.simplefilter(
+                "error", DeprecationWarning
+            )  # numpy 1 takes 1.5 for the integer 1
+            return np.loadtxt(
+                [text.decode("latin-1") for _, text in rows],
+                self._row,
+                delimiter=",",
+                ndmin=1,
+                comments=None,
+            )
+
+    def _note(self, line: int, text: bytes) -> None:
+        """Note what keeps a row from being numbers."""
+        self.bad.rows += 1
+        before = self.bad.count
+        fields = [field.strip().decode("utf-8", "replace") for field in text.split(b",")]
+        if len(fields) != self._columns + 1:
+            expected = f"expected nanoseconds and {self._columns} numbers"
+            self.bad.note(COLUMNS, line, f"{len(fields)} columns; {expected}")
+            return
+        if not _STAMP.fullmatch(fields[0]) or abs(int(fields[0])) > -_EARLIEST:
+            self.bad.note(NUMBERS, line, f"{shortened(fields[0])} is not a stamp in nanoseconds")
+        for field in fields[1:]:
+            try:
+                number_of(field)
+            except ValueError:
+                self.bad.note(NUMBERS, line, f"{shortened(field)} is not a number")
+        if self.bad.count == before:
+            self.bad.note(NUMBERS, line, "cannot be read as numbers")
+
+    def _good(self, lines: Times, found: NDArray[np.void]) -> NDArray[np.bool_]:
+        """Tell which rows are finite and not earlier than one before them; note the others.
+
+        Readings that the transport doubled stand twice: equal stamps are sound.
+        """
+        finite: NDArray[np.bool_] = np.isfinite(found["numbers"]).all(axis=1)
+        for k in np.flatnonzero(~finite):
+            self.bad.note(VALUES, int(lines[k]), "a value that is not finite")
+        t_ns = np.where(finite, found["t_ns"], _EARLIEST)
+        latest = np.maximum(np.maximum.accumulate(t_ns), self._last_ns)
+        back = finite & (t_ns < latest)
+        for k in np.flatnonzero(back):
+            step = (int(latest[k]) - int(t_ns[k])) * 1e-9
+            words = f"the stamp is {step:.9g} s before that of an earlier line"
+            self.bad.note(STAMPS, int(lines[k]), words)
+        self._last_ns = int(latest[-1])
+        good: NDArray[np.bool_] = finite & ~back
+        self.bad.good += int(np.count_nonzero(good))
+        self.bad.rows += int(np.count_nonzero(~good))
+        return good

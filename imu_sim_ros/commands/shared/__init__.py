@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.commands.shared.output_arguments import outputs as outputs
     from imu_sim_ros.commands.shared.pose_arguments import PoseReader as PoseReader
     from imu_sim_ros.commands.shared.pose_arguments import add_skip_bad_rows as add_skip_bad_rows
+    from imu_sim_ros.commands.shared.pose_arguments import skipped_rows as skipped_rows
     from imu_sim_ros.commands.shared.side_files import configs as configs
     from imu_sim_ros.commands.shared.side_files import describe as describe
     from imu_sim_ros.commands.shared.side_files import new_truths as new_truths
@@ -36,7 +37,7 @@ else:
         {
             "": ["bag_output", "camera_output"],
             "output_arguments": ["PICTURES", "add_force", "outputs"],
-            "pose_arguments": ["PoseReader", "add_skip_bad_rows"],
+            "pose_arguments": ["PoseReader", "add_skip_bad_rows", "skipped_rows"],
             "side_files": ["configs", "describe", "new_truths", "write_configs"],
             "tracks": [
                 "Track",

@@ -1,10 +1,11 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``--skip-bad-rows``, for every command that reads poses of text."""
+"""``--skip-bad-rows``, for every command that reads text: poses, and tables of readings."""
 
 import argparse
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +18,19 @@ def add_skip_bad_rows(parser: Any) -> None:
     parser.add_argument(
         "--skip-bad-rows",
         action="store_true",
-        help="go on without the rows of a text file of poses that are wrong, and count them",
+        help="go on without the bad rows of a text file (poses, readings), and count them",
     )
+
+
+def skipped_rows(
+    arguments: argparse.Namespace, program: str, path: str | Path
+) -> Callable[[int], None] | None:
+    """Return what says how many rows of a table were left out; None: bad rows are errors."""
+
+    def say(count: int) -> None:
+        print(f"{program}: {path}: {count} bad rows skipped", file=sys.stderr)
+
+    return say if arguments.skip_bad_rows else None
 
 
 class PoseReader:

@@ -63,12 +63,15 @@ def read_track(
     topic: str | None = None,
     covariance: bool = False,
     reader: Callable[..., PoseSequence] = read_poses,
+    skipped: Callable[[int], None] | None = None,
 ) -> Track:
     """Return a trajectory.
 
     :param topic: of a bag; None: the only one of Odometry, else of PoseStamped.
     :param covariance: read the covariances as well, which need five times the memory of all else.
     :param reader: of a text file of poses.
+    :param skipped: of a EuRoC folder's states: is told how many bad rows were passed over; None:
+        they are errors.
     :raises InputError: for what cannot be read, or is no trajectory: stamps that do not increase,
         numbers that are not finite, fewer than two poses.
     """
@@ -76,14 +79,19 @@ def read_track(
         poses = reader(path, topic, covariance=covariance)
         track = Track(poses, pose_covariance=poses.covariance)
     else:
-        track = _odometry(path, topic, covariance)
+        track = _odometry(path, topic, covariance, skipped)
     _check(f"{path}{'' if topic is None else f', {topic}'}", track.poses)
     return track
 
 
-def _odometry(path: Path, topic: str | None, covariance: bool) -> Track:
+def _odometry(
+    path: Path,
+    topic: str | None,
+    covariance: bool,
+    skipped: Callable[[int], None] | None,
+) -> Track:
     parts: list[tuple[Array | NDArray[np.int64], ...]] = []
-    for block in odometry_blocks(path, topic):
+    for block in odometry_blocks(path, topic, skipped=skipped):
         velocity = rotate(block.q_wb, block.velocity_b)
         matrices = (block.pose_covariance, block.twist_covariance) if covariance else ()
         parts.append((block.t_ns, block.position, block.q_wb, velocity, *matrices))

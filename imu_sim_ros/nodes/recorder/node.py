@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from rclpy.clock import Clock, ClockType, ROSClock
+from rclpy.exceptions import NameValidationException
 
 from imu_sim_ros.bags import Writer, open_writer
 from imu_sim_ros.commands import common
@@ -58,8 +59,11 @@ class Recorder(ConfiguredNode):
         super().__init__("recorder", RecorderParameters, **arguments)
         parameters: RecorderParameters = self.parameters
         self.output = Path(parameters.output or time.strftime("recording_%Y-%m-%d_%H-%M-%S"))
-        self._wanted = [self.resolve_topic_name(name) for name in parameters.topics]
-        self._excluded = {self.resolve_topic_name(name) for name in parameters.exclude}
+        problems: list[str] = []
+        self._wanted = self._resolved("topics", parameters.topics, problems)
+        self._excluded = set(self._resolved("exclude", parameters.exclude, problems))
+        if problems:
+            raise ConfigurationError(problems)
         self._qos: dict[str, Any] = {}
         self._refused: set[str] = set()
         self._began_at = 0.0
@@ -103,6 +107,19 @@ class Recorder(ConfiguredNode):
             split_duration=parameters.split_duration,
             split_size=round(parameters.split_size * MEGABYTE),
         )
+
+    def _resolved(self, parameter: str, names: Sequence[str], problems: list[str]) -> list[str]:
+        """Return topics' names with their namespace; add a line for each that is none."""
+        result = []
+        for name in names:
+            try:
+                result.append(self.resolve_topic_name(name))
+            except (RuntimeError, ValueError, NameValidationException):
+                problems.append(
+                    f"{parameter}: {name!r} is no name of a topic, which has letters, digits, "
+                    "underscores and slashes"
+                )
+        return result
 
     # ------------------------------------------------------------------------------- topics
     def _discover(self) -> None:
