@@ -7,7 +7,12 @@ import numpy as np
 import pytest
 from rosbags.typesys import Stores, get_typestore
 
-from imu_sim_ros.bags.messages import encode
+from imu_sim_ros.bags.messages import (
+    STAMP_OFFSET,
+    MessageDecoder,
+    TransformsEncoder,
+    encode,
+)
 from imu_sim_ros.errors import InputError
 
 STORES = {"cdr": get_typestore(Stores.ROS2_JAZZY), "ros1": get_typestore(Stores.ROS1_NOETIC)}
@@ -119,3 +124,41 @@ def test_no_samples_are_no_messages():
 def test_stamps_that_a_message_cannot_hold(t_ns):
     with pytest.raises(InputError, match="a message holds 0 to 2147483647 s"):
         encode.ClockEncoder().encode(np.array([t_ns]))
+
+
+@pytest.mark.parametrize("name", [encode.IMU, encode.ODOMETRY])
+def test_single_messages_of_any_frames_are_unpacked_as_by_rosbags(name):
+    """One decoder, frames that change from message to message, among them one of no UTF-8."""
+    names = {
+        encode.IMU: ["angular_velocity", "linear_acceleration"],
+        encode.ODOMETRY: ["position", "linear"],
+    }[name]
+    decoder = MessageDecoder(name, names)
+    payloads = []
+    for frame in (*FRAMES, FRAMES[0]):
+        _, rows, _ = _messages(name, "cdr", frame, np.random.default_rng(len(frame)))
+        payloads += [row.tobytes() for row in rows]
+    payloads.append(payloads[0].replace(b"imu_link", b"imu\xff\xfeink"))
+    for payload in payloads:
+        message = STORES["cdr"].deserialize_cdr(payload.replace(b"\xff\xfe", b"_l"), name)
+        if name == encode.IMU:
+            vectors = [message.angular_velocity, message.linear_acceleration]
+        else:
+            vectors = [message.pose.pose.position, message.twist.twist.linear]
+        stamp = message.header.stamp
+        expected = (stamp.sec, stamp.nanosec, *_numbers(vectors[0]), *_numbers(vectors[1]))
+        assert decoder.numbers(payload) == expected
+    for broken in (b"", payloads[0][:40], b"\x00\x00" + payloads[0][2:], payloads[0][:14]):
+        with pytest.raises(InputError, match=f"not a {name}"):
+            decoder.numbers(broken)
+
+
+def test_stamps_lie_where_rosbags_puts_them():
+    t_ns = np.array([123 * 10**9 + 45])
+    stamp = b"\x7b\x00\x00\x00\x2d\x00\x00\x00"
+    clock = encode.ClockEncoder().encode(t_ns)[0].tobytes()
+    imu = encode.ImuEncoder("i").encode(t_ns, np.zeros((1, 3)), np.zeros((1, 3)))[0].tobytes()
+    assert clock.index(stamp) == imu.index(stamp) == STAMP_OFFSET
+    transforms = TransformsEncoder([("a", "b"), ("b", "c")])
+    (row,) = transforms.encode(t_ns, np.zeros((1, 2, 3)), np.ones((1, 2, 4)))
+    assert row.tobytes().index(stamp) == TransformsEncoder.stamp_offset()

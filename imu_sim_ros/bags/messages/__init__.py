@@ -8,7 +8,13 @@ Works on arrays of bytes and knows no file. Imports the leaves.
 
 from imu_sim_ros.bags.messages import schemas
 from imu_sim_ros.bags.messages.blocks import MessageBlock, Payloads, Times, TopicInfo, as_list
-from imu_sim_ros.bags.messages.decode import Decoded, decode_block, inside_order, transcode
+from imu_sim_ros.bags.messages.decode import (
+    Decoded,
+    MessageDecoder,
+    decode_block,
+    inside_order,
+    transcode,
+)
 from imu_sim_ros.bags.messages.encode import (
     CLOCK,
     IMU,
@@ -34,7 +40,7 @@ from imu_sim_ros.bags.messages.images import (
     Stamped,
 )
 from imu_sim_ros.bags.messages.installed import BrokenMessageError, recorded_type
-from imu_sim_ros.bags.messages.layouts import Bytes
+from imu_sim_ros.bags.messages.layouts import STAMP_OFFSET, Bytes
 from imu_sim_ros.bags.messages.point_clouds import (
     POINT_CLOUD,
     POINT_CLOUD2,
@@ -55,6 +61,7 @@ __all__ = [
     "POINT_CLOUD",
     "POINT_CLOUD2",
     "POSE_STAMPED",
+    "STAMP_OFFSET",
     "TEMPERATURE",
     "TF_MESSAGE",
     "VECTOR3_STAMPED",
@@ -68,6 +75,7 @@ __all__ = [
     "ImageEncoder",
     "ImuEncoder",
     "MessageBlock",
+    "MessageDecoder",
     "OdometryEncoder",
     "Payloads",
     "PointCloud2Encoder",

@@ -46,15 +46,8 @@ class StampedBuilder(Builder):
     def __init__(self, frame_id: str, encoding: str) -> None:
         super().__init__(encoding)
         self._encoding = encoding
-        if not self.cdr:
-            self.number("seq", "<u4")
-        self.time()
+        self.field("stamp", "header")
         self.text(frame_id)
-
-    def count(self, value: int) -> None:
-        """Add the length of an array, or any other number of four bytes that is known."""
-        self.align(4)
-        self.constant(value.to_bytes(4, "little"))
 
     def values(self, values: ArrayLike, code: str) -> None:
         """Add numbers that are known."""
@@ -70,9 +63,9 @@ class StampedBuilder(Builder):
         """
         second, nanosecond = seconds(np.array([t_ns]), self._encoding)
         result = bytearray(self.template)
-        at = self.offsets[self.names.index("sec")]
-        result[at : at + 4] = int(second[0]).to_bytes(4, "little")
-        result[at + 4 : at + 8] = int(nanosecond[0]).to_bytes(4, "little")
+        for name, value in (("sec", second), ("nanosec", nanosecond)):
+            at = self.offsets[self.names.index(name)]
+            result[at : at + 4] = int(value[0]).to_bytes(4, "little")
         return result
 
 
@@ -141,7 +134,7 @@ class CameraInfoEncoder:
         self._all = StampedBuilder(frame_id, encoding)
         self._all.values([info.height, info.width], "<u4")
         self._all.text(info.distortion_model)
-        self._all.count(len(info.d))
+        self._all.length(len(info.d))
         self._all.values(info.d, "<f8")
         for matrix in (info.k, info.r, info.p):
             self._all.values(matrix, "<f8")

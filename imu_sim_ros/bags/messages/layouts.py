@@ -4,14 +4,16 @@
 """Where each field of a message lies in its bytes, as a NumPy structured type.
 
 A message whose texts (the frame names) have known lengths has a constant size. A block of such
-messages is one array with the structured type of :class:`Layout`, filled or read column by column.
+messages is one array with the structured type of :class:`Layout`, filled or read column by column;
+a single message is read through a ``struct`` made of the same.
 
 Two encodings exist: ``cdr``, little-endian plain CDR as ROS 2 writes it (four bytes of
 encapsulation header, each primitive aligned to its size relative to the byte after that header),
 and ``ros1``, the packed little-endian form of ROS 1.
 """
 
-from collections.abc import Sequence
+import struct
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from typing import Final, NamedTuple
 
@@ -23,10 +25,13 @@ Bytes = NDArray[np.uint8]
 ENCODINGS: Final = ("cdr", "ros1")
 
 _CDR_HEADER: Final = b"\x00\x01\x00\x00"
+_LENGTH: Final = 4
+"""Bytes of the length of a string or an array."""
 _STAMPED: Final = (("stamp", "header", 1), ("frame_id", "text", 1))
 
-# Fields in the order of the message definitions of common_interfaces (the same in ROS 1): name,
-# kind (f8, text, time, or header: in ROS 1 a sequence number precedes the stamp) and count.
+# The one description of each message, from which the bytes' places follow everywhere. Fields in the
+# order of the message definitions of common_interfaces (the same in ROS 1): name, kind (f8, text,
+# time, or header: in ROS 1 a sequence number precedes the stamp) and count.
 FIELDS: Final[dict[str, tuple[tuple[str, str, int], ...]]] = {
     "sensor_msgs/msg/Imu": (
         *_STAMPED,
@@ -62,6 +67,17 @@ FIELDS: Final[dict[str, tuple[tuple[str, str, int], ...]]] = {
 }
 
 
+def _numbers(name: str, kind: str, count: int, cdr: bool) -> Iterator[tuple[str, str, int]]:
+    """Return the numbers of a field other than a text: name, code of NumPy, count."""
+    if kind == "header" and not cdr:
+        yield "seq", "<u4", 1
+    if kind in ("header", "time"):
+        yield "sec", "<i4" if cdr else "<u4", 1
+        yield "nanosec", "<u4", 1
+    else:
+        yield name, f"<{kind}", count
+
+
 class Layout(NamedTuple):
     """The bytes of one message type in one encoding, for given texts."""
 
@@ -89,6 +105,20 @@ class Layout(NamedTuple):
             for start, stop in self.fixed
         )
 
+    def offset(self, name: str) -> int:
+        """Return where a field begins."""
+        return int(self.dtype.fields[name][1]) if self.dtype.fields else 0
+
+    def unpacker(self, names: Sequence[str]) -> struct.Struct:
+        """Return what unpacks the numbers of some fields of one message, in the message's order."""
+        form, end = "<", 0
+        for name in sorted(names, key=self.offset):
+            numbers = self.dtype[name]
+            count = int(np.prod(numbers.shape, dtype=int))
+            form += f"{self.offset(name) - end}x{count}{numbers.base.char}"
+            end = self.offset(name) + numbers.itemsize
+        return struct.Struct(form)
+
     def view(self, payloads: Bytes) -> NDArray[np.void]:
         """Return payloads (n, size) as structured messages (n,), without a copy."""
         fields: NDArray[np.void] = payloads.view(self.dtype)[:, 0]
@@ -114,7 +144,10 @@ class Builder:
 
     def constant(self, content: bytes) -> None:
         """Add bytes that are the same in all messages."""
-        self.fixed.append((len(self.template), len(self.template) + len(content)))
+        start, stop = len(self.template), len(self.template) + len(content)
+        if self.fixed[-1][1] == start:
+            start, _ = self.fixed.pop()
+        self.fixed.append((start, stop))
         self.template += content
 
     def number(self, name: str, code: str, count: int = 1) -> None:
@@ -126,16 +159,28 @@ class Builder:
         self.offsets.append(len(self.template))
         self.template += bytes(size * count)
 
-    def time(self) -> None:
-        """Add a stamp."""
-        self.number("sec", "<i4" if self.cdr else "<u4")
-        self.number("nanosec", "<u4")
+    def field(self, name: str, kind: str, count: int = 1, suffix: str = "") -> None:
+        """Add a field other than a text, kind and count as in :data:`FIELDS`.
 
-    def text(self, content: str) -> None:
-        """Add a string: its length, its bytes and, in CDR, a zero that counts."""
-        encoded = content.encode() + (b"\0" if self.cdr else b"")
-        self.align(4)
-        self.constant(len(encoded).to_bytes(4, "little") + encoded)
+        :param suffix: behind the names of its parts, where there are several such fields.
+        """
+        for part, code, times in _numbers(name, kind, count, self.cdr):
+            self.number(part + suffix, code, times)
+
+    def length(self, count: int) -> None:
+        """Add the length of an array."""
+        self.align(_LENGTH)
+        self.constant(count.to_bytes(_LENGTH, "little"))
+
+    def text(self, content: str | bytes) -> None:
+        """Add a string: its length, its bytes and, in CDR, a zero that counts.
+
+        :param content: bytes are taken as they stand in a message, behind the length.
+        """
+        if isinstance(content, str):
+            content = content.encode() + (b"\0" if self.cdr else b"")
+        self.length(len(content))
+        self.constant(content)
 
     def dtype(self) -> np.dtype[np.void]:
         """Return the structured type of the size of a message."""
@@ -150,12 +195,13 @@ class Builder:
 
 
 @lru_cache(maxsize=64)
-def layout(type_name: str, encoding: str, texts: Sequence[str] = ()) -> Layout:
+def layout(type_name: str, encoding: str, texts: Sequence[str | bytes] = ()) -> Layout:
     """Return the layout of a message type.
 
     :param type_name: a key of FIELDS.
     :param encoding: one of ENCODINGS.
-    :param texts: contents of the message's text fields, in order; a tuple.
+    :param texts: contents of the message's text fields, in order; a tuple. Bytes are those of a
+        message, as :func:`raw_texts` returns them.
     """
     if encoding not in ENCODINGS:
         raise ValueError(f"encoding {encoding!r}: must be one of {', '.join(ENCODINGS)}")
@@ -164,41 +210,60 @@ def layout(type_name: str, encoding: str, texts: Sequence[str] = ()) -> Layout:
     for name, kind, count in FIELDS[type_name]:
         if kind == "text":
             builder.text(next(remaining))
-        elif kind in ("time", "header"):
-            if kind == "header" and encoding == "ros1":
-                builder.number("seq", "<u4")
-            builder.time()
         else:
-            builder.number(name, "<" + kind, count)
+            builder.field(name, kind, count)
     return Layout(
         type_name, encoding, builder.dtype(), bytes(builder.template), tuple(builder.fixed)
     )
 
 
-def texts_of(type_name: str, encoding: str, payload: bytes) -> tuple[str, ...]:
-    """Return the text fields of one message.
+@lru_cache
+def _ahead_of_texts(type_name: str, encoding: str) -> tuple[int, ...]:
+    """Return how many bytes of numbers stand before each text, behind the one before."""
+    gaps = [0]
+    for name, kind, count in FIELDS[type_name]:
+        if kind == "text":
+            gaps.append(0)
+        else:
+            numbers = _numbers(name, kind, count, encoding == "cdr")
+            gaps[-1] += sum(np.dtype(code).itemsize * times for _, code, times in numbers)
+    return tuple(gaps[:-1])
+
+
+def raw_texts(type_name: str, encoding: str, payload: bytes) -> tuple[bytes, ...]:
+    """Return the text fields of one message as they stand there, without their lengths.
 
     All texts of the known types stand before the first number of eight bytes.
 
     :raises ValueError: where the bytes are not a message of this type in little-endian form.
     """
-    position = 0
-    if encoding == "cdr":
-        if payload[:2] != _CDR_HEADER[:2]:
-            raise ValueError("not little-endian CDR")
-        position = len(_CDR_HEADER)
-    start = position
-    texts: list[str] = []
-    for _, kind, _ in FIELDS[type_name]:
-        if kind in ("time", "header"):
-            position += 12 if kind == "header" and encoding == "ros1" else 8
-        elif kind == "text":
-            if encoding == "cdr":
-                position += -(position - start) % 4
-            length = int.from_bytes(payload[position : position + 4], "little")
-            content = payload[position + 4 : position + 4 + length]
-            if len(content) != length:
-                raise ValueError("a string is longer than the message")
-            position += 4 + length
-            texts.append(content.rstrip(b"\0").decode())
+    cdr = encoding == "cdr"
+    if cdr and payload[:2] != _CDR_HEADER[:2]:
+        raise ValueError("not little-endian CDR")
+    start = position = len(_CDR_HEADER) if cdr else 0
+    texts = []
+    for gap in _ahead_of_texts(type_name, encoding):
+        position += gap
+        if cdr:
+            position += -(position - start) % _LENGTH
+        content_at = position + _LENGTH
+        length = int.from_bytes(payload[position:content_at], "little")
+        content = payload[content_at : content_at + length]
+        if len(content) != length:
+            raise ValueError("a string is longer than the message")
+        position = content_at + length
+        texts.append(content)
     return tuple(texts)
+
+
+def texts_of(type_name: str, encoding: str, payload: bytes) -> tuple[str, ...]:
+    """Return the text fields of one message.
+
+    :raises ValueError: where the bytes are not a message of this type in little-endian form.
+    """
+    raw = raw_texts(type_name, encoding, payload)
+    return tuple(content.rstrip(b"\0").decode() for content in raw)
+
+
+STAMP_OFFSET: Final = layout("rosgraph_msgs/msg/Clock", "cdr").offset("sec")
+"""Where the stamp is in a CDR message that begins with one, or with a header."""

@@ -39,12 +39,12 @@ class PointCloudEncoder:
         """
         place = np.asarray(points, dtype="<f4")
         message = StampedBuilder(self._frame_id, self._encoding)
-        message.count(len(place))
+        message.length(len(place))
         message.values(place, "<f4")
-        message.count(len(self._channels))
+        message.length(len(self._channels))
         for name, column in zip(self._channels, values.T, strict=True):
             message.text(name)
-            message.count(len(column))
+            message.length(len(column))
             message.values(column, "<f4")
         return bytes(message.stamped(t_ns))
 
@@ -77,12 +77,12 @@ class PointCloud2Encoder:
             rows[name] = column
         message = StampedBuilder(self._frame_id, self._encoding)
         message.values([1, len(rows)], "<u4")
-        message.count(len(names))
+        message.length(len(names))
         for k, (name, kind) in enumerate(zip(names, kinds, strict=True)):
             message.text(name)
-            message.count(4 * k)
+            message.values([4 * k], "<u4")
             message.values([kind], "u1")
-            message.count(1)
+            message.values([1], "<u4")
         message.values([0], "u1")  # little-endian
         message.values([rows.itemsize, rows.nbytes, rows.nbytes], "<u4")
         message.constant(rows.tobytes())

@@ -26,18 +26,24 @@ class TransformsEncoder:
         :param frames: parent and child of each of the m transforms in a message.
         """
         builder = Builder("cdr")
-        builder.align(4)
-        builder.constant(len(frames).to_bytes(4, "little"))
+        builder.length(len(frames))
         for k, (parent, child) in enumerate(frames):
-            builder.number(f"sec_{k}", "<i4")
-            builder.number(f"nanosec_{k}", "<u4")
+            builder.field("stamp", "header", suffix=f"_{k}")
             builder.text(parent)
             builder.text(child)
-            builder.number(f"translation_{k}", "<f8", 3)
-            builder.number(f"rotation_{k}", "<f8", 4)
+            builder.field("translation", "f8", 3, f"_{k}")
+            builder.field("rotation", "f8", 4, f"_{k}")
         self._count = len(frames)
         self._dtype = builder.dtype()
         self._template = np.frombuffer(bytes(builder.template), np.uint8)
+
+    @staticmethod
+    def stamp_offset() -> int:
+        """Return where the stamp of the first transform begins, in CDR."""
+        builder = Builder("cdr")
+        builder.length(1)
+        builder.field("stamp", "header")
+        return builder.offsets[builder.names.index("sec")]
 
     def encode(self, t_ns: Times, translation: ArrayLike, q: ArrayLike) -> Bytes:
         """Return messages (n, size).

@@ -14,6 +14,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from imu_sim_ros.bags.messages import STAMP_OFFSET, TransformsEncoder
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.nodes.topics import transform_type
 
@@ -60,13 +61,13 @@ def stamp_offset(message: Any) -> int | None:
     """Return where in the CDR bytes of a message class its stamp begins; None without a stamp.
 
     A stamp is the first thing in ``std_msgs/Header``, and a time at a message's own beginning
-    (rosgraph_msgs/Clock) serves as well: both follow the four bytes that begin all CDR.
+    (rosgraph_msgs/Clock) serves as well. Of transforms the first one counts.
     """
     fields = message.get_fields_and_field_types()
     first = next(iter(fields.values()), "")
     if first == "sequence<geometry_msgs/TransformStamped>":
-        return 8  # the stamp of the first transform, behind their number
-    return 4 if first in ("std_msgs/Header", "builtin_interfaces/Time") else None
+        return TransformsEncoder.stamp_offset()
+    return STAMP_OFFSET if first in ("std_msgs/Header", "builtin_interfaces/Time") else None
 
 
 @cache
