@@ -67,6 +67,8 @@ class Track:
     attitude_update: str
     truth: Odometry | None = None
     """The truth that came with the readings."""
+    name: str = ""
+    """Of the readings' sensor or file, for titles."""
 
     def __len__(self) -> int:
         return len(self.t_ns)
@@ -92,8 +94,9 @@ class Track:
         from imu_sim_ros.plots import navigation as pictures
 
         name = f"{self.method}, {self.attitude_update}"
+        title = f"{self.name}: dead reckoning" if self.name else "Dead reckoning"
         if self.truth is None:
-            return pictures.trajectories({name: self.position}, None, {}, {})
+            return pictures.trajectories({name: self.position}, None, {}, {}, title)
         found = evaluate(self, self.truth)
         t = (found.t_ns - found.t_ns[0]) * 1e-9
         return pictures.trajectories(
@@ -101,6 +104,7 @@ class Track:
             self.truth.position,
             {name: (t, np.linalg.norm(found.position, axis=1))},
             {name: (t, np.linalg.norm(found.attitude, axis=1))},
+            f"{title} against the truth",
         )
 
 
@@ -150,7 +154,7 @@ def dead_reckon(
     states = integrate(
         track.t_ns, track.gyro, track.accel, start.state, *way, start.correction, *limits
     )
-    return Track(*states, settings.method, settings.attitude_update, truth)
+    return Track(*states, settings.method, settings.attitude_update, truth, track.name)
 
 
 def _source(
@@ -262,9 +266,9 @@ class Evaluation:
         from imu_sim_ros.plots import navigation as pictures
 
         t = (self.t_ns - self.t_ns[0]) * 1e-9
-        return pictures.evaluation(
-            t, self.estimate.position, self.truth.position, self.position, self.attitude
-        )
+        title = f"Estimate against the truth: {self.distance:.4g} m, ATE {self.rms_position:.4g} m"
+        positions = (self.estimate.position, self.truth.position, self.position)
+        return pictures.evaluation(t, *positions, self.attitude, title)
 
 
 def evaluate(

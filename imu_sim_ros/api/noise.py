@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from imu_sim_ros.api.flight import Flight
 from imu_sim_ros.api.readings import Readings
 from imu_sim_ros.calibration.noise import AllanResult, analyse, noise_files, quantity
-from imu_sim_ros.conventions import TRIADS
+from imu_sim_ros.conventions import AXES, TRIADS
 
 if TYPE_CHECKING:
     from imu_sim_ros.plots import Figure
@@ -40,7 +40,8 @@ class Estimated:
             f"< {high:.3g}" if np.isnan(value) else f"{value:.3g} [{low:.3g}, {high:.3g}]"
             for value, low, high in zip(self.value, self.low, self.high, strict=True)
         ]
-        return f"<{'; '.join(axes)} {self.unit}>"
+        named = (f"{axis} {words}" for axis, words in zip(AXES, axes, strict=True))
+        return f"<Estimated {', '.join(named)} {self.unit}>"
 
 
 @dataclass(frozen=True, repr=False)
@@ -77,6 +78,8 @@ class Noise:
     """Seconds at rest that were used."""
     warnings: tuple[str, ...]
     result: AllanResult
+    name: str = ""
+    """Of the sensor or the file, for titles."""
 
     def __repr__(self) -> str:
         density = np.nanmean(self.gyroscope.noise_density.value)
@@ -90,7 +93,7 @@ class Noise:
         """Return a matplotlib figure of the Allan deviations, their bands and the fitted terms."""
         from imu_sim_ros.plots import allan as pictures
 
-        return pictures.figure(self.result)
+        return pictures.figure(self.result, self.name)
 
     def save(self, path: str | Path, topic: str = "/imu0") -> Path:
         """Write a file that takes these values; returns its path.
@@ -129,6 +132,7 @@ def allan(
     """
     if isinstance(source, Flight):
         source = source.readings
+    name = source.name if isinstance(source, Readings) else Path(source).name
     if isinstance(source, Readings):
         result = analyse([[source]], model=model, force=force)
     else:
@@ -144,6 +148,7 @@ def allan(
         result.duration,
         result.warnings,
         result,
+        name,
     )
 
 

@@ -149,7 +149,7 @@ def _write(result: AllanResult, output: Path, arguments: argparse.Namespace) -> 
     for name, continuous in (("imu_utils.yaml", False), ("imu_utils_continuous.yaml", True)):
         noise_files.write_imu_utils(result, output / name, continuous=continuous)
     noise_files.write_parameters(result, output / "imu.yaml", source)
-    picture.draw(result, output / "allan.png")
+    picture.draw(result, output / "allan.png", ", ".join(bag.name for bag in arguments.bags))
 
 
 def _json(result: AllanResult, comparisons: Sequence[truth.Comparison]) -> Mapping[str, Any]:

@@ -201,7 +201,7 @@ def _six_position(arguments: argparse.Namespace, imu: ImuMessages) -> Result:
     def draw(path: Path) -> None:
         from imu_sim_ros.plots import calibration as pictures
 
-        pictures.draw_six_position(found, arguments.gravity, path)
+        pictures.draw_six_position(found, arguments.gravity, path, arguments.bag.name)
 
     return correction.six_position_parameters(found), facts, draw
 
@@ -222,7 +222,7 @@ def _turntable(arguments: argparse.Namespace, imu: ImuMessages) -> Result:
     def draw(path: Path) -> None:
         from imu_sim_ros.plots import calibration as pictures
 
-        pictures.draw_turntable(found, path)
+        pictures.draw_turntable(found, path, arguments.bag.name)
 
     return correction.turntable_parameters(found), facts, draw
 
@@ -257,7 +257,7 @@ def _temperature(arguments: argparse.Namespace, imu: ImuMessages) -> Result:
     def draw(path: Path) -> None:
         from imu_sim_ros.plots import calibration as pictures
 
-        pictures.draw_temperature(found, path)
+        pictures.draw_temperature(found, path, arguments.bag.name)
 
     return correction.temperature_parameters(found), facts, draw
 

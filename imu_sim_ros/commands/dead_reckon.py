@@ -162,7 +162,7 @@ def _made(arguments: argparse.Namespace, written: Outputs) -> list[dict[str, Any
     if arguments.output is not None:
         write_states(written.where(arguments.output), results[0].states)
     if arguments.plot is not None:
-        _draw(written.where(arguments.plot), results, truth)
+        _draw(written.where(arguments.plot), results, truth, arguments.bag.name)
     return [_summary(result, parameters.initial_state) for result in results]
 
 
@@ -340,7 +340,7 @@ def _print(summaries: Sequence[dict[str, Any]]) -> None:
     common.print_table(["method", "attitude", *columns], rows, title)
 
 
-def _draw(path: Path, results: Sequence[Result], truth: Truth | None) -> None:
+def _draw(path: Path, results: Sequence[Result], truth: Truth | None, source: str) -> None:
     from imu_sim_ros.plots import navigation, style  # 0.5 s of matplotlib
 
     names = [f"{result.method}, {result.attitude}" for result in results]
@@ -357,6 +357,7 @@ def _draw(path: Path, results: Sequence[Result], truth: Truth | None) -> None:
         None if truth is None else truth.poses.position,
         errors["position"],
         errors["attitude"],
+        f"{source}: dead reckoning" + ("" if truth is None else " against the truth"),
     )
     style.save(figure, path)
 

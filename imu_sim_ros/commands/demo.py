@@ -54,13 +54,13 @@ python -m imu_sim_ros.commands.demo --imu mpu6000 --duration 10s -o flight --for
 def parser() -> argparse.ArgumentParser:
     """Return the command's arguments."""
     result = common.Parser(prog="demo", description=__doc__, examples=EXAMPLES)
-    text: dict[str, tuple[object, Callable[[str], object], str, str]] = {
+    choices: dict[str, tuple[object, Callable[[str], object], str, str]] = {
         "trajectory": ("lecture", str, "NAME|FILE", "the motion"),
         "imu": ("lecture", str, "NAME|FILE", "the sensor"),
         "rate": (200.0, float, "HZ", "samples per second"),
         "duration": (20.0, common.duration, "TIME", "length of the flight [s]"),
     }
-    for name, (default, kind, metavar, words) in text.items():
+    for name, (default, kind, metavar, words) in choices.items():
         help_text = f"{words}; default %(default)s"
         result.add_argument(
             f"--{name}", default=default, type=kind, metavar=metavar, help=help_text
@@ -112,7 +112,11 @@ def _demonstrate(
     )
     counts = _fly(parameters, folder, bag)
     _print_counts(bag, counts)
-    _print_errors(parameters, folder, bag)
+    title = (
+        f"IMU {arguments.imu}, trajectory {arguments.trajectory}, {parameters.rate:g} Hz, "
+        f"{parameters.duration:g} s: dead reckoning against the truth"
+    )
+    _print_errors(parameters, folder, bag, title)
 
 
 def _fly(parameters: SimulationParameters, folder: Path, bag: Path) -> dict[str, dict[str, int]]:
@@ -220,7 +224,7 @@ def _print_counts(bag: Path, counts: dict[str, dict[str, int]]) -> None:
     common.print_table(header, rows, "Messages")
 
 
-def _print_errors(parameters: SimulationParameters, folder: Path, bag: Path) -> None:
+def _print_errors(parameters: SimulationParameters, folder: Path, bag: Path, title: str) -> None:
     """Print and draw the errors of Euler and midpoint, with and without noise."""
     odometry = read_odometry(bag, f"/{TRUTH_TOPIC}")
     truth = Truth(
@@ -254,7 +258,7 @@ def _print_errors(parameters: SimulationParameters, folder: Path, bag: Path) -> 
         rows,
         f"Error after {parameters.duration:g} s and {result_distance(results):.1f} m",
     )
-    _draw(folder / _PICTURE, results, truth)
+    _draw(folder / _PICTURE, results, truth, title)
 
 
 def result_distance(results: dict[str, Paths]) -> float:
@@ -262,7 +266,7 @@ def result_distance(results: dict[str, Paths]) -> float:
     return next(iter(results.values())).drift.distance
 
 
-def _draw(picture: Path, results: dict[str, Paths], truth: Truth) -> None:
+def _draw(picture: Path, results: dict[str, Paths], truth: Truth, title: str) -> None:
     from imu_sim_ros.plots import navigation, style
 
     errors = {
@@ -277,7 +281,7 @@ def _draw(picture: Path, results: dict[str, Paths], truth: Truth) -> None:
     }
     paths = {name: result.states.position for name, result in results.items()}
     figure = navigation.trajectories(
-        paths, truth.poses.position, errors["position"], errors["attitude"]
+        paths, truth.poses.position, errors["position"], errors["attitude"], title
     )
     style.save(figure, picture)
 

@@ -164,7 +164,9 @@ def _made(arguments: argparse.Namespace, written: Outputs) -> dict[str, Any]:
     if arguments.output is not None:
         write_tum(written.where(arguments.output), poses)
     if arguments.plot is not None:
-        _draw(written.where(arguments.plot), poses, true_poses, errors)
+        title = f"{arguments.estimate.name} against {arguments.truth.name}"
+        title += f", alignment: {arguments.align}, ATE {result['ate_m']['rmse']:.4g} m"
+        _draw(written.where(arguments.plot), poses, true_poses, errors, title)
     return result
 
 
@@ -321,14 +323,14 @@ def _nees(errors: Array, covariances: Array, band: Band) -> dict[str, float]:
     }
 
 
-def _draw(path: Path, poses: PoseSequence, truth: PoseSequence, errors: AbsoluteErrors) -> None:
+def _draw(
+    path: Path, poses: PoseSequence, truth: PoseSequence, errors: AbsoluteErrors, title: str
+) -> None:
     from imu_sim_ros.plots import navigation, style  # 0.5 s of matplotlib
 
     t = (poses.t_ns - poses.t_ns[0]) * 1e-9
-    style.save(
-        navigation.evaluation(t, poses.position, truth.position, errors.position, errors.attitude),
-        path,
-    )
+    positions = (poses.position, truth.position, errors.position)
+    style.save(navigation.evaluation(t, *positions, errors.attitude, title), path)
 
 
 def _print(result: dict[str, Any]) -> None:

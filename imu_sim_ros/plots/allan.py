@@ -30,19 +30,23 @@ _SHORT_UNITS: Final = {"gyroscope": "rad/s", "accelerometer": "m/s$^2$"}
 _LINES: Final = {"Q": ":", "N": "--", "B": "-.", "K": "--", "R": ":", "sigma": "-."}
 
 
-def draw(result: AllanResult, path: str | Path) -> None:
+def draw(result: AllanResult, path: str | Path, source: str = "") -> None:
     """Write the picture of :func:`figure`."""
-    style.save(figure(result), path)
+    style.save(figure(result, source), path)
 
 
-def figure(result: AllanResult) -> Figure:
-    """Return the picture: a panel for each triad; dashed lines are the terms, of the mean axis."""
-    picture, panels = style.panels(1, 2, 12.5, 5.6)
+def figure(result: AllanResult, source: str = "") -> Figure:
+    """Return the picture: a panel for each triad; dashed lines are the terms, of the mean axis.
+
+    :param source: name of the bag or the sensor, for the title.
+    """
+    picture, panels = style.panels(1, 2, 12.0, 5.9)
     for triad, axes in enumerate(panels):
         _draw_triad(result, triad, axes)
     hours = result.duration / 3600.0
+    named = f"{source}: o" if source else "O"
     picture.suptitle(
-        f"Overlapping Allan deviation: {hours:.3g} h at {result.timing.rate:.6g} Hz "
+        f"{named}verlapping Allan deviation, {hours:.3g} h at {result.timing.rate:.6g} Hz "
         "(band: 95 %; black: fitted model, grey: its terms)"
     )
     return picture
@@ -72,13 +76,24 @@ def _draw_triad(result: AllanResult, triad: int, axes: Axes) -> None:
     axes.set_ylabel(f"Allan deviation [{_SHORT_UNITS[TRIADS[triad]]}]")
     axes.set_title(TRIADS[triad])
     if axes.get_legend_handles_labels()[0]:
-        axes.legend(loc="lower left" if _falls(curves) else "upper center", framealpha=0.9)
+        axes.legend(
+            loc="upper center",
+            bbox_to_anchor=(0.5, -0.1),  # below the panel: inside it would hide a curve
+            frameon=False,
+            title=_units(result, triad),
+            title_fontsize=8.5,
+        )
 
 
-def _falls(curves: Array) -> bool:
-    """Tell whether the curve ends below its middle: then the corner below left is free."""
-    middle = len(curves) // 2
-    return bool(np.nanmean(curves[-1]) < 3.0 * np.nanmean(curves[middle]))
+def _units(result: AllanResult, triad: int) -> str:
+    """Return the units of the terms that the legend has."""
+    words = []
+    for key in result.keys:
+        q = quantity(TRIADS[triad], key)
+        found = [result.estimate(3 * triad + k, key) for k in range(3)]
+        if key == "random_walk" or any(each.value is not None for each in found):
+            words.append(f"{q.symbol} [{q.unit}]")
+    return ", ".join(words)
 
 
 def _label(result: AllanResult, column: int) -> str:

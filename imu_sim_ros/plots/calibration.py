@@ -3,10 +3,12 @@
 
 """Pictures of the calibrations: what is left of the readings, and curves against temperature."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.deterministic import (
@@ -25,77 +27,116 @@ Array = NDArray[np.float64]
 _AXES = "xyz"
 
 
-def draw_six_position(result: SixPosition, gravity: float, path: str | Path) -> None:
-    """Write errors before and residuals after the calibration, by the axis that points up."""
-    figure, (before, after) = style.panels(1, 2, 11.0, 4.6)
+def draw_six_position(
+    result: SixPosition, gravity: float, path: str | Path, source: str = ""
+) -> None:
+    """Write errors before and residuals after the calibration, by the axis that points up.
+
+    :param source: name of the bag, for the title.
+    """
     force = np.zeros((len(result.faces), 3))
     force[np.arange(len(force)), result.faces // 2] = gravity * (1.0 - 2.0 * (result.faces % 2))
-    errors = (("before: reading - true force", result.positions.accel - force),
-              ("after: reading - fitted model", result.residuals))  # fmt: skip
-    for axes, (title, values) in zip((before, after), errors, strict=True):
-        for k, name in enumerate(_AXES):
-            axes.errorbar(
-                result.faces + 0.2 * (k - 1),
-                1e3 * values[:, k],
-                yerr=2e3 * result.positions.accel_sigma[:, k],
-                fmt="o",
-                ms=3,
-                lw=0.8,
-                color=style.AXIS_COLOURS[name],
-                label=f"{name}: b = {result.bias[k]:.4f} $\\pm$ {2 * result.bias_sigma[k]:.1g}",
-            )
-        axes.axhline(0.0, color=style.MUTED_COLOUR, lw=0.8)
-        axes.set_xticks(range(6), FACES)
-        axes.set_xlabel("axis that points up")
-        axes.set_ylabel("mm/s$^2$")
-        axes.set_title(title)
-    _legend_above(before, "accelerometer: bias in m/s$^2$")
+    figure = _residuals(
+        ("before: reading - true force", result.positions.accel - force),
+        ("after: reading - fitted model", result.residuals),
+        result.positions.accel_sigma,
+        (result.faces, FACES),
+        ("axis that points up", "error [mm/s$^2$]"),
+    )
+    bias = _values("b", result.bias, result.bias_sigma, 4)
+    style.legend_above(figure.axes[0], 3, f"accelerometer, bias in m/s$^2$: {bias}")
     figure.suptitle(
-        f"Six positions: {len(result.faces)} pieces of {result.positions.stretches} rests "
-        "(bars: 2 standard errors of the readings; right: without the bias' walk)"
+        f"{_named(source)}accelerometer in {result.positions.stretches} rests, "
+        f"{len(result.faces)} pieces (grey: 2 standard errors of a piece)"
     )
     style.save(figure, path)
 
 
-def draw_turntable(result: Turntable, path: str | Path) -> None:
-    """Write errors before and residuals after the calibration, by the table's rate."""
-    figure, (before, after) = style.panels(1, 2, 11.0, 4.6)
-    turning = result.rate[np.arange(len(result.rate)), np.argmax(np.abs(result.rate), axis=1)]
-    errors = (("before: reading - true rate", result.stretches.gyro - result.rate),
-              ("after: reading - fitted model", result.residuals))  # fmt: skip
-    for axes, (title, values) in zip((before, after), errors, strict=True):
-        for k, name in enumerate(_AXES):
-            axes.errorbar(
-                turning + 0.02 * (k - 1),
-                1e3 * values[:, k],
-                yerr=2e3 * result.stretches.gyro_sigma[:, k],
-                fmt="o",
-                ms=3,
-                lw=0.8,
-                color=style.AXIS_COLOURS[name],
-                label=f"{name}: b = {result.bias[k]:.5f} $\\pm$ {2 * result.bias_sigma[k]:.1g}",
-            )
-        axes.axhline(0.0, color=style.MUTED_COLOUR, lw=0.8)
-        axes.set_xlabel("rate of the table [rad/s]")
-        axes.set_ylabel("mrad/s")
-        axes.set_title(title)
-    _legend_above(before, "gyroscope: bias in rad/s")
+def draw_turntable(result: Turntable, path: str | Path, source: str = "") -> None:
+    """Write errors before and residuals after the calibration, by the table's axis and rate.
+
+    :param source: name of the bag, for the title.
+    """
+    axis = np.argmax(np.abs(result.rate), axis=1)
+    rate = result.rate[np.arange(len(axis)), axis]
+    turns = zip(axis.tolist(), rate.tolist(), strict=True)
+    words = np.array([f"{_AXES[a]} {r:+.3g}" if r else "rest" for a, r in turns])
+    order = sorted(range(len(words)), key=lambda k: (bool(rate[k]), axis[k], rate[k]))
+    labels = list(dict.fromkeys(words[order].tolist()))
+    groups = np.array([labels.index(word) for word in words.tolist()])
+    figure = _residuals(
+        ("before: reading - true rate", result.stretches.gyro - result.rate),
+        ("after: reading - fitted model", result.residuals),
+        result.stretches.gyro_sigma,
+        (groups, labels),
+        ("axis and rate of the table [rad/s]", "error [mrad/s]"),
+    )
+    bias = _values("b", result.bias, result.bias_sigma, 5)
+    style.legend_above(figure.axes[0], 3, f"gyroscope, bias in rad/s: {bias}")
     figure.suptitle(
-        f"Rate table: {result.stretches.stretches} stretches "
-        "(bars: 2 standard errors of the readings; right: without the bias' walk)"
+        f"{_named(source)}gyroscope in {result.stretches.stretches} stretches on a rate table "
+        "(grey: 2 standard errors of a stretch)"
     )
     style.save(figure, path)
 
 
-def _legend_above(axes: Axes, title: str) -> None:
-    """Make room above the points and put the legend there."""
-    low, high = axes.get_ylim()
-    axes.set_ylim(low, high + 0.35 * (high - low))
-    axes.legend(title=title, loc="upper center", ncol=3, fontsize=7, handletextpad=0.1)
+def _named(source: str) -> str:
+    return f"{source}: " if source else ""
 
 
-def draw_temperature(result: Temperature, path: str | Path) -> None:
-    """Write bias and scale of both triads against temperature, with 95 % bands."""
+def _values(symbol: str, values: Array, sigma: Array, digits: int) -> str:
+    words = (f"{v:.{digits}f} $\\pm$ {2 * s:.1g}" for v, s in zip(values, sigma, strict=True))
+    return f"{symbol} = " + ", ".join(words)
+
+
+def _residuals(
+    before: tuple[str, Array],
+    after: tuple[str, Array],
+    sigma: Array,
+    places: tuple[NDArray[np.intp], Sequence[str]],
+    names: tuple[str, str],
+) -> Figure:
+    """Draw errors (n, 3) in two panels, a column for each place and in it each axis by itself.
+
+    :param before: title and errors; ``after`` likewise.
+    :param sigma: (n, 3) standard errors.
+    :param places: (n,) where each piece was measured, and the names of these places.
+    :param names: of the axes; the errors are shown in thousandths.
+    """
+    groups, labels = places
+    figure, panels = style.panels(2, 1, 11.0, 7.6, sharex=True)
+    for axes, (title, values) in zip(panels, (before, after), strict=True):
+        for k, name in enumerate(_AXES):
+            colour = style.AXIS_COLOURS[name]
+            for group in range(len(labels)):
+                rows = np.flatnonzero(groups == group)
+                if not len(rows):
+                    continue
+                middle = group + 0.28 * (k - 1)
+                spread = np.linspace(-0.1, 0.1, len(rows)) if len(rows) > 1 else np.zeros(1)
+                if title == after[0]:
+                    reach = 2e3 * float(np.sqrt(np.mean(sigma[rows, k] ** 2)))
+                    axes.bar(middle, 2 * reach, 0.25, -reach, color="#E4E4E4", zorder=0.5)
+                axes.plot(middle + spread, 1e3 * values[rows, k], ".", ms=4.5, color=colour)
+            axes.plot([], [], "o", ms=4, color=colour, label=name)
+        axes.axhline(0.0, color=style.MUTED_COLOUR, lw=0.8)
+        axes.set_ylabel(names[1])
+        axes.set_title(title)
+        axes.grid(False, axis="x")
+        for group in range(1, len(labels)):
+            axes.axvline(group - 0.5, color="#DDDDDD", lw=0.6)
+    crowded = len(labels) > 12
+    panels[1].set_xticks(range(len(labels)), labels, rotation=60 if crowded else 0)
+    panels[1].set_xlim(-0.5, len(labels) - 0.5)
+    panels[1].set_xlabel(names[0])
+    return figure
+
+
+def draw_temperature(result: Temperature, path: str | Path, source: str = "") -> None:
+    """Write bias and scale of both triads against temperature, with 95 % bands.
+
+    :param source: name of the bag, for the title.
+    """
     figure, panels = style.panels(2, 2, 11.5, 7.5)
     triads = (
         ("gyroscope", result.gyroscope, "rad/s"),
@@ -110,7 +151,10 @@ def draw_temperature(result: Temperature, path: str | Path) -> None:
         panels[2 * row + 1].set_title(f"{name}: scale against that at {result.reference:g} °C")
     for axes in panels:
         axes.set_xlabel("temperature [°C]")
-    figure.suptitle("Temperature: readings (points), fitted polynomials and their 95 % bands")
+    figure.suptitle(
+        f"{_named(source)}readings against temperature (points), fitted polynomials and their "
+        "95 % bands"
+    )
     style.save(figure, path)
 
 
@@ -129,7 +173,9 @@ def _draw_bias(axes: Axes, triad: TriadTemperature, reference: float) -> None:
 def _draw_scale(axes: Axes, triad: TriadTemperature, reference: float) -> None:
     for k, axis in enumerate(triad.axes):
         if triad.inputs.shape[1] == 0:
-            axes.text(0.5, 0.5, "one orientation: not seen", transform=axes.transAxes, ha="center")
+            words = "one orientation, at rest: the scale does not show"
+            axes.text(0.5, 0.5, words, transform=axes.transAxes, ha="center")
+            axes.set_axis_off()
             return
         grid, powers = _grid(triad.difference, len(axis.scale) + 1)
         points, at = _scale_points(axis, triad, k)

@@ -20,6 +20,8 @@ Series = tuple[Array, Array]
 _MOST_POINTS: Final = 4000
 _LARGEST_VIEW: Final = 1.5
 """Half the width of a view, in extents of the truth."""
+_SHOWN_FROM: Final = 0.02
+"""Part of the errors that may lie below the picture."""
 _SMALLEST_VIEW: Final = 1.0
 """Half the width of the view of a body at rest [m]."""
 
@@ -29,6 +31,7 @@ def trajectories(
     truth: Array | None,
     position_errors: Mapping[str, Series],
     attitude_errors: Mapping[str, Series],
+    title: str = "",
 ) -> Figure:
     """Draw paths in top and side view, and their errors over time on log axes.
 
@@ -36,22 +39,30 @@ def trajectories(
     :param truth: true positions (m, 3) [m].
     :param position_errors: lengths [m] by name.
     :param attitude_errors: angles [rad] by name.
+    :param title: what is shown, and of which source.
     """
     with_errors = bool(position_errors)
     rows = 2 if with_errors else 1
-    figure, axes = style.panels(rows + 1, 2, 9.0, 3.9 * rows + 0.5)
+    figure, axes = style.panels(rows + 1, 2, 11.0, 3.5 * rows + 0.8)
     looks = _looks(list(paths))
     for axis, (across, up) in zip(axes[:2], ((0, 1), (0, 2)), strict=True):
         _view(axis, paths, truth, looks, across, up)
     if with_errors:
         _errors(axes[2], position_errors, looks, "position error [m]", 1.0)
         _errors(axes[3], attitude_errors, looks, "attitude error [deg]", 180.0 / np.pi)
-    _legend(figure, axes)
+    finals = {name: f"{name}: {error[-1]:.3g} m" for name, (_, error) in position_errors.items()}
+    _legend(figure, axes, finals)
+    figure.suptitle(title)
     return figure
 
 
 def evaluation(
-    t: Array, estimate: Array, truth: Array, position_error: Array, attitude_error: Array
+    t: Array,
+    estimate: Array,
+    truth: Array,
+    position_error: Array,
+    attitude_error: Array,
+    title: str = "",
 ) -> Figure:
     """Draw an aligned estimate with the truth, and the errors per axis over time.
 
@@ -60,37 +71,49 @@ def evaluation(
     :param truth: (n, 3) positions at the same times [m].
     :param position_error: (n, 3) truth less estimate [m].
     :param attitude_error: (n, 3) rotation vectors about the world's axes [rad].
+    :param title: what is shown, and of which source.
     """
-    figure, axes = style.panels(2, 2, 9.0, 7.8)
+    figure, axes = style.panels(2, 2, 11.0, 7.2)
     looks = _looks(["estimate"])
     _view(axes[0], {"estimate": estimate}, truth, looks, 0, 1)
     _view(axes[1], {"estimate": estimate}, truth, looks, 0, 2)
     degrees = np.degrees(attitude_error)
-    for axis, errors, label in (
-        (axes[2], position_error, "position error [m]"),
-        (axes[3], degrees, "attitude error [deg]"),
+    for axis, errors, label, unit in (
+        (axes[2], position_error, "position error [m]", "m"),
+        (axes[3], degrees, "attitude error [deg]", "deg"),
     ):
-        for name, colour in style.AXIS_COLOURS.items():
-            shown = _thinned(errors[:, "xyz".index(name)])
-            axis.plot(_thinned(t), shown, color=colour, label=name)
+        for k, (name, colour) in enumerate(style.AXIS_COLOURS.items()):
+            rms = float(np.sqrt(np.mean(np.square(errors[:, k]))))
+            words = f"{name}: {rms:.3g} {unit} rms"
+            axis.plot(_thinned(t), _thinned(errors[:, k]), color=colour, label=words)
         axis.set_xlabel("time [s]")
         axis.set_ylabel(label)
-    axes[0].legend(loc="best")
-    axes[2].legend(loc="best", ncols=3)
+        style.legend_above(axis, ncols=3)
+    axes[0].legend(loc="best", ncols=2)
+    figure.suptitle(title)
     return figure
 
 
-def _legend(figure: Figure, axes: Sequence[Axes]) -> None:
-    """Turn the last row of panels into one legend for all lines of the first panel."""
+def _legend(figure: Figure, axes: Sequence[Axes], finals: Mapping[str, str]) -> None:
+    """Turn the last row of panels into one legend for all lines of the first panel.
+
+    :param finals: what the legend says of a line, by its name.
+    """
     grid = axes[0].get_gridspec()
     assert grid is not None
-    grid.set_height_ratios([1.0] * (grid.nrows - 1) + [0.16])
     for axis in axes[-2:]:
         axis.remove()
     row = figure.add_subplot(grid[-1, :])
     row.axis("off")
     handles, labels = axes[0].get_legend_handles_labels()
-    row.legend(handles, labels, loc="center", ncols=3, frameon=False, fontsize=8.0)
+    words = [finals.get(label, label) for label in labels]
+    columns = 4 if len(words) % 4 != 1 else 5
+    lines = -(-len(words) // columns)
+    grid.set_height_ratios([1.0] * (grid.nrows - 1) + [0.03 + 0.055 * (lines + bool(finals))])
+    title = "position error at the end" if finals else None
+    row.legend(
+        handles, words, loc="center", ncols=columns, frameon=False, fontsize=8.0, title=title
+    )
 
 
 def _view(
@@ -103,31 +126,51 @@ def _view(
 ) -> None:
     if truth is not None:
         shown = _thinned(truth)
-        axis.plot(shown[:, across], shown[:, up], color=style.TRUTH_COLOUR, lw=3.0, label="truth")
+        axis.plot(
+            shown[:, across],
+            shown[:, up],
+            color=style.TRUTH_COLOUR,
+            lw=6.0,
+            alpha=0.35,
+            label="truth",
+            marker="" if np.any(np.ptp(truth, axis=0)) else "o",  # a body at rest is a point
+            ms=10.0,
+        )
     for name, path in paths.items():
         shown = _thinned(path)
         axis.plot(shown[:, across], shown[:, up], label=name, **looks[name])
-    if up == 1:
-        axis.set_aspect("equal", adjustable="box")
     if truth is not None:
-        _keep_in_view(axis, truth[:, (across, up)])
+        _keep_in_view(axis, truth[:, (across, up)], equal=up == 1)
+    if up == 1:  # the panel stays filled: the shorter axis shows more
+        axis.set_aspect("equal", adjustable="datalim")
     axis.set_xlabel(f"{'xyz'[across]} [m]")
     axis.set_ylabel(f"{'xyz'[up]} [m]")
     axis.set_title("top view (x-y)" if up == 1 else "side view (x-z)")
 
 
-def _keep_in_view(axis: Axes, truth: Array) -> None:
+def _keep_in_view(axis: Axes, truth: Array, equal: bool) -> None:
     """Let a path that drifts away leave the picture, before the truth becomes a dot in it.
 
     :param truth: (n, 2) [m].
+    :param equal: a metre is as long across as up.
     """
     centre = 0.5 * (truth.min(axis=0) + truth.max(axis=0))
-    reach = max(_LARGEST_VIEW * float(np.max(np.ptp(truth, axis=0))), _SMALLEST_VIEW)
-    for limits, set_limits, middle in (
-        (axis.get_xlim(), axis.set_xlim, centre[0]),
-        (axis.get_ylim(), axis.set_ylim, centre[1]),
-    ):
-        set_limits(max(limits[0], middle - reach), min(limits[1], middle + reach))
+    extent = np.ptp(truth, axis=0)
+    widest = extent.max() if equal else np.maximum(extent, 0.2 * extent.max())
+    reaches = np.maximum(_LARGEST_VIEW * widest, _SMALLEST_VIEW)
+    reaches = np.broadcast_to(reaches, 2)
+    low, high = axis.get_xlim()
+    low, high = max(low, centre[0] - reaches[0]), min(high, centre[0] + reaches[0])
+    axis.set_xlim(low, high, auto=True)  # auto: an equal aspect may still show more
+    heights = [np.asarray(line.get_ydata()) for line in axis.get_lines()]
+    across = [np.asarray(line.get_xdata()) for line in axis.get_lines()]
+    seen = np.concatenate(
+        [y[(x >= low) & (x <= high)] for x, y in zip(across, heights, strict=True)]
+    )
+    margin = 0.05 * max(float(np.ptp(seen)), 1e-3 * _SMALLEST_VIEW)
+    low = max(float(seen.min()) - margin, centre[1] - reaches[1])
+    high = min(float(seen.max()) + margin, centre[1] + reaches[1])
+    axis.set_ylim(low, high, auto=True)
 
 
 def _errors(
@@ -137,21 +180,36 @@ def _errors(
     label: str,
     scale: float,
 ) -> None:
+    least = []
     for name, (t, error) in errors.items():
         t, error = _thinned(t), _thinned(error) * scale
         axis.plot(t[error > 0.0], error[error > 0.0], label=name, **looks[name])
+        least += [np.quantile(error[error > 0.0], _SHOWN_FROM)] if np.any(error > 0.0) else []
+    if not least:
+        axis.text(0.5, 0.5, "zero throughout", transform=axis.transAxes, ha="center")
     axis.set_yscale("log")
+    if least:  # an error that starts at zero comes from far below
+        axis.set_ylim(bottom=0.5 * float(min(least)))
     axis.set_xlabel("time [s]")
     axis.set_ylabel(label)
 
 
 def _looks(names: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """Return colour and line by name; names that begin alike up to a comma share the colour."""
+    """Return colour, width and dashes by name; names that begin alike up to a comma share a colour.
+
+    Each further group is thinner than the one before and drawn over it, so that lines that coincide
+    are seen as one within the other.
+    """
     groups: dict[str, list[str]] = {}
     for name in names:
         groups.setdefault(name.partition(",")[0], []).append(name)
+    widths = {1: (1.5,), 2: (3.0, 1.2)}.get(len(groups), (3.2, 2.0, 0.9))
     return {
-        name: {"color": style.PALETTE[g % len(style.PALETTE)], "ls": ("-", "--", ":")[k % 3]}
+        name: {
+            "color": style.PALETTE[g % len(style.PALETTE)],
+            "lw": widths[min(g, len(widths) - 1)],
+            "ls": ("-", (0, (4, 2)), (0, (1, 1.5)))[k % 3],
+        }
         for g, members in enumerate(groups.values())
         for k, name in enumerate(members)
     }

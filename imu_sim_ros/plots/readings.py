@@ -33,7 +33,7 @@ def readings(t_ns: NDArray[np.int64], gyro: Array, accel: Array, name: str) -> F
         for k, axis in enumerate(AXES):
             axes.plot(t, values[::step, k], color=style.AXIS_COLOURS[axis], lw=0.8, label=axis)
         axes.set_ylabel(label)
-    panels[0].legend(loc="upper right", ncols=3)
+    style.legend_above(panels[0], 3)
     panels[1].set_xlabel("time [s]")
     picture.suptitle(name)
     return picture

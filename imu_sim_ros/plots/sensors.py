@@ -52,5 +52,7 @@ def draw(sensors: Mapping[str, ImuParameters], path: str | Path) -> None:
         axes.set_ylabel(f"Allan deviation [{_UNITS[triad]}]")
         axes.set_title(triad)
     panels[1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8)
-    figure.suptitle("The sensors that come with it: white noise, 1/f and random walk, x axis")
+    figure.suptitle(
+        "The sensors that come with the package: white noise, 1/f and random walk, x axis"
+    )
     style.save(figure, path)

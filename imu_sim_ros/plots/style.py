@@ -66,6 +66,14 @@ def tidy(axes: Axes) -> None:
         axes.spines[side].set_visible(False)
 
 
+def legend_above(axes: Axes, ncols: int, title: str | None = None) -> None:
+    """Make room above the lines of a panel and put the legend there, where it hides nothing."""
+    axes.autoscale_view()
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high + (0.3 if title else 0.16) * (high - low), auto=True)
+    axes.legend(title=title, loc="upper center", ncols=ncols, fontsize=7.5, framealpha=0.9)
+
+
 def save(picture: Figure, path: str | Path) -> None:
     """Write a figure; the file's ending chooses the format (png, svg, pdf).
 
