@@ -169,6 +169,36 @@ def test_resolution_of_the_readings_counts_as_noise(tmp_path, capsys):
     assert result["gyroscope"]["noise_density"]["value"] == pytest.approx([expected] * 3, rel=0.03)
 
 
+def test_quantisation_of_increments_is_recovered(tmp_path, capsys):
+    """Rounded sums of the increments are IEEE Std 952's Q = step / sqrt(12): six axes, 15 min.
+
+    Q has a relative standard error of 2.4 % in such a record (its own intervals say so), the mean
+    of three one of 1.4 %; N 0.3 %. Of six 95 % intervals fewer than four hold once in 450 times.
+    """
+    sensor = {
+        "gyroscope_noise_density": 1e-3,
+        "gyroscope_bias": 0.0123,
+        "gyroscope_increment_resolution": 1e-4,
+        "accelerometer_noise_density": 1e-2,
+        "accelerometer_increment_resolution": 1e-3,
+    }
+    words = "\n".join(f"      {name}: {value}" for name, value in sensor.items())
+    truth = tmp_path / "counter.yaml"
+    truth.write_text(f"/**:\n  ros__parameters:\n    imu:\n      sampling: averaged\n{words}\n")
+    path = tmp_path / "counter.mcap"
+    generate.main(["--imu", str(truth), "--trajectory", "static", "--duration", "15min", "--rate",
+                   "100", "--quiet", "--imu-only", "-o", str(path)])  # fmt: skip
+    result = analysed(capsys, str(path), "--no-files", "--truth", str(truth))
+    q = [c for c in result["truth"] if c["parameter"] == "quantisation"]
+    step = 1e-4 / np.sqrt(12.0)
+    assert [c["truth"] for c in q] == pytest.approx([step] * 3 + [10.0 * step] * 3)
+    assert sum(c["covered"] for c in q) >= 4
+    for triad, size in (("gyroscope", 1.0), ("accelerometer", 10.0)):
+        found = result[triad]
+        assert np.mean(found["quantisation"]["value"]) == pytest.approx(size * step, rel=0.06)
+        assert np.mean(found["noise_density"]["value"]) == pytest.approx(size * 1e-3, rel=0.01)
+
+
 def test_bad_input_is_one_clear_line(bag, tmp_path, capsys):
     moving = tmp_path / "moving.mcap"
     generate.main(["--imu", "lecture", "--trajectory", "lecture", "--duration", "100s", "--rate",

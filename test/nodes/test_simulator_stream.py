@@ -118,6 +118,41 @@ def test_truth_beside_the_readings(start: Any, listener: Any) -> None:
     assert temperatures == block.temperature.tolist()
 
 
+def test_increments_are_those_of_the_stream_in_whole_steps(start: Any, listener: Any) -> None:
+    """Delta angles and velocities of a counter of pulses, and the true ones, beside the rates."""
+    from geometry_msgs.msg import Vector3Stamped
+
+    names = ("delta_angle", "delta_velocity")
+    topics = [f"{room}/{name}" for room in ("imu", "ground_truth") for name in names]
+    hear(listener, *((topic, Vector3Stamped) for topic in topics))
+    step = 1e-4
+    chosen = {
+        "rate": 100,
+        "duration": 1,
+        "seed": 3,
+        "start_time": 10.0,
+        "trajectory__type": "lecture",
+        "imu__sampling": "averaged",
+        "imu__gyroscope_noise_density": 1e-3,
+        "imu__gyroscope_increment_resolution": step,
+    }
+    more = {"publish__increments": True, "publish__ground_truth_increments": True}
+    node = start("simulator", **chosen, **more, **READY)
+    assert listener.wait_for_end(node) == 0, node.output
+    parameters = load_simulation({key.replace("__", "."): v for key, v in chosen.items()})
+    block = Simulation(parameters).next_block(100)
+    for topic, means in zip(
+        topics, (block.gyro, block.accel, block.ideal_gyro, block.ideal_accel), strict=True
+    ):
+        heard = listener.messages(topic)
+        np.testing.assert_array_equal(xyz([m.vector for m in heard]), means * 0.01)
+        assert {m.header.frame_id for m in heard} == {"imu_link"}
+        assert stamps(heard) == (block.t_ns if topic in topics[:2] else block.true_t_ns).tolist()
+    counted = xyz([m.vector for m in listener.messages(topics[0])]) / step
+    assert np.ptp(counted) > 10.0
+    np.testing.assert_allclose(counted, np.round(counted), atol=1e-9)
+
+
 def test_several_imus_share_one_truth(start: Any, listener: Any) -> None:
     from nav_msgs.msg import Odometry
     from sensor_msgs.msg import Imu

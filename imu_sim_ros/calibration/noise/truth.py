@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from imu_sim_ros.calibration.noise.analysis import AllanResult
 from imu_sim_ros.calibration.noise.estimate import Estimate
 from imu_sim_ros.calibration.noise.gauss_markov import CORRELATION_TIME, SIGMA
+from imu_sim_ros.calibration.noise.terms import QUANTISATION
 from imu_sim_ros.config import ImuParameters, TriadParameters, load_simulation
 from imu_sim_ros.conventions import TRIADS
 
@@ -39,7 +40,8 @@ def true_noise(imu: ImuParameters, rate: float) -> dict[str, Array]:
     """Return the true values by key, each (6,).
 
     The rounding of the readings to their resolution is white noise of its own: with steps of LSB
-    the samples' variance grows by LSB^2 / 12.
+    the samples' variance grows by LSB^2 / 12. Increments in steps are quantisation noise with
+    ``Q = step / sqrt(12)`` (IEEE Std 952-1997, C.1.5).
 
     :param rate: samples per second [Hz].
     """
@@ -52,6 +54,7 @@ def _true_noise(triad: TriadParameters, rate: float) -> dict[str, Array]:
     correlation_time = np.asarray(triad.correlation_time)
     density = triad.gauss_markov_density * np.sqrt(0.5 * correlation_time)
     return {
+        QUANTISATION.key: np.asarray(triad.increment_resolution) / np.sqrt(12.0),
         "noise_density": np.sqrt(np.square(triad.noise_density) + rounding),
         "random_walk": np.asarray(triad.random_walk),
         "bias_instability": np.asarray(triad.bias_instability),
@@ -64,15 +67,17 @@ def _true_noise(triad: TriadParameters, rate: float) -> dict[str, Array]:
 def compare(result: AllanResult, imu: ImuParameters) -> list[Comparison]:
     """Return for each parameter that both the model and the sensor know whether it is covered.
 
-    A Gauss-Markov process is not in the standard model, where it looks like flicker and walk; of
-    such a sensor that model is held against the white noise only.
+    Quantisation is compared where the sensor has increments in steps. A Gauss-Markov process is not
+    in the standard model, where it looks like flicker and walk; of such a sensor that model is held
+    against the white noise only.
     """
     truth = true_noise(imu, result.timing.rate)
     comparisons = []
     for axis in range(6):
         stranger = SIGMA not in result.keys and truth[SIGMA][axis] > 0.0
         for key in ("noise_density",) if stranger else result.keys:
-            if key in truth:
+            absent = key == QUANTISATION.key and truth[key][axis] == 0.0
+            if key in truth and not absent:
                 found, value = result.estimate(axis, key), float(truth[key][axis])
                 comparisons.append(Comparison(axis, key, value, found, found.covers(value)))
     return comparisons
