@@ -22,9 +22,11 @@ _LATEST: Final = 5.0
 _MOSTLY_EVEN: Final = 0.9
 """Share of steps as long as the interval that stamps of arrival do not have."""
 _BETTER: Final = 0.5
-_NEAR: Final = 40
-"""Poses on each side that tell whether one was lost."""
-_RISE: Final = 0.6
+_REACH: Final = 0.01
+"""Error of the first guess of the interval, at most, over the interval."""
+_FIRST: Final = 2000
+"""Poses in which the interval is looked for first, and by which it is looked for later."""
+_PHASES: Final = 40
 
 
 def even_times(t: Array, position: Array, q_wb: Array) -> tuple[Array, float, float]:
@@ -32,8 +34,8 @@ def even_times(t: Array, position: Array, q_wb: Array) -> tuple[Array, float, fl
 
     Poses are taken at an even rate, some are lost. Stamps of arrival scatter about the grid, and
     the motion over the grid's times is smoother than over the stamps'; else they stay as they are,
-    and the scatter is 0. A constant delay of all stamps cannot be told, and where poses are lost as
-    well, those near a loss may be an interval off.
+    and the scatter is 0. A constant delay of all stamps cannot be told; a pose beside a loss that
+    is later than an interval is put an interval off.
 
     :param t: (n,) stamps [s], increasing from 0.
     :param position: (n, 3) [m].
@@ -42,7 +44,7 @@ def even_times(t: Array, position: Array, q_wb: Array) -> tuple[Array, float, fl
     interval = float(np.median(t[_SHORT:] - t[:-_SHORT])) / _SHORT
     if np.mean(np.abs(np.diff(t) - interval) < _LATE * interval) > _MOSTLY_EVEN:
         return t, 0.0, 0.0
-    index = _grid_index(t / interval)
+    index = _grid_index(t / _even_interval(t, interval))
     interval = float(np.polyfit(index, t, 1)[0])
     even = index * interval
     even = even + _running_median(t - even, _WINDOW)
@@ -57,32 +59,46 @@ def even_times(t: Array, position: Array, q_wb: Array) -> tuple[Array, float, fl
     return t, 0.0, 0.0
 
 
+def _even_interval(t: Array, guess: float) -> float:
+    """Return the interval whose multiples the stamps crowd at, lost ones or not.
+
+    The sum of ``exp(2 pi i t f)`` peaks at the rate f (Rayleigh's test; a loss is a whole turn). It
+    is looked for in the first poses, within a hundredth of the guess, then in more and more of them
+    within what the fewer left open.
+    """
+    rate, reach, count = 1.0 / guess, _REACH / guess, min(_FIRST, len(t))
+    while True:
+        some = t[:count]
+        step = 0.25 / max(float(some[-1] - some[0]), guess)
+        tried = rate + step * np.arange(-np.ceil(reach / step), np.ceil(reach / step) + 1.0)
+        thin = some[:: max(1, count // _FIRST)]
+        power = [abs(np.exp(2j * np.pi * f * thin).sum()) for f in tried]
+        rate, reach = float(tried[int(np.argmax(power))]), step
+        if count == len(t):
+            return 1.0 / rate
+        count = min(4 * count, len(t))
+
+
 def _grid_index(place: Array) -> NDArray[np.int64]:
     """Return the place (n,) of each pose on the grid, from its stamp in intervals.
 
-    Stamp less row scatters about a level that rises by one with each pose that is lost. Medians
-    ahead of and behind a row tell a rise; it is put where least is left of the stamps around.
+    The stamps' phase, a running mean, may drift. A place is the whole number below a stamp, counted
+    from the phase that the fewest have, so that late poses stay with their own. What is left of it
+    over the row rises by one with each loss and is an interval off where a pose is later still:
+    a median of five takes those out and leaves the rise where it is.
     """
-    n = len(place)
-    over = place - np.arange(n)
-    median = _running_median(over, _NEAR)
-    rows = np.arange(n)
-    rise = median[np.minimum(rows + _NEAR, n - 1)] - median[np.maximum(rows - _NEAR, 0)]
-    result = rows.copy()
-    for part in _runs(np.flatnonzero(rise > _RISE)):
-        lost = max(round(float(rise[part].max())), 1)
-        row = int(np.mean(part))
-        low, high = max(row - _NEAR, 0), min(row + _NEAR, n)
-        level = float(median[max(row - _NEAR, 0)])
-        gain = np.abs(over[low:high] - level - lost) - np.abs(over[low:high] - level)
-        result[low + int(np.argmax(np.concatenate([[0.0], np.cumsum(gain)]))) :] += lost
-    return np.asarray(result, dtype=np.int64)
+    from scipy.ndimage import median_filter, uniform_filter1d
 
-
-def _runs(rows: NDArray[np.int64]) -> list[NDArray[np.int64]]:
-    """Return groups of rows that follow each other."""
-    parts = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
-    return [np.asarray(part, dtype=np.int64) for part in parts if len(part)]
+    turn = np.exp(2j * np.pi * place)
+    width = min(2 * _WINDOW + 1, len(place))
+    mean = [uniform_filter1d(part, width, mode="nearest") for part in (turn.real, turn.imag)]
+    over = place - np.unwrap(np.arctan2(mean[1], mean[0])) / (2.0 * np.pi)
+    counts = np.histogram(over % 1.0, bins=_PHASES, range=(0.0, 1.0))[0]
+    around = counts + np.roll(counts, 1) + np.roll(counts, -1)
+    first = (float(np.argmin(around)) + 0.5) / _PHASES
+    rows = np.arange(len(place))
+    lost = median_filter(np.floor(over - first).astype(np.int64) - rows, 5, mode="nearest")
+    return np.asarray(rows + np.maximum.accumulate(lost) - lost[0], dtype=np.int64)
 
 
 def _running_median(values: Array, reach: int) -> Array:
