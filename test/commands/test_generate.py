@@ -192,12 +192,12 @@ def test_a_stopped_run_keeps_a_whole_part(tmp_path, name, number):
     if name == "y":
         arguments += ["--storage", "sqlite3"]
     process = subprocess.Popen([*COMMAND, *arguments], stderr=subprocess.PIPE, text=True)
-    deadline = time.monotonic() + 20
+    deadline = time.monotonic() + 60
     while not any(f.is_file() and f.stat().st_size > 10**7 for f in tmp_path.rglob("*")):
         assert time.monotonic() < deadline, process.poll()
         time.sleep(0.01)
     process.send_signal(number)
-    error = process.communicate(timeout=20)[1]
+    error = process.communicate(timeout=60)[1]
     assert process.returncode != 0
     part = (tmp_path / name).with_name(f"{Path(name).stem}.partial{Path(name).suffix}")
     assert os.listdir(tmp_path) == [part.name]

@@ -51,7 +51,7 @@ def test_a_signal_while_the_libraries_are_loaded_ends_it(tmp_path, program, numb
     process = started(program, *arguments)
     time.sleep(0.02)
     process.send_signal(number)
-    error = process.communicate(timeout=20)[1]
+    error = process.communicate(timeout=60)[1]
     assert process.returncode == STATUS[number], error
     assert error == f"{program}: interrupted by {number.name}; nothing was written\n"
 
@@ -77,7 +77,7 @@ def test_a_signal_during_the_work_runs_what_cleans_up(number):
     assert process.stdout is not None
     assert process.stdout.readline() == "begun\n"
     process.send_signal(number)
-    output, error = process.communicate(timeout=20)
+    output, error = process.communicate(timeout=60)
     assert process.returncode == STATUS[number]
     assert output == "cleaned up\n"
     assert error == "work: interrupted; nothing was written\n"
@@ -102,7 +102,7 @@ def test_nohup_is_respected():
         "raise SystemExit(common.run('work', lambda: os.kill(os.getpid(), signal.SIGHUP)))"
     )
     command = ["nohup", sys.executable, "-c", program]
-    assert subprocess.run(command, capture_output=True, timeout=20).returncode == 0
+    assert subprocess.run(command, capture_output=True, timeout=60).returncode == 0
 
 
 def test_every_executable_begins_where_signals_are_looked_after():
