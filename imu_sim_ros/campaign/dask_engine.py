@@ -21,7 +21,7 @@ Row = dict[str, Any]
 _AT_HAND: Final = 4
 """Tasks that the scheduler holds for each thread of the cluster: enough that none waits, and few
 enough that its memory does not grow with the campaign."""
-_CONNECT_S: Final = 10.0
+_CONNECT_S: Final = 5.0
 
 
 @contextmanager

@@ -23,6 +23,7 @@ from typing import Any, Final
 import imu_sim_ros
 from imu_sim_ros.campaign.cells import Cell
 from imu_sim_ros.campaign.plan import Plan
+from imu_sim_ros.config import CommandEstimator
 from imu_sim_ros.errors import ImuSimError
 
 Row = dict[str, Any]
@@ -106,7 +107,16 @@ def run(
     folder: Path,
     workers: int,
 ) -> Generator[list[Row], None, None]:
-    """Yield the rows of each task as they come."""
+    """Yield the rows of each task as they come.
+
+    One worker with estimators that are built in is this process: nothing else is started. Programs
+    always run under a worker of their own, which everything that they leave behind belongs to.
+    """
+    built_in = not any(isinstance(one, CommandEstimator) for one in plan.estimators.values())
+    if workers == 1 and built_in:
+        for task in tasks:
+            yield work(plan, task, folder)
+        return
     yield from _Pool(plan, folder, workers).run(iter(tasks))
 
 

@@ -55,7 +55,8 @@ def parser() -> argparse.ArgumentParser:
         type=int,
         metavar="N",
         default=os.cpu_count() or 1,
-        help="processes on this machine; default: one for each core (%(default)s)",
+        help="processes on this machine; default: one for each core (%(default)s); 1 starts no "
+        "further one",
     )
     result.add_argument(
         "--scheduler", metavar="ADDRESS", help="run on a Dask cluster, tcp://host:8786"

@@ -9,6 +9,8 @@ import sys
 import pytest
 import yaml
 
+from imu_sim_ros.commands.campaign import main
+
 
 @pytest.fixture
 def plan_file(tmp_path):
@@ -48,12 +50,17 @@ def start():
 
 
 @pytest.fixture
-def campaign(start):
-    """Return a function that runs the command to its end: status, result, lines of complaint."""
+def campaign(capsys):
+    """Return a function that runs the command to its end: status, result, lines of complaint.
+
+    With one worker all is done in this process, unless the arguments say otherwise.
+    """
 
     def run(*arguments):
-        process = start(*arguments, "--json")
-        stdout, stderr = process.communicate(timeout=240)
-        return process.returncode, json.loads(stdout) if stdout else None, stderr.splitlines()
+        capsys.readouterr()
+        workers = () if {"--workers", "--scheduler"} & set(arguments) else ("--workers", "1")
+        status = main([*map(str, arguments), *map(str, workers), "--json", "--no-report"])
+        stdout, stderr = capsys.readouterr()
+        return status, json.loads(stdout) if stdout else None, stderr.splitlines()
 
     return run
