@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 #
-# make build | demo | test | lint | bench | docs | clean
+# make build | demo | demo-vio | test | lint | bench | docs | clean
 #
 # Nothing is needed but Python 3.10-3.13 with venv: ROS 2 Jazzy comes from wheels into .venv. On a
 # machine with ROS 2 Jazzy the package is an ordinary ament_python one: colcon build.
@@ -11,7 +11,7 @@ SHELL := /bin/bash
 .DEFAULT_GOAL := build
 .ONESHELL:
 .NOTPARALLEL:
-.PHONY: build demo test lint bench fuzz docs clean test-floor
+.PHONY: build demo demo-vio test lint bench fuzz docs clean test-floor
 
 PYTHON ?= python3
 TRAJECTORY ?= lecture
@@ -73,6 +73,16 @@ build: .venv/built
 demo: build
 	@$(CLEAN) $(BIN)/python -m imu_sim_ros.commands.demo --trajectory "$(TRAJECTORY)" --force
 
+# Only this demonstration and the tests need gtsam.
+GTSAM := $(shell sed -n '/^gtsam==/p' .ci/requirements-test.txt)
+.venv/gtsam-installed: .venv/installed .ci/requirements-test.txt
+	@echo "make: installing $(GTSAM) into .venv"
+	$(CLEAN) $(BIN)/pip install -qq "$(GTSAM)"
+	touch $@
+
+demo-vio: build .venv/gtsam-installed
+	@$(CLEAN) $(BIN)/python examples/demo_vio.py demo_vio_output
+
 test: build .venv/test-installed test-floor
 	@echo "make: all tests"
 	$(CLEAN) $(BIN)/$(PYTEST) -m "not slow"
@@ -106,4 +116,4 @@ fuzz: build .venv/test-installed
 	@$(CLEAN) OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python test/fuzz/hostile.py $(COUNT) $(FIRST)
 
 clean:
-	rm -rf .venv .venv-floor build install log build.log demo_output docs/_build
+	rm -rf .venv .venv-floor build install log build.log demo_output demo_vio_output docs/_build

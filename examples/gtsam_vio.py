@@ -8,8 +8,9 @@ r"""Visual-inertial odometry with gtsam on simulated readings and tracks, judged
     python examples/gtsam_vio.py flight
 
 A problem with known ids: CombinedImuFactor between key frames, a projection factor for each
-feature, iSAM2. The first pose and velocity are given; the biases are known to within the turn-on
-values of the IMU preset. Needs gtsam (pip install gtsam).
+feature of each camera, iSAM2. ``-o`` writes the path with its covariance, which ``evaluate`` reads.
+``gtsam_vio_node.py`` is the same on live topics. The first pose and velocity are given; the biases
+are known to within the turn-on values of the IMU preset. Needs gtsam (pip install gtsam).
 """
 
 import argparse
@@ -37,27 +38,21 @@ LARGEST_MISS = 10.0  # px, of a triangulated point in the frames that saw it
 class Landmark:
     """A landmark that is not in the problem yet: where it was seen."""
 
-    sights: list[tuple[int, np.ndarray]] = field(default_factory=list)
+    sights: list[tuple[int, int, np.ndarray]] = field(default_factory=list)
+    """Key frame, camera, pixel."""
 
 
 class Estimator:
     """Readings and features in, key frame by key frame; pose, velocity and covariance out."""
 
-    def __init__(self, parameters: SimulationParameters, camera: CameraParameters) -> None:
+    def __init__(self, parameters: SimulationParameters, *cameras: CameraParameters) -> None:
         """Set up the noise as the simulation has it.
 
         :param parameters: densities, turn-on biases and gravity are taken from it.
-        :param camera: model, extrinsics and pixel noise are taken from it.
+        :param cameras: models, extrinsics and pixel noise are taken from them.
         """
         self._preintegration = gtsam.PreintegratedCombinedMeasurements(_imu_noise(parameters))
-        self._calibration, self._factor = _calibration(camera)
-        r_bc, p_bc = camera.pose()
-        self._body_camera = gtsam.Pose3(gtsam.Rot3(r_bc), p_bc)
-        huber = gtsam.noiseModel.mEstimator.Huber.Create(3.0)
-        pixel = gtsam.noiseModel.Isotropic.Sigma(2, max(camera.pixel_noise, 1e-2))
-        # Without outliers the plain model: a robust one would hide wrong noise from the NEES.
-        wrong = camera.outlier_probability + camera.mismatch_probability
-        self._pixel = gtsam.noiseModel.Robust.Create(huber, pixel) if wrong else pixel
+        self._cameras = [_Camera(camera) for camera in cameras]
         settings = gtsam.ISAM2Params()
         settings.setFactorization("QR")  # Cholesky stops with an indeterminate system
         settings.relinearizeSkip = 1
@@ -88,16 +83,18 @@ class Estimator:
         """Take the mean of two neighbouring readings over the time between them [s]."""
         self._preintegration.integrateMeasurement(accel, gyro, dt)
 
-    def look(self, ids: np.ndarray, uv: np.ndarray) -> None:
-        """Close a key frame with its features: ids (n,) and pixels (n, 2)."""
+    def look(self, ids: np.ndarray, uv: np.ndarray, cameras: np.ndarray | None = None) -> None:
+        """Close a key frame with its features: ids (n,), pixels (n, 2), numbers of cameras (n,)."""
+        which = np.zeros(len(ids), dtype=int) if cameras is None else cameras
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         if self._preintegration.deltaTij() > 0.0:
             self._advance(graph, values)
-        for identity, pixel in zip(ids.tolist(), uv, strict=True):
+        for identity, pixel, camera in zip(ids.tolist(), uv, which.tolist(), strict=True):
             if identity in self._known:
-                graph.push_back(self._projection(pixel, self.key, identity))
+                graph.push_back(self._cameras[camera].factor(pixel, self.key, identity))
             else:
-                self._waiting.setdefault(identity, Landmark()).sights.append((self.key, pixel))
+                sights = self._waiting.setdefault(identity, Landmark()).sights
+                sights.append((self.key, camera, pixel))
         self.isam.update(graph, values)
         self._read()
         self._admit(set(ids.tolist()))
@@ -134,22 +131,22 @@ class Estimator:
             if point is None:
                 continue
             values.insert(L(identity), point)
-            for key, pixel in sights:
-                graph.push_back(self._projection(pixel, key, identity))
+            for key, camera, pixel in sights:
+                graph.push_back(self._cameras[camera].factor(pixel, key, identity))
             self._known.add(identity)
             del self._waiting[identity]
         if values.size():
             self.isam.update(graph, values)
             self._read()
 
-    def _triangulated(self, sights: list[tuple[int, np.ndarray]]) -> np.ndarray | None:
+    def _triangulated(self, sights: list[tuple[int, int, np.ndarray]]) -> np.ndarray | None:
         """Return a landmark's place (3,), or None while it is not well determined."""
         if len(sights) < LEAST_SIGHTS:
             return None
-        cameras = [self._poses[key].compose(self._body_camera) for key, _ in sights]
+        poses = [self._poses[key].compose(self._cameras[c].body_camera) for key, c, _ in sights]
         rays = []
-        for pose, (_, pixel) in zip(cameras, sights, strict=True):
-            m = self._calibration.calibrate(pixel)
+        for pose, (_, camera, pixel) in zip(poses, sights, strict=True):
+            m = self._cameras[camera].calibration.calibrate(pixel)
             direction = pose.rotation().matrix() @ np.array([m[0], m[1], 1.0])
             rays.append(direction / np.linalg.norm(direction))
         rays = np.array(rays)
@@ -157,20 +154,35 @@ class Estimator:
             return None
         # The place nearest to all rays: sum (I - d d^T) (x - c) = 0.
         across = np.eye(3) - rays[:, :, None] * rays[:, None, :]
-        centers = np.array([pose.translation() for pose in cameras])
+        centers = np.array([pose.translation() for pose in poses])
         point = np.linalg.solve(across.sum(axis=0), np.einsum("nij,nj->i", across, centers))
-        for pose, (_, pixel) in zip(cameras, sights, strict=True):
+        for pose, (_, camera, pixel) in zip(poses, sights, strict=True):
             local = pose.transformTo(point)
             if local[2] < 0.2:
                 return None
-            miss = self._calibration.uncalibrate(local[:2] / local[2]) - pixel
+            miss = self._cameras[camera].calibration.uncalibrate(local[:2] / local[2]) - pixel
             if np.linalg.norm(miss) > LARGEST_MISS:
                 return None
         return point
 
-    def _projection(self, pixel: np.ndarray, key: int, identity: int) -> gtsam.NonlinearFactor:
-        return self._factor(
-            pixel, self._pixel, X(key), L(identity), self._calibration, self._body_camera
+
+class _Camera:
+    """A camera's model in gtsam's words."""
+
+    def __init__(self, camera: CameraParameters) -> None:
+        self.calibration, self._make = _calibration(camera)
+        r_bc, p_bc = camera.pose()
+        self.body_camera = gtsam.Pose3(gtsam.Rot3(r_bc), p_bc)
+        huber = gtsam.noiseModel.mEstimator.Huber.Create(3.0)
+        pixel = gtsam.noiseModel.Isotropic.Sigma(2, max(camera.pixel_noise, 1e-2))
+        # Without outliers the plain model: a robust one would hide wrong noise from the NEES.
+        wrong = camera.outlier_probability + camera.mismatch_probability
+        self._pixel = gtsam.noiseModel.Robust.Create(huber, pixel) if wrong else pixel
+
+    def factor(self, pixel: np.ndarray, key: int, identity: int) -> gtsam.NonlinearFactor:
+        """Return the factor of one sight."""
+        return self._make(
+            pixel, self._pixel, X(key), L(identity), self.calibration, self.body_camera
         )
 
 
@@ -225,6 +237,15 @@ class Result:
     """(n,) of 3 degrees of freedom."""
     nees_orientation: np.ndarray
     """(n,) of 3 degrees of freedom."""
+    covariance: np.ndarray
+    """(n, 6, 6) of the rotation in the body and the position in the world."""
+
+    def write(self, path: Path) -> None:
+        """Write TUM's form with OpenVINS' columns of covariance."""
+        row, column = np.triu_indices(3)
+        triangles = [self.covariance[:, offset + row, offset + column] for offset in (0, 3)]
+        columns = [self.t_ns[:, None] * 1e-9, self.position, self.q_wb[:, [1, 2, 3, 0]]]
+        np.savetxt(path, np.concatenate([*columns, *triangles], axis=1), fmt="%.12g")
 
     def summary(self) -> dict[str, float]:
         """Return what the run comes down to; the first key frame is given and left out."""
@@ -239,21 +260,29 @@ class Result:
         }
 
 
-def run(folder: Path, parameters: SimulationParameters, camera: CameraParameters, rate=4.0):
+def run(
+    folder: Path,
+    parameters: SimulationParameters,
+    *cameras: CameraParameters,
+    rate: float = 4.0,
+    first: int = 0,
+) -> Result:
     """Return the :class:`Result` on a folder that ``generate --format tracks`` wrote.
 
+    :param cameras: the first ones of the folder.
     :param rate: of key frames [Hz].
+    :param first: frame to begin with.
     """
     imu = np.loadtxt(folder / "imu0.csv", delimiter=",", skiprows=1)
     imu_t = np.loadtxt(folder / "imu0.csv", delimiter=",", skiprows=1, usecols=0, dtype=np.int64)
     truth = read_poses(folder / "groundtruth.tum")
     tracks = np.load(folder / "tracks.npz")
-    one = tracks["camera"] == 0
-    t_ns, ids, uv = (tracks[name][one] for name in ("t_ns", "id", "uv"))
-    stride = max(1, round(camera.rate / rate))
-    frames = np.unique(t_ns)[::stride]
+    ours = tracks["camera"] < len(cameras)
+    t_ns, ids, uv, which = (tracks[name][ours] for name in ("t_ns", "id", "uv", "camera"))
+    stride = max(1, round(cameras[0].rate / rate))
+    frames = np.unique(t_ns)[first::stride]
     frames = frames[(frames >= imu_t[0]) & (frames <= imu_t[-1])]
-    estimator = Estimator(parameters, camera)
+    estimator = Estimator(parameters, *cameras)
     rows, found = [], []
     for k, now in enumerate(frames.tolist()):
         row = int(np.searchsorted(truth.t_ns, now))
@@ -269,13 +298,14 @@ def run(folder: Path, parameters: SimulationParameters, camera: CameraParameters
             for values, dt in zip(mean, np.diff(imu_t[span]) * 1e-9, strict=True):
                 estimator.integrate(values[3:], values[:3], float(dt))
         seen = t_ns == now
-        estimator.look(ids[seen], uv[seen])
+        estimator.look(ids[seen], uv[seen], which[seen])
         rows.append(row)
-        found.append(_compared(estimator, true))
+        found.append(compared(estimator, true))
     return Result(frames, *(np.array(column) for column in zip(*found, strict=True)))
 
 
-def _compared(estimator: Estimator, true: gtsam.Pose3) -> tuple:
+def compared(estimator: Estimator, true: gtsam.Pose3) -> tuple:
+    """Return the columns of :class:`Result` for the latest key frame."""
     pose = estimator.state.pose()
     error = pose.localCoordinates(true)
     covariance = estimator.covariance()
@@ -287,7 +317,11 @@ def _compared(estimator: Estimator, true: gtsam.Pose3) -> tuple:
     q = pose.rotation().toQuaternion()
     q_wb = np.array([q.w(), q.x(), q.y(), q.z()])
     position = pose.translation()
-    return position, q_wb, position - true.translation(), error[:3], *nees
+    # gtsam's covariance of the position is resolved in the body.
+    r = np.eye(6)
+    r[3:, 3:] = pose.rotation().matrix()
+    in_world = r @ covariance @ r.T
+    return position, q_wb, position - true.translation(), error[:3], *nees, in_world
 
 
 def main() -> None:
@@ -295,13 +329,22 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path, help="written by generate --format tracks")
     parser.add_argument("--configuration", type=Path, help="simulation.yaml of --with-configs")
+    parser.add_argument("-o", "--output", type=Path, help="the estimated path, for evaluate")
+    parser.add_argument("--cameras", type=int, default=1, help="so many of the folder's (1)")
     arguments = parser.parse_args()
     folder = arguments.folder
     path = arguments.configuration or folder.with_name(folder.name + "_configs") / "simulation.yaml"
-    of_rig, others = split_rig(files.load(path))
-    rig = load_rig(of_rig)
-    result = run(folder, load_simulation(others), rig.camera(rig.cameras[0]))
+    parameters, cameras = configuration(path)
+    result = run(folder, parameters, *cameras[: arguments.cameras])
+    if arguments.output is not None:
+        result.write(arguments.output)
     print(json.dumps(result.summary(), indent=2))
+
+
+def configuration(path: Path) -> tuple[SimulationParameters, list[CameraParameters]]:
+    """Return the simulation and the cameras of a file of ``--with-configs``."""
+    of_rig, others = split_rig(files.load(path))
+    return load_simulation(others), list(load_rig(of_rig).each().values())
 
 
 if __name__ == "__main__":

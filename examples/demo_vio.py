@@ -1,0 +1,103 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""``make demo-vio``: a stereo dataset of a room, gtsam's path through it, and how good that is.
+
+    python examples/demo_vio.py demo_vio_output
+
+``generate`` writes EuRoC's folder with images and a folder of tracks, the same flight and seed;
+``gtsam_vio.py`` estimates the motion from readings and tracks of both cameras; ``evaluate``
+compares with the truth. The pictures: ``path.png``, and ``tracks.png``, frames with their features.
+"""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+BIN = Path(sys.executable).parent
+FLIGHT = [
+    *("--imu", "adis16448", "--trajectory", "figure_eight", "--duration", "15s", "--seed", "3"),
+    *("--camera", "euroc_cam0", "--camera", "euroc_cam1", "--scene", "room"),
+    *("--set", "camera.body_axes=flu", "--set", "camera.max_features=60"),
+    *("--set", "camera.exposure_time=0.004", "--set", "camera.blur_samples=2"),
+    *("--set", "camera.vignetting=0.2"),
+]
+SHOWN = 12
+"""Frames of the contact sheet."""
+TAIL = 5
+"""Frames back to which a feature's trace goes."""
+
+
+def run(*words: str | Path) -> None:
+    """Say what is run, and run it."""
+    print("demo-vio:", *(Path(words[0]).name, *words[1:]), flush=True)
+    done = subprocess.run([str(word) for word in words], check=False)
+    if done.returncode:
+        sys.exit(f"demo-vio: {Path(words[0]).name} ended with status {done.returncode}")
+
+
+def contact_sheet(tracks: Path, images: Path, output: Path) -> None:
+    """Draw the features of some frames of the first camera, with where each was before."""
+    columns = np.load(tracks / "tracks.npz")
+    ours = columns["camera"] == 0
+    t_ns, ids, uv = (columns[name][ours] for name in ("t_ns", "id", "uv"))
+    frames = np.unique(t_ns)
+    chosen = frames[np.linspace(TAIL, len(frames) - 1, SHOWN).astype(int)]
+    pictures = []
+    for now in chosen.tolist():
+        picture = cv2.imread(str(images / f"{now}.png"), cv2.IMREAD_COLOR)
+        at = int(np.searchsorted(frames, now))
+        traces = [
+            dict(zip(ids[t_ns == t].tolist(), uv[t_ns == t], strict=True))
+            for t in frames[at - TAIL : at + 1]
+        ]
+        for identity, pixel in traces[-1].items():
+            trace = [seen[identity] for seen in traces if identity in seen]
+            line = np.rint(trace).astype(np.int32).reshape(-1, 1, 2)
+            cv2.polylines(picture, [line], False, (0, 160, 255), 2, cv2.LINE_AA)
+            center = tuple(np.rint(pixel).astype(int).tolist())
+            cv2.circle(picture, center, 5, (60, 220, 60), 2, cv2.LINE_AA)
+        seconds = (now - frames[0]) * 1e-9
+        cv2.putText(
+            picture, f"{seconds:.2f} s", (12, 34), cv2.FONT_HERSHEY_SIMPLEX, 1.0, (255, 255, 255), 2
+        )
+        pictures.append(cv2.resize(picture, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA))
+    rows = [np.hstack(pictures[k : k + 4]) for k in range(0, SHOWN, 4)]
+    cv2.imwrite(str(output), np.vstack(rows))
+
+
+def main() -> None:
+    """Make the dataset, run the estimator, compare, draw."""
+    folder = Path(sys.argv[1] if len(sys.argv) > 1 else "demo_vio_output")
+    if folder.exists() and not (folder / "estimate.txt").exists() and any(folder.iterdir()):
+        sys.exit(f"demo-vio: {folder}: holds something else; name another folder")
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    mav0, tracks, estimate = folder / "mav0", folder / "tracks", folder / "estimate.txt"
+    estimate.touch()  # from here on the folder is known as ours
+    run(BIN / "generate", "-o", mav0, "--format", "euroc", *FLIGHT)
+    run(BIN / "generate", "-o", tracks, "--format", "tracks", *FLIGHT, "--with-configs")
+    script = Path(__file__).with_name("gtsam_vio.py")
+    run(sys.executable, script, tracks, "--cameras", "2", "-o", estimate)
+    truth = tracks / "groundtruth.tum"
+    run(
+        BIN / "evaluate",
+        estimate,
+        truth,
+        "--rpe",
+        "1s",
+        "--rpe",
+        "5m",
+        "--plot",
+        folder / "path.png",
+    )
+    contact_sheet(tracks, mav0 / "cam0" / "data", folder / "tracks.png")
+    print(f"demo-vio: pictures: {folder / 'path.png'}, {folder / 'tracks.png'}")
+
+
+if __name__ == "__main__":
+    main()

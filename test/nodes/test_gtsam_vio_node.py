@@ -1,0 +1,79 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A real estimator on the running simulator: as good as on the files of the same flight."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from imu_sim_ros.commands import generate
+
+pytestmark = pytest.mark.ros
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+FLIGHT = {
+    "imu.preset": "adis16448",
+    "cameras": "[cam0]",
+    "cam0.camera.preset": "euroc_cam0",
+    "camera.body_axes": "flu",
+    "camera.max_features": 40,
+    "camera.images": "none",
+    "duration": 8.0,
+    "start_time": 1.0,
+    "seed": 2,
+}
+
+
+def test_the_live_estimate_is_as_good_as_the_one_from_files(start, domains, tmp_path):
+    pytest.importorskip("gtsam")
+    settings = [word for key, value in FLIGHT.items() for word in ("--set", f"{key}={value}")]
+    folder, path = tmp_path / "tracks", tmp_path / "tracks_configs" / "simulation.yaml"
+    words = ["-o", str(folder), "--format", "tracks", "--trajectory", "figure_eight", "--quiet"]
+    assert generate.main([*words, *settings, "--with-configs"]) == 0
+    environment = {
+        **os.environ,
+        "ROS_DOMAIN_ID": str(domains[0]),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "ROS_PYTHON_CHECK_FIELDS": "1",
+    }
+    node = subprocess.Popen(
+        [sys.executable, str(EXAMPLES / "gtsam_vio_node.py"), str(path)],
+        stdout=subprocess.PIPE,
+        env=environment,
+    )
+    simulator = start(
+        "simulator",
+        *("--trajectory", "figure_eight"),
+        **{key.replace(".", "__"): value for key, value in FLIGHT.items()},
+        wait_for_subscribers=1,
+        wait_for_truth_subscribers=1,
+    )
+    try:
+        live = json.loads(node.communicate(timeout=120)[0])
+    finally:
+        node.kill()
+    assert simulator.status() == 0
+    # Live the first frame is withheld: frames 5, 10, ... are key frames.
+    code = (
+        "import sys, json; from pathlib import Path; import gtsam_vio as g\n"
+        "p, cameras = g.configuration(Path(sys.argv[2]))\n"
+        "print(json.dumps(g.run(Path(sys.argv[1]), p, *cameras, first=5).summary()))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(folder), str(path)],
+        cwd=EXAMPLES,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    offline = json.loads(done.stdout)
+    print(live, offline)
+    assert live["keyframes"] == offline["keyframes"] == 31
+    assert live["position_rmse_m"] == pytest.approx(offline["position_rmse_m"], rel=0.2)
+    assert live["orientation_rmse_rad"] == pytest.approx(offline["orientation_rmse_rad"], rel=0.2)
+    assert live["position_rmse_m"] < 0.1
