@@ -30,8 +30,8 @@ from sensor_msgs.msg import Imu, PointCloud
 
 from imu_sim_ros import rotation
 
-LAST_WORDS = 2.0
-"""[s] So long what was sent last may be under way."""
+LAST_WORDS = 5.0
+"""[s] When nothing has come for so long, nothing is under way any more."""
 DEEP = QoSProfile(depth=20000)
 
 
@@ -61,6 +61,8 @@ class VioNode(Node):
         self._rows: list[tuple] = []
         self._times: list[int] = []
         self._heard = False
+        self.busy = time.monotonic()
+        """When the last message was done with."""
         self._path = self.create_publisher(Odometry, "vio/odom", 100)
         self.create_subscription(Imu, "imu/data_raw", self._on_imu, DEEP)
         self.create_subscription(Odometry, "ground_truth/odom", self._on_truth, DEEP)
@@ -86,6 +88,7 @@ class VioNode(Node):
 
     def _work(self) -> None:
         """Close the key frames whose readings and truth are all there."""
+        self.busy = time.monotonic()
         while self._frames:
             now, values = self._frames[0]
             if now not in self._imu or now not in self._truth:
@@ -107,6 +110,7 @@ class VioNode(Node):
             self._publish(now)
             self._imu = {t: row for t, row in self._imu.items() if t >= now}
             self._truth = {t: row for t, row in self._truth.items() if t >= now}
+            self.busy = time.monotonic()
 
     def _integrate(self, now: int) -> None:
         times = sorted(t for t in self._imu if self._last <= t <= now)
@@ -154,8 +158,7 @@ def main() -> None:
     node = VioNode(arguments.configuration, arguments.rate)
     while not node.over():
         rclpy.spin_once(node, timeout_sec=0.5)
-    end = time.monotonic() + LAST_WORDS
-    while time.monotonic() < end:
+    while time.monotonic() - node.busy < LAST_WORDS:  # what was sent before still comes
         rclpy.spin_once(node, timeout_sec=0.1)
     result = node.result()
     if arguments.output is not None:
