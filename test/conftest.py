@@ -13,7 +13,6 @@ import pytest
 
 MAY_BE_MISSING = {
     "no recorded poses in": "real flights are not part of the repository",
-    "is not here": "real flights are not part of the repository",
     "the launch package comes with": "ROS 2's launch is not on PyPI",
     "REAL ROS 1 NOT TESTED": "only Debian has it, and only root can install it",
 }

@@ -29,7 +29,7 @@ LEAVES = {
     "poses",
 }
 ROOMS = {
-    "__init__": LEAVES | {"api", "navigation"},
+    "__init__": LEAVES | {"api", "navigation", "camera"},
     "api": LEAVES
     | {"trajectory", "sensor", "camera", "simulation", "topics", "datasets", "bags", "consumers"}
     | {"navigation", "calibration", "plots"},

@@ -89,20 +89,12 @@ def _simulation(
     params_file: str | Path | None,
     parameters: Mapping[str, Any],
 ) -> Simulation:
-    from imu_sim_ros.bags import read_poses
-
     layers = [files.load(params_file)] if params_file is not None else []
     own: dict[str, object] = {**_imu(imu), **_flat(parameters)}
-    pose_reader: Callable[..., PoseSequence] = read_poses
+    pose_reader: Callable[..., PoseSequence] = _poses_of_any_file
     if isinstance(trajectory, PoseSequence):
         own.update({"trajectory.type": "poses", "trajectory.file": "poses given as arrays"})
-        poses = trajectory
-
-        def given_poses(*_: object, **__: object) -> PoseSequence:
-            return poses
-
-        pose_reader = given_poses
-
+        pose_reader = _given(trajectory)
     elif isinstance(trajectory, Mapping):
         own.update({f"trajectory.{name}": value for name, value in _flat(trajectory).items()})
     elif trajectory is not None:
@@ -115,6 +107,16 @@ def _simulation(
     if simulation.total is None:
         raise ConfigurationError("duration: this trajectory has no end; say how long, duration=60")
     return simulation
+
+
+def _poses_of_any_file(path: str | Path, *options: Any) -> PoseSequence:
+    from imu_sim_ros.bags import read_poses  # of which most trajectories have no need
+
+    return read_poses(path, *options)
+
+
+def _given(poses: PoseSequence) -> Callable[..., PoseSequence]:
+    return lambda *_: poses
 
 
 def _name(trajectory: object, simulation: Simulation) -> str:

@@ -3,6 +3,8 @@
 
 """What a camera on a moving body sees: models, scenes, tracks of features.
 
+``project``, ``tracks`` and ``frames`` give it in one call, as arrays.
+
 The camera's frame c has x to the right, y down and z along the view; the centre of the first pixel
 is at (0, 0). A frame depends on nothing but the seed and its number, so frames are the same in
 blocks of any size, and can be made in any order.
@@ -10,9 +12,10 @@ blocks of any size, and can be made in any order.
 
 from imu_sim_ros.camera.build import build_scene
 from imu_sim_ros.camera.model import CameraModel, Projection, Rays
+from imu_sim_ros.camera.observe import frames, project, tracks
 from imu_sim_ros.camera.rig import Blindness, Rig, build_rig
 from imu_sim_ros.camera.scene import Scene, Surfaces
-from imu_sim_ros.camera.tracks import Lines, Tracker, Tracks
+from imu_sim_ros.camera.tracker import Lines, Tracker, Tracks
 from imu_sim_ros.camera.view import Frames, Poses, View, in_camera
 
 __all__ = [
@@ -31,5 +34,8 @@ __all__ = [
     "View",
     "build_rig",
     "build_scene",
+    "frames",
     "in_camera",
+    "project",
+    "tracks",
 ]

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from imu_sim_ros import timebase
 from imu_sim_ros.camera.build import build_scene
-from imu_sim_ros.camera.tracks import Tracker, Tracks
+from imu_sim_ros.camera.tracker import Tracker, Tracks
 from imu_sim_ros.camera.view import View
-from imu_sim_ros.config import load_simulation
+from imu_sim_ros.config import SimulationParameters, load_simulation
 from imu_sim_ros.config.cameras import RigParameters, load_rig, rig_problems, split_rig
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.trajectory import Trajectory, build_trajectory
@@ -96,7 +96,16 @@ def build_rig(parameters: Mapping[str, object]) -> Rig:
     :raises InputError: for a file that cannot be used.
     """
     of_rig, others = split_rig(parameters)
-    simulation, rig = load_simulation(others), load_rig(of_rig)
+    return on_simulation(of_rig, load_simulation(others))
+
+
+def on_simulation(of_rig: Mapping[str, object], simulation: SimulationParameters) -> Rig:
+    """Return the cameras that parameters by dotted name describe, on a simulation's body.
+
+    :raises ConfigurationError: with a line for everything that is wrong.
+    :raises InputError: for a file that cannot be used.
+    """
+    rig = load_rig(of_rig)
     problems = list(rig_problems(rig, simulation))
     if problems:
         raise ConfigurationError(problems)

@@ -39,6 +39,7 @@ PUBLIC = [
     "calibrate_six_position",
     "calibrate_temperature",
     "calibrate_turntable",
+    "camera",
     "dead_reckon",
     "evaluate",
     "preintegrate",
@@ -49,7 +50,7 @@ PUBLIC = [
 MODULES = [
     f"imu_sim_ros.api.{name}"
     for name in ("calibration", "flight", "navigation", "noise", "preintegration", "readings")
-] + ["imu_sim_ros.api.simulation", "imu_sim_ros"]
+] + ["imu_sim_ros.api.simulation", "imu_sim_ros", "imu_sim_ros.camera.observe"]
 
 
 def test_the_public_list_is_what_it_was():
@@ -76,6 +77,14 @@ def test_the_examples_in_the_docstrings_run(module, tmp_path):
         optionflags=doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE,
     )
     assert found.failed == 0
+
+
+@pytest.mark.parametrize("name", ["project", "tracks", "frames"])
+def test_what_cameras_give_is_documented(name):
+    function = getattr(ims.camera, name)
+    for argument in inspect.signature(function).parameters:
+        assert f":param {argument}:" in function.__doc__
+    assert ":raises ConfigurationError:" in function.__doc__
 
 
 def test_an_unknown_name_is_an_attribute_error():

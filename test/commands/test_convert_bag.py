@@ -213,7 +213,7 @@ def test_two_imus_and_none_named(tmp_path, capsys):
 def test_a_real_flight(tmp_path, capsys):
     flight = DATA / "euroc_V1_02_medium_groundtruth.csv"
     if not flight.exists():
-        pytest.skip(f"{flight} is not here")
+        pytest.skip(f"no recorded poses in {flight}")
     options = ["--trajectory", str(flight), "--duration", "5s", "--format", "euroc", "--quiet"]
     assert generate.main(["-o", str(tmp_path / "mav0"), *options]) == 0
     result = _convert(capsys, tmp_path / "mav0", "-o", tmp_path / "x.bag")

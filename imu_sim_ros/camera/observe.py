@@ -1,0 +1,101 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What a camera on a simulated flight sees, in one call: pixels, tracks, images."""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from imu_sim_ros.camera.model import Projection
+from imu_sim_ros.camera.rig import BLOCK, Rig, build_rig, on_simulation
+from imu_sim_ros.camera.tracker import Tracks
+from imu_sim_ros.config import SimulationParameters
+from imu_sim_ros.config.cameras import scene_layer
+
+_NAME = "cam0"
+
+
+class Flown(Protocol):
+    """A simulated flight."""
+
+    @property
+    def parameters(self) -> SimulationParameters:
+        """All parameters of the simulation."""
+
+
+def project(points: ArrayLike, camera: str | Path | Mapping[str, Any] = "euroc_cam0") -> Projection:
+    """Return the pixels of points, without noise: ``uv`` (n, 2) [px] and ``valid`` (n,).
+
+    :param points: (n, 3) in the camera's frame, z along the view [m].
+    :param camera: a name in config/cameras, a parameter file, or the ``camera.*`` parameters.
+    :raises ConfigurationError: with a line for everything that is wrong.
+
+    >>> import imu_sim_ros as ims
+    >>> ims.camera.project([[0.0, 0.0, 1.0]], camera={"preset": "euroc_cam0"}).uv.round(3)
+    array([[367.215, 248.375]])
+    """
+    rig = build_rig({**_camera(camera), "trajectory.type": "static", "duration": 1.0})
+    return rig.views[_NAME].model.project(np.asarray(points, dtype=np.float64))
+
+
+def tracks(
+    flight: Flown,
+    camera: str | Path | Mapping[str, Any] = "euroc_cam0",
+    scene: str | Path = "room",
+    block: int = BLOCK,
+) -> Iterator[Tracks]:
+    """Yield what a camera on the flight's body tracks, in blocks of frames, in order.
+
+    A block has arrays over its features: ``id``, ``uv`` and ``uv_true`` (n, 2) [px], ``depth`` [m],
+    ``frame``, the row of each in ``frames``, which holds numbers and times. The tracks are those of
+    ``generate`` with the same parameters and seed, whatever the size of the blocks.
+
+    :param flight: what :func:`imu_sim_ros.simulate` returns.
+    :param camera: a name in config/cameras, a parameter file, or the ``camera.*`` parameters:
+        ``{"preset": "euroc_cam0", "pixel_noise": 0.5}``.
+    :param scene: a name in config/scenes, a parameter file, or a file of points.
+    :param block: frames in a block.
+    :raises ConfigurationError: with a line for everything that is wrong.
+    :raises InputError: for a file that cannot be used.
+
+    >>> import imu_sim_ros as ims
+    >>> flight = ims.simulate(imu="adis16448", trajectory="figure_eight", duration=2, seed=1)
+    >>> blocks = list(ims.camera.tracks(flight, camera="euroc_cam0", scene="room"))
+    >>> blocks[0].uv.shape == (len(blocks[0].id), 2), sum(len(b.frames.t_ns) for b in blocks)
+    (True, 40)
+    """
+    return _rig(flight, camera, scene).tracks(_NAME, block)
+
+
+def frames(
+    flight: Flown,
+    camera: str | Path | Mapping[str, Any] = "euroc_cam0",
+    scene: str | Path = "room",
+) -> Iterator[tuple[int, NDArray[np.uint8]]]:
+    """Yield the stamp [ns] and the grey values (h, w) of each frame of a camera on the flight.
+
+    The images are those of ``generate`` with the same parameters and seed; frames that are lost are
+    left out. Needs OpenCV.
+
+    :param flight: what :func:`imu_sim_ros.simulate` returns.
+    :param camera: as in :func:`tracks`.
+    :param scene: as in :func:`tracks`, with surfaces.
+    :raises ConfigurationError: with a line for everything that is wrong.
+    :raises InputError: for a file that cannot be used.
+    :raises MissingDependencyError: where OpenCV is not installed.
+    """
+    return _rig(flight, camera, scene).images(_NAME)
+
+
+def _rig(flight: Flown, camera: str | Path | Mapping[str, Any], scene: str | Path) -> Rig:
+    return on_simulation({**_camera(camera), **scene_layer(str(scene))}, flight.parameters)
+
+
+def _camera(camera: str | Path | Mapping[str, Any]) -> dict[str, object]:
+    own = camera if isinstance(camera, Mapping) else {"preset": str(camera)}
+    values = {name: v.tolist() if hasattr(v, "tolist") else v for name, v in own.items()}
+    return {"cameras": [_NAME], **{f"{_NAME}.camera.{name}": v for name, v in values.items()}}

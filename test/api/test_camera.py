@@ -1,0 +1,65 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What a camera sees on a flight from Python is what generate writes of the same parameters."""
+
+import csv
+
+import numpy as np
+import pytest
+
+import imu_sim_ros as ims
+from imu_sim_ros.commands import generate
+
+MOTION = ["--imu", "mpu6000", "--trajectory", "figure_eight", "--duration", "1s", "--seed", "4"]
+CAMERA = {"preset": "euroc_cam0", "pixel_noise": 0.5, "body_axes": "flu"}
+
+
+@pytest.fixture(scope="module")
+def flight():
+    return ims.simulate(imu="mpu6000", trajectory="figure_eight", duration=1, seed=4)
+
+
+def test_tracks_are_those_of_generate(flight, tmp_path):
+    chosen = ["--camera", "euroc_cam0", "--scene", "room", "--format", "tracks"]
+    own = ["--set", "cam0.camera.pixel_noise=0.5", "--set", "cam0.camera.body_axes=flu"]
+    assert generate.main([*MOTION, *chosen, *own, "--quiet", "-o", str(tmp_path / "made")]) == 0
+    with (tmp_path / "made" / "tracks.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    blocks = list(ims.camera.tracks(flight, CAMERA, "room", block=7))
+    assert sum(len(block.id) for block in blocks) == len(rows) > 100
+    for name, found in (
+        ("id", np.concatenate([b.id for b in blocks])),
+        ("t_ns", np.concatenate([b.frames.t_ns[b.frame] for b in blocks])),
+        ("u", np.concatenate([b.uv[:, 0] for b in blocks])),
+        ("v_true", np.concatenate([b.uv_true[:, 1] for b in blocks])),
+        ("depth", np.concatenate([b.depth for b in blocks])),
+    ):
+        expected = np.array([float(row[name]) for row in rows])
+        np.testing.assert_allclose(found, expected, rtol=1e-8, err_msg=name)
+
+
+def test_frames_have_the_cameras_size_and_times(flight):
+    pytest.importorskip("cv2")
+    t_ns, image = next(ims.camera.frames(flight, CAMERA))
+    assert (image.shape, image.dtype) == ((480, 752), np.uint8)
+    assert image.std() > 5.0
+    assert t_ns == next(ims.camera.tracks(flight, CAMERA)).frames.t_ns[0]
+
+
+def test_points_are_projected_as_by_opencv():
+    cv2 = pytest.importorskip("cv2")
+    points = np.random.default_rng(1).uniform([-1, -1, 2], [1, 1, 5], (50, 3))
+    found = ims.camera.project(points, "euroc_cam0")
+    k = np.array([[458.654, 0, 367.215], [0, 457.296, 248.375], [0, 0, 1]])
+    d = np.array([-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05])  # EuRoC's sensor.yaml
+    expected, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), k, d)
+    assert found.valid.all()
+    np.testing.assert_allclose(found.uv, expected[:, 0], atol=1e-6)
+
+
+def test_what_is_wrong_is_told():
+    with pytest.raises(ims.ConfigurationError, match="euroc_cam7"):
+        ims.camera.project([[0.0, 0.0, 1.0]], "euroc_cam7")
+    with pytest.raises(ims.ConfigurationError, match=r"did you mean cam0\.camera\.pixel_noise"):
+        ims.camera.project([[0.0, 0.0, 1.0]], {"pixel_nois": 1.0})
