@@ -48,6 +48,16 @@ pytestmark = pytest.mark.ros
             ["-p", "qos_overrides./imu/data_raw.publisher.depth:=many"],
             ["qos_overrides./imu/data_raw: "],
         ),
+        (
+            [
+                *("-p", "qos_overrides./imu/data_raw.publisher.deadline:=1.5"),
+                *("-p", "qos_overrides./ground_truth/odom.publisher.deadline:=-1"),
+            ],
+            [
+                "qos_overrides./ground_truth/odom.publisher.deadline = -1: must be a whole number",
+                "qos_overrides./imu/data_raw.publisher.deadline = 1.5: must be a whole number of",
+            ],
+        ),
     ],
 )
 def test_bad_arguments(start: Any, arguments: list[str], lines: list[str]) -> None:

@@ -18,8 +18,12 @@ _POLICIES: Final = (
     QoSPolicyKind.DEPTH,
     QoSPolicyKind.RELIABILITY,
     QoSPolicyKind.DURABILITY,
+    QoSPolicyKind.DEADLINE,
+    QoSPolicyKind.LIVELINESS,
 )
 _OVERRIDES: Final = "qos_overrides."
+_NUMBERS: Final = {"depth": "", "deadline": " [ns]; 0: none"}
+"""Policies whose values are whole numbers, with their units: rclpy cuts others off."""
 
 
 class Counter:
@@ -66,16 +70,16 @@ def check_overrides(node: Node, others: Sequence[str] = ()) -> None:
 
     A file that ``ros2 param dump`` made of a node with remappings holds overrides of the topics as
     they were called there: those of other topics are ignored, with a note. A policy that does not
-    exist is refused, for a topic of this node.
+    exist is refused, for a topic of this node, and so is a number that is none.
 
     :param others: topics that are published for the node elsewhere.
-    :raises ConfigurationError: with a line for each policy that does not exist.
+    :raises ConfigurationError: with a line for each.
     """
     topics = sorted([*(publisher.topic_name for publisher in node.publishers), *others])
     policies = [policy.name.lower() for policy in _POLICIES]
     foreign: dict[str, None] = {}
     problems = []
-    for name in node.get_parameters_by_prefix(""):
+    for name, parameter in sorted(node.get_parameters_by_prefix("").items()):
         if not name.startswith(_OVERRIDES):
             continue
         topic, _, policy = name.removeprefix(_OVERRIDES).partition(".publisher.")
@@ -83,6 +87,9 @@ def check_overrides(node: Node, others: Sequence[str] = ()) -> None:
             foreign[topic] = None
         elif policy not in policies:
             problems.append(f"{name}: the policy must be one of {', '.join(policies)}")
+        elif policy in _NUMBERS and not _is_whole(parameter.value):
+            allowed = f"a whole number of at least 0{_NUMBERS[policy]}"
+            problems.append(f"{name} = {parameter.value!r}: must be {allowed}")
     if problems:
         raise ConfigurationError(problems)
     if foreign:
@@ -90,3 +97,7 @@ def check_overrides(node: Node, others: Sequence[str] = ()) -> None:
             f"{_OVERRIDES}* of {', '.join(foreign)} ignored: "
             f"the topics published here are {', '.join(topics)}"
         )
+
+
+def _is_whole(value: object) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and value >= 0
