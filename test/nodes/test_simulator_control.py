@@ -53,6 +53,18 @@ def test_signals_end_it_with_status_0(
     assert "Traceback" not in node.output
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_while_the_process_ends_changes_nothing(start: Any, number: int) -> None:
+    """Launch sends SIGINT to every node when the first has ended, also to one that ends itself."""
+    node = start("simulator", duration=0.1)
+    end = time.monotonic() + 60.0
+    while node.process.poll() is None and time.monotonic() < end:
+        if "counted ground_truth/odom" in node.output:  # the last thing that it prints
+            node.send(number)
+        time.sleep(0.001)
+    assert node.process.returncode == 0, node.output
+
+
 def test_pause_step_and_reset(start: Any, imu: Any) -> None:
     from std_srvs.srv import SetBool, Trigger
 
