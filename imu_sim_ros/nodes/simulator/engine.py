@@ -13,8 +13,10 @@ from imu_sim_ros.nodes.simulator.pacing import Pacer, Verdict
 from imu_sim_ros.nodes.simulator.publish_queue import Group, PublishQueue
 from imu_sim_ros.nodes.supervised_thread import Fail, SupervisedThread
 
-LEAD_NS: Final = 10_000_000
+_LEAD_NS: Final = 10_000_000
 """The first sample is due this long after time zero is chosen: its block has to be computed."""
+_STARTS: Final = 4
+"""Time zero is chosen at most so often."""
 
 _BLOCKS_AHEAD: Final = 1
 _UNPACED_FACTOR: Final = 10.0
@@ -42,7 +44,7 @@ class Engine:
         block_duration: float,
         *,
         ready: Callable[[], bool],
-        zero: Callable[[], int],
+        zero: Callable[[int], int],
         acknowledged: Callable[[], bool],
         on_end: Callable[[], None],
         fail: Fail,
@@ -50,7 +52,7 @@ class Engine:
         """Set up the threads; :meth:`start` lets them run.
 
         :param ready: whether the first sample may be published.
-        :param zero: returns the time of the first sample [ns] at the moment of the start.
+        :param zero: returns the time of the first sample [ns], which is due after that many [ns].
         :param acknowledged: waits for a moment; whether all subscribers have everything.
         :param on_end: called at the end of the run.
         :param fail: is given what went wrong in one of the threads.
@@ -119,17 +121,43 @@ class Engine:
                 return
             if run != self._run:
                 run = self._run
-                t0_ns, start_ns = self._zero(), time.monotonic_ns() + LEAD_NS
-                self._queue.restart(t0_ns)
-                self.started = True
-            with self._lock:
-                changes, self._changes = self._changes, []
-            for change in changes:
-                change(self._queue)
-            groups = self._queue.next_groups(self._block_length())
+                t0_ns, start_ns, groups = self._begin()
+            else:
+                self._apply_changes()
+                groups = self._queue.next_groups(self._block_length())
             self._blocks.put(_Block(run, t0_ns, start_ns, groups, self._queue.finished))
             while self._queue.finished and run == self._run and not self._stopped:
                 time.sleep(0.01)
+
+    def _begin(self) -> tuple[int, int, list[Group]]:
+        """Return time zero, when it is on the steady clock, and the first block.
+
+        On a loaded machine, or at many times real time, the block may take longer than the lead.
+        Samples that were due meanwhile would go out all at once, and a subscriber with a short
+        queue (rosbag2's holds 10) would lose the first. So time zero is chosen again, with a lead
+        that suffices; not behind changes, such as faults, which take effect once.
+        """
+        lead_ns = _LEAD_NS
+        for _ in range(_STARTS):
+            start_ns = time.monotonic_ns() + lead_ns
+            t0_ns = self._zero(lead_ns)
+            self._queue.restart(t0_ns)
+            self.started = True
+            changed = self._apply_changes()
+            groups = self._queue.next_groups(self._block_length())
+            late_ns = time.monotonic_ns() - start_ns
+            if changed or late_ns < 0 or self.pacer.speed == 0:
+                break
+            lead_ns = 2 * (lead_ns + late_ns)
+        return t0_ns, start_ns, groups
+
+    def _apply_changes(self) -> bool:
+        """Make the changes that were asked for; tell whether there were any."""
+        with self._lock:
+            changes, self._changes = self._changes, []
+        for change in changes:
+            change(self._queue)
+        return bool(changes)
 
     def _block_length(self) -> float:
         """Return seconds of simulated time that take about ``block_duration`` to play."""

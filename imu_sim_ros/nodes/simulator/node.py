@@ -42,7 +42,7 @@ from imu_sim_ros.nodes import run
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.simulator import transforms
 from imu_sim_ros.nodes.simulator.diagnostics import Histogram, Report, fault_message
-from imu_sim_ros.nodes.simulator.engine import LEAD_NS, Engine
+from imu_sim_ros.nodes.simulator.engine import Engine
 from imu_sim_ros.nodes.simulator.pacing import Pacer, RosClockPacer, Stall
 from imu_sim_ros.nodes.simulator.publish_queue import (
     PublishQueue,
@@ -274,13 +274,13 @@ class Simulator(ConfiguredNode):
         counts = [counter.publisher.get_subscription_count() for counter in self._counters]
         return self._settling.settled(counts, time.monotonic())
 
-    def _zero(self) -> int:
-        """Return the time of the first sample [ns]."""
+    def _zero(self, lead_ns: int) -> int:
+        """Return the time of the first sample [ns], which is due after a lead [ns]."""
         if self.parameters.start_time >= 0:
             return timebase.to_nanoseconds(self.parameters.start_time)
         if self._follows:
             return int(self.get_clock().now().nanoseconds)
-        return time.time_ns() + LEAD_NS
+        return time.time_ns() + lead_ns
 
     def _acknowledged(self) -> bool:
         return all(

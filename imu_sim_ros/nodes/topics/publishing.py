@@ -79,7 +79,7 @@ def check_overrides(node: Node, others: Sequence[str] = ()) -> None:
     policies = [policy.name.lower() for policy in _POLICIES]
     foreign: dict[str, None] = {}
     problems = []
-    for name, parameter in sorted(node.get_parameters_by_prefix("").items()):
+    for name in sorted(node.get_parameters_by_prefix("")):
         if not name.startswith(_OVERRIDES):
             continue
         topic, _, policy = name.removeprefix(_OVERRIDES).partition(".publisher.")
@@ -87,9 +87,9 @@ def check_overrides(node: Node, others: Sequence[str] = ()) -> None:
             foreign[topic] = None
         elif policy not in policies:
             problems.append(f"{name}: the policy must be one of {', '.join(policies)}")
-        elif policy in _NUMBERS and not _is_whole(parameter.value):
+        elif policy in _NUMBERS and not _is_whole(value := node.get_parameter(name).value):
             allowed = f"a whole number of at least 0{_NUMBERS[policy]}"
-            problems.append(f"{name} = {parameter.value!r}: must be {allowed}")
+            problems.append(f"{name} = {value!r}: must be {allowed}")
     if problems:
         raise ConfigurationError(problems)
     if foreign:
