@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from imu_sim_ros.api.flight import Flight
+from imu_sim_ros.api.output import saved
 from imu_sim_ros.api.readings import Readings, read_imu
 from imu_sim_ros.calibration.deterministic import (
     calibrate_six_position as six_position,
@@ -71,14 +72,17 @@ class Calibration:
     def __repr__(self) -> str:
         return f"<Calibration of {', '.join(self.parameters)}>"
 
-    def save(self, path: str | Path, *, for_simulator: bool = False) -> Path:
+    def save(self, path: str | Path, *, for_simulator: bool = False, force: bool = False) -> Path:
         """Write a parameter file; returns its path.
 
         :param for_simulator: the errors for ``simulator`` and ``generate``; else the correction for
             ``integrator`` and ``dead_reckon``.
+        :param force: replace what exists.
+        :raises InputError: for a place that cannot be used, and one that is taken.
         """
         write = correction.write_simulator if for_simulator else correction.write_correction
-        write(self.parameters, Path(path), "calibrated by imu_sim_ros")
+        with saved(path, force) as place:
+            write(self.parameters, place, "calibrated by imu_sim_ros")
         return Path(path)
 
 

@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.api.output import saved
 from imu_sim_ros.api.readings import Odometry, Readings, frame, span
-from imu_sim_ros.config import SimulationParameters
+from imu_sim_ros.config import SimulationParameters, flatten
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.sensor import ImuBlock
 
@@ -136,35 +137,45 @@ class Flight:
         topics: Sequence[str] = (),
         imu_only: bool = False,
         rename: Mapping[str, str] | None = None,
+        force: bool = False,
     ) -> Path:
         """Write a bag or a dataset, the same as ``generate`` writes; returns its path.
 
         :param path: ``NAME.bag`` is a ROS 1 bag, ``NAME.mcap`` one MCAP file, ``NAME.csv`` a table,
-            anything else a rosbag2 folder. What exists is not overwritten.
+            anything else a rosbag2 folder. Parents are made.
         :param format: ``euroc`` or ``csv`` for a dataset.
         :param topics: by default the readings and ``ground_truth/odom``.
         :param imu_only: without the truth.
         :param rename: another name in the bag for a topic, ``{"imu/data_raw": "/imu0"}``.
-        :raises InputError: for a place that cannot be used or a topic that does not exist.
+        :param force: replace what exists, but never the file of the trajectory.
+        :raises InputError: for a place that cannot be used, something that exists, and a topic that
+            does not.
 
         >>> import imu_sim_ros as ims
         >>> flight = ims.simulate(trajectory="figure_eight", duration=1)
         >>> flight.save(folder / "flight.bag", rename={"imu/data_raw": "/imu0"}).name
         'flight.bag'
         """
-        from imu_sim_ros.bags import open_writer
-        from imu_sim_ros.bags.text import writer as text
-        from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
-        from imu_sim_ros.datasets import BagTarget, DatasetTarget, chosen_topics
+        from imu_sim_ros.datasets import chosen_topics
 
         path = Path(path)
         names = chosen_topics(topics, imu_only, rename or {})
+        with saved(path, force, flatten(self.parameters).values()) as place:
+            self._write(place, format, names)
+        return path
+
+    def _write(self, path: Path, format: str | None, names: Mapping[str, str]) -> None:
+        from imu_sim_ros.bags import open_writer
+        from imu_sim_ros.bags.text import writer as text
+        from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
+        from imu_sim_ros.datasets import BagTarget, DatasetTarget
+
         if format is None and path.suffix != ".csv":
             with open_writer(path) as writer:
                 bag = BagTarget(writer, {"": self.parameters}, names)
                 for block in self._blocks:
                     bag.write({"": block})
-            return path
+            return
         unfit = [name for name in names if name not in (IMU_TOPIC, TRUTH_TOPIC)]
         if unfit:
             raise InputError([f"topic {name}: is not for {format or 'csv'}" for name in unfit])
@@ -172,4 +183,3 @@ class Flight:
             rows = DatasetTarget(dataset)
             for block in self._blocks:
                 rows.write({"": block})
-        return path

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.api.flight import Flight
+from imu_sim_ros.api.output import saved
 from imu_sim_ros.api.readings import (
     HasPoses,
     Odometry,
@@ -84,9 +85,14 @@ class Track:
         columns = {"position": self.position, "q": self.q_wb, "velocity": self.velocity}
         return frame(self.t_ns, columns)
 
-    def save(self, path: str | Path) -> Path:
-        """Write the poses in TUM's form; returns the path."""
-        write_tum(Path(path), PoseSequence(self.t_ns, self.position, self.q_wb))
+    def save(self, path: str | Path, *, force: bool = False) -> Path:
+        """Write the poses in TUM's form; returns the path.
+
+        :param force: replace what exists.
+        :raises InputError: for a place that cannot be used, and one that is taken.
+        """
+        with saved(path, force) as place:
+            write_tum(place, PoseSequence(self.t_ns, self.position, self.q_wb))
         return Path(path)
 
     def plot(self) -> Figure:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.api.flight import Flight
+from imu_sim_ros.api.output import saved
 from imu_sim_ros.api.readings import Readings
 from imu_sim_ros.calibration.noise import AllanResult, analyse, noise_files, quantity
 from imu_sim_ros.conventions import AXES, TRIADS
@@ -95,17 +96,20 @@ class Noise:
 
         return pictures.figure(self.result, self.name)
 
-    def save(self, path: str | Path, topic: str = "/imu0") -> Path:
+    def save(self, path: str | Path, topic: str = "/imu0", *, force: bool = False) -> Path:
         """Write a file that takes these values; returns its path.
 
         :param path: ``.csv``: the Allan deviation; ``.yaml``: kalibr's imu.yaml.
         :param topic: of kalibr's file.
+        :param force: replace what exists.
+        :raises InputError: for a place that cannot be used, and one that is taken.
         """
         path = Path(path)
-        if path.suffix == ".csv":
-            noise_files.write_csv(self.result, path)
-        else:
-            noise_files.write_kalibr(self.result, path, topic)
+        with saved(path, force) as place:
+            if path.suffix == ".csv":
+                noise_files.write_csv(self.result, place)
+            else:
+                noise_files.write_kalibr(self.result, place, topic)
         return path
 
 

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.campaign.results import Row as Row
     from imu_sim_ros.campaign.results import Store as Store
     from imu_sim_ros.campaign.results import read_results as read_results
+    from imu_sim_ros.campaign.results import replaced as replaced
     from imu_sim_ros.campaign.results import write_tables as write_tables
     from imu_sim_ros.campaign.runs import CellRuns as CellRuns
     from imu_sim_ros.campaign.statistics import Interval as Interval
@@ -53,7 +54,7 @@ else:
             "cells": ["Cell", "cell_count"],
             "engine": ["Task"],
             "plan": ["Plan", "check_plan", "find_plan", "load_plan"],
-            "results": ["LOG", "TABLE", "Row", "Store", "read_results", "write_tables"],
+            "results": ["LOG", "TABLE", "Row", "Store", "read_results", "replaced", "write_tables"],
             "runs": ["CellRuns"],
             "statistics": ["Interval", "quantile", "statistic"],
             "summary": [

@@ -19,11 +19,19 @@ from imu_sim_ros.campaign import engine
 from imu_sim_ros.campaign.cells import Cell
 from imu_sim_ros.campaign.engine import Task
 from imu_sim_ros.campaign.plan import Plan
-from imu_sim_ros.campaign.results import Key, Row, Store, key_of, write_tables
+from imu_sim_ros.campaign.results import (
+    SUMMARY,
+    VERSIONS,
+    Key,
+    Row,
+    Store,
+    key_of,
+    replaced,
+    write_tables,
+)
 from imu_sim_ros.campaign.summary import groups, summary_rows
 from imu_sim_ros.config import CommandEstimator
 
-SUMMARY: Final = "summary.csv"
 _NUMBER: Final = re.compile(r"(?<![\w.])\d+(\.\d+)?(e[-+]?\d+)?\b")
 _BUILT_IN_BATCH: Final = 50
 """Seeds in a task: large enough that a cell's covariance is not made often (30 us a sample)."""
@@ -138,12 +146,10 @@ def write_summary(folder: Path, plan: Plan, rows: Sequence[Row]) -> Path:
     table = summary_rows(groups(rows, plan.grid_names), plan.metrics)
     names = list(dict.fromkeys(name for row in table for name in row))
     path = folder / SUMMARY
-    part = path.with_name(f".{SUMMARY}.part")
-    with part.open("w", encoding="utf-8", newline="") as file:
+    with replaced(path) as part, part.open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, names, restval="")
         writer.writeheader()
         writer.writerows(table)
-    part.replace(path)
     return path
 
 
@@ -154,8 +160,10 @@ def write_versions(folder: Path) -> Path:
     for name in names:
         with suppress(metadata.PackageNotFoundError):
             versions[name] = metadata.version(name)
-    path = folder / "versions.json"
-    path.write_text(json.dumps({**versions, "imu_sim_ros": imu_sim_ros.__version__}, indent=1))
+    path = folder / VERSIONS
+    text = json.dumps({**versions, "imu_sim_ros": imu_sim_ros.__version__}, indent=1)
+    with replaced(path) as part:
+        part.write_text(text, encoding="utf-8")
     return path
 
 

@@ -8,16 +8,21 @@ line is passed over. From it ``results.csv`` (and ``results.parquet`` where pyar
 made, ordered by cell, seed and estimator.
 """
 
+import contextlib
 import csv
 import fcntl
+import itertools
 import json
 import math
 import os
+import re
+import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, TextIO
 
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.errors import InputError, system_error
+from imu_sim_ros.inputs import open_regular
 
 Row = dict[str, Any]
 Key = tuple[str, int, str, str]
@@ -26,7 +31,16 @@ Key = tuple[str, int, str, str]
 LOG: Final = "runs.jsonl"
 TABLE: Final = "results.csv"
 PARQUET: Final = "results.parquet"
+SUMMARY: Final = "summary.csv"
+VERSIONS: Final = "versions.json"
+PLAN: Final = "plan.yaml"
+_REPORT: Final = "report.html"
+_RUNS: Final = "runs"
 _LOCK: Final = ".lock"
+_RESULTS: Final = (LOG, TABLE, PARQUET, SUMMARY, VERSIONS, _REPORT, _RUNS)
+_OWN: Final = frozenset((*_RESULTS, PLAN, _LOCK))
+_PART: Final = re.compile(r"plan\.\d+\.yaml|\.[a-z.]+\.part")
+"""Earlier plans, and what a killed program left of a table."""
 
 
 def key_of(row: Mapping[str, Any]) -> Key:
@@ -35,31 +49,43 @@ def key_of(row: Mapping[str, Any]) -> Key:
 
 
 class Store:
-    """The results of a campaign that is running; use as a context manager."""
+    """The results of a campaign that is running; use as a context manager.
 
-    def __init__(self, folder: Path, resume: bool) -> None:
+    Rows are written as the runs end and stay whatever ends the program, which is what ``--resume``
+    goes on from: a folder beside it that is renamed in the end, as other outputs have it, would
+    lose them. What it guarantees is the same: nothing is begun in a folder that exists, unless that
+    is empty or is resumed or forced; what no campaign wrote is never touched, not by force either;
+    tables are whole or not there; and a campaign that could not begin leaves nothing.
+    """
+
+    def __init__(self, folder: Path, resume: bool, force: bool = False) -> None:
         """Open a folder for one campaign.
 
         :param resume: go on with what is there.
-        :raises InputError: for a folder that another campaign uses, or that holds results while
-            ``resume`` is not asked for.
+        :param force: begin again, without the results that are there.
+        :raises InputError: for a folder that another campaign uses, that holds results while
+            neither is asked for, or that holds anything else.
         """
         self.folder = folder
+        self._file: TextIO | None = None
+        self._made: list[Path] = []
         try:
-            folder.mkdir(parents=True, exist_ok=True)
-            self._lock = (folder / _LOCK).open("w")
+            _refuse(folder, resume, force)
+            for place in reversed([p for p in (folder, *folder.parents) if not p.exists()]):
+                place.mkdir()
+                self._made.append(place)
+            self._lock = (folder / _LOCK).open("a")
         except OSError as error:
-            raise InputError(f"{folder}: cannot be written: {error.strerror}") from None
+            self._remove_made()
+            raise system_error(folder, error) from None
         try:
             fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             self._lock.close()
             raise InputError(f"{folder}: another campaign is running in this folder") from None
-        log = folder / LOG
-        if log.exists() and log.stat().st_size and not resume:
-            self._lock.close()
-            raise InputError(f"{folder}: holds results; go on with --resume, or name another one")
-        self._file: TextIO | None = None
+        if force and not resume:
+            for name in _RESULTS:
+                _remove(folder / name)
 
     def __enter__(self) -> "Store":
         return self
@@ -67,7 +93,30 @@ class Store:
     def __exit__(self, *_: object) -> None:
         if self._file is not None:
             self._file.close()
+        if self._made and not any((self.folder / name).exists() for name in (*_RESULTS, PLAN)):
+            (self.folder / _LOCK).unlink(missing_ok=True)
+            self._remove_made()
         self._lock.close()
+
+    def _remove_made(self) -> None:
+        """Remove the folders that were made, where nothing came into them."""
+        with contextlib.suppress(OSError):
+            while self._made:
+                self._made.pop().rmdir()
+
+    def keep_plan(self, path: Path) -> None:
+        """Put the plan beside its results; the plan itself may lie there.
+
+        Another plan that lies there gets a free name, plan.1.yaml and so on: it may be a user's.
+        """
+        copy = self.folder / PLAN
+        if copy.exists():
+            if copy.samefile(path) or copy.read_bytes() == path.read_bytes():
+                return
+            names = (copy.with_name(f"plan.{k}.yaml") for k in itertools.count(1))
+            copy.rename(next(name for name in names if not os.path.lexists(name)))
+        with replaced(copy) as part:
+            shutil.copyfile(path, part)
 
     def rows(self) -> Iterator[Row]:
         """Yield the rows that are there; a torn line is passed over."""
@@ -88,6 +137,56 @@ class Store:
         if torn:
             file.write("\n")
         return file
+
+
+def _refuse(folder: Path, resume: bool, force: bool) -> None:
+    """Refuse a folder in which this campaign must not write."""
+    if not os.path.lexists(folder):
+        return
+    if not folder.is_dir():
+        raise InputError(f"{folder}: exists and is not a folder")
+    names = sorted(os.listdir(folder))
+    log = folder / LOG
+    begun = log.is_file() and log.stat().st_size > 0
+    if resume and begun:
+        return  # what else lies there, notes or pages, is not touched
+    foreign = [name for name in names if name not in _OWN and not _PART.fullmatch(name)]
+    if foreign:
+        raise InputError(
+            f"{folder}: holds {foreign[0]}, which no campaign wrote; name another folder"
+        )
+    if force:
+        return
+    if begun:
+        raise InputError(
+            f"{folder}: holds results; go on with --resume, begin again with --force, or name "
+            "another one"
+        )
+    there = [name for name in _RESULTS if name in names and (folder / name) != log]
+    if there:
+        raise InputError(
+            f"{folder}: holds {there[0]} without the {LOG} that it was made of; begin again with "
+            "--force, or name another one"
+        )
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def replaced(path: Path) -> Iterator[Path]:
+    """Yield where to write a file that gets its name when it is whole, or none on an error."""
+    part = path.with_name(f".{path.name}.part")
+    try:
+        yield part
+        part.replace(path)
+    except BaseException:
+        part.unlink(missing_ok=True)
+        raise
 
 
 def _is_torn(path: Path) -> bool:
@@ -116,13 +215,11 @@ def read_log(path: Path) -> Iterator[Row]:
 def write_tables(folder: Path, rows: Sequence[Row], columns: Sequence[str]) -> list[Path]:
     """Write ``results.csv``, and ``results.parquet`` where pyarrow is installed."""
     table = folder / TABLE
-    part = table.with_name(f".{TABLE}.part")
-    with part.open("w", encoding="utf-8", newline="") as file:
+    with replaced(table) as part, part.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(columns)
         for row in rows:
             writer.writerow([_cell(row.get(name)) for name in columns])
-    part.replace(table)
     written = [table]
     if _write_parquet(folder / PARQUET, rows, columns):
         written.append(folder / PARQUET)
@@ -150,9 +247,8 @@ def _write_parquet(path: Path, rows: Sequence[Row], columns: Sequence[str]) -> b
         if kinds == {int, float}:
             values = [None if value is None else float(value) for value in values]
         arrays[name] = [None if v is None else str(v) for v in values] if mixed else values
-    part = path.with_name(f".{path.name}.part")
-    pyarrow.parquet.write_table(pyarrow.table(arrays), part)
-    part.replace(path)
+    with replaced(path) as part:
+        pyarrow.parquet.write_table(pyarrow.table(arrays), part)
     return True
 
 
@@ -163,6 +259,7 @@ def read_results(path: Path) -> list[Row]:
     """
     if path.is_dir():
         path = path / TABLE
+    open_regular(path).close()  # a device, of which one may read for ever
     try:
         rows = _read_parquet(path) if path.suffix == ".parquet" else _read_csv(path)
     except (OSError, ValueError, csv.Error) as error:

@@ -7,14 +7,13 @@ import argparse
 import contextlib
 import os
 import shlex
-import shutil
 import sys
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from imu_sim_ros.commands import common
+from imu_sim_ros.commands import common, shared
 from imu_sim_ros.errors import InputError
 
 if TYPE_CHECKING:
@@ -47,6 +46,7 @@ def parser() -> argparse.ArgumentParser:
     result.add_argument(
         "--resume", action="store_true", help="go on with the results that the folder holds"
     )
+    shared.add_force(result)
     result.add_argument(
         "--retry-failed", action="store_true", help="with --resume: make failed runs again"
     )
@@ -114,8 +114,9 @@ def run(arguments: argparse.Namespace) -> list[str]:
         print(_described(plan))
         return []
     started = time.perf_counter()
-    with Store(arguments.output, arguments.resume) as store, _engine(arguments) as engine:
-        _keep_plan(path, arguments.output / "plan.yaml")
+    folder, resume = arguments.output, arguments.resume
+    with Store(folder, resume, arguments.force) as store, _engine(arguments) as engine:
+        store.keep_plan(path)
         there = sum(1 for _ in store.rows())
         quiet = arguments.quiet or arguments.json
         with common.progress(f"campaign {plan.options.name}", plan.run_count, quiet) as advance:
@@ -136,22 +137,16 @@ def run(arguments: argparse.Namespace) -> list[str]:
     return _gate(arguments, plan, found, baseline)
 
 
-def _keep_plan(path: Path, copy: Path) -> None:
-    """Put the plan beside its results; the plan itself may lie there."""
-    if not (copy.exists() and copy.samefile(path)):
-        shutil.copyfile(path, copy)
-
-
 def _write_page(arguments: argparse.Namespace) -> None:
     """Write report.html, for whoever opens the folder."""
+    from imu_sim_ros.campaign import replaced
     from imu_sim_ros.report import campaign_sections, html
 
     folder = arguments.output
     title, sections = campaign_sections(folder, "")
-    part = folder / ".report.html.part"
     command = f"campaign {shlex.quote(arguments.plan)} -o {shlex.quote(str(folder))}"
-    part.write_text(html(title, [f"Made by {command}"], sections), encoding="utf-8")
-    part.replace(folder / "report.html")
+    with replaced(folder / "report.html") as part:
+        part.write_text(html(title, [f"Made by {command}"], sections), encoding="utf-8")
 
 
 def _check(arguments: argparse.Namespace, plan: "Plan") -> None:
@@ -160,6 +155,10 @@ def _check(arguments: argparse.Namespace, plan: "Plan") -> None:
         problems.append(f"--workers {arguments.workers}: must be at least 1")
     if arguments.metric not in plan.metrics:
         problems.append(f"--metric {arguments.metric}: must be one of {', '.join(plan.metrics)}")
+    if arguments.resume and arguments.force:
+        problems.append("--resume and --force: one of them")
+    if arguments.baseline is not None and _is_output(arguments.baseline, arguments.output):
+        problems.append(f"--baseline {arguments.baseline}: is written by this campaign")
     if arguments.dask and arguments.scheduler:
         problems.append("--dask and --scheduler: one of them")
     if plan.run_count >= MANY and not (arguments.yes or arguments.check):
@@ -170,6 +169,11 @@ def _check(arguments: argparse.Namespace, plan: "Plan") -> None:
         )
     if problems:
         raise InputError(problems)
+
+
+def _is_output(path: Path, folder: Path) -> bool:
+    here, there = Path(os.path.realpath(path)), Path(os.path.realpath(folder))
+    return here == there or there in here.parents
 
 
 @contextlib.contextmanager

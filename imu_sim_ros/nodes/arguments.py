@@ -37,7 +37,9 @@ def ros_arguments(
     :param folder: where rewritten parameter files are put.
     :raises ConfigurationError: with a line for everything that is wrong.
     """
-    problems: list[str] = []
+    problems = [f"{argument!r}: not UTF-8" for argument in arguments if not _is_text(argument)]
+    if problems:
+        raise ConfigurationError(problems)
     own, ros = _split(arguments)
     plain = _plain(own, parameters(section, values), problems)
     result = ["--ros-args"]
@@ -58,6 +60,13 @@ def ros_arguments(
     if problems:
         raise ConfigurationError(problems)
     return [*result, *plain]  # what comes last wins: a plain argument is above every file
+
+
+def _is_text(argument: str) -> bool:
+    try:
+        return bool(argument.encode()) or not argument
+    except UnicodeEncodeError:  # bytes of a terminal in another encoding
+        return False
 
 
 def _split(arguments: Sequence[str]) -> tuple[list[str], list[str]]:

@@ -141,3 +141,33 @@ def test_pictures_are_figures(tmp_path):
     ):
         figure.savefig(tmp_path / "picture.png")
         assert (tmp_path / "picture.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("name", ["x.bag", "x.mcap", "x", "x.csv", "new/parents/x.mcap"])
+def test_saving_overwrites_nothing_unless_forced(tmp_path, name):
+    first, second = flight(seed=1), flight(seed=2)
+    path = first.save(tmp_path / name)
+    with pytest.raises(ims.InputError, match="exists already"):
+        second.save(path)
+    same(ims.read_imu(path), first)
+    same(ims.read_imu(second.save(path, force=True)), second)
+    assert sorted(entry.name for entry in path.parent.iterdir()) == [path.name]
+
+
+def test_saving_never_writes_over_the_trajectory_s_file(tmp_path):
+    poses = tmp_path / "poses.tum"
+    poses.write_text("".join(f"{k / 10} {k / 10} 0 0 0 0 0 1\n" for k in range(50)))
+    made = ims.simulate(trajectory=poses, duration=1)
+    before = poses.read_bytes()
+    with pytest.raises(ims.InputError, match="is the input"):
+        made.save(poses, format="csv", force=True)
+    assert poses.read_bytes() == before
+
+
+def test_a_failed_save_leaves_what_was_there(tmp_path):
+    path = tmp_path / "x.csv"
+    path.write_text("mine")
+    with pytest.raises(ims.InputError, match="is not for csv"):
+        flight().save(path, topics=["imu/data_raw", "imu/temperature"], force=True)
+    assert path.read_text() == "mine"
+    assert [entry.name for entry in tmp_path.iterdir()] == ["x.csv"]

@@ -114,7 +114,10 @@ def test_results_are_not_overwritten_and_a_folder_is_used_once(plan_file, campai
     before = (folder / "runs.jsonl").read_bytes()
     status, _, lines = campaign(path, "-o", folder)
     assert status == 2
-    assert lines == [f"campaign: {folder}: holds results; go on with --resume, or name another one"]
+    assert lines == [
+        f"campaign: {folder}: holds results; go on with --resume, begin again with --force, or "
+        "name another one"
+    ]
     with Store(folder, resume=True), pytest.raises(InputError, match="another campaign is running"):
         Store(folder, resume=True)
     assert campaign(path, "-o", folder, "--resume")[1]["runs"] == 3

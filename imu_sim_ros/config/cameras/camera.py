@@ -11,7 +11,7 @@ import numpy as np
 
 from imu_sim_ros.config.cameras.distortion import COUNTS, fold
 from imu_sim_ros.config.cameras.image import ImageParameters
-from imu_sim_ros.config.imu import rotation_problems
+from imu_sim_ros.config.imu import LARGEST_LATENCY, LONGEST, rotation_problems
 from imu_sim_ros.config.parameter import (
     IDENTITY_MATRIX,
     Matrix,
@@ -26,6 +26,10 @@ from imu_sim_ros.config.parameter import (
 )
 
 MODELS = ("pinhole", "unified", "double_sphere")
+LARGEST_IMAGE = 16384
+"""[px] along one side."""
+FARTHEST = 1e6
+"""[m] of what is seen."""
 
 
 @dataclass(frozen=True)
@@ -41,8 +45,8 @@ class CameraModelParameters:
     distortion_model: str = choice(
         "none", tuple(COUNTS), "behind the model; equidistant (Kannala-Brandt) with pinhole only"
     )
-    width: int = integer(640, "of the image", unit="px", minimum=1, maximum=16384)
-    height: int = integer(480, "of the image", unit="px", minimum=1, maximum=16384)
+    width: int = integer(640, "of the image", unit="px", minimum=1, maximum=LARGEST_IMAGE)
+    height: int = integer(480, "of the image", unit="px", minimum=1, maximum=LARGEST_IMAGE)
     intrinsics: tuple[float, ...] = numbers(
         (400.0, 400.0, 319.5, 239.5), "fx, fy, cx, cy", unit="px"
     )
@@ -146,7 +150,9 @@ class CameraTimingParameters:
         "free: its own clock, the first frame at phase; synchronised: each frame at the time of an "
         "IMU sample, so the rate must divide the IMU's",
     )
-    phase: float = number(0.0, "time of the first frame after the start", unit="s", minimum=0.0)
+    phase: float = number(
+        0.0, "time of the first frame after the start", unit="s", minimum=0.0, maximum=LONGEST
+    )
     time_offset: float = number(
         0.0,
         "IMU time less camera stamp (kalibr's timeshift_cam_imu, VINS' td): stamp = time of the "
@@ -162,7 +168,11 @@ class CameraTimingParameters:
         minimum=0.0,
     )
     latency: float = number(
-        0.0, "time from the middle of the exposure to the message", unit="s", minimum=0.0
+        0.0,
+        "time from the middle of the exposure to the message",
+        unit="s",
+        minimum=0.0,
+        maximum=LARGEST_LATENCY,
     )
     dropout_probability: float = number(
         0.0, "probability that a frame is lost", unit="1", minimum=0.0, maximum=1.0
@@ -181,7 +191,9 @@ class CameraTimingParameters:
 class TrackParameters:
     """Feature tracks: which landmarks are seen, and their errors."""
 
-    pixel_noise: float = number(1.0, "standard deviation in u and in v", unit="px", minimum=0.0)
+    pixel_noise: float = number(
+        1.0, "standard deviation in u and in v", unit="px", minimum=0.0, maximum=LARGEST_IMAGE
+    )
     outlier_probability: float = number(
         0.0,
         "probability that a feature is anywhere in the image",
@@ -200,8 +212,11 @@ class TrackParameters:
         0,
         "frames after which a landmark gets a new id; 0: never, the id is the landmark",
         minimum=0,
+        maximum=2**31 - 1,
     )
-    max_features: int = integer(200, "features in a frame at most; 0: all", minimum=0)
+    max_features: int = integer(
+        200, "features in a frame at most; 0: all", minimum=0, maximum=2**31 - 1
+    )
     grid_rows: int = integer(
         4, "features are spread over so many rows of cells", minimum=1, maximum=256
     )
@@ -209,13 +224,27 @@ class TrackParameters:
         5, "features are spread over so many columns of cells", minimum=1, maximum=256
     )
     border: float = number(
-        0.0, "features nearer to the edge of the image are not seen", unit="px", minimum=0.0
+        0.0,
+        "features nearer to the edge of the image are not seen",
+        unit="px",
+        minimum=0.0,
+        maximum=LARGEST_IMAGE,
     )
     min_depth: float = number(
-        0.1, "nearer landmarks are not seen", unit="m", minimum=0.0, above_minimum=True
+        0.1,
+        "nearer landmarks are not seen",
+        unit="m",
+        minimum=0.0,
+        above_minimum=True,
+        maximum=FARTHEST,
     )
     max_depth: float = number(
-        100.0, "farther landmarks are not seen", unit="m", minimum=0.0, above_minimum=True
+        100.0,
+        "farther landmarks are not seen",
+        unit="m",
+        minimum=0.0,
+        above_minimum=True,
+        maximum=FARTHEST,
     )
 
 

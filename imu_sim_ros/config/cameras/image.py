@@ -5,6 +5,7 @@
 
 from dataclasses import dataclass
 
+from imu_sim_ros.config.imu import LONGEST
 from imu_sim_ros.config.parameter import choice, integer, number, text
 
 IMAGES = ("raw", "compressed", "both", "none")
@@ -28,17 +29,25 @@ class ImageParameters:
         maximum=8,
     )
     exposure_time: float = number(
-        0.0, "motion blur: how long the shutter is open; 0: an instant", unit="s", minimum=0.0
+        0.0,
+        "motion blur: how long the shutter is open; 0: an instant",
+        unit="s",
+        minimum=0.0,
+        maximum=LONGEST,
     )
     blur_samples: int = integer(8, "pictures that make up a blurred one", minimum=2, maximum=64)
-    gain: float = number(1.0, "factor of all grey values", minimum=0.0, above_minimum=True)
+    gain: float = number(
+        1.0, "factor of all grey values", minimum=0.0, above_minimum=True, maximum=1e6
+    )
     gain_change: float = number(
         0.0,
         "amplitude of a slow change of the gain, as of an automatic exposure",
         minimum=0.0,
         maximum=0.95,
     )
-    gain_period: float = number(10.0, "of that change", unit="s", minimum=0.0, above_minimum=True)
+    gain_period: float = number(
+        10.0, "of that change", unit="s", minimum=0.0, above_minimum=True, maximum=LONGEST
+    )
     vignetting: float = number(
         0.0,
         "darkening of the farthest corner, with the square of the distance",
@@ -51,9 +60,10 @@ class ImageParameters:
         "standard deviation at grey value 255; it goes with the root of the value",
         unit="grey value",
         minimum=0.0,
+        maximum=1e6,
     )
     read_noise: float = number(
-        1.0, "standard deviation at every grey value", unit="grey value", minimum=0.0
+        1.0, "standard deviation at every grey value", unit="grey value", minimum=0.0, maximum=1e6
     )
     repeat_probability: float = number(
         0.0,

@@ -38,7 +38,11 @@ class RoomParameters(SceneParameters):
 
     type: str = text("room", TYPE_TEXT)
     size: Vector = vector(
-        ZERO_VECTOR, "length along x, y, z; 0: the path and a margin", unit="m", minimum=0.0
+        ZERO_VECTOR,
+        "length along x, y, z; 0: the path and a margin",
+        unit="m",
+        minimum=0.0,
+        maximum=1e6,
     )
     center: Vector = vector(ZERO_VECTOR, "of the room, where it has a size", unit="m")
     margin: float = number(
@@ -47,6 +51,7 @@ class RoomParameters(SceneParameters):
         unit="m",
         minimum=0.0,
         above_minimum=True,
+        maximum=1e6,
     )
     boxes: int = integer(4, "boxes against the walls, as furniture", minimum=0, maximum=100)
     landmarks: int = integer(1000, "points on the surfaces", minimum=1, maximum=1_000_000)
@@ -81,13 +86,18 @@ class CloudParameters(SceneParameters):
     visible: int = integer(
         100, "points that every look along the path sees at least", minimum=1, maximum=10_000
     )
-    spacing: float = number(
-        0.2, "time between two looks", unit="s", minimum=0.0, above_minimum=True
-    )
+    spacing: float = number(0.2, "time between two looks", unit="s", minimum=0.001, maximum=1e6)
     near: float = number(
-        3.0, "least distance of a point from the camera", unit="m", minimum=0.0, above_minimum=True
+        3.0,
+        "least distance of a point from the camera",
+        unit="m",
+        minimum=0.0,
+        above_minimum=True,
+        maximum=1e6,
     )
-    far: float = number(10.0, "largest distance of a point from the camera", unit="m", minimum=0.0)
+    far: float = number(
+        10.0, "largest distance of a point from the camera", unit="m", minimum=0.0, maximum=1e6
+    )
 
     def problems(self, prefix: str) -> Iterator[str]:
         """Yield whether the distances are in disorder."""

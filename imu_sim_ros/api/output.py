@@ -1,0 +1,33 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""How every ``save`` writes: refused where something exists, and named when it is whole."""
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+
+@contextmanager
+def saved(path: str | Path, force: bool, inputs: Iterable[object] = ()) -> Iterator[Path]:
+    """Yield where to write an output, which gets its name at the end of the block.
+
+    Parents are made. An error leaves what was there before.
+
+    :param force: replace what exists.
+    :param inputs: what may be the name of a file that is read: it is never written over.
+    :raises InputError: for a place that cannot be used, and one that is taken.
+    """
+    from imu_sim_ros.bags import Outputs
+
+    outputs = Outputs([word for word in inputs if _is_file(word)], force)  # type: ignore[misc]
+    place = outputs.add(path)
+    with outputs:
+        yield place
+
+
+def _is_file(word: object) -> bool:
+    try:
+        return isinstance(word, str | Path) and bool(str(word)) and Path(word).is_file()
+    except (OSError, ValueError):  # no name of a file
+        return False
