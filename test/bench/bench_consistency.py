@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Consistency of every preset: the tests marked slow, with the means that they find."""
+"""Every preset: consistency, with the means found, and rest; the tests marked slow."""
 
 import subprocess
 import sys
@@ -11,8 +11,9 @@ ROOT = Path(__file__).parents[2]
 
 
 def main() -> int:
-    """Run the slow tests of the navigation room; return their status."""
-    command = [sys.executable, "-m", "pytest", "-q", "-s", "-m", "slow", "test/navigation"]
+    """Run the slow tests of the presets; return their status."""
+    rooms = ["test/navigation", "test/calibration"]
+    command = [sys.executable, "-m", "pytest", "-q", "-s", "-m", "slow", *rooms]
     return subprocess.run(command, cwd=ROOT, check=False).returncode
 
 

@@ -15,7 +15,7 @@ from imu_sim_ros.simulation import BLOCK_SIZE, Simulation
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from test_stream import EVERY_TERM  # the configuration of the tests of bit-identity
+from test_simulation import EVERY_TERM  # the configuration of the tests of bit-identity
 
 GNSS_INS_SIM = 447e3
 """samples/s of gnss-ins-sim, facts.md"""
