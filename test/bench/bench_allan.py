@@ -84,7 +84,7 @@ def coverage(runs: int) -> None:
         for triad in range(2):
             name = ("gyroscope", "accelerometer")[triad]
             for key in KEYS[model]:
-                truth = getattr(imu, f"{name}_{key}")[0]
+                truth = getattr(imu.triad(name), key)[0]
                 cells = [run[3 * triad + k].estimates[key] for run in found for k in range(3)]
                 known = np.array([c.value for c in cells if c.value is not None])
                 rows.append(
