@@ -19,7 +19,7 @@ BELOW_INTEGRATOR = (
 )
 OF_SIMULATOR = (
     *("imu", "trajectory", "rate", "seed", "duration", "start_time", "real_time_factor"),
-    *("imus", "world_frame", "body_frame", "imu_frame"),
+    *("imus", "cameras", "world_frame", "body_frame", "imu_frame"),
 )
 OF_INTEGRATOR = ("method", "attitude_update", "initial_state")
 ARGUMENTS = [

@@ -8,7 +8,7 @@ from imu_sim_ros.nodes import launching
 
 PARAMETERS = (
     *("imu", "trajectory", "rate", "seed", "duration", "start_time", "real_time_factor"),
-    *("imus", "world_frame", "body_frame", "imu_frame", "wait_for_subscribers"),
+    *("imus", "cameras", "world_frame", "body_frame", "imu_frame", "wait_for_subscribers"),
 )
 ARGUMENTS = [
     launching.NAMESPACE,
