@@ -27,22 +27,20 @@ from imu_sim_ros.api.readings import (
 from imu_sim_ros.config import IntegratorParameters, build_layered, layer_integrator
 from imu_sim_ros.conventions import TRUTH_TOPIC
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.navigation import (
+from imu_sim_ros.navigation import Initial, NavigationState, initialisation
+from imu_sim_ros.navigation import dead_reckon as integrate
+from imu_sim_ros.navigation.comparison import (
     AbsoluteErrors,
-    Initial,
-    NavigationState,
     RelativeErrors,
     absolute_errors,
     common_rows,
     distances,
-    initialisation,
     interpolate_poses,
     interpolate_vectors,
     pairs,
     relative_errors,
 )
-from imu_sim_ros.navigation import align as laid_on
-from imu_sim_ros.navigation import dead_reckon as integrate
+from imu_sim_ros.navigation.comparison import align as laid_on
 from imu_sim_ros.poses import PoseSequence, write_tum
 
 if TYPE_CHECKING:

@@ -29,7 +29,7 @@ from imu_sim_ros.campaign.metrics import Metrics, pose_metrics
 from imu_sim_ros.config import CommandEstimator
 from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.errors import ImuSimError
-from imu_sim_ros.navigation import align, common_rows, interpolate_poses
+from imu_sim_ros.navigation.comparison import align, common_rows, interpolate_poses
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.sensor import ImuBlock
 

@@ -17,15 +17,8 @@ from imu_sim_ros.campaign.metrics import Metrics, pose_metrics
 from imu_sim_ros.campaign.plan import Plan
 from imu_sim_ros.config import CommandEstimator, DeadReckonEstimator
 from imu_sim_ros.errors import ConfigurationError, ImuSimError
-from imu_sim_ros.navigation import (
-    NavigationStates,
-    Truth,
-    attitude_errors,
-    dead_reckon,
-    drift_from,
-    nees,
-    noise_of,
-)
+from imu_sim_ros.navigation import NavigationStates, dead_reckon, noise_of
+from imu_sim_ros.navigation.comparison import Truth, attitude_errors, drift_from, nees
 from imu_sim_ros.navigation.covariance import (
     ATTITUDE,
     POSITION,

@@ -20,12 +20,11 @@ from imu_sim_ros.bags import ImuMessages, Outputs, read_imu
 from imu_sim_ros.bags.messages import ODOMETRY
 from imu_sim_ros.commands import common
 from imu_sim_ros.commands.shared import (
-    PICTURES,
     PoseReader,
     add_force,
     add_skip_bad_rows,
     has_truth,
-    outputs,
+    output_and_plot,
     read_track,
     skipped_rows,
     truth_topic,
@@ -41,16 +40,8 @@ from imu_sim_ros.config import (
 )
 from imu_sim_ros.conventions import TRUTH_TOPIC
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.navigation import (
-    Drift,
-    Initial,
-    NavigationStates,
-    Truth,
-    dead_reckon,
-    distances,
-    drift_from,
-    initialisation,
-)
+from imu_sim_ros.navigation import Initial, NavigationStates, dead_reckon, initialisation
+from imu_sim_ros.navigation.comparison import Drift, Truth, distances, drift_from
 from imu_sim_ros.rotation import to_euler
 
 
@@ -127,12 +118,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def run(arguments: argparse.Namespace) -> None:
     """Integrate, compare, and say what came out."""
-    written = outputs(arguments)
-    if arguments.output is not None:
-        written.add(arguments.output)
-    if arguments.plot is not None:
-        written.add(arguments.plot, endings=PICTURES)
-    with written:
+    with output_and_plot(arguments) as written:
         summaries = _made(arguments, written)
     if arguments.json:
         common.print_json(summaries if arguments.all else summaries[0])

@@ -27,7 +27,8 @@ from imu_sim_ros.commands.shared import add_force, outputs
 from imu_sim_ros.config import SimulationParameters, files, load_simulation
 from imu_sim_ros.conventions import DEAD_RECKONED_TOPIC, IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.errors import MachineError
-from imu_sim_ros.navigation import Drift, NavigationStates, Truth, dead_reckon, drift_from
+from imu_sim_ros.navigation import NavigationStates, dead_reckon
+from imu_sim_ros.navigation.comparison import Drift, Truth, drift_from
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.rotation import rotate
 from imu_sim_ros.simulation import Simulation

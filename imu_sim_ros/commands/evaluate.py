@@ -16,17 +16,16 @@ from numpy.typing import NDArray
 from imu_sim_ros.bags import Outputs
 from imu_sim_ros.commands import common
 from imu_sim_ros.commands.shared import (
-    PICTURES,
     PoseReader,
     Track,
     add_force,
     add_skip_bad_rows,
-    outputs,
+    output_and_plot,
     read_track,
     skipped_rows,
     truth_topic,
 )
-from imu_sim_ros.navigation import (
+from imu_sim_ros.navigation.comparison import (
     ALIGNMENTS,
     AbsoluteErrors,
     Alignment,
@@ -113,12 +112,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def run(arguments: argparse.Namespace) -> None:
     """Read, associate, align, compare, and say what came out."""
-    written = outputs(arguments)
-    if arguments.output is not None:
-        written.add(arguments.output)
-    if arguments.plot is not None:
-        written.add(arguments.plot, endings=PICTURES)
-    with written:
+    with output_and_plot(arguments) as written:
         result = _made(arguments, written)
     if arguments.json:
         common.print_json(result)

@@ -4,7 +4,6 @@
 """Parameters of the simulator node: those of a simulation, and how it is played."""
 
 import dataclasses
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -19,6 +18,7 @@ from imu_sim_ros.config.parameter import (
     integer,
     number,
     section,
+    section_names,
     text,
     texts,
     vector,
@@ -31,7 +31,6 @@ NODE = "simulator"
 FAULTS = ("none", "bias_jump", "saturation", "stuck", "dropout", "latency")
 BODY = "/body"
 """Name of the simulation that only tells the truth; no IMU can have it."""
-_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 
 @dataclass(frozen=True)
@@ -243,18 +242,8 @@ def _rig() -> Any:
 def _imus(given: Mapping[str, object]) -> list[str]:
     """Return the names of several IMUs; what is wrong with them."""
     value = entries(given.get("imus", ()))
-    names = [str(name) for name in value] if isinstance(value, list | tuple) else []
     taken = {field.name for field in dataclasses.fields(SimulatorParameters)}
-    problems = [
-        f"imus: {name!r}: must be letters, digits and underscores, and no parameter's name"
-        for name in names
-        if not _NAME.fullmatch(name) or name in taken
-    ]
-    if len(set(names)) < len(names):
-        problems.append(f"imus = {names}: names must differ")
-    if problems:
-        raise ConfigurationError(problems)
-    return names
+    return section_names("imus", value if isinstance(value, list | tuple) else [], taken)
 
 
 def layer_simulator(given: Mapping[str, object]) -> dict[str, object]:

@@ -14,7 +14,7 @@ from imu_sim_ros.bags import imu_blocks, open_bag
 from imu_sim_ros.bags.messages import IMU
 from imu_sim_ros.bags.text import is_text
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.navigation import (
+from imu_sim_ros.navigation.comparison import (
     absolute_errors,
     anees_band,
     common_rows,

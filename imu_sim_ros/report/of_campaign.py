@@ -26,7 +26,7 @@ from imu_sim_ros.campaign import (
 )
 from imu_sim_ros.config import flatten
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.navigation import anees_band
+from imu_sim_ros.navigation.comparison import anees_band
 from imu_sim_ros.report.page import Item, Section, column, table
 
 PLAN: Final = "plan.yaml"

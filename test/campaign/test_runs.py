@@ -20,7 +20,7 @@ from imu_sim_ros.campaign.runs import CellRuns
 from imu_sim_ros.commands import dead_reckon, evaluate, generate
 from imu_sim_ros.commands.campaign import main as command
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.navigation import anees_band
+from imu_sim_ros.navigation.comparison import anees_band
 
 GRID = {"imu": ["adis16448", "perfect"], "trajectory": ["lecture", "circle"]}
 

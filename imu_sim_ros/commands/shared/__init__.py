@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.commands.shared import camera_output as camera_output
     from imu_sim_ros.commands.shared.output_arguments import PICTURES as PICTURES
     from imu_sim_ros.commands.shared.output_arguments import add_force as add_force
+    from imu_sim_ros.commands.shared.output_arguments import output_and_plot as output_and_plot
     from imu_sim_ros.commands.shared.output_arguments import outputs as outputs
     from imu_sim_ros.commands.shared.pose_arguments import PoseReader as PoseReader
     from imu_sim_ros.commands.shared.pose_arguments import add_skip_bad_rows as add_skip_bad_rows
@@ -36,7 +37,7 @@ else:
         __name__,
         {
             "": ["bag_output", "camera_output"],
-            "output_arguments": ["PICTURES", "add_force", "outputs"],
+            "output_arguments": ["PICTURES", "add_force", "output_and_plot", "outputs"],
             "pose_arguments": ["PoseReader", "add_skip_bad_rows", "skipped_rows"],
             "side_files": ["configs", "describe", "new_truths", "write_configs"],
             "tracks": [

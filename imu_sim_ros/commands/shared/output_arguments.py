@@ -43,6 +43,16 @@ def outputs(arguments: argparse.Namespace, inputs: Iterable[object] = ()) -> Out
     )
 
 
+def output_and_plot(arguments: argparse.Namespace) -> Outputs:
+    """Return the outputs ``--output`` and ``--plot``, those of them that are given."""
+    written = outputs(arguments)
+    if arguments.output is not None:
+        written.add(arguments.output)
+    if arguments.plot is not None:
+        written.add(arguments.plot, endings=PICTURES)
+    return written
+
+
 def _named_files(arguments: argparse.Namespace) -> Iterator[Path]:
     """Yield every argument that is the name of something that exists, but the outputs."""
     for name, value in vars(arguments).items():

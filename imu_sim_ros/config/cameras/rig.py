@@ -8,7 +8,6 @@ file that a camera's ``preset`` names, and below the scene's parameters the file
 """
 
 import dataclasses
-import re
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -17,7 +16,15 @@ from typing import Any, Final
 from imu_sim_ros.config import files
 from imu_sim_ros.config.cameras.camera import CameraParameters
 from imu_sim_ros.config.cameras.scene import SceneParameters, find_scene
-from imu_sim_ros.config.parameter import build, choice, entries, section, texts, variant
+from imu_sim_ros.config.parameter import (
+    build,
+    choice,
+    entries,
+    section,
+    section_names,
+    texts,
+    variant,
+)
 from imu_sim_ros.config.simulation import SimulationParameters
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.timebase import exact_rate
@@ -26,7 +33,6 @@ DEFAULT_CAMERA: Final = "vio_data_simulation"
 DEFAULT_SCENE: Final = "room"
 LAYOUTS: Final = ("mono", "fusion", "none")
 _OF_ALL: Final = ("camera", "scene", "features")
-_NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _TAKEN: Final = {*_OF_ALL, "cameras", "imus", "imu", "trajectory", "publish", "inject"}
 
 
@@ -94,17 +100,7 @@ def camera_names(given: Mapping[str, object]) -> list[str]:
         value = entries(value)
     if not isinstance(value, list | tuple):
         raise ConfigurationError(f"cameras = {value!r}: must be a list of names")
-    names = [str(name) for name in value]
-    problems = [
-        f"cameras: {name!r}: must be letters, digits and underscores, and no parameter's name"
-        for name in names
-        if not _NAME.fullmatch(name) or name in _TAKEN
-    ]
-    if len(set(names)) < len(names):
-        problems.append(f"cameras = {names}: names must differ")
-    if problems:
-        raise ConfigurationError(problems)
-    return names
+    return section_names("cameras", value, _TAKEN)
 
 
 def split_rig(

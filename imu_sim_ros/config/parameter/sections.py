@@ -5,14 +5,16 @@
 
 import dataclasses
 import difflib
-from collections.abc import Callable, Collection, Iterator, Mapping
+import re
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, TypeVar, cast
+from typing import Any, Final, TypeVar, cast
 
 from imu_sim_ros.config.parameter.kinds import METADATA, Parameter, Value
 from imu_sim_ros.errors import ConfigurationError
 
 _T = TypeVar("_T")
+_SECTION_NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 
 @dataclass(frozen=True)
@@ -180,6 +182,25 @@ def flatten(instance: object, prefix: str = "") -> dict[str, Value]:
 def _built(field: Any) -> _Nested:
     """Return how a section that is built lies within another."""
     return cast(_Nested, field.metadata.get("section", _Nested(object)))
+
+
+def section_names(parameter: str, names: Iterable[object], taken: Collection[str]) -> list[str]:
+    """Return the names that a parameter gives to sections: each is the first part of theirs.
+
+    :param taken: names of other parameters.
+    :raises ConfigurationError: with a line for each name that cannot be used.
+    """
+    result = [str(name) for name in names]
+    problems = [
+        f"{parameter}: {name!r}: must be letters, digits and underscores, and no parameter's name"
+        for name in result
+        if not _SECTION_NAME.fullmatch(name) or name in taken
+    ]
+    if len(set(result)) < len(result):
+        problems.append(f"{parameter} = {result}: names must differ")
+    if problems:
+        raise ConfigurationError(problems)
+    return result
 
 
 def unknown(name: str, known: Mapping[str, object]) -> str:
