@@ -3,7 +3,9 @@
 
 """Where the commands' executables begin: signals are looked after before anything is imported."""
 
+import argparse
 import importlib
+import os
 import sys
 from typing import Final
 
@@ -81,9 +83,23 @@ def control() -> int:
     return _run("control")
 
 
+def _completed() -> str | None:
+    """Return the program whose arguments are to be completed, or complete the programs' names."""
+    from imu_sim_ros.commands.common import completion
+
+    name = completion.subcommand()
+    if name is None:
+        parser = argparse.ArgumentParser(prog="imu_sim")
+        parser.add_argument("program", choices=[*PROGRAMS, *NODES])
+        completion.complete(parser)
+    return name
+
+
 def imu_sim() -> int:
     """Run the program that the first argument names; returns its exit status."""
     name, *rest = sys.argv[1:] or ["--help"]
+    if "_ARGCOMPLETE" in os.environ:  # the shell asks what could follow
+        name, rest = _completed() or name, []
     if name in ("-h", "--help"):
         print("usage: imu_sim PROGRAM ...\n\nEach PROGRAM has --help of its own:\n")
         for program, text in (PROGRAMS | NODES).items():

@@ -39,21 +39,28 @@ class Formatter(argparse.HelpFormatter):
 
 def help_text(program: str, text: str, section: type, values: Mapping[str, object]) -> str:
     """Return the help of a node: every parameter with its default, unit, range and text."""
+    return parser(program, text, section, values).format_help()
+
+
+def parser(
+    program: str, text: str, section: type, values: Mapping[str, object]
+) -> argparse.ArgumentParser:
+    """Return a parser that knows the parameters, for the help and for completion by tab."""
     examples = "".join(f"\n  {line}" for line in EXAMPLES[program])
-    parser = argparse.ArgumentParser(
+    result = argparse.ArgumentParser(
         prog=program,
         usage=f"{program} [--PARAMETER VALUE ...] [--ros-args ...]",
         description=text,
         epilog=f"examples:{examples}",
         formatter_class=Formatter,
     )
-    parser.add_argument("--debug", action="store_true", help="show the traceback of an error")
-    group = parser.add_argument_group("parameters (* changes while the node runs)")
+    result.add_argument("--debug", action="store_true", help="show the traceback of an error")
+    group = result.add_argument_group("parameters (* changes while the node runs)")
     for name, parameter in parameters(section, values).items():
         mark = " *" if parameter.live else ""
         words = f"{parameter.text}{mark} ({parameter.allowed()}; default {_plainly(parameter)})"
         group.add_argument(f"--{name}", metavar="VALUE", help=words.replace("%", "%%"))
-    return parser.format_help()
+    return result
 
 
 def _plainly(parameter: Parameter) -> str:

@@ -12,10 +12,11 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, Protocol
 
+from imu_sim_ros.commands.common import completion
 from imu_sim_ros.errors import ConfigurationError, explain
 from imu_sim_ros.nodes import shared_memory, signals
 from imu_sim_ros.nodes.arguments import ros_arguments
-from imu_sim_ros.nodes.help import help_text
+from imu_sim_ros.nodes.help import help_text, parser
 
 _HEARTBEAT_NS: Final = 50_000_000
 """A reader learns of a lost packet from the next heartbeat: Fast DDS's own period is 3 s."""
@@ -90,6 +91,8 @@ def main(
         line for each thing that is wrong with the parameters; 1 after any other error.
     """
     arguments = sys.argv[1:] if arguments is None else arguments
+    if completion.is_asked():
+        completion.complete(parser(name, text, section, values or {}))
     if "--help" in arguments or "-h" in arguments:
         print(help_text(name, text, section, values or {}), end="")
         return 0

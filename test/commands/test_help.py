@@ -5,8 +5,10 @@
 
 import argparse
 import importlib
+import os
 import re
 import shlex
+import subprocess
 import sys
 from pathlib import Path
 
@@ -108,3 +110,32 @@ def test_imu_sim_says_in_a_line_what_it_does_not_know(monkeypatch, capsys):
     assert run(monkeypatch, "alan") == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("imu_sim: 'alan' is no program; there are generate, ")
+
+
+@pytest.mark.parametrize(
+    ("line", "offered"),
+    [
+        ("generate --traj", {"--trajectory"}),
+        ("generate --imu mpu", {"mpu6000", "mpu9250"}),
+        ("imu_sim dead", {"dead_reckon"}),
+        ("imu_sim evaluate --align s", {"se3", "sim3"}),
+    ],
+)
+def test_completion_by_tab(line, offered, tmp_path):
+    """Ask as argcomplete's shell function does, and read what it would offer."""
+    pytest.importorskip("argcomplete")
+    answer = tmp_path / "answer"
+    program = line.split()[0]
+    environment = {
+        **os.environ,
+        "_ARGCOMPLETE": "1",
+        "_ARGCOMPLETE_IFS": "\n",
+        "_ARGCOMPLETE_SUPPRESS_SPACE": "0",
+        "_ARGCOMPLETE_STDOUT_FILENAME": str(answer),
+        "COMP_LINE": line,
+        "COMP_POINT": str(len(line)),
+        "COMP_TYPE": "9",
+    }
+    code = f"from imu_sim_ros.commands import start; start.{program}()"
+    subprocess.run([sys.executable, "-c", code], env=environment, cwd=tmp_path, check=True)
+    assert {word.strip() for word in answer.read_text().split("\n")} == offered

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from imu_sim_ros.lazy import exported
 
 if TYPE_CHECKING:
+    from imu_sim_ros.commands.common import completion as completion
     from imu_sim_ros.commands.common import signals as signals
     from imu_sim_ros.commands.common.arguments import add_output_arguments as add_output_arguments
     from imu_sim_ros.commands.common.arguments import (
@@ -37,7 +38,7 @@ else:
     __getattr__, __dir__, __all__ = exported(
         __name__,
         {
-            "": ["signals"],
+            "": ["completion", "signals"],
             "arguments": [
                 "add_output_arguments",
                 "add_parameter_arguments",

@@ -12,6 +12,7 @@ from contextlib import suppress
 from typing import Any, Final, NoReturn
 
 from imu_sim_ros.commands.common import signals
+from imu_sim_ros.commands.common.completion import complete
 from imu_sim_ros.errors import explain
 
 _LONGEST_LINE: Final = 1000
@@ -73,21 +74,12 @@ def main(
     """
     open_standard_streams()
     made = parser()
-    _complete(made)
+    complete(made)
     try:
         arguments = made.parse_args(argv)
     except Exception as error:  # an argument that nobody has thought of
         return _told(made.prog, error, debug=False)
     return run(made.prog, lambda: command(arguments), getattr(arguments, "debug", False))
-
-
-def _complete(parser: argparse.ArgumentParser) -> None:
-    """Answer the shell's question after a press of tab, where argcomplete is installed."""
-    if "_ARGCOMPLETE" in os.environ:
-        with suppress(ImportError):
-            import argcomplete
-
-            argcomplete.autocomplete(parser)
 
 
 def run(program: str, command: Callable[[], None], debug: bool = False) -> int:

@@ -1,0 +1,58 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Completion by tab, where argcomplete is installed and the shell asks."""
+
+import argparse
+import os
+from contextlib import suppress
+from typing import Any, Final
+
+from imu_sim_ros.config import files
+
+_ASKED: Final = "_ARGCOMPLETE"
+"""Set by the shell's side of argcomplete: which word of the line names the program, from 1."""
+_FOLDERS: Final = {
+    "imu": "imus",
+    "truth": "imus",
+    "trajectory": "trajectories",
+    "camera": "cameras",
+    "scene": "scenes",
+    "plan": "campaigns",
+}
+"""Arguments that take a name in config/, by their names in the parsers."""
+
+
+def is_asked() -> bool:
+    """Tell whether the shell asks what could follow, instead of running the program."""
+    return _ASKED in os.environ
+
+
+def complete(parser: argparse.ArgumentParser) -> None:
+    """Answer the shell and end the process, if it asks and argcomplete is installed."""
+    if is_asked():
+        with suppress(ImportError):
+            import argcomplete
+
+            argcomplete.autocomplete(parser, default_completer=_names_and_files)
+
+
+def subcommand() -> str | None:
+    """Return the first whole word after the program's name, and begin the line there.
+
+    For ``imu_sim PROGRAM ...``, which hands the rest of the line to PROGRAM.
+    """
+    words = os.environ.get("COMP_LINE", "")[: int(os.environ.get("COMP_POINT", "0"))].split(" ")
+    words = [word for word in words[:-1] if word]  # the last one is being written
+    if len(words) < 2:
+        return None
+    os.environ[_ASKED] = "2"
+    return words[1]
+
+
+def _names_and_files(prefix: str, action: argparse.Action, **_: Any) -> list[str]:
+    from argcomplete.completers import FilesCompleter
+
+    folder = _FOLDERS.get(action.dest)
+    names = files.names(folder) if folder else []
+    return [*(name for name in names if name.startswith(prefix)), *FilesCompleter()(prefix)]
