@@ -13,9 +13,9 @@ from imu_sim_ros.commands.common import print_table
 from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.simulation import BLOCK_SIZE, Simulation
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
+sys.path.insert(0, str(Path(__file__).parents[1] / "simulation"))
 
-from test_simulation import EVERY_TERM  # the configuration of the tests of bit-identity
+from runs import EVERY_TERM  # the configuration of the tests of bit-identity
 
 GNSS_INS_SIM = 447e3
 """samples/s of gnss-ins-sim, facts.md"""

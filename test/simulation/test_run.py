@@ -1,10 +1,8 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The engine as a whole: bit-identity, independence of the terms, live updates, ends, bad input."""
+"""A simulation as a whole: its ends, changes while it runs, faults, stamps, memory."""
 
-import hashlib
-import itertools
 import subprocess
 import sys
 import tracemalloc
@@ -13,214 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imu_sim_ros.config import files
 from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.sensor.block import ImuBlock
 from imu_sim_ros.sensor.faults import Fault
 from imu_sim_ros.simulation import Simulation
-
-TRIAD_TERMS = {
-    "noise_density": 0.01,
-    "random_walk": 1e-3,
-    "gauss_markov_sigma": 0.01,
-    "correlation_time": 10.0,
-    "bias_instability": 1e-3,
-    "rate_ramp": 1e-5,
-    "bias": [0.01, -0.02, 0.03],
-    "turn_on_bias_sigma": 0.01,
-    "turn_on_scale_sigma": 0.01,
-    "scale_error_percent": [1.0, -1.0, 0.5],
-    "misalignment_percent": [0.1, 0.2, 0.3, 0.4, 0.5, 0.6],
-    "quadratic": 1e-3,
-    "temperature_bias": [1e-3, 2e-3, 3e-3, 1e-5, 2e-5, 3e-5],
-    "temperature_scale": [1e-4, 2e-4, 3e-4],
-    "bandwidth": [60.0, 40.0, 20.0],
-    "range": 30.0,
-    "resolution": 1e-3,
-}
-EVERY_TERM: dict[str, object] = {
-    **{
-        f"imu.{triad}_{name}": value
-        for triad in ("gyroscope", "accelerometer")
-        for name, value in TRIAD_TERMS.items()
-    },
-    "imu.gyroscope_g_sensitivity": [1e-4, 0, 0, 0, 2e-4, 0, 0, 1e-5, 3e-4],
-    "imu.lever_arm": [0.1, 0.2, -0.3],
-    "imu.mounting": [0, -1, 0, 1, 0, 0, 0, 0, 1],
-    "imu.stamp_offset": 0.01,
-    "imu.clock_skew_ppm": 50.0,
-    "imu.clock_drift_ppm_per_hour": 5.0,
-    "imu.jitter": 5e-4,
-    "imu.latency": 2e-3,
-    "imu.latency_jitter": 4e-3,
-    "imu.dropout_probability": 0.02,
-    "imu.dropout_burst_rate": 0.5,
-    "imu.dropout_burst_duration": 0.1,
-    "imu.duplicate_probability": 0.05,
-    "temperature.profile": [0.0, 20.0, 5.0, 40.0, 15.0, 30.0],
-    "temperature.time_constant": 3.0,
-    "earth_rotation": True,
-    "gravity_model": "wgs84",
-    "latitude_deg": 48.0,
-}
-SAMPLES = 3000
-
-
-def simulation(**values: object) -> Simulation:
-    return Simulation(load_simulation({"trajectory.type": "static", **values}))
-
-
-def perfect(values: dict[str, object]) -> Simulation:
-    return Simulation(
-        load_simulation({"imu.preset": "perfect", "trajectory.type": "static", **values})
-    )
-
-
-def arrays(block: ImuBlock) -> list[np.ndarray]:
-    """All fields in order, but ``delivered`` as indices of samples."""
-    flat = [*block[1:-1], *block.motion]
-    flat[3] = block.delivered + block.first
-    return flat
-
-
-def joined(run: Simulation, size: int, count: int = SAMPLES) -> list[np.ndarray]:
-    blocks = [arrays(block) for block in run.blocks(size, count)]
-    return [np.concatenate(parts) for parts in zip(*blocks, strict=True)]
-
-
-def fingerprint(run: Simulation, size: int) -> str:
-    digest = hashlib.sha256()
-    for values in joined(run, size):
-        digest.update(np.ascontiguousarray(values).tobytes())
-    return digest.hexdigest()
-
-
-SAMPLINGS: dict[str, dict[str, object]] = {
-    "instantaneous": {},
-    "averaged": {
-        "imu.gyroscope_increment_resolution": 1e-5,
-        "imu.accelerometer_increment_resolution": 1e-4,
-        "trajectory.vibration.noise_rms": 1.0,
-        "trajectory.vibration.angular_noise_rms": 0.1,
-    },
-    "oversampled": {"imu.internal_rate": 1400.0},
-}
-
-
-@pytest.mark.parametrize("sampling", SAMPLINGS)
-def test_samples_do_not_depend_on_the_block_size(sampling: str) -> None:
-    own = {"imu.sampling": sampling, **SAMPLINGS[sampling]}
-    values = {**EVERY_TERM, "trajectory.type": "lecture", **own}
-    reference = joined(perfect(values), SAMPLES)
-    for size in (1, 3, 17, 64, 1000, 1024, 2999):
-        count = {1: 300, 3: 600}.get(size, SAMPLES)  # from 64 on through the chunks of noise
-        pieces = joined(perfect(values), size, count)
-        for k, (piece, whole) in enumerate(zip(pieces, reference, strict=True)):
-            expected = whole[whole < count] if k == 3 else whole[:count]
-            assert piece.tobytes() == np.ascontiguousarray(expected).tobytes(), (size, k)
-
-
-@pytest.mark.parametrize("name", [n for n in files.names("trajectories") if n != "poses"])
-def test_no_trajectory_depends_on_the_block_size(name: str) -> None:
-    values = {"imu.preset": "perfect", "trajectory.type": name, "rate": 190.0}
-    whole = joined(Simulation(load_simulation(values)), SAMPLES)
-    pieces = joined(Simulation(load_simulation(values)), 37)
-    for k, (a, b) in enumerate(zip(whole, pieces, strict=True)):
-        assert np.array_equal(a, b), k
-
-
-def test_irregular_pieces_are_the_whole() -> None:
-    run = perfect(EVERY_TERM)
-    sizes = [1, 2, 0, 500, 1023, 3, 471, 1000]
-    pieces = [arrays(run.next_block(size)) for size in sizes]
-    whole = joined(perfect(EVERY_TERM), SAMPLES)
-    for part, expected in zip(zip(*pieces, strict=True), whole, strict=True):
-        assert np.array_equal(np.concatenate(part), expected)
-    assert run.position == sum(sizes) == SAMPLES
-
-
-def test_another_process_makes_the_same_bits() -> None:
-    source = (
-        "import sys, importlib.util as u\n"
-        f"spec = u.spec_from_file_location('t', {str(Path(__file__))!r})\n"
-        "t = u.module_from_spec(spec); spec.loader.exec_module(t)\n"
-        "print(t.fingerprint(t.perfect({**t.EVERY_TERM, 'trajectory.type': 'lecture'}), 333))\n"
-    )
-    root = str(Path(__file__).parents[1])
-    done = subprocess.run(
-        [sys.executable, "-c", source], capture_output=True, text=True, check=True, cwd=root
-    )
-    values = {**EVERY_TERM, "trajectory.type": "lecture"}
-    assert done.stdout.strip() == fingerprint(perfect(values), 4096)
-
-
-def test_reset_gives_the_same_samples_again() -> None:
-    run = perfect(EVERY_TERM)
-    first = joined(run, 700)
-    run.reset()
-    assert run.position == 0
-    for a, b in zip(first, joined(run, 311), strict=True):
-        assert np.array_equal(a, b)
-
-
-RANDOM_TERMS = {
-    "white": {"imu.gyroscope_noise_density": 0.01},
-    "walk": {"imu.gyroscope_random_walk": 0.01},
-    "markov": {"imu.gyroscope_gauss_markov_sigma": 0.01, "imu.gyroscope_correlation_time": 5.0},
-    "flicker": {"imu.gyroscope_bias_instability": 0.01},
-    "turn-on": {"imu.gyroscope_turn_on_bias_sigma": 0.01},
-}
-
-
-@pytest.mark.parametrize(("first", "second"), [*itertools.combinations(RANDOM_TERMS, 2)])
-def test_switching_one_term_on_changes_no_other(first: str, second: str) -> None:
-    """At rest the ideal rate is 0, so two terms read their exact sum; addition commutes."""
-    one = perfect(RANDOM_TERMS[first]).next_block(SAMPLES).gyro
-    two = perfect(RANDOM_TERMS[second]).next_block(SAMPLES).gyro
-    both = perfect({**RANDOM_TERMS[first], **RANDOM_TERMS[second]}).next_block(SAMPLES).gyro
-    assert one.any()
-    assert two.any()
-    assert np.array_equal(both, one + two)
-
-
-def test_other_triad_and_timing_change_no_noise() -> None:
-    alone = perfect(RANDOM_TERMS["white"]).next_block(SAMPLES)
-    others = {
-        name: value
-        for name, value in EVERY_TERM.items()
-        if not name.startswith("imu.gyroscope") and "mounting" not in name and "earth" not in name
-    }
-    together = perfect({**others, **RANDOM_TERMS["white"]}).next_block(SAMPLES)
-    assert np.array_equal(alone.gyro, together.gyro)
-    assert len(together.delivered) != SAMPLES
-
-
-def test_one_axis_does_not_change_another() -> None:
-    all_axes = perfect(RANDOM_TERMS["walk"]).next_block(SAMPLES).gyro
-    only_z = perfect({"imu.gyroscope_random_walk": [0.0, 0.0, 0.01]}).next_block(SAMPLES).gyro
-    assert np.array_equal(only_z[:, 2], all_axes[:, 2])
-    assert not only_z[:, :2].any()
-
-
-@pytest.mark.parametrize("term", ["white", "walk", "markov", "flicker"])
-def test_seeds_axes_and_triads_are_uncorrelated(term: str) -> None:
-    """Of independent white sequences of n numbers r is N(0, 1/n); 5 / sqrt(n) fails 1 in 10^6.
-
-    Walk, Gauss-Markov and 1/f are compared by their increments, which are (nearly) white.
-    """
-    n = 40_000
-    accel = {
-        name.replace("gyroscope", "accelerometer"): v for name, v in RANDOM_TERMS[term].items()
-    }
-    values = {**RANDOM_TERMS[term], **accel}
-    series = []
-    for seed in (0, 1, 2**40):
-        block = perfect({**values, "seed": seed}).next_block(n)
-        for reading in (block.gyro, block.accel - block.ideal_accel):
-            series += list(reading.T if term == "white" else np.diff(reading, axis=0).T)
-    correlation = np.corrcoef(series) - np.eye(len(series))
-    assert np.abs(correlation).max() < 5.0 / np.sqrt(n)
+from test.simulation.runs import EVERY_TERM, RANDOM_TERMS, perfect, simulation
 
 
 def test_total_and_blocks() -> None:
@@ -394,7 +189,7 @@ def test_scipy_is_imported_for_a_low_pass_only() -> None:
         "Simulation(load_simulation({'imu.gyroscope_bandwidth': 20.0})).next_block(10)\n"
         "assert 'scipy.signal' in sys.modules\n"
     )
-    root = str(Path(__file__).parents[1])
+    root = str(Path(__file__).parents[2])
     done = subprocess.run(
         [sys.executable, "-c", source], capture_output=True, text=True, check=False, cwd=root
     )

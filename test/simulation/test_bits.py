@@ -1,0 +1,142 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Bits do not depend on blocks, processes or resets, and no term depends on another."""
+
+import itertools
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from imu_sim_ros.config import files
+from imu_sim_ros.config.simulation import load_simulation
+from imu_sim_ros.simulation import Simulation
+from test.simulation.runs import (
+    EVERY_TERM,
+    RANDOM_TERMS,
+    SAMPLES,
+    arrays,
+    fingerprint,
+    joined,
+    perfect,
+)
+
+SAMPLINGS: dict[str, dict[str, object]] = {
+    "instantaneous": {},
+    "averaged": {
+        "imu.gyroscope_increment_resolution": 1e-5,
+        "imu.accelerometer_increment_resolution": 1e-4,
+        "trajectory.vibration.noise_rms": 1.0,
+        "trajectory.vibration.angular_noise_rms": 0.1,
+    },
+    "oversampled": {"imu.internal_rate": 1400.0},
+}
+
+
+@pytest.mark.parametrize("sampling", SAMPLINGS)
+def test_samples_do_not_depend_on_the_block_size(sampling: str) -> None:
+    own = {"imu.sampling": sampling, **SAMPLINGS[sampling]}
+    values = {**EVERY_TERM, "trajectory.type": "lecture", **own}
+    reference = joined(perfect(values), SAMPLES)
+    for size in (1, 3, 17, 64, 1000, 1024, 2999):
+        count = {1: 300, 3: 600}.get(size, SAMPLES)  # from 64 on through the chunks of noise
+        pieces = joined(perfect(values), size, count)
+        for k, (piece, whole) in enumerate(zip(pieces, reference, strict=True)):
+            expected = whole[whole < count] if k == 3 else whole[:count]
+            assert piece.tobytes() == np.ascontiguousarray(expected).tobytes(), (size, k)
+
+
+@pytest.mark.parametrize("name", [n for n in files.names("trajectories") if n != "poses"])
+def test_no_trajectory_depends_on_the_block_size(name: str) -> None:
+    values = {"imu.preset": "perfect", "trajectory.type": name, "rate": 190.0}
+    whole = joined(Simulation(load_simulation(values)), SAMPLES)
+    pieces = joined(Simulation(load_simulation(values)), 37)
+    for k, (a, b) in enumerate(zip(whole, pieces, strict=True)):
+        assert np.array_equal(a, b), k
+
+
+def test_irregular_pieces_are_the_whole() -> None:
+    run = perfect(EVERY_TERM)
+    sizes = [1, 2, 0, 500, 1023, 3, 471, 1000]
+    pieces = [arrays(run.next_block(size)) for size in sizes]
+    whole = joined(perfect(EVERY_TERM), SAMPLES)
+    for part, expected in zip(zip(*pieces, strict=True), whole, strict=True):
+        assert np.array_equal(np.concatenate(part), expected)
+    assert run.position == sum(sizes) == SAMPLES
+
+
+def test_another_process_makes_the_same_bits() -> None:
+    source = (
+        "import sys, importlib.util as u\n"
+        f"spec = u.spec_from_file_location('t', {str(Path(__file__).with_name('runs.py'))!r})\n"
+        "t = u.module_from_spec(spec); spec.loader.exec_module(t)\n"
+        "print(t.fingerprint(t.perfect({**t.EVERY_TERM, 'trajectory.type': 'lecture'}), 333))\n"
+    )
+    root = str(Path(__file__).parents[2])
+    done = subprocess.run(
+        [sys.executable, "-c", source], capture_output=True, text=True, check=True, cwd=root
+    )
+    values = {**EVERY_TERM, "trajectory.type": "lecture"}
+    assert done.stdout.strip() == fingerprint(perfect(values), 4096)
+
+
+def test_reset_gives_the_same_samples_again() -> None:
+    run = perfect(EVERY_TERM)
+    first = joined(run, 700)
+    run.reset()
+    assert run.position == 0
+    for a, b in zip(first, joined(run, 311), strict=True):
+        assert np.array_equal(a, b)
+
+
+@pytest.mark.parametrize(("first", "second"), [*itertools.combinations(RANDOM_TERMS, 2)])
+def test_switching_one_term_on_changes_no_other(first: str, second: str) -> None:
+    """At rest the ideal rate is 0, so two terms read their exact sum; addition commutes."""
+    one = perfect(RANDOM_TERMS[first]).next_block(SAMPLES).gyro
+    two = perfect(RANDOM_TERMS[second]).next_block(SAMPLES).gyro
+    both = perfect({**RANDOM_TERMS[first], **RANDOM_TERMS[second]}).next_block(SAMPLES).gyro
+    assert one.any()
+    assert two.any()
+    assert np.array_equal(both, one + two)
+
+
+def test_other_triad_and_timing_change_no_noise() -> None:
+    alone = perfect(RANDOM_TERMS["white"]).next_block(SAMPLES)
+    others = {
+        name: value
+        for name, value in EVERY_TERM.items()
+        if not name.startswith("imu.gyroscope") and "mounting" not in name and "earth" not in name
+    }
+    together = perfect({**others, **RANDOM_TERMS["white"]}).next_block(SAMPLES)
+    assert np.array_equal(alone.gyro, together.gyro)
+    assert len(together.delivered) != SAMPLES
+
+
+def test_one_axis_does_not_change_another() -> None:
+    all_axes = perfect(RANDOM_TERMS["walk"]).next_block(SAMPLES).gyro
+    only_z = perfect({"imu.gyroscope_random_walk": [0.0, 0.0, 0.01]}).next_block(SAMPLES).gyro
+    assert np.array_equal(only_z[:, 2], all_axes[:, 2])
+    assert not only_z[:, :2].any()
+
+
+@pytest.mark.parametrize("term", ["white", "walk", "markov", "flicker"])
+def test_seeds_axes_and_triads_are_uncorrelated(term: str) -> None:
+    """Of independent white sequences of n numbers r is N(0, 1/n); 5 / sqrt(n) fails 1 in 10^6.
+
+    Walk, Gauss-Markov and 1/f are compared by their increments, which are (nearly) white.
+    """
+    n = 40_000
+    accel = {
+        name.replace("gyroscope", "accelerometer"): v for name, v in RANDOM_TERMS[term].items()
+    }
+    values = {**RANDOM_TERMS[term], **accel}
+    series = []
+    for seed in (0, 1, 2**40):
+        block = perfect({**values, "seed": seed}).next_block(n)
+        for reading in (block.gyro, block.accel - block.ideal_accel):
+            series += list(reading.T if term == "white" else np.diff(reading, axis=0).T)
+    correlation = np.corrcoef(series) - np.eye(len(series))
+    assert np.abs(correlation).max() < 5.0 / np.sqrt(n)
