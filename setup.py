@@ -51,6 +51,7 @@ setup(
         share("config/scenes", "*.yaml"),
         share("config/campaigns", "*.yaml"),
         share("config/estimators", "*.yaml"),
+        share("examples", "*.py"),
         share("launch", "*.launch.py"),
     ],
     install_requires=[

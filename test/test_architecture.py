@@ -45,7 +45,7 @@ ROOMS = {
     "consumers": LEAVES | {"bags"},
     "plots": LEAVES | {"navigation", "calibration"},
     "campaign": LEAVES
-    | {"trajectory", "sensor", "simulation", "topics", "datasets", "bags"}
+    | {"trajectory", "sensor", "camera", "simulation", "topics", "datasets", "bags"}
     | {"navigation", "calibration", "consumers"},
     "report": LEAVES | {"campaign", "bags", "navigation", "calibration"},
 }

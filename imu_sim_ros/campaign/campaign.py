@@ -85,8 +85,8 @@ def tasks(plan: Plan, there: set[Key], batch: int) -> Iterator[Task]:
 
 
 def _digests(plan: Plan, cell: Cell) -> dict[str, str]:
-    parameters = plan.simulation(cell)
-    return {name: plan.digest(parameters, name) for name in plan.estimators}
+    parameters, rig = plan.simulation(cell), plan.rig(cell)
+    return {name: plan.digest(parameters, rig, name) for name in plan.estimators}
 
 
 def run(

@@ -19,8 +19,8 @@ from imu_sim_ros.config import files, shown
 from imu_sim_ros.errors import ConfigurationError
 
 Layer = dict[str, object]
-SHORT: Final = {"imu": "imu.preset"}
-"""Names of the commands' arguments that stand for a parameter; ``trajectory`` is one as well."""
+SHORT: Final = ("imu", "trajectory", "camera", "scene")
+"""Names of the commands' arguments that stand for parameters."""
 _LARGEST_AXIS: Final = 100_000
 
 
@@ -46,13 +46,26 @@ class Cell(NamedTuple):
 
     def layer(self) -> Layer:
         """Return the parameters that the values stand for."""
-        result: Layer = {}
-        for name, value in self.values.items():
-            if name == "trajectory":
-                result.update(files.trajectory_layer(str(value)))
-            else:
-                result[SHORT.get(name, name)] = value
-        return result
+        return expanded(self.values)
+
+
+def expanded(values: Mapping[str, object]) -> Layer:
+    """Return parameters with :data:`SHORT` names replaced by what they stand for."""
+    result: Layer = {}
+    for name, value in values.items():
+        if name == "imu":
+            result["imu.preset"] = value
+        elif name == "trajectory":
+            result.update(files.trajectory_layer(str(value)))
+        elif name == "camera":
+            result.update({"cameras": ["cam0"], "cam0.camera.preset": value})
+        elif name == "scene":
+            from imu_sim_ros.config.cameras import scene_layer
+
+            result.update(scene_layer(str(value)))
+        else:
+            result[name] = value
+    return result
 
 
 def word(value: object) -> str:

@@ -10,10 +10,20 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import imu_sim_ros
-from imu_sim_ros.campaign.cells import Axis, Cell, Layer, cell_count, cells, read_axes
+from imu_sim_ros.campaign.cells import (
+    SHORT,
+    Axis,
+    Cell,
+    Layer,
+    cell_count,
+    cells,
+    expanded,
+    read_axes,
+)
+from imu_sim_ros.campaign.faults import TimedFault, read_faults
 from imu_sim_ros.campaign.gate import Requirement, parse
 from imu_sim_ros.campaign.metrics import Relative, metric_names, parse_relative
 from imu_sim_ros.config import (
@@ -26,11 +36,14 @@ from imu_sim_ros.config import (
     files,
     find_estimator,
     flatten,
+    has_cameras,
     load_simulation,
     shown,
 )
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.sensor import Fault
+
+if TYPE_CHECKING:
+    from imu_sim_ros.config.cameras import RigParameters
 
 Estimator = DeadReckonEstimator | CommandEstimator
 
@@ -40,15 +53,6 @@ _NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]{0,63}")
 _MOST_SEEDS: Final = 1_000_000
 _ALL_CHECKED: Final = 2000
 """Cells up to which every one is built before the start; each takes some 6 ms."""
-
-
-@dataclass(frozen=True)
-class TimedFault:
-    """A fault and when it begins."""
-
-    at: float
-    """[s] after the start."""
-    fault: Fault
 
 
 @dataclass(frozen=True)
@@ -90,20 +94,43 @@ class Plan:
 
         :raises ConfigurationError: with a line for everything that is wrong, after the cell's name.
         """
-        try:
-            return load_simulation(self.parameters, cell.layer(), {"seed": self.seeds[0]})
-        except ConfigurationError as error:
-            where = f"cell {cell.name}: " if cell.values else ""
-            raise ConfigurationError([f"{where}{line}" for line in error.problems]) from None
+        with _in_cell(cell):
+            return load_simulation(self._split(cell)[1], {"seed": self.seeds[0]})
 
-    def digest(self, parameters: SimulationParameters, estimator: str) -> str:
+    def rig(self, cell: Cell) -> "RigParameters | None":
+        """Return the cameras of a cell and what they see; None where there is none.
+
+        :raises ConfigurationError: with a line for everything that is wrong, after the cell's name.
+        """
+        with _in_cell(cell):
+            of_rig = self._split(cell)[0]
+            if not of_rig:
+                return None
+            from imu_sim_ros.config.cameras import load_rig
+
+            return load_rig(of_rig)
+
+    def _split(self, cell: Cell) -> tuple[Layer, Layer]:
+        """Return what a cell says about its cameras, and all else."""
+        given = {**self.parameters, **cell.layer()}
+        if not has_cameras(given):
+            return {}, given
+        from imu_sim_ros.config.cameras import split_rig
+
+        return split_rig(given)
+
+    def digest(
+        self, parameters: SimulationParameters, rig: "RigParameters | None", estimator: str
+    ) -> str:
         """Return what a run's numbers depend on besides its seed, as 16 hexadecimal digits."""
         values = flatten(parameters)
+        seen = {} if rig is None else flatten(rig)
         values.pop("seed")
         content = {
             "version": imu_sim_ros.__version__,
             "parameters": values,
-            "files": _file_digests(values),
+            "cameras": seen,
+            "files": _file_digests({**values, **seen}),
             "faults": [(timed.at, repr(timed.fault)) for timed in self.faults],
             "estimator": flatten(self.estimators[estimator]),
             "environment": self.environment.get(estimator, {}),
@@ -114,12 +141,24 @@ class Plan:
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
+@contextmanager
+def _in_cell(cell: Cell) -> Iterator[None]:
+    """Put the cell's name before every problem."""
+    try:
+        yield
+    except ConfigurationError as error:
+        where = f"cell {cell.name}: " if cell.values else ""
+        raise ConfigurationError([f"{where}{line}" for line in error.problems]) from None
+
+
 def _file_digests(values: Mapping[str, object]) -> dict[str, str]:
-    """Return the content of a trajectory's file, which may change under its name."""
-    path = Path(str(values.get("trajectory.file", "")))
-    if not str(values.get("trajectory.file", "")) or not path.is_file():
-        return {}
-    return {"trajectory.file": hashlib.sha256(path.read_bytes()).hexdigest()}
+    """Return the contents of the files of trajectory and scene, which may change under a name."""
+    found = {}
+    for name in ("trajectory.file", "scene.file"):
+        path = Path(str(values.get(name, "")))
+        if str(values.get(name, "")) and path.is_file():
+            found[name] = hashlib.sha256(path.read_bytes()).hexdigest()
+    return found
 
 
 def load_plan(path: Path) -> Plan:
@@ -174,7 +213,7 @@ def read_plan(tree: Mapping[str, Any]) -> Plan:
     layer = attempt(lambda: _layer(tree.get("parameters")), {})
     axes = attempt(lambda: read_axes(tree.get("grid")), [])
     seeds = attempt(lambda: _seeds(tree.get("seeds", 1)), (0,))
-    faults = attempt(lambda: _faults(tree.get("faults")), ())
+    faults = attempt(lambda: read_faults(tree.get("faults")), ())
     estimators, environment = attempt(lambda: _estimators(tree.get("estimators")), ({}, {}))
     relative = attempt(lambda: parse_relative(tree.get("rpe")), ())
     names = [name for axis in axes for name in axis.names]
@@ -202,7 +241,7 @@ def check_cells(plan: Plan) -> None:
     problems: dict[str, None] = {}
     for cell in plan.cells() if every else _along_axes(plan.axes):
         try:
-            plan.simulation(cell)
+            _check_cell(plan, cell)
         except ConfigurationError as error:
             problems.update(dict.fromkeys(error.problems))
         if len(problems) >= 20:
@@ -210,6 +249,23 @@ def check_cells(plan: Plan) -> None:
             break
     if problems:
         raise ConfigurationError(list(problems))
+
+
+def _check_cell(plan: Plan, cell: Cell) -> None:
+    simulation, rig = plan.simulation(cell), plan.rig(cell)
+    if rig is not None and rig.cameras:
+        from imu_sim_ros.config.cameras import rig_problems
+
+        problems = list(rig_problems(rig, simulation))
+        if problems:
+            raise ConfigurationError(problems)
+        return
+    for name, one in plan.estimators.items():
+        if isinstance(one, CommandEstimator) and one.dataset == "tracks":
+            raise ConfigurationError(
+                f"estimators.{name}.dataset = tracks: needs a camera; parameters: "
+                "{camera: euroc_cam0} is one"
+            )
 
 
 def _along_axes(axes: list[Axis]) -> Iterator[Cell]:
@@ -225,12 +281,8 @@ def _layer(content: object) -> Layer:
     if content is None:
         return {}
     layer = files.dotted(content, "parameters")
-    for short, name in (("imu", "imu.preset"),):
-        if short in layer:
-            layer[name] = layer.pop(short)
-    if "trajectory" in layer:
-        layer = {**files.trajectory_layer(str(layer.pop("trajectory"))), **layer}
-    return layer
+    short = {name: layer.pop(name) for name in list(layer) if name in SHORT}
+    return {**expanded(short), **layer}
 
 
 def _seeds(content: object) -> tuple[int, ...]:
@@ -252,48 +304,6 @@ def _seeds(content: object) -> tuple[int, ...]:
     if len(set(content)) != len(content):
         raise ConfigurationError(f"seeds = {shown(content)}: a seed is given twice")
     return tuple(content)
-
-
-def _faults(content: object) -> tuple[TimedFault, ...]:
-    if content is None:
-        return ()
-    if not isinstance(content, list):
-        raise ConfigurationError(f"faults = {shown(content)}: must be a list of faults")
-    found, problems = [], []
-    for number, entry in enumerate(content):
-        try:
-            found.append(_fault(f"faults[{number}]", entry))
-        except ConfigurationError as error:
-            problems += [f"faults[{number}]: {line}" for line in error.problems]
-        except (TypeError, ValueError) as error:
-            problems.append(f"faults[{number}] = {shown(entry)}: {error}")
-    if problems:
-        raise ConfigurationError(problems)
-    return tuple(found)
-
-
-def _fault(where: str, entry: object) -> TimedFault:
-    if not isinstance(entry, Mapping):
-        raise ConfigurationError(
-            f"{shown(entry)}: must hold at, kind, and perhaps duration, value and triad"
-        )
-    unknown = set(entry) - {"at", "kind", "duration", "value", "triad"}
-    if unknown:
-        raise ConfigurationError(f"{', '.join(map(str, sorted(unknown)))}: unknown")
-    at = entry.get("at", 0.0)
-    if isinstance(at, bool) or not isinstance(at, int | float) or not 0.0 <= at < 1e9:
-        raise ConfigurationError(f"at = {shown(at)}: must be a time of at least 0 s")
-    value = entry.get("value", 0.0)
-    values = tuple(float(v) for v in value) if isinstance(value, list) else float(value)
-    return TimedFault(
-        float(at),
-        Fault(
-            str(entry.get("kind")),
-            duration=float(entry.get("duration", float("inf"))),
-            value=values,  # type: ignore[arg-type]
-            triad=str(entry.get("triad", "")),
-        ),
-    )
 
 
 def _estimators(content: object) -> tuple[dict[str, Estimator], dict[str, dict[str, str]]]:
@@ -348,7 +358,7 @@ def _estimator(entry: object) -> tuple[Estimator, dict[str, str]]:
     kind = str(values.get("type", "command" if "command" in values else "dead_reckon"))
     estimator: Estimator = build(find_estimator(kind), {**values, "type": kind})
     if isinstance(estimator, CommandEstimator):
-        unknown = [p for p in re.findall(r"{([^{}]*)}", estimator.command) if p not in PLACES]
+        unknown = [p for p in re.findall(r"{(\w*)}", estimator.command) if p not in PLACES]
         if unknown:
             raise ConfigurationError(
                 f"command: {{{unknown[0]}}}: must be one of "

@@ -59,6 +59,7 @@ class CellRuns:
         """
         self.plan, self.cell = plan, cell
         self.parameters = plan.simulation(cell)
+        self.rig = plan.rig(cell)
         self._base = Simulation(self.parameters, pose_reader=read_poses)
         if self._base.total is None:
             raise ConfigurationError(
@@ -66,7 +67,9 @@ class CellRuns:
                 "parameters"
             )
         self.total = self._base.total
-        self.digests = {name: plan.digest(self.parameters, name) for name in plan.estimators}
+        self.digests = {
+            name: plan.digest(self.parameters, self.rig, name) for name in plan.estimators
+        }
         self._inverse_covariance: dict[str, Array | None] | None = None
 
     def rows(
@@ -85,20 +88,20 @@ class CellRuns:
 
     def block(self, seed: int) -> ImuBlock:
         """Return all samples of a seed."""
+        return self.simulation(seed).next_block(self.total)
+
+    def simulation(self, seed: int) -> Simulation:
+        """Return a simulation of this cell at its first sample, with the plan's faults."""
         simulation = self._base.with_seed(seed)
         for timed in self.plan.faults:
             simulation.inject(timed.fault, timed.at)
-        return simulation.next_block(self.total)
-
-    def with_seed(self, seed: int) -> Simulation:
-        """Return a simulation of this cell at its first sample."""
-        return self._base.with_seed(seed)
+        return simulation
 
     def _one(self, seed: int, name: str, block: ImuBlock, folder: Path) -> dict[str, Any]:
         estimator = self.plan.estimators[name]
         try:
             if isinstance(estimator, CommandEstimator):
-                from imu_sim_ros.campaign.command import run_command
+                from imu_sim_ros.campaign.estimators import run_command
 
                 metrics = run_command(self, estimator, name, seed, block, folder)
             else:

@@ -11,10 +11,10 @@ from imu_sim_ros.config.parameter import choice, flag, integer, number, text
 from imu_sim_ros.errors import ConfigurationError
 
 ALIGNMENTS = ("none", "yaw", "se3", "sim3")
-DATASETS = ("euroc", "rosbag2", "ros1", "mcap")
+DATASETS = ("euroc", "tracks", "rosbag2", "ros1", "mcap")
 ESTIMATES = ("tum", "euroc", "bag")
 KEEP = ("none", "failed", "all")
-PLACES = ("dataset", "config", "estimate", "folder", "seed", "python")
+PLACES = ("dataset", "config", "estimate", "folder", "seed", "python", "share")
 """What a command may name in braces."""
 
 

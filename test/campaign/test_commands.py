@@ -9,9 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from imu_sim_ros.campaign import command
+from imu_sim_ros.campaign.estimators import command
 from imu_sim_ros.campaign.plan import load_plan
 from imu_sim_ros.campaign.runs import CellRuns
+from imu_sim_ros.commands import generate
 
 # Reads the truth of the EuRoC folder and writes it as its estimate, moved and turned in yaw.
 HONEST = """
@@ -59,6 +60,17 @@ def test_an_honest_program_is_measured_after_alignment(run):
     assert row["peak_memory_mb"] > 1.0
     assert row["real_time_factor"] > 0.0
     assert row["nees_position"] is None
+
+
+def test_places_are_found_from_the_runs_own_folder(plan_file, tmp_path, monkeypatch):
+    """As with ``campaign plan.yaml -o results``: the folder of the results is relative."""
+    script = tmp_path / "program.py"
+    script.write_text(HONEST, encoding="utf-8")
+    command = f"{{python}} {script} {{dataset}} {{estimate}}"
+    plan = load_plan(plan_file(estimators={"a": {"command": command}}))
+    monkeypatch.chdir(tmp_path)
+    (row,) = CellRuns(plan, next(plan.cells())).rows([1], ["a"], Path("results"))
+    assert row["status"] == "done"
 
 
 def test_without_alignment_the_offset_is_an_error(run):
@@ -217,3 +229,113 @@ assert tree["imu"]["preset"] == "adis16448", tree
 open("estimate.txt", "w").write("1 0 0 0 0 0 0 1\\n2 0 0 0 0 0 0 1\\n")
 """
     assert run(program, "{config}", align="none")["status"] == "done"
+
+
+def test_a_program_gets_the_files_of_every_stack(run):
+    """The folder that generate --with-configs writes, for the sensor and the seed of the run."""
+    program = """
+import os, sys, yaml
+from pathlib import Path
+folder = Path(sys.argv[1])
+names = {path.name for path in folder.iterdir()}
+assert names >= {"imu.yaml", "vins_fusion.yaml", "kalibr_imu_chain.yaml", "orb_slam3.yaml",
+                 "basalt_calibration.json", "simulation.yaml"}, names
+tree = yaml.safe_load((folder / "simulation.yaml").read_text())["/**"]["ros__parameters"]
+assert tree["seed"] == 1, tree["seed"]
+density = yaml.safe_load((folder / "imu.yaml").read_text())["gyroscope_noise_density"]
+assert density == tree["imu"]["gyroscope_noise_density"][0], density
+open("estimate.txt", "w").write("1 0 0 0 0 0 0 1\\n2 0 0 0 0 0 0 1\\n")
+"""
+    assert run(program, "{config}", align="none")["status"] == "done"
+
+
+CAMERA = {
+    "rate": 200.0,
+    "duration": 1.0,
+    "imu": "adis16448",
+    "trajectory": "figure_eight",
+    "camera": "euroc_cam0",
+    "camera.body_axes": "flu",
+    "camera.max_features": 20,
+}
+
+
+def test_a_camera_of_a_plan_gives_tracks(plan_file, tmp_path):
+    """The same tracks as generate --format tracks writes, with the pixel noise of the cell."""
+    program = tmp_path / "program.py"
+    program.write_text("import shutil, sys; shutil.copytree(sys.argv[1], sys.argv[2])")
+    plan = load_plan(
+        plan_file(
+            parameters=CAMERA,
+            grid={"camera.pixel_noise": [0.5, 2.0]},
+            estimators={
+                "a": {
+                    "command": f"{sys.executable} {program} {{dataset}} {tmp_path}/kept_{{seed}}",
+                    "dataset": "tracks",
+                }
+            },
+        )
+    )
+    _, cell = plan.cells()
+    (row,) = CellRuns(plan, cell).rows([3], ["a"], tmp_path / "out")
+    assert row["status"] == "failed: no estimate was written"
+    words = (
+        f"-o {tmp_path}/made --format tracks --rate 200 --duration 1s --imu adis16448 --seed 3 "
+        "--trajectory figure_eight --camera euroc_cam0 --set camera.body_axes=flu "
+        "--set camera.max_features=20 --set camera.pixel_noise=2.0 --quiet"
+    )
+    assert generate.main(words.split()) == 0
+    for name in ("tracks.csv", "imu0.csv", "landmarks.csv", "groundtruth.tum"):
+        made = (tmp_path / "made" / name).read_bytes()
+        assert (tmp_path / "kept_3" / name).read_bytes() == made, name
+    assert len(made) > 1000
+
+
+def test_tracks_without_a_camera_are_refused_before_the_start(plan_file, campaign, tmp_path):
+    path = plan_file(estimators={"a": {"command": "true {dataset}", "dataset": "tracks"}})
+    status, _, lines = campaign(path, "-o", tmp_path / "out")
+    assert status == 2
+    assert lines == [
+        f"campaign: {path}: estimators.a.dataset = tracks: needs a camera; parameters: "
+        "{camera: euroc_cam0} is one"
+    ]
+
+
+@pytest.mark.parametrize("form", ["euroc", "mcap"])
+def test_a_camera_of_a_plan_gives_images(run_camera, form):
+    row = run_camera(form)
+    assert row["status"] == "failed: exit status 1: 4 images"
+
+
+@pytest.fixture
+def run_camera(plan_file, tmp_path):
+    """Return a function that counts the images of a dataset, by a reader that did not write it."""
+    pytest.importorskip("cv2")
+    program = """
+import sys
+from pathlib import Path
+if sys.argv[2] == "euroc":
+    images = len(list(Path(sys.argv[1]).glob("mav0/cam0/data/*.png")))
+else:
+    from rosbags.highlevel import AnyReader
+    with AnyReader([Path(sys.argv[1])]) as reader:
+        images = sum(c.msgcount for c in reader.connections if c.topic == "/cam0/image_raw")
+print(images, "images")
+sys.exit(1)
+"""
+
+    def one(form):
+        script = tmp_path / "count.py"
+        script.write_text(program)
+        command = f"{sys.executable} {script} {{dataset}} {form}"
+        small = {"scene": "room", "duration": 0.2, "cam0.camera.rate": 20.0}
+        plan = load_plan(
+            plan_file(
+                parameters={**CAMERA, **small},
+                estimators={"a": {"command": command, "dataset": form}},
+            )
+        )
+        (row,) = CellRuns(plan, next(plan.cells())).rows([1], ["a"], tmp_path / "out")
+        return row
+
+    return one

@@ -3,11 +3,17 @@
 
 """Plans: what they describe, and everything that is wrong with them, all together."""
 
+import re
+import subprocess
+from pathlib import Path
+
 import pytest
 
+from imu_sim_ros.campaign import check_plan, find_plan
 from imu_sim_ros.campaign.cells import cell_count, cells, read_axes
 from imu_sim_ros.campaign.gate import parse
 from imu_sim_ros.campaign.plan import check_cells, load_plan, read_plan
+from imu_sim_ros.config import files
 from imu_sim_ros.errors import ConfigurationError
 
 BASE = {"parameters": {"rate": 100.0, "duration": 2.0}}
@@ -119,7 +125,8 @@ def test_requirements_are_read_with_filters():
 def test_the_digest_tells_what_changes_numbers_from_what_does_not(plan_file):
     def digest(**content):
         plan = load_plan(plan_file(**content))
-        return plan.digest(plan.simulation(next(plan.cells())), "dead_reckon")
+        cell = next(plan.cells())
+        return plan.digest(plan.simulation(cell), plan.rig(cell), "dead_reckon")
 
     first = digest()
     assert digest(seeds=7, name="other", require=["success >= 0.5"]) == first
@@ -127,3 +134,30 @@ def test_the_digest_tells_what_changes_numbers_from_what_does_not(plan_file):
     assert digest(faults=[{"kind": "stuck", "triad": "gyroscope", "at": 1.0}]) != first
     assert digest(rpe=["1s"]) != first
     assert digest(estimators={"dead_reckon": {"method": "euler"}}) != first
+
+
+@pytest.mark.parametrize("name", files.names("estimators"))
+def test_every_template_is_a_command_that_a_shell_can_read(plan_file, name):
+    """With all places filled; the programs themselves are not here."""
+    plan = load_plan(
+        plan_file(
+            parameters={"camera": "euroc_cam0", "camera.body_axes": "flu"},
+            estimators={"one": {"template": name}},
+        )
+    )
+    check_plan(plan, Path("plan.yaml"))
+    command = re.sub(r"{\w+}", "/x", plan.estimators["one"].command)
+    assert "{share}" not in command
+    subprocess.run(["/bin/sh", "-n", "-c", command], check=True)
+
+
+@pytest.mark.parametrize("name", files.names("campaigns"))
+def test_every_plan_of_the_package_is_sound(name):
+    path = find_plan(name)
+    check_plan(load_plan(path), path)
+
+
+def test_which_imu_asks_every_preset():
+    (imu, motion) = load_plan(find_plan("which_imu")).axes
+    assert sorted(value for (value,) in imu.rows) == files.names("imus")
+    assert len(motion.rows) == 3

@@ -26,8 +26,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros.campaign.metrics import Metrics, pose_metrics
-from imu_sim_ros.config import CommandEstimator
-from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
+from imu_sim_ros.config import CommandEstimator, files
 from imu_sim_ros.errors import ImuSimError
 from imu_sim_ros.navigation.comparison import align, common_rows, interpolate_poses
 from imu_sim_ros.poses import PoseSequence
@@ -41,7 +40,6 @@ OUTPUT: Final = "output.txt"
 _POLL: Final = 0.2
 """[s] between two looks at the size of the folder; the program's end is seen at once."""
 _PR_SET_CHILD_SUBREAPER: Final = 36
-_STUB: Final = {"rosbag2": "dataset", "ros1": "dataset.bag", "mcap": "dataset.mcap"}
 _ESTIMATE: Final = {"tum": "estimate.txt", "euroc": "estimate.csv", "bag": "estimate"}
 
 
@@ -70,7 +68,8 @@ def run_command(
     """
     from imu_sim_ros.campaign.runs import Failure
 
-    place = folder / "runs" / f"{runs.cell.number:06d}" / str(seed) / name
+    # Absolute: the program works in its own folder, where a relative name would lead elsewhere.
+    place = folder.absolute() / "runs" / f"{runs.cell.number:06d}" / str(seed) / name
     shutil.rmtree(place, ignore_errors=True)
     keep = runs.plan.options.keep
     failed = True
@@ -105,19 +104,22 @@ def _words(
     runs: "CellRuns", estimator: CommandEstimator, seed: int, block: ImuBlock, place: Path
 ) -> list[str]:
     """Write what the command names and return its words with all places filled."""
+    from imu_sim_ros.campaign.estimators.dataset import write_config, write_dataset
+
     wanted = set(re.findall(r"{(\w+)}", estimator.command))
     values = {
         "folder": str(place),
         "seed": str(seed),
         "python": sys.executable,
+        "share": str(files.config_folder().parent),
         "estimate": str(place / _ESTIMATE[estimator.estimate]),
         "dataset": "",
         "config": "",
     }
     if "dataset" in wanted:
-        values["dataset"] = str(_write_dataset(runs, estimator.dataset, block, place))
+        values["dataset"] = str(write_dataset(runs, estimator.dataset, seed, block, place))
     if "config" in wanted:
-        values["config"] = str(_write_config(runs, place))
+        values["config"] = str(write_config(runs, seed, place))
 
     def fill(word: str, quote: bool) -> str:
         return re.sub(
@@ -129,37 +131,6 @@ def _words(
     if estimator.shell:
         return ["/bin/sh", "-c", fill(estimator.command, quote=True)]
     return [fill(word, quote=False) for word in shlex.split(estimator.command)]
-
-
-def _write_dataset(runs: "CellRuns", form: str, block: ImuBlock, place: Path) -> Path:
-    """Write the readings, and the truth for those who initialise from it."""
-    from imu_sim_ros.bags import open_writer
-    from imu_sim_ros.bags.text import Dataset
-    from imu_sim_ros.datasets import BagTarget, DatasetTarget
-
-    if form == "euroc":
-        path = place / "dataset"
-        path.mkdir()
-        with Dataset(path / "mav0", "euroc", True) as dataset:
-            DatasetTarget(dataset).write({"": block})
-        return path
-    path = place / _STUB[form]
-    with open_writer(path) as writer:
-        target = BagTarget(
-            writer, {"": runs.parameters}, {IMU_TOPIC: IMU_TOPIC, TRUTH_TOPIC: TRUTH_TOPIC}
-        )
-        target.write({"": block})
-    return path
-
-
-def _write_config(runs: "CellRuns", place: Path) -> Path:
-    """Write the simulation's parameters."""
-    from imu_sim_ros.config import files
-
-    path = place / "config"
-    path.mkdir()
-    files.dump(runs.parameters, path / "simulation.yaml")
-    return path
 
 
 def _run(
@@ -175,7 +146,7 @@ def _run(
             process = subprocess.Popen(
                 words,
                 cwd=place,
-                env=_environment(variables),
+                env=_environment(variables, words),
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=subprocess.STDOUT,
@@ -191,8 +162,10 @@ def _run(
     return Outcome(status, reason, time.monotonic() - started, peak)
 
 
-def _environment(variables: dict[str, str]) -> dict[str, str]:
-    """Return the environment of a program: this one's, less what belongs to this Python."""
+def _environment(variables: dict[str, str], words: Sequence[str]) -> dict[str, str]:
+    """Return the environment of a program: this one's; for others, less what is this Python's."""
+    if words[:1] == [sys.executable]:
+        return {**os.environ, **variables}
     own = ("_ROS_WHEELS_BOOTSTRAP_COMPLETE", "PYTHONPATH", "PYTHONHOME")
     kept = {name: value for name, value in os.environ.items() if name not in own}
     if "_ROS_WHEELS_BOOTSTRAP_COMPLETE" in os.environ:

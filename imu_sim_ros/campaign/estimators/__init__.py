@@ -1,0 +1,16 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Estimators that are more than a function: programs, what is written for them, calibrations.
+
+Used by :mod:`imu_sim_ros.campaign.runs`; what is exported is imported when it is first used.
+"""
+
+from typing import TYPE_CHECKING
+
+from imu_sim_ros.lazy import exported
+
+if TYPE_CHECKING:
+    from imu_sim_ros.campaign.estimators.command import run_command as run_command
+else:
+    __getattr__, __dir__, __all__ = exported(__name__, {"command": ["run_command"]})

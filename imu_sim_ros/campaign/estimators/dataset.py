@@ -1,0 +1,127 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What a program gets of a run: the readings, the truth, what cameras see, and the parameters."""
+
+import dataclasses
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from imu_sim_ros.bags import open_writer
+from imu_sim_ros.bags.text import Dataset
+from imu_sim_ros.config import files, flatten
+from imu_sim_ros.consumers import ImuValues, write_all
+from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
+from imu_sim_ros.datasets import BagTarget, DatasetTarget, resolved
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.sensor import ImuBlock, realised_imu
+from imu_sim_ros.simulation import Simulation
+
+if TYPE_CHECKING:
+    from imu_sim_ros.camera import Rig
+    from imu_sim_ros.campaign.runs import CellRuns
+
+_BAGS: Final = {"rosbag2": "dataset", "ros1": "dataset.bag", "mcap": "dataset.mcap"}
+_BLOCK: Final = 512
+"""Samples in a block where there are cameras: the images of a block lie in memory."""
+
+
+def write_dataset(runs: "CellRuns", form: str, seed: int, block: ImuBlock, place: Path) -> Path:
+    """Write the readings, the truth, and what the cameras see where there are some.
+
+    :param form: euroc, tracks, rosbag2, ros1 or mcap.
+    :param block: all samples of the run.
+    :param place: folder of the run.
+    :returns: the dataset.
+    """
+    simulation = runs.simulation(seed)
+    rig = _rig(runs, simulation)
+    blocks = iter([block]) if rig is None else _blocks(simulation, runs.total)
+    if form in _BAGS:
+        return _bag(runs, place / _BAGS[form], rig, blocks)
+    if form == "tracks":
+        return _tracks(place / "dataset", rig, blocks)
+    path = place / "dataset"
+    path.mkdir()
+    with Dataset(path / "mav0", "euroc", True) as dataset:
+        if rig is None:
+            _write(DatasetTarget(dataset), None, blocks)
+        else:
+            from imu_sim_ros.datasets import ImageFolders
+
+            comment = f"simulated by imu_sim_ros, seed {seed}"
+            with ImageFolders(path / "mav0", rig, "euroc", 1, comment) as images:
+                _write(DatasetTarget(dataset), images, blocks)
+    return path
+
+
+def write_config(runs: "CellRuns", seed: int, place: Path) -> Path:
+    """Write ``simulation.yaml`` and the files of every stack for the sensor of this seed."""
+    parameters = dataclasses.replace(runs.parameters, seed=seed)
+    path = place / "config"
+    write_all(
+        path,
+        ImuValues(
+            realised_imu(parameters),
+            parameters.rate,
+            float(np.linalg.norm(parameters.gravity)),
+            resolved(IMU_TOPIC),
+            runs.total / parameters.rate,
+        ),
+    )
+    seen = {} if runs.rig is None else flatten(runs.rig)
+    values: dict[str, Any] = {**flatten(parameters), **seen}
+    files.write(values, path / "simulation.yaml", comment="All parameters of this run.")
+    return path
+
+
+def _rig(runs: "CellRuns", simulation: Simulation) -> "Rig | None":
+    if runs.rig is None:
+        return None
+    from imu_sim_ros.camera import Rig
+
+    seconds = runs.total / runs.parameters.rate
+    seed = simulation.parameters.seed
+    return Rig(runs.rig, simulation.trajectory, simulation.t0_ns, seconds, seed)
+
+
+def _blocks(simulation: Simulation, total: int) -> Iterator[ImuBlock]:
+    """Yield all samples in blocks small enough for their images to lie in memory."""
+    for first in range(0, total, _BLOCK):
+        yield simulation.next_block(min(_BLOCK, total - first))
+
+
+def _write(target: Any, seen: Any, blocks: Iterator[ImuBlock]) -> None:
+    """Write the rows of all blocks, and the frames taken until the end of each."""
+    for block in blocks:
+        target.write({"": block})
+        if seen is not None:
+            seen.until(int(block.true_t_ns[-1]) + 1)
+
+
+def _tracks(path: Path, rig: "Rig | None", blocks: Iterator[ImuBlock]) -> Path:
+    if rig is None:
+        raise ConfigurationError("dataset tracks: there is no camera")
+    from imu_sim_ros.datasets import TrackFiles
+
+    with Dataset(path, "csv", True) as dataset, TrackFiles(path, rig) as tracks:
+        _write(DatasetTarget(dataset), tracks, blocks)
+    return path
+
+
+def _bag(runs: "CellRuns", path: Path, rig: "Rig | None", blocks: Iterator[ImuBlock]) -> Path:
+    topics = {IMU_TOPIC: IMU_TOPIC, TRUTH_TOPIC: TRUTH_TOPIC}
+    with open_writer(path) as writer:
+        target = BagTarget(writer, {"": runs.parameters}, topics)
+        if rig is None:
+            _write(target, None, blocks)
+            return path
+        from imu_sim_ros.datasets import CameraBag, camera_topics
+
+        names = {name: name for name in camera_topics(rig.parameters)}
+        with CameraBag(target, rig, names, 1, target.world_frame) as bag:
+            _write(bag, None, blocks)
+    return path
