@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.campaign import Engine, Group, Outcome, Plan
 
 EXAMPLES: Final = """
-  campaign dead_reckoning_60s -o which_imu
+  campaign which_imu -o which_imu
   campaign plan.yaml -o results --workers 2 --baseline last/results.csv
   campaign plan.yaml -o results --resume --scheduler tcp://localhost:8786
 """
