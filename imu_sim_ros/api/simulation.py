@@ -11,7 +11,13 @@ from typing import Any
 
 from imu_sim_ros import timebase
 from imu_sim_ros.api.flight import Flight
-from imu_sim_ros.config import SimulationParameters, files, load_simulation
+from imu_sim_ros.config import (
+    EMPTY_LIST,
+    SimulationParameters,
+    files,
+    load_simulation,
+    of_the_node,
+)
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.sensor import ImuBlock
@@ -89,7 +95,12 @@ def _simulation(
     params_file: str | Path | None,
     parameters: Mapping[str, Any],
 ) -> Simulation:
-    layers = [files.load(params_file)] if params_file is not None else []
+    layers = []
+    if params_file is not None:  # the simulator node's own will do
+        given = files.load(params_file)
+        of_node = of_the_node(given)
+        unset = [name for name in ("imus", "cameras") if given.get(name) in ((), [], EMPTY_LIST)]
+        layers = [{n: value for n, value in given.items() if n not in (*of_node, *unset)}]
     own: dict[str, object] = {**_imu(imu), **_flat(parameters)}
     pose_reader: Callable[..., PoseSequence] = _poses_of_any_file
     if isinstance(trajectory, PoseSequence):

@@ -32,6 +32,8 @@ _OPTIONS: Final = {
     "estimators": "estimator",
 }
 _PARAMETERS = "ros__parameters"
+_OF_EVERY_NODE: Final = ("use_sim_time", "start_type_description_service")
+_QOS: Final = "qos_overrides."
 _KALIBR_NOISE = (
     "accelerometer_noise_density",
     "accelerometer_random_walk",
@@ -248,6 +250,11 @@ def _is_kind(name: str) -> bool:
     except ConfigurationError:
         return False
     return True
+
+
+def is_of_ros(name: str) -> bool:
+    """Tell whether a parameter is one that ROS gives to nodes; ``ros2 param dump`` writes them."""
+    return name in _OF_EVERY_NODE or name.startswith(_QOS)
 
 
 def dump(instance: object, path: Path, node: str = "/**", comment: str = "") -> None:

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from imu_sim_ros.config import files
 from imu_sim_ros.config.files import build_layered
 from imu_sim_ros.config.imu import LARGEST_LATENCY, LONGEST, ImuParameters
 from imu_sim_ros.config.parameter import (
@@ -293,11 +294,14 @@ def load_simulator(*layers: Mapping[str, object]) -> SimulatorParameters:
 
 
 def of_the_node(given: Mapping[str, object]) -> list[str]:
-    """Return the names among those given that concern the live node alone, not its samples."""
+    """Return the names among those given that concern the live node alone, not its samples.
+
+    Those that ROS gives to every node are among them.
+    """
     samples = {field.name for field in dataclasses.fields(SimulationParameters)}
     node = (
         {field.name for field in dataclasses.fields(SimulatorParameters)}
         - samples
         - {"imus", "cameras"}
     )
-    return [name for name in given if name.partition(".")[0] in node]
+    return [name for name in given if name.partition(".")[0] in node or files.is_of_ros(name)]

@@ -16,6 +16,7 @@ from imu_sim_ros.config import (
     Value,
     build,
     build_layered,
+    files,
     flatten,
     parameters,
     parse,
@@ -24,7 +25,6 @@ from imu_sim_ros.config import (
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.nodes.ending import Ending
 
-_OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 _TYPES = {
     "number": RosParameter.Type.DOUBLE,
     "integer": RosParameter.Type.INTEGER,
@@ -98,7 +98,7 @@ class ConfiguredNode(Node):
         """Return what the command line gave, and remove the declarations that ROS made of it."""
         given: dict[str, object] = {}
         for name, parameter in self.get_parameters_by_prefix("").items():
-            if not name.startswith(_OF_ROS):
+            if not files.is_of_ros(name):
                 given[name] = plain(parameter)  # type: ignore[arg-type]  # rclpy says: of values
                 self.undeclare_parameter(name)
         return given

@@ -4,13 +4,16 @@
 """The realised truth beside a bag, and one parameter file for node and command."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import imu_sim_ros as ims
 from imu_sim_ros.bags import read_imu
-from imu_sim_ros.commands import calibrate, dead_reckon, generate
-from imu_sim_ros.config import RecorderParameters, build, files, load_simulation
+from imu_sim_ros.commands import calibrate, dead_reckon, generate, shared
+from imu_sim_ros.config import RecorderParameters, build, files, load_simulation, load_simulator
+from imu_sim_ros.config.cameras import load_rig, split_rig
 
 SHORT = ["--duration", "0.1s", "--quiet"]
 
@@ -84,6 +87,52 @@ def test_every_shipped_file_of_the_simulator_serves_generate(tmp_path, path):
     """The node's own loader is the command's: what one accepts, the other does."""
     arguments = ["--params-file", str(path), "-o", str(tmp_path / "a.mcap"), *SHORT]
     assert generate.main(arguments) == 0
+
+
+DUMP = Path(__file__).parents[1] / "data" / "launch" / "param_dump.yaml"
+"""Taken by the real ``ros2 param dump`` of a running simulator with imu/data_raw:=/imu0."""
+
+
+def test_a_dump_of_a_running_simulator_serves_generate(tmp_path, capsys):
+    """ROS's own parameters and overrides of QoS are noted; the samples are those of the node's."""
+    dumped, plain = tmp_path / "dumped.mcap", tmp_path / "plain.mcap"
+    arguments = ["--duration", "0.5s", "-o"]
+    assert generate.main(["--params-file", str(DUMP), *arguments, str(dumped)]) == 0
+    (note,) = capsys.readouterr().err.splitlines()
+    for name in ("qos_overrides", "use_sim_time", "start_type_description_service", "autostart"):
+        assert f" {name}" in note
+    assert note.count("qos_overrides") == 1
+    values = files.load(DUMP)
+    sets = [f"--set={name}={json.dumps(value)}" for name, value in values.items()
+            if name.startswith(("imu.", "trajectory.")) and value not in ([], "")]  # fmt: skip
+    assert generate.main([*sets, "--quiet", *arguments, str(plain)]) == 0
+    one, other = read_imu(dumped), read_imu(plain)
+    np.testing.assert_array_equal(one.gyro, other.gyro)
+    np.testing.assert_array_equal(one.accel, other.accel)
+    flight = ims.simulate(params_file=DUMP, duration=0.5)
+    np.testing.assert_array_equal(flight.gyro, one.gyro)
+
+
+def everything():
+    folder = files.config_folder()
+    return sorted(
+        path for name in ("imus", "trajectories", "cameras", "scenes")
+        for path in (folder / name).glob("*.yaml")
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("path", everything(), ids=lambda path: f"{path.parent.name}/{path.stem}")
+def test_every_shipped_file_is_understood_by_node_and_command(path):
+    """As ``--params-file`` of either; what holds for cameras comes with a camera."""
+    more = {"cameras": ["cam0"]} if path.parent.name in ("cameras", "scenes") else {}
+    given = {**files.load(path, "simulator"), **more}
+    of_rig, others = split_rig(given) if more else ({}, given)
+    load_simulator(others)
+    if more:
+        load_rig(of_rig)
+    words = ["-o", "x", "--params-file", str(path), *(["--set", "cameras=[cam0]"] if more else [])]
+    asked = shared.camera_output.parameters(generate.parser().parse_args([*words, "--quiet"]))
+    assert (asked.rig is not None) == bool(more)
 
 
 def test_what_concerns_the_node_alone_is_said(tmp_path, capsys):

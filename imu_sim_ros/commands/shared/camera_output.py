@@ -94,7 +94,9 @@ def parameters(arguments: argparse.Namespace) -> Asked:
         given.update(values)
     node = of_the_node(given)
     if node and not (arguments.quiet or arguments.json):
-        print(f"generate: note: without effect in a file: {', '.join(node)}", file=sys.stderr)
+        shown = dict.fromkeys(name.partition("./")[0] for name in node)  # one for all topics
+        print(f"generate: note: without effect in a file: {', '.join(shown)}", file=sys.stderr)
+    given = {name: value for name, value in given.items() if not files.is_of_ros(name)}
     if not has_cameras(given):
         return Asked(load_simulator(given), None)
     from imu_sim_ros.config.cameras import load_rig, rig_problems, split_rig
