@@ -13,6 +13,8 @@ blocks of any size, and can be made in any order.
 from imu_sim_ros.camera.build import build_scene
 from imu_sim_ros.camera.model import CameraModel, Projection, Rays
 from imu_sim_ros.camera.observe import frames, project, tracks
+from imu_sim_ros.camera.point_file import read_points
+from imu_sim_ros.camera.reprojection import reprojection_errors
 from imu_sim_ros.camera.rig import Blindness, Rig, build_rig
 from imu_sim_ros.camera.scene import Scene, Surfaces
 from imu_sim_ros.camera.tracker import Lines, Tracker, Tracks
@@ -37,5 +39,7 @@ __all__ = [
     "frames",
     "in_camera",
     "project",
+    "read_points",
+    "reprojection_errors",
     "tracks",
 ]

@@ -22,6 +22,7 @@ from imu_sim_ros.commands.shared import (
     add_skip_bad_rows,
     output_and_plot,
     read_track,
+    reprojection,
     skipped_rows,
     truth_topic,
 )
@@ -95,6 +96,7 @@ def parser() -> argparse.ArgumentParser:
         default=0.5,
         help="the truth is not interpolated over longer gaps; default 0.5s",
     )
+    result.add_argument("--tracks", type=Path, metavar="DIR", help=reprojection.HELP)
     result.add_argument("--plot", type=Path, metavar="FILE", help="write a picture")
     result.add_argument(
         "-o", "--output", type=Path, metavar="FILE", help="write the aligned estimate, TUM's form"
@@ -155,6 +157,9 @@ def _made(arguments: argparse.Namespace, written: Outputs) -> dict[str, Any]:
         result["nees"] = _consistency(estimate, rows, errors, velocity_b)
         if result["nees"] is None:
             result["no_nees"] = "the estimate's covariances are singular"
+    result["reprojection"] = None
+    if arguments.tracks is not None:
+        result["reprojection"] = reprojection.reprojection(arguments.tracks, poses, truth.poses)
     if arguments.output is not None:
         write_tum(written.where(arguments.output), poses)
     if arguments.plot is not None:
@@ -361,6 +366,8 @@ def _print(result: dict[str, Any]) -> None:
         _print_consistency(result["nees"])
     else:
         print(f"no NEES: {result['no_nees']}")
+    if result["reprojection"] is not None:
+        print("\n".join(reprojection.lines(result["reprojection"])))
 
 
 def _print_consistency(result: dict[str, Any]) -> None:

@@ -6,8 +6,8 @@
 ``topics`` holds the IMU's samples and the truth, ``tracks`` the features of cameras as tables,
 ``images`` their images as files, ``frames`` and ``features`` both as messages, ``camera_bag`` these
 in a bag, ``vio_data_simulation`` the text files of the simulator of that name; ``columns`` are the
-tables. One home for ``generate``, the public interface and campaigns.
-Imports bags, topics, sensor, camera. What it exports is imported when it is first used.
+tables, ``read_tracks`` reads some of them again. One home for ``generate``, the public interface
+and campaigns. Imports bags, topics, sensor, camera. What it exports is imported when first used.
 """
 
 from typing import TYPE_CHECKING
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from imu_sim_ros.datasets.frames import imagers as imagers
     from imu_sim_ros.datasets.frames import landmarks as landmarks
     from imu_sim_ros.datasets.images import ImageFolders as ImageFolders
+    from imu_sim_ros.datasets.read_tracks import TrackFolder as TrackFolder
+    from imu_sim_ros.datasets.read_tracks import read_track_folder as read_track_folder
     from imu_sim_ros.datasets.topics import BagTarget as BagTarget
     from imu_sim_ros.datasets.topics import DatasetTarget as DatasetTarget
     from imu_sim_ros.datasets.topics import body_of as body_of
@@ -40,6 +42,7 @@ else:
             "features": ["FeatureStream"],
             "frames": ["CameraMessages", "camera_info", "camera_topics", "imagers", "landmarks"],
             "images": ["ImageFolders"],
+            "read_tracks": ["TrackFolder", "read_track_folder"],
             "topics": [
                 "BagTarget",
                 "DatasetTarget",

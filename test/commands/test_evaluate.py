@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ import pytest
 from imu_sim_ros import rotation
 from imu_sim_ros.bags.messages.encode import ODOMETRY, OdometryEncoder
 from imu_sim_ros.bags.write import open_writer
+from imu_sim_ros.commands import generate
 from imu_sim_ros.commands.evaluate import main
 from imu_sim_ros.poses import PoseSequence, read_poses, write_tum
 
@@ -317,3 +319,69 @@ def test_bad_delta(truth, delta, capsys):
     with pytest.raises(SystemExit, match="2"):
         main([str(truth), str(truth), f"--rpe={delta}"])
     assert "is not a delta such as 1s, 10m or 5frames" in capsys.readouterr().err
+
+
+@pytest.fixture(scope="module")
+def tracks(tmp_path_factory):
+    """Two cameras with pixel noise of 0.7 px, and the truth at 200 Hz."""
+    folder = tmp_path_factory.mktemp("tracks") / "flight"
+    words = (
+        f"-o {folder} --format tracks --trajectory figure_eight --duration 5s --seed 3 --quiet "
+        "--camera euroc_cam0 --camera tum_vi_cam0 --scene cloud --set camera.body_axes=flu "
+        "--set camera.pixel_noise=0.7 --set camera.outlier_probability=0.05 "
+        "--set cam1.camera.row_time=2e-5 --set camera.time_offset=0.01"
+    )
+    assert generate.main(words.split()) == 0
+    return folder
+
+
+def test_the_true_path_leaves_the_pixel_noise(tracks, capsys):
+    """2 n values of known deviation: theirs is within 3 / sqrt(4 n) of it, n above 5000: 2.1 %."""
+    path = tracks / "groundtruth.tum"
+    found = result(capsys, path, path, "--tracks", tracks)["reprojection"]
+    assert [entry["camera"] for entry in found] == ["cam0", "cam1"]
+    for entry in found:
+        assert entry["features"] > 5000
+        assert entry["rms_px"] == pytest.approx(0.7, rel=0.021)
+        assert entry["rms_px"] == entry["rms_px_of_truth"]
+        assert entry["behind"] == 0
+
+
+def test_a_turned_path_sees_landmarks_elsewhere(tracks, capsys, tmp_path):
+    """1 degree about the view of a pinhole with f = 458 px is 8 px at the centre."""
+    poses = read_poses(tracks / "groundtruth.tum")
+    turn = rotation.from_euler(np.array([[0.0, 0.0, np.radians(1.0)]]))
+    off = saved(tmp_path, poses._replace(q_wb=rotation.multiply(poses.q_wb, turn)))
+    entry = result(capsys, off, tracks / "groundtruth.tum", "--tracks", tracks)["reprojection"][0]
+    assert 7.0 < entry["median_px"] < 12.0
+    assert entry["rms_px_of_truth"] == pytest.approx(0.7, rel=0.021)
+    status, out, _ = run(capsys, off, tracks / "groundtruth.tum", "--tracks", tracks)
+    assert status == 0
+    assert "reprojection, cam0:" in out
+
+
+def test_frames_without_a_pose_near_them_are_left_out(tracks, capsys, tmp_path):
+    poses = read_poses(tracks / "groundtruth.tum")
+    sparse = saved(tmp_path, PoseSequence(*(column[::100] for column in poses[:3])))
+    entry = result(capsys, sparse, tracks / "groundtruth.tum", "--tracks", tracks)["reprojection"]
+    assert entry[0]["rms_px"] == pytest.approx(0.7, rel=0.1)  # 10 frames
+    # Rows of a rolling shutter are between poses half a second apart.
+    assert len(entry) == 1 or entry[1]["features"] < 50
+
+
+def test_bad_tracks_are_one_line(tracks, capsys, tmp_path):
+    path = tracks / "groundtruth.tum"
+    status, _, errors = run(capsys, path, path, "--tracks", tmp_path / "none")
+    assert (status, len(errors)) == (2, 1)
+    copy = tmp_path / "copy"
+    shutil.copytree(tracks, copy)
+    (copy / "tracks.npz").write_bytes((copy / "tracks.npz").read_bytes()[:1000])
+    status, _, errors = run(capsys, path, path, "--tracks", copy)
+    assert (status, len(errors)) == (2, 1)
+    assert "is not the tracks.npz of generate" in errors[0]
+    with np.load(tracks / "tracks.npz") as archive:
+        arrays = dict(archive)
+    np.savez(copy / "tracks.npz", **{**arrays, "landmark": arrays["landmark"] + 10**6})
+    status, _, errors = run(capsys, path, path, "--tracks", copy)
+    assert (status, len(errors)) == (2, 1)
+    assert "landmark: must be 0 to" in errors[0]

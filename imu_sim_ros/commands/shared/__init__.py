@@ -4,7 +4,8 @@
 """What several commands share: their outputs and their files of poses, with the arguments.
 
 ``bag_output`` and ``camera_output`` are what makes a bag or dataset, ``side_files`` what
-``generate`` puts beside it, ``tracks`` trajectories to be compared. Sees every room. What is
+``generate`` puts beside it, ``tracks`` trajectories to be compared,
+``reprojection`` what cameras saw against them. Sees every room. What is
 exported is imported when it is first used.
 """
 
@@ -15,6 +16,7 @@ from imu_sim_ros.lazy import exported
 if TYPE_CHECKING:
     from imu_sim_ros.commands.shared import bag_output as bag_output
     from imu_sim_ros.commands.shared import camera_output as camera_output
+    from imu_sim_ros.commands.shared import reprojection as reprojection
     from imu_sim_ros.commands.shared.output_arguments import PICTURES as PICTURES
     from imu_sim_ros.commands.shared.output_arguments import add_force as add_force
     from imu_sim_ros.commands.shared.output_arguments import output_and_plot as output_and_plot
@@ -36,7 +38,7 @@ else:
     __getattr__, __dir__, __all__ = exported(
         __name__,
         {
-            "": ["bag_output", "camera_output"],
+            "": ["bag_output", "camera_output", "reprojection"],
             "output_arguments": ["PICTURES", "add_force", "output_and_plot", "outputs"],
             "pose_arguments": ["PoseReader", "add_skip_bad_rows", "skipped_rows"],
             "side_files": ["configs", "describe", "new_truths", "write_configs"],
