@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.navigation import interpolate_poses
+from imu_sim_ros.navigation.comparison import interpolate_poses
 from imu_sim_ros.poses import PoseSequence
 
 HELP: Final = (
