@@ -15,7 +15,7 @@ from imu_sim_ros.simulation import BLOCK_SIZE, Simulation
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "simulation"))
 
-from runs import EVERY_TERM  # the configuration of the tests of bit-identity
+from simulation_runs import EVERY_TERM  # the configuration of the tests of bit-identity
 
 GNSS_INS_SIM = 447e3
 """samples/s of gnss-ins-sim, facts.md"""

@@ -10,11 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-from imu_sim_ros.config import files
-from imu_sim_ros.config.simulation import load_simulation
-from imu_sim_ros.simulation import Simulation
-from test.simulation.runs import (
+from simulation_runs import (
     EVERY_TERM,
     RANDOM_TERMS,
     SAMPLES,
@@ -23,6 +19,10 @@ from test.simulation.runs import (
     joined,
     perfect,
 )
+
+from imu_sim_ros.config import files
+from imu_sim_ros.config.simulation import load_simulation
+from imu_sim_ros.simulation import Simulation
 
 SAMPLINGS: dict[str, dict[str, object]] = {
     "instantaneous": {},
@@ -70,9 +70,8 @@ def test_irregular_pieces_are_the_whole() -> None:
 
 def test_another_process_makes_the_same_bits() -> None:
     source = (
-        "import sys, importlib.util as u\n"
-        f"spec = u.spec_from_file_location('t', {str(Path(__file__).with_name('runs.py'))!r})\n"
-        "t = u.module_from_spec(spec); spec.loader.exec_module(t)\n"
+        f"import sys; sys.path.append({str(Path(__file__).parent)!r})\n"
+        "import simulation_runs as t\n"
         "print(t.fingerprint(t.perfect({**t.EVERY_TERM, 'trajectory.type': 'lecture'}), 333))\n"
     )
     root = str(Path(__file__).parents[2])

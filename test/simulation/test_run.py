@@ -10,12 +10,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from simulation_runs import EVERY_TERM, RANDOM_TERMS, perfect, simulation
 
 from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.sensor.faults import Fault
 from imu_sim_ros.simulation import Simulation
-from test.simulation.runs import EVERY_TERM, RANDOM_TERMS, perfect, simulation
 
 
 def test_total_and_blocks() -> None:
