@@ -34,7 +34,8 @@ def complete(parser: argparse.ArgumentParser) -> None:
         with suppress(ImportError):
             import argcomplete
 
-            argcomplete.autocomplete(parser, default_completer=_names_and_files)
+            completer: Any = _names_and_files  # any callable will do; its type asks for a class
+            argcomplete.autocomplete(parser, default_completer=completer)
 
 
 def subcommand() -> str | None:
