@@ -87,3 +87,11 @@ def test_notebooks_run_from_top_to_bottom(notebook, tmp_path):
 def test_notebooks_are_kept_without_outputs(notebook):
     cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
     assert all(not cell["outputs"] for cell in cells if cell["cell_type"] == "code")
+
+
+@pytest.mark.ros  # the numbers are those of one NumPy release
+def test_the_script_of_the_readme_prints_what_stands_below_it(tmp_path):
+    readme = (EXAMPLES.parent / "README.md").read_text(encoding="utf-8")
+    code, printed = re.findall(r"```python\n(.*?)```\n```\n(.*?)```", readme, re.DOTALL)[0]
+    (tmp_path / "five_lines.py").write_text(code)
+    assert run(tmp_path / "five_lines.py", tmp_path) == printed
