@@ -43,6 +43,8 @@ build: .venv/built
 
 .venv/built: .venv/installed $(INPUTS)
 	@echo "make: colcon build"
+	# Links of an earlier build to files that have gone since; colcon would end there.
+	[ ! -d build ] || find build install -xtype l -delete
 	$(CLEAN) PATH="$$PWD/$(BIN):$$PATH" AMENT_PREFIX_PATH="$$PWD/.venv" VIRTUAL_ENV="$$PWD/.venv" \
 	  $(BIN)/colcon --log-level error build --symlink-install \
 	  --event-handlers console_direct- console_start_end- >build.log 2>&1 || {

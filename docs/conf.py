@@ -11,12 +11,14 @@ from xml.etree import ElementTree
 from pygments.lexers.special import TextLexer
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT))
 
 project = "imu_sim_ros"
 author = "imu_sim_ros maintainers"
 copyright = "2026, imu_sim_ros maintainers"
-release = version = ElementTree.parse(ROOT / "package.xml").getroot().findtext("version")
+# rosdoc2 runs a copy of this file elsewhere, gives the version, and documents what is installed.
+if (ROOT / "package.xml").is_file():
+    sys.path.insert(0, str(ROOT))
+    release = version = ElementTree.parse(ROOT / "package.xml").getroot().findtext("version")
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.mathjax"]
 source_suffix = {".md": "markdown"}
