@@ -67,9 +67,9 @@ SETTINGS: Final = (
     Setting(4, 50, "exact", False, 30),
     Setting(2, 200, "simulator", True, 50),
     Setting(1, 200, "simulator", False, 30),
-    Setting(1, 1000, "simulator", False, 10),
-    Setting(4, 200, "simulator", False, 10),
-    Setting(4, 1000, "simulator", False, 4),
+    Setting(1, 1000, "simulator", False, 5),
+    Setting(4, 200, "simulator", False, 5),
+    Setting(4, 1000, "simulator", False, 1),
 )
 
 

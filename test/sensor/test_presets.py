@@ -152,6 +152,7 @@ def test_every_preset_has_grade_price_class_and_source() -> None:
         assert entry.grade
         assert entry.price
         assert entry.sources or entry.name == "perfect"
+        assert all(source.endswith(".") for source in entry.sources)  # whole ones
 
 
 def test_grades_are_in_order() -> None:

@@ -47,8 +47,8 @@ it leaves no doubt.
 """
 KEYS: Final = (*(term.key for term in TERMS), RAMP)
 """Of the standard model's parameters."""
-_NOT_FLICKER: Final = 3.0 * 0.032
-"""Departure of flicker from 1/f, over its density at the highest frequency."""
+_NOT_FLICKER: Final = {WHITE.key: 3.0 * 0.032, QUANTISATION.key: 1.5}
+"""What flicker may lack that these terms stand for, over its density at the highest frequency."""
 _MARGIN: Final = 0.02
 """Share of an interval that a value keeps from its ends."""
 
@@ -123,16 +123,17 @@ def _beside_flicker(
 ) -> dict[str, Interval]:
     """Return the ends with those of Q and N as far apart as a flicker that is not quite 1/f asks.
 
-    The simulator's is 1/f within 3.2 %, and no sensor's is exact. What it departs by at a third of
-    the highest frequency may pass for white noise, or at the highest for quantisation. That matters
-    where flicker prevails up to there alone; below white noise it is nothing.
+    The simulator's is 1/f within 3.2 %, and no sensor's is exact: what it departs by at a third of
+    the highest frequency may pass for white noise. Behind a low-pass that rounding hides there is
+    no flicker, and quantisation takes its place. That matters where flicker prevails up to there
+    alone; below white noise it is nothing.
     """
     top = int(np.argmax(spectrum.frequency))
     flicker = np.square(ends[FLICKER.key].value) * design[top, TERMS.index(FLICKER)]
     result = dict(ends)
     for term in (QUANTISATION, WHITE):
         end = ends[term.key]
-        apart = _NOT_FLICKER * flicker / design[top, TERMS.index(term)]
+        apart = _NOT_FLICKER[term.key] * flicker / design[top, TERMS.index(term)]
         low = float(np.sqrt(max(end.low**2 - apart, 0.0)))
         result[term.key] = end._replace(low=low, high=float(np.sqrt(end.high**2 + apart)))
     return result
