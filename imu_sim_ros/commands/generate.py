@@ -62,8 +62,8 @@ def parser() -> argparse.ArgumentParser:
     group.add_argument(
         "--with-configs",
         action="store_true",
-        help="write the IMU for kalibr, VINS, OpenVINS, ORB_SLAM3, Basalt, imu_utils and "
-        "allan_variance_ros, and all parameters, to OUTPUT_configs",
+        help="write the IMU, and the cameras, for kalibr, VINS, OpenVINS, ORB_SLAM3, Basalt, "
+        "imu_utils and allan_variance_ros, and all parameters, to OUTPUT_configs",
     )
     common.add_output_arguments(result)
     result.add_argument(
@@ -145,8 +145,7 @@ def _generated(
         _write(body, target, arguments)
     if arguments.with_configs:
         folder = written.where(shared.configs(arguments.output))
-        topics = {name: names.get(f"{name}/{IMU_TOPIC}".lstrip("/")) for name in imus}
-        shared.write_configs(folder, imus, topics)
+        shared.write_configs(folder, imus, names, asked.rig)
         camera_output.write_parameters(folder, arguments.output.name, asked)
     return {
         "output": str(arguments.output),

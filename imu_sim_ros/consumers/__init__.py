@@ -3,15 +3,16 @@
 
 """The files each stack wants beside a bag; one file per stack.
 
-A stack's module turns the values of an IMU into the text of its file. Continuous-time densities
-(kalibr, OpenVINS, ORB_SLAM3, Basalt) and values per sample (VINS, imu_utils) are mixed up again and
-again; each file says what its numbers mean, whether it is whole or a fragment to paste, and which
-simulated terms its format has no place for.
+A stack's module turns the values of an IMU, and of the cameras beside it, into the text of its
+files. Continuous-time densities (kalibr, OpenVINS, ORB_SLAM3, Basalt) and values per sample (VINS,
+imu_utils) are mixed up again and again; each file says what its numbers mean, whether it is whole
+or a fragment to paste, and which simulated terms its format has no place for.
 
 May import the leaves and bags (folders and decimal numbers).
 """
 
 from imu_sim_ros.consumers.folder import write_all
+from imu_sim_ros.consumers.rig import RigValues
 from imu_sim_ros.consumers.values import ImuValues
 
-__all__ = ["ImuValues", "write_all"]
+__all__ = ["ImuValues", "RigValues", "write_all"]

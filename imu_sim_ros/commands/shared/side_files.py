@@ -13,19 +13,22 @@ both.
 import dataclasses
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from imu_sim_ros.bags import make_folder
 from imu_sim_ros.bags.text import writer as text_writer
 from imu_sim_ros.config import SimulationParameters, files, flatten
-from imu_sim_ros.consumers import ImuValues, write_all
-from imu_sim_ros.conventions import IMU_TOPIC
+from imu_sim_ros.consumers import ImuValues, RigValues, write_all
+from imu_sim_ros.conventions import COMPRESSED_TOPIC, IMAGE_TOPIC, IMU_TOPIC
 from imu_sim_ros.datasets import imus_of, resolved
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.sensor import realised_imu
 from imu_sim_ros.simulation import Simulation
+
+if TYPE_CHECKING:
+    from imu_sim_ros.config.cameras import RigParameters
 
 _SUFFIXES: Final = (".bag", ".mcap", ".csv")
 """What is not part of the name of the truth; folders have none of them."""
@@ -105,18 +108,34 @@ def _truth_text(parameters: SimulationParameters) -> str:
 
 
 def write_configs(
-    folder: Path, imus: Mapping[str, Simulation], topics: Mapping[str, str | None]
+    folder: Path,
+    imus: Mapping[str, Simulation],
+    names: Mapping[str, str],
+    rig: "RigParameters | None",
 ) -> None:
     """Write the files of all stacks; several IMUs have a folder each, of their names.
 
-    :param topics: of each IMU's readings; None: they are not written.
+    :param names: of the topics that are written, by their own names.
+    :param rig: the cameras, where there are some.
     """
     if "" not in imus:
         make_folder(folder)
     for name, simulation in imus.items():
-        topic = resolved(topics[name] or f"{name}/{IMU_TOPIC}")
+        own = f"{name}/{IMU_TOPIC}".lstrip("/")
         duration = simulation.position / simulation.parameters.rate
-        write_all(folder / name, _values(simulation.parameters, topic, duration))
+        values = _values(simulation.parameters, resolved(names.get(own, own)), duration)
+        seen = None
+        if rig is not None and rig.cameras:
+            topics = {camera: _images(camera, names) for camera in rig.cameras}
+            seen = RigValues(values, rig.each(), topics, rig.scene)
+        write_all(folder / name, values, seen)
+
+
+def _images(camera: str, names: Mapping[str, str]) -> str:
+    """Return the topic of a camera's images: the raw one, unless only the compressed is there."""
+    raw, compressed = (f"{camera}/{topic}" for topic in (IMAGE_TOPIC, COMPRESSED_TOPIC))
+    key = compressed if compressed in names and raw not in names else raw
+    return resolved(names.get(key, key))
 
 
 def describe(folder: Path, index: int, parameters: SimulationParameters, states: bool) -> None:
