@@ -30,11 +30,13 @@ from imu_sim_ros.campaign.results import (
     write_tables,
 )
 from imu_sim_ros.campaign.summary import groups, summary_rows
-from imu_sim_ros.config import CommandEstimator
+from imu_sim_ros.config import CalibrationEstimator, CommandEstimator
 
 _NUMBER: Final = re.compile(r"(?<![\w.])\d+(\.\d+)?(e[-+]?\d+)?\b")
 _BUILT_IN_BATCH: Final = 50
 """Seeds in a task: large enough that a cell's covariance is not made often (30 us a sample)."""
+_RECORDS: Final = 5
+"""Seeds in a task of calibrations, whose records are long."""
 
 Engine = Callable[[Plan, Iterable[Task], Path], Generator[list[Row], None, None]]
 Progress = Callable[[int], None]
@@ -60,6 +62,8 @@ def batch_size(plan: Plan) -> int:
     """Return how many seeds a task has."""
     if any(isinstance(one, CommandEstimator) for one in plan.estimators.values()):
         return 1
+    if any(isinstance(one, CalibrationEstimator) for one in plan.estimators.values()):
+        return min(_RECORDS, len(plan.seeds))
     return min(_BUILT_IN_BATCH, len(plan.seeds))
 
 

@@ -4,12 +4,14 @@
 """The numbers that a run is judged by."""
 
 import re
+from collections.abc import Collection
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.config import shown
+from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.navigation.comparison import absolute_errors, distances, pairs, relative_errors
 from imu_sim_ros.poses import PoseSequence
@@ -27,6 +29,28 @@ POSE: Final = (
 STATE: Final = ("final_velocity_error_m_s", "nees_position", "nees_attitude", "nees_velocity")
 COMMAND: Final = ("scale_error", "initialisation_s", "wall_s", "real_time_factor", "peak_memory_mb")
 """Of programs: these say how it ran, and are not the same twice."""
+
+NOISE: Final = ("noise_density", "random_walk", "bias_instability")
+"""What campaigns of ``allan`` are judged by, of each triad."""
+CALIBRATED: Final = (
+    "accelerometer_scale_misalignment",
+    "accelerometer_bias",
+    "gyroscope_scale_misalignment",
+    "gyroscope_bias",
+    "gyroscope_g_sensitivity",
+)
+"""What campaigns of ``calibrate`` are judged by."""
+
+
+def calibration_names(kinds: Collection[str]) -> tuple[str, ...]:
+    """Return the names of the metrics of calibrations."""
+    names: list[str] = []
+    if "allan" in kinds:
+        quantities = [f"{triad}_{key}" for triad in TRIADS for key in NOISE]
+        names += [f"{one}_{kind}" for one in quantities for kind in ("ratio", "covered")]
+    if {"six_position", "turntable"} & set(kinds):
+        names += [f"{one}_{kind}" for one in CALIBRATED for kind in ("error", "sigmas")]
+    return tuple(names)
 
 
 class Relative(NamedTuple):

@@ -25,9 +25,16 @@ from imu_sim_ros.campaign.cells import (
 )
 from imu_sim_ros.campaign.faults import TimedFault, read_faults
 from imu_sim_ros.campaign.gate import Requirement, parse
-from imu_sim_ros.campaign.metrics import Relative, metric_names, parse_relative
+from imu_sim_ros.campaign.metrics import (
+    Relative,
+    calibration_names,
+    metric_names,
+    parse_relative,
+)
 from imu_sim_ros.config import (
+    CALIBRATIONS,
     PLACES,
+    CalibrationEstimator,
     CampaignParameters,
     CommandEstimator,
     DeadReckonEstimator,
@@ -45,7 +52,7 @@ from imu_sim_ros.errors import ConfigurationError
 if TYPE_CHECKING:
     from imu_sim_ros.config.cameras import RigParameters
 
-Estimator = DeadReckonEstimator | CommandEstimator
+Estimator = DeadReckonEstimator | CommandEstimator | CalibrationEstimator
 
 SUFFIX: Final = (".yaml", ".yml")
 _KEYS: Final = ("parameters", "grid", "seeds", "faults", "estimators", "rpe", "require")
@@ -73,7 +80,7 @@ class Plan:
     @property
     def metrics(self) -> tuple[str, ...]:
         """The names of all metrics, in the order of the results' columns."""
-        return metric_names(self.relative)
+        return _metrics(self.relative, self.estimators)
 
     @property
     def grid_names(self) -> tuple[str, ...]:
@@ -139,6 +146,15 @@ class Plan:
         }
         text = json.dumps(content, sort_keys=True, default=list)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _metrics(
+    relative: tuple[Relative, ...], estimators: Mapping[str, Estimator]
+) -> tuple[str, ...]:
+    """Return the names of the metrics that the estimators can have."""
+    kinds = {one.type for one in estimators.values()}
+    poses = () if kinds and kinds <= set(CALIBRATIONS) else metric_names(relative)
+    return (*poses, *calibration_names(kinds))
 
 
 @contextmanager
@@ -217,7 +233,7 @@ def read_plan(tree: Mapping[str, Any]) -> Plan:
     estimators, environment = attempt(lambda: _estimators(tree.get("estimators")), ({}, {}))
     relative = attempt(lambda: parse_relative(tree.get("rpe")), ())
     names = [name for axis in axes for name in axis.names]
-    metrics = metric_names(relative)
+    metrics = _metrics(relative, estimators)
     require = attempt(
         lambda: parse(tree.get("require"), metrics, [*names, "estimator"]),
         [],

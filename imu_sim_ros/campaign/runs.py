@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 import imu_sim_ros
 from imu_sim_ros.bags import read_poses
 from imu_sim_ros.campaign.cells import Cell, word
+from imu_sim_ros.campaign.estimators import run_calibration, run_command
 from imu_sim_ros.campaign.metrics import Metrics, pose_metrics
 from imu_sim_ros.campaign.plan import Plan
-from imu_sim_ros.config import CommandEstimator, DeadReckonEstimator
+from imu_sim_ros.config import CalibrationEstimator, CommandEstimator, DeadReckonEstimator
 from imu_sim_ros.errors import ConfigurationError, ImuSimError
 from imu_sim_ros.navigation import NavigationStates, dead_reckon, noise_of
 from imu_sim_ros.navigation.comparison import Truth, attitude_errors, drift_from, nees
@@ -77,14 +78,23 @@ class CellRuns:
     ) -> Iterator[dict[str, Any]]:
         """Yield one row of results for each seed and estimator."""
         for seed in seeds:
-            try:
-                block = self.block(seed)
-            except ImuSimError as error:
-                for name in estimators:
-                    yield self._row(seed, name, f"failed: {error.problems[0]}", {})
-                continue
+            block = None
             for name in estimators:
-                yield self._one(seed, name, block, folder)
+                estimator = self.plan.estimators[name]
+                try:
+                    if isinstance(estimator, CalibrationEstimator):
+                        # It takes the record in blocks: one of hours would not fit.
+                        metrics = run_calibration(self, estimator, seed)
+                    else:
+                        block = self.block(seed) if block is None else block
+                        metrics = self._navigated(estimator, name, seed, block, folder)
+                    _check(metrics, self.plan.options.diverged_above)
+                except Failure as failure:
+                    yield self._row(seed, name, f"failed: {failure}", {})
+                except ImuSimError as error:
+                    yield self._row(seed, name, f"failed: {error.problems[0]}", {})
+                else:
+                    yield self._row(seed, name, DONE, metrics)
 
     def block(self, seed: int) -> ImuBlock:
         """Return all samples of a seed."""
@@ -97,21 +107,17 @@ class CellRuns:
             simulation.inject(timed.fault, timed.at)
         return simulation
 
-    def _one(self, seed: int, name: str, block: ImuBlock, folder: Path) -> dict[str, Any]:
-        estimator = self.plan.estimators[name]
-        try:
-            if isinstance(estimator, CommandEstimator):
-                from imu_sim_ros.campaign.estimators import run_command
-
-                metrics = run_command(self, estimator, name, seed, block, folder)
-            else:
-                metrics = self._dead_reckon(estimator, block)
-            _check(metrics, self.plan.options.diverged_above)
-        except Failure as failure:
-            return self._row(seed, name, f"failed: {failure}", {})
-        except ImuSimError as error:
-            return self._row(seed, name, f"failed: {error.problems[0]}", {})
-        return self._row(seed, name, DONE, metrics)
+    def _navigated(
+        self,
+        estimator: CommandEstimator | DeadReckonEstimator,
+        name: str,
+        seed: int,
+        block: ImuBlock,
+        folder: Path,
+    ) -> Metrics:
+        if isinstance(estimator, CommandEstimator):
+            return run_command(self, estimator, name, seed, block, folder)
+        return self._dead_reckon(estimator, block)
 
     def _row(self, seed: int, name: str, status: str, metrics: Metrics) -> dict[str, Any]:
         return {

@@ -73,9 +73,9 @@ def parser() -> argparse.ArgumentParser:
     )
     result.add_argument(
         "--metric",
-        default="ate_rmse_m",
+        default="",
         metavar="NAME",
-        help="metric of the tables and of --baseline (%(default)s)",
+        help="metric of the tables and of --baseline; default: ate_rmse_m, or the plan's first",
     )
     result.add_argument("--no-report", action="store_true", help="write no report.html")
     result.add_argument("--check", action="store_true", help="check the plan and say what it runs")
@@ -153,6 +153,7 @@ def _check(arguments: argparse.Namespace, plan: "Plan") -> None:
     problems = []
     if arguments.workers < 1:
         problems.append(f"--workers {arguments.workers}: must be at least 1")
+    arguments.metric = arguments.metric or plan.metrics[0]
     if arguments.metric not in plan.metrics:
         problems.append(f"--metric {arguments.metric}: must be one of {', '.join(plan.metrics)}")
     if arguments.resume and arguments.force:

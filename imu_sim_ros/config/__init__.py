@@ -14,7 +14,9 @@ from imu_sim_ros.lazy import exported
 
 if TYPE_CHECKING:
     from imu_sim_ros.config import files as files
+    from imu_sim_ros.config.campaign import CALIBRATIONS as CALIBRATIONS
     from imu_sim_ros.config.campaign import PLACES as PLACES
+    from imu_sim_ros.config.campaign import CalibrationEstimator as CalibrationEstimator
     from imu_sim_ros.config.campaign import CampaignParameters as CampaignParameters
     from imu_sim_ros.config.campaign import CommandEstimator as CommandEstimator
     from imu_sim_ros.config.campaign import DeadReckonEstimator as DeadReckonEstimator
@@ -80,9 +82,11 @@ else:
                 "files",
             ],
             "campaign": [
+                "CalibrationEstimator",
                 "CampaignParameters",
                 "CommandEstimator",
                 "DeadReckonEstimator",
+                "CALIBRATIONS",
                 "PLACES",
                 "find_estimator",
             ],

@@ -13,6 +13,8 @@ from imu_sim_ros.errors import ConfigurationError
 ALIGNMENTS = ("none", "yaw", "se3", "sim3")
 DATASETS = ("euroc", "tracks", "rosbag2", "ros1", "mcap")
 ESTIMATES = ("tum", "euroc", "bag")
+CALIBRATIONS = ("allan", "six_position", "turntable")
+KINDS = ("dead_reckon", "command", *CALIBRATIONS)
 KEEP = ("none", "failed", "all")
 PLACES = ("dataset", "config", "estimate", "folder", "seed", "python", "share")
 """What a command may name in braces."""
@@ -42,7 +44,7 @@ class CampaignParameters:
 class DeadReckonEstimator:
     """Dead reckoning from the true initial state."""
 
-    type: str = choice("dead_reckon", ("dead_reckon", "command"), "kind of the estimator")
+    type: str = choice("dead_reckon", KINDS, "kind of the estimator")
     method: str = choice("midpoint", METHODS, "how position and velocity are integrated")
     attitude_update: str = choice("so3", ATTITUDE_UPDATES, "how the attitude is integrated")
 
@@ -51,7 +53,7 @@ class DeadReckonEstimator:
 class CommandEstimator:
     """A program of any kind that reads a dataset and writes a trajectory."""
 
-    type: str = choice("command", ("dead_reckon", "command"), "kind of the estimator")
+    type: str = choice("command", KINDS, "kind of the estimator")
     command: str = text(
         "",
         "the program and its arguments; in braces: " + ", ".join(PLACES),
@@ -79,12 +81,24 @@ class CommandEstimator:
             yield f"{prefix}command = {self.command!r}: must name a program"
 
 
+@dataclass(frozen=True)
+class CalibrationEstimator:
+    """What ``allan`` or ``calibrate`` makes of a record, beside the sensor that made it."""
+
+    type: str = choice("allan", KINDS, "kind of the estimator")
+    model: str = choice("standard", ("standard", "gauss_markov"), "of allan: the noise model")
+
+
 def find_estimator(kind: str) -> type:
     """Return the parameters of a kind of estimator.
 
     :raises ConfigurationError: for an unknown kind.
     """
-    kinds = {"dead_reckon": DeadReckonEstimator, "command": CommandEstimator}
+    kinds = {
+        "dead_reckon": DeadReckonEstimator,
+        "command": CommandEstimator,
+        **dict.fromkeys(CALIBRATIONS, CalibrationEstimator),
+    }
     if kind not in kinds:
         raise ConfigurationError(f"type = {kind!r}: must be one of {', '.join(kinds)}")
     return kinds[kind]

@@ -78,6 +78,25 @@ def test_without_alignment_the_offset_is_an_error(run):
     assert row["ate_rmse_m"] > 1.0
 
 
+def test_covariances_of_an_estimate_give_its_nees(run):
+    """OpenVINS' columns: an error of 0.3 m along x at a sigma of 0.1 m is a NEES of 9."""
+    program = """
+import csv, sys
+rows = list(csv.reader(open(sys.argv[1] + "/mav0/state_groundtruth_estimate0/data.csv")))[1:]
+with open(sys.argv[2], "w") as file:
+    for row in rows:
+        x, y, z = map(float, row[1:4])
+        w, i, j, k = row[4:8]
+        sigmas = "1e-4 0 0 1e-4 0 1e-4 0.01 0 0 0.01 0 0.01"
+        print(f"{int(row[0]) * 1e-9:.9f} {x + 0.3} {y} {z} {i} {j} {k} {w} {sigmas}", file=file)
+"""
+    row = run(program, "{dataset} {estimate}", align="none")
+    assert row["status"] == "done"
+    assert row["nees_position"] == pytest.approx(9.0, rel=1e-6)
+    assert row["nees_attitude"] == pytest.approx(0.0, abs=1e-6)
+    assert run(program, "{dataset} {estimate}", align="yaw")["nees_position"] is None
+
+
 @pytest.mark.parametrize("form", ["rosbag2", "ros1", "mcap"])
 def test_datasets_of_every_form_are_read_by_rosbags(run, form):
     program = """

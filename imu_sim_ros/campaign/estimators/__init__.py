@@ -11,6 +11,9 @@ from typing import TYPE_CHECKING
 from imu_sim_ros.lazy import exported
 
 if TYPE_CHECKING:
+    from imu_sim_ros.campaign.estimators.calibrations import run_calibration as run_calibration
     from imu_sim_ros.campaign.estimators.command import run_command as run_command
 else:
-    __getattr__, __dir__, __all__ = exported(__name__, {"command": ["run_command"]})
+    __getattr__, __dir__, __all__ = exported(
+        __name__, {"calibrations": ["run_calibration"], "command": ["run_command"]}
+    )

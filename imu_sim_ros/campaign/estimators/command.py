@@ -24,16 +24,25 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from imu_sim_ros.campaign.metrics import Metrics, pose_metrics
 from imu_sim_ros.config import CommandEstimator, files
 from imu_sim_ros.errors import ImuSimError
-from imu_sim_ros.navigation.comparison import align, common_rows, interpolate_poses
+from imu_sim_ros.navigation.comparison import (
+    absolute_errors,
+    align,
+    common_rows,
+    interpolate_poses,
+    nees,
+)
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.sensor import ImuBlock
 
 if TYPE_CHECKING:
     from imu_sim_ros.campaign.runs import CellRuns
+
+Array = NDArray[np.float64]
 
 OUTPUT: Final = "output.txt"
 """What the program printed."""
@@ -287,7 +296,7 @@ def _compare(
     if not path.exists():
         raise Failure("no estimate was written")
     try:
-        poses = read_poses(path, estimator.estimate_topic or None)
+        poses = read_poses(path, estimator.estimate_topic or None, covariance=True)
         motion = block.motion
         truth = PoseSequence(block.true_t_ns, motion.position, motion.q_wb)
         rows = common_rows(poses.t_ns, truth.t_ns)
@@ -299,7 +308,30 @@ def _compare(
     there = interpolate_poses(truth, estimate.t_ns)
     found_alignment = align(estimate.position, there.position, estimator.align)
     metrics = pose_metrics(found_alignment.apply(estimate), there, runs.plan.relative)
+    if poses.covariance is not None and estimator.align == "none":
+        metrics.update(_consistency(estimate, there, poses.covariance[rows]))
     with contextlib.suppress(ImuSimError):
         metrics["scale_error"] = align(estimate.position, there.position, "sim3").scale - 1.0
     metrics["initialisation_s"] = float(poses.t_ns[0] - block.true_t_ns[0]) * 1e-9
     return metrics
+
+
+def _consistency(estimate: PoseSequence, truth: PoseSequence, covariance: Array) -> Metrics:
+    """Return the NEES of the last pose, of position and attitude.
+
+    An alignment takes out a part of the error that the covariance still holds: without it only.
+    """
+    last = slice(len(estimate.t_ns) - 1, None)
+    errors = absolute_errors(
+        PoseSequence(estimate.t_ns[last], estimate.position[last], estimate.q_wb[last]),
+        PoseSequence(truth.t_ns[last], truth.position[last], truth.q_wb[last]),
+    )
+    found: Metrics = {}
+    for name, error, place in (
+        ("nees_position", errors.position, slice(0, 3)),
+        ("nees_attitude", errors.attitude, slice(3, 6)),
+    ):
+        part = covariance[last, place, place]
+        if np.linalg.matrix_rank(part[0], hermitian=True) == 3:
+            found[name] = float(nees(error, part)[0])
+    return found
