@@ -113,17 +113,25 @@ def run(
         for row in store.rows()
         if not (retry_failed and str(row["status"]).startswith("failed"))
     }
-    new = 0
+    new, interrupted = 0, False
     try:
         with closing(start(plan, tasks(plan, there, batch_size(plan)), store.folder)) as batches:
             for rows in batches:
                 store.append(rows)
                 new += len(rows)
                 advance(len(rows))
+    except KeyboardInterrupt:
+        interrupted = True
+        raise
     finally:
         rows = collect(plan, store)
         write_tables(store.folder, rows, columns(plan))
-        write_summary(store.folder, plan, rows)
+        if (
+            interrupted
+        ):  # nobody waits for the statistics of a part, and those of before are no more
+            (store.folder / SUMMARY).unlink(missing_ok=True)
+        else:
+            write_summary(store.folder, plan, rows)
         write_versions(store.folder)
     return Outcome(rows, new, len(rows) == plan.run_count)
 

@@ -4,8 +4,9 @@
 """The runs of a campaign on a Dask cluster (``dask.distributed``, an extra)."""
 
 import os
+import signal
 from collections.abc import Callable, Generator, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -14,7 +15,7 @@ from imu_sim_ros.campaign.plan import Plan
 from imu_sim_ros.errors import InputError, MissingDependencyError
 
 if TYPE_CHECKING:
-    from distributed import Client
+    from distributed import Client, LocalCluster
 
 Row = dict[str, Any]
 
@@ -45,7 +46,11 @@ def client(scheduler: str | None, workers: int) -> Iterator["Client"]:
             LocalCluster(n_workers=workers, threads_per_worker=1) as cluster,
             Client(cluster) as found,
         ):
-            yield found
+            try:
+                yield found
+            except KeyboardInterrupt:
+                _kill(cluster)
+                raise
         return
     try:
         found = Client(scheduler, timeout=_CONNECT_S)
@@ -53,6 +58,15 @@ def client(scheduler: str | None, workers: int) -> Iterator["Client"]:
         raise InputError(f"--scheduler {scheduler}: {error}") from None
     with found:
         yield found
+
+
+def _kill(cluster: "LocalCluster") -> None:
+    """End the worker processes at once: asked, they take seconds, and nothing of theirs is kept."""
+    for nanny in cluster.workers.values():
+        nanny.auto_restart = False
+        if nanny.pid:
+            with suppress(ProcessLookupError):
+                os.kill(nanny.pid, signal.SIGKILL)
 
 
 def engine(

@@ -141,7 +141,11 @@ def _file(name: str, folder: Path) -> str:
         raise ConfigurationError(error.problems) from None
     except ValueError as error:
         raise ConfigurationError(f"{path}: not a YAML file: {error}") from None
-    if not _has_sections(tree):
+    try:
+        sections = _has_sections(tree)
+    except ConfigurationError as error:
+        raise ConfigurationError([f"{path}: {problem}" for problem in error.problems]) from None
+    if not sections:
         # A kalibr imu.yaml; for anything else load() says what is missing.
         tree = {"/**": {_PARAMETERS: files.load(path)}}
         uniform = tree
@@ -164,8 +168,15 @@ def _file(name: str, folder: Path) -> str:
 
 
 def _has_sections(tree: Any) -> bool:
+    """Tell whether a tree has sections of parameters.
+
+    :raises ConfigurationError: for a section that is anything but names and values.
+    """
     if not isinstance(tree, dict):
         return False
+    section = tree.get(_PARAMETERS, {})
+    if not isinstance(section, dict):
+        raise ConfigurationError(f"{_PARAMETERS}: must hold names and values")
     if any(key == _PARAMETERS for key in tree):
         return True
     return any(_has_sections(content) for content in tree.values())

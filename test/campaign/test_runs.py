@@ -175,6 +175,7 @@ def test_ctrl_c_ends_cleanly(plan_file, start, tmp_path):
     assert "go on with --resume" in stderr
     assert "Traceback" not in stderr
     assert 0 < len(table(tmp_path / "out")) < 5000
+    assert not (tmp_path / "out" / "summary.csv").exists()  # what is not whole is not summed up
     assert process_group_is_empty(process.pid)
 
 

@@ -116,3 +116,13 @@ def test_bad_rows_are_skipped_on_request_and_counted(tmp_path, monkeypatch, caps
     assert "line 8: 4 columns" in capsys.readouterr().err
     assert convert_bag.main(["poses.tum", "-o", "x.mcap", "--skip-bad-rows"]) == 0
     assert "convert_bag: poses.tum: 1 bad rows skipped" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["", ".", "..", "/"])
+@pytest.mark.parametrize("more", [[], ["--with-configs"]])
+def test_an_output_without_a_name_is_one_line(tmp_path, monkeypatch, capsys, name, more):
+    monkeypatch.chdir(tmp_path)
+    assert generate.main(["-o", name, "--duration", "1s", *more]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.endswith("is not the name of a file")
+    assert list(tmp_path.iterdir()) == []

@@ -207,7 +207,7 @@ def _of_its_own(number: int, kind: str, inputs: Inputs, place: Path) -> Outcome:
     ended = processes.run(program, processes.fit(arguments), place, environment, number)
     allowed = set(STATUSES)
     if ended.signalled and program not in processes.NODES:
-        allowed = {128 + ended.signalled}
+        allowed.add(128 + ended.signalled)  # the others, where it was just ending
     if program == "campaign":
         allowed.add(GATE_FAILED)
     judged = {

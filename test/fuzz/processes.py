@@ -127,6 +127,8 @@ def _is_up(pid: int, program: str, age: float) -> bool:
 def _limit() -> None:
     resource.setrlimit(resource.RLIMIT_CPU, (int(HANG_S), int(HANG_S) + 2))
     os.setsid()
+    for number in SIGNALS:  # whatever the fuzzer itself was started with, by nohup for instance
+        signal.signal(number, signal.SIG_DFL)
 
 
 def _executed(
@@ -165,8 +167,7 @@ def _forked(
         _limit()
         os.chdir(place)
         os.environ.update(environment)
-        for number in (*SIGNALS, signal.SIGPROF):
-            signal.signal(number, signal.SIG_DFL)
+        signal.signal(signal.SIGPROF, signal.SIG_DFL)
         signal.setitimer(signal.ITIMER_PROF, 0.0)
         null = os.open(os.devnull, os.O_RDONLY)
         output = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)

@@ -10,7 +10,9 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from imu_sim_ros.bags.messages.encode import ImuEncoder
 from imu_sim_ros.bags.messages.installed import recorded_type
 from imu_sim_ros.bags.write import open_writer
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.config import RecorderParameters
+from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.nodes.arguments import ros_arguments
 from imu_sim_ros.nodes.recorder.node import plain_arguments
 from imu_sim_ros.nodes.recorder.recording import Recording, Topic
 from imu_sim_ros.nodes.recorder.stamp_statistics import StampStatistics
@@ -136,3 +138,19 @@ def test_topics_and_messages_that_the_bag_cannot_hold_do_not_stop_the_others(tmp
 )
 def test_short_arguments_stand_for_long_ones(words, long):
     assert plain_arguments(words.split()) == long
+
+
+@pytest.mark.parametrize("section", ["[]", "3", "words", "null"])
+def test_a_section_that_is_no_mapping_is_one_line(tmp_path, section):
+    """Else rcl says it in two, with its own sources' lines."""
+    path = tmp_path / "given.yaml"
+    path.write_text(f"/**:\n  ros__parameters: {section}\n")
+    words = ["--ros-args", "--params-file", str(path)]
+    with pytest.raises(ConfigurationError) as failed:
+        ros_arguments(words, RecorderParameters, {}, tmp_path)
+    assert failed.value.problems == (f"{path}: ros__parameters: must hold names and values",)
+
+
+def test_bytes_that_are_no_text_are_named(tmp_path):
+    with pytest.raises(ConfigurationError, match="not UTF-8"):
+        ros_arguments(["--storage", "\udce9"], RecorderParameters, {}, tmp_path)

@@ -94,7 +94,10 @@ def outputs(arguments: argparse.Namespace, inputs: Iterable[object] = ()) -> Out
     """Return the outputs of a command, with its bag or dataset added.
 
     :param inputs: what may be the name of a file that is read besides: values of parameters.
+    :raises InputError: for what cannot be the name of an output.
     """
+    if not arguments.output.name:  # the files beside it are named after it
+        raise InputError(f"{str(arguments.output)!r}: is not the name of a file")
     if form(arguments) is None:
         check_writer(arguments.output, arguments.storage, arguments.compression)
     written = shared.outputs(arguments, inputs)
