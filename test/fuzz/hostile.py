@@ -72,6 +72,7 @@ _OPTIONS: Final = {
     "evaluate": ["-o", "--plot", "--rpe", "--align", "--max-gap", "--truth-topic"],
     "allan": ["-o", "--topic", "--model", "--truth"],
     "calibrate": ["-o", "--gravity", "--rates", "--truth", "--accelerometer", "--topic"],
+    "report": ["-o", "--title", "--metric", "--truth-topic", "--force"],
 }  # fmt: skip
 _NAMES: Final = [
     "rate", "seed", "duration", "imu", "imu.preset", "imu.gyroscope_noise_density", "trajectory",
@@ -132,8 +133,9 @@ class Inputs:
             self._simulator = None
 
     def changed(self) -> bool:
-        """Tell whether anything is no longer as it was made."""
-        return self._digests() != self.digests
+        """Tell whether anything is no longer as it was made; what is new beside it may be."""
+        now = self._digests()
+        return any(now.get(name) != digest for name, digest in self.digests.items())
 
     def _digests(self) -> dict[str, bytes]:
         return {
@@ -250,6 +252,7 @@ def _reading(dice: random.Random, path: Path) -> tuple[str, list[str]]:
         "evaluate": [str(path), str(path)],
         "allan": [str(path), "--no-files"],
         "calibrate": ["six_position", str(path), "--no-files"],
+        "report": [str(path), "-o", "o.html"],
     }
     program = dice.choice(["convert_bag", *choices])
     recover = ["--recover"] if program == "convert_bag" and dice.random() < 0.5 else []
@@ -367,6 +370,7 @@ def _arguments(dice: random.Random, inputs: Inputs, place: Path) -> tuple[str, l
         "convert_bag": [given, "-o", "o.mcap"],
         "evaluate": [given, given],
         "calibrate": ["six_position", given],
+        "report": [given, "-o", "o.html"],
     }.get(program, [given])
     for _ in range(dice.randrange(1, 4)):
         option = dice.choice(_OPTIONS[program])
@@ -400,6 +404,7 @@ def _poses(dice: random.Random, inputs: Inputs, place: Path) -> tuple[str, list[
         ("convert_bag", [str(path), "-o", "o.tum", *skip]),
         ("generate", ["-o", "o.mcap", "--trajectory", str(path), "--duration", "1s", *skip]),
         ("dead_reckon", [str(path)]),
+        ("report", [str(inputs.folder / "none.mcap"), str(path), "-o", "o.html", *skip]),
     ])  # fmt: skip
 
 
