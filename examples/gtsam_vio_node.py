@@ -132,7 +132,7 @@ class VioNode(Node):
         self._path.publish(message)
 
     def over(self) -> bool:
-        """Tell whether there were features, and nobody is left who sends some."""
+        """Tell whether there were features, and no publisher of them is left."""
         return self._heard and not self.count_publishers("feature_tracker/feature")
 
     def result(self) -> Result:

@@ -59,7 +59,7 @@ def explain(error: BaseException) -> tuple[tuple[str, ...], int]:
     """Return what to print about an error, line by line, and the exit status that it means.
 
     :returns: 2 for what the user can mend; 1 for errors of the machine (a full disk, a missing
-        permission) and for what nobody has foreseen.
+        permission) and for anything unforeseen.
     """
     if isinstance(error, ImuSimError):
         return error.problems, error.status

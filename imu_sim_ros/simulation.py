@@ -59,7 +59,7 @@ class Simulation:
 
         :param pose_reader: reads the file of a trajectory of recorded poses.
         :param t0_ns: time of sample 0 [ns]; None: ``start_time``, or 1 s where that is -1.
-        :param trajectory: the one of these parameters, where it is there already.
+        :param trajectory: the one of these parameters, where it is already there.
         :raises ConfigurationError: for parameters that do not fit together.
         :raises InputError: for a file of poses that cannot be used.
         """

@@ -80,7 +80,7 @@ def encoder(topic: str, parameters: SimulationParameters, encoding: str = "cdr")
 
     :param topic: one of TYPES.
     :param encoding: ``cdr`` or ``ros1``.
-    :raises ConfigurationError: for increments of a sensor whose readings are no means.
+    :raises ConfigurationError: for increments of a sensor whose readings are not means.
     """
     return _MAKERS[topic](parameters, encoding)
 

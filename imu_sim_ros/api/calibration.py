@@ -58,7 +58,9 @@ class TriadCalibration(dict[str, Calibrated]):
             return self[name]
         except KeyError:
             known = ", ".join(self)
-            raise AttributeError(f"{name}: this run does not tell it; it tells {known}") from None
+            raise AttributeError(
+                f"{name}: this run does not determine it; it determines {known}"
+            ) from None
 
 
 @dataclass(frozen=True, repr=False)

@@ -282,7 +282,7 @@ def evaluate(
 
     :param estimate: a track, odometry, or anything with ``t_ns``, ``position`` and ``q_wb``.
     :param truth: likewise.
-    :param align: lay the estimate onto the truth first: none, yaw, se3 or sim3.
+    :param align: align the estimate with the truth first: none, yaw, se3 or sim3.
     :param max_gap: the truth is not interpolated over longer gaps [s].
     :raises InputError: where both do not overlap in time.
 

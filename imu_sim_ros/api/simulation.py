@@ -158,7 +158,7 @@ def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, object]:
 def _seconds(duration: float | str) -> float:
     """Return a duration [s] given as a number or in words.
 
-    :raises ConfigurationError: for words that are no duration.
+    :raises ConfigurationError: for words that are not a duration.
     """
     if not isinstance(duration, str):
         return float(duration)

@@ -105,7 +105,7 @@ class OutputFile:
             self._file.seek(position)
 
     def rewrite(self, position: int, part: bytes) -> None:
-        """Write over bytes that are there already."""
+        """Write over bytes that are already there."""
         self._file.seek(position)
         self._file.write(part)
         self._file.seek(self.position)

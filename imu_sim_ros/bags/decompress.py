@@ -31,7 +31,7 @@ def decompress(data: bytes, compression: str, size: int, torn: bool = False) -> 
         raise ValueError(f"{size} bytes in {len(data)} compressed ones are above the limit")
     content = data if compression in ("", "none") else _decompressed(data, compression, size, torn)
     if not torn and len(content) != size:
-        raise ValueError("it has not the size that it should have")
+        raise ValueError("it does not have the expected size")
     return content
 
 

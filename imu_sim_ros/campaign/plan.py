@@ -239,7 +239,7 @@ def read_plan(tree: Mapping[str, Any]) -> Plan:
         [],
     )
     problems += [
-        f"grid.{name}: stands in parameters as well" for name in names if name in (layer or {})
+        f"grid.{name}: is in parameters as well" for name in names if name in (layer or {})
     ]
     if "seed" in names or "seed" in layer:
         problems.append("seed: is given by seeds, not by parameters or grid")

@@ -4,5 +4,5 @@
 """Arguments and printing; one file per program.
 
 ``common`` is what every program does, ``shared`` what several do. Sees every room. Nothing is
-imported before a program asks for it: signals are looked after first.
+imported before a program asks for it: signals are handled first.
 """

@@ -72,7 +72,7 @@ def parser() -> argparse.ArgumentParser:
         help="compare with the parameters that made the bag: a name in config/imus or a file",
     )
     result.add_argument(
-        "--skip-checks", action="store_true", help="go on where a check of the data fails"
+        "--skip-checks", action="store_true", help="continue where a check of the data fails"
     )
     add_skip_bad_rows(result)
     add_force(result)

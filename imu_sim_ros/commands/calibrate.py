@@ -95,7 +95,9 @@ def parser() -> argparse.ArgumentParser:
     temperature = _kind(kinds, "temperature", "both triads against temperature: soak or ramp")
     _add_rates(temperature)
     temperature.add_argument(
-        "--temperature-topic", metavar="TOPIC", help="sensor_msgs/Temperature, where several are"
+        "--temperature-topic",
+        metavar="TOPIC",
+        help="sensor_msgs/Temperature topic, where the bag has several",
     )
     temperature.add_argument(
         "--reference", metavar="DEGC", type=float, default=25.0, help="T0 (default: 25)"

@@ -44,7 +44,7 @@ def parser() -> argparse.ArgumentParser:
         "-o", "--output", type=Path, metavar="DIR", required=True, help="folder of the results"
     )
     result.add_argument(
-        "--resume", action="store_true", help="go on with the results that the folder holds"
+        "--resume", action="store_true", help="continue with the results in the folder"
     )
     shared.add_force(result)
     result.add_argument(
@@ -157,11 +157,11 @@ def _check(arguments: argparse.Namespace, plan: "Plan") -> None:
     if arguments.metric not in plan.metrics:
         problems.append(f"--metric {arguments.metric}: must be one of {', '.join(plan.metrics)}")
     if arguments.resume and arguments.force:
-        problems.append("--resume and --force: one of them")
+        problems.append("--resume and --force: choose one")
     if arguments.baseline is not None and _is_output(arguments.baseline, arguments.output):
         problems.append(f"--baseline {arguments.baseline}: is written by this campaign")
     if arguments.dask and arguments.scheduler:
-        problems.append("--dask and --scheduler: one of them")
+        problems.append("--dask and --scheduler: choose one")
     if plan.run_count >= MANY and not (arguments.yes or arguments.check):
         hours = plan.run_count * _GUESS_S / max(arguments.workers, 1) / 3600.0
         problems.append(
@@ -210,7 +210,7 @@ def _print(
     from imu_sim_ros.campaign import compared, counts
 
     rows = [_row(group, arguments.metric) for group in found[:_SHOWN]]
-    header = ["cell", "estimator", "done", "median", "95 % of it", "p95", "NEES"]
+    header = ["cell", "estimator", "done", "median", "95 % interval", "p95", "NEES"]
     common.print_table(header, rows, f"{arguments.metric}, median with 95 % interval")
     if len(found) > _SHOWN:
         print(f"{len(found) - _SHOWN} more in {arguments.output / 'summary.csv'}")

@@ -50,7 +50,7 @@ def parser() -> argparse.ArgumentParser:
     actions = result.add_subparsers(dest="action", required=True, metavar="ACTION")
     for name, words in (
         ("pause", "stop the simulated time"),
-        ("resume", "let it go on; starts one that waits with autostart false"),
+        ("resume", "continue; also starts a simulator that waits with autostart false"),
         ("reset", "go back to the first sample"),
     ):
         _add(actions, shared, name, words)
@@ -75,7 +75,7 @@ def _add(actions: Any, shared: Any, name: str, words: str) -> Any:
 
 def _add_inject(actions: Any, shared: Any) -> None:
     known = parameters(InjectParameters)
-    inject = _add(actions, shared, "inject", "let a fault begin with the next block")
+    inject = _add(actions, shared, "inject", "start a fault with the next block")
     kinds = [kind for kind in known["kind"].choices if kind != "none"]
     inject.add_argument("kind", choices=kinds, help="what goes wrong")
     inject.add_argument(
@@ -159,7 +159,7 @@ def _watch(simulator: "Control", arguments: argparse.Namespace) -> None:
             if arguments.duration is not None and seconds >= arguments.duration:
                 return
     except KeyboardInterrupt:
-        raise signals.Interrupted("the simulator goes on") from None
+        raise signals.Interrupted("the simulator continues") from None
 
 
 def _line(heard: "Status | InjectedFault") -> str:

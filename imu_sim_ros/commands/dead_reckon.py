@@ -93,7 +93,7 @@ def parser() -> argparse.ArgumentParser:
         type=common.duration,
         metavar="TIME",
         default=0.0,
-        help="pass over the readings before this time, counted from the first",
+        help="skip the readings before this time, counted from the first",
     )
     result.add_argument(
         "-o",
@@ -231,7 +231,7 @@ def _within(readings: ImuMessages, truth: Truth, tolerance: float) -> ImuMessage
         )
     if late > tolerance:
         raise InputError(
-            f"the truth starts {late:.6g} s after the readings; pass over the readings before it "
+            f"the truth starts {late:.6g} s after the readings; skip the readings before it "
             f"with --skip {math.ceil(late * 1e3) / 1e3:g}s, or start with --initial-state level"
         )
     return _from(readings, first)

@@ -72,7 +72,7 @@ def parser() -> argparse.ArgumentParser:
         "--align",
         choices=ALIGNMENTS,
         default="none",
-        help="lay the estimate onto the truth first: by yaw and position (4 degrees of freedom), "
+        help="align the estimate with the truth first: in yaw and position (4 degrees of freedom), "
         "a rigid motion, or with scale",
     )
     result.add_argument(
@@ -304,7 +304,7 @@ def _invertible(covariances: Array) -> NDArray[np.bool_]:
 def _why_no_nees(alignment: str, estimate: Track) -> str | None:
     """Return why there can be no NEES; None where there can."""
     if alignment != "none":
-        return f"--align {alignment} takes out a part of the error that the covariance still holds"
+        return f"--align {alignment} removes a part of the error that the covariance still includes"
     if estimate.pose_covariance is None:
         return (
             "the estimate has no covariance, which nav_msgs/Odometry in a bag has, or text with "

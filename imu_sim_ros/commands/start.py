@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where the commands' executables begin: signals are looked after before anything is imported."""
+"""Where the commands' executables begin: signals are handled before anything is imported."""
 
 import argparse
 import importlib
@@ -119,5 +119,5 @@ def imu_sim() -> int:
         status: int = getattr(importlib.import_module("imu_sim_ros.nodes.start"), name)()
         return status
     known = ", ".join(PROGRAMS | NODES)
-    print(f"imu_sim: {name[:100]!r} is no program; there are {known}", file=sys.stderr)
+    print(f"imu_sim: {name[:100]!r} is not a program; the programs are {known}", file=sys.stderr)
     return 2

@@ -144,7 +144,7 @@ def dotted(tree: object, where: str, prefix: str = "") -> dict[str, object]:
         name = f"{prefix}{key}"
         values = dotted(value, where, name + ".") if isinstance(value, dict) else {name: value}
         for twice in result.keys() & values:
-            raise ConfigurationError(f"{where}: {twice} stands twice, dotted and nested")
+            raise ConfigurationError(f"{where}: {twice} is given twice, dotted and nested")
         result.update(values)
     return result
 

@@ -193,7 +193,7 @@ class ImuParameters(TimingParameters, TriadsParameters):
 
 
 def rotation_problems(values: Matrix, name: str) -> Iterator[str]:
-    """Say why nine numbers, row by row, are no rotation matrix.
+    """Say why nine numbers, row by row, are not a rotation matrix.
 
     :param name: of the parameter, for the message.
     """

@@ -293,7 +293,7 @@ def find_trajectory(name: str) -> type[TrajectoryParameters]:
         ) from error
     if not (isinstance(found, type) and issubclass(found, TrajectoryParameters)):
         raise ConfigurationError(
-            f"trajectory.type = {name!r}: {point.value} is no class derived from "
+            f"trajectory.type = {name!r}: {point.value} is not a class derived from "
             "TrajectoryParameters"
         )
     return found

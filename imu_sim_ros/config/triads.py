@@ -50,7 +50,7 @@ _WORDS: Final[Mapping[Triad, Mapping[str, str]]] = {
 }
 """What the descriptions say of each; ``change`` is the unit per second, ``increment`` times it."""
 _OF_THE_GYROSCOPE: Final = ("g_sensitivity", "g_sensitivity_sigma")
-"""An accelerometer's response to specific force is its scale: these are no parameters of it."""
+"""An accelerometer's response to specific force is its scale: they are not parameters of it."""
 
 
 def triad(cls: type, name: Triad) -> Any:

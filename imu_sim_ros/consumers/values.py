@@ -123,7 +123,7 @@ def remarks(
     """
     zero = [name for name, value in values.densities().items() if value == 0.0]
     if above_zero and zero:
-        yield f"0 in the simulation, where a number above 0 is wanted: {', '.join(zero)}"
+        yield f"0 in the simulation, where a number above 0 is required: {', '.join(zero)}"
     if not per_axis and values.uneven():
         yield f"The root mean square of axes that differ: {', '.join(values.uneven())}"
     missing = values.missing(expressed)

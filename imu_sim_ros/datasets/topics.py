@@ -183,7 +183,7 @@ def chosen_topics(
     :param topics: a name without a namespace stands for that topic of every IMU.
     :param imus: the names of the IMUs.
     :param more: topics besides those of the IMUs and the body: of cameras.
-    :raises InputError: with a line for every name that is unknown or stands twice.
+    :raises InputError: with a line for every name that is unknown or given twice.
     """
     more = tuple(more)
     wanted = list(topics) or [IMU_TOPIC, *([] if imu_only else [TRUTH_TOPIC]), *more]

@@ -38,7 +38,7 @@ def open_regular(path: str | Path) -> BinaryIO:
 def read_text(path: str | Path) -> str:
     """Return a text file as a whole.
 
-    :raises InputError: for what is no text in UTF-8, or larger than texts are.
+    :raises InputError: for what is not text in UTF-8, or larger than texts are.
     """
     with open_regular(path) as file:
         try:
@@ -46,7 +46,9 @@ def read_text(path: str | Path) -> str:
         except OSError as error:
             raise system_error(path, error) from None
     if len(content) > LARGEST_TEXT:
-        raise InputError(f"{path}: larger than {LARGEST_TEXT >> 20} MiB, no file of parameters")
+        raise InputError(
+            f"{path}: larger than {LARGEST_TEXT >> 20} MiB, too large for a parameter file"
+        )
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:

@@ -57,7 +57,7 @@ def number_of(word: str) -> float:
 
     Python's own 1_000 and digits of other scripts are none.
 
-    :raises ValueError: for a word that is no number.
+    :raises ValueError: for a word that is not a number.
     """
     if "_" in word or not word.isascii():
         raise ValueError(word)

@@ -3,7 +3,7 @@
 
 """YAML read safely, with the numbers that ROS reads, and without what may hide or explode.
 
-A name that stands twice, nesting or texts without end and lists that repeat themselves are errors:
+A name that is given twice, endless nesting or strings and lists that repeat themselves are errors:
 what a file says is then what is used, and its size bounds the work.
 """
 
@@ -100,7 +100,7 @@ def _class() -> Any:
 
 
 def _checking(yaml: Any) -> Any:
-    """Return a safe loader that counts nesting and aliases, and refuses names that stand twice."""
+    """Return a safe loader that counts nesting and aliases and refuses names given twice."""
 
     def refused(words: str, mark: Any) -> Exception:
         error: Exception = yaml.MarkedYAMLError(None, None, words, mark)
@@ -126,7 +126,7 @@ def _checking(yaml: Any) -> Any:
             for key, _ in node.value:
                 if isinstance(key, yaml.ScalarNode) and key.tag != _MERGE:
                     if key.value in seen:
-                        raise refused(f"{key.value!r} stands twice", key.start_mark)
+                        raise refused(f"{key.value!r} is given twice", key.start_mark)
                     seen.add(key.value)
             return super().construct_mapping(node, deep=True)
 

@@ -90,7 +90,7 @@ def _plain(own: Sequence[str], known: Mapping[str, Parameter], problems: list[st
     words = iter(own)
     for word in words:
         if word in _OF_ROS:
-            problems.append(f"{word} {next(words, '')}: must stand behind --ros-args")
+            problems.append(f"{word} {next(words, '')}: must come after --ros-args")
             continue
         name, equals, value = word.removeprefix("--").partition("=")
         name = name.replace("-", "_")

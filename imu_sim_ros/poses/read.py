@@ -250,7 +250,7 @@ class _Reading:
         return kept._replace(q_wb=kept.q_wb / norms[good, None])
 
     def _in_order(self, poses: _Poses) -> _Poses:
-        """Return the poses whose stamps are after the one before; those that stand twice once."""
+        """Return the poses whose stamps are after the one before; those that occur twice once."""
         if not len(poses.t_ns):
             return poses
         first = 0

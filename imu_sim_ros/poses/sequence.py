@@ -19,7 +19,7 @@ class PoseSequence(NamedTuple):
     q_wb: NDArray[np.float64]
     """(n, 4) unit quaternions (w, x, y, z)."""
     dropped: int = 0
-    """Poses left out because they stood twice, with the same stamp."""
+    """Poses left out because they occurred twice, with the same stamp."""
     skipped: int = 0
     """Bad rows that were passed over on request."""
     lines: NDArray[np.int64] | None = None

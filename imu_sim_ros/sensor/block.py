@@ -25,7 +25,7 @@ class ImuBlock(NamedTuple):
     release_t_ns: NDArray[np.int64]
     """(n,) when a message leaves the driver: true time and transport latency [ns]."""
     delivered: NDArray[np.int64]
-    """(m,) rows that are delivered, in order: dropped ones are missing, duplicates stand twice."""
+    """(m,) rows that are delivered, in order: dropped ones are missing, duplicates occur twice."""
     gyro: Array
     """(n, 3) reading of the gyroscope [rad/s]."""
     accel: Array

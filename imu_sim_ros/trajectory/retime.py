@@ -97,7 +97,7 @@ class Loop:
 class ThereAndBack:
     """The time map of a motion that runs to its end, turns smoothly and runs back.
 
-    Time within the motion slows down, stands still at the very end and runs backwards, over the
+    Time within the motion slows down, stops at the very end and runs backwards, over the
     given time; so any motion can be repeated without a jump.
     """
 

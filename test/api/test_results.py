@@ -88,7 +88,7 @@ def test_calibration_gives_back_what_went_in(tmp_path):
     flight = ims.simulate(imu=imu, trajectory="circle", duration=10)
     track = ims.dead_reckon(flight, calibration=str(file))
     assert ims.evaluate(track, flight.truth).final_position < 1e-3
-    with pytest.raises(AttributeError, match="this run does not tell it"):
+    with pytest.raises(AttributeError, match="this run does not determine it"):
         _ = found.gyroscope.scale_misalignment
     with pytest.raises(ims.InputError, match="rates"):
         ims.calibrate_turntable(flight.readings)

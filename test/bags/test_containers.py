@@ -248,7 +248,7 @@ def test_places_and_options_that_cannot_be_used(tmp_path):
 def test_a_topic_is_added_once(tmp_path):
     with open_writer(tmp_path / "x.mcap") as writer:
         writer.add_topic("/imu", IMU)
-        with pytest.raises(InputError, match="/imu is there already"):
+        with pytest.raises(InputError, match="/imu is already there"):
             writer.add_topic("/imu", IMU)
         with pytest.raises(InputError, match="definition of this message type is not known"):
             writer.add_topic("/other", "my_msgs/msg/Unknown")

@@ -46,7 +46,7 @@ def test_chunks_larger_than_the_limit_are_not_unpacked():
         with pytest.raises(ValueError, match="above the limit"):
             decompress.decompress(bomb, "zstd", size)
     # It says less than it holds: unpacking ends a step behind what it says.
-    with pytest.raises(ValueError, match="not the size"):
+    with pytest.raises(ValueError, match="not have the expected size"):
         decompress.decompress(bomb, "zstd", 1000)
 
 
@@ -88,9 +88,9 @@ def test_records_that_are_not_what_they_say(tmp_path, records, capsys):
             "ALL SELECT id + 1 FROM n) SELECT id, 1 topic_id, id timestamp, x'00' data FROM n",
             "messages is not a plain table",
         ),
-        ("UPDATE messages SET timestamp = 'noon'", "time is no number"),
-        ("UPDATE messages SET data = 'words'", "data are no bytes"),
-        ("UPDATE topics SET name = x'ff'", "are no texts"),
+        ("UPDATE messages SET timestamp = 'noon'", "time is not a number"),
+        ("UPDATE messages SET data = 'words'", "data are not bytes"),
+        ("UPDATE topics SET name = x'ff'", "are not strings"),
     ],
 )
 def test_databases_that_are_none_of_rosbag2(tmp_path, statement, words, capsys):

@@ -67,7 +67,7 @@ def test_a_tilted_fixture_is_recognised_and_said():
 
 
 def test_an_exact_fixture_keeps_equation_7():
-    """S with all its nine entries; six directions do not tell more."""
+    """S with all its nine entries; six directions cannot show more."""
     rng = np.random.default_rng(2)
     found = calibrate_six_position(rests(rng, tilt_deg=0.0), G)
     assert found.fixture == "exact"

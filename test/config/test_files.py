@@ -169,11 +169,11 @@ def test_a_file_of_all_parameters_is_a_sensors_file_too(tmp_path):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("/**:\n  ros__parameters: {rate: 1.0, rate: 2.0}\n", "'rate' stands twice"),
-        ("/**:\n  ros__parameters: {rate: 1.0}\n/**:\n  ros__parameters: {}\n", "stands twice"),
+        ("/**:\n  ros__parameters: {rate: 1.0, rate: 2.0}\n", "'rate' is given twice"),
+        ("/**:\n  ros__parameters: {rate: 1.0}\n/**:\n  ros__parameters: {}\n", "is given twice"),
         (
             "/**:\n  ros__parameters:\n    imu.preset: lecture\n    imu: {preset: perfect}\n",
-            "imu.preset stands twice, dotted and nested",
+            "imu.preset is given twice, dotted and nested",
         ),
         ("/**:\n  ros__parameters: []\n", "must hold names and values"),
         ("/**:\n  ros__parameters: 0\n", "must hold names and values"),

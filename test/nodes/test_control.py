@@ -106,7 +106,7 @@ def test_inject_and_watch(start: Any, listener: Any, ask: Any, control: Any) -> 
         seen.append(json.loads(watching.stdout.readline()))
     watching.send_signal(signal.SIGTERM)
     _, error = watching.communicate(timeout=PATIENCE)
-    assert (watching.returncode, error) == (143, "control: interrupted; the simulator goes on\n")
+    assert (watching.returncode, error) == (143, "control: interrupted; the simulator continues\n")
     fault = next(entry for entry in seen if "t_ns" in entry)
     assert fault["values"]["kind"] == "bias_jump"
     assert fault["values"]["value"] == "0.5 0 0"

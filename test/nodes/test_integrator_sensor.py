@@ -107,8 +107,8 @@ def test_without_a_description_it_says_so_and_goes_on(start: Any, listener: Any)
     listener.wait_for(ODOMETRY, 200)
     assert integrator.end() == 0
     assert (
-        "nobody says on /ground_truth/imu/parameters what the sensor is: "
-        "the covariance takes the noise of imu.preset lecture" in integrator.output
+        "no sensor description on /ground_truth/imu/parameters: "
+        "the covariance uses the noise of imu.preset lecture" in integrator.output
     )
     stamps = list(by_stamp(listener.messages(ODOMETRY)))
     assert np.diff(stamps).tolist() == [5_000_000] * (len(stamps) - 1)
@@ -117,11 +117,11 @@ def test_without_a_description_it_says_so_and_goes_on(start: Any, listener: Any)
 @pytest.mark.parametrize(
     ("text", "line"),
     [
-        ("rubbish", "that is no parameter file in JSON"),
-        ("[" * 10000, "that is no parameter file in JSON"),
+        ("rubbish", "that is not a parameter file in JSON"),
+        ("[" * 10000, "that is not a parameter file in JSON"),
         ('{"/**": {"ros__parameters": {"imu": {"gyroscope_noise_density": -1}}}}', "at least 0"),
         ('{"/**": {"ros__parameters": {"imu": {"gyroscope_noise_density": NaN}}}}', "finite"),
-        ('{"/**": {"ros__parameters": {"imu": [1]}}}', "that is no parameter file in JSON"),
+        ('{"/**": {"ros__parameters": {"imu": [1]}}}', "that is not a parameter file in JSON"),
     ],
     ids=["text", "deep", "negative", "nan", "list"],
 )

@@ -139,7 +139,7 @@ def test_plain_arguments_become_those_of_ros(tmp_path: Path) -> None:
         ros_arguments(["word", "-p", "rate:=1", "--rate"], SimulatorParameters, {}, tmp_path)
     assert raised.value.problems == (
         "word: not an argument (--help lists them)",
-        "-p rate:=1: must stand behind --ros-args",
+        "-p rate:=1: must come after --ros-args",
         "--rate: a value is missing",
     )
 

@@ -76,7 +76,7 @@ def test_an_unknown_type_lists_what_there_is(installed):
     [
         ("pendulum = pendulum_missing:Pendulum", "cannot be loaded: No module named"),
         ("pendulum = pendulum:Missing", "cannot be loaded"),
-        ("pendulum = pendulum:math", "is no class derived from TrajectoryParameters"),
+        ("pendulum = pendulum:math", "is not a class derived from TrajectoryParameters"),
     ],
 )
 def test_entry_points_that_lead_nowhere(installed, entry_point, line):

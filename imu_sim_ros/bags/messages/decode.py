@@ -71,7 +71,7 @@ class MessageDecoder:
     """The numbers of single CDR messages of one type, without making message objects.
 
     Deserialising an Imu takes 15 us, unpacking its nine numbers at known places one. The places
-    depend on the texts' lengths alone; they are worked out again only where a text changes.
+    depend on the lengths of the strings alone; they are worked out again where a string changes.
     """
 
     def __init__(self, type_name: str, names: Sequence[str]) -> None:

@@ -30,7 +30,7 @@ def recorded_type(type_name: str, text: str, digest: str, encoding: str) -> Reco
     :param text: the installed definition with all that it contains; empty where it is not known.
     :param digest: hash of ROS 2 (RIHS01) of it; empty where it is not known.
     :param encoding: cdr or ros1, what the bag takes.
-    :raises InputError: for a type whose definition is wanted and nobody knows.
+    :raises InputError: for a type whose definition is wanted but unknown.
     """
     found = Schema(text, digest) if text else _known(type_name)
     if encoding == "cdr":

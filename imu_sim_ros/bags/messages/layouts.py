@@ -68,7 +68,7 @@ FIELDS: Final[dict[str, tuple[tuple[str, str, int], ...]]] = {
 
 
 def _numbers(name: str, kind: str, count: int, cdr: bool) -> Iterator[tuple[str, str, int]]:
-    """Return the numbers of a field other than a text: name, code of NumPy, count."""
+    """Return the numbers of a field other than a string: name, code of NumPy, count."""
     if kind == "header" and not cdr:
         yield "seq", "<u4", 1
     if kind in ("header", "time"):
@@ -160,7 +160,7 @@ class Builder:
         self.template += bytes(size * count)
 
     def field(self, name: str, kind: str, count: int = 1, suffix: str = "") -> None:
-        """Add a field other than a text, kind and count as in :data:`FIELDS`.
+        """Add a field other than a string, kind and count as in :data:`FIELDS`.
 
         :param suffix: behind the names of its parts, where there are several such fields.
         """

@@ -18,7 +18,7 @@ class Schema(NamedTuple):
     """The definition of a message type in one encoding."""
 
     text: str
-    """The definition with all that it contains; empty where nobody knows it."""
+    """The definition with all that it contains; empty where it is unknown."""
     digest: str
     """MD5 sum of ROS 1, or hash of ROS 2 (RIHS01)."""
     language: str = "ros2msg"

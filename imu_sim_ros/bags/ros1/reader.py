@@ -218,7 +218,7 @@ class Rosbag1Bag(Bag):
         """Return the content of a chunk, and where what follows it begins."""
         record = self._record(position)
         if record.op != OP_CHUNK:
-            raise ValueError("no chunk stands there")
+            raise ValueError("there is no chunk")
         compression = record.fields["compression"].decode()
         torn = not record.whole
         data = decompress(self._data(record), compression, record.number("size"), torn)

@@ -91,7 +91,7 @@ class SqliteBag(Bag):
         rows = self._database.execute(f"SELECT id, name, type, {qos} FROM topics ORDER BY id")
         topics = rows.fetchmany(_MOST_TOPICS)
         if not all(isinstance(word, str) for _, *words in topics for word in words[:2]):
-            raise InputError(f"{self.path}: the names of its topics are no texts")
+            raise InputError(f"{self.path}: the names of its topics are not strings")
         return {
             id_: TopicInfo(
                 name,
@@ -104,7 +104,7 @@ class SqliteBag(Bag):
         }
 
     def _columns(self, name: str) -> set[str]:
-        """Return the columns of a table; none of what is no plain table.
+        """Return the columns of a table; none of what is not a plain table.
 
         A view, or a column that is computed, may go on for ever.
         """
@@ -156,7 +156,9 @@ class SqliteBag(Bag):
         for id_, t_ns, payload in rows:
             if not isinstance(t_ns, int) or not isinstance(payload, bytes):
                 if not self._recover:
-                    raise ValueError("a message whose time is no number or whose data are no bytes")
+                    raise ValueError(
+                        "a message whose time is not a number or whose data are not bytes"
+                    )
                 continue
             times, payloads = by_topic.setdefault(id_, ([], []))
             times.append(t_ns)

@@ -254,7 +254,7 @@ class _Table:
     def _good(self, lines: Times, found: NDArray[np.void]) -> NDArray[np.bool_]:
         """Tell which rows are finite and not earlier than one before them; note the others.
 
-        Readings that the transport doubled stand twice: equal stamps are sound.
+        Readings that the transport doubled occur twice: equal stamps are sound.
         """
         finite: NDArray[np.bool_] = np.isfinite(found["numbers"]).all(axis=1)
         for k in np.flatnonzero(~finite):

@@ -45,7 +45,7 @@ _CHANCE: Final = 1e-4
 """Probability with which an exact fixture is taken for a tilted one."""
 _TILTED: Final = 10.0
 """Variance of the rests' residuals, over that of the readings, from which on it is a tilt."""
-_UNTESTED: Final = "fewer than ten directions do not tell whether the fixture is tilted"
+_UNTESTED: Final = "fewer than ten directions cannot show whether the fixture is tilted"
 _NO_RESIDUALS: Final = "eq. 7 leaves nothing but rounding"
 
 
@@ -118,7 +118,9 @@ def _chosen(steady: Steady, gravity: float, simple: bool, fixture: str) -> SixPo
     words = f"eq. 7 leaves {ratio:.3g} times the variance that the norm leaves"
     if ratio <= limit:
         return exact._replace(reason=f"{words}; up to {limit:.3g} is chance")
-    return _by_norm(found, steady, f"{words}; more than {limit:.3g} is no chance: it is tilted")
+    return _by_norm(
+        found, steady, f"{words}; more than {limit:.3g} is not chance: the fixture is tilted"
+    )
 
 
 def _at_rest(steady: Steady) -> NDArray[np.bool_]:
@@ -184,7 +186,7 @@ def _exact(steady: Steady, gravity: float, reason: str, *, simple: bool = False)
         uncertain = positions._replace(accel_sigma=_tilted_sigma(positions, force, gravity, tilt))
         axes = [_axis(uncertain, force, k, simple) for k in range(3)]
         reason += f"; the residuals are those of rests tilted by {np.degrees(tilt):.2g} deg RMS"
-    gyro = [  # with the force as input, for a sensitivity to it is no bias
+    gyro = [  # with the force as input, because a sensitivity to it is not a bias
         fit_axis(observations(positions, force, positions.gyro, positions.gyro_sigma, k))
         for k in range(3)
     ]

@@ -126,7 +126,7 @@ def fit_axis(
     found = _summary(parameters, weight, jacobian, data.readings - model, (p, b, scale_order), span)
     if noise_free and found.chi_square <= _CLOSE**2:
         return _exact(found)
-    # Of residuals with the covariance V, diag(sigma^2) V^-1 r is the part that is no walk.
+    # Of residuals with the covariance V, diag(sigma^2) V^-1 r is the part that is not walk.
     return found._replace(residuals=data.sigma**2 * (weight.T @ (weight @ found.residuals)))
 
 

@@ -107,7 +107,7 @@ def known_rates(steady: Steady, rates: Array) -> tuple[Steady, Array]:
         np.linalg.norm(steady.gyro_sigma, axis=1)
     )
     if not still.any():
-        raise InputError("nothing at rest: the table must stand still between the rates")
+        raise InputError("nothing at rest: the table must rest between the rates")
     excess = steady.gyro - np.mean(steady.gyro[still], axis=0)
     axis = np.argmax(np.abs(excess), axis=1)
     along = np.take_along_axis(excess, axis[:, None], axis=1)[:, 0]

@@ -235,7 +235,7 @@ def _judge(
 def _dead_axes(record: Record) -> list[int]:
     """Return the constant axes that forbid an analysis.
 
-    A constant zero is no measurement. Another constant may be noise below the resolution, which is
+    A constant zero is not a measurement. Another constant may be noise below resolution, which is
     no fault of a record in which other axes change; where none does there is nothing to analyse.
     """
     constant = record.constant_axes()
@@ -297,7 +297,7 @@ def _reading_warnings(record: Record) -> Iterable[str]:
             if axis not in dead:
                 yield (
                     f"{AXES[axis]}: always {record.minimum[axis]:g}: a dead axis, or noise far "
-                    "below the resolution; nothing is said of it"
+                    "below the resolution; it is not analysed"
                 )
         elif step > 0.0 and noise[axis] < resolution.COARSE * step:
             yield (f"{AXES[axis]}: the resolution of {step:.3g} hides the noise: upper bounds only")

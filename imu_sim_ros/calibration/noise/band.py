@@ -16,7 +16,7 @@ _NEIGHBOURS: Final = 21
 _FALSE_ALARM: Final = 1e-10
 """Probability (of chi-square) that a row of noise is taken for a peak."""
 _FEWEST: Final = 8
-"""Coefficients in a row below which it is not judged: the median of such rows is no level."""
+"""Coefficients in a row below which it is not judged: the median of such rows is not a level."""
 _CHANCE: Final = 6.0
 """Standard deviations by which a misfit may exceed its expectation."""
 _GROUP: Final = 20
@@ -30,7 +30,7 @@ What the model's failure can hide in the statistical error falls with the square
 least (a first-order filter), the statistical error itself grows with the root only.
 """
 _IMPROBABLE: Final = 1e-9
-"""Probability of a row below which it is no noise of the fitted model."""
+"""Probability of a row below which it is not noise of the fitted model."""
 
 
 class Band(NamedTuple):

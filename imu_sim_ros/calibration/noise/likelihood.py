@@ -30,7 +30,7 @@ _FLOOR: Final = 1e-15
 _ITERATIONS: Final = 60
 _HALVINGS: Final = 12
 _ROUNDING: Final = 1e-7
-"""Loss of the log-likelihood that is no reason to halve a step."""
+"""Loss of the log-likelihood that does not justify halving a step."""
 _TOLERANCE: Final = 1e-5
 """Gain of the log-likelihood below which an iteration is the last."""
 _NEGATIVE: Final = 1e-12

@@ -22,7 +22,7 @@ _CONTINUOUS_UNITS: Final = (
     " rad/s/sqrt(Hz) / rad/s^2/sqrt(Hz)",
     " m/s^2/sqrt(Hz) / m/s^3/sqrt(Hz)",
 )
-_BOUND: Final = "  # upper bound: the record does not tell it from zero"
+_BOUND: Final = "  # upper bound: the record cannot tell it from zero"
 
 
 def write_csv(result: AllanResult, path: Path) -> None:
@@ -68,7 +68,7 @@ def write_imu_utils(result: AllanResult, path: Path, *, continuous: bool) -> Non
 
     :param continuous: densities, N and K, as kalibr's documentation and filters take the names;
         else what the program itself writes: ``*_n`` is the noise of a single sample,
-        N * sqrt(rate), and ``*_w`` the minimum of the Allan deviation, which is no random walk.
+        N * sqrt(rate), and ``*_w`` the minimum of the Allan deviation, which is not a random walk.
     """
     meaning = (
         "*_n: noise density N; *_w: random walk K; both continuous-time (kalibr's meaning)"
@@ -151,7 +151,7 @@ def write_parameters(result: AllanResult, path: Path, source: str) -> None:
     comment = (
         f"Noise of the IMU in {source}: {result.duration / 3600.0:.3g} h at "
         f"{result.timing.rate:.6g} Hz.\n"
-        "Terms that the record does not tell from zero are left out.\n"
+        "Terms that the record cannot tell from zero are left out.\n"
         f"Mean readings (gyroscope x y z, accelerometer x y z): {mean}"
     )
     files.write(simulator_parameters(result), path, comment=comment)

@@ -68,7 +68,7 @@ def add_simulation_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--robust",
         action="store_true",
-        help="mend recorded poses: leave out those that lie off, join jumps, even out stamps of "
+        help="repair recorded poses: drop outliers, close jumps, even out stamps of "
         "arrival (trajectory.robust)",
     )
     group.add_argument("--rate", metavar="HZ", type=float, help="samples per second")

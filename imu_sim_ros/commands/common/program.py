@@ -77,7 +77,7 @@ def main(
     complete(made)
     try:
         arguments = made.parse_args(argv)
-    except Exception as error:  # an argument that nobody has thought of
+    except Exception as error:  # an argument of an unforeseen kind
         return _told(made.prog, error, debug=False)
     return run(made.prog, lambda: command(arguments), getattr(arguments, "debug", False))
 
@@ -91,7 +91,7 @@ def run(program: str, command: Callable[[], None], debug: bool = False) -> int:
         with signals.raised():
             command()
         sys.stdout.flush()
-    except BrokenPipeError:  # `| head` closed standard output: nobody reads on
+    except BrokenPipeError:  # `| head` closed standard output
         _give_up_output()
         return 1
     except KeyboardInterrupt as error:
@@ -126,7 +126,7 @@ def _shortened(line: str) -> str:
 
 
 def open_standard_streams() -> None:
-    """Let closed standard streams lead nowhere, lest the next file that is opened become one."""
+    """Point closed standard streams at nothing, so that no file opened later becomes one."""
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         try:
             os.fstat(number)

@@ -18,7 +18,7 @@ def add_skip_bad_rows(parser: Any) -> None:
     parser.add_argument(
         "--skip-bad-rows",
         action="store_true",
-        help="go on without the bad rows of a text file (poses, readings), and count them",
+        help="skip the bad rows of a text file (poses, readings), and count them",
     )
 
 

@@ -42,7 +42,7 @@ def configs(output: Path) -> Path:
 def new_truths(output: Path, simulated: Mapping[str, SimulationParameters]) -> dict[Path, str]:
     """Return the files of the realised truth that are to be written, each with its text.
 
-    One that stands there already with the same text is left out: the outputs share it.
+    One that stands already there with the same text is left out: the outputs share it.
 
     :raises InputError: where another output of this name has another sensor.
     """

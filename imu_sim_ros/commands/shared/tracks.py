@@ -72,7 +72,7 @@ def read_track(
     :param reader: of a text file of poses.
     :param skipped: of a EuRoC folder's states: is told how many bad rows were passed over; None:
         they are errors.
-    :raises InputError: for what cannot be read, or is no trajectory: stamps that do not increase,
+    :raises InputError: for what cannot be read or is not a trajectory: stamps that do not increase,
         numbers that are not finite, fewer than two poses.
     """
     if path.is_file() if is_text(path) else not odometry_topics(path):

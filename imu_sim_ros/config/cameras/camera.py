@@ -124,7 +124,7 @@ class CameraMountParameters:
     )
 
     def problems(self, prefix: str) -> Iterator[str]:
-        """Say which matrices are no rotations, a line each."""
+        """Say which matrices are not rotations, a line each."""
         for name in ("mounting", "rig_mounting"):
             yield from rotation_problems(getattr(self, name), f"{prefix}{name}")
 

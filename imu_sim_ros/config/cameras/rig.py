@@ -96,7 +96,7 @@ def camera_names(given: Mapping[str, object]) -> list[str]:
     :raises ConfigurationError: for names that cannot be used.
     """
     value = given.get("cameras", ())
-    with suppress(ValueError):  # what is no list is said below
+    with suppress(ValueError):  # what is not a list is reported below
         value = entries(value)
     if not isinstance(value, list | tuple):
         raise ConfigurationError(f"cameras = {value!r}: must be a list of names")

@@ -143,7 +143,7 @@ class TargetParameters(SceneParameters):
     )
 
     def problems(self, prefix: str) -> Iterator[str]:
-        """Yield whether the orientation is no rotation."""
+        """Yield whether the orientation is not a rotation."""
         yield from rotation_problems(self.orientation, f"{prefix}orientation")
 
 

@@ -37,7 +37,7 @@ def section(
     """Describe a nested section; its parameters' names are the field's, the joint, and their own.
 
     :param words: what stands in the section's texts and units for ``{word}``.
-    :param without: fields of the section that are no parameters here and keep their default.
+    :param without: fields of the section that are not parameters here and keep their default.
     """
     nested = _Nested(cls, joint, words, without)
     return dataclasses.field(default_factory=cls, metadata={"section": nested})

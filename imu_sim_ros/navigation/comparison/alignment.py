@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The transformation that lays an estimated trajectory onto the truth.
+"""The transformation that aligns an estimated trajectory with the truth.
 
 S. Umeyama, "Least-squares estimation of transformation parameters between two point patterns",
 PAMI 1991, for SE(3) and Sim(3); Zhang and Scaramuzza, "A tutorial on quantitative trajectory
@@ -67,7 +67,7 @@ def _rotation(cross_covariance: Array) -> Array:
             "the positions lie on a line or in one place: no rotation can be found for se3 or "
             "sim3; use the alignment yaw or none"
         )
-    # A reflection would fit better where the last sign is negative; it is no rotation.
+    # A reflection would fit better where the last sign is negative; it is not a rotation.
     sign = np.sign(np.linalg.det(u) * np.linalg.det(vt))
     result: Array = u @ np.diag([1.0, 1.0, sign]) @ vt
     return result

@@ -78,7 +78,7 @@ class Integrator(ConfiguredNode):
         self.reader = RawSubscriptions(self, self._take, self.ending.fail, _READ_PERIOD)
         for topic in self._inputs():
             self._subscribe(topic, QoSProfile(depth=_DEPTH))
-        # On the steady clock: with use_sim_time and a silent /clock, the node's own stands still.
+        # On the steady clock: with use_sim_time and a silent /clock, the node's own stops.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(_MATCHING_PERIOD, self._match_publishers, clock=steady)
 
@@ -172,7 +172,7 @@ class Integrator(ConfiguredNode):
             later = not self.odometer.waiting and new.imu != self.odometer.parameters.imu
             self.replace(new)
             self.odometer.correct_with(new)
-        when = "; it counts from the next start on" if later else ""
+        when = "; it takes effect at the next start" if later else ""
         self.get_logger().info(f"the sensor is {new.imu.preset}, says {self.sensor.topic}{when}")
 
     def _take_truth(self, truth: decode.Truth, rows: list[Row], errors: list[ErrorAt]) -> None:

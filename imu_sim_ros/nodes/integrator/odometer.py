@@ -101,7 +101,7 @@ class Odometer:
         """Take a reading; yields one row, none while waiting, or many after it."""
         self.totals.readings += 1
         if self._stepper is not None and self._began_again(reading.t_ns):
-            self._complain("the source began again: so does the integration")
+            self._complain("the source restarted: so does the integration")
             self.begin()
         if self._stepper is None:
             yield from self._begin_at(self._initialiser.add_reading(reading))
@@ -154,7 +154,7 @@ class Odometer:
         """Complain about a reading that made no step; tell whether its stamp is a new one."""
         counts, step = self.totals.steps, (reading.t_ns - before) * 1e-9
         if not np.isfinite(reading.gyro + reading.accel).all():
-            self._complain(f"a reading that is not finite was passed over ({counts.not_finite})")
+            self._complain(f"a reading that is not finite was skipped ({counts.not_finite})")
             return False
         if step == 0:
             self._complain(f"a reading with the stamp of the one before ({counts.repeated})")

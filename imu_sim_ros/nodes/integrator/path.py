@@ -41,7 +41,7 @@ class PathPublisher:
         self._due_ns = 0.0
 
     def publish(self) -> None:
-        """Publish the path so far, where somebody listens."""
+        """Publish the path so far, where there is a subscriber."""
         if self._poses and self._publisher.get_subscription_count():
             poses = list(self._poses)
             self._publisher.publish(Path(header=poses[-1].header, poses=poses))

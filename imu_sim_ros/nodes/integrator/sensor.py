@@ -18,7 +18,7 @@ from imu_sim_ros.nodes.topics import Message, sensor_description
 _PATIENCE: Final = 0.5
 """[s] after the first reading in which a description arrives if anybody publishes one."""
 _LONGER_PATIENCE: Final = 5.0
-"""[s] where somebody is known to publish one."""
+"""[s] where a publisher of one is known."""
 _LOOK_PERIOD: Final = 0.05
 _KEPT: Final = 20000
 """Messages that wait: 2.5 s at 8 kHz."""
@@ -27,7 +27,7 @@ _KEPT: Final = 20000
 class Sensor:
     """Holds messages back until the description of the sensor is there.
 
-    Where the user says what the noise is, or nobody asks for a covariance, nothing waits.
+    Where the user says what the noise is, or no covariance is asked for, nothing waits.
 
     :param adopt: takes the description's parameters, by dotted name.
     :param release: takes the messages that have waited; ``lock`` is held.
@@ -85,7 +85,7 @@ class Sensor:
         self.settle()
 
     def _look(self) -> None:
-        """Give up where nobody says anything."""
+        """Give up where no description comes."""
         if not self._held:
             return
         known = self._node.count_publishers(self.topic)
@@ -97,6 +97,6 @@ class Sensor:
     def warn(self) -> None:
         """Say that the noise is a guess."""
         self._node.get_logger().warning(
-            f"nobody says on {self.topic} what the sensor is: the covariance takes the noise of "
+            f"no sensor description on {self.topic}: the covariance uses the noise of "
             f"imu.preset {self._node.parameters.imu.preset}; --imu NAME|FILE chooses another"
         )

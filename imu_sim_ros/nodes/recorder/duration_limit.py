@@ -56,7 +56,7 @@ class DurationLimit:
         """Tell whether every topic that still comes has had its time.
 
         :param elapsed: since the first message, on the clock of the node [s]. Decides where stamps
-            get nowhere: they stand still, or nothing comes any more.
+            make no progress: they do not advance, or nothing arrives any more.
         """
         if not self._length_ns:
             return False

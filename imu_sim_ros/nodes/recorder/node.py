@@ -116,7 +116,7 @@ class Recorder(ConfiguredNode):
                 result.append(self.resolve_topic_name(name))
             except (RuntimeError, ValueError, NameValidationException):
                 problems.append(
-                    f"{parameter}: {name!r} is no name of a topic, which has letters, digits, "
+                    f"{parameter}: {name!r} is not a topic name, which has letters, digits, "
                     "underscores and slashes"
                 )
         return result
@@ -276,7 +276,7 @@ def plain_arguments(arguments: Sequence[str]) -> list[str]:
     Words are topics, ``-o`` is ``--output``, a duration may have a unit; all from ``--ros-args``
     on stays as it is.
 
-    :raises ConfigurationError: for a duration that is none.
+    :raises ConfigurationError: for what is not a duration.
     """
     end = arguments.index("--ros-args") if "--ros-args" in arguments else len(arguments)
     result: list[str] = []

@@ -124,7 +124,7 @@ class Recording:
         # Opened here, not by the caller: a database may belong to the thread that opened it.
         self._bag = self._open_bag()
         try:
-            # Loads what translates messages, lest the first ones wait for it.
+            # Loads what translates messages, so that the first ones do not wait for it.
             recorded_type("std_msgs/msg/Header", "", "", self._bag.encoding)
             self.files = self._bag.files
             self._begun.set()
@@ -190,7 +190,7 @@ class Recording:
         self.files = self._bag.files
         for topic in self.topics.values():
             topic.look()
-        # Writing into a removed file goes on succeeding, for nobody.
+        # Writing into a removed file goes on succeeding, unseen.
         last = self.files[-1]
         if not (last.exists() or active_path(last).exists()):
             raise InputError(f"{last}: it was removed while it was being written")

@@ -76,7 +76,7 @@ class Frames:
                 number, run_number = self._next, self._run
             made = None if self._lost(number) else self._make(number)
             with self._changed:
-                if run_number == self._run:  # else somebody wants others
+                if run_number == self._run:  # else others are wanted
                     self._next = number + 1
                     if made is not None and number >= self._wanted:
                         self._made[number] = made
@@ -147,7 +147,7 @@ class CameraNode:
             yield topic, Counter(topic, create(self.node, types[topic], full, qos))
 
     def publish_scene(self) -> None:
-        """Publish what stands still, once for all who ever listen, where it is this process's."""
+        """Publish what does not move, once for all who ever listen, where it is this process's."""
         world, scene = self.parameters.world_frame, self._rig.scene
         if LANDMARKS_TOPIC in self.counters:
             self.counters[LANDMARKS_TOPIC].send(landmarks(scene, world, 0))

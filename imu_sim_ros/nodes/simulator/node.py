@@ -217,7 +217,7 @@ class Simulator(ConfiguredNode):
 
         def moved(jump: Any) -> None:
             if jump.delta.nanoseconds < 0:
-                self.get_logger().warning("the clock went back: beginning again")
+                self.get_logger().warning("the clock jumped back: starting again")
                 self.engine.reset()
             pacer.tick()
 

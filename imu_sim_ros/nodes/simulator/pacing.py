@@ -72,7 +72,7 @@ class Pacer:
 
     @property
     def paused(self) -> bool:
-        """Whether the simulated time stands still."""
+        """Whether the simulated time is stopped."""
         return self._paused
 
     def pause(self, paused: bool) -> None:

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""When all who are waited for are there, and nobody else is still coming."""
+"""When all expected subscribers are there, and no one else is on the way."""
 
 from collections.abc import Sequence
 from typing import Final

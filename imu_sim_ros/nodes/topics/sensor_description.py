@@ -48,4 +48,4 @@ def decode(text: str) -> dict[str, object]:
         imu = tree["/**"][_PARAMETERS]["imu"]
         return {f"imu.{name}": value for name, value in imu.items()}
     except (ValueError, RecursionError, KeyError, TypeError, AttributeError):
-        raise InputError("a description of the sensor that is no parameter file in JSON") from None
+        raise InputError("a sensor description that is not a parameter file in JSON") from None

@@ -49,7 +49,7 @@ class FitReport(NamedTuple):
     def lines(self) -> list[str]:
         """Return the report in words."""
         mm, deg = 1e3, 180.0 / np.pi
-        dropped = f", {self.repeated} that stand twice left out" if self.repeated else ""
+        dropped = f", {self.repeated} repeated ones left out" if self.repeated else ""
         return [
             f"{self.poses} poses over {self.duration:.2f} s{dropped}; "
             f"largest gap {self.largest_gap:.3f} s at {self.largest_gap_at:.2f} s",

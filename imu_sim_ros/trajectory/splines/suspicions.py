@@ -81,7 +81,7 @@ def beyond_any_body(
     """
     return [
         f"{file}: {value:.4g} {unit} at {at:.3f} s is more than a body with an IMU does "
-        f"({limit:g} {unit}): the poses are no motion there"
+        f"({limit:g} {unit}): the poses are not a motion there"
         for value, at, limit, unit in (
             (acceleration, acceleration_at, _LARGEST_ACCELERATION, "m/s^2"),
             (rate, rate_at, _LARGEST_RATE, "rad/s"),

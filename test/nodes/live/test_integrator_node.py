@@ -111,7 +111,7 @@ def test_a_driver_that_is_killed_and_started_again_is_integrated_anew(node, feed
     # Its clock goes on, as a wall clock does.
     assert feed(count=100, first_ns=60 * 10**9, **options).status() == 0
     assert integrator.end() == 0
-    assert "the source began again" in integrator.output
+    assert "the source restarted" in integrator.output
     rows = caught(listener)["dead_reckoned/odom"][-100:]
     x = [row["position"][0] for row in rows]
     np.testing.assert_allclose(x, [distance(k) for k in range(100)], atol=1e-12)
