@@ -7,6 +7,7 @@ A target is written below a staging folder beside it, ``NAME.active/NAME``, and 
 So no name ever stands for half an output, and what fails leaves nothing behind.
 """
 
+import errno
 import fcntl
 import os
 import shutil
@@ -29,6 +30,7 @@ _OURS: Final = frozenset(
     }
 )
 """What the files of an output folder end in: a folder with anything else in it is not replaced."""
+_FULL: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _FILES_LOOKED_AT: Final = 100_000
 
 
@@ -164,6 +166,9 @@ class Outputs:
                 error.args = (*error.args, *self._keep_parts())
         finally:
             self._clear()
+        if isinstance(error, OSError) and error.errno in _FULL and error.filename is None:
+            # A write tells no name; that of what could not be written is among these.
+            error.filename = ", ".join(str(target.final) for target in self._targets)
         if isinstance(error, ImuSimError):
             raise type(error)([self._finally_named(line) for line in error.problems]) from None
 

@@ -215,3 +215,14 @@ def test_the_parts_of_a_split_output_are_one_line():
     line = "x_0.partial.mcap and 99 more files: what was written before"
     assert stopped.value.args == (line,)
     assert len(os.listdir()) == 100
+
+
+def test_a_full_disk_is_told_with_the_name_of_the_output():
+    """The system tells no name where a write fails; a read that fails has nothing to do with it."""
+    for number, named in ((errno.ENOSPC, True), (errno.EIO, False)):
+        outputs = Outputs()
+        outputs.add("x.csv")
+        with pytest.raises(OSError, match=os.strerror(number)) as failed, outputs:
+            raise OSError(number, os.strerror(number))
+        expected = f"x.csv: {os.strerror(number)}" if named else os.strerror(number)
+        assert explain(failed.value) == ((expected,), 1)

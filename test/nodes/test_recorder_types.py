@@ -3,6 +3,8 @@
 
 """Definitions of message types as installed, and of types that only their package knows."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
@@ -13,7 +15,7 @@ from imu_sim_ros.bags.write import open_writer
 from imu_sim_ros.config import RecorderParameters
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.nodes.arguments import ros_arguments
-from imu_sim_ros.nodes.recorder.node import plain_arguments
+from imu_sim_ros.nodes.recorder.node import _left, plain_arguments
 from imu_sim_ros.nodes.recorder.recording import Recording, Topic
 from imu_sim_ros.nodes.recorder.stamp_statistics import StampStatistics
 from imu_sim_ros.nodes.topics import message_types
@@ -154,3 +156,8 @@ def test_a_section_that_is_no_mapping_is_one_line(tmp_path, section):
 def test_bytes_that_are_no_text_are_named(tmp_path):
     with pytest.raises(ConfigurationError, match="not UTF-8"):
         ros_arguments(["--storage", "\udce9"], RecorderParameters, {}, tmp_path)
+
+
+def test_what_is_left_of_a_failed_recording_is_said() -> None:
+    assert _left([]) == "nothing is kept: it failed before any part of the bag was whole"
+    assert _left([Path("x.mcap.active")]).startswith("x.mcap.active keeps what was written before")

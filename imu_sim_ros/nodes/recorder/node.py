@@ -254,12 +254,15 @@ class Recorder(ConfiguredNode):
         for name, reason in recording.refused.items():
             print(f"recorder: {name} was not recorded: {reason}", file=sys.stderr)
         if recording.failed:
-            kept = ", ".join(map(str, recording.files))
-            print(
-                f"recorder: {kept} keeps what was written before; convert_bag --recover makes a "
-                "whole bag of it",
-                file=sys.stderr,
-            )
+            print(f"recorder: {_left(recording.files)}", file=sys.stderr)
+
+
+def _left(files: Sequence[Path]) -> str:
+    """Return what became of a recording whose writing failed."""
+    if not files:
+        return "nothing is kept: it failed before any part of the bag was whole"
+    kept = ", ".join(map(str, files))
+    return f"{kept} keeps what was written before; convert_bag --recover makes a whole bag of it"
 
 
 def _row(topic: Topic) -> tuple[str, ...]:
