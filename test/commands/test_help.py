@@ -139,3 +139,26 @@ def test_completion_by_tab(line, offered, tmp_path):
     code = f"from imu_sim_ros.commands import start; start.{program}()"
     subprocess.run([sys.executable, "-c", code], env=environment, cwd=tmp_path, check=True)
     assert {word.strip() for word in answer.read_text().split("\n")} == offered
+
+
+def written_commands():
+    """Yield the command lines of the README's and the manual's blocks, with their places."""
+    for path in [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]:
+        blocks = path.read_text(encoding="utf-8").replace("\\\n", " ").split("\n```")[1::2]
+        for line in "\n".join(blocks).splitlines():
+            command = line.strip().removeprefix("$ ").removeprefix(".venv/bin/")
+            program, _, rest = command.partition(" ")
+            is_written = program in start.PROGRAMS and rest and line[0] != " "
+            if is_written and not re.search(r"\.\.\.|<\w+>|[|>]", command):
+                yield f"{path.name}: {command}"
+
+
+def test_every_command_of_the_manual_is_accepted():
+    lines = list(written_commands())
+    assert len(lines) > 30
+    for line in lines:
+        program, *words = shlex.split(line.partition(": ")[2], comments=True)
+        try:
+            parser(program).parse_args(words)
+        except SystemExit:
+            pytest.fail(line)
