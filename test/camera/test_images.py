@@ -43,7 +43,7 @@ EVERYTHING = {
 }
 GOLDEN = {
     "plain": "1ffcac911b198e01",
-    "everything": "ab694539eda1c153",
+    "everything": "8656cab0abcb3174",
     "fisheye": "7297b227218e00f3",
 }
 TEXTURES = {}

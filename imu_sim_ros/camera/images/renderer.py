@@ -67,6 +67,7 @@ class Renderer:
         direction = np.where(rays.valid[:, None], rays.direction, 0.0).astype(np.float32)
         self._rays = np.ascontiguousarray(direction.T.reshape(3, self.height, self.width))
         self._coarse = np.ascontiguousarray(self._rays[:, ::CELL, ::CELL])
+        self._cone = _cone(direction)
         self.rows = rows
         """Row of the image of each row of rays."""
 
@@ -97,12 +98,24 @@ class Renderer:
         position = np.round(poses.position * _GRID) / _GRID
         r_wc = np.round(rotation.to_matrix(poses.q_wc) * _GRID) / _GRID
         found = []
-        for m in self._facing(position).tolist():
+        facing = self._facing(position)
+        if len(position) == 1 and self._cone is not None:
+            facing = facing[~self._outside(facing, position[0], r_wc[0])]
+        for m in facing.tolist():
             plane = _Plane.of(self.surfaces, m, position, r_wc)
             region = self._region(plane, m, poses)
             if region is not None:
                 found.append((m, plane, region))
         return found
+
+    def _outside(
+        self, surfaces: NDArray[np.int64], position: Array, r_wc: Array
+    ) -> NDArray[np.bool_]:
+        """Tell which surfaces lie beyond one side of the cone that holds all rays."""
+        o, a, b = (part[surfaces] for part in self.surfaces[:3])
+        corners = np.stack([o, o + a, o + b, o + a + b], axis=1) - position
+        beyond: NDArray[np.bool_] = (corners @ r_wc @ self._cone > 0.0).all(axis=1).any(axis=1)
+        return beyond
 
     def _facing(self, position: Array) -> NDArray[np.int64]:
         """Return the surfaces whose front is seen from one of some places (n, 3)."""
@@ -203,6 +216,27 @@ class Renderer:
 def _enlarged(cells: Single, height: int, width: int) -> Single:
     result: Single = cells.repeat(CELL, axis=0)[:height].repeat(CELL, axis=1)[:, :width]
     return result
+
+
+def _cone(directions: Single) -> Array | None:
+    """Return the normals (3, 4) of planes through the camera that have all rays on one side.
+
+    :param directions: (n, 3), zero where there is none.
+    :returns: None where a ray looks sideways or backwards.
+    """
+    x, y, z = directions[directions.any(axis=1)].astype(np.float64).T
+    if not len(z) or z.min() <= 0.05:
+        return None
+    u, v = x / z, y / z
+    slack = 1e-3
+    return np.array(
+        [
+            [1.0, 0.0, -(u.max() + slack)],
+            [-1.0, 0.0, u.min() - slack],
+            [0.0, 1.0, -(v.max() + slack)],
+            [0.0, -1.0, v.min() - slack],
+        ]
+    ).T
 
 
 class _Plane(NamedTuple):
