@@ -49,7 +49,7 @@ class TimingParameters:
     )
     clock_skew_ppm: float = number(
         0.0,
-        "how much too fast the sensor's clock runs at the start",
+        "rate error of the sensor's clock at the start; above 0: it runs fast",
         unit="ppm",
         minimum=-10000.0,
         maximum=10000.0,
@@ -67,7 +67,7 @@ class TimingParameters:
     )
     latency: float = number(
         0.0,
-        "time from a sample to its message, at least; lowered, what is under way arrives at once",
+        "least time from a sample to its message; where lowered, messages under way arrive at once",
         unit="s",
         minimum=0.0,
         maximum=LARGEST_LATENCY,
@@ -91,7 +91,7 @@ class TimingParameters:
     )
     dropout_burst_rate: float = number(
         0.0,
-        "bursts of lost messages, on average",
+        "mean rate of bursts of lost messages",
         unit="1/s",
         minimum=0.0,
         maximum=20000.0,

@@ -99,7 +99,7 @@ class IntegratorParameters:
     )
     max_gap: float = number(
         0.1,
-        "a step longer than this is a gap: it is counted, and integration goes on behind it",
+        "a step longer than this is a gap: it is counted, and integration continues after it",
         unit="s",
         minimum=0.0,
         above_minimum=True,

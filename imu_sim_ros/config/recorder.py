@@ -27,7 +27,7 @@ class RecorderParameters:
         ("/rosout", "/parameter_events"), "topics that 'all of them' leaves out"
     )
     storage: str = choice(
-        "auto", STORAGES, "form of the bag; auto: by the end of output's name, a folder is mcap"
+        "auto", STORAGES, "form of the bag; auto: by the ending of output's name, mcap for a folder"
     )
     compression: str = choice(
         "none", COMPRESSIONS, "of the chunks: lz4 and zstd in mcap, lz4 and bz2 in ROS 1"
@@ -44,7 +44,9 @@ class RecorderParameters:
         unit="s",
         minimum=0.0,
     )
-    max_size: float = number(0.0, "end when this much is written; 0: never", unit="MB", minimum=0.0)
+    max_size: float = number(
+        0.0, "stop once this much is written; 0: never", unit="MB", minimum=0.0
+    )
     split_size: float = number(
         0.0, "begin a new file when one has this size; 0: never", unit="MB", minimum=0.0
     )
@@ -53,7 +55,7 @@ class RecorderParameters:
     )
     max_gap: float = number(
         0.0,
-        "stamps further apart than this are a gap; 0: than 1.5 of the topic's usual distance",
+        "stamps further apart than this are a gap; 0: 1.5 times the topic's usual interval",
         unit="s",
         minimum=0.0,
     )

@@ -88,7 +88,7 @@ class InjectParameters:
     )
     delay: float = number(
         0.0,
-        "time from the next block to the begin of the fault",
+        "time from the next block to the start of the fault",
         unit="s",
         minimum=0.0,
         maximum=LONGEST,
@@ -130,7 +130,7 @@ class SimulatorParameters(SimulationParameters):
     )
     block_duration: float = number(
         0.2,
-        "time that is computed ahead in one piece; changes at run time take effect behind it",
+        "length of the block that is computed ahead; changes at run time take effect after it",
         unit="s",
         minimum=0.001,
         maximum=10.0,

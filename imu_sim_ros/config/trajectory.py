@@ -240,8 +240,8 @@ class PosesParameters(TrajectoryParameters):
     )
     robust: bool = flag(
         False,
-        "mend the recording: leave out poses that lie off, join a motion that jumps, put stamps of "
-        "arrival on their even grid; else such things are warned of",
+        "repair the recording: drop outliers, close jumps, put jittered stamps of arrival on an "
+        "even grid; otherwise such things only cause warnings",
     )
     max_gap: float = number(
         5.0, "longer gaps between poses are an error", unit="s", minimum=0.0, above_minimum=True

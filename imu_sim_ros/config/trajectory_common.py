@@ -107,7 +107,7 @@ class TrajectoryParameters:
 
     type: str = text("static", TYPE_TEXT)
     length: float = number(0.0, "take this much of the motion; 0: all of it", unit="s", minimum=0.0)
-    repeat: int = integer(1, "how often the motion is run through; 0: without end", minimum=0)
+    repeat: int = integer(1, "number of times the motion is run; 0: endless", minimum=0)
     repeat_mode: str = choice(
         "loop",
         ("loop", "there_and_back"),

@@ -215,7 +215,7 @@ class TrackParameters:
         maximum=2**31 - 1,
     )
     max_features: int = integer(
-        200, "features in a frame at most; 0: all", minimum=0, maximum=2**31 - 1
+        200, "largest number of features in a frame; 0: all", minimum=0, maximum=2**31 - 1
     )
     grid_rows: int = integer(
         4, "features are spread over so many rows of cells", minimum=1, maximum=256

@@ -19,7 +19,7 @@ class ImageParameters:
         "raw",
         IMAGES,
         "messages on topics and in bags: raw: NAME/image_raw; compressed: "
-        "NAME/image_raw/compressed, PNG; both; none: tracks alone, as scenes without surfaces want",
+        "NAME/image_raw/compressed, PNG; both; none: tracks alone, for scenes without surfaces",
     )
     frame: str = text("", "frame of the messages; empty: NAME_optical_frame")
     supersampling: int = integer(
@@ -57,7 +57,7 @@ class ImageParameters:
     )
     shot_noise: float = number(
         0.0,
-        "standard deviation at grey value 255; it goes with the root of the value",
+        "standard deviation at grey value 255; proportional to the root of the value",
         unit="grey value",
         minimum=0.0,
         maximum=1e6,
@@ -67,7 +67,7 @@ class ImageParameters:
     )
     repeat_probability: float = number(
         0.0,
-        "probability that a frame shows the one before it once more",
+        "probability that a frame repeats the one before it",
         unit="1",
         minimum=0.0,
         maximum=1.0,
