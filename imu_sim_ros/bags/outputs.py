@@ -15,7 +15,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import TracebackType
 from typing import Final
 
 from imu_sim_ros.bags.atomic_file import ACTIVE_SUFFIX, active_path
@@ -149,20 +148,15 @@ class Outputs:
             raise
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         with self._undisturbed():
-            self._end(kind, error)
+            self._end(error)
 
-    def _end(self, kind: type[BaseException] | None, error: BaseException | None) -> None:
+    def _end(self, error: BaseException | None) -> None:
         try:
-            if kind is None:
+            if error is None:
                 self._commit()
-            elif not issubclass(kind, Exception) and not self.discard_partial and error:
+            elif not isinstance(error, Exception) and not self.discard_partial:
                 error.args = (*error.args, *self._keep_parts())
         finally:
             self._clear()

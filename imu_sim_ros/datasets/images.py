@@ -11,7 +11,6 @@ images; OpenCV and NumPy let them run side by side.
 from collections import deque
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from types import TracebackType
 from typing import Final
 
 import numpy as np
@@ -98,12 +97,7 @@ class ImageFolders:
     def __enter__(self) -> "ImageFolders":
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         failed = error is not None and isinstance(error, Exception)
         try:
             while self._waiting and not failed:

@@ -4,7 +4,6 @@
 """Feature tracks of cameras as tables: tracks.csv, landmarks.csv, lines.csv, tracks.npz."""
 
 from pathlib import Path
-from types import TracebackType
 from typing import Final
 
 import numpy as np
@@ -117,12 +116,7 @@ class TrackFiles:
     def __enter__(self) -> "TrackFiles":
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         self._tables.__exit__(kind, error, trace)
 
 

@@ -13,7 +13,6 @@ camera does not.
 
 from collections.abc import Mapping
 from pathlib import Path
-from types import TracebackType
 from typing import Final
 
 import numpy as np
@@ -158,12 +157,7 @@ class VioDataSimulation:
     def __enter__(self) -> "VioDataSimulation":
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         for file in self._files.values():
             file.close()
 
