@@ -5,6 +5,7 @@ import itertools
 import threading
 import time
 
+import numpy as np
 import pytest
 
 from imu_sim_ros.nodes.simulator.pacing import Pacer, Verdict
@@ -65,3 +66,25 @@ def test_an_interruption_ends_what_was_asked_for(pacer: Pacer) -> None:
     with Player(pacer) as player:
         assert pacer.step(2, 30.0) == 2
     assert player.verdicts == [Verdict.GO] * 2 + [Verdict.INTERRUPTED]
+
+
+@pytest.mark.parametrize("late", [0.03, 0.1])
+def test_late_samples_follow_at_a_limited_speed(late: float) -> None:
+    """A queue of 10 must not overflow: rosbag2's. With all at once, 30 ms are 12 samples."""
+    pacer = Pacer(1.0, catch_up=True)
+    spacing_ns = 2_500_000
+    pacer.anchor(0, time.monotonic_ns())
+    passed = []
+    for k in range(100):
+        if k == 10:
+            time.sleep(late)
+        assert pacer.wait(k * spacing_ns) is Verdict.GO
+        passed.append(time.monotonic_ns())
+    due = np.array(passed[0]) + np.arange(100) * spacing_ns
+    behind = np.array(passed) - due >= 4_000_000  # twice what may follow at once
+    # From the first late one on, m samples take at least m - 1 spacings at eight times the speed.
+    # A machine that stalls again on the way only takes longer.
+    m = int(np.argmin(behind[10:]))
+    assert m >= 8
+    taken = np.array(passed[10 : 10 + m]) - passed[10]
+    assert (taken >= np.arange(m) * spacing_ns / 8 - 100_000).all()

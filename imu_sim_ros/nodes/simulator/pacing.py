@@ -13,7 +13,10 @@ STALL_NS: Final = 50_000_000
 """A sample that is later than this shows that the process stalled."""
 
 CATCH_UP_SPEED: Final = 8
-"""How many times faster than normal samples follow after a stall: subscribers' queues are short."""
+"""How many times faster than normal late samples follow: subscribers' queues are short."""
+
+_BURST_NS: Final = 2_000_000
+"""Samples that are no later than this may follow at once: 4 at 2 kHz; rosbag2's queues hold 10."""
 
 _LONGEST_SLEEP: Final = 0.1
 _LONG_NS: Final = 20_000_000
@@ -63,7 +66,8 @@ class Pacer:
         self._wanted = (speed, catch_up)
         self._speed, self._catch_up = self._wanted
         self._sim_ns = self._wall_ns = 0
-        self._last_sim_ns = self._last_wall_ns = 0
+        # Where late samples began to follow at a limited speed: simulated time and steady clock.
+        self._burst: tuple[int, int] | None = None
         self._stall: Stall | None = None
         self.caught_up = self.skipped = 0
         self.lateness_ns: list[int] = []
@@ -130,7 +134,7 @@ class Pacer:
     def anchor(self, sim_ns: int, wall_ns: int) -> None:
         """Let the sample at ``sim_ns`` be due at ``wall_ns`` of the steady clock."""
         self._sim_ns, self._wall_ns = sim_ns, wall_ns
-        self._stall = None
+        self._stall = self._burst = None
 
     @property
     def speed(self) -> float:
@@ -147,7 +151,7 @@ class Pacer:
                 sleep((due - now) * 1e-9)
                 now = monotonic_ns()
             late = now - due
-            if self._calm and 0 <= late < STALL_NS:
+            if self._calm and 0 <= late < _BURST_NS:
                 self.lateness_ns.append(late)
                 return _GO
             self._calm = False
@@ -198,24 +202,30 @@ class Pacer:
 
     def _deadline(self, sim_ns: int) -> int:
         due = self._due_ns(sim_ns)
-        if self._stall is None or self._stall.skipped:
+        if self._burst is None:
             return due
-        spacing = int((sim_ns - self._last_sim_ns) / (self._speed * CATCH_UP_SPEED))
-        return max(due, self._last_wall_ns + spacing)
+        first_sim_ns, first_wall_ns = self._burst
+        after = int((sim_ns - first_sim_ns) / (self._speed * CATCH_UP_SPEED))
+        return max(due, first_wall_ns + after)
 
     def _due(self, sim_ns: int, now: int) -> Verdict:
         late = now - self._due_ns(sim_ns)
-        self._last_sim_ns, self._last_wall_ns = sim_ns, now
+        if late < _BURST_NS:
+            self._burst = None
+        elif self._burst is None or now - self._deadline(sim_ns) >= _BURST_NS:
+            self._burst = (sim_ns, now)
         if self._stall is not None and late < _ON_TIME_NS:
             self._on_stall(self._stall)
             self._stall = None
         if self._stall is None and late < STALL_NS:
-            self._settle()
+            if self._burst is None:
+                self._settle()
             self.lateness_ns.append(late)
             return _GO
         stall = self._stall or Stall(late, 0, skipped=not self._catch_up)
         self._stall = stall._replace(samples=stall.samples + 1)
         if stall.skipped:
+            self._burst = None
             self.skipped += 1
             return Verdict.SKIP
         self.caught_up += 1
