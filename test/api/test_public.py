@@ -6,8 +6,10 @@
 import doctest
 import importlib
 import inspect
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -69,6 +71,13 @@ def test_every_public_name_is_documented_with_its_arguments_and_errors(name):
         assert ":raises" in value.__doc__ or "errors are those of" in value.__doc__
 
 
+@pytest.mark.parametrize("name", PUBLIC)
+def test_every_public_name_is_in_the_manual(name):
+    """The stability statement of docs/python.md holds for what docs/api.md lists."""
+    manual = (Path(__file__).parents[2] / "docs" / "api.md").read_text(encoding="utf-8")
+    assert re.search(rf"^\.\. (auto\w+|currentmodule):: (imu_sim_ros\.)?{name}\b", manual, re.M)
+
+
 @pytest.mark.parametrize("module", MODULES)
 def test_the_examples_in_the_docstrings_run(module, tmp_path):
     found = doctest.testmod(
@@ -111,3 +120,17 @@ def test_the_import_loads_nothing_that_it_does_not_need():
         "pandas",
     }
     assert len(loaded) < 12
+
+
+def test_the_first_simulation_loads_what_it_needs():
+    """No bags, no sections of nodes: that is where the time of a first call went."""
+    code = (
+        "import sys, imu_sim_ros as ims;"
+        "ims.simulate(imu='adis16448', trajectory='figure_eight', duration=1);"
+        "print(*sys.modules)"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    loaded = set(out.stdout.split())
+    assert "imu_sim_ros.simulation" in loaded
+    assert not loaded & {"imu_sim_ros.bags", "imu_sim_ros.config.integrator", "scipy", "rosbags"}
+    assert not loaded & {"mcap", "rich", "matplotlib", "cv2", "pandas"}

@@ -101,14 +101,18 @@ def test_mcap_messages_stand_in_the_order_of_time(bags, name):
 
 
 @pytest.mark.parametrize("name", MCAP_FILES)
-def test_mcap_doctor_finds_nothing(bags, name):
+def test_mcap_doctor_finds_nothing(tmp_path, content, name):
+    """Three chunks, a first, a middle and a last one: the doctor looks at each message."""
     doctor = Path(sys.executable).with_name("pymcap-cli")
     if not doctor.exists():
         pytest.skip("pymcap-cli is not installed in this environment")
+    with open_writer(tmp_path / name, "mcap", name.removesuffix(".mcap")) as writer:
+        type(content)(2000).write(writer)
     result = subprocess.run(
-        [str(doctor), "doctor", str(bags[name])], capture_output=True, text=True, check=False
+        [str(doctor), "doctor", str(tmp_path / name)], capture_output=True, text=True, check=False
     )
     assert result.returncode == 0, result.stdout + result.stderr
+    assert "3 chunks" in " ".join(result.stdout.split())
     assert "passed" in result.stdout
     assert "warning" not in result.stdout.lower()
 
