@@ -8,7 +8,6 @@ from typing import Final
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.noise import (
@@ -23,6 +22,7 @@ from imu_sim_ros.calibration.noise import (
 )
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.plots import style
+from imu_sim_ros.plots.style import Figure
 
 Array = NDArray[np.float64]
 

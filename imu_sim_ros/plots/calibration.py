@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.deterministic import (
@@ -21,6 +20,7 @@ from imu_sim_ros.calibration.deterministic import (
     polynomial_sigma,
 )
 from imu_sim_ros.plots import style
+from imu_sim_ros.plots.style import Figure
 
 Array = NDArray[np.float64]
 

@@ -8,10 +8,10 @@ from typing import Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from imu_sim_ros.plots import style
+from imu_sim_ros.plots.style import Figure
 
 Array = NDArray[np.float64]
 Series = tuple[Array, Array]

@@ -4,11 +4,11 @@
 """Readings over time."""
 
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from imu_sim_ros.conventions import AXES
 from imu_sim_ros.plots import style
+from imu_sim_ros.plots.style import Figure
 
 Array = NDArray[np.float64]
 

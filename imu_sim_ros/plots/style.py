@@ -3,13 +3,14 @@
 
 """The common look of all pictures: colours, figures without a display, saving."""
 
+import io
 from pathlib import Path
 from typing import Any, Final
 
 import matplotlib
+import matplotlib.figure
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure as Figure
 
 # Okabe and Ito's palette: told apart with every kind of colour vision, and in grey.
 AXIS_COLOURS: Final = {"x": "#D55E00", "y": "#009E73", "z": "#0072B2"}
@@ -25,6 +26,16 @@ _SETTINGS: Final[Any] = {
     "lines.linewidth": 1.3,
 }
 _PIXELS_PER_INCH: Final = 130
+_NOTEBOOK_PIXELS_PER_INCH: Final = 80
+
+
+class Figure(matplotlib.figure.Figure):
+    """A matplotlib figure that a notebook shows without pyplot, which keeps figures alive."""
+
+    def _repr_png_(self) -> bytes:
+        buffer = io.BytesIO()
+        self.savefig(buffer, format="png", dpi=_NOTEBOOK_PIXELS_PER_INCH)
+        return buffer.getvalue()
 
 
 def figure(width: float = 8.0, height: float = 5.0) -> Figure:

@@ -110,3 +110,9 @@ def test_preintegration_is_dead_reckoning_without_gravity():
     for arguments in ({}, {"edges_ns": truth.t_ns[rows], "every": 0.5}, {"every": 0.0}):
         with pytest.raises(ims.InputError):
             ims.preintegrate(flight, **arguments)
+
+
+def test_a_notebook_shows_a_figure_without_pyplot():
+    flight = ims.simulate(imu="perfect", trajectory="circle", duration=1)
+    for figure in (flight.plot(), ims.dead_reckon(flight).plot()):
+        assert figure._repr_png_().startswith(b"\x89PNG\r\n")
