@@ -161,9 +161,15 @@ def text_to_bag(
 ) -> None:
     """Copy a EuRoC folder or a CSV file: readings, and truth and biases where there are states.
 
+    Several IMUs have a namespace each, as in ``generate``: ``/imu1/imu/data_raw``.
+
     :param skipped: as for :func:`imu_sim_ros.bags.imu_blocks`.
     """
-    streams = [_reading_messages(path, writer, renamed, skipped)]
+    names = text_reader.imu_names(path)
+    streams = [
+        _reading_messages(path, writer, renamed, skipped, name)
+        for name in (names if len(names) > 1 else [None])
+    ]
     if text_reader.has_states(path):
         streams.append(_state_messages(path, writer, renamed, skipped))
     for blocks in _interleaved(streams):
@@ -190,11 +196,16 @@ def poses_to_bag(
 
 
 def _reading_messages(
-    path: Path, writer: Writer, renamed: Mapping[str, str], skipped: Skipped | None
+    path: Path,
+    writer: Writer,
+    renamed: Mapping[str, str],
+    skipped: Skipped | None,
+    imu: str | None,
 ) -> Iterator[list[Block]]:
-    encoder = ImuEncoder(IMU_FRAME, writer.encoding)
-    topic = writer.add_topic(renamed.get(READINGS, READINGS), IMU)
-    for t_ns, gyro, accel in text_reader.imu_blocks(path, skipped=skipped):
+    full, frame = (READINGS, IMU_FRAME) if imu is None else (f"/{imu}{READINGS}", f"{imu}_link")
+    encoder = ImuEncoder(frame, writer.encoding)
+    topic = writer.add_topic(renamed.get(full, full), IMU)
+    for t_ns, gyro, accel in text_reader.imu_blocks(path, imu, skipped):
         yield [Block(topic, t_ns, encoder.encode(t_ns, gyro, accel))]
 
 

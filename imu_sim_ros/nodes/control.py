@@ -3,6 +3,7 @@
 
 """A client of a running simulator, for machines without the ``ros2`` command."""
 
+import re
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -22,6 +23,7 @@ from imu_sim_ros.conventions import FAULTS_TOPIC
 from imu_sim_ros.errors import InputError, MachineError
 from imu_sim_ros.nodes import run
 
+_NODE: Final = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 _TURN: Final = 0.05
 """[s] The longest wait in the middleware: a signal is heard behind it."""
 _SETTLE: Final = 0.3
@@ -50,10 +52,16 @@ class Control:
 
     :param name: of the node, with its namespace where it has one, such as ``/left/simulator``.
     :param patience: how long an answer may take [s].
+    :raises InputError: for what is no name of a node.
     """
 
     def __init__(self, name: str, patience: float) -> None:
         self._name = "/" + name.strip("/")
+        if not _NODE.fullmatch(self._name):
+            raise InputError(
+                f"--node {name!r}: must be a node's name with its namespace, such as "
+                "/left/simulator"
+            )
         self._patience = patience
         with tempfile.TemporaryDirectory() as folder:
             run.set_profile(Path(folder))

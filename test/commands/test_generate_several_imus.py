@@ -15,7 +15,7 @@ from rosbags.highlevel import AnyReader
 
 from imu_sim_ros import topics
 from imu_sim_ros.bags import read_imu, read_odometry
-from imu_sim_ros.commands import generate
+from imu_sim_ros.commands import convert_bag, generate
 from imu_sim_ros.config import BODY, files, load_simulation, load_simulator, simulations
 from imu_sim_ros.nodes.simulator.publish_queue import PublishQueue, SimulationStream
 from imu_sim_ros.simulation import SimulatedBody, Simulation
@@ -138,6 +138,16 @@ def test_euroc_folders_have_each_imu_with_its_biases(place):
         np.testing.assert_array_equal(states[:, 1:4], block.motion.position)
     assert "0, 0, 1, -0.03" in (folder / "imu0" / "sensor.yaml").read_text()
     assert "rate_hz: 333.3" in (folder / "imu1" / "sensor.yaml").read_text()
+
+
+def test_a_euroc_folder_of_several_is_converted_as_a_whole(place):
+    folder, path = place / "mav1", place / "converted.bag"
+    assert generate.main([*OPTIONS, "--format", "euroc", "-o", str(folder), "--quiet"]) == 0
+    assert convert_bag.main([str(folder), "-o", str(path), "--quiet"]) == 0
+    for name in ("imu0", "imu1"):
+        one, other = read_imu(folder, name), read_imu(path, f"/{name}/imu/data_raw")
+        np.testing.assert_array_equal(one.t_ns, other.t_ns)
+        np.testing.assert_array_equal(one.accel, other.accel)
 
 
 def test_tables_of_each_and_poses_of_the_body(place, bag):

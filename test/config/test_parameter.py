@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import pytest
 
+from imu_sim_ros.config import load_simulation
 from imu_sim_ros.config import parameter as p
 from imu_sim_ros.errors import ConfigurationError
 
@@ -218,3 +219,11 @@ def test_problems_of_two_sections_bear_their_names():
     ]
     with pytest.raises(ConfigurationError, match=r"^sides\.left_tilt = 2: must be at most"):
         p.build(Owner, {"sides.left_offset": 1.0})
+
+
+def test_the_largest_seed_is_a_seed():
+    """As a float it would be one too large."""
+    assert load_simulation({"seed": 2**63 - 1}).seed == 2**63 - 1
+    for seed in (2**63, -1, 1.5, True, float("nan"), float("inf"), 10**400):
+        with pytest.raises(ConfigurationError, match="seed = "):
+            load_simulation({"seed": seed})

@@ -123,6 +123,11 @@ def has_states(path: Path) -> bool:
     return path.is_dir() and _state_path(path) is not None
 
 
+def imu_names(path: Path) -> list[str]:
+    """Return the names of the IMUs of a folder: imu0, imu1; none of a file."""
+    return sorted(_imu_files(path)) if path.is_dir() else []
+
+
 def _imu_file(path: Path, name: str | None) -> Path:
     if not path.is_dir():
         return path

@@ -7,7 +7,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias, cast
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -102,10 +102,14 @@ def _number(parameter: Parameter, value: object) -> float:
 
 
 def _integer(parameter: Parameter, value: object) -> int:
-    number = _number(parameter, value)
-    if number != int(number):
+    if isinstance(value, bool) or not isinstance(value, int | float | np.number):
         raise ValueError
-    return int(cast(float, value))
+    if not math.isfinite(value):
+        raise ValueError
+    exact = int(value)  # of large numbers a float is another one
+    if value != exact or not parameter.in_range(exact):
+        raise ValueError
+    return exact
 
 
 def _flag(_: Parameter, value: object) -> bool:
