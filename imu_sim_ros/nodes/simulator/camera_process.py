@@ -241,8 +241,8 @@ def _run(node: CameraNode, reports: Reports) -> None:
             reports.say(warnings=[f"{len(tokens)} frames are due and not yet made"])
         for number, t0_ns in tokens:
             node.publish(number, t0_ns)
-        done += len(tokens)
-        reports.say(done=done, counts={t: c.count for t, c in node.counters.items()})
+            done += 1
+            reports.say(done=done, counts={t: c.count for t, c in node.counters.items()})
     for counter in node.counters.values():
         counter.publisher.wait_for_all_acked(_ACKNOWLEDGEMENT)
     reports.say(done=done, counts={t: c.count for t, c in node.counters.items()})

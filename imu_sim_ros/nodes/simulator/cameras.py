@@ -37,6 +37,7 @@ TOKEN: Final = struct.Struct("<qq")
 """Number of a frame, and time zero [ns]."""
 MARKERS: Final = "visualization_msgs/msg/MarkerArray"
 _OVERRIDES: Final = "qos_overrides"
+_LONGEST_FRAME: Final = 10.0
 _LONGEST_END: Final = 5.0
 """[s] A process that is still sending by then is killed."""
 
@@ -105,13 +106,26 @@ class CameraProcess:
             pass  # the watcher tells why
 
     def wait_until_idle(self, timeout: float) -> bool:
-        """Wait until every frame that was due is published, at most so many seconds."""
+        """Wait until every frame that was due is published, however long, while some still are.
+
+        :param timeout: [s] without any frame, beyond the time that one may take on a busy machine.
+        """
         with self._changed:
-            return self._changed.wait_for(lambda: self._done >= self._sent, timeout)
+            while self._done < self._sent and not self._closing:
+                before = self._done
+                moved = self._changed.wait_for(
+                    lambda before=before: self._closing or self._done != before,
+                    timeout + _LONGEST_FRAME,
+                )
+                if not moved:
+                    break
+            return self._done >= self._sent
 
     def close(self) -> None:
         """End the process; what is due is still sent."""
-        self._closing = True
+        with self._changed:
+            self._closing = True
+            self._changed.notify_all()
         self._input.close()
         try:
             self._process.wait(_LONGEST_END)
