@@ -222,7 +222,7 @@ def test_parameters_keep_their_types_whatever_is_set(start: Any, listener: Any) 
 
 def test_a_dump_of_a_node_with_remappings_starts_again(start: Any) -> None:
     """Taken by the real `ros2 param dump` of a node with imu/data_raw:=/imu0 in /robot."""
-    dump = Path(__file__).parents[1] / "data/launch/param_dump.yaml"
+    dump = Path(__file__).parents[2] / "data/launch/param_dump.yaml"
     assert "/imu0:" in dump.read_text()
     node = start(
         "simulator",

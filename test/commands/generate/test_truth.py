@@ -89,7 +89,7 @@ def test_every_shipped_file_of_the_simulator_serves_generate(tmp_path, path):
     assert generate.main(arguments) == 0
 
 
-DUMP = Path(__file__).parents[1] / "data" / "launch" / "param_dump.yaml"
+DUMP = Path(__file__).parents[2] / "data" / "launch" / "param_dump.yaml"
 """Taken by the real ``ros2 param dump`` of a running simulator with imu/data_raw:=/imu0."""
 
 
