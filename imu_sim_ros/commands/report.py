@@ -25,7 +25,7 @@ from imu_sim_ros.commands.shared import (
 from imu_sim_ros.errors import InputError
 
 if TYPE_CHECKING:
-    from imu_sim_ros.report import Estimate, Section
+    from imu_sim_ros.report import Section
 
 EXAMPLES: Final = """
 report results
@@ -157,7 +157,7 @@ def _bag(arguments: argparse.Namespace, path: Path, files: Sequence[Path]) -> li
 
     reader = PoseReader(arguments, "report")
 
-    def read(source: Path, topic: str | None, name: str) -> "Estimate":
+    def read(source: Path, topic: str | None, name: str) -> Estimate:
         track = read_track(source, topic, True, reader)
         return Estimate(name, track.poses, track.pose_covariance)
 
