@@ -14,7 +14,7 @@ from imu_sim_ros.poses import PoseSequence, read_poses, write_tum
 from imu_sim_ros.trajectory import build_trajectory
 from imu_sim_ros.trajectory.splines.recorded import fit_report
 
-DATA = Path(__file__).parents[2].parent / "shared/data"
+DATA = Path(__file__).parents[3].parent / "shared/data"
 EUROC = DATA / "euroc_V1_02_medium_groundtruth.csv"
 TUM = DATA / "tum_freiburg1_xyz_groundtruth.txt"
 KAIST = DATA / "kaist_vio_infinite_fast.txt"

@@ -13,7 +13,7 @@ from imu_sim_ros.commands.generate import main
 from imu_sim_ros.poses import PoseSequence, read_poses, write_tum
 from imu_sim_ros.trajectory.splines import Recorded
 
-EUROC = Path(__file__).parents[2].parent / "shared/data/euroc_V1_02_medium_groundtruth.csv"
+EUROC = Path(__file__).parents[3].parent / "shared/data/euroc_V1_02_medium_groundtruth.csv"
 RATE = 100.0
 
 needs_data = pytest.mark.skipif(not EUROC.is_file(), reason=f"no recorded poses in {EUROC}")
