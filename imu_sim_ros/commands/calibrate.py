@@ -40,7 +40,7 @@ from imu_sim_ros.calibration.noise import load_truth
 from imu_sim_ros.commands import common
 from imu_sim_ros.commands.shared import add_force, add_skip_bad_rows, outputs, skipped_rows
 from imu_sim_ros.config import IntegratorParameters, build, files
-from imu_sim_ros.conventions import GRAVITY
+from imu_sim_ros.conventions import GRAVITY, TRIADS
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.navigation import correction_of
 
@@ -344,13 +344,25 @@ def _print(
 ) -> None:
     for name, fact in facts.items():
         print(f"{name}: {_shown(fact)}")
-    header = ["", "value", "standard error", "unit"] + (["truth", "errors off"] if true else [])
+    for triad in TRIADS:
+        own = {name: found for name, found in values.items() if name.startswith(triad)}
+        if own:
+            _print_group(triad, own, true)
+    shared = {name: found for name, found in values.items() if not name.startswith(TRIADS)}
+    if shared:
+        _print_group("", shared, true)
+    for path in files:
+        print(path)
+
+
+def _print_group(triad: str, values: correction.Parameters, true: dict[str, Array]) -> None:
+    """Print the parameters of one sensor, or of both; off: by how many standard errors."""
+    header = ["", "value", "sigma", "unit", *(["truth", "off"] if true else [])]
     rows = []
     for name, found in values.items():
-        labels = _labels(len(found.value))
-        for k, label in enumerate(labels):
+        for k, label in enumerate(_labels(len(found.value))):
             row = [
-                f"{name} {label}",
+                f"{name.removeprefix(f'{triad}_')} {label}",
                 f"{found.value[k]:.6g}",
                 f"{found.sigma[k]:.2g}" if found.sigma[k] > 0.0 else "",
                 _UNITS.get(name, "1"),
@@ -358,9 +370,7 @@ def _print(
             if true:
                 row += _deviation(found.value[k], found.sigma[k], true[name][k])
             rows.append(row)
-    common.print_table(header, rows)
-    for path in files:
-        print(path)
+    common.print_table(header, rows, f"{triad.capitalize() or 'Both'}; sigma: standard error")
 
 
 def _shown(fact: object) -> str:
