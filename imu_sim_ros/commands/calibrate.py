@@ -346,11 +346,9 @@ def _print(
         print(f"{name}: {_shown(fact)}")
     for triad in TRIADS:
         own = {name: found for name, found in values.items() if name.startswith(triad)}
-        if own:
-            _print_group(triad, own, true)
+        _print_group(triad, own, true)
     shared = {name: found for name, found in values.items() if not name.startswith(TRIADS)}
-    if shared:
-        _print_group("", shared, true)
+    _print_group("", shared, true)
     for path in files:
         print(path)
 
@@ -361,8 +359,9 @@ def _print_group(triad: str, values: correction.Parameters, true: dict[str, Arra
     rows = []
     for name, found in values.items():
         for k, label in enumerate(_labels(len(found.value))):
+            short = name.removeprefix(f"{triad}_")
             row = [
-                f"{name.removeprefix(f'{triad}_')} {label}",
+                f"{short} {label}",
                 f"{found.value[k]:.6g}",
                 f"{found.sigma[k]:.2g}" if found.sigma[k] > 0.0 else "",
                 _UNITS.get(name, "1"),
@@ -370,7 +369,8 @@ def _print_group(triad: str, values: correction.Parameters, true: dict[str, Arra
             if true:
                 row += _deviation(found.value[k], found.sigma[k], true[name][k])
             rows.append(row)
-    common.print_table(header, rows, f"{triad.capitalize() or 'Both'}; sigma: standard error")
+    if rows:
+        common.print_table(header, rows, f"{triad.capitalize() or 'Both'}; sigma: standard error")
 
 
 def _shown(fact: object) -> str:
