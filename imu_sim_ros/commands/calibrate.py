@@ -344,11 +344,9 @@ def _print(
 ) -> None:
     for name, fact in facts.items():
         print(f"{name}: {_shown(fact)}")
-    for triad in TRIADS:
+    for triad in (*TRIADS, "reference"):
         own = {name: found for name, found in values.items() if name.startswith(triad)}
         _print_group(triad, own, true)
-    shared = {name: found for name, found in values.items() if not name.startswith(TRIADS)}
-    _print_group("", shared, true)
     for path in files:
         print(path)
 
@@ -370,7 +368,7 @@ def _print_group(triad: str, values: correction.Parameters, true: dict[str, Arra
                 row += _deviation(found.value[k], found.sigma[k], true[name][k])
             rows.append(row)
     if rows:
-        common.print_table(header, rows, f"{triad.capitalize() or 'Both'}; sigma: standard error")
+        common.print_table(header, rows, f"{triad.capitalize()}; sigma: standard error")
 
 
 def _shown(fact: object) -> str:
