@@ -95,23 +95,30 @@ def _completed() -> str | None:
     return name
 
 
+def _print_programs() -> None:
+    print("usage: imu_sim PROGRAM ...\n\nEach PROGRAM has --help of its own:\n")
+    for program, text in (PROGRAMS | NODES).items():
+        print(f"  {program:12} {text}")
+    print("\nexamples:\n  imu_sim generate -o flight.mcap --imu mpu6000 --duration 1min")
+    print("  imu_sim dead_reckon flight.mcap --all\n  imu_sim allan rest.mcap -o allan")
+
+
+def _print_version() -> None:
+    from imu_sim_ros import __version__
+
+    print(f"imu_sim_ros {__version__}")
+
+
 def imu_sim() -> int:
     """Run the program that the first argument names; returns its exit status."""
     name, *rest = sys.argv[1:] or ["--help"]
     if "_ARGCOMPLETE" in os.environ:  # the shell asks what could follow
         name, rest = _completed() or name, []
-    if name in ("-h", "--help"):
-        print("usage: imu_sim PROGRAM ...\n\nEach PROGRAM has --help of its own:\n")
-        for program, text in (PROGRAMS | NODES).items():
-            print(f"  {program:12} {text}")
-        print("\nexamples:\n  imu_sim generate -o flight.mcap --imu mpu6000 --duration 1min")
-        print("  imu_sim dead_reckon flight.mcap --all\n  imu_sim allan rest.mcap -o allan")
-        return 0
-    if name == "--version":
-        from imu_sim_ros import __version__
+    if name in ("-h", "--help", "--version"):
+        from imu_sim_ros.commands import common
 
-        print(f"imu_sim_ros {__version__}")
-        return 0
+        common.open_standard_streams()
+        return common.run("imu_sim", _print_version if name == "--version" else _print_programs)
     sys.argv[:] = [name, *rest]
     if name in PROGRAMS:
         return _run(name)

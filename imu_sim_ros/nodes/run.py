@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, Protocol
 
+from imu_sim_ros.commands import common
 from imu_sim_ros.commands.common import completion
 from imu_sim_ros.errors import ConfigurationError, explain
 from imu_sim_ros.nodes import shared_memory, signals
@@ -94,8 +95,8 @@ def main(
     if completion.is_asked():
         completion.complete(parser(name, text, section, values or {}))
     if "--help" in arguments or "-h" in arguments:
-        print(help_text(name, text, section, values or {}), end="")
-        return 0
+        words = help_text(name, text, section, values or {})
+        return common.run(name, lambda: print(words, end=""))
     arguments, debug = debugging(arguments)
     watch = signals.watch()
     try:

@@ -5,10 +5,12 @@
 
 import importlib
 
+from imu_sim_ros.commands.common import open_standard_streams
 from imu_sim_ros.nodes import signals
 
 
 def _run(name: str) -> int:
+    open_standard_streams()  # else the watch's pipe would be the output that is closed
     signals.watch(last=True)
     status: int = importlib.import_module(f"imu_sim_ros.nodes.{name}.node").main()
     return status

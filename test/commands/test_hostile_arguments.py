@@ -126,3 +126,19 @@ def test_an_output_without_a_name_is_one_line(tmp_path, monkeypatch, capsys, nam
     (line,) = capsys.readouterr().err.splitlines()
     assert line.endswith("is not the name of a file")
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "words", [["generate", "--help"], ["imu_sim", "--help"], ["imu_sim", "--version"]], ids=str
+)
+def test_a_help_that_cannot_be_printed_is_one_line(words):
+    program = f"import sys; from imu_sim_ros.commands import start; sys.exit(start.{words[0]}())"
+    with open("/dev/full", "w") as full:
+        result = subprocess.run(
+            [sys.executable, "-c", program, *words[1:]],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+    assert result.returncode == 1
+    assert result.stderr == f"{words[0]}: No space left on device\n"

@@ -131,13 +131,18 @@ def _limit() -> None:
         signal.signal(number, signal.SIG_DFL)
 
 
-def _executed(
-    program: str, arguments: list[str], place: Path, log: Path, environment: dict[str, str]
-) -> int:
+def _start_of(program: str) -> list[str]:
+    """Return what starts a program: its executable, where it is installed beside Python."""
     executable = Path(sys.executable).with_name(program)
     module = f"imu_sim_ros.{'nodes' if program in NODES else 'commands'}.start"
     code = f"import sys; from {module} import {program}; sys.exit({program}())"
-    start = [str(executable)] if executable.exists() else [sys.executable, "-c", code]
+    return [str(executable)] if executable.exists() else [sys.executable, "-c", code]
+
+
+def _executed(
+    program: str, arguments: list[str], place: Path, log: Path, environment: dict[str, str]
+) -> int:
+    start = _start_of(program)
     with log.open("wb") as output:
         process = subprocess.Popen(
             [*start, *arguments],
@@ -195,9 +200,8 @@ class Simulator:
 
     def __init__(self) -> None:
         self.domain = Domain()
-        executable = Path(sys.executable).with_name("simulator")
         self._process = subprocess.Popen(
-            [str(executable), "--rate", "50"],
+            [*_start_of("simulator"), "--rate", "50"],
             env={**os.environ, **self.domain.environment()},
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,

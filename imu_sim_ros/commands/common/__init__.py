@@ -32,8 +32,8 @@ if TYPE_CHECKING:
     from imu_sim_ros.commands.common.program import Parser as Parser
     from imu_sim_ros.commands.common.program import examples_of as examples_of
     from imu_sim_ros.commands.common.program import main as main
-    from imu_sim_ros.commands.common.program import open_standard_streams as open_standard_streams
     from imu_sim_ros.commands.common.program import run as run
+    from imu_sim_ros.commands.common.streams import open_standard_streams as open_standard_streams
 else:
     __getattr__, __dir__, __all__ = exported(
         __name__,
@@ -54,8 +54,8 @@ else:
                 "Parser",
                 "examples_of",
                 "main",
-                "open_standard_streams",
                 "run",
             ],
+            "streams": ["open_standard_streams"],
         },
     )

@@ -13,6 +13,7 @@ from typing import Any, Final, NoReturn
 
 from imu_sim_ros.commands.common import signals
 from imu_sim_ros.commands.common.completion import complete
+from imu_sim_ros.commands.common.streams import open_standard_streams
 from imu_sim_ros.errors import explain
 
 _LONGEST_LINE: Final = 1000
@@ -48,6 +49,14 @@ class Parser(argparse.ArgumentParser):
             help="show the traceback of an error",
         )
 
+    def _print_message(self, message: str, file: Any = None) -> None:
+        """Print; argparse would pass over a help text that standard output cannot take."""
+        if message and file is sys.stdout:
+            file.write(message)
+            file.flush()
+        else:
+            super()._print_message(message, file)
+
     def error(self, message: str) -> NoReturn:
         """Say what is wrong in one line and end with status 2."""
         self.exit(2, f"{self.prog}: {_shortened(message)} (--help lists the arguments)\n")
@@ -77,6 +86,9 @@ def main(
     complete(made)
     try:
         arguments = made.parse_args(argv)
+    except BrokenPipeError:
+        _give_up_output()
+        return 1
     except Exception as error:  # an argument of an unforeseen kind
         return _told(made.prog, error, debug=False)
     return run(made.prog, lambda: command(arguments), getattr(arguments, "debug", False))
@@ -123,18 +135,6 @@ def _shortened(line: str) -> str:
     if len(words) <= _LONGEST_LINE:
         return words
     return f"{words[: _LONGEST_LINE // 2]} ... {words[-_LONGEST_LINE // 2 :]}"
-
-
-def open_standard_streams() -> None:
-    """Point closed standard streams at nothing, so that no file opened later becomes one."""
-    for number, name in enumerate(("stdin", "stdout", "stderr")):
-        try:
-            os.fstat(number)
-        except OSError:
-            os.open(os.devnull, os.O_RDWR)  # the lowest free number is this one
-        if getattr(sys, name) is None:
-            mode = "r+" if number else "r"
-            setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115
 
 
 def _give_up_output() -> None:

@@ -3,6 +3,8 @@
 
 """Definitions of message types as installed, and of types that only their package knows."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -161,3 +163,17 @@ def test_bytes_that_are_no_text_are_named(tmp_path):
 def test_what_is_left_of_a_failed_recording_is_said() -> None:
     assert _left([]) == "nothing is kept: it failed before any part of the bag was whole"
     assert _left([Path("x.mcap.active")]).startswith("x.mcap.active keeps what was written before")
+
+
+def test_closed_standard_streams_are_not_taken_by_the_watch_over_signals() -> None:
+    """With ``>&- 2>&-`` its pipe was standard output, and the recorder ended with status 1."""
+    program = (
+        "import os, sys; os.close(1); os.close(2); sys.stdout = sys.stderr = None\n"
+        "from imu_sim_ros.nodes import signals, start\n"
+        "import types; sys.modules['imu_sim_ros.nodes.none'] = types.ModuleType('none')\n"
+        "node = types.ModuleType('node'); sys.modules['imu_sim_ros.nodes.none.node'] = node\n"
+        "null = os.stat(os.devnull).st_rdev\n"
+        "node.main = lambda: 40 + sum(os.fstat(n).st_rdev == null for n in (1, 2))\n"
+        "os._exit(start._run('none'))"
+    )
+    assert subprocess.run([sys.executable, "-c", program]).returncode == 42
