@@ -272,3 +272,12 @@ def test_real_files(name, count, seconds):
     assert len(poses.t_ns) == count
     assert (poses.t_ns[-1] - poses.t_ns[0]) * 1e-9 == pytest.approx(seconds, abs=1e-6)
     assert np.all(np.diff(poses.t_ns) > 0)
+
+
+def test_stamps_before_zero_are_written_as_they_are(tmp_path):
+    """-0.99 s is no -1 s and 10 ms."""
+    t_ns = np.array([-1_500_000_000, -990_000_000, -1, 0, 20_000_000], dtype=np.int64)
+    still = PoseSequence(t_ns, np.zeros((5, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (5, 1)))
+    write_tum(tmp_path / "early.txt", still)
+    stamps = [line.split()[0] for line in (tmp_path / "early.txt").read_text().splitlines()[1:]]
+    assert stamps == ["-1.500000000", "-0.990000000", "-0.000000001", "0.000000000", "0.020000000"]

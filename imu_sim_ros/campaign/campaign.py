@@ -99,6 +99,7 @@ def run(
     start: Engine,
     advance: Progress = lambda count: None,
     retry_failed: bool = False,
+    batch: int | None = None,
 ) -> Outcome:
     """Make all runs of a plan that are not there yet, and write the tables.
 
@@ -107,6 +108,7 @@ def run(
     :param start: the engine.
     :param advance: told how many runs have come.
     :param retry_failed: make runs again that failed before.
+    :param batch: seeds in a task; None: as many as suit the estimators.
     """
     there = {
         key_of(row)
@@ -115,7 +117,8 @@ def run(
     }
     new, interrupted = 0, False
     try:
-        with closing(start(plan, tasks(plan, there, batch_size(plan)), store.folder)) as batches:
+        todo = tasks(plan, there, batch or batch_size(plan))
+        with closing(start(plan, todo, store.folder)) as batches:
             for rows in batches:
                 store.append(rows)
                 new += len(rows)

@@ -65,6 +65,12 @@ def parser() -> argparse.ArgumentParser:
         "--dask", action="store_true", help="run on a local Dask cluster with its dashboard"
     )
     result.add_argument(
+        "--batch",
+        type=int,
+        metavar="N",
+        help="seeds in a task; default: 50 for built-in estimators, 1 for programs",
+    )
+    result.add_argument(
         "--baseline",
         type=Path,
         metavar="FILE",
@@ -122,7 +128,9 @@ def run(arguments: argparse.Namespace) -> list[str]:
         with common.progress(f"campaign {plan.options.name}", plan.run_count, quiet) as advance:
             advance(min(there, plan.run_count))
             try:
-                outcome = campaign.run(plan, store, engine, advance, arguments.retry_failed)
+                outcome = campaign.run(
+                    plan, store, engine, advance, arguments.retry_failed, arguments.batch
+                )
             except KeyboardInterrupt as stop:
                 stop.args = (f"{arguments.output} holds what is done; go on with --resume",)
                 raise
@@ -153,6 +161,8 @@ def _check(arguments: argparse.Namespace, plan: "Plan") -> None:
     problems = []
     if arguments.workers < 1:
         problems.append(f"--workers {arguments.workers}: must be at least 1")
+    if arguments.batch is not None and arguments.batch < 1:
+        problems.append(f"--batch {arguments.batch}: must be at least 1")
     arguments.metric = arguments.metric or plan.metrics[0]
     if arguments.metric not in plan.metrics:
         problems.append(f"--metric {arguments.metric}: must be one of {', '.join(plan.metrics)}")

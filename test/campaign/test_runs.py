@@ -33,9 +33,9 @@ def table(folder):
 def test_results_are_the_same_for_any_number_of_workers(plan_file, campaign, tmp_path):
     path = plan_file(grid=GRID, seeds=4, rpe=["1s", "1m"])
     contents = []
-    for workers in (1, 2):
+    for workers, batch in ((1, 50), (2, 3)):
         folder = tmp_path / f"with_{workers}"
-        status, result, lines = campaign(path, "-o", folder, "--workers", workers)
+        status, result, lines = campaign(path, "-o", folder, "--workers", workers, "--batch", batch)
         assert (status, lines) == (0, [])
         assert (result["runs"], result["done"], result["failed"]) == (16, 16, 0)
         contents.append((folder / "results.csv").read_bytes())
