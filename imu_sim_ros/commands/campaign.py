@@ -50,6 +50,29 @@ def parser() -> argparse.ArgumentParser:
     result.add_argument(
         "--retry-failed", action="store_true", help="with --resume: make failed runs again"
     )
+    _add_engine_arguments(result)
+    result.add_argument(
+        "--baseline",
+        type=Path,
+        metavar="FILE",
+        help="results.csv or results.parquet of an earlier campaign: being significantly worse "
+        f"ends with status {GATE_FAILED}",
+    )
+    result.add_argument(
+        "--metric",
+        default="",
+        metavar="NAME",
+        help="metric of the tables and of --baseline; default: ate_rmse_m, or the plan's first",
+    )
+    result.add_argument("--no-report", action="store_true", help="write no report.html")
+    result.add_argument("--check", action="store_true", help="check the plan and say what it runs")
+    result.add_argument("--yes", action="store_true", help=f"run {MANY:,} runs or more")
+    common.add_output_arguments(result)
+    return result
+
+
+def _add_engine_arguments(result: argparse.ArgumentParser) -> None:
+    """Add the arguments that say where the runs are made."""
     result.add_argument(
         "--workers",
         type=int,
@@ -70,24 +93,6 @@ def parser() -> argparse.ArgumentParser:
         metavar="N",
         help="seeds in a task; default: 50 for built-in estimators, 1 for programs",
     )
-    result.add_argument(
-        "--baseline",
-        type=Path,
-        metavar="FILE",
-        help="results.csv or results.parquet of an earlier campaign: being significantly worse "
-        f"ends with status {GATE_FAILED}",
-    )
-    result.add_argument(
-        "--metric",
-        default="",
-        metavar="NAME",
-        help="metric of the tables and of --baseline; default: ate_rmse_m, or the plan's first",
-    )
-    result.add_argument("--no-report", action="store_true", help="write no report.html")
-    result.add_argument("--check", action="store_true", help="check the plan and say what it runs")
-    result.add_argument("--yes", action="store_true", help=f"run {MANY:,} runs or more")
-    common.add_output_arguments(result)
-    return result
 
 
 def main(argv: Sequence[str] | None = None) -> int:
