@@ -5,6 +5,7 @@
 
 import argparse
 import contextlib
+import errno
 import os
 import shlex
 import sys
@@ -14,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from imu_sim_ros.commands import common, shared
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.errors import InputError, system_error
 
 if TYPE_CHECKING:
     from imu_sim_ros.campaign import Engine, Group, Outcome, Plan
@@ -126,7 +127,11 @@ def run(arguments: argparse.Namespace) -> list[str]:
         return []
     started = time.perf_counter()
     folder, resume = arguments.output, arguments.resume
-    with Store(folder, resume, arguments.force) as store, _engine(arguments) as engine:
+    with (
+        _full_disk_told(folder),
+        Store(folder, resume, arguments.force) as store,
+        _engine(arguments) as engine,
+    ):
         store.keep_plan(path)
         there = sum(1 for _ in store.rows())
         quiet = arguments.quiet or arguments.json
@@ -148,6 +153,17 @@ def run(arguments: argparse.Namespace) -> list[str]:
     elif not arguments.quiet:
         _print(arguments, outcome, found, wall_s)
     return _gate(arguments, plan, found, baseline)
+
+
+@contextlib.contextmanager
+def _full_disk_told(folder: Path) -> Iterator[None]:
+    """Name the folder where the disk takes no more: the system's error does not."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+            raise system_error(folder, error) from error
+        raise
 
 
 def _write_page(arguments: argparse.Namespace) -> None:

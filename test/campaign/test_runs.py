@@ -6,6 +6,7 @@
 import csv
 import json
 import os
+import resource
 import signal
 import subprocess
 import time
@@ -250,6 +251,24 @@ def test_the_folder_holds_plan_versions_and_page(plan_file, tmp_path, capsys):
     assert versions["numpy"] == np.__version__
     assert "two words.yaml&#x27; -o" in (folder / "report.html").read_text(encoding="utf-8")
     assert capsys.readouterr() == ("", "")
+
+
+def test_a_disk_that_takes_no_more_is_told_in_a_line_and_costs_no_run(plan_file, start, tmp_path):
+    """A limit of 3000 bytes a file is hit by the table or the log, whatever is whole is kept."""
+    path, folder = plan_file(seeds=3), tmp_path / "out"
+
+    def limit():
+        resource.setrlimit(resource.RLIMIT_FSIZE, (3000, 3000))
+
+    process = start(path, "-o", folder, "--workers", 1, "--quiet", preexec_fn=limit)
+    _, stderr = process.communicate(timeout=120)
+    assert process.returncode == 1
+    assert stderr.startswith(f"campaign: {folder}: ")
+    assert stderr.endswith("File too large\n")
+    assert stderr.count("\n") == 1
+    process = start(path, "-o", folder, "--workers", 1, "--quiet", "--resume")
+    assert process.communicate(timeout=120) == ("", "")
+    assert len(table(folder)) == 3
 
 
 def test_statuses_that_differ_in_numbers_are_counted_together():
