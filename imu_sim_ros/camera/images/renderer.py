@@ -99,8 +99,11 @@ class Renderer:
         r_wc = np.round(rotation.to_matrix(poses.q_wc) * _GRID) / _GRID
         found = []
         facing = self._facing(position)
+        # A surface is not seen where all its corners lie beyond one side of the cone of all rays.
         if len(position) == 1 and self._cone is not None:
-            facing = facing[~self._outside(facing, position[0], r_wc[0])]
+            corners = self._corners(facing) - position[0]
+            beyond = (np.matmul(np.matmul(corners, r_wc[0]), self._cone) > 0.0).all(axis=1)
+            facing = facing[~beyond.any(axis=1)]
         for m in facing.tolist():
             plane = _Plane.of(self.surfaces, m, position, r_wc)
             region = self._region(plane, m, poses)
@@ -108,14 +111,10 @@ class Renderer:
                 found.append((m, plane, region))
         return found
 
-    def _outside(
-        self, surfaces: NDArray[np.int64], position: Array, r_wc: Array
-    ) -> NDArray[np.bool_]:
-        """Tell which surfaces lie beyond one side of the cone that holds all rays."""
+    def _corners(self, surfaces: NDArray[np.int64]) -> Array:
+        """Return the corners (n, 4, 3) of surfaces."""
         o, a, b = (part[surfaces] for part in self.surfaces[:3])
-        corners = np.stack([o, o + a, o + b, o + a + b], axis=1) - position
-        beyond: NDArray[np.bool_] = (corners @ r_wc @ self._cone > 0.0).all(axis=1).any(axis=1)
-        return beyond
+        return np.stack([o, o + a, o + b, o + a + b], axis=1)
 
     def _facing(self, position: Array) -> NDArray[np.int64]:
         """Return the surfaces whose front is seen from one of some places (n, 3)."""
@@ -218,7 +217,7 @@ def _enlarged(cells: Single, height: int, width: int) -> Single:
     return result
 
 
-def _cone(directions: Single) -> Array | None:
+def _cone(directions: NDArray[Any]) -> Array | None:
     """Return the normals (3, 4) of planes through the camera that have all rays on one side.
 
     :param directions: (n, 3), zero where there is none.
@@ -229,14 +228,16 @@ def _cone(directions: Single) -> Array | None:
         return None
     u, v = x / z, y / z
     slack = 1e-3
-    return np.array(
+    normals = np.array(
         [
             [1.0, 0.0, -(u.max() + slack)],
             [-1.0, 0.0, u.min() - slack],
             [0.0, 1.0, -(v.max() + slack)],
             [0.0, -1.0, v.min() - slack],
         ]
-    ).T
+    )
+    result: Array = normals.transpose()
+    return result
 
 
 class _Plane(NamedTuple):

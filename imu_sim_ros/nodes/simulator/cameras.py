@@ -111,14 +111,9 @@ class CameraProcess:
         :param timeout: [s] without any frame, beyond the time that one may take on a busy machine.
         """
         with self._changed:
-            while self._done < self._sent and not self._closing:
-                before = self._done
-                moved = self._changed.wait_for(
-                    lambda before=before: self._closing or self._done != before,
-                    timeout + _LONGEST_FRAME,
-                )
-                if not moved:
-                    break
+            moved = True
+            while moved and self._done < self._sent and not self._closing:
+                moved = self._changed.wait(timeout + _LONGEST_FRAME)
             return self._done >= self._sent
 
     def close(self) -> None:
