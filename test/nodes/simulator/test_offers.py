@@ -1,11 +1,13 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Subscribers that ask for more than the simulator offers by itself, and that come before it."""
+"""Peers that ask for more than the simulator offers by itself, or offer more than is asked for."""
 
+from pathlib import Path
 from typing import Any
 
 import pytest
+from rosbags.highlevel import AnyReader
 
 from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
 
@@ -69,3 +71,38 @@ def test_the_simulator_tells_which_request_it_does_not_meet(start: Any, demandin
 
     demanding.wait_until(lambda: all(map(told, policies)), "both warnings")
     assert demanding.raw == {IMU_TOPIC: [], TRUTH_TOPIC: []}
+
+
+@pytest.mark.parametrize("name", ["recorder", "integrator"])
+def test_a_publisher_that_offers_a_deadline_is_heard(
+    start: Any, listener: Any, tmp_path: Path, name: str
+) -> None:
+    from rclpy.duration import Duration
+    from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile
+    from sensor_msgs.msg import Imu
+
+    offer = QoSProfile(
+        depth=100,
+        deadline=Duration(seconds=5.0),
+        liveliness=LivelinessPolicy.MANUAL_BY_TOPIC,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL,
+    )
+    publisher = listener.node.create_publisher(Imu, IMU_TOPIC, offer)
+    more = (
+        {"output": str(tmp_path / "bag"), "topics": f"[{IMU_TOPIC}]"} if name == "recorder" else {}
+    )
+    node = start(name, **more)
+    listener.wait_until(publisher.get_subscription_count, "a subscription")
+    listener.spin(0.5)
+    for k in range(1, 11):
+        message = Imu()
+        message.header.stamp.sec = k
+        publisher.publish(message)
+    listener.wait_until(lambda: publisher.wait_for_all_acked(Duration(seconds=0.05)), "receipt")
+    listener.spin(0.5)
+    assert node.end() == 0, node.output
+    if name == "recorder":
+        with AnyReader([tmp_path / "bag"]) as reader:
+            assert len(list(reader.messages())) == 10
+    else:
+        assert f"received {IMU_TOPIC} 10" in node.output
