@@ -226,10 +226,10 @@ def _engine(arguments: argparse.Namespace) -> Iterator["Engine"]:
 def _described(plan: "Plan") -> str:
     from imu_sim_ros.campaign import cell_count
 
-    return (
-        f"{plan.options.name}: {cell_count(plan.axes)} cells x {len(plan.seeds)} seeds x "
-        f"{len(plan.estimators)} estimators = {plan.run_count:,} runs"
-    )
+    counts = ((cell_count(plan.axes), "cell"), (len(plan.seeds), "seed"))
+    factors = (*counts, (len(plan.estimators), "estimator"))
+    shown = " x ".join(f"{count} {word}{'s' * (count != 1)}" for count, word in factors)
+    return f"{plan.options.name}: {shown} = {plan.run_count:,} run{'s' * (plan.run_count != 1)}"
 
 
 def _print(

@@ -59,10 +59,11 @@ def names(kind: str) -> list[str]:
     return sorted(path.stem for path in (config_folder() / kind).glob("*.yaml"))
 
 
-def find(kind: str, name_or_file: str) -> Path:
+def find(kind: str, name_or_file: str, option: str = "") -> Path:
     """Return the parameter file of a name in config/, or the given file.
 
     :param kind: a folder in config/, for instance ``imus`` or ``trajectories``.
+    :param option: who asks, for the message; empty: what chooses a file of this kind.
     :raises ConfigurationError: where there is neither; all names are listed.
     """
     named = config_folder() / kind / f"{name_or_file}.yaml"
@@ -70,10 +71,9 @@ def find(kind: str, name_or_file: str) -> Path:
         return named
     if Path(name_or_file).is_file():
         return Path(name_or_file)
-    option = _OPTIONS[kind]
-    raise ConfigurationError(
-        f"{option} {name_or_file}: neither a file nor one of {', '.join(names(kind))}"
-    )
+    known = ", ".join(names(kind))
+    option = option or _OPTIONS[kind]
+    raise ConfigurationError(f"{option} {name_or_file}: neither a file nor one of {known}")
 
 
 def load(path: str | Path, node: str = "simulator") -> dict[str, object]:

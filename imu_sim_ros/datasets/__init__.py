@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from imu_sim_ros.datasets.camera_bag import CameraBag as CameraBag
     from imu_sim_ros.datasets.features import FeatureStream as FeatureStream
     from imu_sim_ros.datasets.frames import CameraMessages as CameraMessages
-    from imu_sim_ros.datasets.frames import camera_info as camera_info
     from imu_sim_ros.datasets.frames import camera_topics as camera_topics
     from imu_sim_ros.datasets.frames import imagers as imagers
+    from imu_sim_ros.datasets.frames import info_of_camera as info_of_camera
     from imu_sim_ros.datasets.frames import landmarks as landmarks
     from imu_sim_ros.datasets.images import ImageFolders as ImageFolders
     from imu_sim_ros.datasets.read_tracks import TrackFolder as TrackFolder
@@ -40,7 +40,7 @@ else:
         {
             "camera_bag": ["CameraBag"],
             "features": ["FeatureStream"],
-            "frames": ["CameraMessages", "camera_info", "camera_topics", "imagers", "landmarks"],
+            "frames": ["CameraMessages", "camera_topics", "imagers", "info_of_camera", "landmarks"],
             "images": ["ImageFolders"],
             "read_tracks": ["TrackFolder", "read_track_folder"],
             "topics": [

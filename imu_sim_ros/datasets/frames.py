@@ -68,7 +68,7 @@ class CameraMessages:
         p = view.parameters
         kinds = _kinds(p)
         self._imager = imager
-        self._info = CameraInfoEncoder(frame_id, camera_info(p), encoding)
+        self._info = CameraInfoEncoder(frame_id, info_of_camera(p), encoding)
         self._raw = self._png = None
         if IMAGE_TOPIC in kinds:
             self._raw = ImageEncoder(frame_id, p.height, p.width, "mono8", encoding)
@@ -100,7 +100,7 @@ def imagers(rig: Rig, names: list[str]) -> dict[str, Imager]:
     return {name: Imager(rig.views[name], rig.scene, textures, rig.trajectory) for name in wanted}
 
 
-def camera_info(camera: CameraParameters) -> CameraInfo:
+def info_of_camera(camera: CameraParameters) -> CameraInfo:
     """Return a camera's model in the words of sensor_msgs/CameraInfo.
 
     Of a unified sphere D is xi and the distortion, of a double sphere xi and alpha; ROS has no

@@ -20,6 +20,7 @@ from imu_sim_ros.bags.text import decimal
 from imu_sim_ros.camera import CameraModel, Rig
 from imu_sim_ros.camera.images import Imager, atlas, opencv, png
 from imu_sim_ros.config.cameras import CameraParameters
+from imu_sim_ros.conventions import IMAGE_TOPIC
 from imu_sim_ros.datasets.tracks import CameraProgress
 from imu_sim_ros.errors import system_error
 
@@ -68,7 +69,7 @@ class ImageFolders:
     def counts(self) -> dict[str, int]:
         """Images by camera."""
         return {
-            f"/{camera.name}/image_raw": len(rows)
+            f"/{camera.name}/{IMAGE_TOPIC}": len(rows)
             for camera, rows in zip(self.cameras, self._rows, strict=True)
         }
 

@@ -85,7 +85,7 @@ def test_all_problems_of_a_plan_come_together(plan_file):
         ({"seeds": True}, "must be a count"),
         ({"grids": {}}, "grids: unknown parameter"),
         ({"parameters": {"seed": 3}}, "seed: is given by seeds"),
-        ({"parameters": {"rate": 1.0}, "grid": {"rate": [1, 2]}}, "grid.rate: stands in param"),
+        ({"parameters": {"rate": 1.0}, "grid": {"rate": [1, 2]}}, "grid.rate: is in parameters"),
         ({"faults": [{"kind": "explosion"}]}, r"faults\[0\]: fault kind = 'explosion'"),
         ({"faults": [{"kind": "stuck", "when": 1}]}, r"faults\[0\]: when: unknown"),
         ({"faults": [{"kind": "stuck", "at": "soon"}]}, "at = 'soon': must be a time"),

@@ -12,7 +12,7 @@ from imu_sim_ros.calibration.noise.analysis import AllanResult
 from imu_sim_ros.calibration.noise.estimate import Estimate
 from imu_sim_ros.calibration.noise.gauss_markov import CORRELATION_TIME, SIGMA
 from imu_sim_ros.calibration.noise.terms import QUANTISATION
-from imu_sim_ros.config import ImuParameters, TriadParameters, load_simulation
+from imu_sim_ros.config import ImuParameters, TriadParameters, files, load_simulation
 from imu_sim_ros.conventions import TRIADS
 
 Array = NDArray[np.float64]
@@ -33,7 +33,7 @@ def load_truth(path: str) -> ImuParameters:
 
     :raises ConfigurationError: for a file that cannot be read or does not fit.
     """
-    return load_simulation({"imu.preset": path}).imu
+    return load_simulation({"imu.preset": str(files.find("imus", path, "--truth"))}).imu
 
 
 def true_noise(imu: ImuParameters, rate: float) -> dict[str, Array]:
