@@ -10,6 +10,7 @@ import contextlib
 import hashlib
 import importlib
 import io
+import json
 import os
 import random
 import resource
@@ -488,5 +489,19 @@ def main(count: int, first: int = 0, seconds: float = 1e9) -> int:
     return 1 if failed else 0
 
 
+def serve() -> None:
+    """Run the cases whose numbers come in; answer each with its outcome in a line of JSON."""
+    answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)
+    with tempfile.TemporaryDirectory() as name:
+        inputs = Inputs(Path(name))
+        for line in sys.stdin:
+            print(json.dumps(run(int(line), inputs)), file=answers, flush=True)
+        inputs.close()
+
+
 if __name__ == "__main__":
-    sys.exit(main(*map(int, sys.argv[1:])))
+    if sys.argv[1:] == ["--serve"]:
+        serve()
+    else:
+        sys.exit(main(*map(int, sys.argv[1:])))
