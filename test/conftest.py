@@ -53,7 +53,7 @@ def signals_as_before() -> Iterator[None]:
 
 
 def may_be_missing(reason: str) -> bool:
-    """Tell whether a test may be skipped in CI for this reason."""
+    """Return whether a test may be skipped in CI for this reason."""
     return any(known in reason for known in MAY_BE_MISSING)
 
 

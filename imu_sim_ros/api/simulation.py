@@ -46,7 +46,7 @@ def simulate(
     :param params_file: a ROS 2 parameter file below all other arguments.
     :param parameters: any other parameter by its ROS name; sections are mappings:
         ``gravity=[0, 0, -9.8]``, ``temperature={"start": 20.0}``.
-    :raises ConfigurationError: with a line for everything that is wrong.
+    :raises ConfigurationError: with a line for each problem.
     :raises InputError: for a file that cannot be read.
 
     >>> import imu_sim_ros as ims

@@ -242,7 +242,7 @@ def _bytes(payloads: Payloads) -> int:
 
 
 def _simultaneous(blocks: Sequence[Block]) -> bool:
-    """Tell whether blocks are of different topics, of constant sizes and have ordered times."""
+    """Return whether blocks are of different topics, of constant sizes and have ordered times."""
     t_ns = blocks[0].t_ns
     return (
         len({block.topic for block in blocks}) == len(blocks)

@@ -178,7 +178,7 @@ def text_to_bag(
 
 
 def holds_poses(path: Path) -> bool:
-    """Tell whether a text file is one of poses, by its name."""
+    """Return whether a text file is one of poses, by its name."""
     return path.suffix.lower() in (".tum", ".txt")
 
 

@@ -1,4 +1,4 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is recovered of a sensor from its readings: noise, and deterministic errors."""
+"""What is recovered about a sensor from its readings: noise and deterministic errors."""

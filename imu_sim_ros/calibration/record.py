@@ -1,9 +1,9 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is checked of a record at rest before anything is computed from it.
+"""Checks of a record at rest before anything is computed from it.
 
-A :class:`Record` is fed with the messages as they come; it hands on gap-free pieces and keeps what
+A :class:`Record` receives the messages as they come; it passes on gap-free pieces and keeps what
 it noticed. Short losses are filled, long ones and disturbances end a piece.
 """
 
@@ -32,7 +32,7 @@ _PILED_UP: Final = 4
 
 
 class Timing(NamedTuple):
-    """What the stamps of a record say."""
+    """What the stamps of a record show."""
 
     rate: float
     """[Hz]"""
@@ -67,11 +67,11 @@ def sampling_interval(t_ns: Times) -> float:
 
 
 _ROUNDING: Final = 16.0 * float(np.finfo(np.float64).eps)
-"""Relative change of a reading that is none of the sensor's: float64 has no more digits."""
+"""Relative change of a reading that is not the sensor's: float64 has no more digits."""
 
 
 class Record:
-    """Takes the messages of one or more bags of one sensor, hands on pieces of readings."""
+    """Takes the messages of one or more bags of one sensor, passes on pieces of readings."""
 
     def __init__(self) -> None:
         self.samples = 0
@@ -116,12 +116,12 @@ class Record:
         self._last_ns = int(t_ns[-1])
 
     def at_rest(self, y: Array | None) -> Iterator[Array | None]:
-        """Yield what of a piece is at rest; None stands for the end of a piece."""
+        """Yield the parts of a piece that are at rest; None marks the end of a piece."""
         if self.rest is not None:
             yield from self.rest.add(y)
 
     def end_bag(self) -> None:
-        """Say that the next block is of another bag."""
+        """Announce that the next block is from another bag."""
         self._last_ns = None
         self._history = np.empty((0, 6))
 
@@ -201,7 +201,7 @@ class Record:
             yield y
 
     def timing(self) -> Timing:
-        """Return what the stamps said."""
+        """Return what the stamps showed."""
         count, total, squares = self._intervals
         mean = total / max(count, 1.0)
         jitter = np.sqrt(max(squares / max(count, 1.0) - mean**2, 0.0)) * self._interval * 1e-9

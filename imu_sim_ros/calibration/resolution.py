@@ -7,8 +7,8 @@ Rounding to steps s of noise with the deviation sigma adds ``s^2 / 12`` as white
 as the noise spans a step. The first term of rounding's Fourier series, which depends on where
 between two codes the mean lies, leaves ``(1 / pi^2 + 4 sigma^2 / s^2) exp(-2 pi^2 sigma^2 / s^2)``
 of s^2 open (Widrow, Kollar and Liu, "Statistical theory of quantization", IEEE Transactions on
-Instrumentation and Measurement 45, 1996). Below half a step nothing can be told: between two codes
-the readings say s / 2, on a code they say nothing.
+Instrumentation and Measurement 45, 1996). Below half a step nothing can be determined: between two
+codes the readings show s / 2, on a code they show nothing.
 """
 
 from typing import Final
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 COARSE: Final = 0.55
-"""Deviation of the readings, in steps, below which the noise is not theirs. At 0.55 the noise is
+"""Deviation of the readings, in steps, below which the noise is not their own. At 0.55 the noise is
 between 0.45 and 0.48 steps, wherever the mean lies."""
 HIDDEN: Final = 0.58
 """Deviation, in steps, that noise with its rounding may have where the readings are coarse."""

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Whether a record is at rest: slow motion is named, single disturbances are cut out."""
+"""Whether a record is at rest: slow motion is reported, single disturbances are cut out."""
 
 from collections.abc import Iterator
 from typing import Final, NamedTuple
@@ -28,7 +28,7 @@ Without its line, a walk's variance in a stretch is nearly chi-square's of one d
 which is 23 times its mean, 50 times its median, once in 10^6.
 """
 _FEWEST: Final = 4
-"""Stretches below which none of them stands out."""
+"""Number of stretches below which none of them can stand out."""
 
 
 class Motion(NamedTuple):
@@ -43,7 +43,7 @@ class Motion(NamedTuple):
 
 
 class RestCheck:
-    """Takes pieces of readings, hands on what is at rest."""
+    """Takes pieces of readings, passes on those at rest."""
 
     def __init__(self, rate: float) -> None:
         self._window = max(round(rate), 4)
@@ -121,7 +121,7 @@ class RestCheck:
         return result
 
     def sudden(self, motion: Motion) -> bool:
-        """Tell whether a motion is far larger than what the axis does in the other stretches."""
+        """Return whether a motion is far larger than the axis' motion in the other stretches."""
         if len(self.spreads) < _FEWEST:
             return False
         typical = float(np.median([spread[motion.axis] for spread in self.spreads]))

@@ -32,7 +32,7 @@ def project(points: ArrayLike, camera: str | Path | Mapping[str, Any] = "euroc_c
 
     :param points: (n, 3) in the camera's frame, z along the view [m].
     :param camera: a name in config/cameras, a parameter file, or the ``camera.*`` parameters.
-    :raises ConfigurationError: with a line for everything that is wrong.
+    :raises ConfigurationError: with a line for each problem.
 
     >>> import imu_sim_ros as ims
     >>> ims.camera.project([[0.0, 0.0, 1.0]], camera={"preset": "euroc_cam0"}).uv.round(3)
@@ -59,7 +59,7 @@ def tracks(
         ``{"preset": "euroc_cam0", "pixel_noise": 0.5}``.
     :param scene: a name in config/scenes, a parameter file, or a file of points.
     :param block: frames in a block.
-    :raises ConfigurationError: with a line for everything that is wrong.
+    :raises ConfigurationError: with a line for each problem.
     :raises InputError: for a file that cannot be used.
 
     >>> import imu_sim_ros as ims
@@ -84,7 +84,7 @@ def frames(
     :param flight: what :func:`imu_sim_ros.simulate` returns.
     :param camera: as in :func:`tracks`.
     :param scene: as in :func:`tracks`, with surfaces.
-    :raises ConfigurationError: with a line for everything that is wrong.
+    :raises ConfigurationError: with a line for each problem.
     :raises InputError: for a file that cannot be used.
     :raises MissingDependencyError: where OpenCV is not installed.
     """

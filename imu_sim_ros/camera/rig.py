@@ -92,7 +92,7 @@ def build_rig(parameters: Mapping[str, object]) -> Rig:
 
     :param parameters: for instance ``{"cameras": ["cam0"], "camera.preset": "euroc_cam0",
         "trajectory.type": "figure_eight", "duration": 10.0, "seed": 1}``.
-    :raises ConfigurationError: with a line for everything that is wrong.
+    :raises ConfigurationError: with a line for each problem.
     :raises InputError: for a file that cannot be used.
     """
     of_rig, others = split_rig(parameters)
@@ -102,7 +102,7 @@ def build_rig(parameters: Mapping[str, object]) -> Rig:
 def on_simulation(of_rig: Mapping[str, object], simulation: SimulationParameters) -> Rig:
     """Return the cameras that parameters by dotted name describe, on a simulation's body.
 
-    :raises ConfigurationError: with a line for everything that is wrong.
+    :raises ConfigurationError: with a line for each problem.
     :raises InputError: for a file that cannot be used.
     """
     rig = load_rig(of_rig)

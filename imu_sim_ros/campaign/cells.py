@@ -80,7 +80,7 @@ def word(value: object) -> str:
 def read_axes(grid: object) -> list[Axis]:
     """Return the axes that the ``grid`` of a plan describes.
 
-    :raises ConfigurationError: with a line for everything that is wrong.
+    :raises ConfigurationError: with a line for each problem.
     """
     if grid is None:
         return []

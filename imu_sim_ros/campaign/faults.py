@@ -23,7 +23,7 @@ class TimedFault:
 def read_faults(content: object) -> tuple[TimedFault, ...]:
     """Return the faults that a plan's ``faults`` describe.
 
-    :raises ConfigurationError: with a line for everything that is wrong.
+    :raises ConfigurationError: with a line for each problem.
     """
     if content is None:
         return ()

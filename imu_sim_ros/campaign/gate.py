@@ -47,11 +47,11 @@ class Requirement(NamedTuple):
     filters: tuple[tuple[str, str], ...]
 
     def concerns(self, words: Mapping[str, str]) -> bool:
-        """Tell whether a cell with an estimator is meant, by its names and values in words."""
+        """Return whether a cell with an estimator is meant, by its names and values in words."""
         return all(words.get(name) == value for name, value in self.filters)
 
     def holds(self, value: float | None) -> bool:
-        """Tell whether a value is within the limit; one that does not exist is not."""
+        """Return whether a value is within the limit; one that does not exist is not."""
         return value is not None and _OPERATORS[self.operator](value, self.limit)
 
 
@@ -60,7 +60,7 @@ def parse(lines: object, metrics: Sequence[str], names: Iterable[str]) -> list[R
 
     :param metrics: the names of all metrics.
     :param names: what filters may name: the grid's names, and ``estimator``.
-    :raises ConfigurationError: with a line for everything that is wrong.
+    :raises ConfigurationError: with a line for each problem.
     """
     if lines is None:
         return []

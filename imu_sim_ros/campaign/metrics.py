@@ -69,7 +69,7 @@ class Relative(NamedTuple):
 def parse_relative(content: object) -> tuple[Relative, ...]:
     """Return the ``rpe`` of a plan: a list such as ``[1s, 10m]``.
 
-    :raises ConfigurationError: with a line for everything that is wrong.
+    :raises ConfigurationError: with a line for each problem.
     """
     if content is None:
         return ()

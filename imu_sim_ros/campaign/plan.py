@@ -180,7 +180,7 @@ def _file_digests(values: Mapping[str, object]) -> dict[str, str]:
 def load_plan(path: Path) -> Plan:
     """Read a plan; its cells are checked by :func:`check_plan`.
 
-    :raises ConfigurationError: with a line for everything that is wrong.
+    :raises ConfigurationError: with a line for each problem.
     """
     with _named(path):
         return read_plan(files.read_tree(path))
@@ -189,7 +189,7 @@ def load_plan(path: Path) -> Plan:
 def check_plan(plan: Plan, path: Path) -> None:
     """Check the parameters of every cell.
 
-    :raises ConfigurationError: with a line for everything that is wrong.
+    :raises ConfigurationError: with a line for each problem.
     """
     with _named(path):
         check_cells(plan)
@@ -213,7 +213,7 @@ def find_plan(name_or_file: str) -> Path:
 def read_plan(tree: Mapping[str, Any]) -> Plan:
     """Return the plan that a file's content describes.
 
-    :raises ConfigurationError: with a line for everything that is wrong.
+    :raises ConfigurationError: with a line for each problem.
     """
     problems: list[str] = []
 

@@ -190,7 +190,7 @@ def replaced(path: Path) -> Iterator[Path]:
 
 
 def _is_torn(path: Path) -> bool:
-    """Tell whether a file ends within a line."""
+    """Return whether a file ends within a line."""
     if not path.exists() or not path.stat().st_size:
         return False
     with path.open("rb") as file:

@@ -253,7 +253,7 @@ def _is_kind(name: str) -> bool:
 
 
 def is_of_ros(name: str) -> bool:
-    """Tell whether a parameter is one that ROS gives to nodes; ``ros2 param dump`` writes them."""
+    """Return whether a parameter is one of ROS' own; ``ros2 param dump`` writes them."""
     return name in _OF_EVERY_NODE or name.startswith(_QOS)
 
 

@@ -109,7 +109,7 @@ class SimulationParameters:
 def load_simulation(*layers: Mapping[str, object], node: str = "simulator") -> SimulationParameters:
     """Return the simulation that layers of parameters describe, later ones above earlier ones.
 
-    :raises ConfigurationError: with a line for everything that is wrong.
+    :raises ConfigurationError: with a line for each problem.
     """
     given: dict[str, object] = {}
     for values in layers:

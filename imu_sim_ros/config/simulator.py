@@ -228,7 +228,7 @@ def simulator_section(given: Mapping[str, object]) -> type[SimulatorParameters]:
 
 
 def has_cameras(given: Mapping[str, object]) -> bool:
-    """Tell whether any parameter is about cameras."""
+    """Return whether any parameter is about cameras."""
     ours = ("camera.", "scene.", "features.")
     return any(key == "cameras" or key.startswith(ours) for key in given)
 
@@ -285,7 +285,7 @@ def layer_simulator(given: Mapping[str, object]) -> dict[str, object]:
 def load_simulator(*layers: Mapping[str, object]) -> SimulatorParameters:
     """Return everything that layers of parameters give to the simulator, later ones above.
 
-    :raises ConfigurationError: with a line for everything that is wrong.
+    :raises ConfigurationError: with a line for each problem.
     """
     given: dict[str, object] = {}
     for values in layers:

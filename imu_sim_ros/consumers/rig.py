@@ -44,7 +44,7 @@ class RigValues:
         return _inverse(self.imu_camera(name))
 
     def fits(self, *models: str) -> bool:
-        """Tell whether all cameras are of the models named by :func:`kind`."""
+        """Return whether all cameras are of the models named by :func:`kind`."""
         return all(kind(camera) in models for camera in self.cameras.values())
 
     def remarks(self, k3: bool = False) -> Iterator[str]:

@@ -74,7 +74,7 @@ class ImuValues:
         return np.eye(3)
 
     def is_reversible(self, triad: str) -> bool:
-        """Tell whether S has an inverse and does not mirror."""
+        """Return whether S has an inverse and does not mirror."""
         s = np.reshape(self.axes(f"{triad}_scale_misalignment"), (3, 3))
         return float(np.linalg.det(s)) > _SMALLEST_DETERMINANT
 

@@ -50,7 +50,7 @@ class CsvTable:
 
 
 def _whole(error: BaseException | None) -> bool:
-    """Tell whether rows so far are to be kept: after no error, or an interruption."""
+    """Return whether rows so far are to be kept: after no error, or an interruption."""
     return error is None or not isinstance(error, Exception)
 
 

@@ -60,12 +60,12 @@ def from_state(parameters: IntegratorParameters, state: NavigationState) -> Init
 
 
 def is_gap(parameters: IntegratorParameters, before_ns: int, t_ns: int) -> bool:
-    """Tell whether rest begins again with a reading, seen from the one before."""
+    """Return whether rest begins again with a reading, seen from the one before."""
     return not 0 < t_ns - before_ns < parameters.max_gap * 1e9
 
 
 def is_long_enough(parameters: IntegratorParameters, first_ns: int, t_ns: int) -> bool:
-    """Tell whether the readings from one time to another are the rest that ``level`` averages."""
+    """Return whether the readings from one time to another are the rest that ``level`` averages."""
     return t_ns - first_ns >= round(parameters.level_time * 1e9)
 
 

@@ -35,7 +35,7 @@ def ros_arguments(
     :param section: the node's section of parameters.
     :param values: chosen values, where they decide which parameters exist.
     :param folder: where rewritten parameter files are put.
-    :raises ConfigurationError: with a line for everything that is wrong.
+    :raises ConfigurationError: with a line for each problem.
     """
     problems = [f"{argument!r}: not UTF-8" for argument in arguments if not _is_text(argument)]
     if problems:
@@ -168,7 +168,7 @@ def _file(name: str, folder: Path) -> str:
 
 
 def _has_sections(tree: Any) -> bool:
-    """Tell whether a tree has sections of parameters.
+    """Return whether a tree has sections of parameters.
 
     :raises ConfigurationError: for a section that is anything but names and values.
     """

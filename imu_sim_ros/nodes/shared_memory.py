@@ -40,7 +40,7 @@ def remove_torn_segments(folder: Path = FOLDER) -> list[Path]:
 
 
 def _torn(path: Path) -> bool:
-    """Tell whether a segment was begun a while ago and is not ready."""
+    """Return whether a segment was begun a while ago and is not ready."""
     with suppress(OSError):
         if time.time() - path.stat().st_mtime > _LONGEST_CREATION:
             with path.open("rb") as file:

@@ -200,7 +200,7 @@ class _Reading:
         return values
 
     def _is_sound(self, number: int, text: bytes) -> bool:
-        """Tell whether one row is all numbers; note what is wrong with it."""
+        """Return whether one row is all numbers; note what is wrong with it."""
         before = self._bad.count
         fields = [
             field.strip().decode("utf-8", "replace")

@@ -44,7 +44,7 @@ _UNITS: Final = {"_m": "m", "_rad": "rad", "_m_s": "m/s", "_percent": "%", "_s":
 
 
 def is_campaign(path: Path) -> bool:
-    """Tell whether a folder holds a campaign."""
+    """Return whether a folder holds a campaign."""
     return path.is_dir() and ((path / LOG).exists() or (path / TABLE).exists())
 
 
@@ -120,7 +120,7 @@ def _group(group: Group, metrics: Sequence[str]) -> Item:
 
 
 def _is_curve(name: str, found: Sequence[Group]) -> bool:
-    """Tell whether a parameter of the grid is a number that has three values or more."""
+    """Return whether a parameter of the grid is a number that has three values or more."""
     values = {group.rows[0].get(name) for group in found}
     return len(values) > 2 and all(
         isinstance(value, int | float) and not isinstance(value, bool) for value in values

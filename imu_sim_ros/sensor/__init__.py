@@ -17,14 +17,14 @@ For each triad, x its ideal input and f the ideal specific force::
     9  digital output  rounding to steps and saturation, of readings or of increments
     10 timing          stamps: offset, skew, drift, jitter; transport: latency, losses, duplicates
 
-Of an oversampled sensor 2 to 8 act at its internal rate, and every m-th reading goes on to 9.
+In an oversampled sensor 2 to 8 act at its internal rate, and every m-th reading goes on to 9.
 Every term is off at zero and set per axis. The truth beside the readings: the ideal reading (1),
 the scale (4), the bias (5 and 6), the temperature, the true times. So without 2, 3 and 8 to 10
 ``reading = scale * ideal + bias + n``.
 
-Samples are made in blocks with carried state. Every random source has its own stream for each axis
-(:mod:`imu_sim_ros.random_streams`), and a sample does not depend, not in a single bit, on
-the size of the block in which it is made.
+Samples are generated in blocks with carried state. Every random source has its own stream for each
+axis (:mod:`imu_sim_ros.random_streams`), and a sample does not depend, not in a single bit, on
+the size of the block in which it is generated.
 """
 
 from imu_sim_ros.sensor import catalogue

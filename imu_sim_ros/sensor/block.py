@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A block of samples: what the IMU says, and the truth beside it."""
+"""A block of samples: what the IMU reports, and the truth beside it."""
 
 from typing import NamedTuple
 
@@ -19,7 +19,7 @@ class ImuBlock(NamedTuple):
     first: int
     """Index of the first sample."""
     true_t_ns: NDArray[np.int64]
-    """(n,) when the samples were really taken [ns]."""
+    """(n,) true times of the samples [ns]."""
     t_ns: NDArray[np.int64]
     """(n,) the stamps of the messages, with the errors of the sensor's clock [ns]."""
     release_t_ns: NDArray[np.int64]
@@ -41,8 +41,8 @@ class ImuBlock(NamedTuple):
     accel_bias: Array
     """(n, 3) sum of all bias terms of the accelerometer [m/s^2]."""
     gyro_scale: Array
-    """(n, 3) factor of the gyroscope by turn-on and temperature; 1 without error."""
+    """(n, 3) scale factor of the gyroscope from turn-on and temperature; 1 without error."""
     accel_scale: Array
-    """(n, 3) factor of the accelerometer by turn-on and temperature; 1 without error."""
+    """(n, 3) scale factor of the accelerometer from turn-on and temperature; 1 without error."""
     motion: Motion
     """The body's motion at ``true_t_ns``."""

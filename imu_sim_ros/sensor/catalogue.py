@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The sensors that come with the package: what the head of each file says of it."""
+"""The sensors that come with the package, as the header of each file describes them."""
 
 import re
 from collections.abc import Iterator
@@ -49,7 +49,7 @@ def catalogue() -> Iterator[CatalogueEntry]:
 
 
 def _sources(head: list[str]) -> Iterator[str]:
-    """Yield the sources of a file's head, the lines of each as one."""
+    """Yield the sources in a file's header, each joined into one line."""
     words: list[str] = []
     for line in [*head, ""]:
         begin, goes_on = _SOURCE.match(line), line.startswith(_INDENT) and words

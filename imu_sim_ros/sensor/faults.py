@@ -1,13 +1,13 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Faults that are injected while a simulation runs, each for a given time.
+"""Faults injected while a simulation runs, each for a given time.
 
 ===========  =======================================================================  ============
 kind         what happens                                                             value
 ===========  =======================================================================  ============
-bias_jump    the triad's bias is larger; the truth of the bias has it, too            per axis
-saturation   the triad saturates at a lower limit (0: this axis does not)             per axis
+bias_jump    the triad's bias is larger; the true bias includes it                   per axis
+saturation   the triad saturates at a lower limit (0: not on this axis)               per axis
 stuck        the triad repeats its last reading before the fault                      none
 dropout      messages are lost with a probability; a probability of 1 is a burst      probability
 latency      messages leave the driver later                                          seconds
@@ -36,15 +36,15 @@ _OF_A_TRIAD: Final = ("bias_jump", "saturation", "stuck")
 
 @dataclass(frozen=True)
 class Fault:
-    """What shall go wrong, and for how long.
+    """What goes wrong, and for how long.
 
-    :raises ConfigurationError: with a line for everything that is wrong.
+    :raises ConfigurationError: with a line for each problem.
     """
 
     kind: str
     """One of :data:`KINDS`."""
     duration: float = math.inf
-    """[s], above 0; ``math.inf``: from then on."""
+    """[s], above 0; ``math.inf``: until the end."""
     value: float | Vector = 0.0
     """Strength in the unit of what it changes; one number stands for all axes."""
     triad: str = ""
@@ -79,7 +79,7 @@ class Fault:
 
 @dataclass
 class _Window:
-    """A fault between two sample indices, with what it has to remember."""
+    """A fault between two sample indices, with its state."""
 
     fault: Fault
     first: int

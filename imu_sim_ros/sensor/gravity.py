@@ -49,7 +49,7 @@ def normal_gravity(latitude: float, height: float) -> float:
 
 
 def gravity_vector(parameters: SimulationParameters) -> Array:
-    """Return g_w (3,) [m/s^2] as the parameters say; one vector for the whole world."""
+    """Return g_w (3,) [m/s^2] as set by the parameters; one vector for the whole world."""
     if parameters.gravity_model == "constant":
         return np.array(parameters.gravity)
     latitude = math.radians(parameters.latitude_deg)

@@ -23,7 +23,7 @@ _WEIGHTS = np.array([5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0])
 _MOST_PERIODS: Final = 50.0
 """Of the highest frequency in the interval; they take 170 nodes."""
 _TOGETHER: Final = 2048
-"""Times at which a motion is sampled in one go; a short block has all its nodes in one."""
+"""Times at which a motion is sampled at once; a short block has all its nodes in one call."""
 _ACCURACY: Final = 1e-6
 """Error of the mean of a sinusoid, over its amplitude."""
 
@@ -36,11 +36,11 @@ Quadrature = tuple[Array, Array]
 def quadrature(frequency: float, interval: float) -> Quadrature:
     """Return Gauss-Legendre nodes that average motions up to a frequency to 1e-6 of their size.
 
-    Twice the frequency is counted with: what turns and shakes at once reads products of both. Three
+    Twice the frequency is assumed: turning and shaking at once gives products of both. Three
     nodes do up to 0.08 of a period in the interval, 6 for half a period, 13 for two.
 
     :param frequency: highest frequency of the motion [Hz].
-    :param interval: that is averaged over [s].
+    :param interval: averaged over [s].
     :raises ConfigurationError: where there are more than 50 periods in the interval.
     """
     # In terms of the half interval, sin and cos of up to c x, x in [-1, 1]; the mean of cos(c x)
@@ -49,7 +49,7 @@ def quadrature(frequency: float, interval: float) -> Quadrature:
     if periods > _MOST_PERIODS:
         raise ConfigurationError(
             f"imu.sampling = averaged: the motion has frequencies up to {frequency:g} Hz, "
-            f"{periods:.3g} times the rate; at most {_MOST_PERIODS:g} times can be averaged over"
+            f"{periods:.3g} times the rate; at most {_MOST_PERIODS:g} times can be averaged"
         )
     c = 2.0 * np.pi * periods
     trials = np.append(np.arange(1.0, 9.0) / 8.0 * c, 1e-12)
@@ -63,7 +63,7 @@ def quadrature(frequency: float, interval: float) -> Quadrature:
 
 
 class IdealImu:
-    """An IMU without errors at its place in the body."""
+    """An IMU without errors at its mounting position on the body."""
 
     def __init__(self, parameters: SimulationParameters) -> None:
         self._gravity_w = gravity_vector(parameters)[:, None]
@@ -77,7 +77,7 @@ class IdealImu:
         """Return angular rate [rad/s] and specific force [m/s^2], both (3, n), in the IMU's frame.
 
         Without Earth rotation ``omega_b`` and ``f_b = R_wb.T (a_w - g_w)`` (lecture eq. 22); at a
-        lever arm r the IMU's own acceleration has ``alpha x r + omega x (omega x r)`` more.
+        lever arm r the IMU also sees the acceleration ``alpha x r + omega x (omega x r)``.
         With Earth rotation the gyroscope also reads ``R_wb.T omega_ie`` and the accelerometer the
         Coriolis term ``2 omega_ie x v`` of the IMU's velocity (Groves, "Principles of GNSS,
         Inertial, and Multisensor Integrated Navigation Systems", 2nd ed., eq. 5.41); the
@@ -131,5 +131,5 @@ class IdealImu:
 
 
 def _at_rest(motion: Motion) -> bool:
-    """Tell whether a motion is one row that stands for all times (see the static trajectory)."""
+    """Return whether a motion is one row that stands for all times (see the static trajectory)."""
     return len(motion.position) > 1 and all(values.strides[0] == 0 for values in motion)

@@ -21,7 +21,7 @@ from imu_sim_ros.trajectory import Motion, Trajectory, highest_frequency
 Array = NDArray[np.float64]
 
 _INTERNAL_READINGS: Final = 16384
-"""Made at a time inside an oversampled sensor."""
+"""Generated at a time inside an oversampled sensor."""
 
 
 class Imu:
@@ -54,9 +54,9 @@ class Imu:
         self._transport.configure(parameters.imu)
 
     def prepare(self, trajectory: Trajectory) -> None:
-        """Find out how finely a motion has to be sampled, ahead of the first reading.
+        """Determine how finely a motion has to be sampled, before the first reading.
 
-        :raises ConfigurationError: where its frequencies are too high to be averaged over.
+        :raises ConfigurationError: where its frequencies are too high for averaging.
         """
         if self._averaged:
             self._quadrature = quadrature(highest_frequency(trajectory), 1.0 / self._rate)
@@ -113,7 +113,7 @@ class Imu:
         """Return the triads' samples, each the last of ``ratio`` readings at the internal rate.
 
         In pieces, so that the readings inside the sensor need no more memory than a block. Before
-        the first sample the body is taken to be where it is at the first.
+        the first sample the body is assumed to be where it is at the first.
         """
         made = []
         step = max(_INTERNAL_READINGS // self._ratio, 1)

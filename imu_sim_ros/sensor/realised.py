@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The sensor of one run: the constants that its seed drew, in the places of the parameters."""
+"""The sensor of one run: the constants drawn from its seed, in place of the parameters."""
 
 import dataclasses
 from typing import Any

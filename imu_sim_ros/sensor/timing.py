@@ -58,7 +58,7 @@ class Clock:
 
 
 class Transport:
-    """When messages leave the driver, and which of them arrive how often."""
+    """When messages leave the driver, and which of them are lost or duplicated."""
 
     def __init__(self, seed: int, rate: float) -> None:
         self._dt = 1.0 / rate
@@ -74,7 +74,7 @@ class Transport:
     def configure(self, imu: ImuParameters) -> None:
         """Take latency, losses and duplicates.
 
-        A latency that is lowered holds for the next message at once: what waits leaves before it.
+        A lowered latency applies to the next message at once: those still waiting leave first.
         """
         before = (self._latency_ns, self._latency_jitter_ns)
         self._latency_ns = timebase.to_nanoseconds(imu.latency)
@@ -116,7 +116,7 @@ class Transport:
         return rows
 
     def _lose_in_bursts(self, first: int, lost: NDArray[np.bool_]) -> None:
-        """Mark what bursts lose: from each start as many samples as an exponential time holds."""
+        """Mark samples lost in bursts: from each start, for an exponentially distributed time."""
         index = np.arange(first, first + len(lost))
         ends = np.zeros(len(lost), dtype=np.int64)
         if self._burst:
@@ -132,7 +132,7 @@ class Transport:
 
 
 def deviation_before_cut(deviation: float, limit: float) -> float:
-    """Return the deviation s of normal numbers that have the given one once they are cut off.
+    """Return the deviation s of normal numbers that have the given one after clipping.
 
     Numbers beyond ``+-limit`` are set to it. With ``c = limit / s`` what is left has the variance
     ``s^2 (erf(c / sqrt 2) - c sqrt(2 / pi) exp(-c^2 / 2) + c^2 erfc(c / sqrt 2))``, the integral of

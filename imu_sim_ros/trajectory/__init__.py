@@ -3,7 +3,7 @@
 
 """Where the body is: position, velocity, attitude, rates and their derivatives at any time.
 
-One file per kind of trajectory; :func:`build_trajectory` makes the one that the parameters name.
+One file per kind of trajectory; :func:`build_trajectory` builds the one the parameters name.
 Imports the leaves: conventions, errors, rotation, timebase, config, poses.
 """
 

@@ -33,8 +33,8 @@ def build_trajectory(
     """Return the trajectory that the parameters describe.
 
     :param parameters: the section ``trajectory`` of a simulation.
-    :param pose_reader: how a file of poses is read; the default knows text files only.
-    :raises ConfigurationError: for parameters that make no motion.
+    :param pose_reader: reads a file of poses; the default reads text files only.
+    :raises ConfigurationError: for parameters that do not describe a motion.
     :raises InputError: for a file of poses that cannot be used.
     """
     trajectory = retimed(_motion(parameters, pose_reader), parameters)
@@ -51,7 +51,7 @@ def build_trajectory(
 
 
 def _motion(parameters: TrajectoryParameters, pose_reader: PoseReader) -> Trajectory:
-    """Return the bare motion; each kind is imported where it is wanted, SciPy with some."""
+    """Return the bare motion; each kind is imported on demand, some with SciPy."""
     match parameters:
         case StaticParameters():
             from imu_sim_ros.trajectory.kinds import Static

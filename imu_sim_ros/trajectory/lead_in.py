@@ -10,9 +10,9 @@ from imu_sim_ros.trajectory.motion import Array, Motion, Trajectory, highest_fre
 
 
 class LeadIn:
-    """A motion that begins with rest, displaced there and back once before it sets out.
+    """A motion that begins with rest, displaced and back once before it sets out.
 
-    The displacement is ``d b(x)`` with ``b = 256 x^4 (1 - x)^4`` and x the place in the time of the
+    The displacement is ``d b(x)`` with ``b = 256 x^4 (1 - x)^4`` and x the fraction of the
     jerk: it rises to d and falls back, and its first three derivatives vanish at both ends.
     """
 

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where a body is at given times: the one thing that every trajectory answers."""
+"""Where a body is at given times: what every trajectory provides."""
 
 from typing import NamedTuple, Protocol
 
@@ -31,7 +31,7 @@ class Motion(NamedTuple):
 class Trajectory(Protocol):
     """An exact motion, known at any time.
 
-    It may also say ``highest_frequency`` [Hz], see :func:`highest_frequency`.
+    It may also have ``highest_frequency`` [Hz], see :func:`highest_frequency`.
     """
 
     @property
@@ -43,9 +43,9 @@ class Trajectory(Protocol):
 
 
 def highest_frequency(trajectory: Trajectory) -> float:
-    """Return the highest frequency in a motion [Hz]; 0 where the motion says none.
+    """Return the highest frequency in a motion [Hz]; 0 where the motion states none.
 
-    Averaged readings are integrated as finely as it demands; a motion that says none must be smooth
-    over the interval between two readings.
+    Averaged readings are integrated as finely as it demands; a motion that states none must be
+    smooth over the interval between two readings.
     """
     return float(getattr(trajectory, "highest_frequency", 0.0))

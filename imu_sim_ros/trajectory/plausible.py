@@ -25,12 +25,12 @@ def implausible(
 ) -> list[str]:
     """Return a line for each triad whose range the motion exceeds.
 
-    The first hour at most is looked at, at 100,000 times.
+    At most the first hour is examined, at 100,000 times.
 
     :param gyroscope_range: (3,) or one number [rad/s]; 0: no limit.
     :param accelerometer_range: (3,) or one number [m/s^2]; 0: no limit.
     :param gravity: (3,) g_w [m/s^2].
-    :param duration: length of the run [s], perhaps infinite.
+    :param duration: length of the run [s]; may be infinite.
     """
     if not (np.any(gyroscope_range) or np.any(accelerometer_range)):
         return []

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Quantities whose rate goes smoothly from one constant value to the next."""
+"""Quantities whose rate changes smoothly from one constant value to the next."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -21,7 +21,7 @@ class Derivatives(NamedTuple):
 
 
 class Phase(NamedTuple):
-    """A stretch of time over which a rate goes from one value to another."""
+    """A time span over which a rate changes from one value to another."""
 
     length: float
     """[s]; infinite for a last one that never ends."""
@@ -39,7 +39,7 @@ class Phase(NamedTuple):
 class RateProfile:
     """Phases one after another: constant rates, and ramps between them.
 
-    A ramp follows ``10 x^3 - 15 x^4 + 6 x^5`` of the place x in its phase, whose first two
+    A ramp follows ``10 x^3 - 15 x^4 + 6 x^5`` of the position x in its phase, whose first two
     derivatives vanish at both ends: the quantity is C3 where neighbouring rates agree.
     """
 

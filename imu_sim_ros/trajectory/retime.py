@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One motion at another pace: repeated, scaled in time, with rest before and after."""
+"""One motion retimed: repeated, scaled in time, with rest before and after."""
 
 import math
 from typing import Final, Protocol
@@ -27,7 +27,7 @@ class TimeMap(Protocol):
 
     @property
     def fastest(self) -> float:
-        """The largest rate at which time within the motion passes."""
+        """The highest rate at which time within the motion passes."""
 
     def sample(self, t: Array) -> Derivatives:
         """Return the time within the motion, its rate and its acceleration at times t (n,)."""
@@ -47,7 +47,7 @@ class Retimed:
 
     @property
     def highest_frequency(self) -> float:
-        """Of the motion at its fastest pace [Hz]."""
+        """Of the motion at its highest speed [Hz]."""
         return highest_frequency(self.inner) * self._time_map.fastest
 
     def sample(self, t: Array) -> Motion:
@@ -82,7 +82,7 @@ class Loop:
     """The time map of a motion that starts again when it has ended."""
 
     def __init__(self, length: float, passes: float) -> None:
-        """Take the length of one pass [s] and the number of passes, perhaps infinite."""
+        """Take the length of one pass [s] and the number of passes, which may be infinite."""
         self._length = length
         self._passes = passes
         self.duration = length * passes
@@ -132,7 +132,7 @@ class ThereAndBack:
 
 
 def retimed(inner: Trajectory, parameters: TrajectoryParameters) -> Trajectory:
-    """Return a motion cut, repeated, scaled and with rests, as far as the parameters ask for it.
+    """Return a motion cut, repeated, scaled and with rests, as the parameters ask.
 
     :raises ConfigurationError: where the motion is too short or does not close.
     """

@@ -86,7 +86,7 @@ def _sum(
 
 
 def _horner(coefficients: Sequence[float], t: Array) -> Array | float:
-    """Return a polynomial's values (n,), or the constant that it is."""
+    """Return a polynomial's values (n,), or its value if it is constant."""
     result: Array | float = coefficients[-1]
     for coefficient in reversed(coefficients[:-1]):
         result = result * t + coefficient

@@ -123,7 +123,7 @@ class Inputs:
         return self._domain.environment()
 
     def lost(self) -> bool:
-        """Tell whether the simulator did not survive what ``control`` was given."""
+        """Return whether the simulator did not survive what ``control`` was given."""
         return self._simulator is not None and not self._simulator.alive
 
     def close(self) -> None:
@@ -134,7 +134,7 @@ class Inputs:
             self._simulator = None
 
     def changed(self) -> bool:
-        """Tell whether anything is no longer as it was made; what is new beside it may be."""
+        """Return whether anything is no longer as it was made; what is new beside it may be."""
         now = self._digests()
         return any(now.get(name) != digest for name, digest in self.digests.items())
 

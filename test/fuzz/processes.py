@@ -73,7 +73,7 @@ class Domain:
 
 
 def has_ros() -> bool:
-    """Tell whether nodes can be run here."""
+    """Return whether nodes can be run here."""
     return importlib.util.find_spec("rclpy") is not None
 
 
@@ -114,7 +114,7 @@ def run(
 
 
 def _is_up(pid: int, program: str, age: float) -> bool:
-    """Tell whether a node has joined its domain, or another program has worked for a while."""
+    """Return whether a node has joined its domain, or another program has worked for a while."""
     if program not in NODES:
         return age > HANG_S
     try:

@@ -96,7 +96,7 @@ class Layout(NamedTuple):
         return self.dtype.itemsize
 
     def matches(self, payloads: Bytes) -> bool:
-        """Tell whether all payloads (n, size) have this layout's texts and header."""
+        """Return whether all payloads (n, size) have this layout's texts and header."""
         if payloads.shape[1] != self.size:
             return False
         template = np.frombuffer(self.template, np.uint8)

@@ -82,7 +82,7 @@ _HEADER, _HEADER_TYPE = _message_header()
 
 
 def _begins_with_header(definition: str) -> bool:
-    """Tell whether the first field of a message is a header, whose first field is seq."""
+    """Return whether the first field of a message is a header, whose first field is seq."""
     lines = (line.partition("#")[0].strip() for line in definition.splitlines())
     first = next((line for line in lines if line and "=" not in line), "")
     return re.fullmatch(r"(std_msgs/)?Header\s+\w+", first) is not None

@@ -64,7 +64,7 @@ class States(NamedTuple):
 
 
 def is_text(path: Path) -> bool:
-    """Tell whether a path is a EuRoC folder, a folder of kalibr's CSV files, or a text file."""
+    """Return whether a path is a EuRoC folder, a folder of kalibr's CSV files, or a text file."""
     if path.is_dir():
         return bool(_imu_files(path)) or _state_path(path) is not None
     return path.suffix.lower() in _SUFFIXES and path.is_file()
@@ -119,7 +119,7 @@ def state_blocks(
 
 
 def has_states(path: Path) -> bool:
-    """Tell whether a folder has states beside its readings."""
+    """Return whether a folder has states beside its readings."""
     return path.is_dir() and _state_path(path) is not None
 
 

@@ -3,7 +3,7 @@
 
 """Bias, scale, misalignment, g-sensitivity and temperature from calibration runs.
 
-Imports the leaves and the room above.
+Imports the leaves and the package above.
 """
 
 from imu_sim_ros.calibration.deterministic import correction

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a calibration writes: parameters for the simulator, a correction for the integrator."""
+"""The output of a calibration: parameters for the simulator, a correction for the integrator."""
 
 from collections.abc import Mapping
 from pathlib import Path

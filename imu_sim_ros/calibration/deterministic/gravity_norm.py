@@ -5,9 +5,9 @@
 
 ``| T (y - b) | = g`` for the mean reading y of every rest (Skog and Haendel, "Calibration of a MEMS
 inertial measurement unit", IMEKO 2006; Tedaldi, Pretto and Menegatti, "A robust and easy to
-implement method for IMU calibration without external equipments", ICRA 2014). A turn of all axes
-changes no norm, so the axes are chosen such that ``T = S^-1`` and S are upper triangular: z is the
-direction of the sensor's z axis. Nine parameters, which rests in ten directions determine.
+implement method for IMU calibration without external equipments", ICRA 2014). A rotation of all
+axes changes no norm, so the axes are chosen such that ``T = S^-1`` and S are upper triangular: z is
+the direction of the sensor's z axis. Nine parameters, which rests in ten directions determine.
 """
 
 from typing import Final, NamedTuple
@@ -37,7 +37,7 @@ _DEPENDENT: Final = 1e-4
 
 
 class NormFit(NamedTuple):
-    """What the norm of gravity says of an accelerometer."""
+    """An accelerometer's parameters from the norm of gravity."""
 
     scale_misalignment: Array
     """(3, 3) S, upper triangular."""
@@ -54,7 +54,7 @@ class NormFit(NamedTuple):
 
 
 def directions(accel: Array) -> int:
-    """Return how many directions, half a degree apart, readings (m, 3) at rest have."""
+    """Return the number of directions, half a degree apart, of readings (m, 3) at rest."""
     units = accel / np.linalg.norm(accel, axis=1, keepdims=True)
     kept: list[Array] = []
     for unit in units:
@@ -64,7 +64,7 @@ def directions(accel: Array) -> int:
 
 
 def is_determined(accel: Array) -> bool:
-    """Tell whether mean readings (m, 3) determine nine parameters."""
+    """Return whether mean readings (m, 3) determine nine parameters."""
     if len(accel) <= PARAMETERS or directions(accel) <= PARAMETERS:
         return False
     jacobian = _jacobian(np.eye(3), accel, np.linalg.norm(accel, axis=1))

@@ -42,9 +42,9 @@ _AT_REST: Final = 0.05
 
 
 _CHANCE: Final = 1e-4
-"""Probability with which an exact fixture is taken for a tilted one."""
+"""Probability of taking an exact fixture for a tilted one."""
 _TILTED: Final = 10.0
-"""Variance of the rests' residuals, over that of the readings, from which on it is a tilt."""
+"""Variance of the rests' residuals, over that of the readings, above which it is a tilt."""
 _UNTESTED: Final = "fewer than ten directions cannot show whether the fixture is tilted"
 _NO_RESIDUALS: Final = "eq. 7 leaves nothing but rounding"
 
@@ -75,7 +75,7 @@ class SixPosition(NamedTuple):
     fixture: str
     """exact or norm."""
     reason: str
-    """Why it is this one, in words."""
+    """Why this model was chosen, as text."""
     left_out: int
     """Pieces that are not at rest, or not near any face."""
 
@@ -85,21 +85,21 @@ def calibrate_six_position(
 ) -> SixPosition:
     """Return bias, scale and misalignment from rests.
 
-    :param steady: what was found in the record; more than six positions are welcome.
+    :param steady: what was found in the record; more than six positions may be given.
     :param gravity: its magnitude [m/s^2].
     :param simple: eq. 6, ``b = (up + down) / 2`` and ``S = (up - down) / 2g`` per axis, without
         misalignment; else the twelve parameters of eq. 7 by weighted least squares.
     :param fixture: ``exact``, each axis rests pointing up and down; ``norm``, rests in ten
         directions or more, whichever; ``auto``, exact unless the residuals of eq. 7 are larger than
         those of the norm by more than chance (an F-test), or a face is missing.
-    :raises InputError: where a face is missing, or where ten directions are.
+    :raises InputError: where a face is missing, or fewer than ten directions are given.
     """
     found = _chosen(steady.rows(_at_rest(steady)), gravity, simple, fixture)
     return found._replace(left_out=len(steady.stretch) - len(found.positions.stretch))
 
 
 def _chosen(steady: Steady, gravity: float, simple: bool, fixture: str) -> SixPosition:
-    """Return the result of the model that is asked for, or that fits."""
+    """Return the result of the requested model, or of the one that fits."""
     if fixture == EXACT or simple:
         return _exact(steady, gravity, "as asked for", simple=simple)
     if fixture == NORM:
@@ -239,7 +239,7 @@ def observations(
     axis: int,
     temperature: Array | None = None,
 ) -> Observations:
-    """Return what one axis of a triad read, readings and sigma being (m, 3)."""
+    """Return the readings of one axis of a triad; readings and sigma are (m, 3)."""
     t = np.zeros(len(inputs)) if temperature is None else temperature
     return Observations(inputs, readings[:, axis], sigma[:, axis], steady.time, t)
 

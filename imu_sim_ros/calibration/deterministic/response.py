@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Least squares of what a triad makes of its known input: scale, misalignment, bias, temperature.
+"""Least-squares fit of a triad's response to known input: scale, misalignment, bias, temperature.
 
 One axis reads ``y = (1 + s(T)) (S x + G f) + b(T)`` with polynomials s, without constant, and b of
 ``T - T0``. Without temperature that is the lecture's eq. 7, and linear; with it, Gauss-Newton
@@ -22,7 +22,7 @@ _LOG_WALKS: Final = (-6.0, 14.0)
 """Range of the walk's variance over the record, in the readings' own, as a logarithm."""
 _GRID: Final = 21
 _ROUNDING: Final = 16.0 * float(np.finfo(np.float64).eps)
-"""Relative error of a mean reading that is none of the sensor's: float64 has no more digits."""
+"""Relative error of a mean reading that is not the sensor's: float64 has no more digits."""
 _NOTHING: Final = 1e-15
 """[rad/s] or [m/s^2] that no sensor resolves, where the readings are zero."""
 _CLOSE: Final = 4.0
@@ -32,7 +32,7 @@ _DEPENDENT: Final = 1e-6
 
 
 class AxisResponse(NamedTuple):
-    """One axis: the parameters and how sure they are."""
+    """One axis: the parameters and their uncertainty."""
 
     gain: Array
     """(p,) row of S, and of G where it is estimated."""
@@ -77,7 +77,7 @@ class AxisResponse(NamedTuple):
 
 
 class Observations(NamedTuple):
-    """n mean readings of one axis, what was known of their input, and their noise."""
+    """n mean readings of one axis, their known input, and their noise."""
 
     inputs: Array
     """(n, p) known inputs: true rate or force, and force for the g-sensitivity."""
@@ -131,19 +131,19 @@ def fit_axis(
 
 
 def rounding_of(readings: Array) -> float:
-    """Return what rounding may make of readings of one axis: no standard error is below it."""
+    """Return the rounding error of one axis' readings: no standard error is below it."""
     return max(_ROUNDING * float(np.abs(readings).max()), _NOTHING)
 
 
 def _above_rounding(data: Observations) -> tuple[Observations, bool]:
-    """Return readings whose sigma is at least their rounding, and whether they have no other."""
+    """Return readings with sigma at least their rounding, and whether that is their only error."""
     rounding = rounding_of(data.readings)
     sigma = np.maximum(data.sigma, rounding)
     return data._replace(sigma=sigma), bool(np.all(sigma == rounding))
 
 
 def _exact(found: AxisResponse) -> AxisResponse:
-    """Return parameters without what rounding made of them, and without errors."""
+    """Return parameters with rounding errors removed, and with zero standard errors."""
     sigma = np.maximum(found.sigma, np.finfo(np.float64).tiny)
     digits = -np.floor(np.log10(10.0 * sigma)).astype(int)
 
@@ -266,7 +266,7 @@ def _summary(
 
 
 def determined(inputs: Array) -> bool:
-    """Tell whether inputs (n, p) and a constant can be told from each other."""
+    """Return whether inputs (n, p) and a constant are distinguishable."""
     columns = np.column_stack([inputs, np.ones(len(inputs))])
     norms = np.linalg.norm(columns, axis=0)
     if np.any(norms == 0.0):

@@ -18,13 +18,13 @@ Times = NDArray[np.int64]
 WINDOW: Final = 0.5
 """Length of the windows that are judged [s]."""
 _QUIET: Final = 0.2
-"""Share of the windows that are taken to be the quietest: they set the noise floor."""
+"""Share of the windows taken as the quietest: they set the noise floor."""
 _LOUDER: Final = 3.0
 """Variance of a steady window, at most, over the floor."""
 _PIECE: Final = 5.0
 """Length of the pieces into which long stretches are cut [s]."""
 _PIECES: Final = 400
-"""About the most pieces in all, as long as there are fewer stretches."""
+"""Approximate maximum number of pieces, as long as there are fewer stretches."""
 _UNNOTICED: Final = np.array([1e-5] * 3 + [1e-4] * 3)
 """[rad/s], [m/s^2] that a steady reading may change in a window: the noise of a sensor of
 navigation grade. Without noise the drift with the temperature alone would count as motion."""
@@ -57,7 +57,7 @@ class Steady(NamedTuple):
 
     @property
     def stretches(self) -> int:
-        """How many stretches there are."""
+        """Number of stretches."""
         return len(np.unique(self.stretch))
 
     @property
@@ -116,7 +116,7 @@ def _mask(judged: slice) -> NDArray[np.bool_]:
 
 
 def _runs(label: NDArray[np.int64], calm: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Return first and behind-last window of each run of equal labels that is calm."""
+    """Return the first and one-past-last window of each calm run of equal labels."""
     starts = np.flatnonzero(np.diff(label, prepend=label[0] - 1))
     ends = np.append(starts[1:], len(label))
     return [(int(a), int(b)) for a, b in zip(starts, ends, strict=True) if calm[a:b].all()]

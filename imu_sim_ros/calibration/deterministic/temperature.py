@@ -35,7 +35,7 @@ class TriadTemperature(NamedTuple):
     inputs: Array
     """(m, p) what the gain of each axis multiplies; p is 0 where one orientation was seen only."""
     readings: Array
-    """(m, 3) readings the fit was made of; less the known input where p is 0."""
+    """(m, 3) readings that were fitted; less the known input where p is 0."""
     difference: Array
     """(m,) T - T0 [K]."""
 
@@ -63,13 +63,13 @@ def calibrate_temperature(
     :param rate: (m, 3) true angular rates [rad/s].
     :param force: (m, 3) true specific forces [m/s^2].
     :param reference: T0 [degC].
-    :raises InputError: for temperatures that hardly differ.
+    :raises InputError: for temperatures that barely differ.
     """
     span = float(np.ptp(temperature))
     if span < _SMALLEST_SPAN:
         raise InputError(
             f"temperatures from {temperature.min():.1f} to {temperature.max():.1f} degC: "
-            f"they must span {_SMALLEST_SPAN:g} K at least"
+            f"they must span at least {_SMALLEST_SPAN:g} K"
         )
     difference = temperature - reference
     both = np.concatenate([rate, force], axis=1)

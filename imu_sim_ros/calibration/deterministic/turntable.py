@@ -20,7 +20,7 @@ from imu_sim_ros.errors import InputError
 Array = NDArray[np.float64]
 
 _TURNING: Final = 0.05
-"""Smallest rate that is taken for one of the table's [rad/s]."""
+"""Smallest rate that counts as one of the table's [rad/s]."""
 _NEAR: Final = 0.15
 """Largest relative difference between a reading and the table's rate."""
 
@@ -37,7 +37,7 @@ class Turntable(NamedTuple):
     bias_sigma: Array
     """(3,)"""
     g_sensitivity: Array | None
-    """(3, 3) [(rad/s)/(m/s^2)]; None where the positions cannot tell it from the bias."""
+    """(3, 3) [(rad/s)/(m/s^2)]; None where the positions cannot separate it from the bias."""
     g_sensitivity_sigma: Array | None
     """(3, 3)"""
     stretches: Steady
@@ -101,13 +101,13 @@ def known_rates(steady: Steady, rates: Array) -> tuple[Steady, Array]:
     """Return the stretches at rest or at one of the table's rates, and their true angular rates.
 
     :param rates: magnitudes the table was set to [rad/s].
-    :raises InputError: where nothing is at rest.
+    :raises InputError: where no stretch is at rest.
     """
     still = np.linalg.norm(steady.gyro - _usual(steady.gyro), axis=1) < _TURNING + 6.0 * (
         np.linalg.norm(steady.gyro_sigma, axis=1)
     )
     if not still.any():
-        raise InputError("nothing at rest: the table must rest between the rates")
+        raise InputError("no stretch at rest: the table must rest between the rates")
     excess = steady.gyro - np.mean(steady.gyro[still], axis=0)
     axis = np.argmax(np.abs(excess), axis=1)
     along = np.take_along_axis(excess, axis[:, None], axis=1)[:, 0]

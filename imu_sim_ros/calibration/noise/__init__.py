@@ -3,7 +3,7 @@
 
 """Allan analysis: noise parameters with confidence intervals from a record at rest.
 
-Imports the leaves and the room above.
+Imports the leaves and the package above.
 """
 
 from imu_sim_ros.calibration.noise import noise_files, truth

@@ -29,12 +29,12 @@ from imu_sim_ros.errors import InputError
 Array = NDArray[np.float64]
 
 SHORTEST: Final = 60.0
-"""Seconds at rest below which nothing is said."""
+"""Seconds at rest below which there is no result."""
 _SHORT: Final = 3600.0
-"""Seconds below which a random walk can hardly be seen."""
+"""Seconds below which a random walk is barely visible."""
 _MOVING_SHARE: Final = 0.01
 _TABLE_RATE: Final = 0.5
-"""Mean rate [rad/s] that is worth a word."""
+"""Mean rate [rad/s] that is worth reporting."""
 _DISTURBED_SHARE: Final = 0.05
 MODELS: Final = ("standard", "gauss_markov")
 UNITS: Final = ("rad/s", "m/s^2")
@@ -57,7 +57,7 @@ class Readings(Protocol):
 
 
 class AllanResult(NamedTuple):
-    """What a record at rest says of its IMU; axes are gyroscope x y z, accelerometer x y z."""
+    """The analysis of an IMU at rest; axes are gyroscope x y z, accelerometer x y z."""
 
     timing: Timing
     duration: float
@@ -77,14 +77,14 @@ class AllanResult(NamedTuple):
         return KEYS if self.model == "standard" else GAUSS_MARKOV_KEYS
 
     def estimate(self, axis: int, key: str) -> Estimate:
-        """Return a parameter of one axis; of a constant axis nothing is known but zero."""
+        """Return a parameter of one axis; for a constant axis nothing but zero is known."""
         noise = self.noise[axis]
         return Estimate(None, 0.0, 0.0) if noise is None else noise.estimates[key]
 
 
 @dataclass
 class _Sinks:
-    """What the pieces flow into; made when the rate is known."""
+    """The consumers of the pieces; created when the rate is known."""
 
     deviation: DeviationAccumulator
     spectrum: SpectrumAccumulator
@@ -119,8 +119,8 @@ def analyse(
 
     :param bags: for each bag its messages, in blocks.
     :param model: ``standard`` (Q, N, B, K, R) or ``gauss_markov`` (N and a Gauss-Markov process).
-    :param force: go on where a check says that the result would mean nothing.
-    :param advance: is told how many messages were read.
+    :param force: continue where a check finds that the result would be meaningless.
+    :param advance: called with the number of messages read.
     :raises InputError: with a line for each check that fails.
     """
     record = Record()
@@ -156,7 +156,7 @@ def _noise(spectrum: Spectrum, axis: int, band: Band, model: str) -> AxisNoise:
 
 
 def _rounded(noise: AxisNoise, record: Record, axis: int) -> AxisNoise:
-    """Return what is known of an axis in view of its digital step.
+    """Return what is known about an axis given its digital step.
 
     Where the readings are coarse nothing has a value, and each bound is at least what the rounding
     hides: an error of half a step either way, whose Allan deviation is below a step.
@@ -208,7 +208,7 @@ def _read(
 def _judge(
     record: Record, sinks: _Sinks | None, spectrum: Spectrum | None
 ) -> tuple[list[str], list[str]]:
-    """Return what forbids an analysis, and what a user should know of it."""
+    """Return what prevents an analysis, and what a user should know about it."""
     if sinks is None or record.rest is None:
         return ["no Imu messages"], []
     problems = [
@@ -233,7 +233,7 @@ def _judge(
 
 
 def _dead_axes(record: Record) -> list[int]:
-    """Return the constant axes that forbid an analysis.
+    """Return the constant axes that prevent an analysis.
 
     A constant zero is not a measurement. Another constant may be noise below resolution, which is
     no fault of a record in which other axes change; where none does there is nothing to analyse.
@@ -271,7 +271,7 @@ def _motion_problems(record: Record, spectrum: Spectrum | None) -> list[str]:
 
 
 def _walks(spectrum: Spectrum, suspects: Iterable[int]) -> set[int]:
-    """Return the axes that wander as their own noise makes them."""
+    """Return the axes whose drift is explained by their own noise."""
     return {
         axis
         for axis in suspects
@@ -280,7 +280,7 @@ def _walks(spectrum: Spectrum, suspects: Iterable[int]) -> set[int]:
 
 
 def _reading_warnings(record: Record) -> Iterable[str]:
-    """Say what the readings' own values tell: constant rates, codes and ends of the range."""
+    """Report what the readings' values show: constant rates, codes and ends of the range."""
     for axis, mean in enumerate(record.mean[:3]):
         if abs(mean) > _TABLE_RATE:
             yield (
@@ -312,7 +312,7 @@ def _warnings(record: Record, longest: float) -> Iterable[str]:
     if timing.gaps:
         yield (
             f"{timing.gaps} gaps, the longest {timing.longest_gap:.3f} s: "
-            "the pieces between them are analysed apart and combined"
+            "the pieces between them are analysed separately and combined"
         )
     if timing.duplicates:
         yield f"{timing.duplicates} messages repeat the stamp before them and were dropped"

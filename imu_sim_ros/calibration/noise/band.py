@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which part of a spectrum the model may be held against."""
+"""Which part of a spectrum the model may be compared with."""
 
 from typing import Final, NamedTuple
 
@@ -86,7 +86,7 @@ def _peaks(
 
 
 def _describes(spectrum: Spectrum, axis: int) -> bool:
-    """Tell whether the full model fits the high part within chance, by rows and by groups."""
+    """Return whether the full model fits the high part within chance, by rows and by groups."""
     expected = fit(axis_data(spectrum, axis), standard_design(spectrum)).expected[0]
     high = np.isinf(spectrum.duration)
     ratio = spectrum.power[high, axis] / expected[high] - 1.0
@@ -104,7 +104,7 @@ def _grouped(
 
 
 def _by_chance(ratio: NDArray[np.float64], freedom: NDArray[np.float64]) -> bool:
-    """Tell whether relative misfits are no larger than those of means of so many squares."""
+    """Return whether relative misfits are no larger than those of means of so many squares."""
     if len(ratio) == 0:
         return True
     # The variance of the square of a mean of nu squares, 8 / nu^2 for many, is larger for few.
@@ -113,7 +113,7 @@ def _by_chance(ratio: NDArray[np.float64], freedom: NDArray[np.float64]) -> bool
 
 
 def explains_wander(spectrum: Spectrum, axis: int) -> bool:
-    """Tell whether what an axis does below 1 Hz is the noise of the fitted model.
+    """Return whether an axis' behaviour below 1 Hz is the noise of the fitted model.
 
     Every row then is a mean of squares around its expectation: a body that moves makes lines, or
     a hump that no sum of white noise, flicker, walk and ramp follows.

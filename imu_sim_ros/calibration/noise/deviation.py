@@ -55,7 +55,7 @@ def cluster_sizes(samples: int, per_decade: int = 17) -> NDArray[np.int64]:
 
 
 def overlapping_deviation(y: Array, rate: float, sizes: Iterable[int]) -> Array:
-    """Return the overlapping Allan deviation of one gap-free record that is in memory.
+    """Return the overlapping Allan deviation of one gap-free record in memory.
 
     ``avar(m) = sum_j (x_{j+2m} - 2 x_{j+m} + x_j)^2 / (2 (m dt)^2 (n - 2m + 1))`` with the phase
     ``x_j = dt sum_{i<j} y_i`` (IEEE Std 952-1997 Annex C; Riley, NIST SP 1065, eq. 11).
@@ -110,7 +110,7 @@ def _second_differences(x: Array, m: int, first: int = 0) -> tuple[float, int]:
 
 
 class DeviationAccumulator:
-    """Takes a record block by block, in pieces between which nothing is assumed.
+    """Takes a record block by block, in pieces that are treated as independent.
 
     Clusters of up to 1024 samples are exact in any case. Longer ones are exact while a piece has
     no more than 2 million samples; beyond, their second differences start at every second, fourth,
@@ -166,7 +166,7 @@ class DeviationAccumulator:
             self._stride *= 2
 
     def end_piece(self) -> None:
-        """Close the piece: what comes next is not connected with it."""
+        """Close the piece: what follows is not connected to it."""
         x = np.concatenate(self._stored, axis=1)
         for m in cluster_sizes(self._count):
             if m > self._short[-1]:

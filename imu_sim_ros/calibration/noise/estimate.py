@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which terms a record shows, how large they are, and how sure that is.
+"""Which terms a record shows, how large they are, and how certain that is.
 
 Intervals are those of the full model, in which every term may stand for another
 (:mod:`imu_sim_ros.calibration.noise.intervals`). A term whose interval excludes zero has a value.
@@ -64,7 +64,7 @@ class Estimate(NamedTuple):
     high: float
 
     def covers(self, truth: float) -> bool:
-        """Tell whether the 95 % interval holds a value."""
+        """Return whether the 95 % interval holds a value."""
         return self.low <= truth <= self.high
 
 
@@ -146,7 +146,7 @@ def _inside(value: float, end: Interval) -> float:
 
 
 def _slow_term(data: Data, design: Array, shown: Collection[str]) -> set[str]:
-    """Return the slow term that is worth its price beside those shown, or none."""
+    """Return the slow term that is worth its cost beside those shown, or none."""
     added: list[set[str]] = [set(), *({key} for key in PRICES)]
     fits = _fit_terms(data, design, [{WHITE.key, *shown} | extra for extra in added])
     objective = fits.objective.reshape(-1, len(added)).min(axis=0)

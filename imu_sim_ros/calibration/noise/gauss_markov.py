@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""White noise with a first-order Gauss-Markov process, for those who ask for that model."""
+"""White noise with a first-order Gauss-Markov process, for users who request that model."""
 
 from collections.abc import Callable
 from typing import Final
@@ -35,7 +35,7 @@ def estimate_gauss_markov(spectrum: Spectrum, axis: int) -> AxisNoise:
     """Return white noise, and the standard deviation and correlation time of the process.
 
     The correlation time is searched from ten samples to the length of the record, which is where a
-    process can be told from white noise and from a constant.
+    process can be distinguished from white noise and from a constant.
 
     :param axis: column of ``spectrum.power``.
     """
@@ -71,7 +71,7 @@ def estimate_gauss_markov(spectrum: Spectrum, axis: int) -> AxisNoise:
 
 
 def _standard_terms(spectrum: Spectrum, data: Data, process: Array) -> dict[str, Estimate]:
-    """Return the white noise beside the process, and bounds for what the model does not have."""
+    """Return the white noise beside the process, and bounds for the terms that the model lacks."""
     white = WHITE.expectation(spectrum)
     (noise, _), _ = intervals(data, np.column_stack([white, process]), trend=False)
     design = np.column_stack([standard_design(spectrum), process])

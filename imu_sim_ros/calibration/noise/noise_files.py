@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Files that other programs read: CSV, kalibr, imu_utils, and the simulator's own parameters."""
+"""Files for other programs: CSV, kalibr, imu_utils, and the simulator's own parameters."""
 
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -22,7 +22,7 @@ _CONTINUOUS_UNITS: Final = (
     " rad/s/sqrt(Hz) / rad/s^2/sqrt(Hz)",
     " m/s^2/sqrt(Hz) / m/s^3/sqrt(Hz)",
 )
-_BOUND: Final = "  # upper bound: the record cannot tell it from zero"
+_BOUND: Final = "  # upper bound: the record cannot distinguish it from zero"
 
 
 def write_csv(result: AllanResult, path: Path) -> None:
@@ -101,7 +101,7 @@ def write_imu_utils(result: AllanResult, path: Path, *, continuous: bool) -> Non
 class _Number(NamedTuple):
     value: float
     bound: bool
-    """The record does not tell it from zero: the value is an upper bound."""
+    """The record does not distinguish it from zero: the value is an upper bound."""
 
 
 def _imu_utils_pair(result: AllanResult, axis: int, continuous: bool) -> tuple[_Number, _Number]:
@@ -116,7 +116,7 @@ def _imu_utils_pair(result: AllanResult, axis: int, continuous: bool) -> tuple[_
 
 
 def simulator_parameters(result: AllanResult) -> dict[str, Value]:
-    """Return what makes the simulator produce such noise; terms not told from zero stay zero."""
+    """Return simulator parameters that reproduce this noise; terms not found stay zero."""
     values: dict[str, Value] = {"rate": round(result.timing.rate, 6), "imu.preset": "perfect"}
     for triad, name in enumerate(TRIADS):
         for key in result.keys:
@@ -151,7 +151,7 @@ def write_parameters(result: AllanResult, path: Path, source: str) -> None:
     comment = (
         f"Noise of the IMU in {source}: {result.duration / 3600.0:.3g} h at "
         f"{result.timing.rate:.6g} Hz.\n"
-        "Terms that the record cannot tell from zero are left out.\n"
+        "Terms that the record cannot distinguish from zero are left out.\n"
         f"Mean readings (gyroscope x y z, accelerometer x y z): {mean}"
     )
     files.write(simulator_parameters(result), path, comment=comment)

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The spectrum of a record, made so that white noise and a random walk are exactly separable.
+"""The spectrum of a record, in which white noise and a random walk are exactly separable.
 
 The cosine transform (DCT-II, orthonormal) of a record diagonalises the covariance of white noise
 plus a random walk of unknown start: its coefficients are independent and normal, with the variance
@@ -57,7 +57,7 @@ class Spectrum(NamedTuple):
 
 
 class SpectrumAccumulator:
-    """Takes a record block by block, in pieces between which nothing is assumed."""
+    """Takes a record block by block, in pieces that are treated as independent."""
 
     def __init__(self, rate: float, axes: int) -> None:
         self._dt = 1.0 / rate
@@ -88,7 +88,7 @@ class SpectrumAccumulator:
                 self._flush()
 
     def end_piece(self) -> None:
-        """Close the piece: what comes next is not connected with it."""
+        """Close the piece: what follows is not connected to it."""
         self._flush()
         if self._clusters:
             self._low.append(self._low_part(np.concatenate(self._clusters, axis=1)))

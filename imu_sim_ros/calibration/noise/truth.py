@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Comparison of what was recovered with what was put in."""
+"""Comparison of recovered and true parameters."""
 
 from typing import NamedTuple
 

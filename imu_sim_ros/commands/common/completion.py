@@ -24,7 +24,7 @@ _FOLDERS: Final = {
 
 
 def is_asked() -> bool:
-    """Tell whether the shell asks what could follow, instead of running the program."""
+    """Return whether the shell asks what could follow, instead of running the program."""
     return _ASKED in os.environ
 
 

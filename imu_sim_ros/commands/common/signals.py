@@ -96,7 +96,7 @@ def raised() -> Iterator[None]:
 
 
 def _fragile(frame: FrameType | None) -> bool:
-    """Tell whether an exception in this frame could leave a lock taken, or be swallowed."""
+    """Return whether an exception in this frame could leave a lock taken, or be swallowed."""
     return frame is not None and (
         frame.f_code.co_name in _FRAGILE or frame.f_globals.get("__name__") == "threading"
     )

@@ -49,7 +49,7 @@ def truth_topic(path: Path, topic: str | None) -> str | None:
 
 
 def has_truth(path: Path) -> bool:
-    """Tell whether a bag has Odometry, or a folder EuRoC's states."""
+    """Return whether a bag has Odometry, or a folder EuRoC's states."""
     if not is_text(path):
         return bool(odometry_topics(path))
     try:

@@ -83,7 +83,7 @@ class RigParameters:
 
 
 def is_rig_key(key: str, names: list[str]) -> bool:
-    """Tell whether a parameter is about cameras or the scene, given the cameras' names."""
+    """Return whether a parameter is about cameras or the scene, given the cameras' names."""
     first, dot, rest = key.partition(".")
     if key == "cameras" or (dot and first in _OF_ALL):
         return True
@@ -155,7 +155,7 @@ def load_rig(given: Mapping[str, object], node: str = "simulator") -> RigParamet
     """Return the cameras and the scene that parameters describe.
 
     :param given: ``cameras``, ``camera.*``, ``scene.*`` and ``NAME.camera.*`` by dotted name.
-    :raises ConfigurationError: with a line for everything that is wrong.
+    :raises ConfigurationError: with a line for each problem.
     """
     names = camera_names(given)
     return build(rig_section(names), layer_rig(given, node))

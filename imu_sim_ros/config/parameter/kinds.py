@@ -87,7 +87,7 @@ class Parameter:
         return dataclasses.replace(self, text=text, unit=unit)
 
     def in_range(self, number: float) -> bool:
-        """Tell whether a number lies in the parameter's range."""
+        """Return whether a number lies in the parameter's range."""
         low = number > self.minimum if self.above_minimum else number >= self.minimum
         return low and number <= self.maximum
 

@@ -3,7 +3,7 @@
 
 """A trajectory against a truth: association, alignment, errors, drift, consistency.
 
-Imports the leaves and the room above.
+Imports the leaves and the package above.
 """
 
 from imu_sim_ros.navigation.comparison.alignment import ALIGNMENTS, Alignment, align

@@ -62,7 +62,7 @@ class SlowErrors:
         self._h, self._decay = 0.0, np.ones(len(axes))
 
     def __bool__(self) -> bool:
-        """Tell whether there is any such error."""
+        """Return whether there is any such error."""
         return len(self.variance) > 0
 
     def step(

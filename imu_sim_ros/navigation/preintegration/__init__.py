@@ -3,7 +3,7 @@
 
 """Preintegrated readings between two frames, and the residuals that a smoother makes of them.
 
-Imports the leaves and the room above.
+Imports the leaves and the package above.
 """
 
 from imu_sim_ros.navigation.preintegration.deltas import (

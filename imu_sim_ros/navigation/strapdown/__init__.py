@@ -4,7 +4,7 @@
 """Dead reckoning, of whole records and one reading at a time.
 
 The equations of motion stand here; where to start and what is known of it lie in the room above.
-Imports the leaves and the room above.
+Imports the leaves and the package above.
 """
 
 from imu_sim_ros.navigation.strapdown.dead_reckoning import dead_reckon

@@ -255,7 +255,7 @@ class Stepper:
 
 
 def _is_near_lock(q: Q4, rate: V3, h: float) -> bool:
-    """Tell whether the pitch is near +-90 degrees; its sine is 2 (w y - z x)."""
+    """Return whether the pitch is near +-90 degrees; its sine is 2 (w y - z x)."""
     margin = max(GIMBAL_LOCK_MARGIN, 2.0 * math.hypot(*rate) * h)
     return margin > 1.0 or 2.0 * abs(q[0] * q[2] - q[3] * q[1]) > math.cos(margin)
 

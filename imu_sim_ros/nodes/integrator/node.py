@@ -233,7 +233,7 @@ class Integrator(ConfiguredNode):
         self.get_logger().warning(words, throttle_duration_sec=_COMPLAINT_PERIOD)
 
     def _is_new_source(self) -> bool:
-        """Tell whether a publisher of readings has appeared since the last call."""
+        """Return whether a publisher of readings has appeared since the last call."""
         found = frozenset(
             bytes(publisher.endpoint_gid)
             for publisher in self.get_publishers_info_by_topic(IMU_TOPIC)

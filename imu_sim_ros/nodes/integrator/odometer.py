@@ -76,7 +76,7 @@ class Odometer:
 
     @property
     def waiting(self) -> bool:
-        """Tell whether integration has not begun yet."""
+        """Return whether integration has not begun yet."""
         return self._stepper is None
 
     @property

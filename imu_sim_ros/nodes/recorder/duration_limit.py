@@ -53,7 +53,7 @@ class DurationLimit:
         return [message for message in messages if message.t_ns < end_ns]
 
     def reached(self, elapsed: float, now: float) -> bool:
-        """Tell whether every topic that still comes has had its time.
+        """Return whether every topic that still comes has had its time.
 
         :param elapsed: since the first message, on the clock of the node [s]. Decides where stamps
             make no progress: they do not advance, or nothing arrives any more.

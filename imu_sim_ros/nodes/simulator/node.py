@@ -255,7 +255,7 @@ class Simulator(ConfiguredNode):
 
     # ------------------------------------------------------------------------- the run
     def _ready(self) -> bool:
-        """Tell whether all who are waited for are there; asked again and again."""
+        """Return whether all who are waited for are there; asked again and again."""
         if self._follows and self.get_clock().now().nanoseconds == 0:
             return False
         if self._cameras is not None and not self._cameras.ready:

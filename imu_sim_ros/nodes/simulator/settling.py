@@ -22,7 +22,7 @@ class Settling:
         self._since = 0.0
 
     def settled(self, counts: Sequence[int], now: float) -> bool:
-        """Tell whether the subscribers of all topics are there to stay.
+        """Return whether the subscribers of all topics are there to stay.
 
         :param now: on the steady clock [s].
         """

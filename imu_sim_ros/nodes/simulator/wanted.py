@@ -8,7 +8,7 @@ from imu_sim_ros.config import BODY, PublishParameters
 
 
 def is_wanted(topic: str, imu: str, publish: PublishParameters) -> bool:
-    """Tell whether a topic is published for an IMU (``BODY``: for the body of several)."""
+    """Return whether a topic is published for an IMU (``BODY``: for the body of several)."""
     if topic == conventions.TRUTH_TOPIC:
         return publish.ground_truth and imu in ("", BODY)
     return (

@@ -194,7 +194,7 @@ def matching_qos(publishers: Iterable[Any], depth: int = DEPTH) -> QoSProfile:
 
 
 def is_weaker(new: QoSProfile, old: QoSProfile) -> bool:
-    """Tell whether a subscription must ask for less than before to hear all publishers."""
+    """Return whether a subscription must ask for less than before to hear all publishers."""
     less_reliable = new.reliability == ReliabilityPolicy.BEST_EFFORT != old.reliability
     less_durable = new.durability == DurabilityPolicy.VOLATILE != old.durability
     return bool(less_reliable or less_durable)

@@ -1,9 +1,9 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The errors of one triad, in the order of the docstring of the room above.
+"""The errors of one triad, in the order given in the docstring of the package above.
 
-Imports the leaves, and faults and random streams of the room above.
+Imports the leaves, and faults and random streams from the package above.
 """
 
 from imu_sim_ros.sensor.errors.deterministic import TurnOn

@@ -6,8 +6,8 @@
 The recurrence ``x_k = phi x_(k-1) + sqrt(1 - phi^2) w_k`` with ``phi = exp(-dt / tau)`` has unit
 variance at any rate. It is solved by a scan in two levels: a chunk is R rows of C samples; all rows
 advance together, one column at a time, from 0; then the rows' start values follow from the rows'
-ends, and what they add decays along each row. Chunks start at fixed sample indices and are made
-whole, so the result does not depend on how many samples are asked for at a time.
+ends, and what they add decays along each row. Chunks start at fixed sample indices and are
+generated whole, so the result does not depend on how many samples are asked for at a time.
 """
 
 import numpy as np

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Random processes that are made in chunks of a fixed length and handed out in blocks of any."""
+"""Random processes generated in chunks of a fixed length and read in blocks of any length."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ class ChunkedProcess(ABC):
     """One process for each random stream; a value does not depend on the blocks it is read in."""
 
     def __init__(self, streams: Sequence[Generator], length: int) -> None:
-        """Begin with nothing made.
+        """Start with nothing generated.
 
         :param length: values in a chunk.
         """

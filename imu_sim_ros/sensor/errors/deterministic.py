@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 
 class Response:
-    """What a triad makes of its input x: ``S x + q x^2 + G f`` (lecture eq. 7 and 25).
+    """The response of a triad to its input x: ``S x + q x^2 + G f`` (lecture eq. 7 and 25).
 
     G, the g-sensitivity, is the gyroscope's only; f is the ideal specific force.
     """

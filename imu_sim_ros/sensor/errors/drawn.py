@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Constants of a unit that its seed draws: what a data sheet gives as a tolerance."""
+"""Constants of a unit drawn from its seed: what a data sheet gives as a tolerance."""
 
 import dataclasses
 from typing import Any
@@ -16,11 +16,11 @@ Array = NDArray[np.float64]
 
 
 def unit_of_seed(parameters: TriadParameters, triad: str, seed: int) -> TriadParameters:
-    """Return the triad with the drawn part of each constant added to it and nothing left to draw.
+    """Return the triad with the drawn part of each constant added and nothing left to draw.
 
     Temperature coefficients, cross-axis terms, non-linearity and g-sensitivity; the turn-on bias
     and scale, which differ from run to run, are :class:`TurnOn`'s. Each constant has a stream of
-    its own per axis, so that one more of them changes no other.
+    its own per axis, so that adding one changes no other.
 
     :param triad: name of the triad, as in the streams' names.
     """

@@ -7,13 +7,13 @@ In ``S = 2 sin(w / 2)``, w = 2 pi f dt, a real pole or zero phi of a discrete fi
 first-order corner: ``|1 - phi e^(-i w)|^2 = phi (S^2 + (1 - phi)^2 / phi)``. Poles at corners S_p
 that are half a decade apart, with zeros midway (on the logarithmic axis) above them, therefore give
 ``|H|^2 = 1 / S`` with a ripple below 0.1 % (Keshner, "1/f noise", Proc. IEEE 70, 1982). One more
-pole and zero turn 1/S into 1/w: within 3.2 % up to the Nyquist frequency (minimax; a test looks).
+pole and zero turn 1/S into 1/w: within 3.2 % up to the Nyquist frequency (minimax; tested).
 
 The filter is run as a sum of first-order recursions that all see the same white noise, so that it
 costs one random number a sample. A chunk is R rows of C samples: within a row the response to the
 row's own noise and to the state before it are two products with constant matrices; the states
-before the rows follow by a scan. Chunks start at fixed sample indices and are made whole, so the
-result does not depend on how many samples are asked for at a time.
+before the rows follow by a scan. Chunks start at fixed sample indices and are generated whole, so
+the result does not depend on how many samples are asked for at a time.
 """
 
 from typing import Final, NamedTuple

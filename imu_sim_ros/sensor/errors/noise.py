@@ -86,7 +86,7 @@ class GaussMarkov:
     """First-order Gauss-Markov bias: ``db = -b / tau dt + sigma_b dW``.
 
     Exactly discretised: ``phi = exp(-dt / tau)``, step variance ``sigma_b^2 tau / 2 (1 - phi^2)``
-    (Crassidis 2006; RotorS). Its strength is given by the driving density sigma_b or by the
+    (Crassidis 2006; RotorS). Its strength is given by the driving density sigma_b or the
     stationary standard deviation ``sigma_b sqrt(tau / 2)``. It starts in the stationary
     distribution.
     """

@@ -21,7 +21,7 @@ class _Group:
     axes: NDArray[np.intp]
     sections: Array
     settled: Array
-    """(sections, 2) state of one axis that has always seen 1."""
+    """(sections, 2) state of one axis whose input has always been 1."""
     state: Array | None = None
     """(sections, axes, 2)."""
 
@@ -61,7 +61,7 @@ class LowPass:
 
 
 _WHOLE: Final = 1.0 + 1e-6
-"""A range of so nearly whole steps is one of whole steps: files round their numbers."""
+"""A range this close to whole steps counts as whole steps: files round their numbers."""
 
 
 class Digitiser:
@@ -94,8 +94,8 @@ class IncrementRounding:
     """Delta angles or velocities in whole steps, as a counter of pulses gives them.
 
     The sum of all increments is rounded, and an increment is the difference of two rounded sums:
-    what rounding leaves is carried on, so that angles do not walk. That is the quantisation noise
-    of IEEE Std 952-1997, C.1.5, with ``Q = step / sqrt(12)``.
+    the remainder of the rounding is carried over, so that angles do not drift. That is the
+    quantisation noise of IEEE Std 952-1997, C.1.5, with ``Q = step / sqrt(12)``.
     """
 
     def __init__(self, interval: float) -> None:
@@ -129,7 +129,7 @@ class IncrementRounding:
 
 
 def noise_gain(cutoff: float, order: int, rate: float) -> float:
-    """Return what a low-pass leaves of the variance of white noise, 0 to 1.
+    """Return the share of white-noise variance that passes a low-pass, 0 to 1.
 
     The mean of ``|H|^2 = 1 / (1 + u^(2 n))`` over all frequencies up to half the rate, with
     ``u = tan(pi f / rate) / tan(pi cutoff / rate)``, the bilinear transform's frequency.

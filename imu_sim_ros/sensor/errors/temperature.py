@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The sensor's temperature over time, and the polynomials that follow it."""
+"""The sensor's temperature over time, and the polynomials that depend on it."""
 
 from collections.abc import Sequence
 
@@ -14,10 +14,10 @@ Array = NDArray[np.float64]
 
 
 class TemperatureProfile:
-    """Ambient temperature in straight pieces, followed by the sensor with a first-order lag.
+    """Piecewise linear ambient temperature, followed by the sensor with a first-order lag.
 
     On a piece ``T_a = A + B (t - t_j)`` the lag ``tau dT/dt = T_a - T`` has the solution
-    ``T = T_a - B tau + (T_j - A + B tau) exp(-(t - t_j) / tau)``: closed form, so any time can be
+    ``T = T_a - B tau + (T_j - A + B tau) exp(-(t - t_j) / tau)``: closed form, so times can be
     asked for in any order. The sensor starts at the ambient temperature.
     """
 
@@ -36,7 +36,7 @@ class TemperatureProfile:
         self._excess = self._start_excess()
 
     def _start_excess(self) -> Array:
-        """Return at the start of each piece what decays: ``T_j - A + B tau``."""
+        """Return the decaying part at the start of each piece: ``T_j - A + B tau``."""
         excess = np.zeros(len(self._times))
         sensor = self._ambient[0]
         for j, (ambient, slope) in enumerate(zip(self._ambient, self._slope, strict=True)):

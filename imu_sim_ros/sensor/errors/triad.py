@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 
 
 class Reading(NamedTuple):
-    """What a triad says and why; all (3, n)."""
+    """What a triad reads and why; all (3, n)."""
 
     reading: Array
     bias: Array

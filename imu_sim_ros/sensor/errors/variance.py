@@ -3,7 +3,7 @@
 
 """Per-sample variances, for the covariance fields of the messages.
 
-They are the variances of what differs at random from sample to sample: white noise, as much of it
+They are the variances of what varies at random from sample to sample: white noise, as much of it
 as the low-pass leaves, and rounding to whole steps, ``LSB^2 / 12`` (uniform, which holds where the
 noise spans a step; twice that for increments, whose sums are rounded). Biases of every kind are
 not noise of a sample and are left out.

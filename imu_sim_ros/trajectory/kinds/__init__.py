@@ -3,7 +3,7 @@
 
 """One file per kind of trajectory, each with its exact derivatives.
 
-Imports the leaves and what the kinds share in the room above.
+Imports the leaves and what the kinds share in the package above.
 """
 
 from imu_sim_ros.trajectory.kinds.calibration_motion import six_position, turntable

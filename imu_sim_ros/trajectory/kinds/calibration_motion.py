@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Calibration runs: a body that rests, turns over and spins in place, one axis at a time."""
+"""Calibration runs: a body that rests, is turned over and spins in place, one axis at a time."""
 
 from collections.abc import Sequence
 from typing import Final, NamedTuple
@@ -25,7 +25,7 @@ _Z: Final = np.array([0.0, 0.0, 1.0])
 
 
 class Turn(NamedTuple):
-    """A phase of rotation about an axis that is fixed in the body."""
+    """A phase of rotation about a body-fixed axis."""
 
     phase: Phase
     axis: Array
@@ -33,7 +33,7 @@ class Turn(NamedTuple):
 
 
 class CalibrationMotion:
-    """A body in one place that turns about one body axis after the other."""
+    """A body at a fixed position that turns about one body axis after the other."""
 
     def __init__(self, first_q_wb: Array, turns: Sequence[Turn]) -> None:
         """Take the attitude (4,) at the start and the turns, one after another."""
@@ -100,7 +100,7 @@ def turntable(parameters: TurntableParameters) -> CalibrationMotion:
 
 
 def upright(axis: Vector) -> Array:
-    """Return the attitude q_wb (4,) in which a body axis points up, by the shortest way."""
+    """Return the attitude q_wb (4,) in which a body axis points up, by the shortest rotation."""
     e = np.array(axis)
     across = np.cross(e, _Z)
     sine, cosine = float(np.linalg.norm(across)), float(e @ _Z)

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Motions that can be written down: every coordinate a polynomial and a sum of sinusoids."""
+"""Motions in closed form: every coordinate is a polynomial and a sum of sinusoids."""
 
 import math
 
@@ -14,7 +14,7 @@ from imu_sim_ros.trajectory.series import SeriesSet
 
 
 class Harmonic:
-    """Position and Euler angles in closed form (lecture, section 5, first way), without end."""
+    """Position and Euler angles in closed form (lecture, section 5, first method), without end."""
 
     def __init__(self, parameters: HarmonicParameters) -> None:
         p = parameters

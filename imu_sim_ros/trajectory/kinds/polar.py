@@ -33,7 +33,7 @@ class Polar:
 
     @property
     def highest_frequency(self) -> float:
-        """Of radius and angle [Hz]; the steady turn is none in the body, upright as it is."""
+        """Of radius and angle [Hz]; the steady turn adds none, as the body stays upright."""
         return self._coordinates.highest_frequency
 
     def sample(self, t: Array) -> Motion:

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Vibration of the body on top of its motion: sinusoids and band-limited noise, shift and turn."""
+"""Vibration of the body on top of its motion: sinusoids and band-limited noise."""
 
 from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
@@ -19,7 +19,7 @@ _TURNS: Final = 1
 
 
 _FEW: Final = 64
-"""Times up to which all lines are worked out at once; more are worked out line by line."""
+"""Number of times up to which all lines are evaluated at once; above it, line by line."""
 
 
 class _Lines(NamedTuple):
@@ -48,7 +48,7 @@ class Lines:
             self._lines.append(_Lines(*(column[there][:, None] for column in columns)))
 
     def __bool__(self) -> bool:
-        """Tell whether there is any line."""
+        """Return whether there is any line."""
         return any(len(lines.w) for lines in self._lines)
 
     @property
@@ -89,7 +89,7 @@ class Lines:
 
 
 def _groups(lines: _Lines, count: int) -> Iterator[_Lines]:
-    """Yield the lines that are worked out together for so many times."""
+    """Yield the groups of lines that are evaluated together for a number of times."""
     if count <= _FEW:
         yield lines
         return
@@ -127,7 +127,7 @@ class Vibration:
         )
 
     def __bool__(self) -> bool:
-        """Tell whether there is any vibration."""
+        """Return whether there is any vibration."""
         return bool(self.shift) or bool(self.turn)
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A smooth way through given places: a C4 spline of degree 5, at rest at both ends."""
+"""A smooth path through waypoints: a C4 spline of degree 5, at rest at both ends."""
 
 from typing import Any, Final
 
@@ -20,8 +20,8 @@ class Waypoints:
     """Positions and headings interpolated over time; roll and pitch are 0.
 
     Velocity, acceleration and their angular counterparts vanish at both ends. Without given times
-    each way lasts as its speed or turn at the limits would; then all times are stretched alike
-    until the peaks of speed, acceleration and turn rate keep their limits.
+    each leg lasts as long as its speed or turn at the limits would take; then all are stretched
+    alike until the peaks of speed, acceleration and turn rate are within their limits.
     """
 
     def __init__(self, parameters: WaypointsParameters) -> None:

@@ -3,7 +3,7 @@
 
 """Splines through poses: recorded trajectories, smooth to the second derivative.
 
-Imports the leaves and the room above.
+Imports the leaves and the package above.
 """
 
 from imu_sim_ros.trajectory.splines.recorded import Recorded, fit_report, recorded_in

@@ -12,11 +12,11 @@ from imu_sim_ros.trajectory.motion import Array
 from imu_sim_ros.trajectory.splines.residuals import residuals
 
 _WINDOW: Final = 200
-"""Poses on each side that a running median takes in."""
+"""Poses on each side that a running median includes."""
 _SHORT: Final = 10
-"""Poses over which the interval is first looked for: seldom is one of so few lost."""
+"""Poses over which the interval is first searched: so few are seldom incomplete."""
 _LATE: Final = 0.02
-"""Scatter of stamps, over their interval, from which on they are looked at."""
+"""Scatter of stamps, over their interval, above which they are examined."""
 _LATEST: Final = 5.0
 """In intervals; poses that scatter farther were not taken at an even rate."""
 _MOSTLY_EVEN: Final = 0.9
@@ -25,7 +25,7 @@ _BETTER: Final = 0.5
 _REACH: Final = 0.01
 """Error of the first guess of the interval, at most, over the interval."""
 _FIRST: Final = 2000
-"""Poses in which the interval is looked for first, and by which it is looked for later."""
+"""Poses in which the interval is searched first, and the factor by which they grow."""
 _PHASES: Final = 40
 
 
@@ -34,8 +34,8 @@ def even_times(t: Array, position: Array, q_wb: Array) -> tuple[Array, float, fl
 
     Poses are taken at an even rate, some are lost. Stamps of arrival scatter about the grid, and
     the motion over the grid's times is smoother than over the stamps'; else they stay as they are,
-    and the scatter is 0. A constant delay of all stamps cannot be told; a pose beside a loss that
-    is later than an interval is put an interval off.
+    and the scatter is 0. A constant delay of all stamps cannot be detected; a pose next to a loss
+    that is later than an interval is placed one interval off.
 
     :param t: (n,) stamps [s], increasing from 0.
     :param position: (n, 3) [m].
@@ -60,11 +60,11 @@ def even_times(t: Array, position: Array, q_wb: Array) -> tuple[Array, float, fl
 
 
 def _even_interval(t: Array, guess: float) -> float:
-    """Return the interval whose multiples the stamps crowd at, lost ones or not.
+    """Return the interval at whose multiples the stamps cluster, with or without losses.
 
     The sum of ``exp(2 pi i t f)`` peaks at the rate f (Rayleigh's test; a loss is a whole turn). It
-    is looked for in the first poses, within a hundredth of the guess, then in more and more of them
-    within what the fewer left open.
+    is searched in the first poses, within a hundredth of the guess, then in more and more of them
+    within the uncertainty left by the fewer.
     """
     rate, reach, count = 1.0 / guess, _REACH / guess, min(_FIRST, len(t))
     while True:

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A recorded motion: poses followed by a B-spline, and how well it follows them."""
+"""A recorded motion: a B-spline fitted to poses, and how well it fits them."""
 
 from typing import Final, NamedTuple
 
@@ -25,11 +25,11 @@ _PEAK_SAMPLES: Final = 4  # per segment
 
 
 class FitReport(NamedTuple):
-    """How a spline follows its poses; distances [m], angles [rad], times [s]."""
+    """How well a spline fits its poses; distances [m], angles [rad], times [s]."""
 
     poses: int
     repeated: int
-    """Poses that stood twice in the file and were taken once."""
+    """Poses that occurred twice in the file and were used once."""
     duration: float
     rms_position: float
     max_position: float
@@ -37,7 +37,7 @@ class FitReport(NamedTuple):
     max_angle: float
     largest_gap: float
     largest_gap_at: float
-    """Time of the gap's beginning, after the first pose."""
+    """Start of the gap, after the first pose."""
     peak_speed: float
     peak_acceleration: float
     peak_acceleration_at: float
@@ -47,9 +47,9 @@ class FitReport(NamedTuple):
     cutoff: float
 
     def lines(self) -> list[str]:
-        """Return the report in words."""
+        """Return the report as text."""
         mm, deg = 1e3, 180.0 / np.pi
-        dropped = f", {self.repeated} repeated ones left out" if self.repeated else ""
+        dropped = f", {self.repeated} duplicates left out" if self.repeated else ""
         return [
             f"{self.poses} poses over {self.duration:.2f} s{dropped}; "
             f"largest gap {self.largest_gap:.3f} s at {self.largest_gap_at:.2f} s",
@@ -85,9 +85,9 @@ class Recorded:
         self._spline = fit(t, poses.position, poses.q_wb, knots, cutoff, outliers)
         self.report = report = _report(t, poses, self._spline, knots, parameters.cutoff)
         self.repairs: list[str] = words if parameters.robust else []
-        """What was mended, in words."""
+        """What was repaired, as text."""
         self.warnings: list[str] = [] if parameters.robust else words
-        """What looks wrong, in words."""
+        """What looks wrong, as text."""
         self.warnings += beyond_any_body(
             parameters.file,
             report.peak_acceleration,
@@ -151,7 +151,7 @@ def _check(poses: PoseSequence, parameters: PosesParameters) -> None:
 
 
 def _knot_spacing(poses: PoseSequence, parameters: PosesParameters) -> float:
-    """Return the time between knots [s]: the given one, or one that suits data and cut-off."""
+    """Return the time between knots [s]: the given one, or one suited to data and cut-off."""
     steps = timebase.seconds_since(np.diff(poses.t_ns), 0)
     usual = float(np.median(steps))
     spacing = parameters.knot_spacing or max(_LEAST_SPACING, usual, _KNOTS / parameters.cutoff)

@@ -1,12 +1,12 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Poses that no body took: found before a spline is fitted, and mended where that is asked for.
+"""Implausible poses: found before a spline is fitted, and repaired on request.
 
-Three things go wrong in recordings: single poses that lie off (a bad match, a spike), a motion that
-jumps and goes on elsewhere (a map that was corrected), and stamps that say when a pose arrived and
-not when it was taken. The first are left out, behind the second all poses are moved so that the
-motion goes on, and stamps of the third kind are put on the even grid that they scatter about.
+Three things go wrong in recordings: single outlying poses (a bad match, a spike), a motion that
+jumps and continues elsewhere (a corrected map), and stamps that give the time a pose arrived and
+not the time it was taken. The first are left out, after the second all poses are moved so that the
+motion continues, and stamps of the third kind are put on the even grid that they scatter about.
 """
 
 from typing import Final, NamedTuple
@@ -21,18 +21,18 @@ from imu_sim_ros.trajectory.splines.residuals import REACH, residuals
 
 _LEAST_POSES: Final = 30
 _OFF: Final = 10.0
-"""Usual deviations; normal noise does not reach it in 10^20 poses."""
+"""Typical deviations; normal noise does not reach it in 10^20 poses."""
 _WINDOW: Final = 8
-"""Poses on each side of a disturbance that tell what it is."""
+"""Poses on each side of a disturbance that are used to classify it."""
 _SINGLE: Final = 3
-"""Poses that are left out of a disturbance at most before it is taken for a jump."""
+"""Most poses that are left out of a disturbance before it is taken for a jump."""
 _DEGREES: Final = np.arange(6)
 _ROUNDS: Final = 50
 _JOINS: Final = 3
 
 
 class Jump(NamedTuple):
-    """A motion that goes on elsewhere, from one pose on."""
+    """A motion that continues elsewhere from one pose on."""
 
     row: int
     shift: Array
@@ -45,7 +45,7 @@ class Findings(NamedTuple):
     """What is wrong with recorded poses, by rows."""
 
     single: NDArray[np.int64]
-    """Poses that lie off."""
+    """Outlying poses."""
     distance: Array
     """[m] by which each of them does."""
     angle: Array
@@ -57,12 +57,12 @@ class Findings(NamedTuple):
     """[s] of the grid that they scatter about."""
 
     def __bool__(self) -> bool:
-        """Tell whether there is anything."""
+        """Return whether there is anything."""
         return bool(len(self.single) or self.jumps or self.scatter)
 
 
 class Mended(NamedTuple):
-    """Poses without what was found; the rows that lie off are missing."""
+    """Repaired poses; the outlying rows are missing."""
 
     t: Array
     position: Array
@@ -71,7 +71,7 @@ class Mended(NamedTuple):
 
 
 def mended(t: Array, position: Array, q_wb: Array) -> Mended:
-    """Return the poses as a body may have taken them.
+    """Return the poses as a body may have moved through them.
 
     :param t: (n,) times [s], increasing from 0.
     :param position: (n, 3) [m].
@@ -114,7 +114,7 @@ def _row(jump: Jump) -> int:
 
 
 def _clusters(rows: NDArray[np.int64]) -> list[tuple[int, int]]:
-    """Return first and last row of each group of rows that see each other."""
+    """Return the first and last row of each group of rows close enough to affect each other."""
     parts = np.split(rows, np.flatnonzero(np.diff(rows) > 2 * REACH) + 1)
     return [(int(part[0]), int(part[-1])) for part in parts]
 
@@ -181,7 +181,7 @@ def _left(columns: Array, values: Array, keep: NDArray[np.bool_]) -> tuple[float
 
 
 def _join_all(p: Array, q: Array, rows: NDArray[np.int64], poses: _Poses, jump: Jump) -> None:
-    """Join poses (in place) where they jump; again, for rotation vectors of large turns bend."""
+    """Join poses (in place) where they jump; repeatedly, as large rotations are nonlinear."""
     window = np.arange(max(jump.row - _WINDOW, 0), min(jump.row + _WINDOW + 1, len(rows)))
     for _ in range(_JOINS):
         _join(p, q, jump._replace(row=int(rows[jump.row])))
@@ -189,7 +189,7 @@ def _join_all(p: Array, q: Array, rows: NDArray[np.int64], poses: _Poses, jump: 
 
 
 def _join(p: Array, q: Array, jump: Jump) -> None:
-    """Move all poses from the jump on, in place, so that the motion goes on."""
+    """Move all poses from the jump on, in place, so that the motion continues."""
     rows = slice(jump.row, None)
     back = rotation.exp(-jump.turn)
     place = p[jump.row] - jump.shift

@@ -14,12 +14,12 @@ REACH: Final = 3
 """Neighbours on each side."""
 _POWERS: Final = np.arange(4)
 _LONG_STEP: Final = 5.0
-"""In usual steps; across a longer one neighbours say nothing."""
+"""In typical steps; across a longer one neighbours carry no information."""
 _RIDGE: Final = 1e-6
 _PART: Final = 16384
-"""Poses that are looked at together; each needs half a kilobyte meanwhile."""
+"""Poses examined together; each needs half a kilobyte meanwhile."""
 _BLOCK: Final = 100
-"""Poses among which the usual residual is looked for."""
+"""Poses over which the typical residual is determined."""
 _MEDIAN_OF_NORM: Final = 1.5382
 """Median of the length of a vector of three standard normal numbers."""
 _SMALLEST: Final = (5e-4, 1e-3)
@@ -27,7 +27,7 @@ _SMALLEST: Final = (5e-4, 1e-3)
 
 
 class Residuals(NamedTuple):
-    """Of n poses, in usual deviations where they are."""
+    """Of n poses, in units of the typical deviation around them."""
 
     position: Array
     """(n,)"""
@@ -50,7 +50,7 @@ def residuals(t: Array, position: Array, q_wb: Array) -> Residuals:
 
     Least squares without the pose itself, over ``sqrt(1 + leverage)``, so that a pose at an end is
     judged like any other (an externally studentised residual; Cook and Weisberg 1982, section 2.2),
-    and then over the usual one of some hundred poses around.
+    and then over the typical one of some hundred poses around it.
 
     :param t: (n,) times [s], increasing; n >= 8.
     :param position: (n, 3) [m].
@@ -104,7 +104,7 @@ def _missed(
 
 
 def _usual(lengths: Array, least: float) -> Array:
-    """Return the usual deviation (n,) around each pose, from medians of blocks and neighbours."""
+    """Return the typical deviation (n,) around each pose, from medians of blocks and neighbours."""
     blocks = [lengths[k : k + _BLOCK] for k in range(0, len(lengths), _BLOCK)]
     medians = np.array([np.median(block) for block in blocks]) / _MEDIAN_OF_NORM
     padded = np.pad(medians, 1, mode="edge")

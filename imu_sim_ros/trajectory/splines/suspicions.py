@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is wrong with recorded poses, in words, by the lines of their file."""
+"""What is wrong with recorded poses, as text, by the lines of their file."""
 
 from collections.abc import Iterator
 from typing import Final
@@ -23,10 +23,10 @@ _OPTION: Final = "--robust (trajectory.robust)"
 def suspicions(
     findings: Findings, file: str, poses: PoseSequence, t: Array, robust: bool
 ) -> list[str]:
-    """Return a line for each kind of thing that is wrong.
+    """Return a line for each kind of problem.
 
     :param t: (n,) times of the poses [s].
-    :param robust: whether it was mended; else the option that mends it is named.
+    :param robust: whether it was repaired; else the option that repairs it is named.
     """
     return list(_lines(findings, file, poses, t, robust))
 
@@ -52,36 +52,36 @@ def _lines(
         more = f" and {count - _SHOWN} smaller ones" if count > _SHOWN else ""
         poses_lie = "1 pose lies" if count == 1 else f"{count} poses lie"
         yield (
-            f"{file}: {poses_lie} off the motion of the neighbours: {', '.join(found)}{more}"
-            + remedy("left out", "leaves out such poses")
+            f"{file}: {poses_lie} off the motion of their neighbours: {', '.join(found)}{more}"
+            + remedy("left out", "leaves these poses out")
         )
     for jump in findings.jumps[:_SHOWN]:
         yield (
             f"{file}: the motion jumps at {place(jump.row)} by {np.linalg.norm(jump.shift):.3g} m "
             f"and {np.degrees(np.linalg.norm(jump.turn)):.3g} deg"
-            + remedy("all that follows was moved so that it goes on", "joins the pieces")
+            + remedy("all later poses were moved to continue the motion", "joins the pieces")
         )
     if len(findings.jumps) > _SHOWN:
         yield f"{file}: and {len(findings.jumps) - _SHOWN} more jumps"
     if findings.scatter:
         yield (
             f"{file}: the stamps scatter by {findings.scatter * 1e3:.3g} ms about an even interval "
-            f"of {findings.interval * 1e3:.4g} ms, on which the motion is smoother: they seem to "
-            "be times of arrival" + remedy("the even times were taken", "takes the even times")
+            f"of {findings.interval * 1e3:.4g} ms, on which the motion is smoother: they appear to "
+            "be times of arrival" + remedy("even times were used", "uses even times")
         )
 
 
 def beyond_any_body(
     file: str, acceleration: float, acceleration_at: float, rate: float, rate_at: float
 ) -> list[str]:
-    """Return a line for each peak of a spline that no body that carries an IMU flies.
+    """Return a line for each peak of a spline that no body carrying an IMU could reach.
 
     :param acceleration: [m/s^2], at acceleration_at [s].
     :param rate: [rad/s], at rate_at [s].
     """
     return [
-        f"{file}: {value:.4g} {unit} at {at:.3f} s is more than a body with an IMU does "
-        f"({limit:g} {unit}): the poses are not a motion there"
+        f"{file}: {value:.4g} {unit} at {at:.3f} s is more than a body carrying an IMU reaches "
+        f"({limit:g} {unit}): the poses are not a plausible motion there"
         for value, at, limit, unit in (
             (acceleration, acceleration_at, _LARGEST_ACCELERATION, "m/s^2"),
             (rate, rate_at, _LARGEST_RATE, "rad/s"),

@@ -140,7 +140,7 @@ def test_line_and_time_are_named(follow):
     p[700] += [0.0, 0.5, 0.0]
     line = follow(t, p, q).warnings[0]
     # One line of header, and lines count from 1.
-    assert "1 pose lies off the motion of the neighbours: line 702 (7.000 s) by 0.5 m" in line
+    assert "1 pose lies off the motion of their neighbours: line 702 (7.000 s) by 0.5 m" in line
 
 
 def test_a_jump_that_turns_is_joined(follow):
@@ -190,4 +190,4 @@ def test_generate_warns_even_when_quiet_and_mends_on_request(tmp_path, capsys):
     assert main([*arguments, "-o", str(tmp_path / "b.mcap"), "--robust"]) == 0
     said = capsys.readouterr()
     assert said.err == ""
-    assert "all that follows was moved so that it goes on" in said.out
+    assert "all later poses were moved to continue the motion" in said.out

@@ -160,7 +160,7 @@ def test_repeated_poses_are_left_out_and_counted(tmp_path, build):
     path.write_text("\n".join(rows))
     report = fit_report(build(type="poses", file=str(path)))
     assert (report.poses, report.repeated) == (20, 2)
-    assert any("2 repeated ones" in line for line in report.lines())
+    assert any("2 duplicates" in line for line in report.lines())
 
 
 def test_white_noise_is_smoothed_as_the_cutoff_says(follow):
