@@ -186,7 +186,7 @@ def test_generate_warns_even_when_quiet_and_mends_on_request(tmp_path, capsys):
     assert "generate: warning: " in said.err
     assert "the motion jumps at line 702 (7.000 s) by 5 m" in said.err
     assert "--robust (trajectory.robust) joins the pieces" in said.err
-    assert "more than a body with an IMU does" in said.err
+    assert "more than a body carrying an IMU reaches" in said.err
     assert main([*arguments, "-o", str(tmp_path / "b.mcap"), "--robust"]) == 0
     said = capsys.readouterr()
     assert said.err == ""
