@@ -124,8 +124,8 @@ def test_every_problem_of_a_kind_is_named_with_its_line(read):
         ("1.1 one 2 3 0 0 0 1", "line 2: 'one' is not a number"),
         ("today 1 2 3 0 0 0 1", "line 2: 'today' is not a stamp in seconds"),
         ("0.9 1 2 3 0 0 0 1", "line 2: the stamp is 0.1 s before that of line 1"),
-        ("1.0 1 2 3 0 0 0 1", "line 2: the stamp of line 1 with another pose"),
-        ("1.0 0 0 0 0 0 1 0", "line 2: the stamp of line 1 with another pose"),
+        ("1.0 1 2 3 0 0 0 1", "line 2: the stamp of line 1 with a different pose"),
+        ("1.0 0 0 0 0 0 1 0", "line 2: the stamp of line 1 with a different pose"),
     ],
 )
 def test_a_bad_line_is_named(read, bad, problem):
@@ -181,7 +181,7 @@ def test_bad_rows_are_skipped_and_counted(tmp_path):
     assert poses.t_ns.tolist() == [1_000_000_000, 1_100_000_000, 1_200_000_000, 1_300_000_000]
     assert (poses.skipped, poses.dropped) == (5, 1)
     path.write_text("junk\nrubbish\n")
-    with pytest.raises(InputError, match="holds no pose that could be used"):
+    with pytest.raises(InputError, match="holds no usable pose"):
         read_poses(path, skip_bad_rows=True)
 
 

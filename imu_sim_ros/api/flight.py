@@ -178,7 +178,9 @@ class Flight:
             return
         unfit = [name for name in names if name not in (IMU_TOPIC, TRUTH_TOPIC)]
         if unfit:
-            raise InputError([f"topic {name}: is not for {format or 'csv'}" for name in unfit])
+            raise InputError(
+                [f"topic {name}: does not exist in {format or 'csv'}" for name in unfit]
+            )
         with text.Dataset(path, format or "csv", TRUTH_TOPIC in names) as dataset:
             rows = DatasetTarget(dataset)
             for block in self._blocks:

@@ -84,7 +84,7 @@ class Track:
         return frame(self.t_ns, columns)
 
     def save(self, path: str | Path, *, force: bool = False) -> Path:
-        """Write the poses in TUM's form; returns the path.
+        """Write the poses in TUM format; returns the path.
 
         :param force: replace what exists.
         :raises InputError: for a place that cannot be used, and one that is taken.
@@ -208,7 +208,7 @@ def _plain(values: Mapping[str, Any]) -> dict[str, object]:
 
 @dataclass(frozen=True, repr=False)
 class Evaluation:
-    """The errors of an estimate, truth less estimate, at the m times that both have."""
+    """The errors of an estimate, truth minus estimate, at the m times that both have."""
 
     t_ns: Times
     """(m,) [ns]."""
@@ -283,7 +283,7 @@ def evaluate(
     :param estimate: a track, odometry, or anything with ``t_ns``, ``position`` and ``q_wb``.
     :param truth: likewise.
     :param align: align the estimate with the truth first: none, yaw, se3 or sim3.
-    :param max_gap: the truth is not interpolated over longer gaps [s].
+    :param max_gap: the truth is not interpolated across longer gaps [s].
     :raises InputError: where both do not overlap in time.
 
     >>> import imu_sim_ros as ims

@@ -125,7 +125,7 @@ def allan(
     :param source: a flight, readings, or a file that :func:`imu_sim_ros.read_imu` reads.
     :param model: ``standard`` (quantisation, white noise, flicker, walk, ramp as far as the data
         show them) or ``gauss_markov``.
-    :param force: continue where a check of the data fails.
+    :param force: continue when a check of the data fails.
     :param topic: of a bag with several IMUs.
     :raises InputError: with a line for each check that fails.
 

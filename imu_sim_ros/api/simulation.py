@@ -116,7 +116,9 @@ def _simulation(
     built: SimulationParameters = load_simulation(*layers, own)
     simulation = Simulation(built, pose_reader=pose_reader)
     if simulation.total is None:
-        raise ConfigurationError("duration: this trajectory has no end; say how long, duration=60")
+        raise ConfigurationError(
+            "duration: this trajectory has no end; give a duration, duration=60"
+        )
     return simulation
 
 

@@ -19,10 +19,10 @@ def refuse_existing(path: Path) -> None:
     :raises InputError: with the reason.
     """
     if "\0" in str(path):
-        raise InputError(f"{str(path)!r}: is not the name of a file")
+        raise InputError(f"{str(path)!r}: is not a file name")
     try:
         if os.path.lexists(path):
-            raise InputError(f"{path}: exists already; nothing is overwritten")
+            raise InputError(f"{path}: already exists; nothing is overwritten")
         if os.path.lexists(active_path(path)):
             raise InputError(
                 f"{active_path(path)}: an unfinished output is in the way; recover or delete it"

@@ -313,7 +313,7 @@ class BiasTopicReader:
             self._vectors = np.concatenate([self._vectors, block[1]])
         count = len(t_ns)
         if not np.array_equal(self._t_ns[:count], t_ns):
-            raise InputError("the biases have other stamps than the truth")
+            raise InputError("the biases have different stamps from the truth")
         vectors = self._vectors[:count]
         self._t_ns, self._vectors = self._t_ns[count:], self._vectors[count:]
         return vectors

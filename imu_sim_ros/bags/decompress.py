@@ -28,7 +28,7 @@ def decompress(data: bytes, compression: str, size: int, torn: bool = False) -> 
     :raises ValueError: for data that is not what the name says, or another size.
     """
     if size > allowed(len(data)):
-        raise ValueError(f"{size} bytes in {len(data)} compressed ones are above the limit")
+        raise ValueError(f"{size} bytes in {len(data)} compressed ones exceed the limit")
     content = data if compression in ("", "none") else _decompressed(data, compression, size, torn)
     if not torn and len(content) != size:
         raise ValueError("it does not have the expected size")
@@ -87,4 +87,4 @@ def _stream(compression: str) -> Any:
         import bz2
 
         return bz2.BZ2Decompressor()
-    raise ValueError(f"chunks are compressed by {compression[:20]!r}, which is not known here")
+    raise ValueError(f"chunks are compressed by {compression[:20]!r}, which is not supported")

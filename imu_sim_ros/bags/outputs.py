@@ -170,7 +170,7 @@ class Outputs:
         """Yield what is wrong with a target, at most one line for each of its places."""
         final = target.final
         if final.name in ("", "..") or "\0" in str(final):
-            yield f"{str(final)!r}: is not the name of a file"
+            yield f"{str(final)!r}: is not a file name"
             return
         try:
             longest = os.pathconf("/", "PC_NAME_MAX") - _LONGEST_ADDITION
@@ -200,11 +200,11 @@ class Outputs:
         for path in taken[:1]:
             used = self._input_in(path)
             if used:
-                yield f"{place}: {used}; nothing is ever written over an input"
+                yield f"{place}: {used}; an input is never overwritten"
             elif not path.is_symlink() and not path.is_file() and not path.is_dir():
                 yield f"{place}: exists and is neither a file nor a folder"
             elif not self.force:
-                yield f"{path}: exists already; --force replaces it"
+                yield f"{path}: already exists; --force replaces it"
             elif path.is_dir() and not path.is_symlink():
                 yield from _irreplaceable(path)
 
@@ -289,7 +289,7 @@ class Outputs:
     def _rename(self, entry: Path, place: Path) -> None:
         if os.path.lexists(place):
             if not self.force:
-                raise InputError(f"{place}: appeared meanwhile; nothing is overwritten")
+                raise InputError(f"{place}: appeared in the meantime; nothing is overwritten")
             if place.is_dir() and not place.is_symlink():
                 place.rename(active_path(entry))  # removed with the staging folder
         entry.rename(place)
@@ -367,6 +367,6 @@ def _irreplaceable(folder: Path) -> Iterator[str]:
     for count, (parent, _, files) in enumerate(os.walk(folder)):
         foreign = [name for name in files if Path(name).suffix.lower() not in _OURS]
         if foreign or count > _FILES_LOOKED_AT:
-            name = f"{parent}/{foreign[0]}" if foreign else "very many folders"
-            yield f"{folder}: holds {name}, which no output holds, and is not replaced"
+            name = f"{parent}/{foreign[0]}" if foreign else "a large folder tree"
+            yield f"{folder}: holds {name}, which is not an output, and is not replaced"
             return

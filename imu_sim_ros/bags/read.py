@@ -112,7 +112,7 @@ def open_bag(path: str | Path, recover: bool = False) -> Bag:
     path = Path(path)
     if recover and not path.exists():
         path = unfinished(path) or path
-    with told(path, "" if recover else "; --recover takes what is there"):
+    with told(path, "" if recover else "; --recover salvages what is there"):
         return _opened(path, recover)
 
 
@@ -124,7 +124,7 @@ def _opened(path: Path, recover: bool) -> Bag:
             magic = file.read(_MAGIC_BYTES)
     except InputError as error:
         left = unfinished(path)
-        hint = f"; {left} is an unfinished one, --recover takes what is there" if left else ""
+        hint = f"; {left} is an unfinished one, --recover salvages what is there" if left else ""
         raise InputError(f"{error}{hint}") from None
     if magic.startswith(b"#ROSBAG V"):
         return Rosbag1Bag(path, recover)

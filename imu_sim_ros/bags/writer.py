@@ -77,7 +77,7 @@ class Writer(ABC):
         :param keeps_seq: the messages come from a ROS 1 bag, with a header.seq of their own.
         """
         if any(topic.name == name for topic in self.topics):
-            raise InputError(f"{self.path}: the topic {name} is already there")
+            raise InputError(f"{self.path}: the topic {name} already exists")
         found = definition or schema(type_name, self.encoding)
         profiles = [Qos()] if qos is None else qos
         words = tuple(q if isinstance(q, Qos) else Qos.of(q) for q in profiles)

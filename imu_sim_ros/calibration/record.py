@@ -190,7 +190,7 @@ class Record:
         yield from self._hand_on(y[start:])
 
     def _threshold(self, steps: Array) -> float:
-        """Return the step [intervals] that means a loss: the stamps' jitter must not make one."""
+        """Return the step [intervals] that means a loss: the stamp jitter must not make one."""
         spread = float(np.median(np.abs(steps - 1.0))) if len(steps) else 0.0
         return 1.5 + 8.0 * spread
 

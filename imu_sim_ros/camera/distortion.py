@@ -28,7 +28,7 @@ def radtan(m: Array, k: Sequence[float]) -> Array:
     with ``s = x^2 + y^2``.
 
     :param m: (n, 2) x / z and y / z.
-    :param k: k1, k2, p1, p2 and perhaps k3.
+    :param k: k1, k2, p1, p2 and optionally k3.
     """
     k1, k2, p1, p2, k3 = (*k, 0.0)[:5]
     x, y = m[:, 0], m[:, 1]
@@ -56,7 +56,7 @@ def radtan_by_point(m: Array, k: Sequence[float]) -> Array:
 
 
 def radtan_by_coefficients(m: Array, count: int) -> Array:
-    """Return the derivative (n, 2, count) of :func:`radtan` by k1, k2, p1, p2 and perhaps k3."""
+    """Return the derivative (n, 2, count) of :func:`radtan` by k1, k2, p1, p2 and optionally k3."""
     x, y = m[:, 0], m[:, 1]
     s = x * x + y * y
     result = np.empty((len(m), 2, 5))

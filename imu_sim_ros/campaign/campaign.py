@@ -34,7 +34,7 @@ from imu_sim_ros.config import CalibrationEstimator, CommandEstimator
 
 _NUMBER: Final = re.compile(r"(?<![\w.])\d+(\.\d+)?(e[-+]?\d+)?\b")
 _BUILT_IN_BATCH: Final = 50
-"""Seeds in a task: large enough that a cell's covariance is not made often (30 us a sample)."""
+"""Seeds in a task: large enough that a cell's covariance is rarely computed (30 us a sample)."""
 _RECORDS: Final = 5
 """Seeds in a task of calibrations, whose records are long."""
 
@@ -48,7 +48,7 @@ class Outcome(NamedTuple):
     rows: list[Row]
     """All runs of the plan that there are, ordered by cell, seed and estimator."""
     new: int
-    """Runs that were made now; the others were there before."""
+    """Runs executed now; the others were there before."""
     complete: bool
 
 

@@ -45,7 +45,7 @@ def read_faults(content: object) -> tuple[TimedFault, ...]:
 def _fault(where: str, entry: object) -> TimedFault:
     if not isinstance(entry, Mapping):
         raise ConfigurationError(
-            f"{shown(entry)}: must hold at, kind, and perhaps duration, value and triad"
+            f"{shown(entry)}: must hold at, kind, and optionally duration, value and triad"
         )
     unknown = set(entry) - {"at", "kind", "duration", "value", "triad"}
     if unknown:

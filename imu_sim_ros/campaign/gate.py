@@ -86,7 +86,7 @@ def _requirement(line: str, metrics: Sequence[str], names: set[str]) -> Requirem
     if match is None:
         raise ConfigurationError(
             f"require: {line[:80]!r}: must be METRIC.STATISTIC or success, one of < <= > >=, and a "
-            "number; then perhaps @ NAME=VALUE, ..."
+            "number; then optionally @ NAME=VALUE, ..."
         )
     metric, _, statistic = match["value"].partition(".")
     problems = []

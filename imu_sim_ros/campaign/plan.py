@@ -238,9 +238,7 @@ def read_plan(tree: Mapping[str, Any]) -> Plan:
         lambda: parse(tree.get("require"), metrics, [*names, "estimator"]),
         [],
     )
-    problems += [
-        f"grid.{name}: is in parameters as well" for name in names if name in (layer or {})
-    ]
+    problems += [f"grid.{name}: is also in parameters" for name in names if name in (layer or {})]
     if "seed" in names or "seed" in layer:
         problems.append("seed: is given by seeds, not by parameters or grid")
     if problems:
@@ -336,8 +334,8 @@ def _estimators(content: object) -> tuple[dict[str, Estimator], dict[str, dict[s
         where = f"estimators.{name}"
         if not _NAME.fullmatch(str(name)):
             problems.append(
-                f"estimators: {shown(name)}: a name has letters, digits, _, ., + and - only, "
-                "and at most 64 of them"
+                f"estimators: {shown(name)}: a name may contain letters, digits, _, ., + and - "
+                "only, and at most 64 characters"
             )
             continue
         try:

@@ -153,19 +153,19 @@ def _refuse(folder: Path, resume: bool, force: bool) -> None:
     foreign = [name for name in names if name not in _OWN and not _PART.fullmatch(name)]
     if foreign:
         raise InputError(
-            f"{folder}: holds {foreign[0]}, which no campaign wrote; name another folder"
+            f"{folder}: holds {foreign[0]}, which is not from a campaign; name another folder"
         )
     if force:
         return
     if begun:
         raise InputError(
-            f"{folder}: holds results; go on with --resume, begin again with --force, or name "
+            f"{folder}: holds results; continue with --resume, start over with --force, or name "
             "another one"
         )
     there = [name for name in _RESULTS if name in names and (folder / name) != log]
     if there:
         raise InputError(
-            f"{folder}: holds {there[0]} without the {LOG} that it was made of; begin again with "
+            f"{folder}: holds {there[0]} without the {LOG} it was generated from; start over with "
             "--force, or name another one"
         )
 

@@ -64,7 +64,7 @@ class CellRuns:
         self._base = Simulation(self.parameters, pose_reader=read_poses)
         if self._base.total is None:
             raise ConfigurationError(
-                f"cell {cell.name}: duration = 0: this trajectory has no end; say how long in "
+                f"cell {cell.name}: duration = 0: this trajectory has no end; give a duration in "
                 "parameters"
             )
         self.total = self._base.total

@@ -63,16 +63,16 @@ def parser() -> argparse.ArgumentParser:
         "--model",
         choices=MODELS,
         default="standard",
-        help="standard: Q, N, B, K and R as far as the data show them; gauss_markov: white noise "
-        "and a first-order Gauss-Markov process",
+        help="standard: Q, N, B, K and R as far as the data resolve them; gauss_markov: white "
+        "noise and a first-order Gauss-Markov process",
     )
     result.add_argument(
         "--truth",
         metavar="NAME|FILE",
-        help="compare with the parameters that made the bag: a name in config/imus or a file",
+        help="compare with the parameters that generated the bag: a name in config/imus or a file",
     )
     result.add_argument(
-        "--skip-checks", action="store_true", help="continue where a check of the data fails"
+        "--skip-checks", action="store_true", help="continue when a check of the data fails"
     )
     add_skip_bad_rows(result)
     add_force(result)
@@ -196,7 +196,7 @@ def _print(
     timing = result.timing
     print(
         f"{result.duration / 3600.0:.3g} h at {timing.rate:.6g} Hz, "
-        f"stamps' jitter {timing.jitter * 1e3:.3g} ms, {timing.lost} samples lost"
+        f"stamp jitter {timing.jitter * 1e3:.3g} ms, {timing.lost} samples lost"
     )
     for warning in result.warnings:
         print(f"note: {warning}")
@@ -205,7 +205,7 @@ def _print(
         _print_triad(result, triad, by_place)
     if comparisons:
         covered = sum(c.covered for c in comparisons)
-        print(f"{covered} of {len(comparisons)} intervals hold the truth")
+        print(f"{covered} of {len(comparisons)} intervals contain the truth")
     for path in files:
         print(path)
 

@@ -90,7 +90,8 @@ def parser() -> argparse.ArgumentParser:
         "--accelerometer",
         metavar="FILE",
         type=Path,
-        help="correction.yaml of a six-position run: on a tilted table the force is as read",
+        help="correction.yaml of a six-position run: on a tilted table the force is taken "
+        "as measured",
     )
     temperature = _kind(kinds, "temperature", "both triads against temperature: soak or ramp")
     _add_rates(temperature)
@@ -120,7 +121,7 @@ def _kind(kinds: Any, name: str, text: str) -> argparse.ArgumentParser:
         "-o", "--output", type=Path, metavar="DIR", help="folder for the files (default: RUN)"
     )
     result.add_argument(
-        "--truth", metavar="NAME|FILE", help="compare with the parameters that made the bag"
+        "--truth", metavar="NAME|FILE", help="compare with the parameters that generated the bag"
     )
     result.add_argument("--no-files", action="store_true", help="write no files, print only")
     add_skip_bad_rows(result)
@@ -140,7 +141,7 @@ def _add_rates(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--truth-topic",
         metavar="TOPIC",
-        help="Odometry topic that the rates are taken from where none are given",
+        help="Odometry topic to take the rates from if none are given",
     )
 
 
@@ -219,7 +220,7 @@ def _turntable(arguments: argparse.Namespace, imu: ImuMessages) -> Result:
         "rms_residual": _rms(found.residuals),
     }
     if found.g_sensitivity is None:
-        facts["note"] = "each axis must be seen up and down to tell g-sensitivity from bias"
+        facts["note"] = "each axis must be seen up and down to separate g-sensitivity from bias"
 
     def draw(path: Path) -> None:
         from imu_sim_ros.plots import calibration as pictures

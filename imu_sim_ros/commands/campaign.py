@@ -49,7 +49,7 @@ def parser() -> argparse.ArgumentParser:
     )
     shared.add_force(result)
     result.add_argument(
-        "--retry-failed", action="store_true", help="with --resume: make failed runs again"
+        "--retry-failed", action="store_true", help="with --resume: repeat failed runs"
     )
     _add_engine_arguments(result)
     result.add_argument(
@@ -66,8 +66,10 @@ def parser() -> argparse.ArgumentParser:
         help="metric of the tables and of --baseline; default: ate_rmse_m, or the plan's first",
     )
     result.add_argument("--no-report", action="store_true", help="write no report.html")
-    result.add_argument("--check", action="store_true", help="check the plan and say what it runs")
-    result.add_argument("--yes", action="store_true", help=f"run {MANY:,} runs or more")
+    result.add_argument(
+        "--check", action="store_true", help="check the plan and print what it would run"
+    )
+    result.add_argument("--yes", action="store_true", help=f"confirm {MANY:,} runs or more")
     common.add_output_arguments(result)
     return result
 
@@ -142,7 +144,7 @@ def run(arguments: argparse.Namespace) -> list[str]:
                     plan, store, engine, advance, arguments.retry_failed, arguments.batch
                 )
             except KeyboardInterrupt as stop:
-                stop.args = (f"{arguments.output} holds what is done; go on with --resume",)
+                stop.args = (f"{arguments.output} holds what is done; continue with --resume",)
                 raise
         if not arguments.no_report:
             _write_page(arguments)
@@ -197,7 +199,7 @@ def _check(arguments: argparse.Namespace, plan: "Plan") -> None:
         hours = plan.run_count * _GUESS_S / max(arguments.workers, 1) / 3600.0
         problems.append(
             f"the plan has {plan.run_count:,} runs: with short runs on {arguments.workers} "
-            f"processes some {max(hours, 0.1):.1f} hours; start it with --yes"
+            f"processes about {max(hours, 0.1):.1f} hours; start it with --yes"
         )
     if problems:
         raise InputError(problems)
@@ -305,7 +307,7 @@ def _gate(
 
     lines = [one.line() for one in unmet(found, plan.require)]
     lines += [
-        f"require {one.text}: no cell with such values" for one in unused(found, plan.require)
+        f"require {one.text}: no cell has these values" for one in unused(found, plan.require)
     ]
     if baseline is not None:
         pairs = against_baseline(found, groups(baseline, plan.grid_names), arguments.metric)

@@ -54,15 +54,15 @@ def parser() -> argparse.ArgumentParser:
         ("reset", "go back to the first sample"),
     ):
         _add(actions, shared, name, words)
-    step = _add(actions, shared, "step", "let samples pass while paused")
+    step = _add(actions, shared, "step", "publish samples while paused")
     step.add_argument(
         "samples", nargs="?", type=int, metavar="N", help="how many; default step_samples"
     )
     _add_inject(actions, shared)
-    watch = _add(actions, shared, "watch", "show rates, lateness and faults, a line per second")
-    watch.add_argument("--json", action="store_true", help="a JSON object per line")
+    watch = _add(actions, shared, "watch", "show rates, lateness and faults, one line per second")
+    watch.add_argument("--json", action="store_true", help="one JSON object per line")
     watch.add_argument(
-        "--duration", metavar="TIME", type=common.duration, help="end after so many seconds"
+        "--duration", metavar="TIME", type=common.duration, help="stop after this time"
     )
     return result
 
@@ -119,7 +119,7 @@ def control(arguments: argparse.Namespace) -> None:
         from imu_sim_ros.nodes import Control
     except ImportError as error:
         raise ConfigurationError(
-            f"needs ROS 2, and {error.name} is not installed here (source its setup.bash)"
+            f"needs ROS 2, but {error.name} is not installed here (source its setup.bash)"
         ) from None
     with Control(arguments.node, arguments.timeout) as simulator:
         if arguments.action == "watch":

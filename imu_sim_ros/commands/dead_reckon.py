@@ -66,10 +66,10 @@ def parser() -> argparse.ArgumentParser:
     """Return the command's arguments."""
     result = common.Parser(prog="dead_reckon", description=__doc__, examples=EXAMPLES)
     result.add_argument(
-        "bag", type=Path, metavar="BAG", help="a bag of any form, or EuRoC's folder"
+        "bag", type=Path, metavar="BAG", help="a bag of any format, or a EuRoC folder"
     )
     result.add_argument(
-        "--imu-topic", metavar="TOPIC", help="the readings, where there are several"
+        "--imu-topic", metavar="TOPIC", help="topic of the readings, if there are several"
     )
     result.add_argument("--truth-topic", metavar="TOPIC", help=f"default: {TRUTH_TOPIC}")
     result.add_argument("--method", choices=METHODS, help="position and velocity; default midpoint")
@@ -86,7 +86,7 @@ def parser() -> argparse.ArgumentParser:
         "--correction",
         type=Path,
         metavar="FILE",
-        help="parameter file with known biases, scales and misalignments, as calibrate writes it",
+        help="parameter file with known biases, scales and misalignments, as written by calibrate",
     )
     result.add_argument(
         "--skip",
@@ -100,10 +100,10 @@ def parser() -> argparse.ArgumentParser:
         "--output",
         type=Path,
         metavar="FILE",
-        help="write the trajectory: .csv with velocity, anything else in TUM's form",
+        help="write the trajectory: .csv with velocity, anything else in TUM format",
     )
     result.add_argument(
-        "--plot", type=Path, metavar="FILE", help="write a picture: paths, and error over time"
+        "--plot", type=Path, metavar="FILE", help="write a plot: paths, and error over time"
     )
     common.add_parameter_arguments(result)
     add_skip_bad_rows(result)
@@ -136,8 +136,8 @@ def _made(arguments: argparse.Namespace, written: Outputs) -> list[dict[str, Any
     truth = _read_truth(arguments)
     if truth is None and parameters.initial_state == "truth":
         raise InputError(
-            f"{arguments.bag}: no truth to start from and to compare with, which is a topic of "
-            f"{ODOMETRY}, or EuRoC's states; start with --initial-state level or parameters"
+            f"{arguments.bag}: no truth to start from or to compare with (a topic of "
+            f"{ODOMETRY}, or EuRoC's states); start with --initial-state level or parameters"
         )
     if parameters.initial_state == "truth" and truth is not None:
         readings = _within(readings, truth, parameters.max_gap)
@@ -225,7 +225,7 @@ def _within(readings: ImuMessages, truth: Truth, tolerance: float) -> ImuMessage
     late = (first - int(readings.t_ns[0])) * 1e-9
     if first > readings.t_ns[-1] or last < readings.t_ns[0]:
         raise InputError(
-            "readings and truth do not overlap in time: the readings last from "
+            "readings and truth do not overlap in time: the readings span "
             f"{readings.t_ns[0] / 1e9:.3f} to {readings.t_ns[-1] / 1e9:.3f} s, the truth from "
             f"{first / 1e9:.3f} to {last / 1e9:.3f} s"
         )

@@ -65,7 +65,7 @@ def parser() -> argparse.ArgumentParser:
     result = common.Parser(prog="evaluate", description=__doc__, examples=EXAMPLES)
     kinds = "TUM or EuRoC text, or a bag"
     result.add_argument("estimate", type=Path, metavar="ESTIMATE", help=kinds)
-    result.add_argument("truth", type=Path, metavar="TRUTH", help=f"{kinds}, perhaps the same one")
+    result.add_argument("truth", type=Path, metavar="TRUTH", help=f"{kinds}, may be the same one")
     result.add_argument("--estimate-topic", metavar="TOPIC", help="where the bag has several")
     result.add_argument("--truth-topic", metavar="TOPIC", help="where the bag has several")
     result.add_argument(
@@ -94,12 +94,12 @@ def parser() -> argparse.ArgumentParser:
         metavar="TIME",
         type=common.duration,
         default=0.5,
-        help="the truth is not interpolated over longer gaps; default 0.5s",
+        help="the truth is not interpolated across longer gaps; default 0.5s",
     )
     result.add_argument("--tracks", type=Path, metavar="DIR", help=reprojection.HELP)
-    result.add_argument("--plot", type=Path, metavar="FILE", help="write a picture")
+    result.add_argument("--plot", type=Path, metavar="FILE", help="write a plot")
     result.add_argument(
-        "-o", "--output", type=Path, metavar="FILE", help="write the aligned estimate, TUM's form"
+        "-o", "--output", type=Path, metavar="FILE", help="write the aligned estimate in TUM format"
     )
     add_skip_bad_rows(result)
     add_force(result)
@@ -338,7 +338,7 @@ def _print(result: dict[str, Any]) -> None:
         f"alignment: {result['alignment']['kind']}"
     )
     if result["poses_without_truth"]:
-        print(f"{result['poses_without_truth']} poses are left out: no truth at their times")
+        print(f"{result['poses_without_truth']} poses skipped: no truth at their times")
     if result["alignment"]["kind"] == "sim3":
         print(f"scale of the estimate: {result['alignment']['scale']:.6g}")
     if result["time_offset"] is not None:

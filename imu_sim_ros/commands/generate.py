@@ -70,7 +70,7 @@ def parser() -> argparse.ArgumentParser:
         "--list-imus",
         action=_ListImus,
         nargs=0,
-        help="list the sensors that come with it: grade, price class, source; then exit",
+        help="list the included sensors: grade, price class, source; then exit",
     )
     return result
 
@@ -130,7 +130,7 @@ def _generated(
     body = SimulatedBody(simulated, pose_reader=shared.PoseReader(arguments, "generate"))
     if body.total is None:
         raise ConfigurationError(
-            "duration = 0: this trajectory has no end; say how long, for instance --duration 20s"
+            "duration = 0: this trajectory has no end; give a duration, for instance --duration 20s"
         )
     for warning in body.warnings():
         print(f"generate: warning: {warning}", file=sys.stderr)
@@ -200,7 +200,7 @@ def _target(
             yield bag
         return
     unfit = [
-        f"topic {name}: is not for {form}"
+        f"topic {name}: does not exist in {form}"
         for name in names
         if sources[name][1] not in (IMU_TOPIC, TRUTH_TOPIC)
     ]

@@ -52,11 +52,11 @@ the kinds below.
 """
 _INTEGRATOR = """\
 Node `integrator`. What a parameter file says below `imu.` for the simulator, and the integrator has
-no use for, is passed over, so that both can be given the same file.
+no use for, is ignored, so that both can be given the same file.
 """
 _RECORDER = """\
-Node `recorder`. Words without `--` are topics, `-o` stands for `--output`, and durations may have a
-unit (`20s`, `10min`, `4h`).
+Node `recorder`. Arguments without `--` are topics, `-o` stands for `--output`, and durations may
+have a unit (`20s`, `10min`, `4h`).
 """
 
 

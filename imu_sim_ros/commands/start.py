@@ -16,7 +16,7 @@ PROGRAMS: Final = {
     "convert_bag": "a bag into another form, EuRoC, CSV or TUM",
     "dead_reckon": "a bag's readings into a trajectory, and its error",
     "evaluate": "an estimated trajectory against the truth",
-    "allan": "noise parameters from a record at rest",
+    "allan": "noise parameters from a recording at rest",
     "calibrate": "bias, scale, misalignment and temperature",
     "campaign": "many runs of an estimator, and their statistics",
     "report": "a campaign or bags as one HTML page",

@@ -27,7 +27,7 @@ class CampaignParameters:
     name: str = text("campaign", "title of the campaign")
     retries: int = integer(
         2,
-        "how often a run is started again after its worker process died",
+        "how many times a run is restarted after its worker process died",
         minimum=0,
         maximum=100,
     )
@@ -37,7 +37,7 @@ class CampaignParameters:
         unit="m",
         minimum=0.0,
     )
-    keep: str = choice("none", KEEP, "run folders of commands that are kept")
+    keep: str = choice("none", KEEP, "which run folders of commands are kept")
 
 
 @dataclass(frozen=True)
@@ -58,17 +58,19 @@ class CommandEstimator:
         "",
         "the program and its arguments; in braces: " + ", ".join(PLACES),
     )
-    dataset: str = choice("euroc", DATASETS, "form of the dataset that is written for it")
-    estimate: str = choice("tum", ESTIMATES, "form of the trajectory that it writes")
+    dataset: str = choice("euroc", DATASETS, "format of the dataset written for it")
+    estimate: str = choice("tum", ESTIMATES, "format of the trajectory it writes")
     estimate_topic: str = text("", "topic of the trajectory in a bag; empty: the only one")
-    align: str = choice("yaw", ALIGNMENTS, "alignment of the estimate before its errors are taken")
+    align: str = choice(
+        "yaw", ALIGNMENTS, "alignment of the estimate before its errors are computed"
+    )
     timeout: float = number(
-        600.0, "time after which it is ended", unit="s", minimum=0.0, above_minimum=True
+        600.0, "time after which it is terminated", unit="s", minimum=0.0, above_minimum=True
     )
     memory_limit: float = number(0.0, "address space it may use; 0: no limit", unit="B", minimum=0)
     disk_limit: float = number(
         2e9,
-        "size its folder, captured output included, may reach",
+        "largest size of its folder, captured output included",
         unit="B",
         minimum=0.0,
         above_minimum=True,
@@ -86,7 +88,7 @@ class CalibrationEstimator:
     """What ``allan`` or ``calibrate`` makes of a record, beside the sensor that made it."""
 
     type: str = choice("allan", KINDS, "kind of the estimator")
-    model: str = choice("standard", ("standard", "gauss_markov"), "of allan: the noise model")
+    model: str = choice("standard", ("standard", "gauss_markov"), "for allan: the noise model")
 
 
 def find_estimator(kind: str) -> type:

@@ -51,7 +51,7 @@ def config_folder() -> Path:
         for folder in (parent / "share" / "imu_sim_ros" / "config", parent / "config"):
             if (folder / "imus").is_dir():
                 return folder
-    raise ConfigurationError("the package's config folder is missing: install imu_sim_ros again")
+    raise ConfigurationError("the package's config folder is missing: reinstall imu_sim_ros")
 
 
 def names(kind: str) -> list[str]:

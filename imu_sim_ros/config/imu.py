@@ -67,7 +67,8 @@ class TimingParameters:
     )
     latency: float = number(
         0.0,
-        "least time from a sample to its message; where lowered, messages under way arrive at once",
+        "minimum delay from a sample to its message; where lowered, messages in transit "
+        "arrive at once",
         unit="s",
         minimum=0.0,
         maximum=LARGEST_LATENCY,
@@ -75,7 +76,7 @@ class TimingParameters:
     )
     latency_jitter: float = number(
         0.0,
-        "mean of the exponentially distributed extra time to the message; order is kept",
+        "mean of the exponentially distributed extra delay of the message; order is kept",
         unit="s",
         minimum=0.0,
         maximum=LARGEST_LATENCY / 10,
@@ -123,12 +124,12 @@ class ImuParameters(TimingParameters, TriadsParameters):
     sampling: str = choice(
         "instantaneous",
         ("instantaneous", "averaged", "oversampled"),
-        "a reading is the value at its time, or the mean since the sample before, or one of many "
-        "readings inside the sensor behind the low-pass (aliasing and rectification as in reality)",
+        "a reading is the value at its time, or the mean since the previous sample, or one of many "
+        "readings inside the sensor after the low-pass (aliasing and rectification as in reality)",
     )
     internal_rate: float = number(
         0.0,
-        "readings per second inside a sensor whose sampling is oversampled, a whole multiple of "
+        "readings per second inside a sensor whose sampling is oversampled, an integer multiple of "
         "`rate`; errors, noise and low-pass act at this rate; 0: 8 times `rate`",
         unit="Hz",
         minimum=0.0,
@@ -170,13 +171,13 @@ class ImuParameters(TimingParameters, TriadsParameters):
         if self.sampling == "oversampled" and min(bandwidth) == 0.0:
             yield (
                 f"{prefix}{triad}_bandwidth = {bandwidth}: must be above 0 Hz on every axis where "
-                f"{prefix}sampling is oversampled; it is the filter ahead of the decimation"
+                f"{prefix}sampling is oversampled; it is the filter before decimation"
             )
         step = self.triad(triad).increment_resolution
         if any(step) and self.sampling != "averaged":
             yield (
                 f"{prefix}{triad}_increment_resolution = {step}: must be 0 where "
-                f"{prefix}sampling is not averaged; only means are increments"
+                f"{prefix}sampling is not averaged; only averaged readings are increments"
             )
 
     def warnings(self, prefix: str, gravity: float) -> Iterator[str]:
@@ -205,4 +206,4 @@ def rotation_problems(values: Matrix, name: str) -> Iterator[str]:
             f"R R^T differs from the identity by {error:.2g}, allowed is {ORTHONORMAL_TOLERANCE:g}"
         )
     elif np.linalg.det(r) < 0:
-        yield f"{name}: must be a rotation matrix; this one mirrors (determinant -1)"
+        yield f"{name}: must be a rotation matrix; this one is a reflection (determinant -1)"

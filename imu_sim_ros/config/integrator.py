@@ -34,7 +34,7 @@ ATTITUDE_UPDATES = ("quaternion", "so3", "euler_angles")
 INITIAL_STATES = ("parameters", "truth", "level")
 
 _EARTH_GRAVITY_MAXIMUM = 30.0
-"""[m/s^2] above any planet's that an IMU flies on; a larger value is a slip of the pen."""
+"""[m/s^2] above any planet's that an IMU flies on; a larger value is a typing mistake."""
 
 
 def _of_the_imu(name: str, words: str = "") -> Any:
@@ -62,7 +62,7 @@ class TriadNoiseParameters:
         "turn_on_scale_sigma", "uncertainty of the diagonal of {triad}_scale_misalignment"
     )
     misalignment_sigma: Vector = _of_the_imu(
-        "misalignment_sigma", "uncertainty of each term beside the diagonal of the same"
+        "misalignment_sigma", "uncertainty of each off-diagonal term of the same"
     )
     quadratic_sigma: Vector = _of_the_imu(
         "quadratic_sigma", "uncertainty of the {triad}'s second-order non-linearity"
@@ -79,8 +79,8 @@ class IntegratorNoiseParameters:
 
     preset: str = text(
         DEFAULT_IMU,
-        "file in config/imus, or a path, that the noise comes from; the node takes what the "
-        "simulator says where no imu.* is given",
+        "file in config/imus, or a path, with the noise parameters; where no imu.* is given, "
+        "the node uses those that the simulator publishes",
     )
     gyroscope: TriadNoiseParameters = triad(TriadNoiseParameters, "gyroscope")
     accelerometer: TriadNoiseParameters = triad(TriadNoiseParameters, "accelerometer")
@@ -106,10 +106,10 @@ class IntegratorParameters:
     )
     gravity: Vector = vector(GRAVITY, "gravity in the world frame", unit="m/s^2")
     earth_rate: Vector = vector(
-        ZERO_VECTOR, "rate of the world in the world frame, if it turns", unit="rad/s"
+        ZERO_VECTOR, "angular rate of the world in the world frame, if it rotates", unit="rad/s"
     )
     calibration: str = text(
-        "", "parameter file with biases, scale and misalignment, as calibrate writes it; or none"
+        "", "parameter file with biases, scale and misalignment, as written by calibrate; or none"
     )
     gyroscope_bias: Vector = vector(
         ZERO_VECTOR, "subtracted from the gyroscope's readings", unit="rad/s", live=True
@@ -138,7 +138,7 @@ class IntegratorParameters:
         ZERO_VECTOR, "roll, pitch, yaw at the start; level takes the yaw only", unit="rad"
     )
     level_time: float = number(
-        2.0, "length of the rest that level averages", unit="s", minimum=0.01, maximum=3600.0
+        2.0, "length of the rest period averaged by level", unit="s", minimum=0.01, maximum=3600.0
     )
     world_frame: str = text(WORLD_FRAME, "frame of the pose")
     body_frame: str = text(BODY_FRAME, "frame of the body, in which the twist is given")
@@ -148,7 +148,7 @@ class IntegratorParameters:
         0.0, "rate of dead_reckoned/path; 0: none", unit="Hz", minimum=0.0, maximum=50.0
     )
     path_length: float = number(
-        600.0, "time that dead_reckoned/path reaches back", unit="s", minimum=1.0
+        600.0, "time span covered by dead_reckoned/path", unit="s", minimum=1.0
     )
     diagnostics: bool = flag(True, "publish /diagnostics once per second")
     roll_pitch_yaw: bool = flag(
@@ -168,7 +168,7 @@ class IntegratorParameters:
         elif math.hypot(*self.gravity) > _EARTH_GRAVITY_MAXIMUM:
             yield (
                 f"{prefix}gravity = {list(self.gravity)}: must be at most "
-                f"{_EARTH_GRAVITY_MAXIMUM:g} m/s^2 long"
+                f"{_EARTH_GRAVITY_MAXIMUM:g} m/s^2 in magnitude"
             )
         both = (self.gyroscope_scale_misalignment, self.accelerometer_scale_misalignment)
         for name, values in zip(TRIADS, both, strict=True):

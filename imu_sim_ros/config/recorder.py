@@ -20,14 +20,14 @@ class RecorderParameters:
     output: str = text(
         "",
         "the bag, which must not exist yet: a folder (rosbag2), NAME.mcap or NAME.bag (ROS 1); "
-        "empty: recording_ and the time of the start",
+        "empty: recording_ and the start time",
     )
     topics: tuple[str, ...] = texts((), "names of the topics; none: all of them")
     exclude: tuple[str, ...] = texts(
         ("/rosout", "/parameter_events"), "topics that 'all of them' leaves out"
     )
     storage: str = choice(
-        "auto", STORAGES, "form of the bag; auto: by the ending of output's name, mcap for a folder"
+        "auto", STORAGES, "format of the bag; auto: by the extension of output, mcap for a folder"
     )
     compression: str = choice(
         "none", COMPRESSIONS, "of the chunks: lz4 and zstd in mcap, lz4 and bz2 in ROS 1"
@@ -35,12 +35,12 @@ class RecorderParameters:
     record_time: str = choice(
         "stamp",
         RECORD_TIMES,
-        "what the bag takes for a message's time: the stamp of its header where there is one that "
-        "is set, or always the time of its reception",
+        "the time that the bag stores for a message: the stamp of its header where there is one "
+        "that is set, or always the time of its reception",
     )
     duration: float = number(
         0.0,
-        "end after this time, counted on the stamps of each topic; 0: never",
+        "stop after this time, measured by the stamps of each topic; 0: never",
         unit="s",
         minimum=0.0,
     )
@@ -48,10 +48,10 @@ class RecorderParameters:
         0.0, "stop once this much is written; 0: never", unit="MB", minimum=0.0
     )
     split_size: float = number(
-        0.0, "begin a new file when one has this size; 0: never", unit="MB", minimum=0.0
+        0.0, "start a new file at this size; 0: never", unit="MB", minimum=0.0
     )
     split_duration: float = number(
-        0.0, "begin a new file when one spans this time; 0: never", unit="s", minimum=0.0
+        0.0, "start a new file after this time; 0: never", unit="s", minimum=0.0
     )
     max_gap: float = number(
         0.0,

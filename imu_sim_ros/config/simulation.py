@@ -68,7 +68,8 @@ class SimulationParameters:
         maximum=100000.0,
     )
     earth_rotation: bool = flag(
-        False, "the world turns with the Earth: Earth rate and Coriolis force are read as well"
+        False,
+        "the world rotates with the Earth: the readings include Earth rate and Coriolis force",
     )
     temperature: TemperatureParameters = section(TemperatureParameters)
     trajectory: TrajectoryParameters = variant("type", "static", find_trajectory)
@@ -79,8 +80,8 @@ class SimulationParameters:
         ratio = self.imu.internal_ratio(self.rate)
         if ratio.denominator != 1 or (self.imu.sampling == "oversampled" and ratio < 2):
             yield (
-                f"{prefix}imu.internal_rate = {self.imu.internal_rate:g}: must be a whole multiple "
-                f"of the rate, {self.rate:g} Hz, twice of it or more"
+                f"{prefix}imu.internal_rate = {self.imu.internal_rate:g}: must be an integer "
+                f"multiple of the rate, {self.rate:g} Hz, at least twice the rate"
             )
         nyquist = 0.5 * self.rate * float(ratio)
         for triad in TRIADS:

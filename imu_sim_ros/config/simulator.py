@@ -63,7 +63,7 @@ class PublishParameters:
         maximum=1000.0,
     )
     tf_static: bool = flag(
-        True, "publish where the IMUs are in body_frame, by lever arm and mounting, on /tf_static"
+        True, "publish the IMUs' lever arms and mountings in body_frame on /tf_static"
     )
 
 
@@ -74,7 +74,7 @@ class InjectParameters:
     kind: str = choice(
         "none",
         FAULTS,
-        "fault that begins with the next block: set the other inject.* before it or with it",
+        "fault that starts with the next block: set the other inject.* before it or with it",
         live=True,
     )
     duration: float = number(
@@ -95,7 +95,7 @@ class InjectParameters:
         live=True,
     )
     triad: str = choice(
-        "gyroscope", TRIADS, "which sensor a bias_jump, saturation or stuck hits", live=True
+        "gyroscope", TRIADS, "which sensor a bias_jump, saturation or stuck affects", live=True
     )
     value: Vector = vector(
         0.0,
@@ -104,7 +104,7 @@ class InjectParameters:
         f"most {LARGEST_LATENCY:g}",
         live=True,
     )
-    imu: str = text("", "which of `imus` is hit; empty: all", live=True)
+    imu: str = text("", "which of `imus` is affected; empty: all", live=True)
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,7 @@ class SimulatorParameters(SimulationParameters):
     )
     block_duration: float = number(
         0.2,
-        "length of the block that is computed ahead; changes at run time take effect after it",
+        "length of the blocks computed ahead; changes at run time take effect after it",
         unit="s",
         minimum=0.001,
         maximum=10.0,
@@ -140,13 +140,13 @@ class SimulatorParameters(SimulationParameters):
     )
     imus: tuple[str, ...] = texts(
         (),
-        "several IMUs on the body: names, each the namespace of its topics and the prefix of its "
+        "names of several IMUs on the body, each the namespace of its topics and the prefix of its "
         "own parameters (left.rate, left.imu.lever_arm, ...); none: one IMU",
     )
     cameras: tuple[str, ...] = texts(
         (),
-        "cameras on the body: names, each the namespace of its topics and the prefix of its own "
-        "parameters (cam0.camera.rate, ...); none: no camera",
+        "names of the cameras on the body, each the namespace of its topics and the prefix of its "
+        "own parameters (cam0.camera.rate, ...); none: no camera",
     )
     publish: PublishParameters = section(PublishParameters)
     inject: InjectParameters = section(InjectParameters)

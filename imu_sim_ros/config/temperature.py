@@ -21,7 +21,8 @@ class TemperatureParameters:
     )
     profile: tuple[float, ...] = numbers(
         (),
-        "time [s] and ambient temperature [degC] in turn, times increasing; the last one stays",
+        "time [s] and ambient temperature [degC] alternating, times increasing; the last "
+        "one is held",
         unit="s, degC",
         minimum=ABSOLUTE_ZERO,
         group=2,

@@ -107,7 +107,7 @@ class WaypointsParameters(TrajectoryParameters):
         (0.0, 0.0, 0.0, 1.0, 0.0, 0.0), "x, y, z of each waypoint", unit="m", group=3
     )
     headings: tuple[float, ...] = numbers(
-        (), "yaw at each waypoint, taken as written (2 pi is a turn); none: all 0", unit="rad"
+        (), "yaw at each waypoint, not wrapped (2 pi is a full turn); none: all 0", unit="rad"
     )
     times: tuple[float, ...] = numbers(
         (), "of each waypoint, the first 0; none: as the limits allow", unit="s", minimum=0.0
@@ -127,7 +127,7 @@ class WaypointsParameters(TrajectoryParameters):
         places = [self.positions[k : k + 3] for k in range(0, len(self.positions), 3)]
         count = len(places)
         if count < 2:
-            yield f"{prefix}positions = {list(self.positions)}: must be two waypoints or more"
+            yield f"{prefix}positions = {list(self.positions)}: must be at least two waypoints"
         for name, entries in (("headings", self.headings), ("times", self.times)):
             if entries and len(entries) != count:
                 yield (
@@ -150,7 +150,7 @@ class WaypointsParameters(TrajectoryParameters):
         if self.times[0] != 0.0:
             yield (
                 f"{prefix}times: waypoint 1 at {self.times[0]:g} s: must be at 0; "
-                f"{prefix}rest_before puts rest before the motion"
+                f"{prefix}rest_before adds rest before the motion"
             )
         for k in range(1, len(self.times)):
             if self.times[k] <= self.times[k - 1]:
@@ -200,7 +200,7 @@ class TurntableParameters(SixPositionParameters):
         minimum=0.0,
         above_minimum=True,
     )
-    upside_down: bool = flag(True, "each axis down as well, to tell g-sensitivity from bias")
+    upside_down: bool = flag(True, "each axis down as well, to separate g-sensitivity from bias")
     tilt: float = number(
         0.0, "of the table's axis from the vertical, about the world's x", unit="rad"
     )
@@ -208,7 +208,7 @@ class TurntableParameters(SixPositionParameters):
     def problems(self, prefix: str) -> Iterator[str]:
         """Yield whether there is nothing to do."""
         if not self.rates:
-            yield f"{prefix}rates = []: must have one entry or more [rad/s]"
+            yield f"{prefix}rates = []: must have at least one entry [rad/s]"
 
 
 @dataclass(frozen=True)
@@ -216,7 +216,7 @@ class PosesParameters(TrajectoryParameters):
     """Recorded poses, followed by a B-spline."""
 
     type: str = text("poses", TYPE_TEXT)
-    file: str = text("", "poses in TUM or EuRoC form, or a bag")
+    file: str = text("", "poses in TUM or EuRoC format, or a bag")
     topic: str = text("", "Odometry or PoseStamped topic of a bag; empty: the only one")
     knot_spacing: float = number(
         0.0,
@@ -227,21 +227,21 @@ class PosesParameters(TrajectoryParameters):
     )
     cutoff: float = number(
         12.0,
-        "motion of higher frequencies is smoothed away",
+        "motion at higher frequencies is smoothed out",
         unit="Hz",
         minimum=0.0,
         above_minimum=True,
     )
     outlier_distance: float = number(
         0.0,
-        "poses this far from the spline count half, farther ones less; 0: all count alike",
+        "poses this far from the spline get half the weight, farther ones less; 0: equal weights",
         unit="m",
         minimum=0.0,
     )
     robust: bool = flag(
         False,
         "repair the recording: drop outliers, close jumps, put jittered stamps of arrival on an "
-        "even grid; otherwise such things only cause warnings",
+        "even grid; otherwise these only cause warnings",
     )
     max_gap: float = number(
         5.0, "longer gaps between poses are an error", unit="s", minimum=0.0, above_minimum=True

@@ -34,18 +34,18 @@ class VibrationParameters:
     phase: tuple[float, ...] = numbers((), "of each sinusoid at t = 0; none: all 0", unit="rad")
     angular_rate: tuple[float, ...] = numbers(
         (),
-        "amplitude of each sinusoid's turning about x, y, z; none: all 0",
+        "amplitude of each sinusoid's rotation about x, y, z; none: all 0",
         unit="rad/s",
         group=3,
     )
     angular_phase: tuple[float, ...] = numbers(
-        (), "of each sinusoid's turning at t = 0; none: as phase", unit="rad"
+        (), "of each sinusoid's rotation at t = 0; none: as phase", unit="rad"
     )
     noise_rms: Vector = vector(
         ZERO_VECTOR, "band-limited noise: RMS of its acceleration", unit="m/s^2", minimum=0.0
     )
     angular_noise_rms: Vector = vector(
-        ZERO_VECTOR, "turning in the same band: RMS of its rate", unit="rad/s", minimum=0.0
+        ZERO_VECTOR, "rotation in the same band: RMS of its rate", unit="rad/s", minimum=0.0
     )
     noise_low: float = number(
         20.0, "lower end of the noise's band", unit="Hz", minimum=0.0, above_minimum=True
@@ -106,12 +106,12 @@ class TrajectoryParameters:
     """What every trajectory has; applied in the order length, repeat, time scale and rests."""
 
     type: str = text("static", TYPE_TEXT)
-    length: float = number(0.0, "take this much of the motion; 0: all of it", unit="s", minimum=0.0)
+    length: float = number(0.0, "use this much of the motion; 0: all of it", unit="s", minimum=0.0)
     repeat: int = integer(1, "number of times the motion is run; 0: endless", minimum=0)
     repeat_mode: str = choice(
         "loop",
         ("loop", "there_and_back"),
-        "loop: again from the start, for motions that close; there_and_back: to the end, back, ...",
+        "loop: from the start again, for closed motions; there_and_back: to the end, back, ...",
     )
     time_scale: float = number(
         1.0,
@@ -124,7 +124,7 @@ class TrajectoryParameters:
     rest_after: float = number(0.0, "rest after the motion", unit="s", minimum=0.0)
     rest_transition: float = number(
         2.0,
-        "time in which the motion starts from rest, comes to rest, or turns back",
+        "time in which the motion starts from rest, comes to rest, or reverses",
         unit="s",
         minimum=0.0,
         above_minimum=True,

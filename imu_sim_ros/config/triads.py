@@ -163,36 +163,36 @@ class TriadParameters:
     )
     temperature_bias_sigma: Vector = vector(
         0.0,
-        "standard deviation over units of the {triad}'s linear bias drift with temperature; "
+        "standard deviation from unit to unit of the {triad}'s linear bias drift with temperature; "
         "sign and size are drawn from the seed and add to temperature_bias",
         unit="{unit}/K",
         minimum=0.0,
     )
     temperature_scale_sigma: Vector = vector(
         0.0,
-        "standard deviation over units of the {triad}'s linear scale drift with temperature; "
-        "sign and size are drawn from the seed and add to temperature_scale",
+        "standard deviation from unit to unit of the {triad}'s linear scale drift with "
+        "temperature; sign and size are drawn from the seed and add to temperature_scale",
         unit="1/K",
         minimum=0.0,
     )
     misalignment_sigma: Vector = vector(
         0.0,
-        "standard deviation over units of each cross-axis term of the {triad}'s axis, "
+        "standard deviation from unit to unit of each cross-axis term of the {triad}'s axis, "
         "drawn from the seed",
         unit="1",
         minimum=0.0,
     )
     quadratic_sigma: Vector = vector(
         0.0,
-        "standard deviation over units of the {triad}'s second-order non-linearity, "
+        "standard deviation from unit to unit of the {triad}'s second-order non-linearity, "
         "drawn from the seed",
         unit="1/({unit})",
         minimum=0.0,
     )
     g_sensitivity_sigma: Vector = vector(
         0.0,
-        "standard deviation over units of each term of the g-sensitivity of the {triad}'s axis, "
-        "drawn from the seed",
+        "standard deviation from unit to unit of each term of the g-sensitivity of the {triad}'s "
+        "axis, drawn from the seed",
         unit="({unit})/(m/s^2)",
         minimum=0.0,
     )

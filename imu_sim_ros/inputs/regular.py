@@ -21,7 +21,7 @@ def open_regular(path: str | Path) -> BinaryIO:
     :raises MachineError: where the system cannot read it.
     """
     if "\0" in str(path):
-        raise InputError(f"{str(path)!r}: is not the name of a file")
+        raise InputError(f"{str(path)!r}: is not a file name")
     try:
         # Without O_NONBLOCK, opening a pipe waits for its writer.
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)

@@ -203,7 +203,7 @@ def _uniform(name: str, value: Any, problems: list[str]) -> Any:
     if kinds == {int, float}:
         return [float(entry) for entry in value]
     if not (len(kinds) <= 1 and kinds <= {int, float, bool, str}):
-        problems.append(f"{short} = {shown(value)}: must be a list of one type of value")
+        problems.append(f"{short} = {shown(value)}: must be a list of values of one type")
     return value
 
 

@@ -154,7 +154,7 @@ class Control:
     def _find(self, service: str, kind: Any) -> Any:
         """Return a client of a service of the simulator that is known to be there."""
         client = self._node.create_client(kind, f"{self._name}/{service}")
-        self._until(client.service_is_ready, self._patience, "is not there")
+        self._until(client.service_is_ready, self._patience, "is not available")
         self._spin(_SETTLE)
         return client
 
@@ -175,4 +175,4 @@ class Control:
         services = (name for name, _ in self._node.get_service_names_and_types())
         found = sorted(name.removesuffix("/step") for name in services if name.endswith("/step"))
         others = [name for name in found if name != self._name]
-        return f"; there are {', '.join(others)} (--node NAME)" if others else ""
+        return f"; available: {', '.join(others)} (--node NAME)" if others else ""

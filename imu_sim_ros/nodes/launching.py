@@ -33,7 +33,7 @@ NAMESPACE: Final = Argument("namespace", "namespace of the nodes and their topic
 OF_EVERY_NODE: Final = (
     Argument(
         "params_file",
-        "parameter files, separated by blanks, later ones win; the arguments stand above them",
+        "parameter files, separated by spaces, later ones win; launch arguments override them",
     ),
     Argument("use_sim_time", "true: time comes from an external /clock"),
 )
@@ -51,7 +51,7 @@ def arguments(section: type, names: Sequence[str]) -> list[Argument]:
 def _text(parameter: Parameter) -> str:
     allowed = parameter.allowed()
     if parameter.kind == "texts":
-        allowed = "names, separated by blanks"
+        allowed = "names, separated by spaces"
     return f"{parameter.text}: {allowed}"
 
 

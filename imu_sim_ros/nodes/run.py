@@ -105,8 +105,8 @@ def main(
             set_profile(Path(folder))
             for path in shared_memory.remove_torn_segments():
                 print(
-                    f"{name}: {path}: a killed program of another user left it half made; nodes "
-                    "of its ROS domain may hang until it is removed",
+                    f"{name}: {path}: a killed program of another user left it half initialised; "
+                    "nodes of its ROS domain may hang until it is removed",
                     file=sys.stderr,
                 )
             program = _start(ros_arguments(arguments, section, values or {}, Path(folder)), create)

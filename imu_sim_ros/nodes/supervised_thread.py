@@ -7,7 +7,7 @@ import threading
 from collections.abc import Callable
 
 Fail = Callable[[BaseException], None]
-"""Is given what a thread has raised, in that thread; the node ends with it."""
+"""Receives what a thread has raised, in that thread; the node ends with it."""
 
 
 class SupervisedThread:

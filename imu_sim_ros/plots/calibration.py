@@ -173,7 +173,7 @@ def _draw_bias(axes: Axes, triad: TriadTemperature, reference: float) -> None:
 def _draw_scale(axes: Axes, triad: TriadTemperature, reference: float) -> None:
     for k, axis in enumerate(triad.axes):
         if triad.inputs.shape[1] == 0:
-            words = "one orientation, at rest: the scale does not show"
+            words = "one orientation, at rest: the scale is not observable"
             axes.text(0.5, 0.5, words, transform=axes.transAxes, ha="center")
             axes.set_axis_off()
             return

@@ -69,7 +69,7 @@ def evaluation(
     :param t: (n,) times [s].
     :param estimate: (n, 3) positions [m].
     :param truth: (n, 3) positions at the same times [m].
-    :param position_error: (n, 3) truth less estimate [m].
+    :param position_error: (n, 3) truth minus estimate [m].
     :param attitude_error: (n, 3) rotation vectors about the world's axes [rad].
     :param title: what is shown, and of which source.
     """

@@ -80,7 +80,7 @@ class _Poses(NamedTuple):
     position: Array
     q_wb: Array
     triangles: Array
-    """(n, 12) columns of covariance, not a number where a row has none; (n, 0) where not wanted."""
+    """(n, 12) columns of covariance, NaN where a row has none; (n, 0) where not requested."""
 
     def at(self, rows: NDArray[np.bool_] | NDArray[np.intp]) -> "_Poses":
         """Return some of the poses."""
@@ -112,7 +112,7 @@ class _Reading:
         if self._euroc is None:
             raise InputError(f"{self._path}: holds no poses")
         if count < 2:
-            what = "one pose" if count else "no pose that could be used"
+            what = "one pose" if count else "no usable pose"
             raise InputError(f"{self._path}: holds {what}; a trajectory needs two or more")
         t_ns = np.empty(count, dtype=np.int64)
         position, q_wb = np.empty((count, 3)), np.empty((count, 4))
@@ -278,7 +278,7 @@ class _Reading:
             if step < 0:
                 words = f"the stamp is {-step * 1e-9:.9g} s before that of line {other}"
             else:
-                words = f"the stamp of line {other} with another pose"
+                words = f"the stamp of line {other} with a different pose"
             self._bad.note(STAMPS, line, words)
             self._bad.rows += 1
         return keep

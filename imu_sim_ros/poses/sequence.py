@@ -21,7 +21,7 @@ class PoseSequence(NamedTuple):
     dropped: int = 0
     """Poses left out because they occurred twice, with the same stamp."""
     skipped: int = 0
-    """Bad rows that were passed over on request."""
+    """Bad rows skipped on request."""
     lines: NDArray[np.int64] | None = None
     """(n,) lines of the file that they stand in, from 1; None: they are from no text."""
     covariance: NDArray[np.float64] | None = None

@@ -12,7 +12,7 @@ from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
 
 
 def write_tum(path: str | Path, poses: PoseSequence) -> None:
-    """Write poses in TUM's form, stamps with nine and values with twelve decimals."""
+    """Write poses in TUM format, stamps with nine and values with twelve decimals."""
     with Path(path).open("w", encoding="utf-8") as file:
         file.write("# timestamp tx ty tz qx qy qz qw\n")
         whole, part = np.divmod(np.abs(poses.t_ns), NANOSECONDS_PER_SECOND)

@@ -204,8 +204,8 @@ def _errors(estimate: Estimate, truth: Estimate, link: str) -> list[Item]:
     rms = float(np.sqrt(np.mean(np.sum(errors.position**2, axis=1))))
     words = (
         f"{estimate.name}: {rms:.4g} m root mean square, "
-        f"{float(np.linalg.norm(errors.position[-1])):.4g} m at the end; truth less estimate"
-        + ("" if known else "; it has no covariance, so that there is no NEES")
+        f"{float(np.linalg.norm(errors.position[-1])):.4g} m at the end; truth minus estimate"
+        + ("" if known else "; it has no covariance, hence no NEES")
     )
     return [{"kind": "text", "text": words}, {"kind": "plots", "items": plots}]
 

@@ -238,7 +238,7 @@ def test_chunks_that_overlap_in_time_are_merged(tmp_path, content):
 def test_places_and_options_that_cannot_be_used(tmp_path):
     (tmp_path / "there.mcap").write_text("mine")
     for path, options, words in (
-        ("there.mcap", {}, "exists already"),
+        ("there.mcap", {}, "already exists"),
         ("there.mcap/x.mcap", {}, "Not a directory|File exists"),
         ("x.bag", {"compression": "zstd"}, "ros1 takes none, lz4, bz2"),
         ("x.mcap", {"storage": "sqlite3"}, "has the storage mcap"),
@@ -252,7 +252,7 @@ def test_places_and_options_that_cannot_be_used(tmp_path):
 def test_a_topic_is_added_once(tmp_path):
     with open_writer(tmp_path / "x.mcap") as writer:
         writer.add_topic("/imu", IMU)
-        with pytest.raises(InputError, match="/imu is already there"):
+        with pytest.raises(InputError, match="/imu already exists"):
             writer.add_topic("/imu", IMU)
         with pytest.raises(InputError, match="definition of this message type is not known"):
             writer.add_topic("/other", "my_msgs/msg/Unknown")

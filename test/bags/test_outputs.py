@@ -128,7 +128,7 @@ def test_files_go_into_a_folder_that_holds_others(tmp_path):
     assert sorted(os.listdir(tmp_path / "results")) == ["a.yaml", "b.png", "notes.md"]
     again = Outputs()
     again.add_files("results", ["b.png", "c.png"])
-    with pytest.raises(InputError, match=r"results/b\.png: exists already"), again:
+    with pytest.raises(InputError, match=r"results/b\.png: already exists"), again:
         pytest.fail("the work began")
 
 
@@ -140,7 +140,7 @@ def test_parts_of_a_split_output_are_refused_as_well(tmp_path):
     outputs.add("y.bag")
     with pytest.raises(InputError) as refused, outputs:
         pytest.fail("the work began")
-    assert refused.value.problems == ("x_3.bag: exists already; --force replaces it",)
+    assert refused.value.problems == ("x_3.bag: already exists; --force replaces it",)
 
 
 @pytest.mark.parametrize("discard", [False, True])

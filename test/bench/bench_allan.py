@@ -76,7 +76,7 @@ def estimates(run: Simulation, model: str) -> list[AxisNoise]:
 
 
 def coverage(runs: int) -> None:
-    """Print how often the 95 % intervals hold the truth, and the mean relative bias."""
+    """Print how often the 95 % intervals contain the truth, and the mean relative bias."""
     rows = []
     for model, values in SENSORS.items():
         found = [estimates(simulation(values, 2.0, 100.0, seed), model) for seed in range(runs)]

@@ -181,7 +181,7 @@ def test_what_is_wrong_with_cameras_is_told_all_at_once():
         ({"cameras": ["a", "a"]}, "names must differ"),
         ({"cameras": ["camera"]}, "no parameter's name"),
         ({"cameras": 3}, "a list of names"),
-        ({"camera.rate": 3.0}, "there is no camera; cameras names them"),
+        ({"camera.rate": 3.0}, "there is no camera; name them in cameras"),
         ({"cameras": ["a"], "camera.preset": "nothing"}, "camera nothing: neither a file nor"),
         ({"cameras": ["a"], "scene.type": "nothing"}, "scene.type = 'nothing': must be one of"),
     ):

@@ -152,7 +152,7 @@ for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
 while True:
     time.sleep(0.1)
 """
-    assert run(program, timeout=1.0)["status"] == "failed: no end within 1 s"
+    assert run(program, timeout=1.0)["status"] == "failed: did not finish within 1 s"
 
 
 def test_what_a_program_leaves_running_is_ended(run, tmp_path):

@@ -22,7 +22,7 @@ def test_a_folder_with_anything_else_is_refused(plan_file, campaign, tmp_path, n
     assert status == 2
     shown = name.partition("/")[0]
     assert lines == [
-        f"campaign: {folder}: holds {shown}, which no campaign wrote; name another folder"
+        f"campaign: {folder}: holds {shown}, which is not from a campaign; name another folder"
     ]
     assert [path.name for path in folder.iterdir()] == [shown]
 

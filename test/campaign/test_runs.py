@@ -116,7 +116,7 @@ def test_results_are_not_overwritten_and_a_folder_is_used_once(plan_file, campai
     status, _, lines = campaign(path, "-o", folder)
     assert status == 2
     assert lines == [
-        f"campaign: {folder}: holds results; go on with --resume, begin again with --force, or "
+        f"campaign: {folder}: holds results; continue with --resume, start over with --force, or "
         "name another one"
     ]
     with Store(folder, resume=True), pytest.raises(InputError, match="another campaign is running"):
@@ -173,7 +173,7 @@ def test_ctrl_c_ends_cleanly(plan_file, start, tmp_path):
     process.send_signal(signal.SIGINT)
     _, stderr = process.communicate(timeout=60)
     assert process.returncode == 130
-    assert "go on with --resume" in stderr
+    assert "continue with --resume" in stderr
     assert "Traceback" not in stderr
     assert 0 < len(table(tmp_path / "out")) < 5000
     assert not (tmp_path / "out" / "summary.csv").exists()  # what is not whole is not summed up

@@ -139,7 +139,7 @@ def test_truth_is_compared(bag, capsys):
     assert not any(c["covered"] for c in wrong["truth"] if c["parameter"] == "noise_density")
     assert allan.main([str(bag), "--no-files", "--truth", "lecture"]) == 0
     out = capsys.readouterr().out
-    assert "intervals hold the truth" in out
+    assert "intervals contain the truth" in out
     assert max(len(line.rstrip()) for line in out.splitlines()) <= 90
 
 

@@ -182,8 +182,8 @@ def test_recovery_says_how_many_and_up_to_when(sources, tmp_path, capsys):
     [
         (["missing.bag", "-o", "x.mcap"], "No such file"),
         (["{a}", "-o", "x.mcap", "--topics", "/nothing"], "has no topic /nothing; it has /imu"),
-        (["{a}", "-o", "there.bag"], "exists already"),
-        (["{a}", "-o", "x.csv", "--compression", "lz4"], "--compression: is not for csv"),
+        (["{a}", "-o", "there.bag"], "already exists"),
+        (["{a}", "-o", "x.csv", "--compression", "lz4"], "--compression: does not apply to csv"),
         (["there.bag", "-o", "x.mcap"], "not a bag"),
         (["{a}", "-o", "x", "--format", "euroc", "--topics", "/imu/temperature"], "none of them"),
     ],

@@ -94,7 +94,7 @@ def test_every_output_is_checked_before_any_is_written(tmp_path, monkeypatch, ca
     (tmp_path / "truth.txt").write_text(rows)
     (tmp_path / "there.png").write_text("mine")
     for more, words in (
-        (["-o", "a.txt", "--plot", "there.png"], "there.png: exists already"),
+        (["-o", "a.txt", "--plot", "there.png"], "there.png: already exists"),
         (["-o", "a.png", "--plot", "a.png"], "two outputs would have this name"),
         (["-o", "a.txt", "--plot", "/dev/null"], "must end in .png or .svg or .pdf"),
         (["-o", "truth.txt", "--force"], "is the input truth.txt"),
@@ -124,7 +124,7 @@ def test_an_output_without_a_name_is_one_line(tmp_path, monkeypatch, capsys, nam
     monkeypatch.chdir(tmp_path)
     assert generate.main(["-o", name, "--duration", "1s", *more]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert line.endswith("is not the name of a file")
+    assert line.endswith("is not a file name")
     assert list(tmp_path.iterdir()) == []
 
 

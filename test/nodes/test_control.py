@@ -130,7 +130,9 @@ def test_a_simulator_that_is_not_there_is_said(start: Any, listener: Any, contro
     process = control("pause", "--node", "/nix", "--timeout", "3s")
     _, error = process.communicate(timeout=PATIENCE)
     assert process.returncode == 1
-    assert error == "control: /nix is not there after 3 s; there are /simulator (--node NAME)\n"
+    assert (
+        error == "control: /nix is not available after 3 s; available: /simulator (--node NAME)\n"
+    )
 
 
 @pytest.mark.parametrize(

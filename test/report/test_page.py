@@ -186,5 +186,5 @@ def test_a_page_lies_in_its_campaign_and_is_not_overwritten(results, capsys):
     assert main([str(results), "--quiet"]) == 0
     status, lines = complaints(capsys, results)
     assert status == 2
-    assert "exists already" in lines[0]
+    assert "already exists" in lines[0]
     (results / "report.html").unlink()

@@ -183,7 +183,7 @@ def test_variance_of_counted_readings_is_stated():
     ],
 )
 def test_internal_rate_must_be_a_multiple(given):
-    with pytest.raises(ConfigurationError, match="internal_rate = .* whole multiple of the rate"):
+    with pytest.raises(ConfigurationError, match="internal_rate = .* integer multiple of the rate"):
         simulation(**given)
 
 

@@ -85,7 +85,8 @@ class McapBag(Bag):
             summary = SeekingReader(cast(IO[bytes], _Bounded(self._file, self._end))).get_summary()
         except (McapError, *DAMAGE):
             raise InputError(
-                f"{self.path}: no valid end (interrupted or damaged); --recover takes what is there"
+                f"{self.path}: no valid end (interrupted or damaged); "
+                "--recover salvages what is there"
             ) from None
         statistics = summary.statistics if summary else None
         if (
@@ -228,7 +229,7 @@ class McapBag(Bag):
                 yield Timed(next_start_ns, self._blocks(chunk, wanted))
             except DAMAGE as error:
                 raise InputError(
-                    f"{self.path}: chunk at byte {chunk.offset}: {error}; --recover leaves it out"
+                    f"{self.path}: chunk at byte {chunk.offset}: {error}; --recover skips it"
                 ) from None
 
     def _blocks(self, chunk: _Chunk, wanted: Mapping[int, TopicInfo]) -> list[MessageBlock]:

@@ -85,7 +85,7 @@ class Rosbag1Bag(Bag):
             self._name_topics(self._scan() if recover else self._read_index())
         except DAMAGE:
             self._file.close()
-            hint = "" if recover else "; --recover takes what is there"
+            hint = "" if recover else "; --recover salvages what is there"
             raise InputError(f"{path}: the index is damaged{hint}") from None
         except BaseException:
             self._file.close()
@@ -104,12 +104,13 @@ class Rosbag1Bag(Bag):
         position = header.number("index_pos")
         if not position or position > self._end:
             raise InputError(
-                f"{self.path}: not indexed (interrupted or damaged); --recover takes what is there"
+                f"{self.path}: not indexed (interrupted or damaged); "
+                "--recover salvages what is there"
             )
         while position < self._end:
             record = self._record(position)
             if not record.whole:
-                raise ValueError("the index is cut")
+                raise ValueError("the index is truncated")
             if record.op == OP_CONNECTION:
                 self._note_connection(record, self._data(record))
             elif record.op == OP_CHUNK_INFO:
@@ -233,7 +234,7 @@ class Rosbag1Bag(Bag):
                 yield Timed(next_start_ns, self._blocks(chunk, wanted))
             except DAMAGE as error:
                 raise InputError(
-                    f"{self.path}: chunk at byte {chunk.position}: {error}; --recover leaves it out"
+                    f"{self.path}: chunk at byte {chunk.position}: {error}; --recover skips it"
                 ) from None
 
     def _blocks(self, chunk: _Chunk, wanted: Mapping[int, TopicInfo]) -> list[MessageBlock]:
@@ -315,7 +316,7 @@ def _fields(data: bytes, length: int) -> dict[str, bytes]:
     :raises ValueError: where the header is torn or is none.
     """
     if len(data) != length:
-        raise ValueError("a record header is torn")
+        raise ValueError("a record header is truncated")
     fields = {}
     position = 0
     while position < length:

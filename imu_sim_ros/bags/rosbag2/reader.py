@@ -54,7 +54,7 @@ class SqliteBag(Bag):
             self._topics = self._read_topics()
         except sqlite3.Error as error:
             self._stack.close()
-            hint = "" if recover else " (--recover takes what is there)"
+            hint = "" if recover else " (--recover salvages what is there)"
             raise InputError(f"{path}: {error}{hint}") from None
         self.topics = list(self._topics.values())
 
@@ -146,7 +146,9 @@ class SqliteBag(Bag):
                     rows = []
         except sqlite3.Error as error:
             if not self._recover:
-                raise InputError(f"{self.path}: {error} (--recover takes what is there)") from None
+                raise InputError(
+                    f"{self.path}: {error} (--recover salvages what is there)"
+                ) from None
             self.damage.append(str(error))
         if rows:
             yield Timed(_END_NS, self._blocks(rows))
@@ -235,7 +237,7 @@ def read_metadata(folder: Path) -> dict[str, Any]:
     """
     file = folder / rosbag2_metadata.FILE_NAME
     if not file.is_file():
-        hint = "; --recover takes what is there" if _files_found(folder) else ""
+        hint = "; --recover salvages what is there" if _files_found(folder) else ""
         raise InputError(f"{folder}: no metadata.yaml, so not a whole rosbag2 bag{hint}")
     try:
         content = parse_yaml(read_text(file))["rosbag2_bagfile_information"]

@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 Times = NDArray[np.int64]
 
 Skipped = Callable[[int], object]
-"""Is told how many bad rows of a file were passed over."""
+"""Receives the number of bad rows skipped in a file."""
 
 _WHAT: Final = "a table of numbers"
 _STAMP: Final = re.compile(r"[+-]?[0-9]{1,19}")
@@ -177,7 +177,7 @@ def _blocks(path: Path, columns: int, skipped: Skipped | None) -> Iterator[tuple
     elif table.bad.rows:
         skipped(table.bad.rows)
     if not count:
-        raise InputError(f"{path}: holds no rows{' that could be used' * bool(table.bad.rows)}")
+        raise InputError(f"{path}: holds no {'usable ' * bool(table.bad.rows)}rows")
 
 
 class _Table:

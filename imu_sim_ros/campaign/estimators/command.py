@@ -209,7 +209,7 @@ def _wait(
             return process.returncode, reason, usage.ru_maxrss / 1024.0
         now = time.monotonic()
         if now >= deadline:
-            return None, f"no end within {estimator.timeout:g} s", 0.0
+            return None, f"did not finish within {estimator.timeout:g} s", 0.0
         if now >= look:
             look = now + _POLL
             if _size(place) > estimator.disk_limit:

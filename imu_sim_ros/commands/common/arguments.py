@@ -63,7 +63,7 @@ def add_simulation_arguments(parser: argparse.ArgumentParser) -> None:
         "--trajectory",
         metavar="NAME|FILE",
         help=f"the motion: {', '.join(files.names('trajectories'))}, a parameter file, "
-        "or recorded poses in TUM or EuRoC form",
+        "or recorded poses in TUM or EuRoC format",
     )
     group.add_argument(
         "--robust",

@@ -65,7 +65,7 @@ def form(arguments: argparse.Namespace) -> str | None:
     """
     result: str | None = arguments.format or DATASET_SUFFIXES.get(arguments.output.suffix.lower())
     unfit = [
-        f"--{name.replace('_', '-')}: is not for {result}"
+        f"--{name.replace('_', '-')}: does not apply to {result}"
         for name in ("storage", "compression", "split_duration", "split_size")
         if result and getattr(arguments, name)
     ]
@@ -97,7 +97,7 @@ def outputs(arguments: argparse.Namespace, inputs: Iterable[object] = ()) -> Out
     :raises InputError: for what cannot be the name of an output.
     """
     if not arguments.output.name:  # the files beside it are named after it
-        raise InputError(f"{str(arguments.output)!r}: is not the name of a file")
+        raise InputError(f"{str(arguments.output)!r}: is not a file name")
     if form(arguments) is None:
         check_writer(arguments.output, arguments.storage, arguments.compression)
     written = shared.outputs(arguments, inputs)

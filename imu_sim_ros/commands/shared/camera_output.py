@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.config.cameras import RigParameters
 
 CAMERA_FORMATS: Final = ("tracks", "vio_data_simulation")
-"""Datasets that are nothing without a camera."""
+"""Datasets that need a camera."""
 IMAGE_FORMATS: Final = ("euroc", "csv")
 """Datasets that take images."""
 FORMATS: Final = (*writer.FORMATS, *CAMERA_FORMATS)
@@ -72,7 +72,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         type=int,
         default=os.cpu_count() or 1,
-        help="threads that make images (as many as there are processors)",
+        help="threads that render images (default: one per processor)",
     )
     group.add_argument(
         "--scene",
@@ -95,7 +95,7 @@ def parameters(arguments: argparse.Namespace) -> Asked:
     node = of_the_node(given)
     if node and not (arguments.quiet or arguments.json):
         shown = dict.fromkeys(name.partition("./")[0] for name in node)  # one for all topics
-        print(f"generate: note: without effect in a file: {', '.join(shown)}", file=sys.stderr)
+        print(f"generate: note: no effect in a file: {', '.join(shown)}", file=sys.stderr)
     given = {name: value for name, value in given.items() if not files.is_of_ros(name)}
     if not has_cameras(given):
         return Asked(load_simulator(given), None)
@@ -164,7 +164,7 @@ def write_parameters(folder: Path, name: str, asked: Asked) -> None:
         asked.values(),
         folder / "simulation.yaml",
         comment=f"All parameters of {name}:\n"
-        "generate --params-file simulation.yaml makes the same samples.",
+        "generate --params-file simulation.yaml generates the same samples.",
     )
 
 

@@ -26,7 +26,8 @@ def add_force(parser: Any, *, parts: bool = False) -> None:
         parser.add_argument(
             "--discard-partial",
             action="store_true",
-            help="when interrupted, leave nothing; else what is whole is kept as NAME.partial.EXT",
+            help="when interrupted, leave nothing; otherwise the complete part is "
+            "kept as NAME.partial.EXT",
         )
 
 

@@ -56,7 +56,7 @@ def new_truths(output: Path, simulated: Mapping[str, SimulationParameters]) -> d
         other = next(_siblings(output), None)
         if there is not None and other is not None:
             problems.append(
-                f"{path}: is the truth of {other}, which has another sensor or seed; "
+                f"{path}: is the truth of {other}, which has a different sensor or seed; "
                 "give this output another name"
             )
     if problems:
@@ -103,7 +103,7 @@ def _truth_text(parameters: SimulationParameters) -> str:
         {"rate": parameters.rate, **{f"imu.{k}": v for k, v in flatten(imu).items()}},
         comment=f"The sensor of this run: preset {parameters.imu.preset}, with the turn-on "
         f"biases and scales\nthat seed {parameters.seed} drew in the places of the parameters. "
-        "For calibrate --truth and allan --truth;\ngenerate --imu takes it for the same unit.",
+        "For calibrate --truth and allan --truth;\ngenerate --imu FILE simulates the same unit.",
     )
 
 

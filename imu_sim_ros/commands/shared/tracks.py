@@ -109,7 +109,7 @@ def _check(name: str, poses: PoseSequence) -> None:
     if bad.any():
         first = int(np.argmax(bad)) + 1
         problems.append(
-            f"{name}: {np.count_nonzero(bad)} stamps are not after the one before, the first is "
+            f"{name}: {np.count_nonzero(bad)} stamps do not increase, the first is "
             f"number {first} ({poses.t_ns[first]} ns)"
         )
     finite = np.isfinite(poses.position).all(axis=1) & np.isfinite(poses.q_wb).all(axis=1)
@@ -123,7 +123,7 @@ def _check(name: str, poses: PoseSequence) -> None:
 
 
 def write_states(path: Path, states: NavigationStates) -> None:
-    """Write a dead-reckoned trajectory: ``.csv`` with velocity, anything else in TUM's form.
+    """Write a dead-reckoned trajectory: ``.csv`` with velocity, anything else in TUM format.
 
     :raises OSError: where the file cannot be written.
     """

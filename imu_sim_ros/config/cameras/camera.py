@@ -51,9 +51,9 @@ class CameraModelParameters:
         (400.0, 400.0, 319.5, 239.5), "fx, fy, cx, cy", unit="px"
     )
     distortion: tuple[float, ...] = numbers(
-        (), "radtan: k1, k2, p1, p2 and perhaps k3; equidistant: k1, k2, k3, k4"
+        (), "radtan: k1, k2, p1, p2 and optionally k3; equidistant: k1, k2, k3, k4"
     )
-    xi: float = number(0.0, "distance of the spheres' centres", minimum=-1.0, maximum=10.0)
+    xi: float = number(0.0, "distance between the spheres' centres", minimum=-1.0, maximum=10.0)
     alpha: float = number(0.5, "of the double sphere", minimum=0.0, maximum=1.0)
 
     def problems(self, prefix: str) -> Iterator[str]:
@@ -155,7 +155,7 @@ class CameraTimingParameters:
     )
     time_offset: float = number(
         0.0,
-        "IMU time less camera stamp (kalibr's timeshift_cam_imu, VINS' td): stamp = time of the "
+        "IMU time minus camera stamp (kalibr's timeshift_cam_imu, VINS' td): stamp = time of the "
         "middle of the exposure - time_offset",
         unit="s",
         minimum=-10.0,
@@ -163,13 +163,13 @@ class CameraTimingParameters:
     )
     jitter: float = number(
         0.0,
-        "standard deviation of the stamps' error, cut off at 0.45 of the interval",
+        "standard deviation of the stamps' error, truncated at 0.45 of the interval",
         unit="s",
         minimum=0.0,
     )
     latency: float = number(
         0.0,
-        "time from the middle of the exposure to the message",
+        "delay from the middle of the exposure to the message",
         unit="s",
         minimum=0.0,
         maximum=LARGEST_LATENCY,
@@ -196,14 +196,14 @@ class TrackParameters:
     )
     outlier_probability: float = number(
         0.0,
-        "probability that a feature is anywhere in the image",
+        "probability that a feature is an outlier anywhere in the image",
         unit="1",
         minimum=0.0,
         maximum=1.0,
     )
     mismatch_probability: float = number(
         0.0,
-        "probability that a feature has the pixel of another one of the same frame",
+        "probability that a feature is given the pixel of another one in the same frame",
         unit="1",
         minimum=0.0,
         maximum=1.0,
@@ -218,21 +218,21 @@ class TrackParameters:
         200, "largest number of features in a frame; 0: all", minimum=0, maximum=2**31 - 1
     )
     grid_rows: int = integer(
-        4, "features are spread over so many rows of cells", minimum=1, maximum=256
+        4, "features are spread over this many rows of cells", minimum=1, maximum=256
     )
     grid_columns: int = integer(
-        5, "features are spread over so many columns of cells", minimum=1, maximum=256
+        5, "features are spread over this many columns of cells", minimum=1, maximum=256
     )
     border: float = number(
         0.0,
-        "features nearer to the edge of the image are not seen",
+        "features closer to the image edge are not seen",
         unit="px",
         minimum=0.0,
         maximum=LARGEST_IMAGE,
     )
     min_depth: float = number(
         0.1,
-        "nearer landmarks are not seen",
+        "closer landmarks are not seen",
         unit="m",
         minimum=0.0,
         above_minimum=True,
@@ -240,7 +240,7 @@ class TrackParameters:
     )
     max_depth: float = number(
         100.0,
-        "farther landmarks are not seen",
+        "landmarks farther away are not seen",
         unit="m",
         minimum=0.0,
         above_minimum=True,
@@ -268,7 +268,7 @@ class CameraParameters(
                 f"{self.min_depth:g} m"
             )
         if 2.0 * self.border >= min(self.width, self.height):
-            yield f"{prefix}border = {self.border:g}: leaves nothing of the image"
+            yield f"{prefix}border = {self.border:g}: leaves no part of the image"
         if self.row_time * self.height * self.rate > 1.0:
             yield (
                 f"{prefix}row_time = {self.row_time:g}: {self.height} rows must be read in less "

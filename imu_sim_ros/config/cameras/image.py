@@ -19,12 +19,12 @@ class ImageParameters:
         "raw",
         IMAGES,
         "messages on topics and in bags: raw: NAME/image_raw; compressed: "
-        "NAME/image_raw/compressed, PNG; both; none: tracks alone, for scenes without surfaces",
+        "NAME/image_raw/compressed, PNG; both; none: only tracks, for scenes without surfaces",
     )
     frame: str = text("", "frame of the messages; empty: NAME_optical_frame")
     supersampling: int = integer(
         1,
-        "rays along each side of a pixel; 2 to 4 for edges as sharp as real ones",
+        "rays along each side of a pixel; 2 to 4 give realistically sharp edges",
         minimum=1,
         maximum=8,
     )
@@ -35,13 +35,15 @@ class ImageParameters:
         minimum=0.0,
         maximum=LONGEST,
     )
-    blur_samples: int = integer(8, "pictures that make up a blurred one", minimum=2, maximum=64)
+    blur_samples: int = integer(
+        8, "instants combined into one blurred image", minimum=2, maximum=64
+    )
     gain: float = number(
-        1.0, "factor of all grey values", minimum=0.0, above_minimum=True, maximum=1e6
+        1.0, "factor applied to all grey values", minimum=0.0, above_minimum=True, maximum=1e6
     )
     gain_change: float = number(
         0.0,
-        "amplitude of a slow change of the gain, as of an automatic exposure",
+        "amplitude of a slow variation of the gain, as from automatic exposure",
         minimum=0.0,
         maximum=0.95,
     )
@@ -50,14 +52,14 @@ class ImageParameters:
     )
     vignetting: float = number(
         0.0,
-        "darkening of the farthest corner, with the square of the distance",
+        "darkening at the farthest corner; grows with the square of the distance",
         unit="1",
         minimum=0.0,
         maximum=1.0,
     )
     shot_noise: float = number(
         0.0,
-        "standard deviation at grey value 255; proportional to the root of the value",
+        "standard deviation at grey value 255; proportional to the square root of the value",
         unit="grey value",
         minimum=0.0,
         maximum=1e6,

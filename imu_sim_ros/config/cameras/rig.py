@@ -61,8 +61,8 @@ class RigParameters:
 
     cameras: tuple[str, ...] = texts(
         (),
-        "cameras on the body: names, each the namespace of its topics and the prefix of its own "
-        "parameters (cam0.camera.rate, ...); none: no camera",
+        "names of the cameras on the body, each the namespace of its topics and the prefix of its "
+        "own parameters (cam0.camera.rate, ...); none: no camera",
     )
     scene: SceneParameters = variant("type", DEFAULT_SCENE, find_scene)
 
@@ -126,7 +126,7 @@ def layer_rig(given: Mapping[str, object], node: str = "simulator") -> dict[str,
     common = {key: value for key, value in given.items() if key.startswith("camera.")}
     if not names:
         stray = [
-            f"{key}: there is no camera; cameras names them" for key in given if key != "cameras"
+            f"{key}: there is no camera; name them in cameras" for key in given if key != "cameras"
         ]
         if stray:
             raise ConfigurationError(stray)

@@ -69,13 +69,13 @@ class HouseParameters(SceneParameters):
     type: str = text("house", TYPE_TEXT)
     lines: tuple[float, ...] = numbers((), "x, y, z of both ends of each line", unit="m", group=6)
     second_points: Vector = vector(
-        (0.5, 0.5, -0.5), "each end point once more, moved by this; 0: not", unit="m"
+        (0.5, 0.5, -0.5), "each end point is repeated with this offset; 0: not repeated", unit="m"
     )
 
     def problems(self, prefix: str) -> Iterator[str]:
         """Yield whether there are no lines."""
         if not self.lines:
-            yield f"{prefix}lines = []: must hold one line or more; the scene house has some"
+            yield f"{prefix}lines = []: must hold at least one line; the scene house has some"
 
 
 @dataclass(frozen=True)
@@ -84,12 +84,17 @@ class CloudParameters(SceneParameters):
 
     type: str = text("cloud", TYPE_TEXT)
     visible: int = integer(
-        100, "points that every look along the path sees at least", minimum=1, maximum=10_000
+        100,
+        "minimum number of points seen from each viewpoint along the path",
+        minimum=1,
+        maximum=10_000,
     )
-    spacing: float = number(0.2, "time between two looks", unit="s", minimum=0.001, maximum=1e6)
+    spacing: float = number(
+        0.2, "time between two viewpoints", unit="s", minimum=0.001, maximum=1e6
+    )
     near: float = number(
         3.0,
-        "least distance of a point from the camera",
+        "smallest distance of a point from the camera",
         unit="m",
         minimum=0.0,
         above_minimum=True,
@@ -112,7 +117,7 @@ class PlanesParameters(SceneParameters):
     type: str = text("planes", TYPE_TEXT)
     corners: tuple[float, ...] = numbers(
         (),
-        "of each rectangle three corners: a first one and its two neighbours",
+        "three corners of each rectangle: a first one and its two neighbours",
         unit="m",
         group=9,
     )
@@ -121,7 +126,7 @@ class PlanesParameters(SceneParameters):
     def problems(self, prefix: str) -> Iterator[str]:
         """Yield which rectangles are none."""
         if not self.corners:
-            yield f"{prefix}corners = []: must hold one rectangle or more"
+            yield f"{prefix}corners = []: must hold at least one rectangle"
         for k in range(0, len(self.corners), 9):
             o, a, b = (self.corners[k + j : k + j + 3] for j in (0, 3, 6))
             first = [x - y for x, y in zip(a, o, strict=True)]

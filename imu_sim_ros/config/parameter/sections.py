@@ -192,7 +192,8 @@ def section_names(parameter: str, names: Iterable[object], taken: Collection[str
     """
     result = [str(name) for name in names]
     problems = [
-        f"{parameter}: {name!r}: must be letters, digits and underscores, and no parameter's name"
+        f"{parameter}: {name!r}: must be letters, digits and underscores, and not "
+        "a parameter's name"
         for name in result
         if not _SECTION_NAME.fullmatch(name) or name in taken
     ]

@@ -33,9 +33,9 @@ def straightened(attitude: Array, error: Array) -> Array:
     It belongs to a covariance that was propagated along the estimate. Attitude and error are in one
     frame, that of the covariance.
 
-    :param attitude: (n, 3) the error of the attitude, truth less estimate, as rotation vector theta
-        with ``R_true = Exp(theta) R`` in the world, or ``R_true = R Exp(theta)`` in the body.
-    :param error: (n, 3) truth less estimate.
+    :param attitude: (n, 3) the error of the attitude, truth minus estimate, as rotation vector
+        theta with ``R_true = Exp(theta) R`` in the world, or ``R_true = R Exp(theta)`` in the body.
+    :param error: (n, 3) truth minus estimate.
     """
     # Jl(v) is Jr(-v).
     result: Array = (rotation.right_jacobian_inverse(-attitude) @ error[..., None])[..., 0]

@@ -64,7 +64,7 @@ class AbsoluteErrors(NamedTuple):
     """The errors at n times."""
 
     position: Array
-    """(n, 3) truth less estimate, in the world [m]."""
+    """(n, 3) truth minus estimate, in the world [m]."""
     attitude: Array
     """(n, 3) rotation vectors about the world's axes [rad]."""
 

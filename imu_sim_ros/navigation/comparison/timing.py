@@ -45,7 +45,7 @@ def time_offset(
 ) -> float:
     """Return what has to be added to the stamps of the estimate [s], at most :data:`LARGEST`.
 
-    :param max_gap: the truth is not interpolated over longer gaps [s].
+    :param max_gap: the truth is not interpolated across longer gaps [s].
     :param scaled: the estimate's scale is unknown.
     :raises InputError: where the two overlap too little, or do not move in a way that shows it.
     """

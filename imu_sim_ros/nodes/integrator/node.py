@@ -44,8 +44,8 @@ TEXT = """Integrates imu/data_raw and publishes dead_reckoned/odom for every rea
 
 On request it also publishes dead_reckoned/path, dead_reckoned/roll_pitch_yaw (degrees) and, against
 ground_truth/odom, dead_reckoned/position_error and dead_reckoned/attitude_error.
-The noise for the covariance is that of imu.*, or else what the simulator says of its sensor on
-imu/data_raw/parameters.
+The noise for the covariance is that of imu.*, or else what the simulator publishes about its sensor
+on imu/data_raw/parameters.
 The service ~/reset starts again at initial_state."""
 
 
@@ -137,7 +137,7 @@ class Integrator(ConfiguredNode):
             publishers = self.get_publishers_info_by_topic(topic)
             offered = matching_qos(publishers, _DEPTH)
             if publishers and is_weaker(offered, qos):
-                self.get_logger().info(f"{topic} is offered as best effort; subscribing so")
+                self.get_logger().info(f"{topic} is offered as best effort; subscribing likewise")
                 self._subscribe(topic, offered)
 
     def _take(self, messages: list[Message]) -> None:
@@ -173,7 +173,9 @@ class Integrator(ConfiguredNode):
             self.replace(new)
             self.odometer.correct_with(new)
         when = "; it takes effect at the next start" if later else ""
-        self.get_logger().info(f"the sensor is {new.imu.preset}, says {self.sensor.topic}{when}")
+        self.get_logger().info(
+            f"the sensor is {new.imu.preset}, according to {self.sensor.topic}{when}"
+        )
 
     def _take_truth(self, truth: decode.Truth, rows: list[Row], errors: list[ErrorAt]) -> None:
         rows += self.odometer.add_truth(truth)

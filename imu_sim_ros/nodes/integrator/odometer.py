@@ -101,7 +101,7 @@ class Odometer:
         """Take a reading; yields one row, none while waiting, or many after it."""
         self.totals.readings += 1
         if self._stepper is not None and self._began_again(reading.t_ns):
-            self._complain("the source restarted: so does the integration")
+            self._complain("the source restarted; integration restarts too")
             self.begin()
         if self._stepper is None:
             yield from self._begin_at(self._initialiser.add_reading(reading))
@@ -154,15 +154,15 @@ class Odometer:
         """Complain about a reading that made no step; tell whether its stamp is a new one."""
         counts, step = self.totals.steps, (reading.t_ns - before) * 1e-9
         if not np.isfinite(reading.gyro + reading.accel).all():
-            self._complain(f"a reading that is not finite was skipped ({counts.not_finite})")
+            self._complain(f"non-finite reading skipped ({counts.not_finite})")
             return False
         if step == 0:
-            self._complain(f"a reading with the stamp of the one before ({counts.repeated})")
+            self._complain(f"reading with the same stamp as the previous one ({counts.repeated})")
             return False
         if step < 0:
-            self._complain(f"a stamp {-step:.6f} s before the last one ({counts.backward})")
+            self._complain(f"a stamp {-step:.6f} s before the previous one ({counts.backward})")
         else:
-            self._complain(f"a gap of {step:.6f} s, not integrated over ({counts.gaps})")
+            self._complain(f"a gap of {step:.6f} s, not integrated across ({counts.gaps})")
         return True
 
     def _complain_about_attitude(self, pose: NDArray[np.float64]) -> None:
@@ -173,9 +173,9 @@ class Odometer:
         if variance > _SMALL_ANGLE**2:
             self._uncertain = True
             self._complain(
-                f"the attitude is uncertain by {math.sqrt(variance):.2g} rad: from "
-                f"{_SMALL_ANGLE:g} rad on the covariance, which holds for small angles, is no "
-                "longer right"
+                f"the attitude uncertainty is {math.sqrt(variance):.2g} rad: above "
+                f"{_SMALL_ANGLE:g} rad the covariance, a small-angle approximation, is no "
+                "longer valid"
             )
 
     def _row(self, stepper: Stepper, t_ns: int) -> Row:

@@ -37,8 +37,8 @@ from imu_sim_ros.nodes.topics import (
 
 TEXT = """Records topics into a bag: rosbag2 in MCAP or SQLite form, or ROS 1.
 
-Words are topics (none: all), -o is --output (none: a folder named after the time; NAME.bag is
-ROS 1), -d is --duration and takes units such as 20s and 10min.
+Plain arguments are topics (none: all), -o is --output (none: a folder named after the time;
+NAME.bag is ROS 1), -d is --duration and takes units such as 20s and 10min.
 
 Whatever kills it, the bag holds all but the last second; convert_bag --recover opens it again.
 Ends with status 0 after Ctrl-C, SIGTERM, duration or max_size; 1 where writing failed."""
@@ -171,7 +171,7 @@ class Recorder(ConfiguredNode):
             self.recording.add_topic(topic)
             self.get_logger().info(f"recording {name} [{types[0]}]")
         else:
-            self.get_logger().warning(f"{name}: a publisher offers less; subscribing again")
+            self.get_logger().warning(f"{name}: a publisher offers a weaker QoS; subscribing again")
         self._qos[name] = qos
         self.reader.subscribe(name, message, qos, offset)
 
@@ -248,7 +248,7 @@ class Recorder(ConfiguredNode):
             )
         if recording.broken:
             print(
-                f"recorder: {recording.broken} messages left out: not what their type says",
+                f"recorder: {recording.broken} malformed messages skipped",
                 file=sys.stderr,
             )
         for name, reason in recording.refused.items():
@@ -260,9 +260,11 @@ class Recorder(ConfiguredNode):
 def _left(files: Sequence[Path]) -> str:
     """Return what became of a recording whose writing failed."""
     if not files:
-        return "nothing is kept: it failed before any part of the bag was whole"
+        return "nothing is kept: it failed before any part of the bag was complete"
     kept = ", ".join(map(str, files))
-    return f"{kept} keeps what was written before; convert_bag --recover makes a whole bag of it"
+    return (
+        f"{kept} keeps what was written before; convert_bag --recover makes a complete bag from it"
+    )
 
 
 def _row(topic: Topic) -> tuple[str, ...]:

@@ -238,7 +238,7 @@ def _run(node: CameraNode, reports: Reports) -> None:
         tokens, waiting = list(TOKEN.iter_unpack(waiting[:whole])), waiting[whole:]
         if len(tokens) > _BEHIND and not behind:
             behind = True
-            reports.say(warnings=[f"{len(tokens)} frames are due and not yet made"])
+            reports.say(warnings=[f"{len(tokens)} frames are due but not yet rendered"])
         for number, t0_ns in tokens:
             node.publish(number, t0_ns)
             done += 1

@@ -101,7 +101,7 @@ class CameraProcess:
         except BlockingIOError:  # some 4000 frames behind
             if not self._overflow:
                 self._overflow = True
-                self._warn(f"{self.name}: frames cannot be made in time, some are lost")
+                self._warn(f"{self.name}: frames cannot be rendered in time; some are lost")
         except (BrokenPipeError, ValueError):
             pass  # the watcher tells why
 

@@ -217,7 +217,7 @@ class Simulator(ConfiguredNode):
 
         def moved(jump: Any) -> None:
             if jump.delta.nanoseconds < 0:
-                self.get_logger().warning("the clock jumped back: starting again")
+                self.get_logger().warning("the clock jumped back: starting over")
                 self.engine.reset()
             pacer.tick()
 
@@ -345,7 +345,7 @@ class Simulator(ConfiguredNode):
         refusal = (
             "not paused: call ~/pause with true first"
             if not pacer.paused
-            else "a step is under way"
+            else "a step is in progress"
             if self._stepping
             else ""
         )

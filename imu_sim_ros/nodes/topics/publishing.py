@@ -88,7 +88,7 @@ def check_overrides(node: Node, others: Sequence[str] = ()) -> None:
         elif policy not in policies:
             problems.append(f"{name}: the policy must be one of {', '.join(policies)}")
         elif policy in _NUMBERS and not _is_whole(value := node.get_parameter(name).value):
-            allowed = f"a whole number of at least 0{_NUMBERS[policy]}"
+            allowed = f"an integer of at least 0{_NUMBERS[policy]}"
             problems.append(f"{name} = {value!r}: must be {allowed}")
     if problems:
         raise ConfigurationError(problems)

@@ -151,7 +151,7 @@ def test_configurations_of_the_consumers(tmp_path):
     ("arguments", "words"),
     [
         (["-o", "new.mcap", "--trajectory", "static"], "duration"),
-        (["-o", "there.mcap", "--duration", "1s"], "exists already"),
+        (["-o", "there.mcap", "--duration", "1s"], "already exists"),
         (["-o", "new", "--duration", "1s", "--topics", "imu/raw"], "topic imu/raw: must be one of"),
         (["-o", "new.bag", "--duration", "1s", "--compression", "zstd"], "ros1 takes none"),
         (["-o", "there.mcap/new.bag", "--duration", "1s"], "is not a folder"),

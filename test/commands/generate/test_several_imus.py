@@ -186,7 +186,7 @@ def test_cameras_follow_the_body_whatever_imus_it_carries(place):
         (["--set", "left.rate=0"], "left.rate"),
         (["--set", "imus=[left, left]"], "names must differ"),
         (["--set", "centre.rate=100"], "centre.rate: unknown parameter"),
-        (["-o", "x", "--format", "euroc", "--topics", "left/imu/temperature"], "is not for euroc"),
+        (["-o", "x", "--format", "euroc", "--topics", "left/imu/temperature"], "does not exist"),
     ],
 )  # fmt: skip
 def test_what_does_not_fit_is_one_line(tmp_path, monkeypatch, capsys, options, words):

@@ -80,7 +80,7 @@ def test_a_gap_is_reported_and_integration_goes_on_behind_it():
     # 18 steps of 5 ms at 1 m/s; the 0.455 s of the gap are not travelled.
     assert rows[-1].position[0] == pytest.approx(18 * 0.005, abs=1e-12)
     assert harness.odometer.totals.steps.gaps == 1
-    assert harness.complaints == ["a gap of 0.455000 s, not integrated over (1)"]
+    assert harness.complaints == ["a gap of 0.455000 s, not integrated across (1)"]
 
 
 def test_repeated_backward_and_unfinite_readings_are_counted_and_passed():

@@ -53,7 +53,7 @@ def test_the_readmes_trio_is_consistent(start: Any, listener: Any) -> None:
     listener.wait_for("told/odom", 2000)
     assert asked.end() == 0
     assert told.end() == 0
-    assert "the sensor is adis16448, says /imu/data_raw/parameters" in asked.output
+    assert "the sensor is adis16448, according to /imu/data_raw/parameters" in asked.output
     truth = by_stamp(listener.messages(TRUTH))
     own, other = listener.messages(ODOMETRY), listener.messages("told/odom")
     assert [m.pose.covariance.tolist() for m in own] == [m.pose.covariance.tolist() for m in other]
@@ -94,7 +94,7 @@ def test_several_imus_describe_themselves_each(start: Any, listener: Any) -> Non
         response = listener.call("integrator/get_parameters", GetParameters, names=["imu.preset"])
     assert response.values[0].string_value == "vn100"
     assert integrator.end() == 0
-    assert f"says /right/{DESCRIPTION}" in integrator.output
+    assert f"according to /right/{DESCRIPTION}" in integrator.output
 
 
 def test_without_a_description_it_says_so_and_goes_on(start: Any, listener: Any) -> None:

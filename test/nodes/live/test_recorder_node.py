@@ -199,7 +199,7 @@ def test_an_existing_output_is_never_touched(node, tmp_path, form):
     (tmp_path / FORMS[form]).write_text("precious")
     recorder, bag = record(node, tmp_path, form)
     assert recorder.status() == 2
-    assert recorder.output == f"recorder: {bag}: exists already; nothing is overwritten\n"
+    assert recorder.output == f"recorder: {bag}: already exists; nothing is overwritten\n"
     assert bag.read_text() == "precious"
 
 

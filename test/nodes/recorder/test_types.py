@@ -161,7 +161,7 @@ def test_bytes_that_are_no_text_are_named(tmp_path):
 
 
 def test_what_is_left_of_a_failed_recording_is_said() -> None:
-    assert _left([]) == "nothing is kept: it failed before any part of the bag was whole"
+    assert _left([]) == "nothing is kept: it failed before any part of the bag was complete"
     assert _left([Path("x.mcap.active")]).startswith("x.mcap.active keeps what was written before")
 
 

@@ -120,7 +120,7 @@ def test_a_step_that_waits_keeps_nobody_waiting(start: Any, imu: Any) -> None:
     imu.spin(0.2)  # the step waits for samples that do not come
     imu.call("simulator/list_parameters", ListParameters)
     refused = imu.call("simulator/step", Trigger)
-    assert (refused.success, refused.message) == (False, "a step is under way")
+    assert (refused.success, refused.message) == (False, "a step is in progress")
     assert not step.done()
     node.send(signal.SIGTERM)
     assert node.process.wait(2.0) == 0, node.output
