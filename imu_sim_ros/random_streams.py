@@ -28,7 +28,7 @@ def generator(seed: int, source: str) -> Generator:
 def generator_at(seed: int, source: str, index: int) -> Generator:
     """Return the random stream of one source for one item, a frame for instance.
 
-    What an item draws depends on nothing drawn before, so items can be made in any order.
+    What an item draws depends on nothing drawn before, so items can be generated in any order.
 
     :param index: of the item, >= 0.
     """

@@ -59,8 +59,8 @@ class Simulation:
 
         :param pose_reader: reads the file of a trajectory of recorded poses.
         :param t0_ns: time of sample 0 [ns]; None: ``start_time``, or 1 s where that is -1.
-        :param trajectory: the one of these parameters, where it is already there.
-        :raises ConfigurationError: for parameters that do not fit together.
+        :param trajectory: the one of these parameters, if it already exists.
+        :raises ConfigurationError: for inconsistent parameters.
         :raises InputError: for a file of poses that cannot be used.
         """
         self.parameters = parameters
@@ -75,7 +75,7 @@ class Simulation:
         self.reset()
 
     def _sample_count(self) -> int | None:
-        """Return how many samples there are; None: no end."""
+        """Return the number of samples; None: endless."""
         longest = self.trajectory.duration
         duration = self.parameters.duration or longest
         if duration > longest:
@@ -87,10 +87,10 @@ class Simulation:
         return timebase.sample_count(duration, self.parameters.rate)
 
     def warnings(self) -> list[str]:
-        """Return what is allowed and yet may not be meant, a line each.
+        """Return warnings on settings that are allowed but may be unintended, a line each.
 
-        The parameters' own warnings, recorded poses that no body took, and a motion that the
-        sensor's range does not hold.
+        The parameters' own warnings, implausible recorded poses, and a motion that the
+        sensor's range does not cover.
         """
         imu = self.parameters.imu
         recorded = recorded_in(self.trajectory)
@@ -108,7 +108,7 @@ class Simulation:
         )
 
     def notes(self) -> list[str]:
-        """Return what was mended of recorded poses, and how well the spline follows them."""
+        """Return the repairs of recorded poses, and how well the spline fits them."""
         recorded = recorded_in(self.trajectory)
         return recorded.repairs + recorded.report.lines() if recorded is not None else []
 
@@ -129,7 +129,7 @@ class Simulation:
         return other
 
     def update(self, parameters: SimulationParameters) -> None:
-        """Take new values of live parameters; they hold from the next block on.
+        """Take new values of live parameters; they apply from the next block on.
 
         :raises ConfigurationError: with a line for every changed parameter that is not live;
             nothing is changed then.
@@ -168,7 +168,7 @@ class Simulation:
     def blocks(self, block_size: int = BLOCK_SIZE, count: int | None = None) -> Iterator[ImuBlock]:
         """Yield the samples that are left, in blocks.
 
-        :param count: at most so many samples; a run without end goes on for ever otherwise.
+        :param count: at most so many samples; otherwise an endless run continues forever.
         """
         end = math.inf if count is None else self.position + count
         if self.total is not None:
@@ -180,7 +180,7 @@ class Simulation:
 class SimulatedBody:
     """The simulations of one body by name: one IMU, or several and the body's own motion.
 
-    Each gives the samples that it gives alone; what is common is the trajectory, which is built
+    Each gives the same samples as on its own; they share the trajectory, which is built
     once, and the windows of time.
     """
 
@@ -199,12 +199,12 @@ class SimulatedBody:
 
     @property
     def total(self) -> int | None:
-        """How many samples there are of all together; None: no end."""
+        """Total number of samples; None: endless."""
         totals = [simulation.total for simulation in self.simulations.values()]
         return None if None in totals else sum(total or 0 for total in totals)
 
     def warnings(self) -> list[str]:
-        """Return what is allowed and yet may not be meant, each line once."""
+        """Return warnings on settings that are allowed but may be unintended, each line once."""
         every = [line for one in self.simulations.values() for line in one.warnings()]
         return list(dict.fromkeys(every))
 
@@ -212,7 +212,7 @@ class SimulatedBody:
         """Yield all samples, window by window: each simulation's block that lies in it.
 
         A window has ``block_size`` samples of the fastest simulation; one that has no sample in a
-        window is left out of it. Blocks of simulations that are over, too.
+        window is left out of it. This includes blocks of simulations that have ended.
         """
         rates = {n: timebase.exact_rate(s.parameters.rate) for n, s in self.simulations.items()}
         window = Fraction(block_size) / max(rates.values())

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Sample times as int64 nanoseconds, each computed from its index and never by adding up."""
+"""Sample times as int64 nanoseconds, each computed from its index, never by accumulation."""
 
 import re
 from fractions import Fraction
@@ -57,7 +57,7 @@ def sample_count(duration: float, rate: float) -> int:
 
 @lru_cache(maxsize=64)
 def exact_rate(rate: float) -> Fraction:
-    """Return a rate as the fraction that a person meant: 333.3 is 3333/10.
+    """Return a rate as the fraction that was meant: 333.3 is 3333/10.
 
     :raises ConfigurationError: for a rate that is not finite and positive.
     """

@@ -63,17 +63,17 @@ class Messages(NamedTuple):
     t_ns: Times
     """(m,) stamps; a bag takes them as record times."""
     due_t_ns: Times
-    """(m,) when the driver would let them go [ns]."""
+    """(m,) when the driver would release them [ns]."""
     payloads: Bytes
     """(m, size) the messages."""
 
 
 Encode = Callable[[ImuBlock, SimulationParameters], Messages]
-"""Turns a block into messages; the parameters are those that hold for the block."""
+"""Turns a block into messages; the parameters are those valid for the block."""
 
 
 def encoder(topic: str, parameters: SimulationParameters, encoding: str = "cdr") -> Encode:
-    """Return what makes the messages of a topic.
+    """Return the encoder of a topic's messages.
 
     Readings have the stamps of the sensor's clock, and only delivered ones become messages;
     everything else has the true times.
@@ -170,7 +170,7 @@ def _increments(
     parameters: SimulationParameters,
     encoding: str,
 ) -> Encode:
-    """Return what makes increments: mean readings times the nominal interval."""
+    """Return the source of increments: mean readings times the nominal interval."""
     if parameters.imu.sampling != "averaged":
         raise ConfigurationError(
             f"topic {topic}: needs imu.sampling averaged; it is {parameters.imu.sampling}"

@@ -1,13 +1,13 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a camera on a moving body sees: models, scenes, tracks of features.
+"""What a camera on a moving body sees: models, scenes, feature tracks.
 
 ``project``, ``tracks`` and ``frames`` give it in one call, as arrays.
 
 The camera's frame c has x to the right, y down and z along the view; the centre of the first pixel
 is at (0, 0). A frame depends on nothing but the seed and its number, so frames are the same in
-blocks of any size, and can be made in any order.
+blocks of any size, and can be generated in any order.
 """
 
 from imu_sim_ros.camera.build import build_scene

@@ -32,13 +32,13 @@ from imu_sim_ros.trajectory import Trajectory
 Array = NDArray[np.float64]
 
 _LOOKS: Final = 20_000
-"""Places of a path at which a scene is fitted to it."""
+"""Positions along a path at which a scene is fitted to it."""
 _LONGEST: Final = 600.0
-"""Of a path without end, so much is looked at [s]; closed motions repeat long before."""
+"""How much of an endless path is examined [s]; closed motions repeat long before."""
 _AHEAD: Final = 0.1
 """Cosine of the largest angle from the axis at which a cloud has points."""
 _FURNITURE: Final = 0.8
-"""How far a box may stand into the room, in distances of the path from the wall."""
+"""How far a box may extend into the room, in distances of the path from the wall."""
 
 
 def build_scene(
@@ -46,8 +46,8 @@ def build_scene(
 ) -> Scene:
     """Return the scene that the parameters describe.
 
-    :param views: the cameras that see it; a cloud is made for them, a room holds them all.
-    :param duration: of the simulation [s], perhaps infinite.
+    :param views: the cameras that see it; a cloud is generated for them, a room encloses them all.
+    :param duration: of the simulation [s]; may be infinite.
     :raises ConfigurationError: where the path leaves a room.
     :raises InputError: for a file of points that cannot be used.
     """
@@ -171,7 +171,7 @@ def _house(p: HouseParameters) -> Scene:
 def _cloud(
     p: CloudParameters, views: Sequence[View], trajectory: Trajectory, duration: float
 ) -> Scene:
-    """Return points such that every look sees ``visible`` of them, as OpenVINS' simulator does.
+    """Return points such that every view sees ``visible`` of them, as OpenVINS' simulator does.
 
     Where a camera sees too few of the points so far, random pixels become points at random depths.
     """

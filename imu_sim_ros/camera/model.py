@@ -31,7 +31,7 @@ class Projection(NamedTuple):
     """Pixels of n points."""
 
     uv: Array
-    """(n, 2) [px]; of no meaning where ``valid`` is false."""
+    """(n, 2) [px]; meaningless where ``valid`` is false."""
     valid: Mask
     """(n,) the model has a pixel for the point, perhaps outside the image."""
 

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Landmarks of a file: CSV with x, y, z or id, x, y, z, and PLY, as text or binary."""
+"""Landmarks from a file: CSV with x, y, z or id, x, y, z, and PLY, as text or binary."""
 
 from pathlib import Path
 from typing import Final
@@ -37,7 +37,7 @@ _PLY_TYPES: Final = {
 def read_points(path: str | Path) -> Array:
     """Return the points (n, 3) of a file [m].
 
-    :raises InputError: with the line of what cannot be read.
+    :raises InputError: naming the line that cannot be read.
     """
     path = Path(path)
     try:
@@ -46,7 +46,7 @@ def read_points(path: str | Path) -> Array:
         raise system_error(path, error) from None
     points = _ply(path, content) if content[:3] == b"ply" else _csv(path, content)
     if not len(points):
-        raise InputError(f"{path}: holds no points")
+        raise InputError(f"{path}: contains no points")
     bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
     if len(bad):
         raise InputError(f"{path}: point {bad[0] + 1}: a value that is not finite")
@@ -69,7 +69,7 @@ def _csv(path: Path, content: bytes) -> Array:
         try:
             rows.append([float(field) for field in fields])
         except ValueError:
-            raise InputError(f"{path}: line {number}: {text!r} holds no numbers") from None
+            raise InputError(f"{path}: line {number}: {text!r} is not numeric") from None
     table = np.array(rows, dtype=np.float64)
     return table[:, -3:] if len(rows) else np.zeros((0, 3))
 
@@ -86,7 +86,7 @@ def _ply(path: Path, content: bytes) -> Array:
     """Read the vertices: the first element of the file."""
     end = content.find(b"end_header")
     if end < 0:
-        raise InputError(f"{path}: the PLY header has no end")
+        raise InputError(f"{path}: the PLY header is not terminated")
     header = content[:end].decode("ascii", "replace").splitlines()
     body = content[content.index(b"\n", end) + 1 :] if b"\n" in content[end:] else b""
     form, count, names, types = _ply_header(path, header)
@@ -103,7 +103,7 @@ def _ply(path: Path, content: bytes) -> Array:
     order = "<" if form == "binary_little_endian" else ">"
     dtype = np.dtype([(name, order + kind) for name, kind in zip(names, types, strict=True)])
     if len(body) < count * dtype.itemsize:
-        raise InputError(f"{path}: ends within the {count} vertices that its header promises")
+        raise InputError(f"{path}: ends before the {count} vertices announced in its header")
     vertices = np.frombuffer(body, dtype, count)
     return np.stack([vertices[axis].astype(np.float64) for axis in "xyz"], axis=1)
 
@@ -124,7 +124,7 @@ def _ply_header(path: Path, lines: list[str]) -> tuple[str, int, list[str], list
                 names.append(name)
                 types.append(_PLY_TYPES.get(kind, ""))
             case ["property", "list", *_] if element == "vertex":
-                raise InputError(f"{path}: a vertex with a list is not understood")
+                raise InputError(f"{path}: a vertex with a list property is not supported")
     known = form in ("ascii", "binary_little_endian", "binary_big_endian")
     if not known or not {"x", "y", "z"} <= set(names) or "" in types or not 0 <= count <= _MOST:
         raise InputError(f"{path}: the PLY header does not describe vertices with x, y and z")

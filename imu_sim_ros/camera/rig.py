@@ -20,7 +20,7 @@ from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.trajectory import Trajectory, build_trajectory
 
 BLOCK: Final = 64
-"""Frames that are made in one go."""
+"""Frames generated at once."""
 
 
 class Rig:
@@ -37,7 +37,7 @@ class Rig:
         """Set up cameras and scene.
 
         :param t0_ns: start of the simulation [ns].
-        :param duration: of the simulation [s], perhaps infinite.
+        :param duration: of the simulation [s]; may be infinite.
         :param seed: of the simulation.
         :raises ConfigurationError: for a scene that does not fit the path.
         :raises InputError: for a file of points that cannot be used.
@@ -52,7 +52,7 @@ class Rig:
         self.scene = build_scene(parameters.scene, views, trajectory, self.duration)
 
     def tracker(self, name: str) -> Tracker:
-        """Return what makes the tracks of one camera."""
+        """Return the tracker of one camera."""
         return Tracker(self.views[name], self.scene, self.trajectory)
 
     def tracks(self, name: str, block: int = BLOCK) -> Iterator[Tracks]:
@@ -117,7 +117,7 @@ def on_simulation(of_rig: Mapping[str, object], simulation: SimulationParameters
 
 
 class Blindness:
-    """Where a camera sees nothing: the spans of time without any landmark."""
+    """Where a camera sees nothing: the time spans without any landmark."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -125,7 +125,7 @@ class Blindness:
         self._open = False
 
     def look(self, tracks: Tracks, t0_ns: int) -> None:
-        """Take note of a block of frames; blocks come in order."""
+        """Record a block of frames; blocks come in order."""
         counts = np.bincount(tracks.frame, minlength=len(tracks.frames.number))
         times = (tracks.frames.true_t_ns - t0_ns) * 1e-9
         for t, count, there in zip(times, counts, tracks.frames.delivered, strict=True):

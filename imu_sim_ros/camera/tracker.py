@@ -23,7 +23,7 @@ Rows = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 _PAIRS: Final = 1 << 17
-"""Landmarks looked at in one go, over all frames: about what a processor's cache holds."""
+"""Landmarks examined at once, over all frames: about what a processor's cache holds."""
 _SHUTTER_STEPS: Final = 10
 """Always all: a result must not depend on what else is in the block."""
 _SLACK: Final = 0.1
@@ -129,7 +129,7 @@ class Tracker:
         return self._look(frames, self.scene.landmarks, self.scene.normals)
 
     def _look(self, frames: Frames, points: Array, normals: Array) -> _Seen:
-        """Return which points are seen in which frames, in as many steps as memory asks for."""
+        """Return which points are seen in which frames, in as many steps as memory requires."""
         delivered = np.flatnonzero(frames.delivered)
         step = max(1, _PAIRS // max(1, len(points)))
         parts = [

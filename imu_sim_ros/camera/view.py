@@ -55,7 +55,7 @@ class View:
 
         :param name: of the camera; its random streams have it in their names.
         :param t0_ns: start of the simulation [ns].
-        :param duration: of the simulation [s], perhaps infinite; no frame is taken after it.
+        :param duration: of the simulation [s]; may be infinite; no frame is taken after it.
         """
         self.name, self.parameters, self.seed = name, parameters, seed
         self.t0_ns, self.duration = t0_ns, duration
@@ -66,7 +66,7 @@ class View:
 
     @property
     def total(self) -> int | None:
-        """How many frames there are; None: no end."""
+        """Number of frames; None: endless."""
         rest = self.duration - self.parameters.phase
         if np.isinf(rest):
             return None

@@ -1,12 +1,12 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The files each stack wants beside a bag; one file per stack.
+"""The configuration files of each stack beside a bag; one module per stack.
 
 A stack's module turns the values of an IMU, and of the cameras beside it, into the text of its
 files. Continuous-time densities (kalibr, OpenVINS, ORB_SLAM3, Basalt) and values per sample (VINS,
 imu_utils) are mixed up again and again; each file says what its numbers mean, whether it is whole
-or a fragment to paste, and which simulated terms its format has no place for.
+or a fragment to paste, and which simulated terms its format cannot express.
 
 May import the leaves and bags (folders and decimal numbers).
 """

@@ -19,7 +19,7 @@ def config(values: ImuValues) -> str:
     """
     head = comment(
         [
-            "allan_variance_ros config.yaml, whole. It has no place for noise, which the program "
+            "allan_variance_ros config.yaml, whole. It cannot express noise, which the program "
             "finds. Its gyroscope random walk comes out about twice too high (a line through all "
             "averaging times), its accelerometer random walk about 15 %; it wants 3 h and more."
         ]

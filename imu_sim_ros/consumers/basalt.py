@@ -68,14 +68,14 @@ def calibration(values: ImuValues, rig: RigValues | None = None) -> str:
 
 
 def _pose(matrix: Array) -> dict[str, float]:
-    """Return a rigid motion (4, 4) in Basalt's words."""
+    """Return a rigid motion (4, 4) in Basalt's terms."""
     w, x, y, z = rotation.from_matrix(matrix[:3, :3]).tolist()
     place = zip(("px", "py", "pz"), matrix[:3, 3].tolist(), strict=True)
     return {**dict(place), "qx": x, "qy": y, "qz": z, "qw": w}
 
 
 def _lens(camera: CameraParameters) -> dict[str, Any]:
-    """Return a camera's model in Basalt's words (basalt/camera/*.hpp).
+    """Return a camera's model in Basalt's terms (basalt/camera/*.hpp).
 
     Mei's sphere without distortion is its ``ucm`` with ``alpha = xi / (1 + xi)`` and focal lengths
     divided by ``1 + xi``; with distortion Basalt has none, and what is said is without it.

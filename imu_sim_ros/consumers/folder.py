@@ -34,7 +34,7 @@ def texts(values: ImuValues) -> dict[str, str]:
 
 
 def rig_texts(rig: RigValues) -> dict[str, str]:
-    """Return the text of each file that speaks of cameras, by the file's name.
+    """Return the text of each file that describes cameras, by the file's name.
 
     A stack that does not know a lens keeps the file of the IMU alone, which says so.
     """

@@ -15,7 +15,7 @@ from imu_sim_ros.consumers.values import ImuValues, comment, remarks
 Array = NDArray[np.float64]
 
 UNITS: Final = {"gyroscope": " rad/s", "accelerometer": " m/s^2"}
-"""The text that imu_utils writes as the unit, with its leading blank, of _n and _w alike."""
+"""The string that imu_utils writes as the unit, with its leading blank, for both _n and _w."""
 _NAMES: Final = {"gyroscope": ("Gyr", "gyr"), "accelerometer": ("Acc", "acc")}
 _AXES: Final = ("avg-axis", "x-axis", "y-axis", "z-axis")
 

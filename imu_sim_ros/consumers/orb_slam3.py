@@ -29,7 +29,7 @@ Viewer.ViewpointY: -0.7
 Viewer.ViewpointZ: -3.5
 Viewer.ViewpointF: 500.0
 """
-"""As in its own EuRoC.yaml: what the simulation says nothing about."""
+"""As in its own EuRoC.yaml: settings that the simulation does not determine."""
 _CLOSE: Final = 60.0
 """Stereo.ThDepth of its EuRoC.yaml, in baselines."""
 

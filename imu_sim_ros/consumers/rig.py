@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the stacks' files say of cameras: the values of a simulated rig, in every stack's terms."""
+"""The cameras in the stacks' files: the values of a simulated rig, in every stack's terms."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -48,13 +48,13 @@ class RigValues:
         return all(kind(camera) in models for camera in self.cameras.values())
 
     def remarks(self, k3: bool = False) -> Iterator[str]:
-        """Yield what a format has no place for, a sentence each.
+        """Yield what a format cannot express, a sentence each.
 
         :param k3: the format takes a fifth coefficient of the radial-tangential distortion.
         """
         for name, camera in self.cameras.items():
             if len(camera.distortion) == 5 and camera.distortion[4] and not k3:
-                yield f"{name}: k3 = {decimal(camera.distortion[4])} has no place in this format"
+                yield f"{name}: this format cannot express k3 = {decimal(camera.distortion[4])}"
 
 
 def kind(camera: CameraParameters) -> str:

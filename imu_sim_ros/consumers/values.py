@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the stacks' files are made of: the values of one simulated IMU."""
+"""The source of the stacks' files: the values of one simulated IMU."""
 
 import math
 from collections.abc import Collection, Iterator
@@ -18,7 +18,7 @@ from imu_sim_ros.conventions import TRIADS
 Array = NDArray[np.float64]
 
 DENSITIES: Final = tuple(f"{t}_{key}" for t in TRIADS for key in ("noise_density", "random_walk"))
-"""The four numbers that every stack takes in some form."""
+"""The four numbers that every stack uses in some form."""
 SMALLEST: Final = 1e-12
 """Stands for 0 where a stack divides by the number, or refuses 0 as kalibr does."""
 _SMALLEST_DETERMINANT: Final = 1e-6
@@ -90,9 +90,9 @@ class ImuValues:
         return np.sqrt(2.0 * n * k / math.sqrt(3.0) + (_FLICKER * b) ** 2)
 
     def missing(self, expressed: Collection[str] = ()) -> list[str]:
-        """Return the simulated terms that a format has no place for, by parameter.
+        """Return the simulated terms that a format cannot express, by parameter.
 
-        :param expressed: the parameters that it has a place for besides the four densities.
+        :param expressed: the parameters that it can express besides the four densities.
         """
         default = flatten(ImuParameters())
         passed_over = {*DENSITIES, *expressed, *_NO_TERMS, *_EXTRINSICS}
@@ -115,9 +115,9 @@ def remarks(
     per_axis: bool = False,
     above_zero: bool = False,
 ) -> Iterator[str]:
-    """Yield what a file has to say about its numbers, a sentence each.
+    """Yield the notes of a file on its numbers, a sentence each.
 
-    :param expressed: parameters of the IMU that the format has a place for, besides the densities.
+    :param expressed: parameters of the IMU that the format can express, besides the densities.
     :param per_axis: the format has a number for each axis.
     :param above_zero: the format wants numbers above 0.
     """
@@ -128,9 +128,9 @@ def remarks(
         yield f"The root mean square of axes that differ: {', '.join(values.uneven())}"
     missing = values.missing(expressed)
     if missing:
-        yield f"Simulated, and without a place in this format: {', '.join(missing)}"
+        yield f"Simulated, but not expressible in this format: {', '.join(missing)}"
     else:
-        yield "Everything that is simulated has its place in this format."
+        yield "This format expresses everything that is simulated."
 
 
 def comment(lines: Iterator[str] | list[str]) -> str:

@@ -65,7 +65,7 @@ keyframe_parallax: 10.0
 
 
 def lens(camera: CameraParameters) -> str:
-    """Return a camera in camodocal's words."""
+    """Return a camera in camodocal's terms."""
     fx, fy, cx, cy = camera.intrinsics
     k = four(camera)
     name = {"radtan": "PINHOLE", "equidistant": "KANNALA_BRANDT", "unified": "MEI"}[kind(camera)]
@@ -106,7 +106,7 @@ def mono(rig: RigValues) -> str:
     return (
         f'%YAML:1.0\n{head}imu_topic: "{rig.imu.topic}"\nimage_topic: "{rig.topics[name]}"\n'
         f'output_path: "/tmp"\n{lens(camera)}'
-        "# The place is exact: 0. With 1 it is improved, with 2 found.\nestimate_extrinsic: 0\n"
+        "# The extrinsics are exact: 0; 1 refines, 2 estimates them.\nestimate_extrinsic: 0\n"
         f"extrinsicRotation: {opencv_matrix(t_ic[:3, :3])}"
         f"extrinsicTranslation: {opencv_matrix(t_ic[:3, 3:])}"
         f"{_TRACKER}equalize: 1\nfisheye: 0\n{_OPTIMISER}{_numbers(rig.imu)}"
@@ -145,7 +145,7 @@ def _head(name: str, rig: RigValues) -> str:
     return comment(
         [
             f"{name}, whole: lenses and their places as they are simulated, the rest as for EuRoC. "
-            "The motion has to begin with some: it initialises from parallax.",
+            "The motion must start with parallax: it initialises from it.",
             "Values per sample at this rate, not densities: noise and walk are multiplied by the "
             f"square root of the rate, sqrt({rig.imu.rate:g} Hz) (integration_base.h).",
             *rig.remarks(),

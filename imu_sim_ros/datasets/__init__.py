@@ -1,12 +1,12 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where a simulation is written: bags, datasets of text, and what its cameras see.
+"""Output of a simulation: bags, text datasets, and what its cameras see.
 
 ``topics`` holds the IMU's samples and the truth, ``tracks`` the features of cameras as tables,
 ``images`` their images as files, ``frames`` and ``features`` both as messages, ``camera_bag`` these
 in a bag, ``vio_data_simulation`` the text files of the simulator of that name; ``columns`` are the
-tables, ``read_tracks`` reads some of them again. One home for ``generate``, the public interface
+tables, ``read_tracks`` reads some of them back. One home for ``generate``, the public interface
 and campaigns. Imports bags, topics, sensor, camera. What it exports is imported when first used.
 """
 

@@ -31,7 +31,7 @@ _SPAN: Final = 0.5
 
 
 class _Waiting:
-    """A window of readings, and its frames in the making."""
+    """A window of readings, and its frames in progress."""
 
     def __init__(self, blocks: Blocks) -> None:
         self.blocks = blocks
@@ -106,7 +106,7 @@ class CameraBag:
         return self.bag.described()
 
     def write(self, blocks: Blocks) -> None:
-        """Order the frames taken until a window's end, and write the window before it."""
+        """Request the frames taken until a window's end, and write the window before it."""
         waiting = _Waiting(blocks)
         if self.bag.body in blocks:
             self._order(waiting, int(blocks[self.bag.body].true_t_ns[-1]) + 1)

@@ -23,7 +23,7 @@ _ROWS = 4096
 
 
 class CsvTable:
-    """A CSV file whose columns are integers, floats or short words."""
+    """A CSV file whose columns are integers, floats or short strings."""
 
     def __init__(self, path: Path, header: str) -> None:
         """Open a new file.
@@ -42,7 +42,7 @@ class CsvTable:
         self.rows += count
 
     def close(self, error: BaseException | None) -> None:
-        """Give the file its name, or leave it as a part."""
+        """Give the file its final name, or leave it partial."""
         if _whole(error):
             self.file.finish()
         else:
@@ -50,7 +50,7 @@ class CsvTable:
 
 
 def _whole(error: BaseException | None) -> bool:
-    """Return whether rows so far are to be kept: after no error, or an interruption."""
+    """Return whether the rows so far are to be kept: after success, or an interruption."""
     return error is None or not isinstance(error, Exception)
 
 

@@ -88,7 +88,7 @@ class CameraMessages:
 
 
 def imagers(rig: Rig, names: list[str]) -> dict[str, Imager]:
-    """Return what makes the images of the cameras named, those that want images.
+    """Return the imagers of the cameras named, for those with images.
 
     :raises ConfigurationError: for a scene without surfaces.
     :raises MissingDependencyError: where OpenCV is not installed.
@@ -101,7 +101,7 @@ def imagers(rig: Rig, names: list[str]) -> dict[str, Imager]:
 
 
 def info_of_camera(camera: CameraParameters) -> CameraInfo:
-    """Return a camera's model in the words of sensor_msgs/CameraInfo.
+    """Return a camera's model in the terms of sensor_msgs/CameraInfo.
 
     Of a unified sphere D is xi and the distortion, of a double sphere xi and alpha; ROS has no
     names for the two, so they have ours.

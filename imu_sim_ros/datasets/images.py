@@ -26,7 +26,7 @@ from imu_sim_ros.errors import system_error
 
 EUROC_HEADER: Final = "#timestamp [ns],filename"
 _AHEAD: Final = 4
-"""Images in the making for each thread."""
+"""Images in progress for each thread."""
 _DISTORTIONS: Final = {"none": "none", "radtan": "radial-tangential", "equidistant": "equidistant"}
 
 

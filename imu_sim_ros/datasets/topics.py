@@ -150,7 +150,7 @@ def imus_of(simulations: Mapping[str, object]) -> list[str]:
 
 
 def body_of(imus: Sequence[str]) -> str:
-    """Return the name of the simulation that tells the truth of IMUs."""
+    """Return the name of the simulation that provides the truth of IMUs."""
     return "" if tuple(imus) == SINGLE else BODY
 
 

@@ -16,7 +16,7 @@ TRACKS_HEADER: Final = "t_ns,camera,id,u,v,u_true,v_true,depth"
 LINES_HEADER: Final = "t_ns,camera,id,u1,v1,u2,v2,u1_true,v1_true,u2_true,v2_true"
 LANDMARKS_HEADER: Final = "id,x,y,z"
 BLOCK: Final = 64
-"""Frames that are made in one go."""
+"""Frames generated at once."""
 
 
 class CameraProgress:
@@ -86,7 +86,7 @@ class TrackFiles:
                 return
 
     def warnings(self) -> list[str]:
-        """Return what a user should know of the frames so far, a line each."""
+        """Return notes for the user on the frames so far, a line each."""
         return [line for camera in self.cameras for line in camera.blindness.warnings()]
 
     def _write(self, counts: list[int]) -> None:

@@ -32,7 +32,7 @@ _SECOND: Final = 1e-9
 
 
 class _Rows:
-    """A text file of numbers with blanks between them."""
+    """A text file of numbers separated by spaces."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -118,7 +118,7 @@ class VioDataSimulation:
             self.camera.position += count
 
     def warnings(self) -> list[str]:
-        """Return what a user should know of the frames so far, a line each."""
+        """Return notes for the user on the frames so far, a line each."""
         return self.camera.blindness.warnings()
 
     def _write_frames(self, count: int) -> None:

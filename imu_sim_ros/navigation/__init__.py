@@ -1,10 +1,10 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is made of readings: dead reckoning, preintegration, and their comparison with a truth.
+"""What follows from readings: dead reckoning, preintegration, and their comparison with a truth.
 
-``comparison``, ``covariance`` and ``preintegration`` are doors of their own. Works on arrays and
-knows neither bags nor nodes. Imports the leaves.
+``comparison``, ``covariance`` and ``preintegration`` have interfaces of their own. Works on arrays
+and knows neither bags nor nodes. Imports the leaves.
 """
 
 from imu_sim_ros.navigation import initialisation

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where integration starts: at given values, at the truth, or levelled at rest.
+"""The initial state of integration: given values, the truth, or levelled at rest.
 
 One home for the integrator node and the command dead_reckon: both start from the same readings with
 the same state, correction and covariance.
@@ -30,7 +30,7 @@ Times = NDArray[np.int64]
 
 
 class Initial(NamedTuple):
-    """What integration starts with."""
+    """The initial condition of integration."""
 
     state: NavigationState
     correction: Correction
@@ -60,7 +60,7 @@ def from_state(parameters: IntegratorParameters, state: NavigationState) -> Init
 
 
 def is_gap(parameters: IntegratorParameters, before_ns: int, t_ns: int) -> bool:
-    """Return whether rest begins again with a reading, seen from the one before."""
+    """Return whether rest starts again with a reading, given the one before."""
     return not 0 < t_ns - before_ns < parameters.max_gap * 1e9
 
 
@@ -109,7 +109,7 @@ def from_rest(
     misalignment: ``reading = S (omega + delta) + G f + b`` is ``S omega + G f + (b + S delta)``.
     Where the world turns, the gyroscope reads its rate as well (Groves, section 5.6.1).
 
-    :param gyro: (n, 3) readings [rad/s]; those that are not finite are passed over.
+    :param gyro: (n, 3) readings [rad/s]; those that are not finite are skipped.
     :param accel: (n, 3) readings [m/s^2].
     :param position: (3,) in the world [m]; None: ``initial_position``.
     :param yaw: [rad]; None: that of ``initial_orientation``.

@@ -20,7 +20,7 @@ _SIGMAS: Final = 4.0
 
 
 class Level(NamedTuple):
-    """What rest tells of a body."""
+    """What a rest reveals about a body."""
 
     q_wb: Array
     """(4,) attitude with the given yaw."""
@@ -43,7 +43,7 @@ def level(
     :param gyro: (n, 3) readings at rest [rad/s].
     :param accel: (n, 3) readings at rest [m/s^2].
     :param gravity: (3,) along the world's z axis [m/s^2].
-    :param yaw: heading, which rest does not tell [rad].
+    :param yaw: heading, which rest does not reveal [rad].
     :param uncertainty: standard deviation of the mean force's length by the sensor's own errors
         [m/s^2]; gravity may be missed by four of it, or by 5 %, whichever is more.
     :raises InputError: where the readings cannot be those of a body at rest, or gravity is not
@@ -60,7 +60,7 @@ def level(
     if strength == 0.0 or abs(measured - strength) > tolerance:
         raise InputError(
             f"the mean specific force is {measured:.4g} m/s^2 and gravity {strength:.4g} m/s^2: "
-            "the body is not at rest, it cannot be levelled"
+            "the body is not at rest and cannot be levelled"
         )
     x, y, z = force * -np.sign(gravity[2])
     roll = np.arctan2(y, z)

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The random errors of an IMU, as a covariance takes them."""
+"""The random errors of an IMU, as used by a covariance."""
 
 from typing import Final, NamedTuple
 

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a navigator knows: position, velocity and attitude, at one time or along a record."""
+"""A navigation state: position, velocity and attitude, at one time or along a record."""
 
 from typing import NamedTuple
 

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Unit quaternions and SO(3), in the three layouts that the rooms need.
+"""Unit quaternions and SO(3), in the three layouts that the package needs.
 
 The functions exported here take arrays with time first, (n, 4) and (n, 3). :mod:`components` has
 the same for components first, (4, n) and (3, n), where a record is processed in bulk;

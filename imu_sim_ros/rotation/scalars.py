@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The rotation of one vector in plain floats: tuples in, tuples out.
+"""Rotations of single vectors in plain floats: tuples in, tuples out.
 
 A step of a node handles a dozen numbers; NumPy's cost per call would be ten times that of the
 arithmetic. Quaternions are (w, x, y, z) tuples.

@@ -125,15 +125,15 @@ def test_points_come_from_csv_and_ply(tmp_path):
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (b"", "holds no points"),
-        (b"x,y,z\n", "holds no points"),
+        (b"", "contains no points"),
+        (b"x,y,z\n", "contains no points"),
         (b"1,2\n", "line 1: 2 columns"),
         (b"1,2,3\n1,2\n", "line 2: 2 columns"),
         (b"1,2,three\n1,2,3\n", "line 1"),
         (b"1,2,nan\n", "not finite"),
         (b"1,2,3\n4,5,inf\n", "point 2: a value that is not finite"),
         (b"\xff\xfe\x00", "neither CSV nor PLY"),
-        (b"ply\nformat ascii 1.0\n", "header has no end"),
+        (b"ply\nformat ascii 1.0\n", "header is not terminated"),
         (
             b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header\n1\n",
             "x, y and z",
@@ -141,7 +141,7 @@ def test_points_come_from_csv_and_ply(tmp_path):
         (
             b"ply\nformat binary_little_endian 1.0\nelement vertex 9\nproperty float x\n"
             b"property float y\nproperty float z\nend_header\n1234",
-            "ends within the 9 vertices",
+            "ends before the 9 vertices",
         ),
     ],
 )

@@ -229,7 +229,7 @@ def test_no_overlap(tmp_path, capsys):
     ("order", "message"),
     [
         ([0], "1 reading: integration needs at least two"),
-        ([0, 2, 1, 3], "1 stamps are before the one ahead of them, the first is number 2"),
+        ([0, 2, 1, 3], "1 stamps are earlier than the one before them, the first is number 2"),
         ([0, 1, 1, 2], "1 stamps are repeated, the first is number 2"),
         (
             [0, 1, 2, 60],

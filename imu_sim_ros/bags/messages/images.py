@@ -25,7 +25,7 @@ _CDR_STAMP: Final = 4
 
 
 class CameraInfo(NamedTuple):
-    """A camera's model in the words of sensor_msgs/CameraInfo."""
+    """A camera's model in the terms of sensor_msgs/CameraInfo."""
 
     height: int
     width: int

@@ -1,10 +1,10 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Images of what a camera sees; the only place of OpenCV, imported when an image is made.
+"""Images of what a camera sees; the only user of OpenCV, imported when an image is rendered.
 
 ``texture`` is what surfaces look like, ``tag36h11`` the tags of a target, ``renderer`` where each
-pixel looks, ``imager`` what the sensor makes of it, ``encode`` a PNG of it.
+pixel looks, ``imager`` the sensor's errors, ``encode`` a PNG of it.
 """
 
 from imu_sim_ros.camera.images.encode import png

@@ -22,6 +22,6 @@ def png(image: NDArray[Any]) -> bytes:
     cv2 = opencv()
     done, encoded = cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, _COMPRESSION])
     if not done:
-        raise InputError(f"OpenCV cannot make a PNG of {image.shape}")
+        raise InputError(f"OpenCV cannot encode an image of {image.shape} as PNG")
     data: bytes = encoded.tobytes()
     return data

@@ -36,7 +36,7 @@ _GRID: Final = 2.0**30
 """Poses are rounded to steps of 1e-9, so that the last bits of a sine decide nothing."""
 _EDGE_POINTS: Final = 48
 _BAND: Final = 48
-"""Rows of rays that are worked on at once."""
+"""Rows of rays that are processed at once."""
 
 
 class Maps(NamedTuple):

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is on the surfaces of a scene: textures with corners at every scale, and their mip levels.
+"""The textures on the surfaces of a scene, with corners at every scale, and their mip levels.
 
 All levels of all textures lie in one image, so that a picture is one look-up. Everything is made of
 integers and seeded: the same parameters give the same bytes everywhere.
@@ -27,7 +27,7 @@ SMALLEST_TEXEL: Final = 0.0025
 """Of a wall [m]."""
 LEVELS: Final = 8
 BACKGROUND: Final = 110
-"""Grey value where nothing is."""
+"""Grey value of the background."""
 _WIDTH: Final = 8192
 _EDGE: Final = 1
 """Texels around each texture that repeat its edge, for interpolation."""

@@ -44,7 +44,8 @@ def align(estimate: Array, truth: Array, kind: str) -> Alignment:
     :param estimate: (n, 3) positions [m].
     :param truth: (n, 3) positions at the same times [m].
     :param kind: none, yaw (rotation about z, and translation), se3, or sim3 (scale as well).
-    :raises InputError: for positions that leave the rotation open: all in one place or on a line.
+    :raises InputError: for positions that leave the rotation undetermined: all in one place or on a
+        line.
     """
     if kind not in ALIGNMENTS:
         raise ConfigurationError(f"alignment {kind!r}: must be one of {', '.join(ALIGNMENTS)}")

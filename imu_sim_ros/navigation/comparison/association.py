@@ -37,7 +37,7 @@ def interpolate_poses(poses: PoseSequence, at_ns: Times) -> PoseSequence:
 
 
 def _places(t_ns: Times, at_ns: Times) -> tuple[NDArray[np.intp], Array]:
-    """Return for each time the row before it and how far it is on the way to the next, 0..1."""
+    """Return for each time the row before it and its fraction of the way to the next, 0..1."""
     before = np.clip(np.searchsorted(t_ns, at_ns, side="right") - 1, 0, len(t_ns) - 2)
     part = (at_ns - t_ns[before]) / (t_ns[before + 1] - t_ns[before])
     return before, part
@@ -52,7 +52,7 @@ def common_rows(estimate_ns: Times, truth_ns: Times, max_gap: float = 0.5) -> ND
     :raises InputError: where fewer than two rows remain.
     """
     if len(truth_ns) < 2:
-        raise InputError(f"{len(truth_ns)} poses of the truth: two or more are needed")
+        raise InputError(f"{len(truth_ns)} poses of the truth: at least two are needed")
     inside = (estimate_ns >= truth_ns[0]) & (estimate_ns <= truth_ns[-1])
     before, part = _places(truth_ns, estimate_ns)
     long = np.diff(truth_ns)[before] * 1e-9 > max_gap

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Whether errors have the size that their covariance says.
+"""Whether errors have the size that their covariance states.
 
 Bar-Shalom, Li and Kirubarajan, "Estimation with applications to tracking and navigation", 2001,
 section 5.4.2: the normalised estimation error squared (NEES) ``e^T P^-1 e`` of a consistent

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What dead reckoning has drifted from the truth at the end, and on the way."""
+"""How far dead reckoning has drifted from the truth, at the end and along the way."""
 
 from typing import NamedTuple
 
@@ -36,7 +36,7 @@ class Truth(NamedTuple):
 
 
 class Drift(NamedTuple):
-    """Truth less estimate at the m times that both have; vectors in the world."""
+    """Truth less estimate at the m times common to both; vectors in the world."""
 
     t_ns: NDArray[np.int64]
     position: Array

@@ -23,7 +23,7 @@ DELTA_UNITS: Final = ("s", "m", "frames")
 
 
 class Statistics(NamedTuple):
-    """Of n errors, each a length or an angle."""
+    """Statistics of n errors, each a length or an angle."""
 
     rmse: float
     mean: float
@@ -131,7 +131,7 @@ def pairs(
 
     :param delta: > 0.
     :param unit: s, m (along the truth's path), or frames.
-    :param overlapping: every row starts a pair; else each pair starts where the last one ended.
+    :param overlapping: every row starts a pair; else each pair starts where the previous one ended.
     :raises InputError: where the trajectory is shorter than delta.
     """
     if unit not in DELTA_UNITS:

@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
 LARGEST: Final = 1.0
-"""[s] The offset is looked for up to this, either way."""
+"""[s] The offset is searched up to this, in both directions."""
 _INTERVAL: Final = 0.5
 """[s] Length of the relative poses: long against the noise of one pose, short against drift."""
 _STEPS: Final = (0.02, 0.002, 0.0002)
@@ -43,11 +43,11 @@ _ROUNDING: Final = 1e-12
 def time_offset(
     estimate: PoseSequence, truth: PoseSequence, max_gap: float = 0.5, scaled: bool = False
 ) -> float:
-    """Return what has to be added to the stamps of the estimate [s], at most :data:`LARGEST`.
+    """Return the offset to add to the stamps of the estimate [s], at most :data:`LARGEST`.
 
     :param max_gap: the truth is not interpolated across longer gaps [s].
     :param scaled: the estimate's scale is unknown.
-    :raises InputError: where the two overlap too little, or do not move in a way that shows it.
+    :raises InputError: where the two overlap too little, or their motion does not reveal it.
     """
     pairs = _pairs(estimate, truth, max_gap)
     coarse = np.arange(-LARGEST, LARGEST + 0.5 * _STEPS[0], _STEPS[0])
@@ -103,7 +103,7 @@ class _Pairs:
 def _chord_errors(truth: PoseSequence) -> tuple[float, float]:
     """Return by how much interpolation is off, rms [m, rad]: a h^2 / 8 half way between stamps.
 
-    Without it an offset at which stamps meet would be preferred to all others.
+    Without it an offset at which stamps coincide would be preferred to all others.
     """
     bend = np.diff(truth.position, n=2, axis=0)
     turns = rotation.log(rotation.multiply(rotation.conjugate(truth.q_wb[:-1]), truth.q_wb[1:]))
@@ -115,7 +115,7 @@ def _chord_errors(truth: PoseSequence) -> tuple[float, float]:
 
 
 def _pairs(estimate: PoseSequence, truth: PoseSequence, max_gap: float) -> _Pairs:
-    """Return the pairs whose truth is known at every offset that is looked at."""
+    """Return the pairs whose truth is known at every offset examined."""
     margin = round(LARGEST * 1e9)
     rows = common_rows(estimate.t_ns, truth.t_ns, max_gap)
     t_ns = estimate.t_ns[rows]

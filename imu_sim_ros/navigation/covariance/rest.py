@@ -1,13 +1,13 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is not known after a rest in which a body was levelled and its gyroscope's bias averaged.
+"""The uncertainty after a rest in which a body was levelled and its gyroscope's bias averaged.
 
-The mean force of the rest is taken to point up. With e the accelerometer's mean error in world axes
-and g the strength of gravity, the attitude is then wrong by ``theta = A e``, ``theta_x = -e_y / g``
-and ``theta_y = e_x / g`` (Groves, "Principles of GNSS, inertial, and multisensor integrated
+The mean force of the rest is assumed to point up. With e the accelerometer's mean error in world
+axes and g the strength of gravity, the attitude is then wrong by ``theta = A e``, ``theta_x = -e_y
+/ g`` and ``theta_y = e_x / g`` (Groves, "Principles of GNSS, inertial, and multisensor integrated
 navigation systems", 2nd edition, section 5.6.2), and the two go together: what the bias does to the
-velocity, the tilt undoes. The gyroscope's bias that is left is what changed since the rest.
+velocity, the tilt undoes. The remaining gyroscope bias is its change since the rest.
 """
 
 from collections.abc import Sequence
@@ -44,7 +44,7 @@ def after_rest(
     :param r_wb: (3, 3) attitude.
     :param gravity: (3,) in the world, along z [m/s^2].
     :param rate_hz: readings per second; it decides how far rounding averages out.
-    :param levelled: roll and pitch are from the rest as well, and not known otherwise.
+    :param levelled: roll and pitch are from the rest as well, and not otherwise known.
     """
     result = Covariance(noise)
     p, slow = result.matrix, result.slow

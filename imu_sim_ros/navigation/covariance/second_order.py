@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a tilt that is no longer small adds to the errors of velocity and position.
+"""The contribution of a tilt that is no longer small to the errors of velocity and position.
 
 To first order a tilt theta turns the specific force a by ``theta x a``, across it; along it nothing
 changes, and the first-order covariance knows there but the accelerometer's own noise. To second

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Errors of the readings that are neither white noise nor a walk: what they add to a covariance.
+"""Errors of the readings that are neither white noise nor a walk: their share of a covariance.
 
 Each is a number of its own with constant variance d: a Gauss-Markov bias, one of the processes that
 1/f noise is made of, or, with an endless correlation time, an unknown term of the response: scale,
@@ -40,7 +40,7 @@ class SlowErrors:
     """The vector a, its covariance C with the error of the state, and how it acts on readings."""
 
     def __init__(self, noise: ImuErrors, size: int) -> None:
-        """Start with errors that the state knows nothing of.
+        """Start with errors that are uncorrelated with the state.
 
         :param size: n, how many numbers the error of the state has; its last six are the biases.
         """
@@ -73,7 +73,7 @@ class SlowErrors:
         rate_b: Array | Sequence[float],
         force_b: Array | Sequence[float],
     ) -> Array:
-        """Pass over an interval of length h [s]; return what the covariance of the state gains.
+        """Propagate over an interval of length h [s]; return what it adds to the covariance.
 
         :param transition: (n, n) F.
         :param by_bias: (n, 6) G.
@@ -119,7 +119,7 @@ _Entry = tuple[int, float, float]
 
 
 def _gauss_markov(noise: ImuErrors) -> list[_Entry]:
-    """Return the Gauss-Markov biases, whichever of the two ways their strength is given in."""
+    """Return the Gauss-Markov biases, in whichever of the two forms their strength is given."""
     entries = []
     for k, triad in enumerate(noise):
         tau = triad.correlation_time
@@ -141,7 +141,7 @@ def _flicker(noise: ImuErrors) -> list[_Entry]:
 
 
 def _scales(noise: ImuErrors) -> list[tuple[int, int, float]]:
-    """Return what is multiplied by a reading: axis, its input, and the deviation of the factor.
+    """Return the terms that scale with a reading: axis, its input, and the deviation of the factor.
 
     The inputs are the readings 0 to 5, gyroscope first, and their squares 6 to 11: scale and
     misalignment, g-sensitivity, and second-order non-linearity.

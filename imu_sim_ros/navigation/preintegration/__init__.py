@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Preintegrated readings between two frames, and the residuals that a smoother makes of them.
+"""Preintegrated readings between two frames, and the residuals that a smoother forms from them.
 
 Imports the leaves and the package above.
 """

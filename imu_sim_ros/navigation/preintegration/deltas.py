@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Preintegration: what the readings between two times say, whatever the state at the first one.
+"""Preintegration: the readings between two times, independent of the state at the first one.
 
 With the body's frame at the first time i as reference and the biases taken off the readings,
 
@@ -41,17 +41,17 @@ ACCEL_BIAS, GYRO_BIAS = slice(9, 12), slice(12, 15)
 METHODS: Final = ("euler", "midpoint")
 
 ACCEL_BIAS_LIMIT: Final = 0.1
-"""[m/s^2] a bias that moved further is not corrected to first order but integrated again."""
+"""[m/s^2] beyond this change of a bias, integrate again instead of a first-order correction."""
 GYRO_BIAS_LIMIT: Final = 0.01
 """[rad/s] likewise."""
 
 _EYE: Final[Array] = np.eye(3)
 _BLOCK: Final = 2048
-"""Steps, of all intervals together, whose F and G are made at a time."""
+"""Steps, of all intervals together, whose F and G are computed at a time."""
 
 
 class Preintegration(NamedTuple):
-    """What B intervals give, and how it depends on the biases."""
+    """The result of B intervals, and how it depends on the biases."""
 
     duration: Array
     """(B,) [s]"""
@@ -302,7 +302,7 @@ def repropagated(
     noise: ImuErrors | None = None,
     method: str = "midpoint",
 ) -> tuple[Preintegration, NDArray[np.bool_]]:
-    """Return the intervals with those integrated again whose biases moved far, and which these are.
+    """Integrate intervals again whose biases moved far; return all intervals, and which these are.
 
     The others stay as they are; :func:`corrected` serves them.
     """

@@ -49,7 +49,7 @@ class ImuResidual(NamedTuple):
     """The residual of B pairs of states, and its derivatives."""
 
     residual: Array
-    """(B, 15) alpha, theta, beta, b_a, b_g: what the states say less what the readings say."""
+    """(B, 15) alpha, theta, beta, b_a, b_g: prediction from the states less the readings."""
     by_first: Array
     """(B, 15, 15) with respect to the first state."""
     by_second: Array

@@ -3,7 +3,7 @@
 
 """Dead reckoning, of whole records and one reading at a time.
 
-The equations of motion stand here; where to start and what is known of it lie in the room above.
+The equations of motion are here; the initial state and its uncertainty are in the package above.
 Imports the leaves and the package above.
 """
 

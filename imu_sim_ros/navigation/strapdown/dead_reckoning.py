@@ -56,7 +56,7 @@ _Vector = tuple[float, float, float]
 """g_w of the lecture [m/s^2]."""
 _STILL: Final[_Vector] = (0.0, 0.0, 0.0)
 _BLOCK: Final = 16384
-"""Intervals that are worked on at a time: their arrays stay in the processor's cache."""
+"""Intervals processed at a time: their arrays stay in the processor's cache."""
 
 
 def dead_reckon(
@@ -211,13 +211,13 @@ class _States:
 def _step_through(
     stepper: Stepper, t_ns: NDArray[np.int64], gyro: Array, accel: Array
 ) -> NavigationStates:
-    """Integrate one by one what has no increments."""
+    """Integrate one step at a time where there are no increments."""
     rows = []
     for t, rate, force in zip(t_ns.tolist(), gyro.tolist(), accel.tolist(), strict=True):
         stepper.add(t, rate, force)
         if stepper.counts.gimbal_lock:
             raise InputError(
-                f"euler_angles: the pitch comes near its gimbal lock at 90 degrees, "
+                f"euler_angles: the pitch is near gimbal lock at 90 degrees, "
                 f"{(t - int(t_ns[0])) * 1e-9:.6g} s after the first reading; use so3 or quaternion"
             )
         rows.append((*stepper.position, *stepper.velocity, *stepper.q_wb))

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is asked of a record of readings before it is integrated."""
+"""Checks of a record of readings before it is integrated."""
 
 import math
 
@@ -48,7 +48,7 @@ def check_readings(
 def _order_problems(t_ns: NDArray[np.int64]) -> list[str]:
     steps = np.diff(t_ns)
     problems = []
-    for what, bad in (("repeated", steps == 0), ("before the one ahead of them", steps < 0)):
+    for what, bad in (("repeated", steps == 0), ("earlier than the one before them", steps < 0)):
         if bad.any():
             first = int(np.argmax(bad)) + 1
             problems.append(

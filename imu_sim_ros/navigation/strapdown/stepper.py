@@ -41,7 +41,7 @@ integrated."""
 
 @dataclass
 class Counts:
-    """What a stepper met that was no ordinary step."""
+    """Counts of what a stepper met besides ordinary steps."""
 
     repeated: int = 0
     """readings with the stamp of the reading before"""
@@ -50,7 +50,7 @@ class Counts:
     gaps: int = 0
     """intervals of max_gap or more"""
     not_finite: int = 0
-    """readings with infinity or not-a-number; they are passed over"""
+    """readings that are infinite or not a number; they are skipped"""
     gimbal_lock: int = 0
     """steps near the gimbal lock, taken with the so3 update in place of Euler angles"""
 

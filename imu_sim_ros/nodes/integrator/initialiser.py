@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where integration starts: at given values, at the truth, or levelled at rest.
+"""The initial state of integration: given values, the truth, or levelled at rest.
 
 Each start is given readings and truths as they arrive, keeps what it may still need, and returns a
 :class:`Start` once it knows; from then on it is not asked again.
@@ -24,7 +24,7 @@ _KEPT = 20000
 
 
 class Start(NamedTuple):
-    """What integration starts with."""
+    """The initial condition of integration."""
 
     initial: Initial
     """State, correction and covariance at the first of the readings."""
