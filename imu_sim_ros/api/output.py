@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How every ``save`` writes: refused where something exists, and named when it is whole."""
+"""How every ``save`` writes: refused where something exists, and named when it is complete."""
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Output files that are never taken for whole before they are."""
+"""Output files that cannot be mistaken for complete ones before they are."""
 
 import os
 from contextlib import suppress

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Bags and datasets into one another, block by block."""
+"""Conversion between bags and datasets, block by block."""
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -80,7 +80,7 @@ def bag_to_bag(
     """Copy topics of any type; the bytes stay as they are where the encoding does.
 
     :param renamed: new names by old ones.
-    :param advance: is told how many messages were copied.
+    :param advance: receives the number of messages copied.
     """
     with told(bag.path):
         translate = _translator(bag, writer, topics)
@@ -301,7 +301,7 @@ class BiasTopicReader:
     def at(self, t_ns: Times) -> Array:
         """Return the vectors (n, 3) of the next times.
 
-        :raises InputError: where the topic has other times.
+        :raises InputError: where the topic has different times.
         """
         if self._blocks is None:
             return np.zeros((len(t_ns), 3))

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Decompression of chunks, whole ones and torn ones, of a bounded size, in steps."""
+"""Decompression of complete and truncated chunks, of a bounded size, in steps."""
 
 from collections.abc import Iterator
 from typing import Any, Final

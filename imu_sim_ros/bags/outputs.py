@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Everything a program writes: refused before any work begins, or named when it is whole.
+"""Everything a program writes: refused before any work begins, or named when it is complete.
 
 A target is written below a staging folder beside it, ``NAME.active/NAME``, and renamed at the end.
 So no name ever stands for half an output, and what fails leaves nothing behind.

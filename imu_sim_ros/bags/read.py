@@ -143,10 +143,10 @@ def imu_blocks(
 ) -> Iterator[ImuMessages]:
     """Yield the messages of an Imu topic in blocks of bounded size, in the order of record times.
 
-    :param path: a bag, an EuRoC folder, or a CSV file in the form of EuRoC or kalibr.
+    :param path: a bag, a EuRoC folder, or a CSV file in the form of EuRoC or kalibr.
     :param topic: None: the only one.
     :param recover: as for :func:`open_bag`.
-    :param skipped: of text: is told how many bad rows were passed over; None: they are errors.
+    :param skipped: of text: receives the number of bad rows skipped; None: they are errors.
     :raises InputError: for an input that cannot be used; of several topics all are listed.
     """
     if text_reader.is_text(Path(path)):
@@ -196,7 +196,7 @@ def odometry_blocks(
 def read_odometry(
     path: str | Path, topic: str | None = None, skipped: Skipped | None = None
 ) -> OdometryMessages:
-    """Return all messages of an Odometry topic, or the states of an EuRoC folder."""
+    """Return all messages of an Odometry topic, or the states of a EuRoC folder."""
     square = np.empty((0, 6, 6))
     empty = OdometryMessages(
         _times(), _rows(3), _rows(4), _rows(3), _rows(3), square, square, "", ""
@@ -213,7 +213,7 @@ def read_poses(
     """Return poses: of a text file (TUM, EuRoC), or a bag's Odometry or PoseStamped topic.
 
     :param topic: None: the only topic of Odometry, else of PoseStamped.
-    :param skip_bad_rows: of a text file: pass over rows that are wrong, and count them.
+    :param skip_bad_rows: of a text file: skip bad rows and count them.
     :param covariance: of a text file: read the covariances too, where every row has them.
     """
     path = Path(path)

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Many runs of an estimator over a grid of sensors, motions, faults and seeds, and what they say.
+"""Many runs of an estimator over sensors, motions, faults and seeds, and their statistics.
 
 :mod:`~imu_sim_ros.campaign.plan` reads what is asked for, :mod:`~imu_sim_ros.campaign.cells` makes
 the grid's cells, :mod:`~imu_sim_ros.campaign.runs` makes one run, the engines spread the runs over

@@ -106,8 +106,8 @@ def run(
     What has come so far is kept, whatever ends this: the next call goes on behind it.
 
     :param start: the engine.
-    :param advance: told how many runs have come.
-    :param retry_failed: make runs again that failed before.
+    :param advance: receives the number of runs finished.
+    :param retry_failed: repeat runs that failed before.
     :param batch: seeds in a task; None: as many as suit the estimators.
     """
     there = {

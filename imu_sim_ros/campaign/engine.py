@@ -89,7 +89,7 @@ _folder: Path
 
 
 def _begin(plan: Plan, folder: Path) -> None:
-    """Prepare a worker: Ctrl-C is the main process's matter."""
+    """Prepare a worker: Ctrl-C is handled by the main process."""
     global _plan, _folder
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)

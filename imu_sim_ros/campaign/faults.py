@@ -13,7 +13,7 @@ from imu_sim_ros.sensor import Fault
 
 @dataclass(frozen=True)
 class TimedFault:
-    """A fault and when it begins."""
+    """A fault and its start time."""
 
     at: float
     """[s] after the start."""

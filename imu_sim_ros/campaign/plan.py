@@ -99,7 +99,7 @@ class Plan:
     def simulation(self, cell: Cell) -> SimulationParameters:
         """Return the parameters of a cell, with the first seed.
 
-        :raises ConfigurationError: with a line for everything that is wrong, after the cell's name.
+        :raises ConfigurationError: with one line per problem, after the cell's name.
         """
         with _in_cell(cell):
             return load_simulation(self._split(cell)[1], {"seed": self.seeds[0]})
@@ -107,7 +107,7 @@ class Plan:
     def rig(self, cell: Cell) -> "RigParameters | None":
         """Return the cameras of a cell and what they see; None where there is none.
 
-        :raises ConfigurationError: with a line for everything that is wrong, after the cell's name.
+        :raises ConfigurationError: with one line per problem, after the cell's name.
         """
         with _in_cell(cell):
             of_rig = self._split(cell)[0]
@@ -249,7 +249,7 @@ def read_plan(tree: Mapping[str, Any]) -> Plan:
 def check_cells(plan: Plan) -> None:
     """Build every cell's parameters; of a very large grid, those along each axis.
 
-    :raises ConfigurationError: with a line for everything that is wrong, each once.
+    :raises ConfigurationError: with one line per problem, each once.
     """
     every = cell_count(plan.axes) <= _ALL_CHECKED
     problems: dict[str, None] = {}

@@ -61,8 +61,8 @@ class Store:
     def __init__(self, folder: Path, resume: bool, force: bool = False) -> None:
         """Open a folder for one campaign.
 
-        :param resume: go on with what is there.
-        :param force: begin again, without the results that are there.
+        :param resume: continue with the existing results.
+        :param force: start over, discarding the existing results.
         :raises InputError: for a folder that another campaign uses, that holds results while
             neither is asked for, or that holds anything else.
         """
@@ -119,7 +119,7 @@ class Store:
             shutil.copyfile(path, part)
 
     def rows(self) -> Iterator[Row]:
-        """Yield the rows that are there; a torn line is passed over."""
+        """Yield the rows that are there; a truncated line is skipped."""
         yield from read_log(self.folder / LOG)
 
     def append(self, rows: Sequence[Row]) -> None:
@@ -179,7 +179,7 @@ def _remove(path: Path) -> None:
 
 @contextlib.contextmanager
 def replaced(path: Path) -> Iterator[Path]:
-    """Yield where to write a file that gets its name when it is whole, or none on an error."""
+    """Yield where to write a file that gets its name when it is complete, or none on an error."""
     part = path.with_name(f".{path.name}.part")
     try:
         yield part

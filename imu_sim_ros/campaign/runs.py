@@ -222,7 +222,7 @@ class CellRuns:
 
 
 def _check(metrics: Metrics, diverged_above: float) -> None:
-    """Raise a Failure for numbers that are none, and for an error above the limit."""
+    """Raise a Failure for numbers that are not finite, and for an error above the limit."""
     for name, value in metrics.items():
         if value is not None and not np.isfinite(value):
             raise Failure(f"{name} is not finite")

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What many runs say: intervals, comparisons on the same seeds, sensitivities.
+"""Statistics of many runs: intervals, comparisons on the same seeds, sensitivities.
 
 Means have a bias-corrected and accelerated (BCa) bootstrap interval (Efron, "Better bootstrap
 confidence intervals", JASA 1987); medians and percentiles the exact interval of the order

@@ -179,7 +179,7 @@ def _ways(
 
 
 def _skipped(readings: ImuMessages, skip: float) -> ImuMessages:
-    """Leave out the readings before a time after the first."""
+    """Skip the readings before a time after the first."""
     if not skip or not len(readings.t_ns):
         return readings
     return _from(readings, int(readings.t_ns[0]) + round(skip * 1e9))
@@ -215,7 +215,7 @@ def _read_truth(arguments: argparse.Namespace) -> Truth | None:
 
 
 def _within(readings: ImuMessages, truth: Truth, tolerance: float) -> ImuMessages:
-    """Leave out the few readings ahead of the truth's first stamp.
+    """Skip the few readings ahead of the truth's first stamp.
 
     :raises InputError: where they are not few, or none remains.
     """

@@ -294,7 +294,7 @@ def _consistency(
 
 
 def _invertible(covariances: Array) -> NDArray[np.bool_]:
-    """Tell which covariances (n, k, k) have a NEES: where the start is the truth, they are zero."""
+    """Return which covariances (n, k, k) have a NEES: at a true start they are zero."""
     result: NDArray[np.bool_] = np.asarray(np.isfinite(covariances).all(axis=(1, 2)))
     ranks = np.linalg.matrix_rank(covariances[result], hermitian=True)
     result[result] = ranks == covariances.shape[-1]

@@ -164,7 +164,7 @@ def _bag(
     names: dict[str, str],
     cameras: Any,
 ) -> Iterator[Any]:
-    """Open a bag; it is whole when the block ends without an error."""
+    """Open a bag; it is complete when the block ends without an error."""
     known = offered(imus_of(parameters))
     with open_writer(
         output,
@@ -191,7 +191,7 @@ def _target(
     names: dict[str, str],
     cameras: Any,
 ) -> Iterator[Any]:
-    """Open the output; it is whole when the block ends without an error."""
+    """Open the output; it is complete when the block ends without an error."""
     form, imus = bag_output.form(arguments), imus_of(parameters)
     sources = offered(imus)
     camera_output.check_form(form, output, cameras, len(imus))

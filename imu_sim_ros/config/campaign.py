@@ -78,7 +78,7 @@ class CommandEstimator:
     shell: bool = flag(False, "run the command by /bin/sh instead of directly")
 
     def problems(self, prefix: str) -> Iterator[str]:
-        """Yield what single parameters cannot say."""
+        """Yield problems that involve several parameters."""
         if not self.command.strip():
             yield f"{prefix}command = {self.command!r}: must name a program"
 

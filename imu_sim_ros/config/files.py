@@ -200,7 +200,7 @@ def sensor_layer(name_or_file: str, node: str = "simulator") -> dict[str, object
 def build_layered(cls: type[_T], layering: Layering, given: Mapping[str, object]) -> _T:
     """Return the section for what was given above the files that it names.
 
-    :raises ConfigurationError: with a line for everything that is wrong; a file that cannot be
+    :raises ConfigurationError: with one line per problem; a file that cannot be
         found hides no other problem.
     """
     try:

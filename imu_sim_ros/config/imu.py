@@ -156,7 +156,7 @@ class ImuParameters(TimingParameters, TriadsParameters):
         return timebase.exact_rate(self.internal_rate) / timebase.exact_rate(rate)
 
     def problems(self, prefix: str) -> Iterator[str]:
-        """Say which parameters contradict each other, a line each."""
+        """Yield a line for each contradiction between parameters."""
         yield from rotation_problems(self.mounting, f"{prefix}mounting")
         for triad in TRIADS:
             yield from self._sampling_problems(triad, prefix)
@@ -181,7 +181,7 @@ class ImuParameters(TimingParameters, TriadsParameters):
             )
 
     def warnings(self, prefix: str, gravity: float) -> Iterator[str]:
-        """Say what is allowed and yet looks like a mistake, a line each.
+        """Yield a line for each allowed value that looks like a mistake.
 
         :param gravity: magnitude [m/s^2].
         """

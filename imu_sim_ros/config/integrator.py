@@ -161,7 +161,7 @@ class IntegratorParameters:
     )
 
     def problems(self, prefix: str) -> Iterator[str]:
-        """Yield what single parameters cannot say."""
+        """Yield problems that involve several parameters."""
         if max(self.gravity) == min(self.gravity) != 0:
             such = ", ".join(f"{component:g}" for component in GRAVITY)
             yield f"{prefix}gravity = {self.gravity[0]}: must be a vector such as [{such}]"

@@ -65,7 +65,7 @@ class RecorderParameters:
     status: bool = flag(True, "show a live line with counts and rates on a terminal")
 
     def problems(self, prefix: str) -> Iterator[str]:
-        """Yield what single parameters cannot say."""
+        """Yield problems that involve several parameters."""
         storage = self.form()
         allowed = {
             "mcap": ("none", "lz4", "zstd"),

@@ -103,7 +103,7 @@ class SimulationParameters:
             )
 
     def warnings(self) -> list[str]:
-        """Return what is allowed and yet looks like a mistake, a line each."""
+        """Return a line for each allowed value that looks like a mistake."""
         return list(self.imu.warnings("imu.", math.hypot(*self.gravity)))
 
 

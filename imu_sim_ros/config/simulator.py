@@ -36,7 +36,7 @@ BODY = "/body"
 
 @dataclass(frozen=True)
 class PublishParameters:
-    """Which topics there are besides ``imu/data_raw``."""
+    """Which topics are published besides ``imu/data_raw``."""
 
     ground_truth: bool = flag(True, "publish ground_truth/odom")
     ground_truth_imu: bool = flag(False, "publish ground_truth/imu, the readings without errors")
@@ -152,7 +152,7 @@ class SimulatorParameters(SimulationParameters):
     inject: InjectParameters = section(InjectParameters)
 
     def problems(self, prefix: str) -> Iterator[str]:
-        """Say what single parameters cannot, a line each."""
+        """Yield problems that involve several parameters, one line each."""
         yield from super().problems(prefix)
         if self.wait_for_truth_subscribers and not self.publish.ground_truth:
             yield (

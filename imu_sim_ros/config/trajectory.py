@@ -100,7 +100,7 @@ class FreeFallParameters(TrajectoryParameters):
 
 @dataclass(frozen=True)
 class WaypointsParameters(TrajectoryParameters):
-    """A smooth way through given places, at rest at both ends."""
+    """A smooth path through given waypoints, at rest at both ends."""
 
     type: str = text("waypoints", TYPE_TEXT)
     positions: tuple[float, ...] = numbers(

@@ -23,7 +23,7 @@ TYPE_TEXT = "kind of trajectory, or the name of a file in config/trajectories"
 
 @dataclass(frozen=True)
 class VibrationParameters:
-    """Shaking of the body along its own axes, and about them, on top of any motion or rest."""
+    """Vibration of the body along and about its own axes, on top of any motion or rest."""
 
     frequency: tuple[float, ...] = numbers(
         (), "of each sinusoid", unit="Hz", minimum=0.0, above_minimum=True

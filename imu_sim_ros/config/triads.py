@@ -228,7 +228,7 @@ class TriadParameters:
         return result
 
     def problems(self, prefix: str) -> Iterator[str]:
-        """Say which parameters contradict each other, a line each."""
+        """Yield a line for each contradiction between parameters."""
         triad = prefix.rpartition(".")[2]
         yield from self._gauss_markov_problems(prefix, triad)
         yield from self._scale_problems(prefix, triad)

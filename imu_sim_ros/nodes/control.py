@@ -31,7 +31,7 @@ _SETTLE: Final = 0.3
 
 
 class Status(NamedTuple):
-    """What the simulator says about itself once per second."""
+    """Status of the simulator, once per second."""
 
     words: str
     values: Mapping[str, str]
@@ -39,7 +39,7 @@ class Status(NamedTuple):
 
 
 class InjectedFault(NamedTuple):
-    """A fault, as ``ground_truth/faults`` tells it."""
+    """A fault, as published on ``ground_truth/faults``."""
 
     t_ns: int
     """Stamp of the first sample that it hits."""
@@ -52,7 +52,7 @@ class Control:
 
     :param name: of the node, with its namespace where it has one, such as ``/left/simulator``.
     :param patience: how long an answer may take [s].
-    :raises InputError: for what is no name of a node.
+    :raises InputError: for an invalid node name.
     """
 
     def __init__(self, name: str, patience: float) -> None:
@@ -83,11 +83,11 @@ class Control:
         return self._ask("pause", SetBool, SetBool.Request(data=paused))
 
     def reset(self) -> str:
-        """Go back to the first sample; returns the simulator's answer."""
+        """Return to the first sample; returns the simulator's answer."""
         return self._ask("reset", Trigger, Trigger.Request())
 
     def step(self, samples: int | None = None) -> str:
-        """Let samples pass while paused; returns the simulator's answer.
+        """Publish samples while paused; returns the simulator's answer.
 
         :param samples: how many; None: as many as its parameter ``step_samples`` says.
         """
@@ -171,7 +171,7 @@ class Control:
             self._executor.spin_once(timeout_sec=_TURN)
 
     def _others(self) -> str:
-        """Say which simulators there are; each has a service ``~/step``."""
+        """Return which simulators there are; each has a service ``~/step``."""
         services = (name for name, _ in self._node.get_service_names_and_types())
         found = sorted(name.removesuffix("/step") for name in services if name.endswith("/step"))
         others = [name for name in found if name != self._name]

@@ -89,7 +89,7 @@ def main(
     :param values: chosen values that decide which parameters exist.
     :param arguments: the command line without the program's name.
     :returns: exit status: the node's own; 0 after SIGINT, SIGTERM or SIGHUP; 2 after printing one
-        line for each thing that is wrong with the parameters; 1 after any other error.
+        line for each problem with the parameters; 1 after any other error.
     """
     arguments = sys.argv[1:] if arguments is None else arguments
     if completion.is_asked():

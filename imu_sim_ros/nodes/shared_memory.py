@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Shared memory of Fast DDS that a killed process left half made.
+"""Shared memory of Fast DDS that a killed process left half initialised.
 
 Fast DDS opens the segment of a port by ``boost::interprocess::managed_open_or_create`` (in
 ``SharedMemGlobal::open_port_internal``; seen in 2.14): who creates it writes 2 into its first word

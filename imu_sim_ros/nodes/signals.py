@@ -86,7 +86,7 @@ class EndSignals:
 
 
 def _nothing(number: int, frame: FrameType | None) -> None:
-    """Be there: the signal does not end the process, and its number goes into the pipe."""
+    """Do nothing: the signal does not end the process, and its number goes into the pipe."""
 
 
 _signals: EndSignals | None = None

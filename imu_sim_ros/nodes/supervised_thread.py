@@ -31,7 +31,7 @@ class SupervisedThread:
         self._thread.start()
 
     def join(self, timeout: float | None = None) -> bool:
-        """Wait for the end of the thread, at most ``timeout`` seconds; tell whether it has ended.
+        """Wait for the end of the thread, at most ``timeout`` seconds; return whether it has ended.
 
         A thread that was never started has ended, and nobody waits for itself.
         """

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Pictures of results; the only room that imports matplotlib.
+"""Plots of results; the only room that imports matplotlib.
 
 It sees the results of navigation and calibration. Its modules are imported when first used.
 """

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Pictures of the calibrations: what is left of the readings, and curves against temperature."""
+"""Plots of the calibrations: residuals of the readings, and curves against temperature."""
 
 from collections.abc import Sequence
 from pathlib import Path

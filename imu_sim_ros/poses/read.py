@@ -62,7 +62,7 @@ def read_poses(
     once.
 
     :param topic: must be None; for readers that know bags as well.
-    :param skip_bad_rows: pass over rows that are wrong, and count them.
+    :param skip_bad_rows: skip bad rows and count them.
     :param covariance: read the covariances too, where every row has them.
     :raises InputError: with the lines of all that is wrong, whatever it is.
     """
@@ -158,7 +158,7 @@ class _Reading:
     def _parsed(self, rows: list[Row]) -> _Poses:
         """Return the poses of rows, all converted at once.
 
-        :raises ValueError, OverflowError: where one of them cannot be.
+        :raises ValueError, OverflowError: where one of them cannot be converted.
         """
         separator = b"," if self._euroc else None
         allowed = _EUROC_COLUMNS if self._euroc else _TUM_COLUMNS
@@ -181,7 +181,7 @@ class _Reading:
         return _Poses(number, t_ns, position, q_wb, self._triangles(rows, columns))
 
     def _triangles(self, rows: list[Row], columns: set[int]) -> Array:
-        """Return the columns of covariance, not a number where not all of these rows have them."""
+        """Return the columns of covariance, NaN where not all of these rows have them."""
         if not self._covariance:
             return np.empty((len(rows), 0))
         if len(columns) > 1 or not columns <= _WITH_COVARIANCE:
@@ -267,7 +267,7 @@ class _Reading:
         return poses.at(kept[kept >= first])
 
     def _increasing(self, poses: _Poses, repeated: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Tell which stamps are after all before them; note those that are not, nor repeated."""
+        """Return which stamps are after all before them; note those that are not, nor repeated."""
         latest = np.maximum.accumulate(poses.t_ns)
         keep = np.concatenate([[True], poses.t_ns[1:] > latest[:-1]])
         for k in np.flatnonzero(~keep & ~repeated):
@@ -308,7 +308,7 @@ def _covariance(triangles: Array, q_wb: Array) -> Array | None:
 
 
 def _repeated(poses: _Poses) -> NDArray[np.bool_]:
-    """Tell which rows say once more what the row before them says."""
+    """Return which rows say once more what the row before them says."""
     same_pose = (np.diff(poses.position, axis=0) == 0).all(axis=-1) & (
         np.abs(np.sum(poses.q_wb[1:] * poses.q_wb[:-1], axis=-1)) > _SAME
     )

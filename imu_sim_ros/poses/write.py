@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Poses into text."""
+"""Poses as text."""
 
 from pathlib import Path
 

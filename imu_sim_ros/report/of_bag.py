@@ -45,7 +45,7 @@ class Estimate(NamedTuple):
 def bag_sections(
     path: Path, truth: Estimate | None, estimates: Sequence[Estimate]
 ) -> list[Section]:
-    """Return the sections of a bag, an EuRoC folder or a file of readings.
+    """Return the sections of a bag, a EuRoC folder or a file of readings.
 
     :param truth: None: nothing is compared.
     :raises InputError: for what cannot be read.

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""MCAP files as blocks of messages; damaged and unfinished ones as far as they go."""
+"""MCAP files as blocks of messages; damaged and unfinished ones as far as they can be read."""
 
 import struct
 import zlib
@@ -76,7 +76,7 @@ class McapBag(Bag):
         self._file.close()
 
     def _read_summary(self) -> Mapping[int, int] | None:
-        """Read what the end of the file says; None where it has no index of chunks."""
+        """Read the summary at the end of the file; None where it has no index of chunks."""
         from mcap.exceptions import McapError
         from mcap.reader import SeekingReader
 

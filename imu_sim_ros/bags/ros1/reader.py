@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""ROS 1 bags (format 2.0) as blocks of messages; unindexed and torn ones as far as they go."""
+"""ROS 1 bags (format 2.0) as blocks of messages; damaged ones as far as readable."""
 
 import struct
 from collections.abc import Collection, Iterator, Mapping

@@ -76,7 +76,7 @@ def imu_blocks(
     """Yield stamps (n,), angular rates (n, 3) and specific forces (n, 3) in blocks.
 
     :param name: of the sensor, where a folder has several: imu0, imu1.
-    :param skipped: is told how many bad rows were passed over; None: they are errors.
+    :param skipped: receives the number of bad rows skipped; None: they are errors.
     :raises InputError: with the first lines of every class of bad rows, at the end of the file.
     """
     for t_ns, numbers in _blocks(_imu_file(path, name), _IMU_COLUMNS, skipped):
@@ -162,7 +162,7 @@ def _state_path(folder: Path) -> Path | None:
 def _blocks(path: Path, columns: int, skipped: Skipped | None) -> Iterator[tuple[Times, Array]]:
     """Yield stamps (n,) and numbers (n, columns) of a CSV file.
 
-    :param skipped: is told how many bad rows were passed over; None: they are errors.
+    :param skipped: receives the number of bad rows skipped; None: they are errors.
     :raises InputError: for a file of another form, and at its end with the first lines of every
         class of bad rows.
     """
@@ -257,7 +257,7 @@ class _Table:
             self.bad.note(NUMBERS, line, "cannot be read as numbers")
 
     def _good(self, lines: Times, found: NDArray[np.void]) -> NDArray[np.bool_]:
-        """Tell which rows are finite and not earlier than one before them; note the others.
+        """Return which rows are finite and not earlier than one before them; note the others.
 
         Readings that the transport doubled occur twice: equal stamps are sound.
         """

@@ -41,7 +41,7 @@ class _Readings(NamedTuple):
 def run_calibration(runs: "CellRuns", estimator: CalibrationEstimator, seed: int) -> Metrics:
     """Return how far the result of a seed's record lies from the sensor.
 
-    :raises InputError: for a record that nothing can be told from.
+    :raises InputError: for a record that yields no result.
     """
     parameters = dataclasses.replace(runs.parameters, seed=seed)
     if estimator.type == "allan":

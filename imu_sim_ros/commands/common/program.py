@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A program's parser, its run with the exit status, and what it says of what goes wrong."""
+"""A program's parser, its run with the exit status, and its error messages."""
 
 import argparse
 import os
@@ -50,7 +50,7 @@ class Parser(argparse.ArgumentParser):
         )
 
     def _print_message(self, message: str, file: Any = None) -> None:
-        """Print; argparse would pass over a help text that standard output cannot take."""
+        """Print; argparse would ignore a help text that standard output cannot take."""
         if message and file is sys.stdout:
             file.write(message)
             file.flush()
@@ -74,7 +74,7 @@ def main(
     command: Callable[[argparse.Namespace], None],
     argv: Sequence[str] | None = None,
 ) -> int:
-    """Run a program: read its arguments, do what it does, tell what went wrong.
+    """Run a program: read its arguments, do its work, report what went wrong.
 
     :param command: does the work; raises what goes wrong.
     :param argv: the command line without the program's name; None: that of the process.

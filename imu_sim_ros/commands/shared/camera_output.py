@@ -85,7 +85,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def parameters(arguments: argparse.Namespace) -> Asked:
     """Return what the arguments ask for: the IMUs, and the cameras where there are some.
 
-    :raises ConfigurationError: with a line for everything that is wrong with either.
+    :raises ConfigurationError: with one line per problem with either.
     """
     layers = common.simulation_layers(arguments)
     # Short arguments lie below the files and --set, as all of them do.
@@ -195,7 +195,7 @@ class CameraTarget(DatasetTarget):
 def opened(
     form: str, output: Path, cameras: "Rig", names: dict[str, str], imus: Sequence[str]
 ) -> Iterator[Any]:
-    """Open a dataset with cameras; it is whole when the block ends without an error.
+    """Open a dataset with cameras; it is complete when the block ends without an error.
 
     :param names: of the topics that are written.
     :param imus: the names of the IMUs.

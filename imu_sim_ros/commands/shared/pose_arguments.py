@@ -25,7 +25,7 @@ def add_skip_bad_rows(parser: Any) -> None:
 def skipped_rows(
     arguments: argparse.Namespace, program: str, path: str | Path
 ) -> Callable[[int], None] | None:
-    """Return what says how many rows of a table were left out; None: bad rows are errors."""
+    """Return what reports how many rows of a table were skipped; None: bad rows are errors."""
 
     def say(count: int) -> None:
         print(f"{program}: {path}: {count} bad rows skipped", file=sys.stderr)
@@ -34,7 +34,7 @@ def skipped_rows(
 
 
 class PoseReader:
-    """Reads poses as the arguments say, and says how many rows were left out."""
+    """Reads poses as the arguments say, and reports how many rows were skipped."""
 
     def __init__(self, arguments: argparse.Namespace, program: str) -> None:
         self._skip, self._program = arguments.skip_bad_rows, program

@@ -64,7 +64,7 @@ def _rms(lengths: NDArray[np.float64]) -> float | None:
 
 
 def _known(poses_ns: NDArray[np.int64], at_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Tell at which times there is a pose, or are two that are near enough to interpolate."""
+    """Return at which times there is a pose, or are two that are near enough to interpolate."""
     after = np.searchsorted(poses_ns, at_ns)
     before = poses_ns[np.clip(after - 1, 0, len(poses_ns) - 1)]
     following = poses_ns[np.clip(after, 0, len(poses_ns) - 1)]

@@ -70,7 +70,7 @@ def read_track(
     :param topic: of a bag; None: the only one of Odometry, else of PoseStamped.
     :param covariance: read the covariances as well, which need five times the memory of all else.
     :param reader: of a text file of poses.
-    :param skipped: of a EuRoC folder's states: is told how many bad rows were passed over; None:
+    :param skipped: of a EuRoC folder's states: receives the number of bad rows skipped; None:
         they are errors.
     :raises InputError: for what cannot be read or is not a trajectory: stamps that do not increase,
         numbers that are not finite, fewer than two poses.

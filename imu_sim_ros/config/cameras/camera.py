@@ -57,7 +57,7 @@ class CameraModelParameters:
     alpha: float = number(0.5, "of the double sphere", minimum=0.0, maximum=1.0)
 
     def problems(self, prefix: str) -> Iterator[str]:
-        """Say which parameters contradict each other, a line each."""
+        """Yield a line for each contradiction between parameters."""
         yield from self._intrinsics_problems(prefix)
         counts = COUNTS[self.distortion_model]
         if len(self.distortion) not in counts:
@@ -124,7 +124,7 @@ class CameraMountParameters:
     )
 
     def problems(self, prefix: str) -> Iterator[str]:
-        """Say which matrices are not rotations, a line each."""
+        """Yield a line for each matrix that is not a rotation."""
         for name in ("mounting", "rig_mounting"):
             yield from rotation_problems(getattr(self, name), f"{prefix}{name}")
 
@@ -259,7 +259,7 @@ class CameraParameters(
     """One camera."""
 
     def problems(self, prefix: str) -> Iterator[str]:
-        """Say which parameters contradict each other, a line each."""
+        """Yield a line for each contradiction between parameters."""
         yield from CameraModelParameters.problems(self, prefix)
         yield from CameraMountParameters.problems(self, prefix)
         if self.max_depth <= self.min_depth:

@@ -162,7 +162,7 @@ def load_rig(given: Mapping[str, object], node: str = "simulator") -> RigParamet
 
 
 def rig_problems(rig: RigParameters, simulation: SimulationParameters) -> Iterator[str]:
-    """Say which cameras do not fit the IMU, a line each."""
+    """Yield a line for each camera that does not fit the IMU."""
     for name, camera in rig.each().items():
         ratio = exact_rate(simulation.rate) / exact_rate(camera.rate)
         if camera.trigger == "synchronised" and ratio.denominator != 1:

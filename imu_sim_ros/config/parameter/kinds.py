@@ -27,7 +27,7 @@ METADATA = "parameter"
 
 @dataclass(frozen=True)
 class Parameter:
-    """What is known of one parameter: kind, default, unit, range and text.
+    """What is known about one parameter: kind, default, unit, range and text.
 
     ``kind`` is one of number, integer, flag, text, choice, vector (three numbers, or one that
     stands for all), matrix (nine numbers, row by row), numbers (any count, in groups of
@@ -218,7 +218,7 @@ def text(default: str, text: str, **details: Any) -> Any:
 
 
 def choice(default: str, choices: Sequence[str], text: str, **details: Any) -> Any:
-    """Describe a string out of a few."""
+    """Describe a string from a fixed set."""
     return _field("choice", default, text, choices=tuple(choices), **details)
 
 
@@ -239,5 +239,5 @@ def numbers(default: tuple[float, ...], text: str, **details: Any) -> Any:
 
 
 def texts(default: tuple[str, ...], text: str, **details: Any) -> Any:
-    """Describe a list of texts."""
+    """Describe a list of strings."""
     return _field("texts", default, text, **details)

@@ -45,7 +45,7 @@ class Initialiser(Protocol):
 def initialiser(parameters: IntegratorParameters, complain: Callable[[str], None]) -> Initialiser:
     """Return the start that the parameters choose.
 
-    :param complain: is told why a start is not possible yet.
+    :param complain: is called with the reason why a start is not possible yet.
     """
     if parameters.initial_state == "truth":
         return _FromTruth(parameters)

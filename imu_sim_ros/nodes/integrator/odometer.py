@@ -49,8 +49,8 @@ class Totals:
 class Odometer:
     """Starts as the parameters say, integrates, and starts again where the source did.
 
-    :param complain: is told, in words, what was met that was no ordinary step.
-    :param is_new_source: tells whether a publisher has appeared since it was asked last.
+    :param complain: is called with a line for every irregular reading.
+    :param is_new_source: returns whether a publisher has appeared since the last call.
     """
 
     def __init__(
@@ -85,7 +85,7 @@ class Odometer:
         return 1.0 / self._interval if self._interval else 0.0
 
     def correct_with(self, parameters: IntegratorParameters) -> None:
-        """Take new biases; they hold from the next reading on."""
+        """Take new biases; they apply from the next reading on."""
         self.parameters = parameters
         if self._stepper is None:
             self._initialiser = initialiser(parameters, self._complain)
@@ -151,7 +151,7 @@ class Odometer:
         yield self._row(stepper, reading.t_ns)
 
     def _is_usable(self, before: int, reading: ImuReading) -> bool:
-        """Complain about a reading that made no step; tell whether its stamp is a new one."""
+        """Complain about a reading that made no step; return whether its stamp is a new one."""
         counts, step = self.totals.steps, (reading.t_ns - before) * 1e-9
         if not np.isfinite(reading.gyro + reading.accel).all():
             self._complain(f"non-finite reading skipped ({counts.not_finite})")

@@ -26,7 +26,7 @@ class PathPublisher:
         self._due_ns = 0.0
 
     def add(self, row: Row) -> None:
-        """Take a state; most are passed over."""
+        """Take a state; most are skipped."""
         if self._due_ns - self._interval_ns <= row.t_ns < self._due_ns:
             return
         self._due_ns = row.t_ns + self._interval_ns

@@ -65,7 +65,7 @@ class Sensor:
         return True
 
     def settle(self) -> None:
-        """Wait no longer."""
+        """Stop waiting."""
         if self.settled:
             return
         self._timer.cancel()
@@ -95,7 +95,7 @@ class Sensor:
             self.settle()
 
     def warn(self) -> None:
-        """Say that the noise is a guess."""
+        """Warn that the noise is a guess."""
         self._node.get_logger().warning(
             f"no sensor description on {self.topic}: the covariance uses the noise of "
             f"imu.preset {self._node.parameters.imu.preset}; --imu NAME|FILE chooses another"

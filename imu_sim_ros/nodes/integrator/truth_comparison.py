@@ -25,7 +25,7 @@ class Estimate(NamedTuple):
 
 
 class ErrorAt(NamedTuple):
-    """Estimate less truth."""
+    """Estimate minus truth."""
 
     t_ns: int
     position: V3
@@ -46,7 +46,7 @@ class TruthComparison:
 
     @property
     def rms_position(self) -> float:
-        """Root mean square of the position's error so far [m]."""
+        """RMS position error so far [m]."""
         return math.sqrt(self._sum_of_squares / self.count) if self.count else 0.0
 
     def add_estimate(self, estimate: Estimate) -> Iterator[ErrorAt]:

@@ -51,7 +51,7 @@ class Recording:
     """Writes messages into a bag and finishes it properly, whatever happens.
 
     :param open_bag: opens the bag.
-    :param fail: is given the error that ended the writing; what was written before is kept.
+    :param fail: receives the error that ended the writing; what was written before is kept.
     :param buffer_bytes: how much may wait in memory while the disk stalls.
     :raises Exception: whatever ``open_bag`` raised, where the bag cannot be begun.
     """
@@ -112,7 +112,7 @@ class Recording:
         self._thread.join()
 
     def _take_failure(self, error: BaseException) -> None:
-        """Hear of the error that ended the thread: a refusal to begin, or a failure later."""
+        """Handle the error that ended the thread: a refusal to begin, or a failure later."""
         if self._begun.is_set():
             self.failed = True
             self._fail(error)

@@ -60,7 +60,7 @@ class Frames:
         """Set up.
 
         :param make: returns the messages of a frame, stamped as if time zero were ORIGIN_NS.
-        :param lost: tells which frames are never asked for.
+        :param lost: returns which frames are never requested.
         """
         self._make, self._lost = make, lost
         self._made: dict[int, dict[str, bytes]] = {}
@@ -69,7 +69,7 @@ class Frames:
         self._changed = threading.Condition()
 
     def work(self) -> None:
-        """Make frames for ever."""
+        """Render frames endlessly."""
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: len(self._made) < AHEAD)

@@ -67,8 +67,8 @@ class CameraProcess:
         """Start the process.
 
         :param start: what it has to know, as JSON can hold it.
-        :param fail: is given what ended the process.
-        :param warn: is given a line for the log.
+        :param fail: receives what ended the process.
+        :param warn: receives a line for the log.
         """
         self.name, self._fail, self._warn = name, fail, warn
         self.counts: dict[str, int] = {}

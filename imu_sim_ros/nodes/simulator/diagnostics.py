@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the simulator says about itself: counts, lateness, faults."""
+"""Status of the simulator: counts, lateness, faults."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Final

@@ -55,7 +55,7 @@ class Engine:
         :param zero: returns the time of the first sample [ns], which is due after that many [ns].
         :param acknowledged: waits for a moment; whether all subscribers have everything.
         :param on_end: called at the end of the run.
-        :param fail: is given what went wrong in one of the threads.
+        :param fail: receives what went wrong in one of the threads.
         """
         self.pacer = pacer
         self.started = False
@@ -98,7 +98,7 @@ class Engine:
         self.pacer.configure(speed, catch_up)
 
     def reset(self) -> None:
-        """Begin again with the first sample."""
+        """Start again with the first sample."""
         with self._lock:
             self._run += 1
             self.pacer.interrupt()
@@ -152,7 +152,7 @@ class Engine:
         return t0_ns, start_ns, groups
 
     def _apply_changes(self) -> bool:
-        """Make the changes that were asked for; tell whether there were any."""
+        """Make the changes that were asked for; return whether there were any."""
         with self._lock:
             changes, self._changes = self._changes, []
         for change in changes:

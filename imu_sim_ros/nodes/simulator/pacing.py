@@ -87,7 +87,7 @@ class Pacer:
             self._look()
 
     def step(self, samples: int, timeout: float) -> int:
-        """Let samples pass while paused; returns how many did in time, the others never will.
+        """Publish samples while paused; returns how many did in time, the others never will.
 
         An interruption meanwhile ends the wait; then nobody knows how many, and 0 is returned.
         """
@@ -138,7 +138,7 @@ class Pacer:
 
     @property
     def speed(self) -> float:
-        """The real-time factor that is wanted; 0: samples pass as fast as they come."""
+        """The requested real-time factor; 0: samples pass as fast as they come."""
         return self._wanted[0]
 
     def wait(self, sim_ns: int) -> Verdict:
@@ -234,7 +234,7 @@ class Pacer:
 
 
 class RosClockPacer(Pacer):
-    """Lets samples pass when a clock that others drive (``use_sim_time``) reaches their times."""
+    """Lets samples pass when an external clock (``use_sim_time``) reaches their times."""
 
     def __init__(self, now_ns: Callable[[], int], catch_up: bool) -> None:
         """Follow a clock; :meth:`tick` has to be called whenever it has moved."""

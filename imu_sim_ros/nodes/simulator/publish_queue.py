@@ -57,7 +57,7 @@ class SimulationStream:
         self._outputs = outputs
 
     def restart(self, t0_ns: int) -> None:
-        """Go back to the first sample: the same samples follow again."""
+        """Return to the first sample: the same samples follow again."""
         self.simulation.t0_ns = t0_ns
         self.simulation.reset()
 
@@ -142,7 +142,7 @@ class PublishQueue:
             stream.simulation.update(parameters[stream.name])
 
     def inject(self, fault: Fault, delay: float, imu: str = "") -> dict[str, int]:
-        """Let a fault begin; returns the time of the first sample it hits [ns] by IMU.
+        """Start a fault; returns the time of the first sample it hits [ns] by IMU.
 
         :param imu: the IMU's name; empty: all.
         """
