@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The errors that a user can cause, and how any error is told in lines and an exit status."""
+"""The errors that a user can cause, and how any error is reported: lines and an exit status."""
 
 import errno
 from collections.abc import Iterable

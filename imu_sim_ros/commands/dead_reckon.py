@@ -80,7 +80,7 @@ def parser() -> argparse.ArgumentParser:
         choices=INITIAL_STATES,
         help="start at the truth (the default), at initial_* of the parameters, or level: roll and "
         "pitch from gravity at rest, gyroscope bias from the mean of level_time; position and yaw "
-        "then are the truth's where there is one",
+        "then come from the truth if there is one",
     )
     result.add_argument(
         "--correction",

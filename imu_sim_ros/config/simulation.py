@@ -98,7 +98,7 @@ class SimulationParameters:
             )
         if self.gravity_model != "constant" and self.gravity != GRAVITY:
             yield (
-                f"{prefix}gravity = {self.gravity}: must be left out "
+                f"{prefix}gravity = {self.gravity}: must be omitted "
                 f"where gravity_model is {self.gravity_model}"
             )
 

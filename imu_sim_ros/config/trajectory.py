@@ -240,7 +240,7 @@ class PosesParameters(TrajectoryParameters):
     )
     robust: bool = flag(
         False,
-        "repair the recording: drop outliers, close jumps, put jittered stamps of arrival on an "
+        "repair the recording: drop outliers, close jumps, put jittered arrival stamps on an "
         "even grid; otherwise these only cause warnings",
     )
     max_gap: float = number(

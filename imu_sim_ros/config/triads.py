@@ -212,8 +212,8 @@ class TriadParameters:
     )
     increment_resolution: Vector = vector(
         0.0,
-        "step of the {triad}'s {increments} where sampling is averaged; what rounding leaves is "
-        "carried on to the next; 0: exact",
+        "step of the {triad}'s {increments} where sampling is averaged; the rounding remainder "
+        "is carried over to the next; 0: exact",
         unit="{increment}",
         minimum=0.0,
         live=True,

@@ -62,7 +62,7 @@ ONE_LINE = {
     "jitter": ({"imu__jitter": 0.002}, "quarter of the interval, 0.00125 s"),
     "burst without duration": ({"imu__dropout_burst_rate": 1.0}, "dropout_burst_duration = 0.0"),
     "probability": ({"imu__dropout_probability": 1.1}, "at most 1"),
-    "two gravities": ({"gravity": [0.0, 0.0, -9.8], "gravity_model": "wgs84"}, "left out"),
+    "two gravities": ({"gravity": [0.0, 0.0, -9.8], "gravity_model": "wgs84"}, "omitted"),
     "sampling": ({"imu__sampling": "sometimes"}, "one of instantaneous, averaged"),
     "temperature times": ({"temperature__profile": [0.0, 1.0, 0.0, 2.0]}, "times must increase"),
     "temperature pairs": ({"temperature__profile": [0.0, 1.0, 0.0]}, "2 for each entry"),

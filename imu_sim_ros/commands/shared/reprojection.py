@@ -14,8 +14,8 @@ from imu_sim_ros.navigation.comparison import interpolate_poses
 from imu_sim_ros.poses import PoseSequence
 
 HELP: Final = (
-    "folder of generate --format tracks: report the error of reprojection, in pixels, of its "
-    "landmarks seen from the estimate; poses further apart than 20 ms are not interpolated"
+    "folder of generate --format tracks: report the reprojection error, in pixels, of its "
+    "landmarks as seen from the estimate; poses further apart than 20 ms are not interpolated"
 )
 _LONGEST_GAP_NS: Final = 20_000_000
 _SAME_NS: Final = 1_000

@@ -171,7 +171,7 @@ class AprilgridParameters(TargetParameters):
         yield from super().problems(prefix)
         if self.rows * self.columns > 587:
             yield (
-                f"{prefix}rows = {self.rows}: with {self.columns} columns more than the 587 tags "
+                f"{prefix}rows = {self.rows}: with {self.columns} columns exceeds the 587 tags "
                 "of the family 36h11"
             )
 

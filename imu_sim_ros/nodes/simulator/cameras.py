@@ -3,7 +3,7 @@
 
 """The cameras of the running simulator, each in a process of its own.
 
-Such a process (``camera_process``) renders frames ahead and publishes one when it is told to. The
+Such a process (``camera_process``) renders frames ahead and publishes one on request. The
 publishing thread of the IMU does no more for a frame than to write 16 bytes into a pipe when the
 frame is due, so pauses, steps, resets and the real-time factor hold for frames as for samples, and
 neither rendering nor sending a large message ever delays a sample.

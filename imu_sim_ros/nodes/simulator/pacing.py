@@ -89,7 +89,7 @@ class Pacer:
     def step(self, samples: int, timeout: float) -> int:
         """Publish samples while paused; returns how many did in time, the others never will.
 
-        An interruption meanwhile ends the wait; then nobody knows how many, and 0 is returned.
+        An interruption meanwhile ends the wait; then the count is unknown, and 0 is returned.
         """
         with self._condition:
             self._steps += samples
