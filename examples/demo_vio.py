@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``make demo-vio``: a stereo dataset of a room, gtsam's path through it, and how good that is.
+"""``make demo-vio``: a stereo dataset of a room, gtsam's path through it, and how good it is.
 
     python examples/demo_vio.py demo_vio_output
 
@@ -33,7 +33,7 @@ TAIL = 5
 
 
 def run(*words: str | Path) -> None:
-    """Say what is run, and run it."""
+    """Print a command, and run it."""
     print("demo-vio:", *(Path(words[0]).name, *words[1:]), flush=True)
     done = subprocess.run([str(word) for word in words], check=False)
     if done.returncode:
@@ -74,7 +74,7 @@ def main() -> None:
     """Make the dataset, run the estimator, compare, draw."""
     folder = Path(sys.argv[1] if len(sys.argv) > 1 else "demo_vio_output")
     if folder.exists() and not (folder / "estimate.txt").exists() and any(folder.iterdir()):
-        sys.exit(f"demo-vio: {folder}: holds something else; name another folder")
+        sys.exit(f"demo-vio: {folder}: contains something else; choose another folder")
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     mav0, tracks, estimate = folder / "mav0", folder / "tracks", folder / "estimate.txt"

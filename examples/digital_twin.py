@@ -22,11 +22,11 @@ else:
     stranger = ims.simulate(imu="adis16448", trajectory="static", duration="30min", seed=11)
     bag = stranger.save(folder / "stranger.mcap", imu_only=True)
 
-# 1. What the record tells, with 95 % intervals.
+# 1. What the record reveals, with 95 % intervals.
 found = ims.allan(bag)
 print(found)
 
-# 2. The twin has these densities; what could not be told from zero stays out.
+# 2. The twin has these densities; those consistent with zero are left out.
 imu = {"preset": "perfect"}
 for name in ("gyroscope", "accelerometer"):
     triad = getattr(found, name)
@@ -34,7 +34,7 @@ for name in ("gyroscope", "accelerometer"):
         imu[f"{name}_{key}"] = np.nan_to_num(getattr(triad, key).value)
 twin = ims.simulate(imu=imu, trajectory="static", duration="30min", rate=found.rate, seed=12)
 
-# 3. Its record tells the same.
+# 3. Its record shows the same.
 again = ims.allan(twin)
 for name in ("gyroscope", "accelerometer"):
     ratio = getattr(again, name).noise_density.value / getattr(found, name).noise_density.value

@@ -36,7 +36,7 @@ LARGEST_MISS = 10.0  # px, of a triangulated point in the frames that saw it
 
 @dataclass
 class Landmark:
-    """A landmark that is not in the problem yet: where it was seen."""
+    """A landmark that is not in the problem yet: its observations."""
 
     sights: list[tuple[int, int, np.ndarray]] = field(default_factory=list)
     """Key frame, camera, pixel."""
@@ -123,7 +123,7 @@ class Estimator:
         self._preintegration.resetIntegrationAndSetBias(self.bias)
 
     def _admit(self, seen: set[int]) -> None:
-        """Take landmarks into the problem that are seen now and can be triangulated."""
+        """Add landmarks to the problem that are seen now and can be triangulated."""
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         for identity in sorted(seen & set(self._waiting)):
             sights = self._waiting[identity].sights
@@ -167,7 +167,7 @@ class Estimator:
 
 
 class _Camera:
-    """A camera's model in gtsam's words."""
+    """A camera's model in gtsam's terms."""
 
     def __init__(self, camera: CameraParameters) -> None:
         self.calibration, self._make = _calibration(camera)
@@ -180,7 +180,7 @@ class _Camera:
         self._pixel = gtsam.noiseModel.Robust.Create(huber, pixel) if wrong else pixel
 
     def factor(self, pixel: np.ndarray, key: int, identity: int) -> gtsam.NonlinearFactor:
-        """Return the factor of one sight."""
+        """Return the factor of one observation."""
         return self._make(
             pixel, self._pixel, X(key), L(identity), self.calibration, self.body_camera
         )
@@ -211,7 +211,7 @@ def _calibration(camera: CameraParameters):
     """Return gtsam's calibration and projection factor of a pinhole camera."""
     fx, fy, cx, cy = camera.intrinsics
     if camera.model != "pinhole":
-        raise SystemExit(f"gtsam_vio: camera.model {camera.model}: gtsam has a pinhole")
+        raise SystemExit(f"gtsam_vio: camera.model {camera.model}: gtsam supports only pinhole")
     k = (*camera.distortion, 0.0, 0.0, 0.0, 0.0)[:4]
     match camera.distortion_model:
         case "radtan":
@@ -248,7 +248,7 @@ class Result:
         np.savetxt(path, np.concatenate([*columns, *triangles], axis=1), fmt="%.12g")
 
     def summary(self) -> dict[str, float]:
-        """Return what the run comes down to; the first key frame is given and left out."""
+        """Return a summary of the run; the first key frame is given and left out."""
         return {
             "keyframes": len(self.t_ns),
             "position_rmse_m": float(np.sqrt((self.position_error[1:] ** 2).sum(axis=1).mean())),
@@ -325,12 +325,12 @@ def compared(estimator: Estimator, true: gtsam.Pose3) -> tuple:
 
 
 def main() -> None:
-    """Run on a folder and print what came out."""
+    """Run on a folder and print the result."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path, help="written by generate --format tracks")
     parser.add_argument("--configuration", type=Path, help="simulation.yaml of --with-configs")
     parser.add_argument("-o", "--output", type=Path, help="the estimated path, for evaluate")
-    parser.add_argument("--cameras", type=int, default=1, help="so many of the folder's (1)")
+    parser.add_argument("--cameras", type=int, default=1, help="cameras to use (1)")
     arguments = parser.parse_args()
     folder = arguments.folder
     path = arguments.configuration or folder.with_name(folder.name + "_configs") / "simulation.yaml"

@@ -31,7 +31,7 @@ from sensor_msgs.msg import Imu, PointCloud
 from imu_sim_ros import rotation
 
 LAST_WORDS = 5.0
-"""[s] When nothing has come for so long, nothing is under way any more."""
+"""[s] After this long without a message, none is under way any more."""
 DEEP = QoSProfile(depth=20000)
 
 
@@ -41,7 +41,7 @@ def stamp(message) -> int:
 
 
 class VioNode(Node):
-    """Keeps readings until a frame is complete, and lets the estimator have them in order."""
+    """Keeps readings until a frame is complete, and passes them to the estimator in order."""
 
     def __init__(self, path: Path, rate: float) -> None:
         """Set up estimator and topics.
@@ -62,7 +62,7 @@ class VioNode(Node):
         self._times: list[int] = []
         self._heard = False
         self.busy = time.monotonic()
-        """When the last message was done with."""
+        """When the last message had been processed."""
         self._path = self.create_publisher(Odometry, "vio/odom", 100)
         self.create_subscription(Imu, "imu/data_raw", self._on_imu, DEEP)
         self.create_subscription(Odometry, "ground_truth/odom", self._on_truth, DEEP)
@@ -132,7 +132,7 @@ class VioNode(Node):
         self._path.publish(message)
 
     def over(self) -> bool:
-        """Tell whether there were features, and no publisher of them is left."""
+        """Return whether there were features, and no publisher of them is left."""
         return self._heard and not self.count_publishers("feature_tracker/feature")
 
     def result(self) -> Result:
@@ -148,7 +148,7 @@ def _pose(truth: Odometry) -> gtsam.Pose3:
 
 
 def main() -> None:
-    """Run until the features end, then print what came out."""
+    """Run until the features end, then print the result."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("configuration", type=Path, help="simulation.yaml of --with-configs")
     parser.add_argument("-o", "--output", type=Path, help="the estimated path, for evaluate")

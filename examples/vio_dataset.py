@@ -24,7 +24,7 @@ flight.save(folder / "mav0", format="euroc")  # ORB_SLAM3, Basalt
 print("readings:", ims.read_imu(bag, "/imu0"))
 print("truth:", ims.read_odometry(bag, "/odom"))
 
-# What the estimator should be told of its sensor, as kalibr writes it.
+# The sensor's noise for the estimator, in kalibr's format.
 rest = ims.simulate(imu="adis16448", trajectory="static", duration="10min", rate=200, seed=7)
 print("kalibr:", ims.allan(rest).save(folder / "imu.yaml", topic="/imu0").name)
 flight.plot().savefig(folder / "vio_dataset.png", dpi=120)

@@ -77,7 +77,7 @@ def main() -> None:
                 f"{speed / CPP_PEER:.0f} x",
             ]
         )
-    header = ["samples of 6 axes, one core", "k/s", "wanted k/s", "gnss-ins-sim", "C++ peer"]
+    header = ["samples of 6 axes, one core", "k/s", "target k/s", "gnss-ins-sim", "C++ peer"]
     print_table(header, rows, f"blocks of {BLOCK_SIZE}, median of {REPEATS}, processor time")
     rows = [
         [str(size), *(f"{samples_per_second(v, size) / 1e3:,.0f}" for v in ({}, EVERY_TERM))]
