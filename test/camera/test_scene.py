@@ -179,7 +179,7 @@ def test_what_is_wrong_with_cameras_is_told_all_at_once():
     ]
     for given, words in (
         ({"cameras": ["a", "a"]}, "names must differ"),
-        ({"cameras": ["camera"]}, "no parameter's name"),
+        ({"cameras": ["camera"]}, "not a parameter's name"),
         ({"cameras": 3}, "a list of names"),
         ({"camera.rate": 3.0}, "there is no camera; name them in cameras"),
         ({"cameras": ["a"], "camera.preset": "nothing"}, "camera nothing: neither a file nor"),

@@ -78,8 +78,8 @@ def test_colliding_times_are_all_named():
 
 def test_other_bad_waypoints():
     assert "waypoints 1 and 2 are the same" in problems(positions=[0.0, 0.0, 0.0] * 2)[0]
-    assert "two waypoints or more" in problems(positions=[0.0, 0.0, 0.0])[0]
-    assert "two waypoints or more" in problems(positions=[])[0]
+    assert "at least two waypoints" in problems(positions=[0.0, 0.0, 0.0])[0]
+    assert "at least two waypoints" in problems(positions=[])[0]
     assert "3 for each entry" in problems(positions=[0.0, 0.0, 0.0, 1.0])[0]
     assert "waypoint 1 at 1 s: must be at 0" in problems(times=[1.0, 2.0])[0]
     assert "1 entries; must be empty or one for each of the 2" in problems(headings=[1.0])[0]
