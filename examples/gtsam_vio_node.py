@@ -10,7 +10,7 @@ r"""gtsam's visual-inertial odometry as a node on live topics: readings and feat
 The file is the ``simulation.yaml`` of ``generate --with-configs``, or the parameter file of the
 simulator. Subscribes ``imu/data_raw``, ``feature_tracker/feature`` (``features.layout: mono``) and,
 for the first pose and velocity and to compare, ``ground_truth/odom``; publishes ``vio/odom``. Ends
-when those who sent features have gone.
+when the publishers of features have gone.
 """
 
 import argparse

@@ -168,7 +168,7 @@ class Simulation:
     def blocks(self, block_size: int = BLOCK_SIZE, count: int | None = None) -> Iterator[ImuBlock]:
         """Yield the samples that are left, in blocks.
 
-        :param count: at most so many samples; otherwise an endless run continues forever.
+        :param count: largest number of samples; otherwise an endless run continues forever.
         """
         end = math.inf if count is None else self.position + count
         if self.total is not None:

@@ -66,7 +66,7 @@ def build_scene(
             return _target(parameters, *_checkerboard(parameters))
         case PointFileParameters():
             return Scene.of_points(read_points(Path(parameters.file)))
-    raise ConfigurationError(f"scene.type = {parameters.type!r}: no scene is made of it")
+    raise ConfigurationError(f"scene.type = {parameters.type!r}: cannot be built as a scene")
 
 
 def _path(views: Sequence[View], trajectory: Trajectory, duration: float) -> Array:

@@ -77,7 +77,7 @@ class RadialInverse:
     def __init__(self, model: str, distortion: Sequence[float], largest: float) -> None:
         """Set up the inverse of one distortion.
 
-        :param largest: distorted radius up to which it is wanted; beyond the fold there is none.
+        :param largest: distorted radius up to which it is needed; beyond the fold there is none.
         """
         self._k = radial_coefficients(model, distortion)
         self.last, image = fold(model, distortion)

@@ -78,7 +78,7 @@ def _lens(camera: CameraParameters) -> dict[str, Any]:
     """Return a camera's model in Basalt's terms (basalt/camera/*.hpp).
 
     Mei's sphere without distortion is its ``ucm`` with ``alpha = xi / (1 + xi)`` and focal lengths
-    divided by ``1 + xi``; with distortion Basalt has none, and what is said is without it.
+    divided by ``1 + xi``; with distortion Basalt has none, and the model is written without it.
     """
     fx, fy, cx, cy = camera.intrinsics
     center: dict[str, float] = {"fx": fx, "fy": fy, "cx": cx, "cy": cy}

@@ -115,7 +115,7 @@ class CameraBag:
             self._put(self._waiting.popleft())
 
     def _order(self, waiting: _Waiting, end: int) -> None:
-        """Have the frames made that are taken before a time [ns]."""
+        """Request the frames taken before a time [ns]."""
         for camera in self._cameras:
             make = self._messages[camera.name].messages
             while count := camera.until(end):
@@ -128,7 +128,7 @@ class CameraBag:
         self._track(waiting, end)
 
     def _track(self, waiting: _Waiting, end: int) -> None:
-        """Have the features of the frames before a time made."""
+        """Request the features of the frames before a time."""
         if self._features is None or self._blind is None:
             return
         while count := self._blind.until(end):

@@ -63,7 +63,7 @@ class CameraMessages:
     def __init__(self, view: View, frame_id: str, imager: Imager | None, encoding: str) -> None:
         """Set up the messages.
 
-        :param imager: None: no images are wanted.
+        :param imager: None: no images.
         """
         p = view.parameters
         kinds = _kinds(p)

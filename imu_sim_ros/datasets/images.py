@@ -74,7 +74,7 @@ class ImageFolders:
         }
 
     def until(self, t_ns: int) -> None:
-        """Have all images made that are taken before a time [ns]."""
+        """Request all images taken before a time [ns]."""
         for number, camera in enumerate(self.cameras):
             while count := camera.until(t_ns):
                 frames = camera.view.frames(camera.position, count)

@@ -90,7 +90,7 @@ class TrackFiles:
         return [line for camera in self.cameras for line in camera.blindness.warnings()]
 
     def _write(self, counts: list[int]) -> None:
-        """Write so many more frames of each camera."""
+        """Write the given number of further frames of each camera."""
         tracks: list[dict[str, Column]] = []
         lines: list[dict[str, Column]] = []
         for number, (camera, count) in enumerate(zip(self.cameras, counts, strict=True)):

@@ -138,7 +138,7 @@ def deviation_before_cut(deviation: float, limit: float) -> float:
     ``s^2 (erf(c / sqrt 2) - c sqrt(2 / pi) exp(-c^2 / 2) + c^2 erfc(c / sqrt 2))``, the integral of
     ``min(x^2, limit^2)`` over the normal density; it grows with s up to ``limit^2``.
 
-    :param deviation: what is wanted, > 0 and below limit.
+    :param deviation: the target, > 0 and below limit.
     """
     low, high = deviation, deviation
     while _deviation_after_cut(high, limit) < deviation:

@@ -5,10 +5,10 @@
 
 Intervals are those of the full model, in which every term may stand for another
 (:mod:`imu_sim_ros.calibration.noise.intervals`). A term whose interval excludes zero has a value.
-Where none of the slow terms (flicker, walk, ramp) is told from zero by itself and yet one of them
-is there, the one that explains the record at the lowest price gets a value, for white noise and a
-walk are the model that estimators use (kalibr, VINS); its interval says that others may stand for
-it. Values are those of the model that has just the terms with values.
+Where none of the slow terms (flicker, walk, ramp) is distinguishable from zero by itself and yet
+one of them is there, the one that explains the record at the lowest price gets a value, for white
+noise and a walk are the model that estimators use (kalibr, VINS); its interval says that others may
+stand for it. Values are those of the model that has just the terms with values.
 """
 
 from collections.abc import Collection

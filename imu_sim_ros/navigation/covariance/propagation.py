@@ -188,7 +188,7 @@ class Covariance:
         turned = self._passed[:9].reshape(3, 3)
         # The velocity's entries of a tilt are 0 z -y, -z 0 x, y -x 0.
         acceleration = self._passed[[30, 31, 27]] / self._length
-        # The error of the attitude at the end, as far as that at the start tells it.
+        # The error of the attitude at the end, as far as that at the start predicts it.
         by_bias = turned @ (self._before[GYRO_BIAS, ATTITUDE] + self._slow_before)
         kept = np.eye(3) + by_bias @ np.linalg.pinv(before, hermitian=True)
         after = self.matrix[ATTITUDE, ATTITUDE]
@@ -290,7 +290,7 @@ def propagate(
     :param noise: the IMU's errors.
     :param initial: (15, 15) covariance at the first row, or one such as
         :func:`~imu_sim_ros.navigation.covariance.after_rest` gives; None is no error.
-    :param at: the m rows that are wanted, increasing; -1 is the last.
+    :param at: the m rows to return, increasing; -1 is the last.
     :returns: (m, 15, 15) mean squares of the error, the second order of a tilt included.
     """
     covariance = initial if isinstance(initial, Covariance) else Covariance(noise, initial)

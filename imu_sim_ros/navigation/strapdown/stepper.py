@@ -76,7 +76,7 @@ class Stepper:
     """Integrates readings as they come.
 
     The first reading starts the clock; each later one with ``0 < dt < max_gap`` is a step. Any
-    other one is counted, and integration goes on from it with the state as it was.
+    other one is counted, and integration continues from it with the state unchanged.
     """
 
     def __init__(

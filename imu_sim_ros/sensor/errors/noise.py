@@ -3,8 +3,8 @@
 
 """The random errors of one triad, each with its own streams and state.
 
-A term takes its strength from the parameters by ``configure`` at any time and goes on from where it
-is. ``add_to`` adds the next n samples to an array (3, n).
+A term takes its strength from the parameters by ``configure`` at any time and continues from its
+current value. ``add_to`` adds the next n samples to an array (3, n).
 """
 
 from typing import Protocol
@@ -63,7 +63,7 @@ class RandomWalk:
         self._state = [0.0] * 3
 
     def configure(self, parameters: TriadParameters) -> None:
-        """Take the density; the walk goes on from where it is."""
+        """Take the density; the walk continues from its current value."""
         sigma = np.asarray(parameters.random_walk) * np.sqrt(self._dt)
         self._sigma = sigma.tolist()
 
@@ -146,7 +146,7 @@ class RateRamp:
         self._samples = 0
 
     def configure(self, parameters: TriadParameters) -> None:
-        """Take the slope; the ramp goes on from where it is."""
+        """Take the slope; the ramp continues from its current value."""
         slope = np.asarray(parameters.rate_ramp)
         if np.array_equal(slope, self._slope):
             return

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 @dataclass
 class _Group:
-    """Axes with the same cut-off, filtered in one go."""
+    """Axes with the same cut-off, filtered together."""
 
     axes: NDArray[np.intp]
     sections: Array
