@@ -237,7 +237,7 @@ def good(n=5):
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
-        (lambda t, w, f: (t[[0, 2, 1, 3, 4]], w, f), r"1 stamps are before .* number 2 \(1"),
+        (lambda t, w, f: (t[[0, 2, 1, 3, 4]], w, f), r"1 stamps are earlier .* number 2 \(1"),
         (
             lambda t, w, f: (t[[0, 1, 1, 3, 4]], w, f),
             "1 stamps are repeated, the first is number 2",
