@@ -139,7 +139,7 @@ def test_what_concerns_the_node_alone_is_said(tmp_path, capsys):
     file = files.config_folder() / "simulator.yaml"
     arguments = ["--params-file", str(file), "-o", str(tmp_path / "a.mcap"), "--duration", "0.1s"]
     assert generate.main(arguments) == 0
-    (line,) = [line for line in capsys.readouterr().err.splitlines() if "without effect" in line]
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if "no effect" in line]
     assert "real_time_factor" in line
     assert "publish.clock_rate" in line
     assert "imu.preset" not in line

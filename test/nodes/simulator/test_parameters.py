@@ -54,8 +54,8 @@ pytestmark = pytest.mark.ros
                 *("-p", "qos_overrides./ground_truth/odom.publisher.deadline:=-1"),
             ],
             [
-                "qos_overrides./ground_truth/odom.publisher.deadline = -1: must be a whole number",
-                "qos_overrides./imu/data_raw.publisher.deadline = 1.5: must be a whole number of",
+                "qos_overrides./ground_truth/odom.publisher.deadline = -1: must be an integer",
+                "qos_overrides./imu/data_raw.publisher.deadline = 1.5: must be an integer of",
             ],
         ),
     ],
@@ -76,7 +76,7 @@ def test_bad_arguments(start: Any, arguments: list[str], lines: list[str]) -> No
         ("a: [", "not a YAML file"),
         ("/**:\n  ros__parameters:\n    rte: 3\n", "rte: unknown parameter"),
         ("/**:\n  ros__parameters:\n    rate:\n", "rate: a value is missing"),
-        ("/**:\n  ros__parameters:\n    gravity: [1, a, 2.0]\n", "must be a list of one type"),
+        ("/**:\n  ros__parameters:\n    gravity: [1, a, 2.0]\n", "a list of values of one type"),
     ],
 )
 def test_bad_files(start: Any, tmp_path: Path, text: str, line: str) -> None:
@@ -132,7 +132,7 @@ def test_plain_arguments_become_those_of_ros(tmp_path: Path) -> None:
         *("-p", "imu.gyroscope_bias:=[0.01, 0.0, 0.0005]", "-p", 'imus:="[]"'),
     ]
     with pytest.raises(
-        ConfigurationError, match=r"gravity = \[1, 'a'\]: must be a list of one type"
+        ConfigurationError, match=r"gravity = \[1, 'a'\]: must be a list of values of one type"
     ):
         ros_arguments(["--gravity", "[1, a]"], SimulatorParameters, {}, tmp_path)
     with pytest.raises(ConfigurationError) as raised:

@@ -83,5 +83,5 @@ def test_ramp_lasts_as_long_as_its_profile(build):
 
 
 def test_a_table_without_rates_is_refused():
-    with pytest.raises(ConfigurationError, match=r"trajectory\.rates = \[\]: must have one"):
+    with pytest.raises(ConfigurationError, match=r"trajectory\.rates = \[\]: must have at least"):
         load_simulation({"trajectory.type": "turntable", "trajectory.rates": []})
