@@ -28,7 +28,6 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
 from imu_sim_ros import conventions, timebase, topics
-from imu_sim_ros.bags import read_poses
 from imu_sim_ros.bags.messages import CLOCK, TF_MESSAGE, ClockEncoder
 from imu_sim_ros.config import (
     BODY,
@@ -53,6 +52,7 @@ from imu_sim_ros.nodes.simulator.publish_queue import (
 from imu_sim_ros.nodes.simulator.settling import Settling
 from imu_sim_ros.nodes.simulator.wanted import is_wanted
 from imu_sim_ros.nodes.topics import Counter, check_overrides, create, sensor_description
+from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.sensor import Fault
 from imu_sim_ros.simulation import Simulation
 
@@ -150,7 +150,7 @@ class Simulator(ConfiguredNode):
     def _streams(self, parameters: SimulatorParameters) -> Iterator[Stream]:
         publish = parameters.publish
         for name, simulated in simulations(parameters).items():
-            simulation = Simulation(simulated, read_poses)
+            simulation = Simulation(simulated, _read_poses)
             self._remarks += simulation.warnings()
             self._notes = simulation.notes()
             # Several IMUs have a namespace each; the body's truth is one, in the node's own.
@@ -378,6 +378,12 @@ class Simulator(ConfiguredNode):
 
 
 _OF_THE_NODE: Final = ("inject", "real_time_factor", "catch_up", "step_samples")
+
+
+def _read_poses(path: str, *options: Any) -> PoseSequence:
+    from imu_sim_ros.bags import read_poses  # readers of all bags, which few trajectories need
+
+    return read_poses(path, *options)
 
 
 def main() -> int:
