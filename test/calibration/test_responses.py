@@ -235,7 +235,7 @@ def test_constant_temperature_and_missing_messages_are_refused():
     steady = run.steady()
     at = temperatures_at(steady, run.t_ns, run.temperature)
     nothing = np.zeros((len(at), 3))
-    with pytest.raises(InputError, match="must span 5 K"):
+    with pytest.raises(InputError, match="must span at least 5 K"):
         calibrate_temperature(steady, at, nothing, nothing, 25.0)
     with pytest.raises(InputError, match="no temperature messages"):
         temperatures_at(steady, run.t_ns[:0], run.temperature[:0])

@@ -190,7 +190,7 @@ def test_a_distortion_that_folds_in_the_image_is_refused_with_the_radius():
         ("intrinsics", [float("nan")] * 4, "finite"),
         ("distortion", [0.1], "must have 0 entries"),
         ("mounting", [1, 0, 0, 0, 1, 0, 0, 0, 2], "rotation matrix"),
-        ("mounting", [1, 0, 0, 0, 1, 0, 0, 0, -1], "mirrors"),
+        ("mounting", [1, 0, 0, 0, 1, 0, 0, 0, -1], "is a reflection"),
         ("width", 0, "at least 1"),
         ("pixel_noise", -1.0, "at least 0"),
         ("row_time", 9e-4, "640 rows must be read in less than the interval"),

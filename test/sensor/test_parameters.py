@@ -26,7 +26,7 @@ ONE_LINE = {
     "infinite": ({"imu__lever_arm": math.inf}, "finite number"),
     "two entries": ({"imu__gyroscope_bias": [1.0, 2.0]}, "list of three"),
     "scaled mounting": ({"imu__mounting": [2.0, 0, 0, 0, 1, 0, 0, 0, 1]}, "rotation matrix; R"),
-    "mirror": ({"imu__mounting": [1.0, 0, 0, 0, 1, 0, 0, 0, -1]}, "mirrors"),
+    "mirror": ({"imu__mounting": [1.0, 0, 0, 0, 1, 0, 0, 0, -1]}, "is a reflection"),
     "no correlation time": (
         {"imu__gyroscope_gauss_markov_sigma": 0.1},
         "gyroscope_correlation_time = .* above 0 s",

@@ -19,10 +19,12 @@ RNG = np.random.default_rng(2)
 
 
 def random_spline(duration=3.0, spacing=0.1, turn=0.3):
+    random = np.random.default_rng(2)  # of its own: the same spline whichever tests are run
     knots = UniformKnots(duration, spacing)
     c = knots.control_points
-    steps = rotation.exp(turn * RNG.standard_normal((c, 3)))
-    return knots, PoseSpline(knots, RNG.standard_normal((c, 3)), rotation.cumulative_product(steps))
+    steps = rotation.exp(turn * random.standard_normal((c, 3)))
+    points = random.standard_normal((c, 3))
+    return knots, PoseSpline(knots, points, rotation.cumulative_product(steps))
 
 
 def test_basis_is_a_partition_of_unity():
