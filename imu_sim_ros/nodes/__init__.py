@@ -3,7 +3,7 @@
 
 """The ROS 2 nodes and what they share; the only room that imports rclpy and message classes.
 
-Its modules are imported when first used: an executable looks after signals before rclpy is loaded.
+Its modules are imported when first used: an executable handles signals before rclpy is loaded.
 """
 
 from typing import TYPE_CHECKING

@@ -1,11 +1,11 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The command line of a node: what ROS takes, checked and put into the form that it can take.
+"""The command line of a node: checked, and rewritten in the form that ROS accepts.
 
-rcl ends a process on a list such as ``[1.0, 0, 0]``, and says so in three lines. The files and
-values that the commands accept are therefore read here first: everything that is wrong is reported
-together, and numbers are written in the one form that rcl understands.
+rcl ends a process on a list such as ``[1.0, 0, 0]``, with three lines of its own. The files and
+values that the commands accept are therefore read here first: all errors are reported together,
+and numbers are written in the one form that rcl understands.
 """
 
 import re
@@ -59,13 +59,13 @@ def ros_arguments(
             position += 1
     if problems:
         raise ConfigurationError(problems)
-    return [*result, *plain]  # what comes last wins: a plain argument is above every file
+    return [*result, *plain]  # the last one wins: a plain argument overrides every file
 
 
 def _is_text(argument: str) -> bool:
     try:
         return bool(argument.encode()) or not argument
-    except UnicodeEncodeError:  # bytes of a terminal in another encoding
+    except UnicodeEncodeError:  # bytes from a terminal with another encoding
         return False
 
 
@@ -131,7 +131,7 @@ def _rule(rule: str, _: Path) -> str:
 
 
 def _file(name: str, folder: Path) -> str:
-    """Return the file, or a copy of it in the form that rcl reads where it has another."""
+    """Return the file, or where rcl cannot read its form, a copy in the form that it can."""
     if not name:
         raise ConfigurationError("--params-file: a file is missing")
     path = Path(name)
@@ -146,7 +146,7 @@ def _file(name: str, folder: Path) -> str:
     except ConfigurationError as error:
         raise ConfigurationError([f"{path}: {problem}" for problem in error.problems]) from None
     if not sections:
-        # A kalibr imu.yaml; for anything else load() says what is missing.
+        # A kalibr imu.yaml; for anything else load() reports what is missing.
         tree = {"/**": {_PARAMETERS: files.load(path)}}
         uniform = tree
         changed = True
@@ -185,7 +185,7 @@ def _has_sections(tree: Any) -> bool:
 def _uniform(name: str, value: Any, problems: list[str]) -> Any:
     """Return a tree whose lists hold one type each: integers beside others become floats.
 
-    An empty list has no type that rcl could give it, and goes as a string.
+    rcl cannot infer a type for an empty list, so it is passed as a string.
     """
     if isinstance(value, dict):
         return {
@@ -208,5 +208,5 @@ def _uniform(name: str, value: Any, problems: list[str]) -> Any:
 
 
 def _differs(uniform: Any, tree: Any) -> bool:
-    """Compare with types: 1 == 1.0, and yet only one of them may stand in a list of floats."""
+    """Compare values and types: 1 == 1.0, but only the latter belongs in a list of floats."""
     return repr(uniform) != repr(tree)

@@ -25,9 +25,9 @@ from imu_sim_ros.nodes import run
 
 _NODE: Final = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 _TURN: Final = 0.05
-"""[s] The longest wait in the middleware: a signal is heard behind it."""
+"""[s] The longest wait in the middleware: a signal is handled after it."""
 _SETTLE: Final = 0.3
-"""[s] A service that is known here may still have to learn of its new client."""
+"""[s] A service that has been discovered here may not have discovered its new client yet."""
 
 
 class Status(NamedTuple):
@@ -51,7 +51,7 @@ class Control:
     """Calls the services of one simulator and listens to it; use as a context manager.
 
     :param name: of the node, with its namespace where it has one, such as ``/left/simulator``.
-    :param patience: how long an answer may take [s].
+    :param patience: how long a response may take [s].
     :raises InputError: for an invalid node name.
     """
 
@@ -79,17 +79,17 @@ class Control:
         rclpy.try_shutdown()
 
     def pause(self, paused: bool) -> str:
-        """Stop the simulated time, or let it go on; returns the simulator's answer."""
+        """Stop or resume the simulated time; returns the simulator's response."""
         return self._ask("pause", SetBool, SetBool.Request(data=paused))
 
     def reset(self) -> str:
-        """Return to the first sample; returns the simulator's answer."""
+        """Return to the first sample; returns the simulator's response."""
         return self._ask("reset", Trigger, Trigger.Request())
 
     def step(self, samples: int | None = None) -> str:
-        """Publish samples while paused; returns the simulator's answer.
+        """Publish samples while paused; returns the simulator's response.
 
-        :param samples: how many; None: as many as its parameter ``step_samples`` says.
+        :param samples: how many; None: its parameter ``step_samples``.
         """
         if samples is not None:
             self.set({"step_samples": samples})
@@ -109,7 +109,7 @@ class Control:
             raise InputError(result.reason.split("; "))
 
     def watch(self) -> Iterator[Status | InjectedFault]:
-        """Yield what the simulator says, endlessly: a status each second, and every fault."""
+        """Yield the simulator's reports without end: a status each second, and every fault."""
         self._find("pause", SetBool)
         heard: list[Status | InjectedFault] = []
         namespace, _, name = self._name.rpartition("/")
@@ -138,7 +138,7 @@ class Control:
     def _ask(self, service: str, kind: Any, request: Any) -> str:
         """Call a service; returns its message.
 
-        :raises InputError: where it says that it did not succeed.
+        :raises InputError: where it reports that it did not succeed.
         """
         response = self._call(service, kind, request)
         if not response.success:
@@ -147,12 +147,12 @@ class Control:
 
     def _call(self, service: str, kind: Any, request: Any) -> Any:
         future = self._find(service, kind).call_async(request)
-        # ~/step itself answers after 5 s where the samples do not come.
+        # ~/step itself responds after 5 s if the samples have not been published by then.
         self._until(future.done, 2 * self._patience, f"does not answer ~/{service}")
         return future.result()
 
     def _find(self, service: str, kind: Any) -> Any:
-        """Return a client of a service of the simulator that is known to be there."""
+        """Return a client of one of the simulator's services, once both have found each other."""
         client = self._node.create_client(kind, f"{self._name}/{service}")
         self._until(client.service_is_ready, self._patience, "is not available")
         self._spin(_SETTLE)
@@ -171,7 +171,7 @@ class Control:
             self._executor.spin_once(timeout_sec=_TURN)
 
     def _others(self) -> str:
-        """Return which simulators there are; each has a service ``~/step``."""
+        """Return the names of the running simulators: the nodes with a service ``~/step``."""
         services = (name for name, _ in self._node.get_service_names_and_types())
         found = sorted(name.removesuffix("/step") for name in services if name.endswith("/step"))
         others = [name for name in found if name != self._name]

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How a node's run ends: any thread may say so. The first one counts, and an error above all."""
+"""How a node's run ends: any thread may end it. The first one counts; an error overrides it."""
 
 import threading
 from collections.abc import Callable
@@ -44,7 +44,7 @@ class Ending:
         self._end(explain(error)[1] if status is None else status, error)
 
     def in_thread(self, name: str, work: Callable[[], _Result]) -> Future:
-        """Let a thread of its own do what takes long; callbacks may ``await`` the result."""
+        """Run a slow function in a thread of its own; callbacks may ``await`` the result."""
         future: Future = Future()
 
         def run() -> None:
@@ -56,14 +56,14 @@ class Ending:
 
     def _end(self, status: int, error: BaseException | None) -> None:
         with self._lock:
-            # An error while files are being closed is told, though the run was over.
+            # An error while files are being closed is reported although the run was over.
             if self.failure is not None or (self.reached and error is None):
                 return
             self.status, self.failure = status, error
         self._wake()
 
     def _wake(self) -> None:
-        """Let the executor look around, whatever it is waiting for."""
+        """Wake the executor, whatever it is waiting for."""
         executor = self._node.executor
         if executor is not None:
             executor.create_task(_nothing)

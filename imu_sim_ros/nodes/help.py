@@ -45,7 +45,7 @@ def help_text(program: str, text: str, section: type, values: Mapping[str, objec
 def parser(
     program: str, text: str, section: type, values: Mapping[str, object]
 ) -> argparse.ArgumentParser:
-    """Return a parser that knows the parameters, for the help and for completion by tab."""
+    """Return a parser that knows the parameters, for the help and for tab completion."""
     examples = "".join(f"\n  {line}" for line in EXAMPLES[program])
     result = argparse.ArgumentParser(
         prog=program,

@@ -3,8 +3,8 @@
 
 """What the launch files are made of: arguments that are the nodes' parameters, and required nodes.
 
-An argument is handed to its node as it was written (``--rate abc``), so that the node itself checks
-it and names it; one that is left empty is not handed over, and the node's files and defaults hold.
+An argument is passed to its node as written (``--rate abc``), so that the node itself checks and
+reports it; an empty one is not passed, and the node's files and defaults apply.
 ``launch`` and ``launch_ros`` come with a ROS 2 installation, not from PyPI: they are imported where
 they are used.
 """
@@ -56,7 +56,7 @@ def _text(parameter: Parameter) -> str:
 
 
 def command_line(section: type, values: Mapping[str, str]) -> list[str]:
-    """Return the words for a node's command line: its plain arguments.
+    """Return a node's plain command-line arguments.
 
     :param values: by launch argument; empty ones are left to the node.
     """
@@ -73,7 +73,7 @@ def command_line(section: type, values: Mapping[str, str]) -> list[str]:
 
 
 def ros_words(values: Mapping[str, str]) -> list[str]:
-    """Return the words that stand behind ``--ros-args``: files and the clock."""
+    """Return the arguments that follow ``--ros-args``: files and the clock."""
     words: list[str] = []
     for file in values.get("params_file", "").split():
         words += ["--params-file", file]
@@ -88,9 +88,9 @@ def names(value: str) -> list[str]:
 
 
 def flag(values: Mapping[str, str], name: str) -> bool:
-    """Return whether a launch argument says true.
+    """Return whether a launch argument is true.
 
-    :raises ConfigurationError: where it says neither true nor false.
+    :raises ConfigurationError: where it is neither true nor false.
     """
     try:
         return _FLAGS[values[name].strip().lower()]
@@ -126,10 +126,10 @@ def required_node(
     below: Sequence[str] = (),
     **details: Any,
 ) -> Any:
-    """Return a node of this package with whose end the launch ends.
+    """Return a node of this package whose end also ends the launch.
 
     :param values: of the launch arguments.
-    :param below: the launch file's own words behind ``--ros-args``, below those of ``params_file``.
+    :param below: the launch file's own ``--ros-args``, which ``params_file`` overrides.
     :param details: other arguments of ``launch_ros.actions.Node``.
     """
     from launch_ros.actions import Node
@@ -157,7 +157,7 @@ def _ended(event: Any, _: Any) -> Any:
 
 
 def rviz(config: Path, namespace: str, fixed_frame: str) -> Any:
-    """Return RViz, or what says that it is not installed; the rest of the launch goes on."""
+    """Return RViz, or a note that it is not installed; the rest of the launch goes on."""
     from ament_index_python.packages import PackageNotFoundError, get_package_prefix
     from launch.actions import LogInfo
     from launch_ros.actions import Node

@@ -42,11 +42,10 @@ class ConfiguredNode(Node):
     """A node whose parameters are those of a section, described and checked in one place.
 
     Values come from ``--ros-args`` (``-p``, ``--params-file``) as ROS matches them to the node.
-    Types are those of the section, not of ROS: an integer stands for a float, a number for a
-    vector, and a list may come as a string, which is what ``ros2 param set`` makes of
-    ``[0.1, 0, 0]``. Whatever came, the parameter holds the section's own type. Parameters that are
-    not ``live`` are read-only. A change is checked as a whole and takes effect as a whole, through
-    :meth:`apply`.
+    Types are those of the section, not of ROS: an integer is accepted for a float, a number for a
+    vector, and a list as a string, which is what ``ros2 param set`` makes of ``[0.1, 0, 0]``. The
+    parameter always holds the section's own type. Parameters that are not ``live`` are read-only.
+    A change is checked as a whole and takes effect as a whole, through :meth:`apply`.
     """
 
     def __init__(
@@ -61,7 +60,7 @@ class ConfiguredNode(Node):
         :param name: the node's name, which a remapping may change.
         :param section: frozen dataclass made of the functions in config.parameter, or a function
             that returns the one for the values that were given.
-        :param layering: puts the values that were given above others, such as those of a preset.
+        :param layering: layers the given values over others, such as those of a preset.
         :raises ConfigurationError: with a line for every unknown name and every bad value.
         """
         super().__init__(name, automatically_declare_parameters_from_overrides=True, **arguments)
@@ -76,26 +75,27 @@ class ConfiguredNode(Node):
         self.add_on_set_parameters_callback(self._on_set)
 
     def get_logger(self) -> Any:
-        """Return the node's logger; rclpy does not say of what type it is."""
+        """Return the node's logger; rclpy's own method has no type annotation."""
         return super().get_logger()  # type: ignore[no-untyped-call]
 
     def apply(self, new: Any) -> None:
-        """Take new parameters, all of them valid; a subclass acts on them and may still refuse.
+        """Apply new parameters, all of them valid; a subclass acts on them and may still refuse.
 
-        ``self.changed`` holds the names that were set, be it to the value they had.
+        ``self.changed`` holds the names that were set, even to the value that they had.
 
-        :raises ConfigurationError: for what only the running node can tell; nothing is changed.
+        :raises ConfigurationError: for errors that only the running node can detect; nothing is
+            changed.
         """
 
     def replace(self, new: Any) -> None:
-        """Take parameters that the node has found out itself, read-only ones as well."""
+        """Set parameters that the node has determined itself, read-only ones as well."""
         self.parameters = new
         for name, value in flatten(new).items():
             if name in self._known:
                 self._parameters[name] = RosParameter(name, value=_to_ros(value))
 
     def _take_overrides(self) -> dict[str, object]:
-        """Return what the command line gave, and remove the declarations that ROS made of it."""
+        """Return the values of the command line, and undeclare what ROS declared from them."""
         given: dict[str, object] = {}
         for name, parameter in self.get_parameters_by_prefix("").items():
             if not files.is_of_ros(name):
@@ -116,7 +116,7 @@ class ConfiguredNode(Node):
             self._declare_empty(name, known[name])
 
     def _declare_empty(self, name: str, parameter: Parameter) -> None:
-        """Declare an empty list, from which alone ROS could not tell a type."""
+        """Declare an empty list, whose type ROS could not infer."""
         self.declare_parameter(
             name, "", ParameterDescriptor(dynamic_typing=True), ignore_override=True
         )
@@ -126,7 +126,7 @@ class ConfiguredNode(Node):
     def set_parameters_atomically(
         self, parameter_list: Iterable[RosParameter]
     ) -> SetParametersResult:
-        """Set parameters in their own types; refuse with every reason, where rclpy names one."""
+        """Set parameters in their own types; a refusal gives every reason, not only the first."""
         changes = []
         problems = []
         for change in parameter_list:
@@ -162,13 +162,13 @@ class ConfiguredNode(Node):
 
 
 def plain(parameter: RosParameter) -> object:
-    """Return a ROS parameter's value in plain Python; ROS takes an empty list for bytes."""
+    """Return a ROS parameter's value in plain Python; for ROS an empty list is one of bytes."""
     value = parameter.value
     return tuple(value) if hasattr(value, "__iter__") and not isinstance(value, str) else value
 
 
 def to_ros(name: str, parameter: Parameter, value: Value) -> RosParameter:
-    """Return a value as a ROS parameter of the type that it always has, an empty list as well."""
+    """Return a value as a ROS parameter of its declared type, also where it is an empty list."""
     return RosParameter(name, _TYPES[parameter.kind], _to_ros(value))
 
 

@@ -23,7 +23,7 @@ _HEARTBEAT_NS: Final = 50_000_000
 """A reader learns of a lost packet from the next heartbeat: Fast DDS's own period is 3 s."""
 
 _SUPPRESSION_NS: Final = 20_000_000
-"""Requests that come sooner are taken as being under way. With Fast DDS's own value, 0, every
+"""Requests that arrive sooner are taken as already answered. With Fast DDS's own value, 0, every
 message wakes one more thread: a quarter of the whole processor time at 1 kHz."""
 
 _ANNOUNCEMENT_NS: Final = 500_000_000
@@ -31,9 +31,9 @@ _ANNOUNCEMENT_NS: Final = 500_000_000
 next one then: Fast DDS's own period is 3 s."""
 
 _BYTES_PER_MINUTE: Final = 4_000_000_000
-"""No limit in practice. But with a limit a thread of its own makes the announcements. Without, Fast
-DDS (to version 3 at least) announces a new participant before it listens itself, and whoever
-answers at once is not heard: in half of all starts discovery then takes up to 3 s."""
+"""No limit in practice, but with a limit a thread of its own makes the announcements. Without one,
+Fast DDS (up to version 3 at least) announces a new participant before it listens itself, and an
+immediate answer is lost: in half of all starts discovery then takes up to 3 s."""
 
 _PROFILE: Final = """<?xml version="1.0" encoding="UTF-8"?>
 <dds xmlns="http://www.eprosima.com"><profiles>
@@ -56,7 +56,7 @@ _PROFILE_VARIABLES: Final = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_
 _PROFILE_FILE: Final = "imu_sim_ros_fastdds.xml"
 
 _SHUTDOWN: Final = 0.1
-"""[s] How long the executor waits for callbacks that are still waiting for something themselves."""
+"""[s] How long shutdown waits for callbacks that are themselves still waiting."""
 
 
 class Program(Protocol):
@@ -135,7 +135,7 @@ def debugging(arguments: Sequence[str]) -> tuple[list[str], bool]:
 
 
 def report(name: str, error: BaseException, debug: bool) -> None:
-    """Print what an error means, a line for each problem; its traceback above them on request."""
+    """Print what an error means, a line for each problem; on request with its traceback first."""
     if debug:
         traceback.print_exception(error)
     for line in explain(error)[0]:
@@ -143,7 +143,7 @@ def report(name: str, error: BaseException, debug: bool) -> None:
 
 
 def set_profile(folder: Path) -> None:
-    """Give Fast DDS a profile, unless the user has one; other middlewares do not look at it."""
+    """Give Fast DDS a profile, unless the user has one; other middlewares ignore it."""
     if any(name in os.environ for name in _PROFILE_VARIABLES):
         return
     path = folder / _PROFILE_FILE
@@ -153,7 +153,7 @@ def set_profile(folder: Path) -> None:
 
 
 def without_own_profile(environment: Mapping[str, str]) -> dict[str, str]:
-    """Return an environment for another process of ours, which makes a profile of its own."""
+    """Return an environment for a child process, which makes a profile of its own."""
     return {
         name: value
         for name, value in environment.items()
@@ -162,7 +162,7 @@ def without_own_profile(environment: Mapping[str, str]) -> dict[str, str]:
 
 
 def _start(arguments: Sequence[str], create: Callable[[], Program]) -> Program:
-    """Initialise ROS, which leaves the signals to us, and make the node."""
+    """Initialise ROS without its signal handlers, and make the node."""
     import rclpy
     from rclpy.signals import SignalHandlerOptions
 

@@ -1,12 +1,12 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Shared memory of Fast DDS that a killed process left half initialised.
+"""Shared memory of Fast DDS that a killed process left half-initialised.
 
 Fast DDS opens the segment of a port by ``boost::interprocess::managed_open_or_create`` (in
-``SharedMemGlobal::open_port_internal``; seen in 2.14): who creates it writes 2 into its first word
-when it is ready, and who opens it waits for that, without limit. A process that is killed between
-the two leaves a file that makes every later participant of that domain hang while it starts.
+``SharedMemGlobal::open_port_internal``; seen in 2.14): its creator writes 2 into its first word
+when it is ready, and whoever opens it waits for that, without limit. A process that is killed in
+between leaves a file that makes every later participant of that domain hang while it starts.
 """
 
 import time
@@ -24,7 +24,7 @@ def remove_torn_segments(folder: Path = FOLDER) -> list[Path]:
     """Remove the segments of ports that were never finished.
 
     :param folder: where shared memory lies.
-    :returns: those that are in the way and cannot be removed: another user's.
+    :returns: those that cannot be removed because they belong to another user.
     """
     left: list[Path] = []
     for path in folder.glob("fastrtps_port*"):
@@ -40,7 +40,7 @@ def remove_torn_segments(folder: Path = FOLDER) -> list[Path]:
 
 
 def _torn(path: Path) -> bool:
-    """Return whether a segment was begun a while ago and is not ready."""
+    """Return whether a segment was created a while ago and is not ready."""
     with suppress(OSError):
         if time.time() - path.stat().st_mtime > _LONGEST_CREATION:
             with path.open("rb") as file:

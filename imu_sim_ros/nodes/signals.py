@@ -3,9 +3,9 @@
 
 """Ctrl-C, SIGTERM and SIGHUP end a node with status 0, from the first moment of its process.
 
-A thread of its own hears of them, through the pipe into which Python writes the number of a signal:
-the main thread may be waiting in the middleware for long, and what is just closing a file must not
-be broken off.
+A thread of its own learns of them through the pipe into which Python writes a signal's number: the
+main thread may be waiting in the middleware, and code that is closing a file must not be
+interrupted.
 """
 
 import os
@@ -16,14 +16,14 @@ from types import FrameType
 from typing import Final
 
 _LONGEST_START: Final = 0.8
-"""[s] A node that is not made by then has nothing to close that would be worth waiting for."""
+"""[s] A node that does not exist by then has nothing to close that is worth waiting for."""
 
 
 class EndSignals:
     """Waits for the signals that end the process.
 
-    Before :meth:`begin` there is nothing to close, and the process ends at once. From then on a
-    signal is kept until :meth:`deliver_to` says who ends the run; later signals change nothing.
+    Before :meth:`begin` there is nothing to close, and the process ends at once. After it a
+    signal is kept until :meth:`deliver_to` states what ends the run; later signals change nothing.
 
     :param last: the process ends with this watch, and no signal changes its exit status then.
     """
@@ -46,7 +46,7 @@ class EndSignals:
         self._thread.start()
 
     def begin(self) -> None:
-        """Keep signals from now on: there is something to close."""
+        """Hold signals from now on: there is something to close."""
         self._begun = True
 
     def deliver_to(self, end: Callable[[], None]) -> None:
@@ -59,7 +59,7 @@ class EndSignals:
             end()
 
     def close(self) -> None:
-        """End the thread and let the signals act as before; where this is the end, not at all."""
+        """End the thread and restore the signals' former effect, or none where the process ends."""
         global _signals
         _signals = None
         for number, handler in self._handlers.items():

@@ -10,7 +10,7 @@ from imu_sim_ros.nodes import signals
 
 
 def _run(name: str) -> int:
-    open_standard_streams()  # else the watch's pipe would be the output that is closed
+    open_standard_streams()  # otherwise the watch's pipe would take the place of a closed output
     signals.watch(last=True)
     status: int = importlib.import_module(f"imu_sim_ros.nodes.{name}.node").main()
     return status

@@ -1,39 +1,39 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Threads whose failure is the node's: whatever one raises is reported and ends the node."""
+"""Threads whose failure is the node's: any exception is reported and ends the node."""
 
 import threading
 from collections.abc import Callable
 
 Fail = Callable[[BaseException], None]
-"""Receives what a thread has raised, in that thread; the node ends with it."""
+"""Receives a thread's exception, in that thread; the node ends with it."""
 
 
 class SupervisedThread:
     """A thread that cannot die in silence.
 
-    It is a daemon: a signal may end the program before there is a node that could close it.
+    It is a daemon: a signal may end the program before there is a node to close it.
     """
 
     def __init__(self, name: str, work: Callable[[], None], fail: Fail) -> None:
         """Set up the thread; :meth:`start` lets it run.
 
         :param name: what the thread does, in one word.
-        :param work: its work; when it returns the thread has ended as it should.
-        :param fail: is given the exception that ended the work instead.
+        :param work: its work; returning from it is the thread's regular end.
+        :param fail: receives the exception that ended the work instead.
         """
         self._work, self._fail = work, fail
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
 
     def start(self) -> None:
-        """Let the thread run."""
+        """Start the thread."""
         self._thread.start()
 
     def join(self, timeout: float | None = None) -> bool:
         """Wait for the end of the thread, at most ``timeout`` seconds; return whether it has ended.
 
-        A thread that was never started has ended, and nobody waits for itself.
+        A thread that was never started has ended, and a thread does not wait for itself.
         """
         if self._thread.ident is None:
             return True
@@ -44,5 +44,5 @@ class SupervisedThread:
     def _run(self) -> None:
         try:
             self._work()
-        except BaseException as error:  # nothing may pass: nobody else looks at this thread
+        except BaseException as error:  # nothing may escape: nobody else watches this thread
             self._fail(error)

@@ -3,8 +3,8 @@
 
 """The initial state of integration: given values, the truth, or levelled at rest.
 
-Each start is given readings and truths as they arrive, keeps what it may still need, and returns a
-:class:`Start` once it knows; from then on it is not asked again.
+Each initialiser receives readings and truths as they arrive, keeps what it may still need, and
+returns a :class:`Start` once it can; it is not called again after that.
 """
 
 from collections import deque
@@ -20,7 +20,7 @@ from imu_sim_ros.navigation import Initial, NavigationState, initialisation
 from imu_sim_ros.nodes.topics import ImuReading, Truth
 
 _KEPT = 20000
-"""Readings and truths that wait for each other: 2.5 s at 8 kHz."""
+"""Number of readings and truths that may wait for each other: 2.5 s at 8 kHz."""
 
 
 class Start(NamedTuple):
@@ -29,7 +29,7 @@ class Start(NamedTuple):
     initial: Initial
     """State, correction and covariance at the first of the readings."""
     readings: list[ImuReading]
-    """All that have arrived since; the first one is that of the state."""
+    """All readings since the start; the first one belongs to the state."""
 
 
 class Initialiser(Protocol):
@@ -45,7 +45,7 @@ class Initialiser(Protocol):
 def initialiser(parameters: IntegratorParameters, complain: Callable[[str], None]) -> Initialiser:
     """Return the start that the parameters choose.
 
-    :param complain: is called with the reason why a start is not possible yet.
+    :param complain: is called with the reason while a start is not possible.
     """
     if parameters.initial_state == "truth":
         return _FromTruth(parameters)
@@ -68,9 +68,9 @@ class _FromParameters:
 class _FromTruth:
     """Starts at the first true state that has a reading with its stamp.
 
-    Readings wait for the truth and truths for the readings, whichever topic is ahead. Where both
-    have stamps of their own, the last truth before the first reading is carried on to it with its
-    own velocity and rate.
+    Readings wait for the truth and truths for the readings, whichever topic is ahead. Where no
+    stamps coincide, the last truth before the first reading is extrapolated to it with its velocity
+    and rate.
     """
 
     def __init__(self, parameters: IntegratorParameters) -> None:
@@ -99,7 +99,7 @@ class _FromTruth:
         t_ns = readings[0].t_ns
         while len(truths) > 1 and truths[1].t_ns <= t_ns:
             truths.popleft()
-        # An older truth is good enough only once it is known that none with this stamp follows.
+        # An older truth will do only once it is certain that none with this stamp follows.
         if truths[0].t_ns < t_ns and len(truths) == 1:
             return None
         state = _carried(truths[0], t_ns)
@@ -134,7 +134,7 @@ class _FromRest:
 
 
 def _carried(truth: Truth, t_ns: int) -> NavigationState:
-    """Return a true state, carried on to a later time with its own velocity and rate."""
+    """Return a true state, extrapolated to a later time with its velocity and rate."""
     h = (t_ns - truth.t_ns) * 1e-9
     velocity = rotation.rotate(truth.q_wb, truth.velocity_b)
     turn = rotation.exp(np.multiply(truth.angular_velocity_b, h))

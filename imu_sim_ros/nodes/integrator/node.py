@@ -51,11 +51,11 @@ The service ~/reset starts again at initial_state."""
 
 _DEPTH = 2000
 _READ_PERIOD = 0.002
-"""[s] How long a reading waits at most; looking costs 1 % of a core."""
+"""[s] Polling period, the longest that a reading waits; polling costs 1 % of a core."""
 _MATCHING_PERIOD = 0.5
 _COMPLAINT_PERIOD = 1.0
 _ACKNOWLEDGEMENT = Duration(nanoseconds=300_000_000)
-"""How long the end waits for subscribers; a signal is to end the node within a second."""
+"""How long shutdown waits for subscribers; a signal must end the node within a second."""
 
 
 class Integrator(ConfiguredNode):
@@ -68,7 +68,7 @@ class Integrator(ConfiguredNode):
         self.odometer = Odometer(parameters, self._complain, self._is_new_source)
         self.comparison = TruthComparison() if parameters.error else None
         self._lock = threading.Lock()
-        """Readings are integrated in the reader's thread, all else happens in the executor's."""
+        """Integrate readings in the reader's thread; everything else runs in the executor's."""
         self._qos: dict[str, QoSProfile] = {}
         self._received = {IMU_TOPIC: 0, TRUTH_TOPIC: 0}
         self._published = 0
@@ -88,7 +88,7 @@ class Integrator(ConfiguredNode):
             self.odometer.correct_with(new)
 
     def close(self) -> None:
-        """Take what has arrived, give it to all subscribers; say how much came and went."""
+        """Process what has arrived, wait for the subscribers, and print the counts."""
         self.reader.close()
         self.sensor.settle()
         self._odometry_out.wait_for_all_acked(_ACKNOWLEDGEMENT)
@@ -132,7 +132,7 @@ class Integrator(ConfiguredNode):
         self.reader.subscribe(topic, Imu if topic == IMU_TOPIC else Odometry, qos, stamp_offset=4)
 
     def _match_publishers(self) -> None:
-        """Ask for less reliability where a driver offers less: else nothing would arrive."""
+        """Request best effort where a driver offers no more: otherwise nothing would arrive."""
         for topic, qos in list(self._qos.items()):
             publishers = self.get_publishers_info_by_topic(topic)
             offered = matching_qos(publishers, _DEPTH)
@@ -148,7 +148,7 @@ class Integrator(ConfiguredNode):
                 self._integrate(messages)
 
     def _integrate(self, messages: list[Message]) -> None:
-        """Integrate messages of any topic and publish what comes of them; the lock is held."""
+        """Integrate messages of any topic and publish the results; the lock is held."""
         rows: list[Row] = []
         errors: list[ErrorAt] = []
         for message in messages:
@@ -165,7 +165,7 @@ class Integrator(ConfiguredNode):
     def _adopt(self, sensor: Mapping[str, object]) -> None:
         """Take the noise of the sensor that the readings come from.
 
-        :raises ConfigurationError: for values that cannot be.
+        :raises ConfigurationError: for invalid values.
         """
         new = build(IntegratorParameters, layer_integrator(self.given, sensor))
         with self._lock:

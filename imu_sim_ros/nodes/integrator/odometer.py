@@ -19,10 +19,10 @@ from imu_sim_ros.nodes.topics import ImuReading, Truth
 from imu_sim_ros.rotation.scalars import Q4, V3
 
 RESTART_NS = 1_000_000_000
-"""A step back by more than this is a source that began again, not a message out of order."""
+"""A step back by more than this means that the source was restarted, not a message out of order."""
 _SMOOTHING = 0.02
 _SMALL_ANGLE = 0.5
-"""[rad] an attitude that is less certain than this has no honest covariance of first order."""
+"""[rad] Beyond this standard deviation a first-order covariance of the attitude is not valid."""
 
 
 class Row(NamedTuple):
@@ -39,7 +39,7 @@ class Row(NamedTuple):
 
 @dataclass
 class Totals:
-    """What was met since the node started."""
+    """What was counted since the node started."""
 
     readings: int = 0
     starts: int = 0
@@ -47,9 +47,9 @@ class Totals:
 
 
 class Odometer:
-    """Starts as the parameters say, integrates, and starts again where the source did.
+    """Starts as configured, integrates, and starts again where the source does.
 
-    :param complain: is called with a line for every irregular reading.
+    :param complain: receives a line for every irregular reading.
     :param is_new_source: returns whether a publisher has appeared since the last call.
     """
 
@@ -151,7 +151,7 @@ class Odometer:
         yield self._row(stepper, reading.t_ns)
 
     def _is_usable(self, before: int, reading: ImuReading) -> bool:
-        """Complain about a reading that made no step; return whether its stamp is a new one."""
+        """Report a reading that made no step; return whether its stamp is new."""
         counts, step = self.totals.steps, (reading.t_ns - before) * 1e-9
         if not np.isfinite(reading.gyro + reading.accel).all():
             self._complain(f"non-finite reading skipped ({counts.not_finite})")
@@ -166,7 +166,7 @@ class Odometer:
         return True
 
     def _complain_about_attitude(self, pose: NDArray[np.float64]) -> None:
-        """Say once that the attitude is no longer known well enough for the covariance to hold."""
+        """Warn once that the attitude is too uncertain for the covariance to be valid."""
         if self._uncertain:
             return
         variance = max(pose.item(3, 3), pose.item(4, 4), pose.item(5, 5))

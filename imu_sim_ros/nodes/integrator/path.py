@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The dead-reckoned path as RViz draws it: few poses, published seldom."""
+"""The dead-reckoned path as RViz draws it: few poses, published at a low rate."""
 
 from collections import deque
 from typing import Any

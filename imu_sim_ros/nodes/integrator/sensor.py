@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which sensor the readings come from: integration waits until that is known, or long enough."""
+"""Which sensor the readings come from: integration waits until it is known, or for a time."""
 
 import threading
 import time
@@ -16,22 +16,22 @@ from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.topics import Message, sensor_description
 
 _PATIENCE: Final = 0.5
-"""[s] after the first reading in which a description arrives if anybody publishes one."""
+"""[s] After the first reading; a description that somebody publishes arrives by then."""
 _LONGER_PATIENCE: Final = 5.0
-"""[s] where a publisher of one is known."""
+"""[s] The same where a publisher of one has been discovered."""
 _LOOK_PERIOD: Final = 0.05
 _KEPT: Final = 20000
-"""Messages that wait: 2.5 s at 8 kHz."""
+"""Number of messages that may wait: 2.5 s at 8 kHz."""
 
 
 class Sensor:
-    """Holds messages back until the description of the sensor is there.
+    """Holds messages back until the description of the sensor has arrived.
 
-    Where the user says what the noise is, or no covariance is asked for, nothing waits.
+    Where the user gives the noise, or no covariance is requested, nothing waits.
 
     :param adopt: takes the description's parameters, by dotted name.
-    :param release: takes the messages that have waited; ``lock`` is held.
-    :param lock: is held while messages are taken.
+    :param release: receives the messages that have waited; ``lock`` is held.
+    :param lock: is held while messages are processed.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class Sensor:
         self.settled = own or not node.parameters.covariance
         """Whether nothing waits any more."""
         self.described = False
-        """Whether the source of the readings has said what its sensor is."""
+        """Whether the source of the readings has described its sensor."""
         if self.settled:
             return
         self.topic = sensor_description.topic(node)
@@ -85,7 +85,7 @@ class Sensor:
         self.settle()
 
     def _look(self) -> None:
-        """Give up where no description comes."""
+        """Give up where no description arrives."""
         if not self._held:
             return
         known = self._node.count_publishers(self.topic)

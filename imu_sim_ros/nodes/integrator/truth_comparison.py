@@ -35,7 +35,7 @@ class ErrorAt(NamedTuple):
 
 
 class TruthComparison:
-    """Keeps estimates and truths until both of one stamp are there."""
+    """Keeps estimates and truths until both of one stamp have arrived."""
 
     def __init__(self) -> None:
         self.last: ErrorAt | None = None
@@ -79,7 +79,7 @@ class TruthComparison:
 
 
 def _keep(waiting: dict[int, _Item], t_ns: int, item: _Item) -> None:
-    """Let an item wait; the oldest gives way where too many do."""
+    """Store an item; the oldest is dropped where there are too many."""
     waiting[t_ns] = item
     if len(waiting) > _KEPT:
         del waiting[next(iter(waiting))]

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from imu_sim_ros.nodes.topics import Message
 
 _QUIET = 1.0
-"""[s] A topic from which nothing came for so long is not waited for."""
+"""[s] A topic that has been silent for this long is not waited for."""
 
 
 @dataclass
@@ -21,9 +21,9 @@ class _Topic:
 
 
 class DurationLimit:
-    """Lets the messages of a topic pass until their stamps are a time past its first one.
+    """Lets the messages of a topic pass until their stamps exceed its first one by the limit.
 
-    So 8 s of a topic at 200 Hz are 1600 messages, whatever the speed at which they come.
+    So 8 s of a topic at 200 Hz are 1600 messages, at whatever speed they arrive.
     """
 
     def __init__(self, duration: float) -> None:
@@ -44,7 +44,7 @@ class DurationLimit:
         if topic is None:
             topic = self._topics[first.topic] = _Topic(first.t_ns, first.t_ns, now)
         topic.last_ns, topic.seen_at = last.t_ns, now
-        # A first stamp that was never set stands for the time of reception, perhaps much later.
+        # For a first stamp that was never set the time of reception, perhaps much later, is used.
         topic.first_ns = min(topic.first_ns, *(message.t_ns for message in messages))
         end_ns = topic.first_ns + self._length_ns
         if max(message.t_ns for message in messages) < end_ns:
@@ -53,10 +53,10 @@ class DurationLimit:
         return [message for message in messages if message.t_ns < end_ns]
 
     def reached(self, elapsed: float, now: float) -> bool:
-        """Return whether every topic that still comes has had its time.
+        """Return whether every topic that is still active has reached the limit.
 
         :param elapsed: since the first message, on the clock of the node [s]. Decides where stamps
-            make no progress: they do not advance, or nothing arrives any more.
+            do not advance, or nothing arrives any more.
         """
         if not self._length_ns:
             return False
@@ -67,7 +67,7 @@ class DurationLimit:
 
 
 def _is_awaited(topics: Iterable[_Topic], now: float) -> Iterable[bool]:
-    """Yield for each topic whether it moves and has not had its time."""
+    """Yield for each topic whether it is active and has not reached the limit."""
     for topic in topics:
         moves = topic.last_ns != topic.first_ns and now - topic.seen_at <= _QUIET
         yield moves and not topic.complete

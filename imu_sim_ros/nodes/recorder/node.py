@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The recorder node: topics into a bag that survives whatever happens to the recorder."""
+"""The recorder node: topics into a bag that survives the recorder's sudden end."""
 
 import argparse
 import json
@@ -53,7 +53,7 @@ _WAITING_PERIOD = 5.0
 
 
 class Recorder(ConfiguredNode):
-    """Finds topics, subscribes to them, and has what arrives written."""
+    """Finds topics, subscribes to them, and passes messages on to be written."""
 
     def __init__(self, **arguments: Any) -> None:
         super().__init__("recorder", RecorderParameters, **arguments)
@@ -91,7 +91,7 @@ class Recorder(ConfiguredNode):
         self._discover()
 
     def close(self) -> None:
-        """Take and write what has arrived, finish the bag, say what is in it."""
+        """Write what has arrived, finish the bag, and print what is in it."""
         self.reader.close()
         self.recording.close()
         if self._live_line:
@@ -109,7 +109,7 @@ class Recorder(ConfiguredNode):
         )
 
     def _resolved(self, parameter: str, names: Sequence[str], problems: list[str]) -> list[str]:
-        """Return topics' names with their namespace; add a line for each that is none."""
+        """Return the topics' names with their namespace; add a problem for each invalid one."""
         result = []
         for name in names:
             try:
@@ -123,7 +123,7 @@ class Recorder(ConfiguredNode):
 
     # ------------------------------------------------------------------------------- topics
     def _discover(self) -> None:
-        """Subscribe to what is wanted and new, and again where the publishers' QoS changed."""
+        """Subscribe to new topics that are wanted, and again where the publishers' QoS changed."""
         for name, types in self.get_topic_names_and_types():
             if self._is_wanted(name):
                 publishers = [
@@ -185,14 +185,14 @@ class Recorder(ConfiguredNode):
             self.get_logger().warning(f"waiting for a publisher of {names}")
 
     def _put(self, messages: list[Message]) -> None:
-        """Have messages of one topic written, in the reader's thread."""
+        """Pass messages of one topic on to be written, in the reader's thread."""
         within = self._limit.take(messages, time.monotonic())
         if within:
             self.recording.put(within)
 
     # ------------------------------------------------------------------------------- the end
     def _check_end(self) -> None:
-        """End where it is time to."""
+        """End the recording where a limit is reached."""
         recording, parameters = self.recording, self.parameters
         if 0 < parameters.max_size * MEGABYTE <= recording.size:
             self.ending.finish()
@@ -258,7 +258,7 @@ class Recorder(ConfiguredNode):
 
 
 def _left(files: Sequence[Path]) -> str:
-    """Return what became of a recording whose writing failed."""
+    """Return what is left of a recording whose writing failed."""
     if not files:
         return "nothing is kept: it failed before any part of the bag was complete"
     kept = ", ".join(map(str, files))
@@ -269,7 +269,7 @@ def _left(files: Sequence[Path]) -> str:
 
 def _row(topic: Topic) -> tuple[str, ...]:
     seen = topic.statistics
-    if not topic.stamped:  # times of reception say nothing about the source
+    if not topic.stamped:  # times of reception tell nothing about the source
         return topic.name, str(seen.messages), f"{seen.rate:.2f}", "-", "-", "-", "-"
     counts = (seen.gaps, seen.missing, seen.duplicates, seen.out_of_order)
     return topic.name, str(seen.messages), f"{seen.rate:.2f}", *map(str, counts)
@@ -278,10 +278,10 @@ def _row(topic: Topic) -> tuple[str, ...]:
 def plain_arguments(arguments: Sequence[str]) -> list[str]:
     """Return a recorder's short command line in the long form that every node understands.
 
-    Words are topics, ``-o`` is ``--output``, a duration may have a unit; all from ``--ros-args``
-    on stays as it is.
+    Plain words are topics, ``-o`` is ``--output``, a duration may have a unit; everything from
+    ``--ros-args`` on is left unchanged.
 
-    :raises ConfigurationError: for what is not a duration.
+    :raises ConfigurationError: for an invalid duration.
     """
     end = arguments.index("--ros-args") if "--ros-args" in arguments else len(arguments)
     result: list[str] = []

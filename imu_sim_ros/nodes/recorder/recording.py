@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A bag that is written while messages arrive: in its own thread, safe against sudden ends."""
+"""A bag that is written while messages arrive: in its own thread, safe against a sudden end."""
 
 import queue
 import threading
@@ -21,7 +21,7 @@ from imu_sim_ros.nodes.supervised_thread import Fail, SupervisedThread
 from imu_sim_ros.nodes.topics import Message
 
 FLUSH_PERIOD = 0.5
-"""[s] What is older survives the process; twice as often as the promise of one second needs."""
+"""[s] Period of flushing: older data survive the process. Half of the second that is promised."""
 
 
 @dataclass
@@ -34,15 +34,15 @@ class Topic:
     definition: str
     digest: str
     stamped: bool
-    """Whether every message so far has a stamp that is set."""
+    """Whether every message so far had a stamp that was set."""
     statistics: StampStatistics
     handle: Any = None
     convert: Callable[[bytes], bytes] = bytes
     unseen: list[int] = field(default_factory=list)
-    """Stamps that the statistics do not know yet."""
+    """Stamps that are not in the statistics yet."""
 
     def look(self) -> None:
-        """Let the statistics see the stamps that have gathered."""
+        """Add the accumulated stamps to the statistics."""
         self.statistics.add(np.array(self.unseen, dtype=np.int64))
         self.unseen.clear()
 
@@ -53,7 +53,7 @@ class Recording:
     :param open_bag: opens the bag.
     :param fail: receives the error that ended the writing; what was written before is kept.
     :param buffer_bytes: how much may wait in memory while the disk stalls.
-    :raises Exception: whatever ``open_bag`` raised, where the bag cannot be begun.
+    :raises Exception: whatever ``open_bag`` raised, where the bag cannot be opened.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class Recording:
         self.failed = False
         """Whether writing ended with an error."""
         self.dropped = 0
-        """Messages that found no place in memory."""
+        """Messages dropped because the buffer was full."""
         self.broken = 0
         """Messages that cannot be translated for this bag."""
         self.files: list[Path] = []
@@ -90,13 +90,13 @@ class Recording:
         return sum(topic.statistics.messages + len(topic.unseen) for topic in topics)
 
     def add_topic(self, topic: Topic) -> None:
-        """Begin a topic; its messages may follow at once."""
+        """Add a topic; its messages may follow at once."""
         self._queue.put(topic)
 
     def put(self, messages: list[Message]) -> None:
-        """Hand over messages to be written; never blocks.
+        """Queue messages for writing; never blocks.
 
-        While the disk stalls they wait in memory. What no longer fits there is dropped and counted.
+        While the disk stalls they wait in memory. Those that no longer fit are dropped and counted.
         """
         size = sum(len(message.payload) for message in messages)
         with self._lock:
@@ -107,12 +107,12 @@ class Recording:
         self._queue.put(messages)
 
     def close(self) -> None:
-        """Write what waits, finish the bag and end the thread."""
+        """Write what is queued, finish the bag and end the thread."""
         self._queue.put(None)
         self._thread.join()
 
     def _take_failure(self, error: BaseException) -> None:
-        """Handle the error that ended the thread: a refusal to begin, or a failure later."""
+        """Handle the error that ended the thread: while opening the bag, or later."""
         if self._begun.is_set():
             self.failed = True
             self._fail(error)
@@ -124,7 +124,7 @@ class Recording:
         # Opened here, not by the caller: a database may belong to the thread that opened it.
         self._bag = self._open_bag()
         try:
-            # Loads what translates messages, so that the first ones do not wait for it.
+            # Loads the translation of messages, so that the first ones need not wait for it.
             recorded_type("std_msgs/msg/Header", "", "", self._bag.encoding)
             self.files = self._bag.files
             self._begun.set()
@@ -184,13 +184,13 @@ class Recording:
             self._queued_bytes -= sum(len(message.payload) for message in messages)
 
     def _flush(self) -> None:
-        """Bring everything into the file, and notice a file into which nothing can be brought."""
+        """Flush everything to the file, and notice where the file no longer exists."""
         self._bag.flush()
         self.size = self._bag.size
         self.files = self._bag.files
         for topic in self.topics.values():
             topic.look()
-        # Writing into a removed file goes on succeeding, unseen.
+        # Writing to a removed file keeps succeeding without a sign.
         last = self.files[-1]
         if not (last.exists() or active_path(last).exists()):
             raise InputError(f"{last}: it was removed while it was being written")

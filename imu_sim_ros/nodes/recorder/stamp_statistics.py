@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the stamps of a topic tell about losses, kept in constant memory while messages arrive."""
+"""Losses as the stamps of a topic reveal them, counted in constant memory as messages arrive."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +14,12 @@ _GAP_FACTOR = 1.5
 class StampStatistics:
     """Counts gaps, repeated stamps and stamps out of order of one topic.
 
-    Stamps are taken in batches. Within a batch they are sorted before distances are looked at, so
-    that two messages that changed places are out of order but leave no gap. A step back by more
-    than a second is a clock that was set back or a source that started again; it is counted as out
-    of order, too, and the next stamp begins again.
+    Stamps are taken in batches. Within a batch they are sorted before intervals are examined, so
+    that two swapped messages are out of order but leave no gap. A step back by more than a second
+    is a clock that was set back or a source that restarted; it, too, is counted as out of order,
+    and counting begins again at the next stamp.
 
-    :param max_gap_ns: distances above it are gaps; 0: above 1.5 of the median of the last 256.
+    :param max_gap_ns: intervals above it are gaps; 0: above 1.5 times the median of the last 256.
     """
 
     def __init__(self, max_gap_ns: int = 0) -> None:
@@ -54,7 +54,7 @@ class StampStatistics:
 
     @property
     def usual_distance_ns(self) -> int:
-        """The median distance of the last stamps; 0 before there are two."""
+        """The median interval of the last stamps; 0 before there are two."""
         return int(np.median(self._distances)) if len(self._distances) else 0
 
     @property
@@ -65,7 +65,7 @@ class StampStatistics:
         return (self.messages - 1) * 1e9 / (self.last_ns - self.first_ns)
 
     def _add_run(self, t_ns: NDArray[np.int64]) -> None:
-        """Take stamps between which the source did not start again."""
+        """Take stamps between which the source did not restart."""
         if len(t_ns) == 0:
             return
         ordered = np.sort(t_ns)
@@ -73,7 +73,7 @@ class StampStatistics:
         if latest is not None and ordered[0] < latest - _RESTART_NS:
             latest = None
         if latest is not None:
-            # Late ones lie below the latest: they were missed there and counted as a gap.
+            # Late stamps lie below the latest: they were missing there and counted as a gap.
             ordered = np.concatenate([[latest], ordered[ordered >= latest]])
         self._latest = int(ordered[-1])
         distances = np.diff(ordered)

@@ -1,10 +1,10 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The process of one camera: renders frames ahead, publishes each when the simulator says so.
+"""The process of one camera: renders frames ahead and publishes each on the simulator's request.
 
-It reads one line of JSON, then tokens, from standard input, and ends with it; it says what it has
-done in lines of JSON on standard output. It runs below the priority of the node that started it.
+It reads one line of JSON, then tokens, from standard input, and ends when that is closed; it
+reports in lines of JSON on standard output. It runs below the priority of the node that started it.
 """
 
 import json
@@ -48,19 +48,19 @@ AHEAD: Final = 8
 """Frames that wait to be published: 3 MB of 752 x 480."""
 _NICE: Final = 5
 _BEHIND: Final = 20
-"""Frames that are due and not yet made, from which on it is said."""
+"""Number of frames due and not yet rendered from which this is reported."""
 _ACKNOWLEDGEMENT: Final = Duration(nanoseconds=2_000_000_000)
 _LATCHED: Final = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class Frames:
-    """The messages of a camera's frames, made ahead in a thread; one thread takes them."""
+    """The messages of a camera's frames, made ahead in one thread and taken by another."""
 
     def __init__(self, make: Callable[[int], dict[str, bytes]], lost: Callable[[int], bool]):
         """Set up.
 
         :param make: returns the messages of a frame, stamped as if time zero were ORIGIN_NS.
-        :param lost: returns which frames are never requested.
+        :param lost: returns which frames will never be requested.
         """
         self._make, self._lost = make, lost
         self._made: dict[int, dict[str, bytes]] = {}
@@ -83,12 +83,12 @@ class Frames:
                     self._changed.notify_all()
 
     def wait_for_first(self) -> None:
-        """Wait until half of what is made ahead is there, or the first 100 frames are lost."""
+        """Wait until half of the frames made ahead are ready, or the first 100 frames are lost."""
         with self._changed:
             self._changed.wait_for(lambda: len(self._made) >= AHEAD // 2 or self._next > 100)
 
     def take(self, number: int) -> dict[str, bytes]:
-        """Return the messages of a frame, and forget it and all before it."""
+        """Return the messages of a frame, and discard it and all before it."""
         with self._changed:
             if number < self._wanted or number > self._next + AHEAD:  # a reset, or a jump
                 self._made.clear()
@@ -147,7 +147,7 @@ class CameraNode:
             yield topic, Counter(topic, create(self.node, types[topic], full, qos))
 
     def publish_scene(self) -> None:
-        """Publish what does not move, once for all who ever listen, where it is this process's."""
+        """Publish the static messages, latched, where they are this process's task."""
         world, scene = self.parameters.world_frame, self._rig.scene
         if LANDMARKS_TOPIC in self.counters:
             self.counters[LANDMARKS_TOPIC].send(landmarks(scene, world, 0))
@@ -182,7 +182,7 @@ class CameraNode:
 
 
 class Reports:
-    """What the process says to the node."""
+    """The process's reports to the node."""
 
     def __init__(self, descriptor: int) -> None:
         self._file = os.fdopen(descriptor, "wb", buffering=0)
@@ -199,7 +199,7 @@ def main() -> int:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the node closes the pipe when it ends
     os.nice(_NICE)
     reports = Reports(os.dup(1))
-    os.dup2(2, 1)  # whatever else prints must not come between the reports
+    os.dup2(2, 1)  # other output must not get between the reports
     try:
         line = sys.stdin.buffer.readline()
         if not line:

@@ -3,10 +3,10 @@
 
 """The cameras of the running simulator, each in a process of its own.
 
-Such a process (``camera_process``) renders frames ahead and publishes one on request. The
-publishing thread of the IMU does no more for a frame than to write 16 bytes into a pipe when the
-frame is due, so pauses, steps, resets and the real-time factor hold for frames as for samples, and
-neither rendering nor sending a large message ever delays a sample.
+Such a process (``camera_process``) renders frames ahead and publishes one on request. All that the
+publishing thread of the IMU does for a frame is to write 16 bytes to a pipe when the frame is due,
+so pauses, steps, resets and the real-time factor apply to frames as to samples, and neither
+rendering nor sending a large message ever delays a sample.
 """
 
 import json
@@ -43,7 +43,7 @@ _LONGEST_END: Final = 5.0
 
 
 class RemoteCounter:
-    """A topic that a camera's process publishes; stands where a publisher's counter does."""
+    """A topic that a camera's process publishes; counts like a publisher."""
 
     def __init__(self, topic: str, camera: "CameraProcess", subscribers: Callable[[], int]) -> None:
         self.topic, self._camera = topic, camera
@@ -66,7 +66,7 @@ class CameraProcess:
     def __init__(self, name: str, start: dict[str, Any], fail: Fail, warn: Callable[[str], None]):
         """Start the process.
 
-        :param start: what it has to know, as JSON can hold it.
+        :param start: its configuration, as JSON can hold it.
         :param fail: receives what ended the process.
         :param warn: receives a line for the log.
         """
@@ -94,7 +94,7 @@ class CameraProcess:
         self._watcher.start()
 
     def send(self, token: bytes) -> None:
-        """Have a frame published."""
+        """Request that a frame is published."""
         try:
             os.write(self._input.fileno(), token)
             self._sent += 1
@@ -103,12 +103,12 @@ class CameraProcess:
                 self._overflow = True
                 self._warn(f"{self.name}: frames cannot be rendered in time; some are lost")
         except (BrokenPipeError, ValueError):
-            pass  # the watcher tells why
+            pass  # the watcher reports why
 
     def wait_until_idle(self, timeout: float) -> bool:
-        """Wait until every frame that was due is published, however long, while some still are.
+        """Wait until every frame that was due is published, as long as there is progress.
 
-        :param timeout: [s] without any frame, beyond the time that one may take on a busy machine.
+        :param timeout: [s] without any frame; longer than one takes on a busy machine.
         """
         with self._changed:
             moved = True
@@ -117,7 +117,7 @@ class CameraProcess:
             return self._done >= self._sent
 
     def close(self) -> None:
-        """End the process; what is due is still sent."""
+        """End the process; frames that are due are still sent."""
         with self._changed:
             self._closing = True
             self._changed.notify_all()
@@ -131,7 +131,7 @@ class CameraProcess:
         self._output.close()
 
     def _watch(self) -> None:
-        """Take in what the process says, a line of JSON each."""
+        """Read the process's reports, a line of JSON each."""
         ended = False
         for line in self._output:
             said = json.loads(line)
@@ -155,7 +155,7 @@ class CameraStream:
     """The frames of one camera as tokens, each due when the camera's driver lets it go."""
 
     def __init__(self, view: View, send: Callable[[bytes], None]) -> None:
-        """Join a camera with what publishes it.
+        """Connect a camera with its publisher.
 
         :param view: with the start at 0 ns.
         """
@@ -194,7 +194,7 @@ class Cameras:
         assert isinstance(parameters, RigParameters)
         log = node.get_logger()
         self.topics: list[str] = []
-        """Full names of all that the processes publish."""
+        """Full names of all topics that the processes publish."""
         self.counters: list[RemoteCounter] = []
         self.streams: list[CameraStream] = []
         self._processes: list[CameraProcess] = []
@@ -235,7 +235,7 @@ class Cameras:
 
 
 def _topics_of(name: str, rig: RigParameters) -> list[str]:
-    """Return what a camera's process publishes; the first one has what is there once."""
+    """Return what a camera's process publishes; the first one also has the topics common to all."""
     own = [topic for topic in camera_topics(rig) if topic.startswith(f"{name}/")]
     if name != rig.cameras[0]:
         return own

@@ -33,13 +33,13 @@ class Histogram:
             self.maximum_ns = max(self.maximum_ns, *lateness_ns)
 
     def quantile_us(self, fraction: float) -> float:
-        """Return what a fraction of the samples do not exceed [us]."""
+        """Return the lateness that a fraction of the samples do not exceed [us]."""
         place = np.searchsorted(np.cumsum(self._counts), fraction * self._counts.sum())
         return float(self._edges[min(place, len(self._edges) - 1)]) * 1e-3
 
 
 class Report:
-    """Diagnostics of the time since the last ones."""
+    """Diagnostics of the time since the last message."""
 
     def __init__(self, name: str, hardware: str) -> None:
         self._name, self._hardware = name, hardware
@@ -61,7 +61,7 @@ class Report:
         :param elapsed: seconds since the last message.
         :param state: running, paused or waiting, in words.
         :param lateness_ns: of the samples since the last message.
-        :param late: how many samples were caught up and skipped since the start.
+        :param late: numbers of samples caught up and skipped since the start.
         """
         values: dict[str, str] = {"state": state}
         p99 = 0.0
@@ -98,7 +98,7 @@ class Report:
 
 
 def fault_message(name: str, fault: Fault, imu: str, stamp: Any) -> DiagnosticArray:
-    """Return what ``ground_truth/faults`` says; its stamp is that of the first sample that is hit.
+    """Return the message for ``ground_truth/faults``; its stamp is that of the first sample hit.
 
     :param imu: the IMU's name, where there are several.
     """

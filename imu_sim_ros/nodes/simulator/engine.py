@@ -16,14 +16,14 @@ from imu_sim_ros.nodes.supervised_thread import Fail, SupervisedThread
 _LEAD_NS: Final = 10_000_000
 """The first sample is due this long after time zero is chosen: its block has to be computed."""
 _STARTS: Final = 4
-"""Time zero is chosen at most so often."""
+"""Time zero is chosen at most this many times."""
 
 _BLOCKS_AHEAD: Final = 1
 _UNPACED_FACTOR: Final = 10.0
 _UNACKNOWLEDGED: Final = 500
 """Samples that are published without waiting for the subscribers, where nothing else paces them."""
 _LONGEST_END: Final = 0.2
-"""[s] A block that is still being computed by then need not be finished."""
+"""[s] Shutdown does not wait longer for a block that is still being computed."""
 
 
 class _Block(NamedTuple):
@@ -53,7 +53,7 @@ class Engine:
 
         :param ready: whether the first sample may be published.
         :param zero: returns the time of the first sample [ns], which is due after that many [ns].
-        :param acknowledged: waits for a moment; whether all subscribers have everything.
+        :param acknowledged: waits briefly; returns whether all subscribers have everything.
         :param on_end: called at the end of the run.
         :param fail: receives what went wrong in one of the threads.
         """
@@ -80,7 +80,7 @@ class Engine:
             thread.start()
 
     def stop(self) -> None:
-        """End the threads; what is not yet published stays so."""
+        """End the threads; what is not yet published is discarded."""
         self._stopped = True
         self.pacer.interrupt()
         self._room.release()
@@ -89,7 +89,7 @@ class Engine:
             thread.join(_LONGEST_END)
 
     def change(self, change: Callable[[PublishQueue], None]) -> None:
-        """Let a function change the queue before the next block is computed."""
+        """Have a function change the queue before the next block is computed."""
         with self._lock:
             self._changes.append(change)
 
@@ -133,9 +133,9 @@ class Engine:
         """Return time zero, when it is on the steady clock, and the first block.
 
         On a loaded machine, or at many times real time, the block may take longer than the lead.
-        Samples that were due meanwhile would go out all at once, and a subscriber with a short
-        queue (rosbag2's holds 10) would lose the first. So time zero is chosen again, with a lead
-        that suffices; not behind changes, such as faults, which take effect once.
+        Samples that fell due meanwhile would go out all at once, and a subscriber with a short
+        queue (rosbag2's holds 10) would lose the first. So time zero is chosen again, with a
+        sufficient lead; but not after changes such as faults, which take effect only once.
         """
         lead_ns = _LEAD_NS
         for _ in range(_STARTS):
@@ -152,7 +152,7 @@ class Engine:
         return t0_ns, start_ns, groups
 
     def _apply_changes(self) -> bool:
-        """Make the changes that were asked for; return whether there were any."""
+        """Make the requested changes; return whether there were any."""
         with self._lock:
             changes, self._changes = self._changes, []
         for change in changes:
@@ -170,7 +170,7 @@ class Engine:
         anchored = -1
         while (block := self._blocks.get()) is not None:
             self._room.release()
-            with self._lock:  # a reset that comes now must not be undone
+            with self._lock:  # a reset that arrives now must not be undone
                 if block.run != self._run:
                     continue
                 if block.run != anchored:
@@ -200,7 +200,7 @@ class Engine:
         return True
 
     def _wait_for_acknowledgement(self, longest: float) -> bool:
-        """Wait until the subscribers have everything, or too long; False where a reset came."""
+        """Wait, for a limited time, until the subscribers have everything; False on a reset."""
         run, end = self._run, time.monotonic() + longest
         while not self._acknowledged() and time.monotonic() < end:
             if self._stopped or run != self._run:

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What RViz and Foxglove show of a scene and its cameras: visualization_msgs/MarkerArray."""
+"""A scene and its cameras for RViz and Foxglove: visualization_msgs/MarkerArray."""
 
 from collections.abc import Sequence
 from typing import Any, Final
@@ -17,9 +17,9 @@ from imu_sim_ros.camera import Rig, Surfaces, View
 Array = NDArray[np.float64]
 
 _SIZE: Final = 0.03
-"""Of a landmark, and a third of it of a line [m]."""
+"""Size of a landmark; lines are a third as wide [m]."""
 _FRUSTUM: Final = 0.3
-"""Length of a camera's picture [m]."""
+"""Length of a camera's drawn view [m]."""
 _COLORS: Final = {
     "landmarks": (0.9, 0.7, 0.1),
     "lines": (0.2, 0.6, 0.9),
@@ -44,7 +44,7 @@ def markers(rig: Rig, world_frame: str) -> MarkerArray:
 
 
 def _marker(kind: int, name: str, frame: str, points: Array) -> Any:
-    """Return points, or pairs of them as lines; a frame that moves takes its marker along."""
+    """Return points, or pairs of them as lines; a marker moves with its frame."""
     marker = Marker(type=kind, ns=name, action=Marker.ADD, frame_locked=True)
     marker.header.frame_id = frame
     marker.pose.orientation.w = 1.0
@@ -70,7 +70,7 @@ def _edges(surfaces: Surfaces) -> Array:
 
 
 def _frustum(view: View) -> Array:
-    """Return the four rays through the corners of the image, and what joins them."""
+    """Return the four rays through the corners of the image, and the edges that join them."""
     w, h = view.model.width - 1.0, view.model.height - 1.0
     corners = np.array([[0.0, 0.0], [w, 0.0], [w, h], [0.0, h]])
     found = view.model.unproject(corners).direction * _FRUSTUM

@@ -62,13 +62,13 @@ QUEUE: Final = 4000
 """Messages kept for a reliable subscriber that has not acknowledged them: 2 s at 2 kHz."""
 
 _SWITCH_INTERVAL: Final = 1e-4
-"""[s] Python lets the publishing thread in after this long; its own 5 ms are 10 samples late."""
+"""[s] Python's switch interval: its default of 5 ms would make 10 samples late."""
 _ACKNOWLEDGEMENT: Final = Duration(nanoseconds=50_000_000)
 _STEP_TIMEOUT: Final = 5.0
 
 
 class Simulator(ConfiguredNode):
-    """Plays a simulation; see the module's text."""
+    """Plays a simulation; see the module's docstring."""
 
     def __init__(self) -> None:
         super().__init__("simulator", simulator_section, layer_simulator)
@@ -116,11 +116,11 @@ class Simulator(ConfiguredNode):
         self.get_logger().info(self._summary(parameters))
         sys.setswitchinterval(_SWITCH_INTERVAL)
         gc.collect()
-        gc.freeze()  # what stays for good need not be looked through again and again
+        gc.freeze()  # permanent objects need not be examined again and again
         self.engine.start()
 
     def close(self) -> None:
-        """End the threads, and say how much was published, and how late."""
+        """End the threads, and print how much was published, and how late."""
         self.engine.stop()
         self._lateness.add(self.engine.pacer.take_lateness())
         if self._lateness.maximum_ns:
@@ -197,7 +197,7 @@ class Simulator(ConfiguredNode):
         mounts += self._cameras.mounts if self._cameras else []
         t_ns = int(self.get_clock().now().nanoseconds)
         try:
-            # Kept: who comes later gets it from the publisher.
+            # Kept: later subscribers get it from the publisher.
             self._mounts = transforms.publish_mounts(self, parameters.body_frame, mounts, t_ns)
         except MissingDependencyError as error:
             if "publish.tf_static" in self.given:
@@ -235,7 +235,7 @@ class Simulator(ConfiguredNode):
         self.create_service(SetBool, "~/pause", self._on_pause)
         self.create_service(Trigger, "~/reset", self._on_reset)
         self._stepping = False
-        # While it awaits the samples, the callbacks of the node's own group go on.
+        # While it awaits the samples, the callbacks of the node's own group keep running.
         own = ReentrantCallbackGroup()
         self.create_service(Trigger, "~/step", self._on_step, callback_group=own)
         hardware = f"simulated, {self.parameters.imu.preset}, seed {self.parameters.seed}"
@@ -255,7 +255,7 @@ class Simulator(ConfiguredNode):
 
     # ------------------------------------------------------------------------- the run
     def _ready(self) -> bool:
-        """Return whether all who are waited for are there; asked again and again."""
+        """Return whether all expected subscribers are there; called repeatedly."""
         if self._follows and self.get_clock().now().nanoseconds == 0:
             return False
         if self._cameras is not None and not self._cameras.ready:
@@ -297,7 +297,7 @@ class Simulator(ConfiguredNode):
     def apply(self, new: SimulatorParameters) -> None:
         """Let new parameters take effect with the next block.
 
-        :raises ConfigurationError: for a fault that cannot be.
+        :raises ConfigurationError: for an invalid fault.
         """
         if self._follows and new.real_time_factor != 1.0:
             raise ConfigurationError("real_time_factor: must be 1 where use_sim_time is true")
@@ -340,7 +340,7 @@ class Simulator(ConfiguredNode):
         return response
 
     async def _on_step(self, _: Any, response: Any) -> Any:
-        """Let samples pass in a thread that waits for them; everything else goes on meanwhile."""
+        """Step in a thread that waits for the samples; everything else goes on meanwhile."""
         pacer, count = self.engine.pacer, self.parameters.step_samples
         refusal = (
             "not paused: call ~/pause with true first"

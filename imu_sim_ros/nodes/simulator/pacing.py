@@ -10,13 +10,13 @@ from time import monotonic_ns, sleep
 from typing import Final, NamedTuple
 
 STALL_NS: Final = 50_000_000
-"""A sample that is later than this shows that the process stalled."""
+"""A sample later than this means that the process stalled."""
 
 CATCH_UP_SPEED: Final = 8
 """How many times faster than normal late samples follow: subscribers' queues are short."""
 
 _BURST_NS: Final = 2_000_000
-"""Samples that are no later than this may follow at once: 4 at 2 kHz; rosbag2's queues hold 10."""
+"""Samples no later than this may follow at once: 4 at 2 kHz; rosbag2's queues hold 10."""
 
 _LONGEST_SLEEP: Final = 0.1
 _LONG_NS: Final = 20_000_000
@@ -24,7 +24,7 @@ _ON_TIME_NS: Final = 1_000_000
 
 
 class Verdict(enum.Enum):
-    """What is to be done with a sample."""
+    """What to do with a sample."""
 
     GO = enum.auto()
     SKIP = enum.auto()
@@ -56,13 +56,13 @@ class Pacer:
     ) -> None:
         self._on_stall = on_stall
         self._condition = threading.Condition()
-        # Set while anything but waiting for the next deadline has to be looked at.
+        # Set while there is anything to attend to besides the next deadline.
         self._attention = threading.Event()
         # Whether samples simply follow each other in time: no attention, no stall.
         self._calm = False
         self._paused = self._interrupted = self._idle = self._moved = False
         self._steps = self._interruptions = 0
-        # What is wanted; the waiting thread takes it over when it looks.
+        # What is requested; the waiting thread adopts it when it next checks.
         self._wanted = (speed, catch_up)
         self._speed, self._catch_up = self._wanted
         self._sim_ns = self._wall_ns = 0
@@ -80,16 +80,16 @@ class Pacer:
         return self._paused
 
     def pause(self, paused: bool) -> None:
-        """Stop the simulated time, or let it go on from where it is."""
+        """Stop the simulated time, or resume it where it is."""
         with self._condition:
             self._moved |= self._paused and not paused
             self._paused = paused
             self._look()
 
     def step(self, samples: int, timeout: float) -> int:
-        """Publish samples while paused; returns how many did in time, the others never will.
+        """Publish samples while paused; returns how many were in time, the rest are not published.
 
-        An interruption meanwhile ends the wait; then the count is unknown, and 0 is returned.
+        An interruption ends the wait; the count is then unknown, and 0 is returned.
         """
         with self._condition:
             self._steps += samples
@@ -111,7 +111,7 @@ class Pacer:
             self._look()
 
     def interrupt(self, interrupted: bool = True) -> None:
-        """Let no sample pass any more, until this is called with False."""
+        """Block all samples, until this is called with False."""
         with self._condition:
             self._interrupted = interrupted
             if interrupted:
@@ -144,7 +144,7 @@ class Pacer:
     def wait(self, sim_ns: int) -> Verdict:
         """Wait until the sample at a simulated time is due."""
         if self._calm:
-            # The usual case, a few thousand times a second; whatever is unusual goes the long way.
+            # The usual case, a few thousand times a second; anything unusual takes the slow path.
             due = self._wall_ns + int((sim_ns - self._sim_ns) / self._speed)
             now = monotonic_ns()
             if 0 < due - now <= _LONG_NS:
@@ -194,7 +194,7 @@ class Pacer:
         return None
 
     def _settle(self) -> None:
-        with self._condition:  # what is asked for meanwhile must not be missed
+        with self._condition:  # a request that arrives meanwhile must not be missed
             self._calm = not self._attention.is_set()
 
     def _due_ns(self, sim_ns: int) -> int:
@@ -237,12 +237,12 @@ class RosClockPacer(Pacer):
     """Lets samples pass when an external clock (``use_sim_time``) reaches their times."""
 
     def __init__(self, now_ns: Callable[[], int], catch_up: bool) -> None:
-        """Follow a clock; :meth:`tick` has to be called whenever it has moved."""
+        """Follow a clock; :meth:`tick` must be called whenever it has advanced."""
         super().__init__(1.0, catch_up)
         self._now_ns = now_ns
 
     def tick(self) -> None:
-        """Look at the clock again."""
+        """Read the clock again."""
         self._attention.set()
 
     def wait(self, sim_ns: int) -> Verdict:

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Everything that is published, merged in the order in which it is due."""
+"""Everything to be published, merged in the order in which it is due."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import repeat
@@ -33,10 +33,10 @@ class Piece(NamedTuple):
 
 
 class Stream(Protocol):
-    """What makes messages, piece by piece."""
+    """A source of messages, piece by piece."""
 
     def restart(self, t0_ns: int) -> None:
-        """Go back to the first message, with another time zero."""
+        """Go back to the first message, with a new time zero."""
 
     def advance(self, end: float) -> Iterator[Piece]:
         """Yield the messages that were not yielded yet, up to ``end`` seconds after zero."""
@@ -48,7 +48,7 @@ class SimulationStream:
     def __init__(
         self, simulation: Simulation, outputs: Sequence[tuple[Encode, Send]], name: str = ""
     ) -> None:
-        """Join a simulation with its topics.
+        """Connect a simulation with its topics.
 
         :param name: of the IMU, where there are several.
         """
@@ -80,7 +80,7 @@ class SimulationStream:
 
 
 class TickStream:
-    """Messages at a rate of their own that depend on nothing but the time."""
+    """Messages at a rate of their own that depend on the time alone."""
 
     def __init__(
         self, rate: float, make: Callable[[Times, int], Sequence[Any]], send: Send
@@ -107,7 +107,7 @@ class TickStream:
 
 
 class PublishQueue:
-    """All streams of a node, merged; what is late by latency waits here."""
+    """All streams of a node, merged; messages delayed by latency wait here."""
 
     def __init__(self, streams: Sequence[Stream], duration: float) -> None:
         """Join streams.
@@ -125,7 +125,7 @@ class PublishQueue:
 
     @property
     def finished(self) -> bool:
-        """Whether every message was yielded."""
+        """Whether every message has been yielded."""
         return self._end >= self._duration
 
     def restart(self, t0_ns: int) -> None:
@@ -137,7 +137,7 @@ class PublishQueue:
             stream.restart(t0_ns)
 
     def update(self, parameters: Mapping[str, SimulationParameters]) -> None:
-        """Give new live parameters, by the IMU's name, to the simulations."""
+        """Pass new live parameters, by the IMU's name, to the simulations."""
         for stream in self.simulations:
             stream.simulation.update(parameters[stream.name])
 
@@ -161,7 +161,7 @@ class PublishQueue:
         if self.finished:
             self._held = []
             return _merge(pieces)
-        # What is late by latency waits for the block in whose time it is due.
+        # A message delayed by latency waits for the block in whose time it is due.
         limit = self._t0_ns + timebase.to_nanoseconds(self._end)
         cuts = [int(np.searchsorted(piece.times, limit)) for piece in pieces]
         self._held = [
@@ -180,8 +180,8 @@ class PublishQueue:
 def _hurried(held: Sequence[Piece], new: Sequence[Piece]) -> list[Piece]:
     """Return what waits, due at the latest when the next message of its topic is.
 
-    Where the latency is as before that changes nothing, for no message overtakes another. Where it
-    was lowered, what is under way arrives before what follows sooner.
+    With an unchanged latency that changes nothing, for no message overtakes another. Where it was
+    lowered, messages under way arrive before those that now follow sooner.
     """
     first = {piece.send: int(piece.times[0]) for piece in reversed(new) if len(piece.times)}
     return [
@@ -197,7 +197,7 @@ def _split(rows: NDArray[np.uint8]) -> list[bytes]:
 
 
 def _merge(pieces: Sequence[Piece]) -> list[Group]:
-    """Return all messages by time; those of one time stand together, in the pieces' order."""
+    """Return all messages by time; those of equal time are together, in the pieces' order."""
     if not pieces:
         return []
     common = pieces[0].times

@@ -1,20 +1,20 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""When all expected subscribers are there, and no one else is on the way."""
+"""When all expected subscribers are there, and no more are arriving."""
 
 from collections.abc import Sequence
 from typing import Final
 
 _SETTLE: Final = 0.3
-"""[s] A subscriber that is known here may still have to learn of this publisher."""
+"""[s] A subscriber discovered here may not have discovered this publisher yet."""
 
 
 class Settling:
-    """Waits until the numbers of subscribers have stayed the same for a while.
+    """Waits until the numbers of subscribers have been constant for a while.
 
-    A recorder subscribes to its topics one after the other, and to each of them some time after the
-    first is known here: the first samples of the last topic would be lost.
+    A recorder subscribes to its topics one after the other, so some subscriptions come after the
+    first has been discovered here: the first samples of the last topic would be lost.
     """
 
     def __init__(self) -> None:

@@ -49,9 +49,9 @@ def imu_mounts(simulated: dict[str, SimulationParameters]) -> list[Mount]:
 
 
 def publish_mounts(node: Any, body_frame: str, mounts: Iterable[Mount], t_ns: int) -> Any:
-    """Publish once, for all who ever listen, what is fixed to the body; return the publisher.
+    """Publish once, latched, what is fixed to the body; return the publisher.
 
-    What stands in the body's own frame needs no transform.
+    What coincides with the body's own frame needs no transform.
 
     :param t_ns: the stamp [ns]; tf takes a static transform at all times.
     :returns: None where there is nothing to publish.

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What comes in and goes out as bytes: subscriptions without objects, publishers, message types.
+"""Messages as bytes: subscriptions without message objects, publishers, message types.
 
 ``decode`` reads numbers out of messages, ``sensor_description`` is the text beside the readings of
 an IMU, ``transform_type`` is tf2_msgs/TFMessage where tf2_msgs is not installed. Imports bags,

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the integrator takes of the bytes of Imu and Odometry messages."""
+"""The fields of Imu and Odometry messages that the integrator reads from their bytes."""
 
 from typing import Final, NamedTuple
 
@@ -13,7 +13,7 @@ Quaternion = tuple[float, float, float, float]
 
 
 class ImuReading(NamedTuple):
-    """What the integrator takes of a sensor_msgs/Imu."""
+    """The fields of a sensor_msgs/Imu that the integrator uses."""
 
     t_ns: int
     gyro: Vector
@@ -23,7 +23,7 @@ class ImuReading(NamedTuple):
 
 
 class Truth(NamedTuple):
-    """What the integrator takes of a nav_msgs/Odometry."""
+    """The fields of a nav_msgs/Odometry that the integrator uses."""
 
     t_ns: int
     position: Vector

@@ -46,7 +46,7 @@ def message_class(type_name: str) -> Any:
     """Return the Python class of a type such as ``sensor_msgs/msg/Imu``.
 
     :raises InputError: where its package is not installed.
-    :raises MissingDependencyError: where tf2_msgs is not, and cannot be done without.
+    :raises MissingDependencyError: where tf2_msgs is not installed and cannot be replaced.
     """
     if type_name == transform_type.TYPE:
         return transform_type.transform_message_class()
@@ -60,8 +60,8 @@ def message_class(type_name: str) -> Any:
 def stamp_offset(message: Any) -> int | None:
     """Return where in the CDR bytes of a message class its stamp begins; None without a stamp.
 
-    A stamp is the first thing in ``std_msgs/Header``, and a time at a message's own beginning
-    (rosgraph_msgs/Clock) serves as well. Of transforms the first one counts.
+    A stamp is the first field of ``std_msgs/Header``; a time at the beginning of a message
+    (rosgraph_msgs/Clock) serves as well. Of several transforms the first one counts.
     """
     fields = message.get_fields_and_field_types()
     first = next(iter(fields.values()), "")
@@ -74,7 +74,7 @@ def stamp_offset(message: Any) -> int | None:
 def definition(type_name: str) -> str:
     """Return the full definition: the .msg text, then those of all types within it.
 
-    The form is that of MCAP's ``ros2msg`` and of ROS 1: each further type stands below a line of
+    The form is that of MCAP's ``ros2msg`` and of ROS 1: each further type follows a line of
     80 ``=`` and ``MSG: package/Name``. Empty where the .msg files are not installed.
     """
     package, _, name = type_name.split("/")
@@ -117,7 +117,7 @@ def _nested(text: str, package: str) -> Iterator[str]:
 
 
 def _find(package: str, name: str) -> Path | None:
-    """Return a file of a package's messages: where ament looks, or beside the Python package."""
+    """Return a file of a package's messages: from ament's index, or beside the Python package."""
     folders = [
         Path(prefix) for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(":") if prefix
     ]

@@ -23,17 +23,17 @@ _POLICIES: Final = (
 )
 _OVERRIDES: Final = "qos_overrides."
 _NUMBERS: Final = {"depth": "", "deadline": " [ns]; 0: none"}
-"""Policies whose values are whole numbers, with their units: rclpy cuts others off."""
+"""Policies whose values are integers, with their units: rclpy truncates other numbers."""
 
 
 class Counter:
-    """A topic's publisher, with the number of messages that went through it."""
+    """A topic's publisher, with the number of messages published."""
 
     def __init__(self, topic: str, publisher: Any) -> None:
         self.topic = topic
         self.publisher = publisher
         self.count = 0
-        # Publisher.publish does the same behind a look at the message's type, and that is a tenth
+        # Publisher.publish does the same after checking the message's type, which takes a tenth
         # of all processor time at 2 kHz.
         self._publish: Callable[[bytes], None] = publisher.handle.publish_raw
 
@@ -66,11 +66,11 @@ def create(node: Node, message_type: Any, topic: str, qos: QoSProfile) -> Any:
 
 
 def check_overrides(node: Node, others: Sequence[str] = ()) -> None:
-    """Look for overrides that concern no publisher of the node.
+    """Check the overrides, and find those that concern no publisher of the node.
 
-    A file that ``ros2 param dump`` made of a node with remappings holds overrides of the topics as
-    they were called there: those of other topics are ignored, with a note. A policy that does not
-    exist is refused, for a topic of this node, and so is a number that is none.
+    A file that ``ros2 param dump`` made of a node with remappings holds overrides under the names
+    that the topics had there: those of other topics are ignored, with a note. For a topic of this
+    node, a policy that does not exist is refused, and so is an invalid number.
 
     :param others: topics that are published for the node elsewhere.
     :raises ConfigurationError: with a line for each.

@@ -4,8 +4,8 @@
 """Subscriptions that one thread empties at its own pace, as bytes.
 
 An executor wakes up for every message and builds a new wait set each time, some 70 us of Python; a
-thread that takes whatever has gathered every few milliseconds needs a few. The middleware's queue
-holds the messages meanwhile.
+thread that takes whatever has accumulated every few milliseconds needs a few microseconds. The
+middleware's queue holds the messages meanwhile.
 """
 
 import struct
@@ -29,14 +29,14 @@ _STAMPS = {0: struct.Struct(">iI"), 1: struct.Struct("<iI")}
 
 
 class Message(NamedTuple):
-    """One message as it came."""
+    """One message as received."""
 
     topic: str
     t_ns: int
-    """The time that a bag takes: the stamp or the reception."""
+    """The time that a bag records: that of the stamp or of the reception."""
     payload: bytes
     stamp_ns: int | None = None
-    """The stamp; None where there is none, or one that was never set."""
+    """The stamp; None where there is none or it was never set."""
 
 
 class _OutsideTheExecutor(CallbackGroup):
@@ -59,11 +59,11 @@ class _Source(NamedTuple):
 
 
 class RawSubscriptions:
-    """Takes the messages of all subscribed topics and hands them over in batches.
+    """Takes the messages of all subscribed topics and delivers them in batches.
 
-    :param deliver: is given the messages of one topic, in the reader's thread.
-    :param fail: is given the error that this raised; nothing is taken any more.
-    :param period: time between two looks [s].
+    :param deliver: receives the messages of one topic, in the reader's thread.
+    :param fail: receives the error that this raised; no more messages are taken.
+    :param period: polling period [s].
     :param by_reception: a message's time is that of its reception, stamp or not.
     """
 
@@ -148,7 +148,7 @@ def _never(message: bytes) -> None:
 def _stamp_ns(payload: bytes, offset: int | None) -> int | None:
     """Return the stamp [ns] in a message's bytes; None where there is none that a bag can hold.
 
-    A stamp of zero was never set: the header's default.
+    A stamp of zero, the header's default, was never set.
     """
     if offset is None or len(payload) < offset + 8:  # a TFMessage may be empty
         return None
@@ -158,13 +158,13 @@ def _stamp_ns(payload: bytes, offset: int | None) -> int | None:
 
 
 def offered_qos(publishers: Iterable[Any]) -> tuple[Qos, ...]:
-    """Return what the publishers offer, each different profile once, in the words of a bag."""
+    """Return what the publishers offer, each distinct profile once, in the terms of a bag."""
     profiles = (publisher.qos_profile for publisher in publishers)
     words = {
         Qos(
             _word(profile.reliability),
             _word(profile.durability),
-            # The graph does not tell the history of others: rosbag2 writes keep_last, too.
+            # The graph does not reveal the history of others: rosbag2 writes keep_last, too.
             "keep_last",
             max(profile.depth, 10),
         ): None
@@ -178,7 +178,7 @@ def _word(policy: Any) -> str:
 
 
 def matching_qos(publishers: Iterable[Any], depth: int = DEPTH) -> QoSProfile:
-    """Return the strictest profile that every one of the publishers satisfies.
+    """Return the strictest profile that all of the publishers satisfy.
 
     :param publishers: ``TopicEndpointInfo`` of each.
     """
@@ -194,7 +194,7 @@ def matching_qos(publishers: Iterable[Any], depth: int = DEPTH) -> QoSProfile:
 
 
 def is_weaker(new: QoSProfile, old: QoSProfile) -> bool:
-    """Return whether a subscription must ask for less than before to hear all publishers."""
+    """Return whether a subscription must request less than before to match all publishers."""
     less_reliable = new.reliability == ReliabilityPolicy.BEST_EFFORT != old.reliability
     less_durable = new.durability == DurabilityPolicy.VOLATILE != old.durability
     return bool(less_reliable or less_durable)

@@ -1,12 +1,12 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the source of readings says about its sensor, on the topic beside them.
+"""The description of a sensor, published by the source of its readings on a topic beside them.
 
 Next to ``imu/data_raw`` the simulator publishes ``imu/data_raw/parameters``, a std_msgs/String that
-stays for those who come later (transient local): the rate and every ``imu.*`` of that IMU, as a
-ROS 2 parameter file. JSON is YAML: the text saved in a file serves ``--params-file`` and ``--imu``
-as it is.
+is kept for later subscribers (transient local): the rate and every ``imu.*`` of that IMU, as a
+ROS 2 parameter file. JSON is YAML: saved in a file it serves ``--params-file`` and ``--imu`` as it
+is.
 """
 
 import json
@@ -41,7 +41,7 @@ def encode(parameters: SimulationParameters) -> str:
 def decode(text: str) -> dict[str, object]:
     """Return the sensor's parameters by dotted name, ``imu.gyroscope_noise_density`` and so on.
 
-    :raises InputError: for a string of another form; the values are not looked at.
+    :raises InputError: for a string of another form; the values are not checked.
     """
     try:
         tree: Any = json.loads(text)

@@ -3,11 +3,11 @@
 
 """tf2_msgs/TFMessage also where tf2_msgs is not installed: the ROS 2 wheels of PyPI have none.
 
-What Fast DDS needs to know of a message that comes and goes as bytes is the type's name, members,
-hash and description. Those of TFMessage, a list of geometry_msgs/TransformStamped, are put together
-from the type support of TransformStamped that is installed; the structures are those of Jazzy's
-``rosidl_runtime_c``, ``rosidl_typesupport_introspection_c`` and ``..._fastrtps_cpp``. Bytes are all
-that goes through: a message object of this type cannot be published. With tf2_msgs installed, its
+For a message that is handled as bytes, Fast DDS needs the type's name, members, hash and
+description. Those of TFMessage, a list of geometry_msgs/TransformStamped, are assembled from the
+installed type support of TransformStamped; the structures are those of Jazzy's
+``rosidl_runtime_c``, ``rosidl_typesupport_introspection_c`` and ``..._fastrtps_cpp``. Only bytes
+are supported: a message object of this type cannot be published. Where tf2_msgs is installed, its
 own class is used.
 """
 
@@ -149,8 +149,8 @@ class _Description(ctypes.Structure):
 def transform_message_class() -> Any:
     """Return the class of tf2_msgs/TFMessage, with which bytes are published and received.
 
-    :raises MissingDependencyError: where tf2_msgs is not installed and the middleware is another
-        one than Fast DDS.
+    :raises MissingDependencyError: where tf2_msgs is not installed and the middleware is not
+        Fast DDS.
     """
     if importlib.util.find_spec("tf2_msgs") is not None:
         from tf2_msgs.msg import TFMessage
@@ -167,7 +167,7 @@ def transform_message_class() -> Any:
 
 
 def _assembled() -> Any:
-    """Return a class with a type support made of that of TransformStamped."""
+    """Return a class with a type support made from that of TransformStamped."""
     donor = _donor(_FASTRTPS)
     callbacks = _Callbacks.from_buffer_copy(_Callbacks.from_address(donor.data))
     callbacks.namespace, callbacks.name = _NAMESPACE, _NAME
@@ -189,18 +189,18 @@ def _assembled() -> Any:
         function = ctypes.cast(of_identifier, _POINTER)
         pointer = ctypes.addressof(data)
         supports[identifier] = _TypeSupport(identifier, pointer, function, *answers)
-    # The middleware keeps pointers into all these for as long as the process lives.
+    # The middleware keeps pointers to all of these for the lifetime of the process.
     return _class(supports[_FASTRTPS], (supports, of_identifier, callbacks, member, members, kept))
 
 
 def _class(support: _TypeSupport, kept: Any) -> Any:
-    """Return what rclpy takes for a generated class."""
+    """Return a class that rclpy accepts as a generated one."""
     new = ctypes.pythonapi.PyCapsule_New
     new.restype, new.argtypes = ctypes.py_object, (_POINTER, ctypes.c_char_p, _POINTER)
 
     class WithTypeSupport(type):
         _TYPE_SUPPORT = new(ctypes.addressof(support), None, None)
-        # Functions that make and destroy message objects: rclpy asks whether they are there.
+        # Functions that make and destroy message objects: rclpy checks that they exist.
         _CREATE_ROS_MESSAGE = _CONVERT_FROM_PY = _CONVERT_TO_PY = _DESTROY_ROS_MESSAGE = _no_object
         _KEPT = kept
 
@@ -239,14 +239,14 @@ def _answers(donor: _TypeSupport) -> tuple[list[Any], Any]:
     digest = _Hash(1, (ctypes.c_uint8 * 32)(*bytes.fromhex(HASH.removeprefix("RIHS01_"))))
     described = _TO_POINTER(donor.description)(ctypes.addressof(donor))
     description, kept = _description(_Description.from_address(described))
-    sources = _Sequence()  # none, as of any type that was built without its sources
+    sources = _Sequence()  # none, as for any type that was built without its sources
     functions = [_always(structure) for structure in (digest, description, sources)]
     pointers = [ctypes.cast(function, _POINTER) for function in functions]
     return pointers, (functions, digest, description, sources, kept)
 
 
 def _always(structure: ctypes.Structure) -> Any:
-    """Return a C function that answers with a pointer to the structure, whatever it is asked."""
+    """Return a C function that returns a pointer to the structure, whatever its argument."""
     address = ctypes.addressof(structure)
     return _TO_POINTER(lambda _: address)
 
