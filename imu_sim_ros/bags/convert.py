@@ -43,7 +43,7 @@ from imu_sim_ros.conventions import (
 )
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.poses import PoseSequence
-from imu_sim_ros.rotation import rotate
+from imu_sim_ros.rotation import rotate, rotate_inverse
 
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
@@ -223,9 +223,11 @@ def _state_messages(
         )
     )
     for states in text_reader.state_blocks(path, skipped=skipped):
-        t_ns = states.odometry.t_ns
+        t_ns, position, q_wb = states[:3]
+        velocity_b = rotate_inverse(q_wb, states.velocity_w)
+        rates = np.zeros_like(velocity_b)
         yield [
-            Block(truth, t_ns, odometry.encode(*states.odometry[:5])),
+            Block(truth, t_ns, odometry.encode(t_ns, position, q_wb, velocity_b, rates)),
             Block(gyro, t_ns, vectors.encode(t_ns, states.gyro_bias)),
             Block(accel, t_ns, vectors.encode(t_ns, states.accel_bias)),
         ]
@@ -275,10 +277,7 @@ def _states(
     path: Path, topic: str | None, recover: bool, skipped: Skipped | None
 ) -> Iterator[States]:
     if text_reader.is_text(path):
-        for part in text_reader.state_blocks(path, skipped=skipped):
-            odometry = part.odometry
-            velocity_w = rotate(odometry.q_wb, odometry.velocity_b)
-            yield States(*odometry[:3], velocity_w, part.gyro_bias, part.accel_bias)
+        yield from text_reader.state_blocks(path, skipped=skipped)
         return
     biases = [BiasTopicReader(path, name, topic, recover) for name in (GYRO_BIAS, ACCEL_BIAS)]
     for message in odometry_blocks(path, topic, recover):

@@ -33,6 +33,7 @@ from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import open_regular
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.poses import read_poses as read_pose_file
+from imu_sim_ros.rotation import rotate_inverse
 
 __all__ = [
     "Bag",
@@ -175,7 +176,10 @@ def odometry_blocks(
     """Yield the messages of an Odometry topic in blocks; arguments as for :func:`imu_blocks`."""
     if text_reader.is_text(Path(path)):
         for states in text_reader.state_blocks(Path(path), topic, skipped):
-            yield OdometryMessages(*states.odometry, "", "")
+            velocity_b = rotate_inverse(states.q_wb, states.velocity_w)
+            rates, square = np.zeros_like(velocity_b), np.zeros((len(velocity_b), 6, 6))
+            truth = (states.position, states.q_wb, velocity_b, rates)  # EuRoC's have no rates
+            yield OdometryMessages(states.t_ns, *truth, square, square, "", "")
         return
     names = ("position", "orientation", "linear", "angular", "pose_covariance", "twist_covariance")
     for _, fields in _decoded(path, ODOMETRY, topic, names, recover):

@@ -6,11 +6,12 @@
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.bags.text.writer import States
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import (
     COLUMNS,
@@ -23,7 +24,7 @@ from imu_sim_ros.inputs import (
     row_blocks,
     shortened,
 )
-from imu_sim_ros.rotation import normalise, rotate_inverse
+from imu_sim_ros.rotation import normalise
 
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
@@ -38,29 +39,6 @@ _IMU_COLUMNS: Final = 6
 _STATE_COLUMNS: Final = 16
 _STATE_FOLDER: Final = "state_groundtruth_estimate0"
 _SUFFIXES: Final = (".csv", ".txt", ".tum")
-
-
-class Odometry(NamedTuple):
-    """n states with the fields of odometry messages."""
-
-    t_ns: Times
-    position: Array
-    q_wb: Array
-    velocity_b: Array
-    angular_velocity_b: Array
-    """(n, 3) zero: EuRoC's states have none."""
-    pose_covariance: Array
-    twist_covariance: Array
-
-
-class States(NamedTuple):
-    """n states of a EuRoC folder."""
-
-    odometry: Odometry
-    gyro_bias: Array
-    """(n, 3) rad/s."""
-    accel_bias: Array
-    """(n, 3) m/s^2."""
 
 
 def is_text(path: Path) -> bool:
@@ -105,17 +83,8 @@ def state_blocks(
         raise InputError(f"{path}: text has no topic {topic}")
     for t_ns, numbers in _blocks(state_file(path), _STATE_COLUMNS, skipped):
         q_wb = normalise(numbers[:, 3:7])
-        square = np.zeros((len(t_ns), 6, 6))
-        odometry = Odometry(
-            t_ns,
-            numbers[:, :3],
-            q_wb,
-            rotate_inverse(q_wb, numbers[:, 7:10]),
-            np.zeros((len(t_ns), 3)),
-            square,
-            square,
-        )
-        yield States(odometry, numbers[:, 10:13], numbers[:, 13:16])
+        biases = numbers[:, 10:13], numbers[:, 13:16]
+        yield States(t_ns, numbers[:, :3], q_wb, numbers[:, 7:10], *biases)
 
 
 def has_states(path: Path) -> bool:
