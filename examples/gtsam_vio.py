@@ -244,8 +244,12 @@ class Result:
         """Write TUM's form with OpenVINS' columns of covariance."""
         row, column = np.triu_indices(3)
         triangles = [self.covariance[:, offset + row, offset + column] for offset in (0, 3)]
-        columns = [self.t_ns[:, None] * 1e-9, self.position, self.q_wb[:, [1, 2, 3, 0]]]
-        np.savetxt(path, np.concatenate([*columns, *triangles], axis=1), fmt="%.12g")
+        columns = [self.position, self.q_wb[:, [1, 2, 3, 0]], *triangles]
+        with path.open("w", encoding="utf-8") as file:
+            for t, row in zip(self.t_ns.tolist(), np.hstack(columns).tolist(), strict=True):
+                # A float holds no nanoseconds of today's date: seconds and fraction apart.
+                stamp = f"{t // 10**9}.{t % 10**9:09d}"
+                print(stamp, *(f"{value:.12g}" for value in row), file=file)
 
     def summary(self) -> dict[str, float]:
         """Return a summary of the run; the first key frame is given and left out."""

@@ -14,6 +14,7 @@ import pytest
 from imu_sim_ros.commands import generate
 from imu_sim_ros.config import ImuParameters, build, files, flatten, load_simulation
 from imu_sim_ros.config.cameras import load_rig, split_rig
+from imu_sim_ros.poses import read_poses
 
 EXAMPLE = Path(__file__).parents[2] / "examples/gtsam_vio.py"
 SEEDS = range(1, 6)
@@ -77,3 +78,16 @@ def test_noise_configured_ten_times_too_small_shows_in_the_nees(example, tmp_pat
     summary = example.run(tmp_path / "flight", wrong, camera).summary()
     print(summary)
     assert summary["nees_orientation_per_dof"] > 3.0
+
+
+def test_the_path_keeps_the_nanoseconds_of_todays_stamps(example, tmp_path):
+    t_ns = np.array([1_795_289_639_353_877_837, 1_795_289_639_603_877_838])
+    q_wb = np.tile([1.0, 0.0, 0.0, 0.0], (2, 1))
+    rows, numbers = np.arange(6.0).reshape(2, 3), np.zeros(2)
+    covariance = np.tile(np.eye(6), (2, 1, 1))
+    result = example.Result(t_ns, rows, q_wb, rows, rows, numbers, numbers, covariance)
+    result.write(tmp_path / "path.txt")
+    poses = read_poses(tmp_path / "path.txt", covariance=True)
+    assert poses.t_ns.tolist() == t_ns.tolist()
+    np.testing.assert_array_equal(poses.position, rows)
+    np.testing.assert_array_equal(poses.covariance, covariance)
