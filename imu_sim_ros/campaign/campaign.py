@@ -8,7 +8,7 @@ import json
 import platform
 import re
 from collections import Counter
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, suppress
 from importlib import metadata
 from pathlib import Path
@@ -40,6 +40,7 @@ _RECORDS: Final = 5
 
 Engine = Callable[[Plan, Iterable[Task], Path], Generator[list[Row], None, None]]
 Progress = Callable[[int], None]
+Digests = Callable[[Cell], Mapping[str, str]]
 
 
 class Outcome(NamedTuple):
@@ -67,13 +68,17 @@ def batch_size(plan: Plan) -> int:
     return min(_BUILT_IN_BATCH, len(plan.seeds))
 
 
-def tasks(plan: Plan, there: set[Key], batch: int) -> Iterator[Task]:
+def tasks(
+    plan: Plan, there: set[Key], batch: int, digests_of: Digests | None = None
+) -> Iterator[Task]:
     """Yield what is still to be done.
 
     :param there: the runs that need not be made.
+    :param digests_of: by cell, as :func:`digests_by_cell` returns it.
     """
+    digests_of = digests_of or digests_by_cell(plan)
     for cell in plan.cells():
-        digests = _digests(plan, cell)
+        digests = digests_of(cell)
         missing: dict[tuple[str, ...], list[int]] = {}
         for seed in plan.seeds:
             names = tuple(
@@ -88,9 +93,20 @@ def tasks(plan: Plan, there: set[Key], batch: int) -> Iterator[Task]:
                 yield Task(cell, tuple(seeds[first : first + batch]), names)
 
 
-def _digests(plan: Plan, cell: Cell) -> dict[str, str]:
-    parameters, rig = plan.simulation(cell), plan.rig(cell)
-    return {name: plan.digest(parameters, rig, name) for name in plan.estimators}
+def digests_by_cell(plan: Plan) -> Digests:
+    """Return a function of a cell that returns the digest of each estimator.
+
+    A cell's parameters take some 6 ms to build: each is built once.
+    """
+    known: dict[int, dict[str, str]] = {}
+
+    def digests_of(cell: Cell) -> dict[str, str]:
+        if cell.number not in known:
+            parameters, rig = plan.simulation(cell), plan.rig(cell)
+            known[cell.number] = {n: plan.digest(parameters, rig, n) for n in plan.estimators}
+        return known[cell.number]
+
+    return digests_of
 
 
 def run(
@@ -115,9 +131,9 @@ def run(
         for row in store.rows()
         if not (retry_failed and str(row["status"]).startswith("failed"))
     }
-    new, interrupted = 0, False
+    new, interrupted, digests_of = 0, False, digests_by_cell(plan)
     try:
-        todo = tasks(plan, there, batch or batch_size(plan))
+        todo = tasks(plan, there, batch or batch_size(plan), digests_of)
         with closing(start(plan, todo, store.folder)) as batches:
             for rows in batches:
                 store.append(rows)
@@ -127,11 +143,9 @@ def run(
         interrupted = True
         raise
     finally:
-        rows = collect(plan, store)
-        write_tables(store.folder, rows, columns(plan))
-        if (
-            interrupted
-        ):  # nobody waits for the statistics of a part, and those of before are no more
+        rows = collect(plan, store, digests_of)
+        write_tables(store.folder, rows, columns(plan), parquet=not interrupted)
+        if interrupted:  # nobody waits for the statistics of a part; earlier ones are out of date
             (store.folder / SUMMARY).unlink(missing_ok=True)
         else:
             write_summary(store.folder, plan, rows)
@@ -139,11 +153,18 @@ def run(
     return Outcome(rows, new, len(rows) == plan.run_count)
 
 
-def collect(plan: Plan, store: Store) -> list[Row]:
-    """Return the rows of the plan, each run once, in order; those of other plans are left out."""
+def collect(plan: Plan, store: Store, digests_of: Digests | None = None) -> list[Row]:
+    """Return the rows of the plan, each run once, in order; those of other plans are left out.
+
+    :param digests_of: by cell, as :func:`digests_by_cell` returns it.
+    """
+    digests_of = digests_of or digests_by_cell(plan)
+    begun = {row["cell"] for row in store.rows()}
     wanted: dict[Key, tuple[int, int, int]] = {}
     for cell in plan.cells():
-        digests = _digests(plan, cell)
+        if cell.name not in begun:
+            continue
+        digests = digests_of(cell)
         for place, seed in enumerate(plan.seeds):
             for k, name in enumerate(plan.estimators):
                 wanted[digests[name], seed, name, cell.name] = (cell.number, place, k)

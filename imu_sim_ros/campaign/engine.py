@@ -14,10 +14,11 @@ import os
 import signal
 from collections import deque
 from collections.abc import Generator, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Any, Final
 
 import imu_sim_ros
@@ -127,13 +128,16 @@ class _Pool:
         self._plan, self._folder, self._workers = plan, folder, workers
         self._suspects: deque[Task] = deque()
         self._running: dict[Future[list[Row]], Task] = {}
+        # Waiting for it is interrupted at once by a signal; a lock of Python's would be held on to.
+        self._done: SimpleQueue[Future[list[Row]]] = SimpleQueue()
         self._pool: ProcessPoolExecutor | None = None
 
     def run(self, tasks: Iterator[Task]) -> Generator[list[Row], None, None]:
         try:
             while self._fill(tasks):
-                done, _ = wait(self._running, return_when=FIRST_COMPLETED)
-                yield from self._collect(done)
+                done = self._done.get()
+                if done in self._running:  # else it belongs to a pool that has broken
+                    yield from self._collect(done)
         finally:
             self._end()
 
@@ -164,15 +168,16 @@ class _Pool:
             with _environment():
                 future = self._pool.submit(_work, task)
         self._running[future] = task
+        future.add_done_callback(self._done.put)
 
-    def _collect(self, done: Iterable[Future[list[Row]]]) -> Generator[list[Row], None, None]:
-        for future in done:
-            task = self._running.pop(future)
-            try:
-                yield future.result()
-            except BrokenProcessPool:
-                yield from self._died([task, *self._running.values()])
-                return
+    def _collect(self, done: Future[list[Row]]) -> Generator[list[Row], None, None]:
+        task = self._running.pop(done)
+        try:
+            rows = done.result()
+        except BrokenProcessPool:
+            yield from self._died([task, *self._running.values()])
+        else:
+            yield rows
 
     def _died(self, tasks: list[Task]) -> Generator[list[Row], None, None]:
         alone = len(tasks) == 1

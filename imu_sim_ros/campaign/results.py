@@ -212,8 +212,14 @@ def read_log(path: Path) -> Iterator[Row]:
             yield row
 
 
-def write_tables(folder: Path, rows: Sequence[Row], columns: Sequence[str]) -> list[Path]:
-    """Write ``results.csv``, and ``results.parquet`` where pyarrow is installed."""
+def write_tables(
+    folder: Path, rows: Sequence[Row], columns: Sequence[str], parquet: bool = True
+) -> list[Path]:
+    """Write ``results.csv``, and ``results.parquet`` where pyarrow is installed.
+
+    :param parquet: False: without ``results.parquet``, an earlier one is removed. Loading pyarrow
+        takes long for a program that was asked to end.
+    """
     table = folder / TABLE
     with replaced(table) as part, part.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file)
@@ -221,7 +227,9 @@ def write_tables(folder: Path, rows: Sequence[Row], columns: Sequence[str]) -> l
         for row in rows:
             writer.writerow([_cell(row.get(name)) for name in columns])
     written = [table]
-    if _write_parquet(folder / PARQUET, rows, columns):
+    if not parquet:
+        (folder / PARQUET).unlink(missing_ok=True)
+    elif _write_parquet(folder / PARQUET, rows, columns):
         written.append(folder / PARQUET)
     return written
 

@@ -5,21 +5,26 @@
 
 import csv
 import json
+import math
 import os
 import resource
 import signal
 import subprocess
+import threading
 import time
+from contextlib import closing
 
 import numpy as np
 import pytest
 
 from imu_sim_ros.campaign import campaign as driver
+from imu_sim_ros.campaign import engine
 from imu_sim_ros.campaign.plan import load_plan
 from imu_sim_ros.campaign.results import Store, read_log, read_results
 from imu_sim_ros.campaign.runs import CellRuns
 from imu_sim_ros.commands import dead_reckon, evaluate, generate
 from imu_sim_ros.commands.campaign import main as command
+from imu_sim_ros.commands.common import signals
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.navigation.comparison import anees_band
 
@@ -176,8 +181,31 @@ def test_ctrl_c_ends_cleanly(plan_file, start, tmp_path):
     assert "continue with --resume" in stderr
     assert "Traceback" not in stderr
     assert 0 < len(table(tmp_path / "out")) < 5000
-    assert not (tmp_path / "out" / "summary.csv").exists()  # what is not whole is not summed up
+    for name in ("summary.csv", "results.parquet"):  # they come with a campaign's last run
+        assert not (tmp_path / "out" / name).exists()
     assert process_group_is_empty(process.pid)
+
+
+def test_a_signal_interrupts_the_wait_for_a_run(plan_file, tmp_path, monkeypatch):
+    # A lock of Python's may be held on to until the run is over: none is waited for.
+    monkeypatch.setattr(signals, "_LONGEST_DELAY", math.inf)
+    slow = {"command": "sleep 20", "dataset": "euroc", "estimate": "tum"}
+    plan = load_plan(plan_file(seeds=1, estimators={"slow": slow}))
+
+    def interrupt():
+        while not any(tmp_path.glob("out/*")):  # the run's own folder
+            time.sleep(0.01)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    (tmp_path / "out").mkdir()
+    other = threading.Thread(target=interrupt)
+    rows = []
+    with closing(engine.run(plan, driver.tasks(plan, set(), 1), tmp_path / "out", 1)) as batches:
+        other.start()
+        with pytest.raises(signals.Interrupted), signals.raised():
+            rows.extend(batches)
+    other.join()
+    assert rows == []
 
 
 def process_group_is_empty(group):
