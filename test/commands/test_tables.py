@@ -3,11 +3,15 @@
 
 """Tables on terminals of any width: no number is cut."""
 
+import os
+import pty
+import re
 import sys
 
 import pytest
 
 from imu_sim_ros.commands import common
+from imu_sim_ros.commands.common import printing
 
 HEADER = ["axis", "noise density [rad/s/sqrt(Hz)]", "random walk [rad/s^2/sqrt(Hz)]", "B [rad/s]"]
 ROWS = [[f"gyroscope {axis}", "0.0150012 +- 0.0000123", "5.123e-05", "< 1.5e-6"] for axis in "xyz"]
@@ -40,3 +44,26 @@ def test_columns_move_together_before_the_table_is_stacked(monkeypatch, capsys):
     assert names.split() == header
     assert (first.split()[-6:], second.split()[-6:]) == (rows[0][1:], rows[1][1:])
     assert len(first) == len(second) == len(names) == 76
+
+
+@pytest.mark.parametrize("columns", [80, 40])
+def test_a_narrow_bar_cuts_its_text_and_never_its_numbers(monkeypatch, columns):
+    master, slave = pty.openpty()
+    monkeypatch.setenv("COLUMNS", str(columns))
+    monkeypatch.setenv("TERM", "xterm")
+    with os.fdopen(slave, "w") as terminal, os.fdopen(master, "rb", buffering=0) as seen:
+        monkeypatch.setattr(sys, "stderr", terminal)
+        with common.progress("a campaign with a name of more than 40 letters", 1000) as advance:
+            advance(20)
+        shown = seen.read(65536).decode()
+    lines = re.split(r"[\r\n]+", re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", shown))
+    last = [line for line in lines if line.strip()][-1]
+    assert len(last) <= columns
+    assert re.fullmatch(r"a campaign.* [02]% +-:--:-- *", last), last
+
+
+@pytest.mark.parametrize(
+    ("speed", "words"), [(None, ""), (2.5, "2.5/s"), (656.4, "656/s"), (69e3, "69 k/s")]
+)
+def test_a_speed_has_few_digits(speed, words):
+    assert printing.speed_in_words(speed) == words

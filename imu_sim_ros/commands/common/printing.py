@@ -78,7 +78,8 @@ def stacked(header: Sequence[str], rows: Sequence[Sequence[str]], title: str = "
 def progress(text: str, total: int, quiet: bool = False) -> Iterator[Callable[[int], None]]:
     """Show a bar with speed and time left on a terminal; yields ``advance(count)``.
 
-    Nothing is shown, and nothing imported, where standard error is not a terminal.
+    On a narrow terminal the text is cut off, the numbers never. Nothing is shown, and nothing
+    imported, where standard error is not a terminal.
     """
     if quiet or not sys.stderr.isatty():
         yield lambda count: None
@@ -91,19 +92,28 @@ def progress(text: str, total: int, quiet: bool = False) -> Iterator[Callable[[i
         TextColumn,
         TimeRemainingColumn,
     )
+    from rich.table import Column
 
     columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
+        TextColumn("{task.description}", table_column=Column(no_wrap=True, ratio=2)),
+        BarColumn(None, table_column=Column(ratio=1)),
         TaskProgressColumn(),
         TextColumn("{task.fields[speed]}"),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    with Progress(*columns, console=Console(stderr=True), transient=True, expand=True) as bar:
         task = bar.add_task(text, total=total, speed="")
 
         def advance(count: int) -> None:
-            speed = bar.tasks[0].speed
-            bar.update(task, advance=count, speed=f"{speed / 1e3:,.0f} k/s" if speed else "")
+            bar.update(task, advance=count, speed=speed_in_words(bar.tasks[0].speed))
 
         yield advance
+
+
+def speed_in_words(speed: float | None) -> str:
+    """Return a number per second in few digits; nothing where it is not known yet."""
+    if not speed:
+        return ""
+    if speed < 1e4:
+        return f"{speed:,.0f}/s" if speed >= 10.0 else f"{speed:.2g}/s"
+    return f"{speed / 1e3:,.0f} k/s"
