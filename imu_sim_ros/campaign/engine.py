@@ -12,6 +12,7 @@ import contextlib
 import multiprocessing
 import os
 import signal
+import sys
 from collections import deque
 from collections.abc import Generator, Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
@@ -93,8 +94,16 @@ def _begin(plan: Plan, folder: Path) -> None:
     """Prepare a worker: Ctrl-C is handled by the main process."""
     global _plan, _folder
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    signal.signal(signal.SIGTERM, _end)
     _plan, _folder = plan, folder
+
+
+def _end(number: int, frame: object) -> None:
+    """End a worker at once, with the program that it runs."""
+    command = sys.modules.get("imu_sim_ros.campaign.estimators.command")
+    if command is not None:
+        command.end_programs()
+    os._exit(128 + number)
 
 
 def _work(task: Task) -> list[Row]:

@@ -3,8 +3,13 @@
 
 """Estimators that are programs: good ones, and all that a program can do wrong."""
 
+import contextlib
+import os
 import shlex
+import signal
 import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -97,6 +102,30 @@ with open(sys.argv[2], "w") as file:
     assert run(program, "{dataset} {estimate}", align="yaw")["nees_position"] is None
 
 
+def test_odometry_of_a_bag_gives_velocity_and_its_nees(run):
+    """Off by 0.2 m along x and 0.6 m/s along the body's y, at sigmas of 0.1 and 0.3: 4 and 4."""
+    program = """
+import sys
+import numpy as np
+from imu_sim_ros.bags import open_writer, read_odometry
+from imu_sim_ros.bags.messages import ODOMETRY, OdometryEncoder
+truth = read_odometry(sys.argv[1], "/ground_truth/odom")
+position, velocity = truth.position + [0.2, 0, 0], truth.velocity_b + [0, 0.6, 0]
+pose, twist = np.diag([0.01] * 3 + [1e-4] * 3), np.diag([0.09] * 3 + [1e-4] * 3)
+encoder = OdometryEncoder("world", "base_link")
+with open_writer(sys.argv[2] + ".mcap") as writer:
+    payloads = encoder.encode(truth.t_ns, position, truth.q_wb, velocity,
+                              truth.angular_velocity_b, pose, twist)
+    writer.write(writer.add_topic("/filter/odom", ODOMETRY), truth.t_ns, payloads)
+"""
+    row = run(program, "{dataset} {estimate}", dataset="mcap", estimate="bag", align="none")
+    assert row["status"] == "done"
+    assert row["final_velocity_error_m_s"] == pytest.approx(0.6, rel=1e-6)
+    assert row["nees_position"] == pytest.approx(4.0, rel=1e-6)
+    assert row["nees_velocity"] == pytest.approx(4.0, rel=1e-6)
+    assert row["nees_attitude"] == pytest.approx(0.0, abs=1e-6)
+
+
 @pytest.mark.parametrize("form", ["rosbag2", "ros1", "mcap"])
 def test_datasets_of_every_form_are_read_by_rosbags(run, form):
     program = """
@@ -173,7 +202,65 @@ while not os.path.exists({str(marker)!r}):
 """
     assert run(program)["status"] == "failed: no estimate was written"
     assert not Path(f"/proc/{marker.read_text()}").exists()
-    assert command._children() == []
+    assert command._children() == set()
+
+
+SLEEPER = """
+import os, sys, time
+if os.fork() == 0:
+    os.setsid()
+open(sys.argv[1] + f"/pid_{os.getpid()}.part", "w").close()
+os.rename(sys.argv[1] + f"/pid_{os.getpid()}.part", sys.argv[1] + f"/pid_{os.getpid()}")
+time.sleep(600)
+"""
+
+
+def until(condition):
+    """Wait until a condition holds; a minute is for a machine that is busy."""
+    deadline = time.monotonic() + 60
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def runs(pid):
+    """Whether a process runs: one that has ended may wait to be asked for its status."""
+    with contextlib.suppress(OSError):
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    return False
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+def test_a_program_does_not_outlive_its_campaign(plan_file, start, tmp_path, number):
+    """Told to end, the campaign ends the program and what it forked; killed, the kernel does."""
+    script, pids = tmp_path / "sleeper.py", tmp_path / "pids"
+    script.write_text(SLEEPER, encoding="utf-8")
+    pids.mkdir()
+    command = f"{{python}} {script} {pids}"
+    path = plan_file(seeds=1, estimators={"a": {"command": command}})
+    process = start(path, "-o", tmp_path / "out", "--workers", 1, start_new_session=True)
+    until(lambda: len(list(pids.glob("pid_??*[0-9]"))) == 2)
+    parent, child = sorted(int(name.name[4:]) for name in pids.iterdir())
+    os.killpg(process.pid, number)
+    process.communicate()
+    until(lambda: not runs(parent))
+    if number == signal.SIGINT:
+        until(lambda: not runs(child))
+    elif runs(child):
+        os.kill(child, signal.SIGKILL)
+
+
+def test_threads_of_one_worker_do_not_end_each_others_programs(plan_file, tmp_path):
+    """As in a Dask worker of several threads."""
+    program = "import time; time.sleep(0.3); print(7); raise SystemExit(3)"
+    plan = load_plan(plan_file(estimators={"a": {"command": f"{{python}} -c '{program}'"}}))
+    cell = CellRuns(plan, next(plan.cells()))
+
+    def one(seed):
+        return next(iter(cell.rows([seed], ["a"], tmp_path / "out")))["status"]
+
+    with ThreadPoolExecutor(3) as pool:
+        assert set(pool.map(one, range(3))) == {"failed: exit status 3: 7"}
 
 
 @pytest.mark.parametrize(

@@ -5,11 +5,13 @@
 
 The program runs in a session of its own, with the limits of the plan, in a folder of its own. When
 it has ended, for whatever reason, everything that it started is killed: its process group, and what
-left that group and became a child of this worker (``PR_SET_CHILD_SUBREAPER``, prctl(2)).
+left that group and became a child of this worker (``PR_SET_CHILD_SUBREAPER``, prctl(2)). If this
+worker dies, the kernel kills the program (``PR_SET_PDEATHSIG``).
 """
 
 import contextlib
 import ctypes
+import functools
 import os
 import re
 import resource
@@ -18,37 +20,28 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from imu_sim_ros.campaign.metrics import Metrics, pose_metrics
+from imu_sim_ros.campaign.metrics import Metrics
 from imu_sim_ros.config import CommandEstimator, files
 from imu_sim_ros.errors import ImuSimError
-from imu_sim_ros.navigation.comparison import (
-    absolute_errors,
-    align,
-    common_rows,
-    interpolate_poses,
-    nees,
-)
-from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.sensor import ImuBlock
 
 if TYPE_CHECKING:
     from imu_sim_ros.campaign.runs import CellRuns
 
-Array = NDArray[np.float64]
-
 OUTPUT: Final = "output.txt"
 """What the program printed."""
 _POLL: Final = 0.2
 """[s] between two looks at the size of the folder; the program's end is seen at once."""
+_PR_SET_PDEATHSIG: Final = 1
 _PR_SET_CHILD_SUBREAPER: Final = 36
+_ONE_AT_A_TIME: Final = threading.Lock()
+"""Orphans do not say whose they are: in a worker of several threads one program runs at a time."""
 _ESTIMATE: Final = {"tum": "estimate.txt", "euroc": "estimate.csv", "bag": "estimate"}
 
 
@@ -146,9 +139,17 @@ def _run(
     words: Sequence[str], estimator: CommandEstimator, variables: dict[str, str], place: Path
 ) -> Outcome:
     """Run a program to its end and remove everything that it leaves running."""
+    with _ONE_AT_A_TIME:
+        return _run_alone(words, estimator, variables, place)
+
+
+def _run_alone(
+    words: Sequence[str], estimator: CommandEstimator, variables: dict[str, str], place: Path
+) -> Outcome:
     from imu_sim_ros.campaign.runs import Failure
 
-    _adopt_orphans()
+    libc, others, worker = _libc(), _children(), os.getpid()
+    libc.prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
     started = time.monotonic()
     with (place / OUTPUT).open("wb") as output:
         try:
@@ -160,14 +161,14 @@ def _run(
                 stdout=output,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,
-                preexec_fn=lambda: _limit(estimator),
+                preexec_fn=lambda: _begin_program(estimator, libc, worker),
             )
         except (OSError, ValueError, subprocess.SubprocessError) as error:
             raise Failure(f"{words[0] if words else ''}: cannot be started: {error}") from None
     try:
         status, reason, peak = _wait(process, estimator, place, started)
     finally:
-        _kill_all(process.pid)
+        _kill_all(process.pid, others)
     return Outcome(status, reason, time.monotonic() - started, peak)
 
 
@@ -182,8 +183,11 @@ def _environment(variables: dict[str, str], words: Sequence[str]) -> dict[str, s
     return {**kept, **variables}
 
 
-def _limit(estimator: CommandEstimator) -> None:
+def _begin_program(estimator: CommandEstimator, libc: ctypes.CDLL, worker: int) -> None:
     """Set the limits of the program, in its process before it begins."""
+    libc.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+    if os.getppid() != worker:  # it died before
+        os._exit(1)
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     largest = int(estimator.disk_limit)
     resource.setrlimit(resource.RLIMIT_FSIZE, (largest, largest))
@@ -231,18 +235,33 @@ def _size(folder: Path) -> int:
     return total
 
 
-def _adopt_orphans() -> None:
-    """Become the parent of whatever a program leaves behind, so that it can be found."""
-    with contextlib.suppress(OSError, AttributeError):
-        ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
+@functools.cache
+def _libc() -> ctypes.CDLL:
+    return ctypes.CDLL(None)
 
 
-def _kill_all(group: int) -> None:
-    """Kill a process group and every orphan of it, and take their exit statuses."""
+def end_programs() -> None:
+    """Kill all that this worker has started: for one that is told to end."""
+    for pid in _children():
+        with contextlib.suppress(OSError):
+            os.killpg(pid, signal.SIGKILL)
+    _kill_children(set())
+
+
+def _kill_all(group: int, others: set[int]) -> None:
+    """Kill a process group and every orphan of it, and take their exit statuses.
+
+    :param others: children that this process had before.
+    """
     with contextlib.suppress(OSError):
         os.killpg(group, signal.SIGKILL)
+    _kill_children(others)
+
+
+def _kill_children(others: set[int]) -> None:
+    """Kill all children but some until there are none, and take their exit statuses."""
     for _ in range(1000):
-        children = _children()
+        children = _children() - others
         if not children:
             return
         for pid in children:
@@ -253,12 +272,12 @@ def _kill_all(group: int) -> None:
                 os.waitpid(pid, 0)
 
 
-def _children() -> list[int]:
+def _children() -> set[int]:
     """Return the processes that this one is the parent of."""
-    found: list[int] = []
+    found: set[int] = set()
     for task in Path("/proc/self/task").iterdir():
         with contextlib.suppress(OSError):
-            found += map(int, (task / "children").read_text().split())
+            found.update(map(int, (task / "children").read_text().split()))
     return found
 
 
@@ -286,7 +305,7 @@ def _compare(
     runs: "CellRuns", estimator: CommandEstimator, block: ImuBlock, place: Path
 ) -> Metrics:
     """Return the metrics of the trajectory that the program wrote."""
-    from imu_sim_ros.bags import read_poses
+    from imu_sim_ros.campaign.estimators.estimate import estimate_metrics, read_estimate
     from imu_sim_ros.campaign.runs import Failure
 
     path = place / _ESTIMATE[estimator.estimate]
@@ -296,42 +315,7 @@ def _compare(
     if not path.exists():
         raise Failure("no estimate was written")
     try:
-        poses = read_poses(path, estimator.estimate_topic or None, covariance=True)
-        motion = block.motion
-        truth = PoseSequence(block.true_t_ns, motion.position, motion.q_wb)
-        rows = common_rows(poses.t_ns, truth.t_ns)
+        estimate = read_estimate(path, estimator.estimate_topic or None)
+        return estimate_metrics(estimate, block, estimator.align, runs.plan.relative)
     except ImuSimError as error:
         raise Failure(f"estimate: {error.problems[0]}") from None
-    estimate = PoseSequence(poses.t_ns[rows], poses.position[rows], poses.q_wb[rows])
-    if not (np.isfinite(estimate.position).all() and np.isfinite(estimate.q_wb).all()):
-        raise Failure("estimate: holds numbers that are not finite")
-    there = interpolate_poses(truth, estimate.t_ns)
-    found_alignment = align(estimate.position, there.position, estimator.align)
-    metrics = pose_metrics(found_alignment.apply(estimate), there, runs.plan.relative)
-    if poses.covariance is not None and estimator.align == "none":
-        metrics.update(_consistency(estimate, there, poses.covariance[rows]))
-    with contextlib.suppress(ImuSimError):
-        metrics["scale_error"] = align(estimate.position, there.position, "sim3").scale - 1.0
-    metrics["initialisation_s"] = float(poses.t_ns[0] - block.true_t_ns[0]) * 1e-9
-    return metrics
-
-
-def _consistency(estimate: PoseSequence, truth: PoseSequence, covariance: Array) -> Metrics:
-    """Return the NEES of the last pose, of position and attitude.
-
-    An alignment takes out a part of the error that the covariance still holds: without it only.
-    """
-    last = slice(len(estimate.t_ns) - 1, None)
-    errors = absolute_errors(
-        PoseSequence(estimate.t_ns[last], estimate.position[last], estimate.q_wb[last]),
-        PoseSequence(truth.t_ns[last], truth.position[last], truth.q_wb[last]),
-    )
-    found: Metrics = {}
-    for name, error, place in (
-        ("nees_position", errors.position, slice(0, 3)),
-        ("nees_attitude", errors.attitude, slice(3, 6)),
-    ):
-        part = covariance[last, place, place]
-        if np.linalg.matrix_rank(part[0], hermitian=True) == 3:
-            found[name] = float(nees(error, part)[0])
-    return found

@@ -1,0 +1,151 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The trajectory that a program wrote, against the truth."""
+
+import contextlib
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.bags import open_bag, read_odometry, read_poses
+from imu_sim_ros.bags.messages import ODOMETRY
+from imu_sim_ros.bags.text import is_text
+from imu_sim_ros.campaign.metrics import Metrics, Relative, pose_metrics
+from imu_sim_ros.errors import ImuSimError, InputError
+from imu_sim_ros.navigation.comparison import (
+    Alignment,
+    absolute_errors,
+    align,
+    common_rows,
+    interpolate_poses,
+    interpolate_vectors,
+    nees,
+)
+from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.rotation import rotate, rotate_inverse
+from imu_sim_ros.sensor import ImuBlock
+
+Array = NDArray[np.float64]
+
+
+class Estimate(NamedTuple):
+    """A trajectory with what its source has beside the poses."""
+
+    poses: PoseSequence
+    velocity: Array | None = None
+    """(n, 3) in the world [m/s]."""
+    velocity_covariance: Array | None = None
+    """(n, 3, 3) in the body."""
+
+
+def read_estimate(path: Path, topic: str | None) -> Estimate:
+    """Read a file of poses (TUM, EuRoC), or a topic of a bag.
+
+    :param topic: None: the only topic of Odometry, else of PoseStamped.
+    :raises InputError: for what cannot be read or is not a trajectory.
+    """
+    if is_text(path) or not _has_odometry(path, topic):
+        found = Estimate(read_poses(path, topic, covariance=True))
+    else:
+        odometry = read_odometry(path, topic)
+        pose, twist = odometry.pose_covariance, odometry.twist_covariance[:, :3, :3]
+        poses = PoseSequence(odometry.t_ns, odometry.position, odometry.q_wb)
+        found = Estimate(
+            poses._replace(covariance=pose if pose.any() else None),
+            rotate(odometry.q_wb, odometry.velocity_b),
+            twist if twist.any() else None,
+        )
+    t_ns, position, q_wb, *_ = found.poses
+    if len(t_ns) < 2:
+        raise InputError(f"{len(t_ns)} poses; a trajectory needs two or more")
+    if not (np.isfinite(position).all() and np.isfinite(q_wb).all()):
+        raise InputError("holds numbers that are not finite")
+    if np.any(np.diff(t_ns) <= 0):
+        raise InputError("stamps do not increase")
+    return found
+
+
+def _has_odometry(path: Path, topic: str | None) -> bool:
+    with open_bag(path) as bag:
+        return any(
+            info.type == ODOMETRY and (topic is None or info.name.strip("/") == topic.strip("/"))
+            for info in bag.topics
+        )
+
+
+def estimate_metrics(
+    found: Estimate, block: ImuBlock, alignment: str, relative: tuple[Relative, ...]
+) -> Metrics:
+    """Return the metrics of an estimate of the motion of a block of samples.
+
+    :param alignment: of the estimate with the truth. There is a NEES with ``none`` only: any other
+        removes a part of the error that the covariance still includes.
+    :raises ImuSimError: where both do not overlap in time, or cannot be aligned.
+    """
+    motion = block.motion
+    truth = PoseSequence(block.true_t_ns, motion.position, motion.q_wb)
+    rows = common_rows(found.poses.t_ns, truth.t_ns)
+    estimate = _at_rows(found.poses, rows)
+    there = interpolate_poses(truth, estimate.t_ns)
+    aligned = align(estimate.position, there.position, alignment)
+    metrics = pose_metrics(aligned.apply(estimate), there, relative)
+    with contextlib.suppress(ImuSimError):
+        metrics["scale_error"] = align(estimate.position, there.position, "sim3").scale - 1.0
+    metrics["initialisation_s"] = float(found.poses.t_ns[0] - block.true_t_ns[0]) * 1e-9
+    velocity = _velocity_error(found, rows[-1:], aligned, block)
+    if velocity is not None:
+        metrics["final_velocity_error_m_s"] = float(np.linalg.norm(velocity))
+    if alignment == "none":
+        metrics.update(_consistency(found, rows[-1:], _at_rows(there, np.array([-1])), velocity))
+    return metrics
+
+
+def _at_rows(poses: PoseSequence, rows: NDArray[np.intp]) -> PoseSequence:
+    return PoseSequence(poses.t_ns[rows], poses.position[rows], poses.q_wb[rows])
+
+
+def _velocity_error(
+    found: Estimate, row: NDArray[np.intp], aligned: Alignment, block: ImuBlock
+) -> Array | None:
+    """Return truth minus estimate (1, 3), in the world; None where there is no velocity."""
+    if found.velocity is None:
+        return None
+    at_ns = found.poses.t_ns[row]
+    true = interpolate_vectors(block.true_t_ns, block.motion.velocity, at_ns)
+    error: Array = true - aligned.scale * found.velocity[row] @ aligned.r.T
+    return error
+
+
+def _consistency(
+    found: Estimate, row: NDArray[np.intp], truth: PoseSequence, velocity: Array | None
+) -> Metrics:
+    """Return the NEES of the last state, of what has a covariance.
+
+    :param truth: at that time, (1,).
+    :param velocity: (1, 3) its error in the world.
+    """
+    result: Metrics = {}
+    estimate = _at_rows(found.poses, row)
+    if found.poses.covariance is not None:
+        errors, covariance = absolute_errors(estimate, truth), found.poses.covariance[row]
+        result["nees_position"] = _nees(errors.position, covariance[:, :3, :3])
+        result["nees_attitude"] = _nees(errors.attitude, covariance[:, 3:, 3:])
+    velocities, covariances = found.velocity, found.velocity_covariance
+    if velocity is not None and velocities is not None and covariances is not None:
+        # The twist's covariance is that of the velocity in the body.
+        true = rotate_inverse(truth.q_wb, velocities[row] + velocity)
+        error = true - rotate_inverse(estimate.q_wb, velocities[row])
+        result["nees_velocity"] = _nees(error, covariances[row])
+    return result
+
+
+def _nees(error: Array, covariance: Array) -> float | None:
+    """Return the NEES of one error (1, 3); None where its covariance has no inverse."""
+    if not np.isfinite(covariance).all():
+        return None
+    if np.linalg.matrix_rank(covariance[0], hermitian=True) < covariance.shape[-1]:
+        return None
+    return float(nees(error, covariance)[0])
