@@ -3,16 +3,21 @@
 
 """The runs of a campaign on a Dask cluster (``dask.distributed``, an extra)."""
 
+import itertools
+import logging
 import os
 import signal
+from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
+from concurrent.futures import CancelledError
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from imu_sim_ros.campaign.engine import Task, failed, work
 from imu_sim_ros.campaign.plan import Plan
-from imu_sim_ros.errors import InputError, MissingDependencyError
+from imu_sim_ros.errors import InputError, MachineError, MissingDependencyError
 
 if TYPE_CHECKING:
     from distributed import Client, LocalCluster
@@ -39,6 +44,11 @@ def client(scheduler: str | None, workers: int) -> Iterator["Client"]:
         raise MissingDependencyError(
             "Dask is not installed: pip install 'distributed', or apt install python3-distributed"
         ) from None
+    for name in [
+        name for name in logging.root.manager.loggerDict if name.startswith("distributed")
+    ]:
+        # Its tracebacks of lost connections; what they cost is in the results.
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     if scheduler is None:
         threads = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1")
         os.environ.update(threads)
@@ -75,7 +85,14 @@ def engine(
     """Return the engine of a cluster."""
 
     def start(plan: Plan, todo: Iterable[Task], folder: Path) -> Generator[list[Row], None, None]:
-        return _run(connected, plan, iter(todo), folder)
+        from distributed.comm import CommClosedError
+
+        try:
+            yield from _run(connected, plan, iter(todo), folder)
+        except (CommClosedError, CancelledError):
+            raise MachineError(
+                "the connection to the scheduler was lost; continue with --resume"
+            ) from None
 
     return start
 
@@ -86,31 +103,40 @@ def _run(
     from distributed import as_completed
     from distributed.scheduler import KilledWorker
 
-    shared = connected.scatter(plan, broadcast=True, hash=False)
+    # A plan goes with each task: one that lies on the workers is lost with them.
+    small = replace(plan, seeds=plan.seeds[:1])
     under_way: dict[Any, Task] = {}
+    suspects: deque[Task] = deque()
     completed = as_completed()
 
+    def submit(task: Task) -> None:
+        future = connected.submit(
+            work, small, task, folder, pure=False, retries=plan.options.retries
+        )
+        under_way[future] = task
+        completed.add(future)
+
     def fill() -> None:
+        if suspects:
+            if not under_way:
+                submit(suspects.popleft())
+            return
         threads = sum(connected.nthreads().values()) or 1
-        while len(under_way) < threads * _AT_HAND:
-            task = next(todo, None)
-            if task is None:
-                return
-            future = connected.submit(
-                work, shared, task, folder, pure=False, retries=plan.options.retries
-            )
-            under_way[future] = task
-            completed.add(future)
+        for task in itertools.islice(todo, max(threads * _AT_HAND - len(under_way), 0)):
+            submit(task)
 
     fill()
     while under_way:
         future = next(completed)
         task = under_way.pop(future)
         try:
-            rows = future.result()
+            yield future.result()
         except KilledWorker:
-            rows = failed(plan, task, "failed: the worker process died")
+            # The scheduler blames all tasks of a worker that died: one seed at a time tells.
+            if len(task.seeds) == 1 and task.deaths:
+                yield failed(plan, task, "failed: the worker process died")
+            else:
+                suspects.extend(replace(task, seeds=(one,), deaths=1) for one in task.seeds)
         # The scheduler forgets the result at once.
         future.release()
-        yield rows
         fill()

@@ -20,13 +20,16 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
 from pathlib import Path
 from queue import SimpleQueue
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import imu_sim_ros
 from imu_sim_ros.campaign.cells import Cell
 from imu_sim_ros.campaign.plan import Plan
 from imu_sim_ros.config import CommandEstimator
 from imu_sim_ros.errors import ImuSimError
+
+if TYPE_CHECKING:
+    from imu_sim_ros.campaign.runs import CellRuns
 
 Row = dict[str, Any]
 
@@ -46,22 +49,21 @@ class Task:
     """Workers that died over it."""
 
 
-_last: dict[tuple[int, str], Any] = {}
+_last: "list[CellRuns]" = []
 
 
 def work(plan: Plan, task: Task, folder: Path) -> list[Row]:
     """Make the runs of a task; what the seeds of a cell share is kept for the next task."""
     from imu_sim_ros.campaign.runs import CellRuns
 
-    key = (id(plan), task.cell.name)
-    try:
-        if key not in _last:
+    runs = _last[0] if _last else None
+    if runs is None or runs.cell.name != task.cell.name or runs.plan != plan:
+        try:
             runs = CellRuns(plan, task.cell)
-            _last.clear()
-            _last[key] = runs
-    except ImuSimError as error:
-        return failed(plan, task, f"failed: {error.problems[0]}")
-    return list(_last[key].rows(task.seeds, task.estimators, folder))
+        except ImuSimError as error:
+            return failed(plan, task, f"failed: {error.problems[0]}")
+        _last[:] = [runs]
+    return list(runs.rows(task.seeds, task.estimators, folder))
 
 
 def failed(plan: Plan, task: Task, status: str) -> list[Row]:

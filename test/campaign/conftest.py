@@ -36,8 +36,7 @@ def start():
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
-            env={**os.environ, "COLUMNS": "160"},
-            **options,
+            **{"env": {**os.environ, "COLUMNS": "160"}, **options},
         )
         started.append(process)
         return process
