@@ -85,7 +85,7 @@ def engine(
     """Return the engine of a cluster."""
 
     def start(plan: Plan, todo: Iterable[Task], folder: Path) -> Generator[list[Row], None, None]:
-        from distributed.comm import CommClosedError
+        from distributed.comm.core import CommClosedError
 
         try:
             yield from _run(connected, plan, iter(todo), folder)
