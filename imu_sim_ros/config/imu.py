@@ -15,6 +15,7 @@ import numpy as np
 from imu_sim_ros import timebase
 from imu_sim_ros.config.parameter import (
     IDENTITY_MATRIX,
+    ZERO_MATRIX,
     Matrix,
     Vector,
     choice,
@@ -34,6 +35,9 @@ LARGEST_LATENCY = 10.0
 """[s] of a message: the node keeps what is under way in memory."""
 LONGEST = 1e6
 """[s] for times that must only stay within what stamps can hold."""
+
+_CAUSES = {"stress_step_sigma": "stress_step_rate", "shock_bias_sigma": "shock_threshold"}
+"""Errors of a triad, and the parameter of the board that makes them happen."""
 
 
 @dataclass(frozen=True)
@@ -117,7 +121,53 @@ class TimingParameters:
 
 
 @dataclass(frozen=True)
-class ImuParameters(TimingParameters, TriadsParameters):
+class BoardParameters:
+    """What the triads of a board have in common: its age, its shocks, where its elements sit."""
+
+    accelerometer_positions: Matrix = matrix(
+        ZERO_MATRIX,
+        "positions in the IMU's frame of the x, the y and the z accelerometer, one after the "
+        "other (size effect)",
+        unit="m",
+    )
+    age_days: float = number(
+        0.0,
+        "days from the IMU's calibration to the start of the run, for ageing_bias and ageing_scale",
+        unit="day",
+        minimum=0.0,
+        maximum=100000.0,
+    )
+    hysteresis_temperature: float = number(
+        5.0,
+        "change of temperature that takes temperature_hysteresis over to the other branch by 63 %",
+        unit="K",
+        minimum=0.0,
+        above_minimum=True,
+    )
+    stress_step_rate: float = number(
+        0.0,
+        "mean rate of stress relief in the board: each time all biases jump by stress_step_sigma",
+        unit="1/s",
+        minimum=0.0,
+        maximum=10.0,
+    )
+    shock_threshold: float = number(
+        0.0,
+        "specific force from which on a shock leaves a bias of shock_bias_sigma; 0: none does",
+        unit="m/s^2",
+        minimum=0.0,
+    )
+    shock_recovery_time: float = number(
+        0.0,
+        "time constant with which the bias left by a shock decays; 0: it stays",
+        unit="s",
+        minimum=0.0,
+        maximum=LONGEST,
+    )
+
+
+@dataclass(frozen=True)
+class ImuParameters(TimingParameters, BoardParameters, TriadsParameters):
     """One IMU."""
 
     preset: str = text("lecture", "file in config/imus, or a path, to start from")
@@ -160,11 +210,22 @@ class ImuParameters(TimingParameters, TriadsParameters):
         yield from rotation_problems(self.mounting, f"{prefix}mounting")
         for triad in TRIADS:
             yield from self._sampling_problems(triad, prefix)
+        yield from self._board_problems(prefix)
         if self.dropout_burst_rate > 0.0 and self.dropout_burst_duration == 0.0:
             yield (
                 f"{prefix}dropout_burst_duration = 0.0: must be above 0 s "
                 f"where {prefix}dropout_burst_rate is"
             )
+
+    def _board_problems(self, prefix: str) -> Iterator[str]:
+        """Say which strengths have no event or age that would show them."""
+        for name, cause in _CAUSES.items():
+            for triad in TRIADS:
+                if any(getattr(self.triad(triad), name)) and not getattr(self, cause):
+                    yield (
+                        f"{prefix}{cause} = 0: must be above 0 where {prefix}{triad}_{name} is "
+                        f"given; without it there is none"
+                    )
 
     def _sampling_problems(self, triad: Triad, prefix: str) -> Iterator[str]:
         bandwidth = self.triad(triad).bandwidth

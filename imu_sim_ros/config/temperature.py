@@ -39,8 +39,33 @@ class TemperatureParameters:
         minimum=0.0,
     )
 
+    power: float = number(
+        0.0,
+        "power that the board dissipates from the start on: it warms itself",
+        unit="W",
+        minimum=0.0,
+        maximum=1000.0,
+    )
+    thermal_resistance: tuple[float, ...] = numbers(
+        (60.0, 30.0),
+        "thermal resistances of package and board: each warms up by power times resistance",
+        unit="K/W",
+        minimum=0.0,
+        group=2,
+    )
+    warm_up_time: tuple[float, ...] = numbers(
+        (20.0, 300.0),
+        "time constants of the warm-up of package and board",
+        unit="s",
+        minimum=0.0,
+        group=2,
+    )
+
     def problems(self, prefix: str) -> Iterator[str]:
-        """Say whether the profile's times can be used."""
+        """Say whether the profile and the warm-up can be used."""
+        for name in ("thermal_resistance", "warm_up_time"):
+            if len(getattr(self, name)) != 2:
+                yield f"{prefix}{name}: must be two numbers, of the package and of the board"
         times = self.profile[::2]
         if times and times[0] < 0.0:
             yield f"{prefix}profile: time {times[0]:g} s: must be at least 0"

@@ -49,8 +49,8 @@ _WORDS: Final[Mapping[Triad, Mapping[str, str]]] = {
     },
 }
 """What the descriptions say of each; ``change`` is the unit per second, ``increment`` times it."""
-_OF_THE_GYROSCOPE: Final = ("g_sensitivity", "g_sensitivity_sigma")
-"""An accelerometer's response to specific force is its scale: they are not parameters of it."""
+_OF_THE_GYROSCOPE: Final = ("g_sensitivity", "g_sensitivity_sigma", "g_squared_sensitivity")
+"""An accelerometer's response to specific force is its scale and its non-linearity."""
 
 
 def triad(cls: type, name: Triad) -> Any:
@@ -72,6 +72,21 @@ class TriadParameters:
         "density^2 * rate; a data sheet's one-sided density D is D / sqrt(2) here",
         unit="{unit}/sqrt(Hz)",
         minimum=0.0,
+        live=True,
+    )
+    noise_correlation: Vector = vector(
+        0.0,
+        "correlation of the {triad}'s white noise between its axes: xy, xz, yz",
+        unit="1",
+        minimum=-1.0,
+        maximum=1.0,
+        live=True,
+    )
+    noise_temperature_coefficient: Vector = vector(
+        0.0,
+        "relative change of the {triad}'s white noise with temperature: its deviation is "
+        "multiplied by 1 + coefficient (T - T0), at least 0",
+        unit="1/K",
         live=True,
     )
     random_walk: Vector = vector(
@@ -147,6 +162,13 @@ class TriadParameters:
         unit="({unit})/(m/s^2)",
         live=True,
     )
+    g_squared_sensitivity: Matrix = matrix(
+        ZERO_MATRIX,
+        "what the square of one m/s^2 along each axis adds to the {triad}'s reading "
+        "(vibration rectification); the accelerometer has `quadratic` for it",
+        unit="({unit})/(m/s^2)^2",
+        live=True,
+    )
     temperature_bias: tuple[float, ...] = numbers(
         (),
         "bias polynomial of the {triad}: row k, x y z, is the coefficient of (T - T0)^(k+1)",
@@ -173,6 +195,31 @@ class TriadParameters:
         "standard deviation from unit to unit of the {triad}'s linear scale drift with "
         "temperature; sign and size are drawn from the seed and add to temperature_scale",
         unit="1/K",
+        minimum=0.0,
+    )
+    temperature_hysteresis: Vector = vector(
+        0.0,
+        "bias of the {triad} while heating minus that while cooling: the width of the loop",
+        unit="{unit}",
+    )
+    ageing_bias: Vector = vector(
+        0.0,
+        "drift of the {triad}'s bias with age: ageing_bias * log10(1 + days)",
+        unit="{unit}",
+    )
+    ageing_scale: Vector = vector(
+        0.0, "drift of the {triad}'s scale with age: ageing_scale * log10(1 + days)", unit="1"
+    )
+    stress_step_sigma: Vector = vector(
+        0.0,
+        "standard deviation of the bias jumps of the {triad} at `stress_step_rate`",
+        unit="{unit}",
+        minimum=0.0,
+    )
+    shock_bias_sigma: Vector = vector(
+        0.0,
+        "standard deviation of the bias that a shock above `shock_threshold` leaves on the {triad}",
+        unit="{unit}",
         minimum=0.0,
     )
     misalignment_sigma: Vector = vector(
@@ -232,6 +279,12 @@ class TriadParameters:
         triad = prefix.rpartition(".")[2]
         yield from self._gauss_markov_problems(prefix, triad)
         yield from self._scale_problems(prefix, triad)
+        xy, xz, yz = self.noise_correlation
+        if 1.0 + 2.0 * xy * xz * yz - xy * xy - xz * xz - yz * yz < 0.0:  # the determinant
+            yield (
+                f"{prefix}noise_correlation = {self.noise_correlation}: no three axes are "
+                f"correlated like this; the matrix must be positive semidefinite"
+            )
 
     def _gauss_markov_problems(self, prefix: str, triad: str) -> Iterator[str]:
         sigma, density = self.gauss_markov_sigma, self.gauss_markov_density

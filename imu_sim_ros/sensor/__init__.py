@@ -5,14 +5,15 @@
 
 For each triad, x its ideal input and f the ideal specific force::
 
-    1  ideal reading   gravity (constant or WGS84), Earth rate, lever arm, mounting; at an instant
-                       or as the mean since the sample before
+    1  ideal reading   gravity (constant or WGS84), Earth rate, lever arm, mounting, places of the
+                       accelerometers; at an instant or as the mean since the sample before
     2  response        S x + q x^2            scale and misalignment, second-order non-linearity
-    3                  + G f                  g-sensitivity (gyroscope)
-    4  scale           * (1 + s_T(T) + s_on)  temperature, turn-on (drawn from the seed)
+    3                  + G f + H f^2          g-sensitivity and g^2 rectification (gyroscope)
+    4  scale           * (1 + s_T(T) + s_on + s_age)  temperature, turn-on (drawn), ageing
     5  bias            + b_T(T) + b_on + b    temperature, turn-on, constant
     6                  + walk + Gauss-Markov + 1/f + ramp  (+ injected jumps)
-    7  white noise     + n
+                       + hysteresis + ageing + stress steps + what shocks left
+    7  white noise     + n                    correlated between axes, changing with temperature
     8  bandwidth       Butterworth low-pass over all of the above
     9  digital output  rounding to steps and saturation, of readings or of increments
     10 timing          stamps: offset, skew, drift, jitter; transport: latency, losses, duplicates

@@ -72,12 +72,15 @@ class IdealImu:
         self._has_lever_arm = bool(self._lever_arm_b.any())
         self._earth_turns = bool(self._earth_rate_w.any())
         self._r_ib = np.reshape(parameters.imu.mounting, (3, 3)).T
+        self._elements_i = np.reshape(parameters.imu.accelerometer_positions, (3, 3))
+        self._has_size = bool(self._elements_i.any())
 
     def read(self, motion: Motion) -> tuple[Array, Array]:
         """Return angular rate [rad/s] and specific force [m/s^2], both (3, n), in the IMU's frame.
 
         Without Earth rotation ``omega_b`` and ``f_b = R_wb.T (a_w - g_w)`` (lecture eq. 22); at a
-        lever arm r the IMU also sees the acceleration ``alpha x r + omega x (omega x r)``.
+        lever arm r the IMU also sees the acceleration ``alpha x r + omega x (omega x r)``, and each
+        accelerometer that of its own position in the IMU (:func:`size_effect`).
         With Earth rotation the gyroscope also reads ``R_wb.T omega_ie`` and the accelerometer the
         Coriolis term ``2 omega_ie x v`` of the IMU's velocity (Groves, "Principles of GNSS,
         Inertial, and Multisensor Integrated Navigation Systems", 2nd ed., eq. 5.41); the
@@ -102,7 +105,12 @@ class IdealImu:
             velocity = rotate_inverse(q_wb, motion.velocity.T) + cross(rate, arm)
             force += 2.0 * cross(earth_rate, velocity)
             rate = rate + earth_rate
-        return transform(self._r_ib, rate), transform(self._r_ib, force)
+        rate_i, force_i = transform(self._r_ib, rate), transform(self._r_ib, force)
+        if self._has_size:
+            turning_i = transform(self._r_ib, motion.angular_velocity.T)
+            change_i = transform(self._r_ib, motion.angular_acceleration.T)
+            force_i += size_effect(self._elements_i, turning_i, change_i)
+        return rate_i, force_i
 
     def read_mean(
         self, trajectory: Trajectory, start: Array, end: Array, quadrature: Quadrature
@@ -128,6 +136,26 @@ class IdealImu:
                 rate += weight * omega[:, :, k]
                 force += weight * f[:, :, k]
         return rate, force
+
+
+def size_effect(positions: Array, omega: Array, alpha: Array) -> Array:
+    """Return what three accelerometers read because they do not sit in one point (3, n) [m/s^2].
+
+    Axis k of ``alpha x r_k + omega x (omega x r_k)``, r_k the position of accelerometer k (Savage,
+    "Strapdown Analytics", "size effect").
+
+    :param positions: (3, 3) r_x, r_y, r_z row by row [m].
+    :param omega: (3, n) angular rate [rad/s].
+    :param alpha: (3, n) angular acceleration [rad/s^2].
+    """
+    result = np.empty_like(omega)
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        r = positions[k]
+        result[k] = alpha[i] * r[j] - alpha[j] * r[i]
+        result[k] += omega[k] * (omega[i] * r[i] + omega[j] * r[j])
+        result[k] -= r[k] * (omega[i] * omega[i] + omega[j] * omega[j])
+    return result
 
 
 def _at_rest(motion: Motion) -> bool:

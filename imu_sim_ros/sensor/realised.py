@@ -23,9 +23,9 @@ def realised_imu(parameters: SimulationParameters) -> ImuParameters:
 
     Constants that differ from unit to unit are drawn. A turn-on bias is added to the constant one.
     A turn-on scale s, drawn per axis, multiplies the whole response of its axis,
-    ``(1 + s + c) (S x + q x^2 + G f)`` with the temperature's part c: it goes into S, q and G, and
-    c becomes ``c / (1 + s)``. Readings of the result differ from those of the seed by rounding
-    only.
+    ``(1 + s + c) (S x + q x^2 + G f + H f^2)`` with the parts c of temperature and age: it goes
+    into S, q, G and H, and c becomes ``c / (1 + s)``. Readings of the result differ from those of
+    the seed by rounding only.
     """
     imu = parameters.imu
     gyroscope, accelerometer = (
@@ -42,7 +42,9 @@ def _realised(parameters: TriadParameters, triad: str, seed: int) -> TriadParame
         "bias": np.asarray(p.bias) + drawn.bias,
         "quadratic": gain * p.quadratic,
         "g_sensitivity": gain[:, None] * np.reshape(p.g_sensitivity, (3, 3)),
+        "g_squared_sensitivity": gain[:, None] * np.reshape(p.g_squared_sensitivity, (3, 3)),
         "temperature_scale": np.reshape(p.temperature_scale, (-1, 3)) / gain,
+        "ageing_scale": np.asarray(p.ageing_scale) / gain,
     }
     changed: dict[str, Any] = {name: tuple(np.ravel(v).tolist()) for name, v in values.items()}
     changed |= as_matrix(gain[:, None] * p.response())

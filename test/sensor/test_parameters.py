@@ -99,13 +99,21 @@ def test_a_range_below_gravity_is_a_warning() -> None:
     assert load_simulation({"imu.accelerometer_range": 19.6}).warnings() == []
 
 
+_WITHOUT_ERROR = (
+    "imu.reference_temperature",
+    "imu.bandwidth_order",
+    "imu.hysteresis_temperature",
+)
+"""Parameters that make no error whatever their value."""
+
+
 def test_zero_is_off_and_the_default() -> None:
     """Every default of the sensor is the value that makes no error."""
     defaults = parameters(SimulationParameters, {})
     for name, parameter in defaults.items():
         if not name.startswith("imu.") or parameter.kind in ("text", "choice"):
             continue
-        if name in ("imu.reference_temperature", "imu.bandwidth_order"):
+        if name in _WITHOUT_ERROR:
             continue
         identity = name.endswith(("scale_misalignment", "mounting"))
         expected = IDENTITY_MATRIX if identity else 0.0

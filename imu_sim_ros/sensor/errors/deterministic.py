@@ -14,21 +14,24 @@ Array = NDArray[np.float64]
 
 
 class Response:
-    """The response of a triad to its input x: ``S x + q x^2 + G f`` (lecture eq. 7 and 25).
+    """The response of a triad to its input x: ``S x + q x^2 + G f + H f^2`` (lecture eq. 7 and 25).
 
-    G, the g-sensitivity, is the gyroscope's only; f is the ideal specific force.
+    G, the g-sensitivity, and H, that to the square of each axis, are the gyroscope's only; f is the
+    ideal specific force.
     """
 
     def __init__(self) -> None:
         self._s = np.eye(3)
         self._quadratic = np.zeros(3)
         self._g = np.zeros((3, 3))
+        self._h = np.zeros((3, 3))
 
     def configure(self, parameters: TriadParameters) -> None:
         """Take the coefficients."""
         self._s = parameters.response()
         self._quadratic = np.asarray(parameters.quadratic)
         self._g = np.reshape(parameters.g_sensitivity, (3, 3))
+        self._h = np.reshape(parameters.g_squared_sensitivity, (3, 3))
 
     def apply(self, ideal: Array, force: Array) -> Array:
         """Return the response (3, n), a new array.
@@ -42,6 +45,8 @@ class Response:
                 row += quadratic * x * x
         if self._g.any():
             result += transform(self._g, force)
+        if self._h.any():
+            result += transform(self._h, force * force)
         return result
 
 

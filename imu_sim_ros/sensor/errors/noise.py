@@ -7,13 +7,15 @@ A term takes its strength from the parameters by ``configure`` at any time and c
 current value. ``add_to`` adds the next n samples to an array (3, n).
 """
 
+import math
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.config import TriadParameters
+from imu_sim_ros.config import TriadParameters, Vector
 from imu_sim_ros.random_streams import axis_generators
+from imu_sim_ros.rotation.components import transform
 from imu_sim_ros.sensor.errors.autoregressive import GaussMarkovBank
 from imu_sim_ros.sensor.errors.flicker import FlickerNoise
 
@@ -31,26 +33,65 @@ class Term(Protocol):
 
 
 class WhiteNoise:
-    """White noise: ``n_d = sigma / sqrt(dt) w`` (lecture eq. 16)."""
+    """White noise: ``n_d = sigma / sqrt(dt) w`` (lecture eq. 16).
+
+    Where the axes are correlated, w is ``L w'`` of independent w' with ``L L^T`` their correlation;
+    where the noise depends on temperature, sigma is ``sigma (1 + k (T - T0))``, at least 0.
+    """
 
     def __init__(self, seed: int, triad: str, dt: float) -> None:
         self._dt = dt
         self._streams = axis_generators(seed, f"{triad}.white_noise")
         self._sigma = [0.0] * 3
+        self._mixing: Array | None = None
+        self._thermal = np.zeros(3)
 
     def configure(self, parameters: TriadParameters) -> None:
-        """Take the density."""
+        """Take the density, the correlation and the dependence on temperature."""
         sigma = np.asarray(parameters.noise_density) / np.sqrt(self._dt)
         self._sigma = sigma.tolist()
+        self._thermal = np.asarray(parameters.noise_temperature_coefficient)
+        correlated = any(parameters.noise_correlation)
+        self._mixing = _square_root(parameters.noise_correlation) if correlated else None
 
-    def add_to(self, values: Array) -> None:
-        """Add n samples to values (3, n)."""
+    def add_to(self, values: Array, temperature_offset: Array | float = 0.0) -> None:
+        """Add n samples to values (3, n).
+
+        :param temperature_offset: (n,) temperature above the reference [K], or one for all.
+        """
+        if self._mixing is not None or self._thermal.any():
+            self._add_dependent(values, temperature_offset)
+            return
         noise = np.empty(values.shape[1])
         for row, stream, sigma in zip(values, self._streams, self._sigma, strict=True):
             if sigma:
                 stream.standard_normal(out=noise)
                 noise *= sigma
                 row += noise
+
+    def _add_dependent(self, values: Array, temperature_offset: Array | float) -> None:
+        noise = np.zeros_like(values)
+        for row, stream, sigma in zip(noise, self._streams, self._sigma, strict=True):
+            if sigma or self._mixing is not None:
+                stream.standard_normal(out=row)
+        if self._mixing is not None:
+            noise = transform(self._mixing, noise)
+        noise *= np.asarray(self._sigma)[:, None]
+        if self._thermal.any():
+            noise *= np.maximum(1.0 + self._thermal[:, None] * temperature_offset, 0.0)
+        values += noise
+
+
+def _square_root(correlation: Vector) -> Array:
+    """Return L (3, 3), lower triangular, with ``L L^T`` the matrix of correlations xy, xz, yz.
+
+    Cholesky's, for matrices without full rank too.
+    """
+    xy, xz, yz = correlation
+    yy = math.sqrt(max(1.0 - xy * xy, 0.0))
+    zy = (yz - xy * xz) / yy if yy else 0.0
+    zz = math.sqrt(max(1.0 - xz * xz - zy * zy, 0.0))
+    return np.array([[1.0, 0.0, 0.0], [xy, yy, 0.0], [xz, zy, zz]])
 
 
 class RandomWalk:

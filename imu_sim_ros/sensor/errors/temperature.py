@@ -18,7 +18,8 @@ class TemperatureProfile:
 
     On a piece ``T_a = A + B (t - t_j)`` the lag ``tau dT/dt = T_a - T`` has the solution
     ``T = T_a - B tau + (T_j - A + B tau) exp(-(t - t_j) / tau)``: closed form, so times can be
-    asked for in any order. The sensor starts at the ambient temperature.
+    asked for in any order. The sensor starts at the ambient temperature. Power P from the start on
+    warms it further, by ``P sum_i R_i (1 - exp(-t / tau_i))`` of package and board.
     """
 
     def __init__(self, parameters: TemperatureParameters) -> None:
@@ -34,6 +35,12 @@ class TemperatureProfile:
             self._slope[:-1] = np.diff(self._ambient) / np.diff(self._times)
         self._tau = parameters.time_constant
         self._excess = self._start_excess()
+        rises = parameters.power * np.array(parameters.thermal_resistance)
+        self._warm_up = [
+            (float(rise), tau)
+            for rise, tau in zip(rises, parameters.warm_up_time, strict=True)
+            if rise
+        ]
 
     def _start_excess(self) -> Array:
         """Return the decaying part at the start of each piece: ``T_j - A + B tau``."""
@@ -50,12 +57,19 @@ class TemperatureProfile:
     @property
     def constant(self) -> bool:
         """Whether the temperature never changes."""
-        return len(self._times) == 1
+        return len(self._times) == 1 and not self._warm_up
 
     def at(self, t: Array) -> Array:
         """Return the sensor's temperature (n,) [degC] at times t (n,) [s] since the start."""
         if self.constant:
             return np.broadcast_to(self._ambient[0], t.shape)
+        temperature = self._following(t)
+        for rise, tau in self._warm_up:
+            temperature += rise if tau == 0.0 else -rise * np.expm1(-t / tau)
+        return temperature
+
+    def _following(self, t: Array) -> Array:
+        """Return the temperature of a sensor that only follows the ambient one."""
         piece = np.searchsorted(self._times, t, side="right") - 1
         since = t - self._times[piece]
         temperature: Array = self._ambient[piece] + self._slope[piece] * (since - self._tau)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.config import ImuParameters
 from imu_sim_ros.conventions import Triad as TriadName
+from imu_sim_ros.sensor.errors.board import Surroundings, aged, board_terms
 from imu_sim_ros.sensor.errors.deterministic import ConstantBias, Response, TurnOn
 from imu_sim_ros.sensor.errors.drawn import unit_of_seed
 from imu_sim_ros.sensor.errors.noise import (
@@ -57,6 +58,9 @@ class Triad:
             BiasInstability(seed, triad, dt),
             RateRamp(dt),
         )
+        self._board_terms = board_terms(seed, triad, imu, dt)
+        self._ageing_scale = np.asarray(own.ageing_scale)[:, None]
+        self._age_days, self._dt, self._done = imu.age_days, dt, 0
         self._white = WhiteNoise(seed, triad, dt)
         self._low_pass = LowPass(np.asarray(own.bandwidth), imu.bandwidth_order, internal)
         self._digitiser = Digitiser()
@@ -92,15 +96,16 @@ class Triad:
         :param force: (3, n m) ideal specific force [m/s^2].
         :param temperature_offset: (n m,) temperature above the reference [K].
         """
+        surroundings = Surroundings(force, temperature_offset)
         reading = self._response.apply(ideal, force)
         scale = self._scale(temperature_offset)
         if scale is None:
             scale = np.broadcast_to(1.0, reading.shape)
         else:
             reading *= scale
-        bias = self._bias(first, temperature_offset, faults)
+        bias = self._bias(first, surroundings, faults)
         reading += bias
-        self._white.add_to(reading)
+        self._white.add_to(reading, temperature_offset)
         self._low_pass.apply(reading)
         if self._ratio > 1:
             last = slice(self._ratio - 1, None, self._ratio)
@@ -116,25 +121,34 @@ class Triad:
         return Reading(reading, bias, scale)
 
     def _scale(self, temperature_offset: Array) -> Array | None:
-        """Return the scale by temperature and turn-on (3, n); None where it is 1."""
+        """Return the scale by temperature, turn-on and age (3, n); None where it is 1."""
         thermal = polynomial(self._parameters.temperature_scale, temperature_offset)
+        n = len(temperature_offset)
+        if self._ageing_scale.any():
+            seconds = np.arange(self._done, self._done + n) * self._dt
+            drift = self._ageing_scale * aged(self._age_days, seconds)
+            thermal = drift if thermal is None else thermal + drift
+        self._done += n
         if thermal is None and not self._turn_on.scale.any():
             return None
         drawn = (1.0 + self._turn_on.scale)[:, None]
         if thermal is None:
-            return np.broadcast_to(drawn, (3, len(temperature_offset)))
+            return np.broadcast_to(drawn, (3, n))
         thermal += drawn
         return thermal
 
-    def _bias(self, first: int, temperature_offset: Array, faults: FaultSchedule) -> Array:
+    def _bias(self, first: int, surroundings: Surroundings, faults: FaultSchedule) -> Array:
         """Return the sum of all biases (3, n)."""
-        bias = polynomial(self._parameters.temperature_bias, temperature_offset)
+        offset = surroundings.temperature_offset
+        bias = polynomial(self._parameters.temperature_bias, offset)
         if bias is None:
-            bias = np.zeros((3, len(temperature_offset)))
+            bias = np.zeros((3, len(offset)))
         if self._turn_on.bias.any():
             bias += self._turn_on.bias[:, None]
         for term in self._bias_terms:
             term.add_to(bias)
+        for board_term in self._board_terms:
+            board_term.add_to(bias, surroundings)
         jumps = bias if self._ratio == 1 else np.zeros((3, bias.shape[1] // self._ratio))
         faults.add_bias(self._triad, first, jumps)
         if jumps is not bias:
