@@ -8,7 +8,7 @@ Each is off at zero and then costs nothing: it is not even made.
 
 import math
 from collections.abc import Iterator
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,7 +61,7 @@ def board_terms(seed: int, triad: Triad, imu: ImuParameters, dt: float) -> tuple
     return tuple(terms)
 
 
-def aged(age_days: float, seconds: Array | float) -> Array:
+def aged(age_days: float, seconds: NDArray[np.floating[Any]]) -> Array:
     """Return how far ageing has come, ``log10(1 + days)``, after a time.
 
     Stress in package and die relaxes ever more slowly; data sheets give its drift over 1000 h or a
@@ -109,7 +109,7 @@ class TemperatureHysteresis:
         """
         self._half_width, self._span = 0.5 * width[:, None], span
         self._direction = 0.0
-        self._last: float | None = None
+        self._last = math.nan
         self._turned_at = self._s_there = 0.0
 
     def add_to(self, values: Array, surroundings: Surroundings) -> None:
@@ -117,12 +117,12 @@ class TemperatureHysteresis:
         temperature = np.round(surroundings.temperature_offset, _TEMPERATURE_DIGITS)
         if len(temperature) == 0:
             return
-        if self._last is None:
+        if math.isnan(self._last):
             self._last = self._turned_at = float(temperature[0])
         s = np.empty_like(temperature)
         for rows, direction in self._monotone(temperature):
             if direction != self._direction:
-                self._s_there = self._s(self._last)
+                self._s_there = float(self._s(self._last))
                 self._turned_at, self._direction = self._last, direction
             s[rows] = self._s(temperature[rows])
             self._last = float(temperature[rows][-1])
