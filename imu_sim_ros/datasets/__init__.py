@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.datasets.features import FeatureStream as FeatureStream
     from imu_sim_ros.datasets.frames import CameraMessages as CameraMessages
     from imu_sim_ros.datasets.frames import camera_topics as camera_topics
+    from imu_sim_ros.datasets.frames import image_topic as image_topic
     from imu_sim_ros.datasets.frames import imagers as imagers
     from imu_sim_ros.datasets.frames import info_of_camera as info_of_camera
     from imu_sim_ros.datasets.frames import landmarks as landmarks
@@ -40,7 +41,14 @@ else:
         {
             "camera_bag": ["CameraBag"],
             "features": ["FeatureStream"],
-            "frames": ["CameraMessages", "camera_topics", "imagers", "info_of_camera", "landmarks"],
+            "frames": [
+                "CameraMessages",
+                "camera_topics",
+                "image_topic",
+                "imagers",
+                "info_of_camera",
+                "landmarks",
+            ],
             "images": ["ImageFolders"],
             "read_tracks": ["TrackFolder", "read_track_folder"],
             "topics": [

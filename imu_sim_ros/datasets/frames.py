@@ -3,6 +3,7 @@
 
 """The topics of cameras: frames as messages, one home for bags and the live node."""
 
+from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
@@ -30,6 +31,7 @@ from imu_sim_ros.conventions import (
     IMAGE_TOPIC,
     LANDMARKS_TOPIC,
 )
+from imu_sim_ros.datasets.topics import resolved
 
 LATCHED: Final = Qos(durability="transient_local", depth=1)
 _DISTORTIONS: Final = {"none": "plumb_bob", "radtan": "plumb_bob", "equidistant": "equidistant"}
@@ -45,6 +47,16 @@ def camera_topics(rig: RigParameters) -> dict[str, str]:
         found[FEATURES_TOPIC] = POINT_CLOUD
     found[LANDMARKS_TOPIC] = POINT_CLOUD2
     return found
+
+
+def image_topic(camera: str, names: Mapping[str, str]) -> str:
+    """Return the name of a camera's image topic: the raw one's, unless only the other is there.
+
+    :param names: of the topics that are written, by their own names.
+    """
+    raw, compressed = (f"{camera}/{topic}" for topic in (IMAGE_TOPIC, COMPRESSED_TOPIC))
+    key = compressed if compressed in names and raw not in names else raw
+    return resolved(names.get(key, key))
 
 
 def _kinds(camera: CameraParameters) -> dict[str, str]:

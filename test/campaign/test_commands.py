@@ -398,6 +398,38 @@ def test_a_camera_of_a_plan_gives_tracks(plan_file, tmp_path):
     assert len(made) > 1000
 
 
+def test_a_program_gets_the_files_of_the_whole_rig(plan_file, tmp_path):
+    """The same files as generate --with-configs writes for two cameras, sensor and seed."""
+    program = tmp_path / "program.py"
+    program.write_text("import shutil, sys; shutil.copytree(sys.argv[1], sys.argv[2])")
+    stereo = {
+        "cameras": ["cam0", "cam1"],
+        "cam0.camera.preset": "euroc_cam0",
+        "cam1.camera.preset": "euroc_cam1",
+    }
+    parameters = {name: value for name, value in CAMERA.items() if name != "camera"}
+    plan = load_plan(
+        plan_file(
+            parameters={**parameters, **stereo},
+            estimators={"a": {"command": f"{{python}} {program} {{config}} {tmp_path}/kept"}},
+        )
+    )
+    (row,) = CellRuns(plan, next(plan.cells())).rows([3], ["a"], tmp_path / "out")
+    assert row["status"] == "failed: no estimate was written"
+    words = (
+        f"-o {tmp_path}/made --format tracks --rate 200 --duration 1s --imu adis16448 --seed 3 "
+        "--trajectory figure_eight --camera euroc_cam0 --camera euroc_cam1 --quiet --with-configs "
+        "--set camera.body_axes=flu --set camera.max_features=20"
+    )
+    assert generate.main(words.split()) == 0
+    made = {p.name: p.read_text() for p in (tmp_path / "made_configs").iterdir()}
+    kept = {p.name: p.read_text() for p in (tmp_path / "kept").iterdir()}
+    assert kept.keys() == made.keys()
+    assert kept.keys() >= {"estimator_config.yaml", "vins_fusion_cam1.yaml", "camchain.yaml"}
+    for name in kept.keys() - {"simulation.yaml"}:  # its comment tells who wrote it
+        assert kept[name] == made[name], name
+
+
 def test_tracks_without_a_camera_are_refused_before_the_start(plan_file, campaign, tmp_path):
     path = plan_file(estimators={"a": {"command": "true {dataset}", "dataset": "tracks"}})
     status, _, lines = campaign(path, "-o", tmp_path / "out")

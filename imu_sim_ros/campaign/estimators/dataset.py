@@ -13,7 +13,7 @@ import numpy as np
 from imu_sim_ros.bags import open_writer
 from imu_sim_ros.bags.text import Dataset
 from imu_sim_ros.config import files, flatten
-from imu_sim_ros.consumers import ImuValues, write_all
+from imu_sim_ros.consumers import ImuValues, RigValues, write_all
 from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.datasets import BagTarget, DatasetTarget, resolved
 from imu_sim_ros.errors import ConfigurationError
@@ -23,6 +23,7 @@ from imu_sim_ros.simulation import Simulation
 if TYPE_CHECKING:
     from imu_sim_ros.camera import Rig
     from imu_sim_ros.campaign.runs import CellRuns
+    from imu_sim_ros.config.cameras import RigParameters
 
 _BAGS: Final = {"rosbag2": "dataset", "ros1": "dataset.bag", "mcap": "dataset.mcap"}
 _BLOCK: Final = 512
@@ -59,23 +60,35 @@ def write_dataset(runs: "CellRuns", form: str, seed: int, block: ImuBlock, place
 
 
 def write_config(runs: "CellRuns", seed: int, place: Path) -> Path:
-    """Write ``simulation.yaml`` and the files of every stack for the sensor of this seed."""
+    """Write ``simulation.yaml`` and every stack's files for the sensor of this seed.
+
+    With cameras the files hold the whole rig, as those of ``generate --with-configs`` do.
+    """
     parameters = dataclasses.replace(runs.parameters, seed=seed)
     path = place / "config"
-    write_all(
-        path,
-        ImuValues(
-            realised_imu(parameters),
-            parameters.rate,
-            float(np.linalg.norm(parameters.gravity)),
-            resolved(IMU_TOPIC),
-            runs.total / parameters.rate,
-        ),
+    values = ImuValues(
+        realised_imu(parameters),
+        parameters.rate,
+        float(np.linalg.norm(parameters.gravity)),
+        resolved(IMU_TOPIC),
+        runs.total / parameters.rate,
     )
+    write_all(path, values, None if runs.rig is None else _rig_values(values, runs.rig))
     seen = {} if runs.rig is None else flatten(runs.rig)
-    values: dict[str, Any] = {**flatten(parameters), **seen}
-    files.write(values, path / "simulation.yaml", comment="All parameters of this run.")
+    all_values: dict[str, Any] = {**flatten(parameters), **seen}
+    files.write(all_values, path / "simulation.yaml", comment="All parameters of this run.")
     return path
+
+
+def _rig_values(values: ImuValues, rig: "RigParameters") -> RigValues | None:
+    """Return the cameras beside an IMU; None where there are none."""
+    if not rig.cameras:
+        return None
+    from imu_sim_ros.datasets import camera_topics, image_topic
+
+    names = {topic: topic for topic in camera_topics(rig)}
+    topics = {camera: image_topic(camera, names) for camera in rig.cameras}
+    return RigValues(values, rig.each(), topics, rig.scene)
 
 
 def _rig(runs: "CellRuns", simulation: Simulation) -> "Rig | None":

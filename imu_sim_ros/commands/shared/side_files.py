@@ -21,7 +21,7 @@ from imu_sim_ros.bags import make_folder
 from imu_sim_ros.bags.text import writer as text_writer
 from imu_sim_ros.config import SimulationParameters, files, flatten
 from imu_sim_ros.consumers import ImuValues, RigValues, write_all
-from imu_sim_ros.conventions import COMPRESSED_TOPIC, IMAGE_TOPIC, IMU_TOPIC
+from imu_sim_ros.conventions import IMU_TOPIC
 from imu_sim_ros.datasets import imus_of, resolved
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.sensor import realised_imu
@@ -126,16 +126,11 @@ def write_configs(
         values = _values(simulation.parameters, resolved(names.get(own, own)), duration)
         seen = None
         if rig is not None and rig.cameras:
-            topics = {camera: _images(camera, names) for camera in rig.cameras}
+            from imu_sim_ros.datasets import image_topic
+
+            topics = {camera: image_topic(camera, names) for camera in rig.cameras}
             seen = RigValues(values, rig.each(), topics, rig.scene)
         write_all(folder / name, values, seen)
-
-
-def _images(camera: str, names: Mapping[str, str]) -> str:
-    """Return the topic of a camera's images: the raw one, unless only the compressed is there."""
-    raw, compressed = (f"{camera}/{topic}" for topic in (IMAGE_TOPIC, COMPRESSED_TOPIC))
-    key = compressed if compressed in names and raw not in names else raw
-    return resolved(names.get(key, key))
 
 
 def describe(folder: Path, index: int, parameters: SimulationParameters, states: bool) -> None:
