@@ -213,6 +213,8 @@ def changed(name, parameter):
         "gauss_markov": {f"imu.{triad}_correlation_time": 10.0},
         "increment_resolution": {"imu.sampling": "averaged"},
         "dropout_burst_rate": {"imu.dropout_burst_duration": 0.1},
+        "stress_step_sigma": {"imu.stress_step_rate": 0.1},
+        "shock_bias_sigma": {"imu.shock_threshold": 50.0},
     }
     value = {
         "matrix": [1.01, 0, 0, 0.01, 1.02, 0, 0, 0, 1.0],
