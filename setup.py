@@ -71,6 +71,7 @@ setup(
         "complete": ["argcomplete"],
         "docs": ["myst-parser", "sphinx"],
         "frames": ["pandas"],
+        "magnetic": ["pygeomag"],
         "camera": ["opencv-python-headless>=4.6"],
         "campaign": ["distributed", "pyarrow"],
         "test": ["pytest", "allantools", "evo", "mcap-ros2-support"],

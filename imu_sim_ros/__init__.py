@@ -54,6 +54,7 @@ from imu_sim_ros.lazy import exported
 
 if TYPE_CHECKING:
     from imu_sim_ros import camera as camera
+    from imu_sim_ros.api.beside import MagneticReadings as MagneticReadings
     from imu_sim_ros.api.calibration import Calibrated as Calibrated
     from imu_sim_ros.api.calibration import Calibration as Calibration
     from imu_sim_ros.api.calibration import TriadCalibration as TriadCalibration
@@ -89,6 +90,7 @@ else:
         __name__,
         {
             "": ["camera"],
+            "api.beside": ["MagneticReadings"],
             "api.calibration": [
                 "Calibrated",
                 "Calibration",

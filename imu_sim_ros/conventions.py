@@ -7,10 +7,12 @@ Imports nothing, so that every room may import it. The frames' letters, units an
 package's docstring.
 """
 
+from collections.abc import Mapping
 from typing import Final, Literal
 
 Vector = tuple[float, float, float]
 Triad = Literal["gyroscope", "accelerometer"]
+Measured = Literal["gyroscope", "accelerometer", "magnetometer", "barometer"]
 
 GRAVITY: Final[Vector] = (0.0, 0.0, -9.81)
 """[m/s^2] default g_w in the world frame; the lecture's value."""
@@ -19,6 +21,8 @@ STANDARD_GRAVITY: Final = 9.80665
 
 TRIADS: Final[tuple[Triad, Triad]] = ("gyroscope", "accelerometer")
 """In the order of arrays that hold both, (6, ...): gyroscope x, y, z, accelerometer x, y, z."""
+AUXILIARY: Final[Mapping[str, str]] = {"magnetometer": "magnetic_field", "barometer": "pressure"}
+"""The sensors beside them on a board, each with what it measures, as ``publish.`` names it."""
 AXES: Final = ("x", "y", "z")
 
 WORLD_FRAME: Final = "world"
@@ -31,6 +35,12 @@ DELTA_VELOCITY_TOPIC: Final = "imu/delta_velocity"
 SENSOR_SUFFIX: Final = "/parameters"
 """Behind the name of a topic of readings: the topic that says what the sensor is."""
 TEMPERATURE_TOPIC: Final = "imu/temperature"
+MAGNETIC_FIELD_TOPIC: Final = "imu/mag"
+IDEAL_MAGNETIC_FIELD_TOPIC: Final = "ground_truth/mag"
+PRESSURE_TOPIC: Final = "imu/pressure"
+IDEAL_PRESSURE_TOPIC: Final = "ground_truth/pressure"
+ORIENTATION_TOPIC: Final = "imu/data"
+"""The readings again, with an orientation (REP-145)."""
 TRUTH_TOPIC: Final = "ground_truth/odom"
 TRUTH_POSE_TOPIC: Final = "ground_truth/pose"
 IDEAL_IMU_TOPIC: Final = "ground_truth/imu"

@@ -21,7 +21,7 @@ common windows of time.
 
 import copy
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from fractions import Fraction
 from typing import Final
@@ -29,6 +29,7 @@ from typing import Final
 from imu_sim_ros import timebase
 from imu_sim_ros.config import SimulationParameters, flatten
 from imu_sim_ros.config import parameters as described
+from imu_sim_ros.conventions import AUXILIARY
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.poses import read_poses
 from imu_sim_ros.sensor import Fault, Imu, ImuBlock
@@ -54,16 +55,19 @@ class Simulation:
         pose_reader: PoseReader = read_poses,
         t0_ns: int | None = None,
         trajectory: Trajectory | None = None,
+        sensors: Collection[str] = (),
     ) -> None:
         """Set up trajectory and sensor.
 
         :param pose_reader: reads the file of a trajectory of recorded poses.
         :param t0_ns: time of sample 0 [ns]; None: ``start_time``, or 1 s where that is -1.
         :param trajectory: the one of these parameters, if it already exists.
+        :param sensors: what is read beside the IMU: names of ``sensor.auxiliary.SENSORS``; no
+            sample of another sensor depends on it.
         :raises ConfigurationError: for inconsistent parameters.
         :raises InputError: for a file of poses that cannot be used.
         """
-        self.parameters = parameters
+        self.parameters, self._sensors = parameters, frozenset(sensors)
         if trajectory is None:
             trajectory = build_trajectory(parameters.trajectory, pose_reader)
         self.trajectory = trajectory
@@ -115,7 +119,7 @@ class Simulation:
     def reset(self) -> None:
         """Go back to the first sample: the same samples follow again."""
         self.position = 0
-        self._imu = Imu(self.parameters, self.t0_ns)
+        self._imu = Imu(self.parameters, self.t0_ns, self._sensors)
         self._imu.prepare(self.trajectory)
 
     def with_seed(self, seed: int) -> "Simulation":
@@ -151,9 +155,15 @@ class Simulation:
         """Let a fault begin.
 
         :param delay: seconds after the next sample, >= 0.
+        :raises ConfigurationError: for another delay, and a sensor that is not simulated.
         """
         if not (math.isfinite(delay) and delay >= 0.0):
             raise ConfigurationError(f"fault delay = {delay}: must be at least 0 s")
+        needed = AUXILIARY.get(fault.triad)
+        if needed is not None and needed not in self._sensors:
+            raise ConfigurationError(
+                f"fault triad = {fault.triad}: this simulation has no {fault.triad}"
+            )
         first = self.position + timebase.sample_count(delay, self.parameters.rate)
         self._imu.inject(fault, first, self.position)
 
@@ -185,16 +195,23 @@ class SimulatedBody:
     """
 
     def __init__(
-        self, parameters: Mapping[str, SimulationParameters], pose_reader: PoseReader = read_poses
+        self,
+        parameters: Mapping[str, SimulationParameters],
+        pose_reader: PoseReader = read_poses,
+        sensors: Mapping[str, Collection[str]] | None = None,
     ) -> None:
         """Set up all simulations; arguments and errors as for :class:`Simulation`.
 
         :param parameters: at least one; all have the same trajectory and duration.
+        :param sensors: what is read beside each IMU, by the names of the simulations.
         """
         self.simulations: dict[str, Simulation] = {}
         trajectory = None
         for name, own in parameters.items():
-            self.simulations[name] = Simulation(own, pose_reader, trajectory=trajectory)
+            beside = (sensors or {}).get(name, ())
+            self.simulations[name] = Simulation(
+                own, pose_reader, trajectory=trajectory, sensors=beside
+            )
             trajectory = self.simulations[name].trajectory
 
     @property

@@ -7,7 +7,7 @@ One home for what the simulator node publishes and the command ``generate`` writ
 the same bytes.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -15,10 +15,12 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.bags.messages import (
     IMU,
+    MAGNETIC_FIELD,
     ODOMETRY,
     TEMPERATURE,
     VECTOR3_STAMPED,
     ImuEncoder,
+    MagneticFieldEncoder,
     OdometryEncoder,
     TemperatureEncoder,
     Vector3StampedEncoder,
@@ -32,13 +34,21 @@ from imu_sim_ros.conventions import (
     IDEAL_DELTA_ANGLE_TOPIC,
     IDEAL_DELTA_VELOCITY_TOPIC,
     IDEAL_IMU_TOPIC,
+    IDEAL_MAGNETIC_FIELD_TOPIC,
     IMU_TOPIC,
+    MAGNETIC_FIELD_TOPIC,
     TEMPERATURE_TOPIC,
     TRUTH_TOPIC,
 )
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.rotation import rotate_inverse
-from imu_sim_ros.sensor import ImuBlock, accel_variance_discrete, gyro_variance_discrete
+from imu_sim_ros.sensor import (
+    ImuBlock,
+    MagneticBlock,
+    accel_variance_discrete,
+    field_variance_discrete,
+    gyro_variance_discrete,
+)
 
 Times = NDArray[np.int64]
 Bytes = NDArray[np.uint8]
@@ -54,7 +64,14 @@ TYPES: Final[dict[str, str]] = {
     DELTA_VELOCITY_TOPIC: VECTOR3_STAMPED,
     IDEAL_DELTA_ANGLE_TOPIC: VECTOR3_STAMPED,
     IDEAL_DELTA_VELOCITY_TOPIC: VECTOR3_STAMPED,
+    MAGNETIC_FIELD_TOPIC: MAGNETIC_FIELD,
+    IDEAL_MAGNETIC_FIELD_TOPIC: MAGNETIC_FIELD,
 }
+_SENSORS: Final[dict[str, str]] = {
+    MAGNETIC_FIELD_TOPIC: "magnetic_field",
+    IDEAL_MAGNETIC_FIELD_TOPIC: "magnetic_field",
+}
+"""What has to be simulated beside the IMU for a topic."""
 
 
 class Messages(NamedTuple):
@@ -83,6 +100,11 @@ def encoder(topic: str, parameters: SimulationParameters, encoding: str = "cdr")
     :raises ConfigurationError: for increments of a sensor whose readings are not means.
     """
     return _MAKERS[topic](parameters, encoding)
+
+
+def sensors_of(topics: Iterable[str]) -> frozenset[str]:
+    """Return what has to be read beside the IMU for topics, keys of TYPES."""
+    return frozenset(_SENSORS[topic] for topic in topics if topic in _SENSORS)
 
 
 def delivered(block: ImuBlock) -> tuple[Times, NDArray[np.float64], NDArray[np.float64]]:
@@ -148,6 +170,37 @@ def _temperature(parameters: SimulationParameters, encoding: str) -> Encode:
     return _at_true_times(lambda b: thermometer.encode(b.true_t_ns, b.temperature))
 
 
+def _magnetic_field(parameters: SimulationParameters, encoding: str) -> Encode:
+    fields = MagneticFieldEncoder(parameters.imu_frame, encoding)
+
+    def encode(block: ImuBlock, now: SimulationParameters) -> Messages:
+        read = _magnetic(block)
+        rows = read.delivered
+        t_ns = read.t_ns[rows]
+        variance = field_variance_discrete(now.imu)
+        return Messages(
+            t_ns, read.release_t_ns[rows], fields.encode(t_ns, read.field[rows], variance)
+        )
+
+    return encode
+
+
+def _ideal_magnetic_field(parameters: SimulationParameters, encoding: str) -> Encode:
+    fields = MagneticFieldEncoder(parameters.imu_frame, encoding)
+
+    def encode(block: ImuBlock, _: SimulationParameters) -> Messages:
+        t_ns = _magnetic(block).true_t_ns
+        return Messages(t_ns, t_ns, fields.encode(t_ns, _magnetic(block).ideal_field))
+
+    return encode
+
+
+def _magnetic(block: ImuBlock) -> MagneticBlock:
+    if block.magnetic_field is None:
+        raise ConfigurationError(f"topic {MAGNETIC_FIELD_TOPIC}: no magnetic field was simulated")
+    return block.magnetic_field
+
+
 def _delta_angle(parameters: SimulationParameters, encoding: str) -> Encode:
     return _increments(DELTA_ANGLE_TOPIC, lambda b: b.gyro, parameters, encoding)
 
@@ -204,4 +257,6 @@ _MAKERS: Final[dict[str, Callable[[SimulationParameters, str], Encode]]] = {
     DELTA_VELOCITY_TOPIC: _delta_velocity,
     IDEAL_DELTA_ANGLE_TOPIC: _ideal_delta_angle,
     IDEAL_DELTA_VELOCITY_TOPIC: _ideal_delta_velocity,
+    MAGNETIC_FIELD_TOPIC: _magnetic_field,
+    IDEAL_MAGNETIC_FIELD_TOPIC: _ideal_magnetic_field,
 }

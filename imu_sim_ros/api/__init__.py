@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from imu_sim_ros.lazy import exported
 
 if TYPE_CHECKING:
+    from imu_sim_ros.api import beside as beside
     from imu_sim_ros.api import calibration as calibration
     from imu_sim_ros.api import flight as flight
     from imu_sim_ros.api import navigation as navigation
@@ -24,6 +25,7 @@ else:
         __name__,
         {
             "": [
+                "beside",
                 "calibration",
                 "flight",
                 "navigation",

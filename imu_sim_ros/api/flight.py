@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.api.beside import MagneticReadings, joined
 from imu_sim_ros.api.output import saved
 from imu_sim_ros.api.readings import Odometry, Readings, frame, span
 from imu_sim_ros.config import SimulationParameters, flatten
-from imu_sim_ros.errors import InputError
 from imu_sim_ros.sensor import ImuBlock
 
 if TYPE_CHECKING:
@@ -82,6 +82,14 @@ class Flight:
     def temperature(self) -> Array:
         """(n,) temperature of the sensor [degC]."""
         return self._joined("temperature")
+
+    @cached_property
+    def magnetic_field(self) -> MagneticReadings:
+        """What the magnetometer read, at its own rate and stamps.
+
+        :raises ConfigurationError: where no magnetometer was simulated.
+        """
+        return joined(self._blocks, "magnetic_field", MagneticReadings)
 
     @cached_property
     def truth(self) -> Truth:
@@ -157,9 +165,12 @@ class Flight:
         'flight.bag'
         """
         from imu_sim_ros.datasets import chosen_topics
+        from imu_sim_ros.topics import sensors_of
 
         path = Path(path)
         names = chosen_topics(topics, imu_only, rename or {})
+        for sensor in sensors_of(names):
+            getattr(self, sensor)  # refused before anything is written
         with saved(path, force, flatten(self.parameters).values()) as place:
             self._write(place, format, names)
         return path
@@ -167,8 +178,8 @@ class Flight:
     def _write(self, path: Path, format: str | None, names: Mapping[str, str]) -> None:
         from imu_sim_ros.bags import open_writer
         from imu_sim_ros.bags.text import writer as text
-        from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
-        from imu_sim_ros.datasets import BagTarget, DatasetTarget
+        from imu_sim_ros.conventions import TRUTH_TOPIC
+        from imu_sim_ros.datasets import BagTarget, DatasetTarget, in_tables
 
         if format is None and path.suffix != ".csv":
             with open_writer(path) as writer:
@@ -176,12 +187,9 @@ class Flight:
                 for block in self._blocks:
                     bag.write({"": block})
             return
-        unfit = [name for name in names if name not in (IMU_TOPIC, TRUTH_TOPIC)]
-        if unfit:
-            raise InputError(
-                [f"topic {name}: does not exist in {format or 'csv'}" for name in unfit]
-            )
-        with text.Dataset(path, format or "csv", TRUTH_TOPIC in names) as dataset:
+        form = format or "csv"
+        tables = in_tables(names, form)
+        with text.Dataset(path, form, TRUTH_TOPIC in names, beside=tables) as dataset:
             rows = DatasetTarget(dataset)
             for block in self._blocks:
                 rows.write({"": block})

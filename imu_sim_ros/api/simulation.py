@@ -5,11 +5,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from imu_sim_ros import timebase
+from imu_sim_ros.api.beside import SENSORS, checked_sensors
 from imu_sim_ros.api.flight import Flight
 from imu_sim_ros.config import (
     EMPTY_LIST,
@@ -32,6 +33,7 @@ def simulate(
     rate: float | None = None,
     seed: int | None = None,
     params_file: str | Path | None = None,
+    sensors: Collection[str] | None = None,
     **parameters: Any,
 ) -> Flight:
     """Simulate an IMU on a moving body; the same samples as ``generate`` and the node give.
@@ -44,6 +46,8 @@ def simulate(
     :param rate: samples per second [Hz].
     :param seed: of all random streams.
     :param params_file: a ROS 2 parameter file below all other arguments.
+    :param sensors: what is simulated beside the IMU: ``magnetic_field``; by default what the file
+        publishes (``publish.magnetic_field``).
     :param parameters: any other parameter by its ROS name; sections are mappings:
         ``gravity=[0, 0, -9.8]``, ``temperature={"start": 20.0}``.
     :raises ConfigurationError: with a line for each problem.
@@ -56,7 +60,9 @@ def simulate(
     >>> flight.gyro.shape, flight.truth.position.shape
     ((12000, 3), (12000, 3))
     """
-    simulation = _simulation(imu, trajectory, duration, rate, seed, params_file, parameters)
+    simulation = _simulation(
+        imu, trajectory, duration, rate, seed, params_file, sensors, parameters
+    )
     name = f"{Path(simulation.parameters.imu.preset).stem} on {_name(trajectory, simulation)}"
     return Flight(simulation.parameters, list(simulation.blocks()), name)
 
@@ -69,6 +75,7 @@ def blocks(
     rate: float | None = None,
     seed: int | None = None,
     params_file: str | Path | None = None,
+    sensors: Collection[str] | None = None,
     block_size: int = BLOCK_SIZE,
     **parameters: Any,
 ) -> Iterator[ImuBlock]:
@@ -82,7 +89,9 @@ def blocks(
     >>> [len(block.t_ns) for block in ims.blocks(duration="1min", rate=200, block_size=5000)]
     [5000, 5000, 2000]
     """
-    simulation = _simulation(imu, trajectory, duration, rate, seed, params_file, parameters)
+    simulation = _simulation(
+        imu, trajectory, duration, rate, seed, params_file, sensors, parameters
+    )
     return simulation.blocks(block_size)
 
 
@@ -93,11 +102,15 @@ def _simulation(
     rate: float | None,
     seed: int | None,
     params_file: str | Path | None,
+    sensors: Collection[str] | None,
     parameters: Mapping[str, Any],
 ) -> Simulation:
     layers = []
+    beside = frozenset[str]() if sensors is None else checked_sensors(sensors)
     if params_file is not None:  # the simulator node's own will do
         given = files.load(params_file)
+        if sensors is None:
+            beside = frozenset(name for name in SENSORS if given.get(f"publish.{name}") is True)
         of_node = of_the_node(given)
         unset = [name for name in ("imus", "cameras") if given.get(name) in ((), [], EMPTY_LIST)]
         layers = [{n: value for n, value in given.items() if n not in (*of_node, *unset)}]
@@ -114,7 +127,7 @@ def _simulation(
     given["seed"] = seed
     own.update({name: value for name, value in given.items() if value is not None})
     built: SimulationParameters = load_simulation(*layers, own)
-    simulation = Simulation(built, pose_reader=pose_reader)
+    simulation = Simulation(built, pose_reader=pose_reader, sensors=beside)
     if simulation.total is None:
         raise ConfigurationError(
             "duration: this trajectory has no end; give a duration, duration=60"

@@ -23,9 +23,11 @@ from imu_sim_ros.datasets import (
     body_of,
     chosen_topics,
     imus_of,
+    in_tables,
     offered,
+    sensors,
 )
-from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.sensor import catalogue
 from imu_sim_ros.simulation import SimulatedBody
 from imu_sim_ros.topics import TYPES
@@ -127,7 +129,11 @@ def _generated(
 ) -> dict[str, Any]:
     """Write the output and its configurations; returns the result but the time that it took."""
     simulated = simulations(asked.simulator)
-    body = SimulatedBody(simulated, pose_reader=shared.PoseReader(arguments, "generate"))
+    body = SimulatedBody(
+        simulated,
+        pose_reader=shared.PoseReader(arguments, "generate"),
+        sensors=sensors(names, imus_of(simulated)),
+    )
     if body.total is None:
         raise ConfigurationError(
             "duration = 0: this trajectory has no end; give a duration, for instance --duration 20s"
@@ -193,24 +199,18 @@ def _target(
 ) -> Iterator[Any]:
     """Open the output; it is complete when the block ends without an error."""
     form, imus = bag_output.form(arguments), imus_of(parameters)
-    sources = offered(imus)
     camera_output.check_form(form, output, cameras, len(imus))
     if form is None:
         with _bag(arguments, output, parameters, names, cameras) as bag:
             yield bag
         return
-    unfit = [
-        f"topic {name}: does not exist in {form}"
-        for name in names
-        if sources[name][1] not in (IMU_TOPIC, TRUTH_TOPIC)
-    ]
-    if unfit:
-        raise InputError(unfit)
+    tables = in_tables(names, form, imus)
     if form in camera_output.CAMERA_FORMATS:
         with camera_output.opened(form, output, cameras, names, imus) as seen:
             yield seen
         return
-    with text_writer.Dataset(output, form, TRUTH_TOPIC in names, len(imus)) as dataset:
+    states = TRUTH_TOPIC in names
+    with text_writer.Dataset(output, form, states, len(imus), tables) as dataset:
         target = DatasetTarget(dataset, imus)
         if cameras is None:
             yield target
@@ -221,7 +221,8 @@ def _target(
                 yield target
         if form == "euroc":
             for k, name in enumerate(imus):
-                shared.describe(output, k, parameters[name], TRUTH_TOPIC in names)
+                own = [table for table, imu in tables if imu == k]
+                shared.describe(output, k, parameters[name], states, own)
     target.files = dataset.files
 
 

@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.config.parameter import shown as shown
     from imu_sim_ros.config.parameter import unknown as unknown
     from imu_sim_ros.config.recorder import RecorderParameters as RecorderParameters
+    from imu_sim_ros.config.simulation import LARGEST_JITTER as LARGEST_JITTER
     from imu_sim_ros.config.simulation import SimulationParameters as SimulationParameters
     from imu_sim_ros.config.simulation import load_simulation as load_simulation
     from imu_sim_ros.config.simulator import BODY as BODY
@@ -126,6 +127,7 @@ else:
                 "RecorderParameters",
             ],
             "simulation": [
+                "LARGEST_JITTER",
                 "SimulationParameters",
                 "load_simulation",
             ],

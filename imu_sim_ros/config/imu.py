@@ -13,6 +13,7 @@ from fractions import Fraction
 import numpy as np
 
 from imu_sim_ros import timebase
+from imu_sim_ros.config.auxiliary import MagnetometerParameters
 from imu_sim_ros.config.parameter import (
     IDENTITY_MATRIX,
     ZERO_MATRIX,
@@ -22,11 +23,12 @@ from imu_sim_ros.config.parameter import (
     integer,
     matrix,
     number,
+    section,
     text,
     vector,
 )
-from imu_sim_ros.config.triads import TriadsParameters
-from imu_sim_ros.conventions import TRIADS, Triad
+from imu_sim_ros.config.triads import TriadParameters, TriadsParameters
+from imu_sim_ros.conventions import TRIADS, Measured, Triad
 
 _USUAL_RATIO = 8
 """Readings inside a sensor for each sample."""
@@ -193,6 +195,13 @@ class ImuParameters(TimingParameters, BoardParameters, TriadsParameters):
     bandwidth_order: int = integer(
         2, "order of the low-pass filters (Butterworth)", minimum=1, maximum=8
     )
+    magnetometer: MagnetometerParameters = section(MagnetometerParameters, joint="_")
+
+    def triad(self, name: Measured) -> TriadParameters:
+        """Return the errors of one triad, or of a sensor beside them as if it were one."""
+        if name == "magnetometer":
+            return self.magnetometer.as_triad()
+        return super().triad(name)
 
     def internal_ratio(self, rate: float) -> Fraction:
         """Return how many readings inside the sensor make one sample.

@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
+from imu_sim_ros.config.auxiliary import MagneticFieldParameters
 from imu_sim_ros.config.files import build_layered, layer
 from imu_sim_ros.config.imu import ImuParameters
 from imu_sim_ros.config.parameter import (
@@ -60,6 +61,9 @@ class SimulationParameters:
     latitude_deg: float = number(
         0.0, "geodetic latitude of the world's origin", unit="deg", minimum=-90.0, maximum=90.0
     )
+    longitude_deg: float = number(
+        0.0, "longitude of the world's origin", unit="deg", minimum=-180.0, maximum=180.0
+    )
     height: float = number(
         0.0,
         "height of the world's origin above the ellipsoid",
@@ -72,6 +76,7 @@ class SimulationParameters:
         "the world rotates with the Earth: the readings include Earth rate and Coriolis force",
     )
     temperature: TemperatureParameters = section(TemperatureParameters)
+    magnetic_field: MagneticFieldParameters = section(MagneticFieldParameters)
     trajectory: TrajectoryParameters = variant("type", "static", find_trajectory)
     imu: ImuParameters = section(ImuParameters)
 

@@ -44,6 +44,10 @@ class PublishParameters:
         False, "publish ground_truth/gyroscope_bias and ground_truth/accelerometer_bias"
     )
     temperature: bool = flag(False, "publish imu/temperature")
+    magnetic_field: bool = flag(False, "publish imu/mag, the readings of the magnetometer")
+    ground_truth_magnetic_field: bool = flag(
+        False, "publish ground_truth/mag, the magnetic field without errors"
+    )
     increments: bool = flag(
         False, "publish imu/delta_angle and imu/delta_velocity; imu.sampling must be averaged"
     )
@@ -95,13 +99,17 @@ class InjectParameters:
         live=True,
     )
     triad: str = choice(
-        "gyroscope", TRIADS, "which sensor a bias_jump, saturation or stuck affects", live=True
+        "gyroscope",
+        (*TRIADS, "magnetometer"),
+        "which sensor a bias_jump, saturation or stuck affects; magnetometer: any fault, of that "
+        "sensor alone",
+        live=True,
     )
     value: Vector = vector(
         0.0,
-        "bias_jump: what is added to the bias [rad/s or m/s^2]; saturation: limit [rad/s or "
-        "m/s^2], 0: this axis has none; dropout: probability (1: all are lost); latency: [s], at "
-        f"most {LARGEST_LATENCY:g}",
+        "bias_jump: what is added to the bias [rad/s, m/s^2 or T]; saturation: limit in the "
+        "same unit, 0: this axis has none; dropout: probability (1: all are lost); latency: [s], "
+        f"at most {LARGEST_LATENCY:g}",
         live=True,
     )
     imu: str = text("", "which of `imus` is affected; empty: all", live=True)

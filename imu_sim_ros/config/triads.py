@@ -26,7 +26,7 @@ from imu_sim_ros.config.parameter import (
     section,
     vector,
 )
-from imu_sim_ros.conventions import Triad
+from imu_sim_ros.conventions import Measured, Triad
 
 NO_CROSS_AXIS = (0.0,) * 6
 
@@ -322,6 +322,6 @@ class TriadsParameters:
     gyroscope: TriadParameters = triad(TriadParameters, "gyroscope")
     accelerometer: TriadParameters = triad(TriadParameters, "accelerometer")
 
-    def triad(self, name: Triad) -> TriadParameters:
+    def triad(self, name: Measured) -> TriadParameters:
         """Return the errors of one triad."""
         return {"gyroscope": self.gyroscope, "accelerometer": self.accelerometer}[name]

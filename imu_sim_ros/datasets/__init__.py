@@ -31,8 +31,10 @@ if TYPE_CHECKING:
     from imu_sim_ros.datasets.topics import body_of as body_of
     from imu_sim_ros.datasets.topics import chosen_topics as chosen_topics
     from imu_sim_ros.datasets.topics import imus_of as imus_of
+    from imu_sim_ros.datasets.topics import in_tables as in_tables
     from imu_sim_ros.datasets.topics import offered as offered
     from imu_sim_ros.datasets.topics import resolved as resolved
+    from imu_sim_ros.datasets.topics import sensors as sensors
     from imu_sim_ros.datasets.tracks import TrackFiles as TrackFiles
     from imu_sim_ros.datasets.vio_data_simulation import VioDataSimulation as VioDataSimulation
 else:
@@ -57,8 +59,10 @@ else:
                 "body_of",
                 "chosen_topics",
                 "imus_of",
+                "in_tables",
                 "offered",
                 "resolved",
+                "sensors",
             ],
             "tracks": ["TrackFiles"],
             "vio_data_simulation": ["VioDataSimulation"],

@@ -8,20 +8,27 @@ One home for ``generate``, the public interface and campaigns.
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from imu_sim_ros.bags import Block, Topic, Writer, amount, described
-from imu_sim_ros.bags.text import Dataset, States
+from imu_sim_ros.bags.text import BESIDE, Dataset, States
 from imu_sim_ros.config import BODY, SimulationParameters
-from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
+from imu_sim_ros.conventions import IMU_TOPIC, MAGNETIC_FIELD_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.sensor import ImuBlock
-from imu_sim_ros.topics import TYPES, Encode, delivered, encoder
+from imu_sim_ros.topics import TYPES, Encode, delivered, encoder, sensors_of
 
 Blocks = Mapping[str, ImuBlock]
 """Blocks of the simulations of one body by name; a single IMU has an empty name."""
 SINGLE = ("",)
 """The names of the IMUs where there is one only."""
+
+
+_TABLES: Final[dict[str, str]] = {MAGNETIC_FIELD_TOPIC: "mag"}
+"""Topics that have a table of their own in a dataset: the key of ``bags.text.BESIDE``."""
 
 
 class _Output(NamedTuple):
@@ -115,6 +122,12 @@ class DatasetTarget:
         return {
             **{resolved(f"{name}/{IMU_TOPIC}"): file.rows for name, file in readings},
             **{resolved(f"{_space(name)}{TRUTH_TOPIC}"): file.rows for name, file in states},
+            **{
+                resolved(f"{_space(self._imus[k])}{topic}"): self.dataset.beside[kind, k].rows
+                for topic, kind in _TABLES.items()
+                for k in range(len(self._imus))
+                if (kind, k) in self.dataset.beside
+            },
         }
 
     def write(self, blocks: Blocks) -> None:
@@ -122,6 +135,9 @@ class DatasetTarget:
         for k, name in enumerate(self._imus[: len(self.dataset.imus)]):
             if name in blocks:
                 self.dataset.write_imu(*delivered(blocks[name]), k)
+        for kind, k in self.dataset.beside:
+            if self._imus[k] in blocks:
+                self.dataset.write_beside(kind, k, *_table(kind, blocks[self._imus[k]]))
         for k, name in enumerate(self._states[: len(self.dataset.truths)]):
             if name in blocks:
                 self.dataset.write_states(_states(blocks[name]), k)
@@ -137,6 +153,33 @@ def _states(block: ImuBlock) -> States:
         block.gyro_bias,
         block.accel_bias,
     )
+
+
+def _table(kind: str, block: ImuBlock) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return stamps (n,) and values (n, m) of what a sensor beside the IMU delivered."""
+    assert block.magnetic_field is not None
+    read = block.magnetic_field
+    return read.t_ns[read.delivered], read.field[read.delivered]
+
+
+def in_tables(
+    names: Iterable[str], form: str, imus: Sequence[str] = SINGLE
+) -> list[tuple[str, int]]:
+    """Return the tables that sensors beside the IMU have in a dataset: kind, number of the IMU.
+
+    :param names: of topics that are written.
+    :raises InputError: with a line for each topic that the form does not have.
+    """
+    known, tables, unfit = offered(imus), [], []
+    for name in names:
+        imu, key = known[name]
+        if key in _TABLES and form in BESIDE:
+            tables.append((_TABLES[key], list(imus).index(imu)))
+        elif key not in (IMU_TOPIC, TRUTH_TOPIC):
+            unfit.append(f"topic {name}: does not exist in {form}")
+    if unfit:
+        raise InputError(unfit)
+    return tables
 
 
 def resolved(name: str) -> str:
@@ -169,6 +212,13 @@ def offered(imus: Sequence[str] = SINGLE) -> dict[str, tuple[str, str]]:
         f"{_space(name)}{key}": (name, key) for name in imus for key in TYPES if key != TRUTH_TOPIC
     }
     return {**own, TRUTH_TOPIC: (body, TRUTH_TOPIC)}
+
+
+def sensors(names: Iterable[str], imus: Sequence[str] = SINGLE) -> dict[str, frozenset[str]]:
+    """Return what has to be read beside each IMU, by its name, for topics of :func:`offered`."""
+    known = offered(imus)
+    pairs = [known[name] for name in names if name in known]
+    return {imu: sensors_of(key for name, key in pairs if name == imu) for imu in imus}
 
 
 def chosen_topics(

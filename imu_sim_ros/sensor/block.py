@@ -13,8 +13,30 @@ from imu_sim_ros.trajectory import Motion
 Array = NDArray[np.float64]
 
 
+class MagneticBlock(NamedTuple):
+    """n samples of a magnetometer, in the window of time of the IMU's block."""
+
+    true_t_ns: NDArray[np.int64]
+    """(n,) true times [ns]."""
+    t_ns: NDArray[np.int64]
+    """(n,) the stamps of the messages, with the errors of the board's clock [ns]."""
+    release_t_ns: NDArray[np.int64]
+    """(n,) when a message leaves the driver [ns]."""
+    delivered: NDArray[np.int64]
+    """(m,) rows that are delivered, in order."""
+    field: Array
+    """(n, 3) reading [T]."""
+    ideal_field: Array
+    """(n, 3) field at the IMU in its own frame, without any error [T]."""
+    bias: Array
+    """(n, 3) all that the reading has beside the field times its response [T]."""
+
+
 class ImuBlock(NamedTuple):
-    """n consecutive samples of one IMU; all arrays but ``delivered`` have n rows."""
+    """n consecutive samples of one IMU; all arrays but ``delivered`` have n rows.
+
+    What the board's other sensors read meanwhile is beside them, where it is asked for.
+    """
 
     first: int
     """Index of the first sample."""
@@ -46,3 +68,4 @@ class ImuBlock(NamedTuple):
     """(n, 3) scale factor of the accelerometer from turn-on and temperature; 1 without error."""
     motion: Motion
     """The body's motion at ``true_t_ns``."""
+    magnetic_field: MagneticBlock | None = None

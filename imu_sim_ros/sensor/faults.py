@@ -24,7 +24,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from imu_sim_ros.config import LARGEST_LATENCY, Vector
-from imu_sim_ros.conventions import TRIADS
+from imu_sim_ros.conventions import AUXILIARY, TRIADS
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.random_streams import generator
 
@@ -48,7 +48,8 @@ class Fault:
     value: float | Vector = 0.0
     """Strength in the unit of what it changes; one number stands for all axes."""
     triad: str = ""
-    """gyroscope or accelerometer, where the fault is one of a triad."""
+    """gyroscope or accelerometer, where the fault is one of a triad; magnetometer or barometer for
+    any fault of these."""
 
     def __post_init__(self) -> None:
         problems = list(self._problems())
@@ -69,8 +70,9 @@ class Fault:
             yield f"fault value = {self.value}: must be a probability, at most 1"
         elif self.kind == "latency" and (values > LARGEST_LATENCY).any():
             yield f"fault value = {self.value}: must be a latency of at most {LARGEST_LATENCY:g} s"
-        if self.kind in _OF_A_TRIAD and self.triad not in TRIADS:
-            yield f"fault triad = {self.triad!r}: must be one of {', '.join(TRIADS)}"
+        sensors = (*TRIADS, *AUXILIARY)
+        if self.kind in _OF_A_TRIAD and self.triad not in sensors:
+            yield f"fault triad = {self.triad!r}: must be one of {', '.join(sensors)}"
 
     def axis_values(self) -> Array:
         """Return the value per axis (3,)."""
@@ -100,13 +102,15 @@ class FaultSchedule:
 
     seed: int
     dt: float
+    prefix: str = ""
+    """Of the random streams' names; another for each sensor beside the IMU."""
     _windows: list[_Window] = field(default_factory=list)
     _injected: int = 0
 
     def add(self, fault: Fault, first: int, now: int) -> None:
         """Let a fault begin at a sample; those that ended before the sample ``now`` are dropped."""
         end = first + fault.duration / self.dt
-        stream = generator(self.seed, f"fault.{self._injected}")
+        stream = generator(self.seed, f"{self.prefix}fault.{self._injected}")
         self._injected += 1
         # The last sample that still belongs to the fault lies strictly before its end.
         end = end if math.isinf(end) else math.ceil(round(end, 6))

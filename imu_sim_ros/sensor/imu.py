@@ -3,20 +3,24 @@
 
 """An IMU on a moving body: both triads, the temperature and the clock."""
 
-from typing import Final
+from collections.abc import Collection
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros import timebase
 from imu_sim_ros.config import SimulationParameters
-from imu_sim_ros.conventions import TRIADS
+from imu_sim_ros.conventions import AUXILIARY, TRIADS
 from imu_sim_ros.sensor.block import ImuBlock
 from imu_sim_ros.sensor.errors import Reading, TemperatureProfile, Triad
 from imu_sim_ros.sensor.faults import Fault, FaultSchedule
 from imu_sim_ros.sensor.ideal import IdealImu, Quadrature, quadrature
 from imu_sim_ros.sensor.timing import Clock, Transport
 from imu_sim_ros.trajectory import Motion, Trajectory, highest_frequency
+
+if TYPE_CHECKING:
+    from imu_sim_ros.sensor.auxiliary import Auxiliary
 
 Array = NDArray[np.float64]
 
@@ -27,10 +31,13 @@ _INTERNAL_READINGS: Final = 16384
 class Imu:
     """One IMU; its samples are read in order."""
 
-    def __init__(self, parameters: SimulationParameters, t0_ns: int) -> None:
+    def __init__(
+        self, parameters: SimulationParameters, t0_ns: int, sensors: Collection[str] = ()
+    ) -> None:
         """Set up all errors at their start.
 
         :param t0_ns: time of sample 0 [ns].
+        :param sensors: names of what is read beside the IMU (``auxiliary.SENSORS``).
         """
         p = parameters
         self._rate, self._t0_ns = p.rate, t0_ns
@@ -43,6 +50,7 @@ class Imu:
         self._clock = Clock(p.seed, p.imu, p.rate, t0_ns)
         self._transport = Transport(p.seed, p.rate)
         self._faults = FaultSchedule(p.seed, 1.0 / p.rate)
+        self._auxiliary = _beside(p, t0_ns, sensors) if sensors else None
         self.configure(p)
 
     def configure(self, parameters: SimulationParameters) -> None:
@@ -52,6 +60,8 @@ class Imu:
             triad.configure(parameters.imu)
         self._clock.configure(parameters.imu)
         self._transport.configure(parameters.imu)
+        if self._auxiliary is not None:
+            self._auxiliary.configure(parameters)
 
     def prepare(self, trajectory: Trajectory) -> None:
         """Determine how finely a motion has to be sampled, before the first reading.
@@ -66,7 +76,10 @@ class Imu:
 
         :param now: index of the next sample.
         """
-        self._faults.add(fault, first, now)
+        if fault.triad not in AUXILIARY:
+            self._faults.add(fault, first, now)
+        elif self._auxiliary is not None:
+            self._auxiliary.inject(fault, first)
 
     def read(self, first: int, count: int, trajectory: Trajectory) -> ImuBlock:
         """Return samples ``first .. first + count - 1``; ``first`` follows the last call's."""
@@ -79,7 +92,7 @@ class Imu:
             gyro, accel = self._triad_readings(first, ideal_gyro, ideal_accel, temperature)
         else:
             gyro, accel = self._oversampled(first, count, trajectory)
-        return ImuBlock(
+        block = ImuBlock(
             first=first,
             true_t_ns=true_t_ns,
             t_ns=self._clock.stamp(true_t_ns),
@@ -96,6 +109,9 @@ class Imu:
             accel_scale=accel.scale.T,
             motion=motion,
         )
+        if self._auxiliary is None:
+            return block
+        return self._auxiliary.beside(block, trajectory, self._temperature)
 
     def _triad_readings(
         self, first: int, ideal_gyro: Array, ideal_accel: Array, temperature: Array
@@ -146,3 +162,10 @@ class Imu:
             assert self._quadrature is not None
         start = timebase.seconds_since(before, 0)
         return self._ideal.read_mean(trajectory, start, t, self._quadrature)
+
+
+def _beside(parameters: SimulationParameters, t0_ns: int, sensors: Collection[str]) -> "Auxiliary":
+    """Return what is read beside the IMU; most runs have nothing of it."""
+    from imu_sim_ros.sensor.auxiliary import Auxiliary
+
+    return Auxiliary(parameters, t0_ns, sensors)

@@ -28,13 +28,19 @@ class Clock:
     ``stamp = t + offset + skew (t - t0) + drift (t - t0)^2 / 2 + jitter``, t the true time.
     """
 
-    def __init__(self, seed: int, imu: ImuParameters, rate: float, t0_ns: int) -> None:
+    def __init__(
+        self, seed: int, imu: ImuParameters, rate: float, t0_ns: int, prefix: str = ""
+    ) -> None:
+        """Set up the clock.
+
+        :param prefix: of the random streams' names; another for each sensor beside the IMU.
+        """
         self._t0_ns = t0_ns
         self._interval_ns = timebase.NANOSECONDS_PER_SECOND / rate
         self._offset_ns = timebase.to_nanoseconds(imu.stamp_offset)
         self._skew = imu.clock_skew_ppm * 1e-6
         self._drift = imu.clock_drift_ppm_per_hour * 1e-6 / 3600.0  # per second
-        self._stream = generator(seed, "clock.jitter")
+        self._stream = generator(seed, f"{prefix}clock.jitter")
         self._jitter_ns = 0.0
 
     def configure(self, imu: ImuParameters) -> None:
@@ -60,13 +66,14 @@ class Clock:
 class Transport:
     """When messages leave the driver, and which of them are lost or duplicated."""
 
-    def __init__(self, seed: int, rate: float) -> None:
+    def __init__(self, seed: int, rate: float, prefix: str = "") -> None:
+        """Set up the transport; the prefix is that of the random streams' names."""
         self._dt = 1.0 / rate
-        self._delays = generator(seed, "transport.latency")
-        self._drops = generator(seed, "transport.dropout")
-        self._bursts = generator(seed, "transport.burst")
-        self._burst_lengths = generator(seed, "transport.burst_length")
-        self._duplicates = generator(seed, "transport.duplicate")
+        self._delays = generator(seed, f"{prefix}transport.latency")
+        self._drops = generator(seed, f"{prefix}transport.dropout")
+        self._bursts = generator(seed, f"{prefix}transport.burst")
+        self._burst_lengths = generator(seed, f"{prefix}transport.burst_length")
+        self._duplicates = generator(seed, f"{prefix}transport.duplicate")
         self._last_release_ns = int(_NEVER)
         self._burst_end = 0
         self._latency_ns, self._latency_jitter_ns = 0, 0.0

@@ -25,6 +25,7 @@ PUBLIC = [
     "Flight",
     "ImuSimError",
     "InputError",
+    "MagneticReadings",
     "MissingDependencyError",
     "NavigationState",
     "Noise",
@@ -51,7 +52,15 @@ PUBLIC = [
 ]
 MODULES = [
     f"imu_sim_ros.api.{name}"
-    for name in ("calibration", "flight", "navigation", "noise", "preintegration", "readings")
+    for name in (
+        "beside",
+        "calibration",
+        "flight",
+        "navigation",
+        "noise",
+        "preintegration",
+        "readings",
+    )
 ] + ["imu_sim_ros.api.simulation", "imu_sim_ros", "imu_sim_ros.camera.observe"]
 
 

@@ -103,6 +103,7 @@ _WITHOUT_ERROR = (
     "imu.reference_temperature",
     "imu.bandwidth_order",
     "imu.hysteresis_temperature",
+    "imu.magnetometer_rate",
 )
 """Parameters that make no error whatever their value."""
 
@@ -115,7 +116,7 @@ def test_zero_is_off_and_the_default() -> None:
             continue
         if name in _WITHOUT_ERROR:
             continue
-        identity = name.endswith(("scale_misalignment", "mounting"))
+        identity = name.endswith(("scale_misalignment", "mounting", "soft_iron"))
         expected = IDENTITY_MATRIX if identity else 0.0
         assert parameter.default == expected or not any(
             parameter.default if isinstance(parameter.default, tuple) else [parameter.default]

@@ -69,8 +69,8 @@ def perfect(values: dict[str, object]) -> Simulation:
 
 
 def arrays(block: ImuBlock) -> list[np.ndarray]:
-    """All fields in order, but ``delivered`` as indices of samples."""
-    flat = [*block[1:-1], *block.motion]
+    """All fields of the IMU in order, but ``delivered`` as indices of samples."""
+    flat = [*block[1 : block._fields.index("motion")], *block.motion]
     flat[3] = block.delivered + block.first
     return flat
 

@@ -127,6 +127,44 @@ TEXTS: Final[dict[str, str]] = {
         "\n"
         " float64 variance        # 0 is interpreted as variance unknown"
     ),
+    "sensor_msgs/MagneticField": (
+        " # Measurement of the Magnetic Field vector at a specific location.\n"
+        "\n"
+        " # If the covariance of the measurement is known, it should be filled in\n"
+        " # (if all you know is the variance of each measurement, e.g. from the datasheet,\n"
+        " #just put those along the diagonal)\n"
+        ' # A covariance matrix of all zeros will be interpreted as "covariance unknown",\n'
+        " # and to use the data a covariance will have to be assumed or gotten from some\n"
+        " # other source\n"
+        "\n"
+        "\n"
+        " Header header                        # timestamp is the time the\n"
+        "                                      # field was measured\n"
+        "                                      # frame_id is the location and orientation\n"
+        "                                      # of the field measurement\n"
+        "\n"
+        " geometry_msgs/Vector3 magnetic_field # x, y, and z components of the\n"
+        "                                      # field vector in Tesla\n"
+        "                                      # If your sensor does not output 3 axes,\n"
+        "                                      # put NaNs in the components not reported.\n"
+        "\n"
+        " float64[9] magnetic_field_covariance # Row major about x, y, z axes\n"
+        "                                      # 0 is interpreted as variance unknown"
+    ),
+    "sensor_msgs/FluidPressure": (
+        " # Single pressure reading.  This message is appropriate for measuring the\n"
+        " # pressure inside of a fluid (air, water, etc).  This also includes\n"
+        " # atmospheric or barometric pressure.\n"
+        "\n"
+        " # This message is not appropriate for force/pressure contact sensors.\n"
+        "\n"
+        " Header header           # timestamp of the measurement\n"
+        "                         # frame_id is the location of the pressure sensor\n"
+        "\n"
+        " float64 fluid_pressure  # Absolute pressure reading in Pascals.\n"
+        "\n"
+        " float64 variance        # 0 is interpreted as variance unknown"
+    ),
     "std_msgs/Header": (
         "# Standard metadata for higher-level stamped data types.\n"
         "# This is generally used to communicate timestamped data \n"
@@ -148,6 +186,8 @@ TEXTS: Final[dict[str, str]] = {
 NESTED: Final[dict[str, tuple[str, ...]]] = {
     "sensor_msgs/Imu": ("std_msgs/Header", "geometry_msgs/Quaternion", "geometry_msgs/Vector3"),
     "sensor_msgs/Temperature": ("std_msgs/Header",),
+    "sensor_msgs/MagneticField": ("std_msgs/Header", "geometry_msgs/Vector3"),
+    "sensor_msgs/FluidPressure": ("std_msgs/Header",),
     "nav_msgs/Odometry": (
         "std_msgs/Header",
         "geometry_msgs/PoseWithCovariance",

@@ -25,6 +25,8 @@ ODOMETRY: Final = "nav_msgs/msg/Odometry"
 POSE_STAMPED: Final = "geometry_msgs/msg/PoseStamped"
 VECTOR3_STAMPED: Final = "geometry_msgs/msg/Vector3Stamped"
 TEMPERATURE: Final = "sensor_msgs/msg/Temperature"
+MAGNETIC_FIELD: Final = "sensor_msgs/msg/MagneticField"
+FLUID_PRESSURE: Final = "sensor_msgs/msg/FluidPressure"
 CLOCK: Final = "rosgraph_msgs/msg/Clock"
 
 _LAST_SECOND: Final = {"cdr": 2**31 - 1, "ros1": 2**32 - 1}
@@ -69,7 +71,7 @@ class Encoder:
 
 
 class ImuEncoder(Encoder):
-    """sensor_msgs/Imu without orientation: its covariance starts with -1 (REP-145)."""
+    """sensor_msgs/Imu; without orientation its covariance starts with -1 (REP-145)."""
 
     type_name = IMU
 
@@ -83,6 +85,8 @@ class ImuEncoder(Encoder):
         accel: ArrayLike,
         gyro_covariance: ArrayLike = 0.0,
         accel_covariance: ArrayLike = 0.0,
+        q_wi: ArrayLike | None = None,
+        orientation_covariance: ArrayLike = 0.0,
     ) -> Bytes:
         """Return messages (n, size).
 
@@ -91,10 +95,17 @@ class ImuEncoder(Encoder):
         :param accel: (n, 3) m/s^2.
         :param gyro_covariance: per sample [(rad/s)^2]: 0 (unknown), three variances, or (3, 3).
         :param accel_covariance: likewise [(m/s^2)^2].
+        :param q_wi: (n, 4) orientation of the sensor in the world; None: it has none.
+        :param orientation_covariance: [rad^2] about the world's axes: 0 (unknown), or three
+            variances for each (n, 3).
         """
         rows, fields = self._messages(t_ns)
-        fields["orientation"][:, 3] = 1.0
-        fields["orientation_covariance"][:, 0] = -1.0
+        if q_wi is None:
+            fields["orientation"][:, 3] = 1.0
+            fields["orientation_covariance"][:, 0] = -1.0
+        else:
+            fields["orientation"] = np.asarray(q_wi)[:, ROS_ORDER]
+            fields["orientation_covariance"][:, ::4] = orientation_covariance
         fields["angular_velocity"] = gyro
         fields["linear_acceleration"] = accel
         for name, covariance in (
@@ -193,6 +204,42 @@ class TemperatureEncoder(Encoder):
         """Return messages (n, size) of temperatures (n,) [degC]; variance 0 means unknown."""
         rows, fields = self._messages(t_ns)
         fields["temperature"] = temperature
+        fields["variance"] = variance
+        return rows
+
+
+class MagneticFieldEncoder(Encoder):
+    """sensor_msgs/MagneticField."""
+
+    type_name = MAGNETIC_FIELD
+
+    def __init__(self, frame_id: str, encoding: str = "cdr") -> None:
+        super().__init__((frame_id,), encoding)
+
+    def encode(self, t_ns: Times, field: ArrayLike, covariance: ArrayLike = 0.0) -> Bytes:
+        """Return messages (n, size).
+
+        :param field: (n, 3) [T].
+        :param covariance: per sample [T^2]: 0 (unknown), three variances, or (3, 3).
+        """
+        rows, fields = self._messages(t_ns)
+        fields["magnetic_field"] = field
+        fields["magnetic_field_covariance"] = _matrix3(covariance).reshape(9)
+        return rows
+
+
+class FluidPressureEncoder(Encoder):
+    """sensor_msgs/FluidPressure."""
+
+    type_name = FLUID_PRESSURE
+
+    def __init__(self, frame_id: str, encoding: str = "cdr") -> None:
+        super().__init__((frame_id,), encoding)
+
+    def encode(self, t_ns: Times, pressure: ArrayLike, variance: ArrayLike = 0.0) -> Bytes:
+        """Return messages (n, size) of pressures (n,) [Pa]; variance 0 means unknown."""
+        rows, fields = self._messages(t_ns)
+        fields["fluid_pressure"] = pressure
         fields["variance"] = variance
         return rows
 

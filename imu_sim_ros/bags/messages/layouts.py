@@ -63,6 +63,16 @@ FIELDS: Final[dict[str, tuple[tuple[str, str, int], ...]]] = {
         ("temperature", "f8", 1),
         ("variance", "f8", 1),
     ),
+    "sensor_msgs/msg/MagneticField": (
+        *_STAMPED,
+        ("magnetic_field", "f8", 3),
+        ("magnetic_field_covariance", "f8", 9),
+    ),
+    "sensor_msgs/msg/FluidPressure": (
+        *_STAMPED,
+        ("fluid_pressure", "f8", 1),
+        ("variance", "f8", 1),
+    ),
     "rosgraph_msgs/msg/Clock": (("clock", "time", 1),),
 }
 

@@ -6,9 +6,10 @@
 from imu_sim_ros.bags.text import decimals, reader, writer
 from imu_sim_ros.bags.text.decimals import decimal
 from imu_sim_ros.bags.text.reader import Skipped, is_text, state_file
-from imu_sim_ros.bags.text.writer import Dataset, States
+from imu_sim_ros.bags.text.writer import BESIDE, Dataset, States
 
 __all__ = [
+    "BESIDE",
     "Dataset",
     "Skipped",
     "States",

@@ -7,6 +7,7 @@ Times are exact nanoseconds; numbers have as many digits as a float64 needs.
 """
 
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -38,6 +39,28 @@ STATE_FOLDER: Final = "state_groundtruth_estimate"
 """Of EuRoC, with the number of the IMU behind it."""
 KALIBR_HEADER: Final = "timestamp,omega_x,omega_y,omega_z,alpha_x,alpha_y,alpha_z"
 TUM_HEADER: Final = "# timestamp tx ty tz qx qy qz qw"
+
+
+BESIDE: Final = {
+    "euroc": {
+        "mag": "#timestamp [ns],b_RS_S_x [T],b_RS_S_y [T],b_RS_S_z [T]",
+        "pressure": "#timestamp [ns],p [Pa]",
+        "orientation": "#timestamp [ns],q_RS_w [],q_RS_x [],q_RS_y [],q_RS_z []",
+    },
+    "csv": {
+        "mag": "timestamp,field_x,field_y,field_z",
+        "pressure": "timestamp,pressure",
+        "orientation": "timestamp,q_w,q_x,q_y,q_z",
+    },
+}
+"""Headers of what lies beside the readings of an IMU, by form and name of the table."""
+
+
+_SENSORS: Final = {
+    "mag": "Magnetometer",
+    "pressure": "Barometer",
+    "orientation": "Orientation of the sensor in the world",
+}
 
 
 class States(NamedTuple):
@@ -79,7 +102,14 @@ class TextFile:
 class Dataset:
     """A dataset of text that is being written; use as a context manager."""
 
-    def __init__(self, path: Path, form: str, states: bool = True, imus: int = 1) -> None:
+    def __init__(
+        self,
+        path: Path,
+        form: str,
+        states: bool = True,
+        imus: int = 1,
+        beside: Sequence[tuple[str, int]] = (),
+    ) -> None:
         """Make the files.
 
         ``euroc``: a folder with imu0 and state_groundtruth_estimate0, and so on for each IMU.
@@ -88,6 +118,7 @@ class Dataset:
 
         :param states: write the truth.
         :param imus: how many there are.
+        :param beside: further tables, mag0 and so on: a name in BESIDE, and the IMU's number.
         :raises InputError: for a place that cannot be used, and several IMUs in one file.
         """
         if form not in FORMATS:
@@ -96,6 +127,7 @@ class Dataset:
         self.imus: list[TextFile] = []
         self.truths: list[TextFile] = []
         """Of EuRoC: one for each IMU, with its biases."""
+        self.beside: dict[tuple[str, int], TextFile] = {}
         if form == "tum":
             self.truths = [TextFile(path, TUM_HEADER)]
         elif form == "csv" and path.suffix.lower() == ".csv":
@@ -112,6 +144,8 @@ class Dataset:
                     self.truths = [TextFile(path / "groundtruth.tum", TUM_HEADER)]
             else:
                 self._make_euroc(states, imus)
+        for name, k in beside:
+            self._make_beside(name, k)
 
     def _make_euroc(self, states: bool, imus: int) -> None:
         for k in range(imus):
@@ -122,6 +156,19 @@ class Dataset:
                 folder = self.path / f"{STATE_FOLDER}{k}"
                 folder.mkdir()
                 self.truths.append(TextFile(folder / "data.csv", EUROC_STATE_HEADER))
+
+    def _make_beside(self, name: str, k: int) -> None:
+        """Make a table beside the readings of an IMU.
+
+        :raises InputError: where the form has one table only.
+        """
+        if self.form not in BESIDE or not self.path.is_dir():
+            raise InputError(f"{self.path}: holds readings of an IMU only; name a folder")
+        place = self.path / f"{name}{k}.csv"
+        if self.form == "euroc":
+            place = self.path / f"{name}{k}" / "data.csv"
+            place.parent.mkdir()
+        self.beside[name, k] = TextFile(place, BESIDE[self.form][name])
 
     @property
     def imu(self) -> TextFile | None:
@@ -152,7 +199,7 @@ class Dataset:
 
     @property
     def _open(self) -> list[TextFile]:
-        return [*self.imus, *self.truths]
+        return [*self.imus, *self.truths, *self.beside.values()]
 
     def write_imu(self, t_ns: Times, gyro: Array, accel: Array, index: int = 0) -> None:
         """Write readings: times (n,), angular rates (n, 3), specific forces (n, 3).
@@ -161,6 +208,10 @@ class Dataset:
         """
         if self.imus:
             self.imus[index].write(t_ns, np.concatenate([gyro, accel], axis=1))
+
+    def write_beside(self, name: str, index: int, t_ns: Times, values: Array) -> None:
+        """Write rows of a table beside the readings of an IMU: times (n,) and values (n, m)."""
+        self.beside[name, index].write(t_ns, values)
 
     def write_states(self, states: States, index: int = 0) -> None:
         """Write true states.
@@ -224,6 +275,21 @@ def write_euroc_descriptions(
             f"comment: {comment}\n\n{_pose(np.eye(3), np.zeros(3))}",
             encoding="utf-8",
         )
+
+
+def write_euroc_beside(
+    folder: Path, name: str, index: int, rate: float, r_bi: Array, p_bi: Array, comment: str
+) -> None:
+    """Write sensor.yaml of a table beside the readings of an IMU; arguments as above.
+
+    :param name: of the table, a key of BESIDE.
+    """
+    (folder / f"{name}{index}" / "sensor.yaml").write_text(
+        f"# {_SENSORS[name]}\nsensor_type: {name}\ncomment: {comment}\n\n"
+        f"# T_BS maps points of the sensor into the body.\n{_pose(r_bi, p_bi)}\n"
+        f"rate_hz: {rate:g}\n",
+        encoding="utf-8",
+    )
 
 
 def _pose(r: Array, p: Array) -> str:

@@ -11,7 +11,7 @@ both.
 """
 
 import dataclasses
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -133,20 +133,34 @@ def write_configs(
         write_all(folder / name, values, seen)
 
 
-def describe(folder: Path, index: int, parameters: SimulationParameters, states: bool) -> None:
+def describe(
+    folder: Path,
+    index: int,
+    parameters: SimulationParameters,
+    states: bool,
+    beside: Iterable[str] = (),
+) -> None:
     """Write the sensor.yaml files of an IMU of a EuRoC folder.
 
     :param index: of the IMU.
     :param states: whether the folder has its truth.
+    :param beside: the further tables of this IMU.
     """
     imu = parameters.imu
+    mounting, lever_arm = np.reshape(imu.mounting, (3, 3)), np.asarray(imu.lever_arm)
+    comment = f"simulated by imu_sim_ros, preset {imu.preset}, seed {parameters.seed}"
+    rates = {"mag": imu.magnetometer.rate}
+    for name in beside:
+        text_writer.write_euroc_beside(
+            folder, name, index, rates[name], mounting, lever_arm, comment
+        )
     text_writer.write_euroc_descriptions(
         folder,
         parameters.rate,
         _values(parameters, f"/imu{index}").densities(),
-        np.reshape(imu.mounting, (3, 3)),
-        np.asarray(imu.lever_arm),
-        f"simulated by imu_sim_ros, preset {imu.preset}, seed {parameters.seed}",
+        mounting,
+        lever_arm,
+        comment,
         states,
         index,
     )

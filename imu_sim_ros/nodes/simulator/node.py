@@ -50,10 +50,9 @@ from imu_sim_ros.nodes.simulator.publish_queue import (
     TickStream,
 )
 from imu_sim_ros.nodes.simulator.settling import Settling
-from imu_sim_ros.nodes.simulator.wanted import is_wanted
+from imu_sim_ros.nodes.simulator.wanted import is_wanted, wanted_fault
 from imu_sim_ros.nodes.topics import Counter, check_overrides, create, sensor_description
 from imu_sim_ros.poses import PoseSequence
-from imu_sim_ros.sensor import Fault
 from imu_sim_ros.simulation import Simulation
 
 TEXT: Final = "Publish the readings of a simulated IMU, and the truth beside them."
@@ -150,15 +149,18 @@ class Simulator(ConfiguredNode):
     def _streams(self, parameters: SimulatorParameters) -> Iterator[Stream]:
         publish = parameters.publish
         for name, simulated in simulations(parameters).items():
-            simulation = Simulation(simulated, _read_poses)
+            chosen = [topic for topic in topics.TYPES if is_wanted(topic, name, publish)]
+            simulation = Simulation(simulated, _read_poses, sensors=topics.sensors_of(chosen))
             self._remarks += simulation.warnings()
             self._notes = simulation.notes()
             # Several IMUs have a namespace each; the body's truth is one, in the node's own.
             prefix = "" if name in ("", BODY) else f"{name}/"
             outputs = [
-                (topics.encoder(topic, simulated), self._counted(prefix + topic, kind))
-                for topic, kind in topics.TYPES.items()
-                if is_wanted(topic, name, publish)
+                (
+                    topics.encoder(topic, simulated),
+                    self._counted(prefix + topic, topics.TYPES[topic]),
+                )
+                for topic in chosen
             ]
             yield SimulationStream(simulation, outputs, name)
             truth = simulation
@@ -312,10 +314,7 @@ class Simulator(ConfiguredNode):
 
     def _inject(self, parameters: SimulatorParameters) -> None:
         wanted = parameters.inject
-        of_triad = wanted.kind in ("bias_jump", "saturation", "stuck")
-        value = wanted.value if of_triad else wanted.value[0]
-        triad = wanted.triad if of_triad else ""
-        fault = Fault(wanted.kind, wanted.duration, value, triad)
+        fault = wanted_fault(wanted, parameters.publish)
 
         def begin(queue: PublishQueue) -> None:
             for imu, t_ns in queue.inject(fault, wanted.delay, wanted.imu).items():

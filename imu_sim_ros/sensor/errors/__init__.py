@@ -10,7 +10,11 @@ from imu_sim_ros.sensor.errors.deterministic import TurnOn
 from imu_sim_ros.sensor.errors.drawn import as_matrix, unit_of_seed
 from imu_sim_ros.sensor.errors.temperature import TemperatureProfile
 from imu_sim_ros.sensor.errors.triad import Reading, Triad
-from imu_sim_ros.sensor.errors.variance import accel_variance_discrete, gyro_variance_discrete
+from imu_sim_ros.sensor.errors.variance import (
+    accel_variance_discrete,
+    field_variance_discrete,
+    gyro_variance_discrete,
+)
 
 __all__ = [
     "Reading",
@@ -19,6 +23,7 @@ __all__ = [
     "TurnOn",
     "accel_variance_discrete",
     "as_matrix",
+    "field_variance_discrete",
     "gyro_variance_discrete",
     "unit_of_seed",
 ]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.config import ImuParameters
-from imu_sim_ros.conventions import Triad
+from imu_sim_ros.conventions import Measured
 from imu_sim_ros.random_streams import axis_generators, generator
 
 Array = NDArray[np.float64]
@@ -41,7 +41,7 @@ class BoardTerm(Protocol):
         """Add the next n readings' bias to values (3, n)."""
 
 
-def board_terms(seed: int, triad: Triad, imu: ImuParameters, dt: float) -> tuple[BoardTerm, ...]:
+def board_terms(seed: int, triad: Measured, imu: ImuParameters, dt: float) -> tuple[BoardTerm, ...]:
     """Return those of a triad's terms that are not off.
 
     :param dt: time between two readings [s].
@@ -154,7 +154,7 @@ class StressSteps:
     a normal amount of its own.
     """
 
-    def __init__(self, seed: int, triad: Triad, sigma: Array, mean: float) -> None:
+    def __init__(self, seed: int, triad: Measured, sigma: Array, mean: float) -> None:
         """Draw the first jump's time.
 
         :param sigma: (3,) of a jump.
@@ -190,7 +190,7 @@ class ShockBias:
     A shock begins where the specific force rises above the threshold.
     """
 
-    def __init__(self, seed: int, triad: Triad, imu: ImuParameters, dt: float) -> None:
+    def __init__(self, seed: int, triad: Measured, imu: ImuParameters, dt: float) -> None:
         from scipy import signal  # half a second of import that only this costs
 
         self._filter = signal.lfilter

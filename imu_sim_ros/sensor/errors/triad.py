@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.config import ImuParameters
-from imu_sim_ros.conventions import Triad as TriadName
+from imu_sim_ros.conventions import Measured
 from imu_sim_ros.sensor.errors.board import Surroundings, aged, board_terms
 from imu_sim_ros.sensor.errors.deterministic import ConstantBias, Response, TurnOn
 from imu_sim_ros.sensor.errors.drawn import unit_of_seed
@@ -39,7 +39,7 @@ class Reading(NamedTuple):
 class Triad:
     """One triad; see the package's docstring for the order of the errors."""
 
-    def __init__(self, triad: TriadName, imu: ImuParameters, seed: int, rate: float) -> None:
+    def __init__(self, triad: Measured, imu: ImuParameters, seed: int, rate: float) -> None:
         """Set up the errors at their start.
 
         :param rate: samples per second [Hz].

@@ -68,6 +68,20 @@ def _messages(name, encoding, frame, rng):
     if name == encode.VECTOR3_STAMPED:
         rows = encode.Vector3StampedEncoder(frame, encoding).encode(t_ns, a)
         return t_ns, rows, lambda m, k: ((m.vector, a[k]),)
+    if name == encode.MAGNETIC_FIELD:
+        rows = encode.MagneticFieldEncoder(frame, encoding).encode(t_ns, a, (1.0, 2.0, 3.0))
+        variances = np.diag([1.0, 2.0, 3.0]).ravel()
+        return (
+            t_ns,
+            rows,
+            lambda m, k: (
+                (m.magnetic_field, a[k]),
+                (m.magnetic_field_covariance, variances),
+            ),
+        )
+    if name == encode.FLUID_PRESSURE:
+        rows = encode.FluidPressureEncoder(frame, encoding).encode(t_ns, b[:, 0], 0.5)
+        return t_ns, rows, lambda m, k: (([m.fluid_pressure, m.variance], [b[k, 0], 0.5]),)
     rows = encode.TemperatureEncoder(frame, encoding).encode(t_ns, a[:, 0], 0.25)
     return t_ns, rows, lambda m, k: (([m.temperature, m.variance], [a[k, 0], 0.25]),)
 

@@ -1,0 +1,171 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Parameters of the magnetometer on the board of an IMU: ``imu.magnetometer_...``.
+
+Where an error is one that gyroscopes and accelerometers have as well, its name is the same.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from itertools import pairwise
+
+from imu_sim_ros.config.parameter import (
+    IDENTITY_MATRIX,
+    Matrix,
+    Vector,
+    matrix,
+    number,
+    numbers,
+    vector,
+)
+from imu_sim_ros.config.triads import TriadParameters
+
+LARGEST_RATE = 20000.0
+
+
+@dataclass(frozen=True)
+class OwnRateParameters:
+    """Rate and stamp grid of a sensor beside the IMU."""
+
+    rate: float = number(
+        100.0,
+        "samples per second of this sensor, on a grid of its own",
+        unit="Hz",
+        minimum=0.0,
+        above_minimum=True,
+        maximum=LARGEST_RATE,
+    )
+    time_offset: float = number(
+        0.0,
+        "time from the IMU's first sample to this sensor's first; below 1 / rate",
+        unit="s",
+        minimum=0.0,
+        maximum=1e6,
+    )
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Say whether the first sample comes too late."""
+        if self.time_offset * self.rate >= 1.0:
+            yield (
+                f"{prefix}time_offset = {self.time_offset:g}: must be below 1 / {prefix}rate, "
+                f"{1.0 / self.rate:g} s"
+            )
+
+
+@dataclass(frozen=True)
+class MagnetometerParameters(OwnRateParameters):
+    """One magnetometer; every error is off at zero."""
+
+    hard_iron: Vector = vector(
+        0.0, "constant field of magnetised parts of the board and body, in the IMU's axes", unit="T"
+    )
+    hard_iron_sigma: Vector = vector(
+        0.0,
+        "standard deviation from unit to unit of the hard iron, drawn from the seed",
+        unit="T",
+        minimum=0.0,
+    )
+    soft_iron: Matrix = matrix(
+        IDENTITY_MATRIX, "what soft iron makes of a field, in the IMU's axes", unit="1"
+    )
+    soft_iron_sigma: Vector = vector(
+        0.0,
+        "standard deviation from unit to unit of each term in a row of the soft iron, drawn from "
+        "the seed",
+        unit="1",
+        minimum=0.0,
+    )
+    misalignment: Vector = vector(
+        0.0,
+        "rotation vector that turns the IMU's axes into the magnetometer's, at most pi",
+        unit="rad",
+    )
+    misalignment_sigma: Vector = vector(
+        0.0,
+        "standard deviation from unit to unit of the misalignment, drawn from the seed",
+        unit="rad",
+        minimum=0.0,
+    )
+    current_coupling: Vector = vector(
+        0.0, "field of one ampere in the wires near the sensor, in the IMU's axes", unit="T/A"
+    )
+    current_profile: tuple[float, ...] = numbers(
+        (),
+        "time [s] and current [A] alternating, times increasing; linear in between, the first and "
+        "last are held",
+        unit="s, A",
+        group=2,
+    )
+    noise_density: Vector = vector(
+        0.0,
+        "white noise, continuous time, two-sided: the variance of a sample is density^2 * rate",
+        unit="T/sqrt(Hz)",
+        minimum=0.0,
+        live=True,
+    )
+    random_walk: Vector = vector(
+        0.0,
+        "random walk of the bias, continuous time",
+        unit="T/s/sqrt(Hz)",
+        minimum=0.0,
+        live=True,
+    )
+    bias_instability: Vector = vector(
+        0.0,
+        "bias instability B: 1/f noise of two-sided density B^2 / (2 pi f)",
+        unit="T",
+        minimum=0.0,
+        live=True,
+    )
+    bias: Vector = vector(0.0, "offset of the sensor itself, in its own axes", unit="T", live=True)
+    turn_on_bias_sigma: Vector = vector(
+        0.0,
+        "standard deviation of the offset from run to run, drawn from the seed",
+        unit="T",
+        minimum=0.0,
+    )
+    turn_on_scale_sigma: Vector = vector(
+        0.0,
+        "standard deviation of the scale error from run to run, drawn from the seed",
+        unit="1",
+        minimum=0.0,
+    )
+    temperature_bias: tuple[float, ...] = numbers(
+        (),
+        "bias polynomial: row k, x y z, is the coefficient of (T - T0)^(k+1)",
+        unit="T/K^(k+1)",
+        group=3,
+        live=True,
+    )
+    temperature_scale: tuple[float, ...] = numbers(
+        (),
+        "scale polynomial: row k, x y z, is the coefficient of (T - T0)^(k+1)",
+        unit="1/K^(k+1)",
+        group=3,
+        live=True,
+    )
+    range: Vector = vector(0.0, "largest field; 0: no limit", unit="T", minimum=0.0, live=True)
+    resolution: Vector = vector(
+        0.0, "step of the digital output (1 LSB); 0: none", unit="T", minimum=0.0, live=True
+    )
+
+    def as_triad(self) -> TriadParameters:
+        """Return the errors of the sensor itself; iron, axes and currents are not among them."""
+        own = {field.name for field in fields(self)}
+        shared = [field.name for field in fields(TriadParameters) if field.name in own]
+        return TriadParameters(**{name: getattr(self, name) for name in shared})
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Yield a line for each contradiction between parameters."""
+        yield from super().problems(prefix)
+        if sum(x * x for x in self.misalignment) > 3.15**2:
+            yield (
+                f"{prefix}misalignment = {self.misalignment}: must be a rotation by at most pi rad"
+            )
+        for before, after in pairwise(self.current_profile[::2]):
+            if after <= before:
+                yield (
+                    f"{prefix}current_profile: time {after:g} s after {before:g} s: "
+                    "times must increase"
+                )

@@ -1,0 +1,127 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The magnetometer of a board, from the field of the world to the digital output.
+
+::
+
+    1  field        B = R_ib.T R_wb.T B_w(p, t)     in the IMU's axes, at the IMU's place
+    2  iron         A B + b + c I(t)                soft iron, hard iron, currents
+    3  axes         R_im.T (...)                    misalignment to the accelerometer
+    4  the sensor   scale, bias, walk, 1/f, noise, range and steps, as in gyroscopes
+
+``reading = scale * (R_im.T A B) + bias + n`` where the bias is all that does not depend on B.
+"""
+
+import dataclasses
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros import rotation
+from imu_sim_ros.config import ImuParameters, SimulationParameters
+from imu_sim_ros.config.auxiliary import MagnetometerParameters
+from imu_sim_ros.random_streams import axis_generators
+from imu_sim_ros.rotation.components import rotate, rotate_inverse, transform
+from imu_sim_ros.sensor.auxiliary.magnetic_field import MagneticField
+from imu_sim_ros.sensor.auxiliary.own_rate import OwnRate
+from imu_sim_ros.sensor.block import MagneticBlock
+from imu_sim_ros.sensor.errors import TemperatureProfile, Triad
+from imu_sim_ros.sensor.faults import Fault
+from imu_sim_ros.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+NAME: Final = "magnetometer"
+
+
+def unit_of_seed(parameters: MagnetometerParameters, seed: int) -> MagnetometerParameters:
+    """Return the magnetometer with iron and misalignment of this seed, nothing left to draw.
+
+    Offset and scale that differ from run to run are drawn with the sensor's other errors.
+    """
+    p = parameters
+    changed: dict[str, Any] = {}
+    for name, count in (("hard_iron", 1), ("soft_iron", 3), ("misalignment", 1)):
+        sigma = np.array(getattr(p, f"{name}_sigma"))
+        if sigma.any():
+            streams = axis_generators(seed, f"{NAME}.{name}")
+            drawn = np.array([s.standard_normal(count) for s in streams]) * sigma[:, None]
+            value = np.asarray(getattr(p, name)) + drawn.ravel()
+            changed |= {name: tuple(value.tolist()), f"{name}_sigma": (0.0, 0.0, 0.0)}
+    return dataclasses.replace(p, **changed) if changed else p
+
+
+class Magnetometer:
+    """One magnetometer; its samples are read in order."""
+
+    def __init__(self, parameters: SimulationParameters, t0_ns: int) -> None:
+        """Set up all errors at their start.
+
+        :param t0_ns: time of the IMU's sample 0 [ns].
+        """
+        imu = parameters.imu
+        self._own = OwnRate(NAME, imu.magnetometer, parameters, t0_ns)
+        self._field = MagneticField(parameters)
+        self._lever_arm_b = np.reshape(imu.lever_arm, (3, 1))
+        self._r_ib = np.reshape(imu.mounting, (3, 3)).T
+        unit = unit_of_seed(imu.magnetometer, parameters.seed)
+        # Both at once, and to the last digit nothing where there is nothing.
+        self._r_mi = rotation.to_matrix(rotation.exp(unit.misalignment)).T
+        self._iron = self._r_mi @ np.reshape(unit.soft_iron, (3, 3))
+        self._hard_iron: Array = (self._r_mi @ np.array(unit.hard_iron))[:, None]
+        self._coupling: Array = (self._r_mi @ np.array(unit.current_coupling))[:, None]
+        self._current = np.reshape(unit.current_profile, (-1, 2)).T
+        self._triad = Triad(
+            NAME, _instantaneous(parameters), parameters.seed, imu.magnetometer.rate
+        )
+        self.configure(parameters)
+
+    def configure(self, parameters: SimulationParameters) -> None:
+        """Take new values of live parameters, from the next sample on."""
+        self._reference_temperature = parameters.imu.reference_temperature
+        self._own.configure(parameters)
+        self._triad.configure(_instantaneous(parameters))
+
+    def inject(self, fault: Fault, first: int) -> None:
+        """Let a fault begin with the first sample not before the IMU's sample ``first``."""
+        self._own.inject(fault, first)
+
+    def read(
+        self, end: int, trajectory: Trajectory, temperature: TemperatureProfile
+    ) -> MagneticBlock:
+        """Return the samples that were not read yet and lie before the IMU's sample ``end``."""
+        samples = self._own.next(end, trajectory.duration)
+        motion = trajectory.sample(samples.t)
+        q_wb = np.ascontiguousarray(motion.q_wb.T)
+        place = motion.position.T + rotate(q_wb, self._lever_arm_b)
+        field_w = self._field.at(samples.t, place)
+        ideal = transform(self._r_ib, rotate_inverse(q_wb, field_w))
+        disturbance = self._disturbance(samples.t)
+        offset = temperature.at(samples.t) - self._reference_temperature
+        along = transform(self._iron, ideal) + disturbance
+        made = self._triad.read(
+            samples.first, along, np.zeros(along.shape), offset, self._own.faults
+        )
+        stamped = self._own.stamp(samples)
+        return MagneticBlock(
+            samples.true_t_ns,
+            *stamped,
+            made.reading.T,
+            ideal.T,
+            (made.bias + made.scale * disturbance).T,
+        )
+
+    def _disturbance(self, t: Array) -> Array:
+        """Return what iron and currents add in the sensor's axes (3, n) [T]."""
+        if not self._current.size:
+            return np.broadcast_to(self._hard_iron, (3, len(t)))
+        current = np.interp(t, self._current[0], self._current[1])
+        result: Array = self._hard_iron + self._coupling * current
+        return result
+
+
+def _instantaneous(parameters: SimulationParameters) -> ImuParameters:
+    """Return the board with readings at an instant: only gyroscope and accelerometer average."""
+    return dataclasses.replace(parameters.imu, sampling="instantaneous")

@@ -1,0 +1,53 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The sensors beside an IMU that a run asks for, read block by block with it."""
+
+from collections.abc import Collection
+from typing import Final
+
+from imu_sim_ros.config import SimulationParameters
+from imu_sim_ros.sensor.auxiliary.magnetometer import Magnetometer
+from imu_sim_ros.sensor.block import ImuBlock
+from imu_sim_ros.sensor.errors import TemperatureProfile
+from imu_sim_ros.sensor.faults import Fault
+from imu_sim_ros.trajectory import Trajectory
+
+SENSORS: Final = ("magnetic_field",)
+"""What can be asked for; ``publish.NAME`` of the simulator."""
+
+
+class Auxiliary:
+    """The sensors beside one IMU."""
+
+    def __init__(
+        self, parameters: SimulationParameters, t0_ns: int, wanted: Collection[str]
+    ) -> None:
+        """Set up the sensors that are wanted.
+
+        :param t0_ns: time of the IMU's sample 0 [ns].
+        :param wanted: names of SENSORS.
+        """
+        self._magnetometer = None
+        if "magnetic_field" in wanted:
+            self._magnetometer = Magnetometer(parameters, t0_ns)
+
+    def configure(self, parameters: SimulationParameters) -> None:
+        """Take new values of live parameters, from the next sample on."""
+        if self._magnetometer is not None:
+            self._magnetometer.configure(parameters)
+
+    def inject(self, fault: Fault, first: int) -> None:
+        """Let a fault of one of these sensors begin at the time of the IMU's sample ``first``."""
+        if self._magnetometer is not None and fault.triad == "magnetometer":
+            self._magnetometer.inject(fault, first)
+
+    def beside(
+        self, block: ImuBlock, trajectory: Trajectory, temperature: TemperatureProfile
+    ) -> ImuBlock:
+        """Return a block of the IMU with the samples of the others in its window of time."""
+        end = block.first + len(block.true_t_ns)
+        if self._magnetometer is not None:
+            read = self._magnetometer.read(end, trajectory, temperature)
+            block = block._replace(magnetic_field=read)
+        return block

@@ -1,0 +1,173 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What a nine-axis board reads beside its IMU, in every form that generate writes."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
+
+import imu_sim_ros as ims
+from imu_sim_ros.commands import generate
+from imu_sim_ros.config.simulation import load_simulation
+from imu_sim_ros.sensor.block import ImuBlock
+from imu_sim_ros.simulation import Simulation
+
+PARAMETERS: dict[str, Any] = {
+    "imu.preset": "mpu9250",
+    "trajectory.type": "figure_eight",
+    "duration": 2.0,
+    "seed": 4,
+    "imu.latency_jitter": 1e-3,
+    "imu.dropout_probability": 0.05,
+    "imu.magnetometer_rate": 70.0,
+    "imu.magnetometer_time_offset": 0.003,
+    "imu.magnetometer_noise_density": 1e-8,
+    "imu.magnetometer_hard_iron": [1e-5, 0.0, -2e-5],
+}
+SENSORS = ("magnetic_field",)
+TOPICS = "imu/data_raw,imu/mag,ground_truth/mag"
+
+
+def arguments(**more: Any) -> list[str]:
+    chosen = {**PARAMETERS, **more}
+    return [word for name, value in chosen.items() for word in ("--set", f"{name}={value}")]
+
+
+def run(path: Path, *options: str, **more: Any) -> int:
+    return generate.main(["-o", str(path), "--quiet", *options, *arguments(**more)])
+
+
+@pytest.fixture(scope="module")
+def block() -> ImuBlock:
+    return Simulation(load_simulation(PARAMETERS), sensors=SENSORS).next_block(10**6)
+
+
+def stamp(message: Any) -> int:
+    return int(message.header.stamp.sec) * 10**9 + int(message.header.stamp.nanosec)
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [("x.bag", ()), ("x.mcap", ()), ("folder", ("--storage", "sqlite3"))],
+)
+def test_bags_hold_the_samples_of_the_simulation(
+    tmp_path: Path, block: ImuBlock, name: str, options: tuple[str, ...]
+) -> None:
+    assert run(tmp_path / name, "--topics", TOPICS, *options) == 0
+    read: dict[str, list[Any]] = {}
+    store = get_typestore(Stores.ROS2_JAZZY)
+    with AnyReader([tmp_path / name], default_typestore=store) as reader:
+        for connection, time_ns, raw in reader.messages():
+            message = reader.deserialize(raw, connection.msgtype)
+            assert stamp(message) == time_ns
+            read.setdefault(connection.topic, []).append(message)
+    field = block.magnetic_field
+    assert field is not None
+    assert len(field.delivered) < len(field.t_ns) == 140
+    found = read["/imu/mag"]
+    rows = field.delivered
+    assert [stamp(m) for m in found] == field.t_ns[rows].tolist()
+    values = [[getattr(m.magnetic_field, axis) for axis in "xyz"] for m in found]
+    assert np.array_equal(values, field.field[rows])
+    variance = 1e-16 * 70.0 + block_resolution() ** 2 / 12.0
+    assert np.allclose(found[0].magnetic_field_covariance, np.diag(variance).ravel())
+    assert found[0].header.frame_id == "imu_link"
+    ideal = [[getattr(m.magnetic_field, a) for a in "xyz"] for m in read["/ground_truth/mag"]]
+    assert np.array_equal(ideal, field.ideal_field)
+
+
+def block_resolution() -> np.ndarray:
+    return np.array(load_simulation(PARAMETERS).imu.magnetometer.resolution)
+
+
+def test_folders_have_a_table_of_each(tmp_path: Path, block: ImuBlock) -> None:
+    field = block.magnetic_field
+    assert field is not None
+    rows = field.delivered
+    expected = np.column_stack([field.t_ns[rows], field.field[rows]])
+    for form, table in (("euroc", "mag0/data.csv"), ("csv", "mag0.csv")):
+        assert run(tmp_path / form, "--format", form, "--topics", TOPICS.rsplit(",", 1)[0]) == 0
+        written = np.loadtxt(tmp_path / form / table, delimiter=",", skiprows=1)
+        assert np.array_equal(written, expected)
+    text = (tmp_path / "euroc/mag0/sensor.yaml").read_text(encoding="utf-8")
+    assert "rate_hz: 70" in text
+
+
+def test_boards_of_their_own_have_a_table_each(tmp_path: Path) -> None:
+    more = {"imus": "[left, right]", "right.imu.magnetometer_rate": 35.0}
+    options = ("--format", "euroc", "--topics", "imu/data_raw,imu/mag")
+    assert run(tmp_path / "two", *options, **more) == 0
+    left, right = (
+        np.loadtxt(tmp_path / f"two/mag{k}/data.csv", delimiter=",", skiprows=1) for k in (0, 1)
+    )
+    assert 0.8 * 140 < len(left) < 140
+    assert 0.8 * 70 < len(right) < 70
+
+
+def test_the_front_door_has_the_same(tmp_path: Path, block: ImuBlock) -> None:
+    flight = ims.simulate(sensors=SENSORS, **nested(PARAMETERS))
+    field = block.magnetic_field
+    assert field is not None
+    assert np.array_equal(flight.magnetic_field.field, field.field[field.delivered])
+    assert np.array_equal(flight.magnetic_field.ideal_field, field.ideal_field[field.delivered])
+    flight.save(tmp_path / "x.mcap", topics=TOPICS.split(","))
+    assert run(tmp_path / "y.mcap", "--topics", TOPICS) == 0
+    both = []
+    for name in ("x.mcap", "y.mcap"):
+        with AnyReader([tmp_path / name]) as reader:
+            both.append([(c.topic, t, raw) for c, t, raw in reader.messages()])
+    assert both[0] == both[1]
+    flight.save(tmp_path / "z", format="euroc", topics=["imu/data_raw", "imu/mag"])
+    assert (tmp_path / "z/mag0/data.csv").is_file()
+
+
+def nested(values: dict[str, Any]) -> dict[str, Any]:
+    """Return the arguments of simulate for parameters by dotted name."""
+    result: dict[str, Any] = {}
+    for name, value in values.items():
+        section, dot, rest = name.partition(".")
+        if dot:
+            result.setdefault(section, {})[rest] = value
+        else:
+            result[section] = value
+    return result
+
+
+def test_what_was_not_simulated_is_refused(tmp_path: Path) -> None:
+    flight = ims.simulate(duration=0.1)
+    with pytest.raises(ims.ConfigurationError, match=r"sensors=\['magnetic_field'\]"):
+        _ = flight.magnetic_field
+    with pytest.raises(ims.ConfigurationError, match="magnetic_field: was not simulated"):
+        flight.save(tmp_path / "x.bag", topics=["imu/mag"])
+    assert not list(tmp_path.iterdir())
+    with pytest.raises(ims.ConfigurationError, match="sensors: 'compass': must be one of"):
+        ims.simulate(duration=0.1, sensors=["compass"])
+
+
+def test_a_file_of_the_node_chooses_the_sensors(tmp_path: Path) -> None:
+    file = tmp_path / "nine.yaml"
+    file.write_text("/**: {ros__parameters: {publish: {magnetic_field: true}}}\n")
+    assert len(ims.simulate(params_file=file, duration=1).magnetic_field) == 100
+    with pytest.raises(ims.ConfigurationError):
+        _ = ims.simulate(params_file=file, duration=1, sensors=()).magnetic_field
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "words"),
+    [
+        ("x.csv", (), "holds readings of an IMU only; name a folder"),
+        ("x.tum", (), "topic imu/mag: does not exist in tum"),
+        ("x.bag", ("--topics", "imu/compass"), "topic imu/compass: must be one of"),
+    ],
+)
+def test_what_does_not_fit_is_one_line(
+    tmp_path: Path, capsys: Any, name: str, options: tuple[str, ...], words: str
+) -> None:
+    assert run(tmp_path / name, "--topics", "imu/data_raw,imu/mag", *options) == 2
+    assert words in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,79 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What a nine-axis board reads beside its IMU, live: what the simulation gives, bit for bit."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from imu_sim_ros.config.simulation import load_simulation
+from imu_sim_ros.simulation import Simulation
+
+pytestmark = pytest.mark.ros
+
+PARAMETERS: dict[str, Any] = {
+    "imu.preset": "mpu9250",
+    "trajectory.type": "figure_eight",
+    "rate": 200.0,
+    "duration": 1.5,
+    "start_time": 1234.5,
+    "seed": 7,
+    "imu.latency": 0.02,
+    "imu.latency_jitter": 0.005,
+    "imu.jitter": 2e-4,
+    "imu.magnetometer_rate": 70.0,
+    "imu.magnetometer_time_offset": 0.003,
+    "imu.magnetometer_noise_density": 1e-8,
+    "imu.magnetometer_bias_instability": 1e-8,
+}
+SENSORS = ("magnetic_field",)
+
+
+def stamps(messages: list[Any]) -> list[int]:
+    return [m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in messages]
+
+
+def test_live_samples_are_those_of_the_simulation(start: Any, listener: Any) -> None:
+    from nav_msgs.msg import Odometry
+    from sensor_msgs.msg import Imu, MagneticField
+
+    kinds = {
+        "imu/data_raw": Imu,
+        "ground_truth/odom": Odometry,
+        "imu/mag": MagneticField,
+        "ground_truth/mag": MagneticField,
+    }
+    for topic, kind in kinds.items():
+        listener.listen(topic, kind)
+    chosen = {name.replace(".", "__"): value for name, value in PARAMETERS.items()}
+    published = {f"publish__{name}": True for name in (*SENSORS, "ground_truth_magnetic_field")}
+    node = start(
+        "simulator",
+        **chosen,
+        **published,
+        block_duration=0.05,
+        wait_for_subscribers=1,
+        wait_for_truth_subscribers=1,
+    )
+    assert listener.wait_for_end(node) == 0, node.output
+
+    block = Simulation(load_simulation(PARAMETERS), sensors=SENSORS).next_block(10**6)
+    field = block.magnetic_field
+    assert field is not None
+    found = listener.messages("imu/mag")
+    assert stamps(found) == field.t_ns.tolist()
+    values = [[getattr(m.magnetic_field, axis) for axis in "xyz"] for m in found]
+    assert np.array_equal(values, field.field)
+    assert stamps(listener.messages("ground_truth/mag")) == field.true_t_ns.tolist()
+    readings = listener.messages("imu/data_raw")
+    assert stamps(readings) == block.t_ns.tolist()
+
+
+def test_a_fault_of_a_sensor_that_is_not_published_is_refused(start: Any) -> None:
+    node = start("simulator", inject__kind="dropout", inject__triad="magnetometer")
+    assert node.status() == 2
+    assert (
+        "inject.triad = magnetometer: needs publish.magnetic_field, which is false" in node.output
+    )
