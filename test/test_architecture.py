@@ -156,16 +156,6 @@ def test_rooms_are_small_enough_to_live_in(room):
     assert len(files) <= LARGEST_ROOM, f"{len(files)} files on one level: {files}"
 
 
-@pytest.mark.parametrize("path", modules(), ids=lambda path: str(path.relative_to(PACKAGE)))
-def test_files_and_functions_are_short(path):
-    text = path.read_text(encoding="utf-8")
-    assert text.count("\n") <= LONGEST_FILE
-    for node in ast.walk(ast.parse(text)):
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-            lines = node.end_lineno - node.lineno + 1
-            assert lines <= LONGEST_FUNCTION, f"{node.name} has {lines} lines"
-
-
 @pytest.mark.parametrize("room", by_name(rooms()))
 def test_rooms_say_what_they_are_and_export_what_exists(room):
     module = importlib.import_module(dotted(room))
@@ -270,13 +260,21 @@ def test_the_header_names_the_license_of_the_package():
     assert HEADER.rstrip().endswith(manifest().findtext("license"))
 
 
-@pytest.mark.parametrize("room", ["bags", "consumers", "trajectory"])
-def test_functions_and_files_are_short(room):
+@pytest.mark.parametrize("path", list(sources()), ids=lambda path: str(path.relative_to(ROOT)))
+def test_files_and_functions_are_short(path):
     """What cannot be seen at once is not understood at once."""
-    for path in sorted((PACKAGE / room).rglob("*.py")):
-        text = path.read_text(encoding="utf-8")
-        assert text.count("\n") <= LONGEST_FILE, path
-        for node in ast.walk(ast.parse(text)):
-            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-                length = (node.end_lineno or 0) - node.lineno + 1
-                assert length <= LONGEST_FUNCTION, f"{path}: {node.name}"
+    text = path.read_text(encoding="utf-8")
+    assert text.count("\n") <= LONGEST_FILE
+    if path.suffix != ".py":
+        return
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            length = (node.end_lineno or 0) - node.lineno + 1
+            assert length <= LONGEST_FUNCTION, node.name
+
+
+@pytest.mark.parametrize("name", ["test", "examples", "launch", "docs"])
+def test_other_folders_are_as_small_as_rooms(name):
+    for folder in (ROOT / name, *(path for path in (ROOT / name).rglob("*") if path.is_dir())):
+        files = [path.name for path in folder.glob("*.py") if path.name != "conftest.py"]
+        assert len(files) <= LARGEST_ROOM, f"{folder}: {len(files)} files on one level"

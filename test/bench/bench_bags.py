@@ -172,58 +172,44 @@ def speed(task: str, name: str, count: int, folder: Path, repeat: int = 3) -> tu
     return count / statistics.median(seconds), max(peaks)
 
 
+READ = ("mcap none", "mcap lz4", "mcap zstd", "ROS 1 none", "ROS 1 lz4", "sqlite3")
+
+
+def tables(folder: Path) -> tuple[list[list[str]], list[list[str]]]:
+    """Return the rows of writing and those of reading."""
+    raw, _ = speed("raw", "raw", MESSAGES, folder)
+    kinds = ("mcap", "ROS 1", "sqlite3")
+    peers = {kind: speed("rosbags", kind, SLOW, folder, 1)[0] for kind in kinds}
+    rows, reading = [], []
+    for name, (_, _, share) in GENERATE.items():
+        count = MESSAGES // share
+        rate, peak = speed("generate", name, count, folder, 3 if share < 10 else 1)
+        peer = peers.get(name.rsplit(" ", 1)[0], peers.get(name))
+        ratios = [f"{rate / peer:.1f}" if peer else "", f"{rate / raw:.2f}" if share == 1 else ""]
+        rows.append([name, f"{count:,}", f"{rate / 1e3:,.0f}", *ratios, f"{peak:.0f}"])
+        if name in READ:
+            rate, peak = speed("read", name, count, folder)
+            reading.append([name, f"{count:,}", f"{rate / 1e3:,.0f}", f"{peak:.0f}"])
+    rows += [
+        [f"rosbags' loop, {kind}", f"{SLOW:,}", f"{rate / 1e3:,.0f}", "1.0", "", ""]
+        for kind, rate in peers.items()
+    ]
+    rows.append(["raw write", f"{MESSAGES:,}", f"{raw / 1e3:,.0f}", "", "1.00", ""])
+    if os.environ.get("LONG"):
+        count = 24 * 3600 * 400
+        rate, peak = speed("day", "day", count, folder, 1)
+        first = ["24 h at 400 Hz, mcap lz4", f"{count:,}", f"{rate / 1e3:,.0f}"]
+        rows.append([*first, "", "", f"{peak:.0f}"])
+    return rows, reading
+
+
 def main() -> None:
     """Print the tables."""
-    place = os.environ.get("BENCH_FOLDER")
-    with tempfile.TemporaryDirectory(dir=place) as top:
-        folder = Path(top) / "out"
-        raw, _ = speed("raw", "raw", MESSAGES, folder)
-        peers = {
-            kind: speed("rosbags", kind, SLOW, folder, 1)[0]
-            for kind in ("mcap", "ROS 1", "sqlite3")
-        }
-        rows, reading = [], []
-        for name, (_, _, share) in GENERATE.items():
-            count = MESSAGES // share
-            rate, peak = speed("generate", name, count, folder, 3 if share < 10 else 1)
-            peer = peers.get(name.rsplit(" ", 1)[0], peers.get(name))
-            rows.append(
-                [
-                    name,
-                    f"{count:,}",
-                    f"{rate / 1e3:,.0f}",
-                    f"{rate / peer:.1f}" if peer else "",
-                    f"{rate / raw:.2f}" if share == 1 else "",
-                    f"{peak:.0f}",
-                ]
-            )
-            if name in ("mcap none", "mcap lz4", "mcap zstd", "ROS 1 none", "ROS 1 lz4", "sqlite3"):
-                rate, peak = speed("read", name, count, folder)
-                reading.append([name, f"{count:,}", f"{rate / 1e3:,.0f}", f"{peak:.0f}"])
-        rows += [
-            [f"rosbags' loop, {kind}", f"{SLOW:,}", f"{rate / 1e3:,.0f}", "1.0", "", ""]
-            for kind, rate in peers.items()
-        ]
-        rows.append(["raw write", f"{MESSAGES:,}", f"{raw / 1e3:,.0f}", "", "1.00", ""])
-        if os.environ.get("LONG"):
-            count = 24 * 3600 * 400
-            rate, peak = speed("day", "day", count, folder, 1)
-            rows.append(
-                [
-                    "24 h at 400 Hz, mcap lz4",
-                    f"{count:,}",
-                    f"{rate / 1e3:,.0f}",
-                    "",
-                    "",
-                    f"{peak:.0f}",
-                ]
-            )
-        print_table(
-            ("generate, whole process", "messages", "k/s", "x rosbags", "x raw", "peak MiB"),
-            rows,
-            "Writing (pairs: k pairs/s)",
-        )
-        print_table(("into arrays", "messages", "k/s", "peak MiB"), reading, "Reading")
+    with tempfile.TemporaryDirectory(dir=os.environ.get("BENCH_FOLDER")) as top:
+        rows, reading = tables(Path(top) / "out")
+    header = ["generate, whole process", "messages", "k/s", "x rosbags", "x raw", "peak MiB"]
+    print_table(header, rows, "Writing (pairs: k pairs/s)")
+    print_table(["into arrays", "messages", "k/s", "peak MiB"], reading, "Reading")
 
 
 if __name__ == "__main__":

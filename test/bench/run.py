@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Run every benchmark of this folder, one after another, each in a process of its own.
+"""Run every benchmark below this folder, one after another, each in a process of its own.
 
 make bench                                    all of them
 .venv/bin/python test/bench/run.py bags live  some of them
@@ -19,7 +19,8 @@ FOLDER = Path(__file__).parent
 
 def main() -> int:
     """Run the named benchmarks, or all; return the number that failed."""
-    scripts = {path.stem.removeprefix("bench_"): path for path in sorted(FOLDER.glob("bench_*.py"))}
+    found = sorted(FOLDER.rglob("bench_*.py"))
+    scripts = {path.stem.removeprefix("bench_"): path for path in found}
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"out of {', '.join(scripts)}")
     names = parser.parse_args().names or list(scripts)

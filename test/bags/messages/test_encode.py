@@ -55,6 +55,10 @@ def _messages(name, encoding, frame, rng):
                 (m.twist.covariance, covariances[1][k].ravel()),
             ),
         )
+    return _small_messages(name, encoding, frame, t_ns, a, b, q)
+
+
+def _small_messages(name, encoding, frame, t_ns, a, b, q):
     if name == encode.POSE_STAMPED:
         rows = encode.PoseStampedEncoder(frame, encoding).encode(t_ns, a, q)
         return (
@@ -101,6 +105,8 @@ def _numbers(value):
         encode.ODOMETRY,
         encode.POSE_STAMPED,
         encode.VECTOR3_STAMPED,
+        encode.MAGNETIC_FIELD,
+        encode.FLUID_PRESSURE,
         encode.TEMPERATURE,
     ],
 )

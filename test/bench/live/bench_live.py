@@ -223,7 +223,7 @@ def main() -> None:
         return
     os.environ.setdefault("ROS_DOMAIN_ID", "97")
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    os.environ["PYTHONPATH"] = str(HERE.parents[2])
+    os.environ["PYTHONPATH"] = str(HERE.parents[3])
     rows = []
     for publisher, rates, duration in (
         ("simulator", arguments.rates, arguments.duration),

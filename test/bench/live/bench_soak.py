@@ -40,15 +40,36 @@ def drift_ns(distances: list[int]) -> float:
     return statistics.median(distances[-tenth:]) - statistics.median(distances[:tenth])
 
 
-def main() -> None:
-    """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--duration", type=float, default=120.0, help="seconds")
-    duration = parser.parse_args().duration
-    os.environ.setdefault("ROS_DOMAIN_ID", "96")
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    os.environ["PYTHONPATH"] = str(HERE.parents[2])
+class Guest:
+    """A second subscriber that comes and goes."""
 
+    def __init__(self, duration: float) -> None:
+        self._command = [sys.executable, str(LISTENER), "--listen", str(duration)]
+        self._period = duration / 20.0
+        self._next = time.monotonic()
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def look(self, now: float) -> None:
+        """Come or go where it is time to."""
+        if now < self._next:
+            return
+        self._next = now + self._period
+        if self._process is None:
+            quiet = subprocess.DEVNULL
+            self._process = subprocess.Popen(self._command, stdout=quiet, stderr=quiet)
+        else:
+            self.end()
+
+    def end(self) -> None:
+        """Go, where it is there."""
+        if self._process is not None:
+            self._process.send_signal(signal.SIGINT)
+            self._process.wait()
+            self._process = None
+
+
+def soaked(duration: float) -> tuple[str, list[int], list[int]]:
+    """Return the simulator's output, the delays [ns] of all messages, and its memory [bytes]."""
     import rclpy
     from rclpy.executors import SingleThreadedExecutor
     from rclpy.qos import QoSProfile
@@ -70,31 +91,31 @@ def main() -> None:
     simulator = subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
     )
-    guest = None
-    memory: list[int] = []
-    next_look = next_guest = time.monotonic()
+    guest, memory, next_look = Guest(duration), [], time.monotonic()
     while simulator.poll() is None:
         executor.spin_once(timeout_sec=0.1)
         now = time.monotonic()
         if now >= next_look and arrivals:
             next_look = now + _SAMPLING
             memory.append(resident(simulator.pid))
-        if now >= next_guest:
-            next_guest = now + duration / 20.0
-            if guest is not None:
-                guest.send_signal(signal.SIGINT)
-                guest.wait()
-                guest = None
-            else:
-                words = [sys.executable, str(LISTENER), "--listen", str(duration)]
-                guest = subprocess.Popen(words, stdout=subprocess.DEVNULL)
+        guest.look(now)
     for _ in range(20):
         executor.spin_once(timeout_sec=0.05)
-    if guest is not None:
-        guest.send_signal(signal.SIGINT)
-        guest.wait()
+    guest.end()
     said = simulator.communicate()[0]
     rclpy.try_shutdown()
+    return said, arrivals, memory
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--duration", type=float, default=120.0, help="seconds")
+    duration = parser.parse_args().duration
+    os.environ.setdefault("ROS_DOMAIN_ID", "96")
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    os.environ["PYTHONPATH"] = str(HERE.parents[3])
+    said, arrivals, memory = soaked(duration)
     settled = min(60, len(memory) // 10)
     published = int(re.search(r"counted imu/data_raw (\d+)", said)[1])
     print_table(

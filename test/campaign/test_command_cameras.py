@@ -1,0 +1,135 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Estimators that are programs and see cameras: tracks, images, the files of the whole rig."""
+
+import sys
+
+import pytest
+
+from imu_sim_ros.campaign.plan import load_plan
+from imu_sim_ros.campaign.runs import CellRuns
+from imu_sim_ros.commands import generate
+
+CAMERA = {
+    "rate": 200.0,
+    "duration": 1.0,
+    "imu": "adis16448",
+    "trajectory": "figure_eight",
+    "camera": "euroc_cam0",
+    "camera.body_axes": "flu",
+    "camera.max_features": 20,
+}
+
+
+def test_a_camera_of_a_plan_gives_tracks(plan_file, tmp_path):
+    """The same tracks as generate --format tracks writes, with the pixel noise of the cell."""
+    program = tmp_path / "program.py"
+    program.write_text("import shutil, sys; shutil.copytree(sys.argv[1], sys.argv[2])")
+    plan = load_plan(
+        plan_file(
+            parameters=CAMERA,
+            grid={"camera.pixel_noise": [0.5, 2.0]},
+            estimators={
+                "a": {
+                    "command": f"{sys.executable} {program} {{dataset}} {tmp_path}/kept_{{seed}}",
+                    "dataset": "tracks",
+                }
+            },
+        )
+    )
+    _, cell = plan.cells()
+    (row,) = CellRuns(plan, cell).rows([3], ["a"], tmp_path / "out")
+    assert row["status"] == "failed: no estimate was written"
+    words = (
+        f"-o {tmp_path}/made --format tracks --rate 200 --duration 1s --imu adis16448 --seed 3 "
+        "--trajectory figure_eight --camera euroc_cam0 --set camera.body_axes=flu "
+        "--set camera.max_features=20 --set camera.pixel_noise=2.0 --quiet"
+    )
+    assert generate.main(words.split()) == 0
+    for name in ("tracks.csv", "imu0.csv", "landmarks.csv", "groundtruth.tum"):
+        made = (tmp_path / "made" / name).read_bytes()
+        assert (tmp_path / "kept_3" / name).read_bytes() == made, name
+    assert len(made) > 1000
+
+
+def test_a_program_gets_the_files_of_the_whole_rig(plan_file, tmp_path):
+    """The same files as generate --with-configs writes for two cameras, sensor and seed."""
+    program = tmp_path / "program.py"
+    program.write_text("import shutil, sys; shutil.copytree(sys.argv[1], sys.argv[2])")
+    stereo = {
+        "cameras": ["cam0", "cam1"],
+        "cam0.camera.preset": "euroc_cam0",
+        "cam1.camera.preset": "euroc_cam1",
+    }
+    parameters = {name: value for name, value in CAMERA.items() if name != "camera"}
+    plan = load_plan(
+        plan_file(
+            parameters={**parameters, **stereo},
+            estimators={"a": {"command": f"{{python}} {program} {{config}} {tmp_path}/kept"}},
+        )
+    )
+    (row,) = CellRuns(plan, next(plan.cells())).rows([3], ["a"], tmp_path / "out")
+    assert row["status"] == "failed: no estimate was written"
+    words = (
+        f"-o {tmp_path}/made --format tracks --rate 200 --duration 1s --imu adis16448 --seed 3 "
+        "--trajectory figure_eight --camera euroc_cam0 --camera euroc_cam1 --quiet --with-configs "
+        "--set camera.body_axes=flu --set camera.max_features=20"
+    )
+    assert generate.main(words.split()) == 0
+    made = {p.name: p.read_text() for p in (tmp_path / "made_configs").iterdir()}
+    kept = {p.name: p.read_text() for p in (tmp_path / "kept").iterdir()}
+    assert kept.keys() == made.keys()
+    assert kept.keys() >= {"estimator_config.yaml", "vins_fusion_cam1.yaml", "camchain.yaml"}
+    for name in kept.keys() - {"simulation.yaml"}:  # its comment tells who wrote it
+        assert kept[name] == made[name], name
+
+
+def test_tracks_without_a_camera_are_refused_before_the_start(plan_file, campaign, tmp_path):
+    path = plan_file(estimators={"a": {"command": "true {dataset}", "dataset": "tracks"}})
+    status, _, lines = campaign(path, "-o", tmp_path / "out")
+    assert status == 2
+    assert lines == [
+        f"campaign: {path}: estimators.a.dataset = tracks: needs a camera; parameters: "
+        "{camera: euroc_cam0} is one"
+    ]
+
+
+@pytest.mark.parametrize("form", ["euroc", "mcap"])
+def test_a_camera_of_a_plan_gives_images(run_camera, form):
+    row = run_camera(form)
+    assert row["status"] == "failed: exit status 1: 4 images"
+
+
+@pytest.fixture
+def run_camera(plan_file, tmp_path):
+    """Return a function that counts the images of a dataset, by a reader that did not write it."""
+    pytest.importorskip("cv2")
+    program = """
+import sys
+from pathlib import Path
+if sys.argv[2] == "euroc":
+    images = len(list(Path(sys.argv[1]).glob("mav0/cam0/data/*.png")))
+else:
+    from rosbags.highlevel import AnyReader
+    with AnyReader([Path(sys.argv[1])]) as reader:
+        images = sum(c.msgcount for c in reader.connections if c.topic == "/cam0/image_raw")
+print(images, "images")
+sys.exit(1)
+"""
+
+    def one(form):
+        script = tmp_path / "count.py"
+        script.write_text(program)
+        command = f"{sys.executable} {script} {{dataset}} {form}"
+        small = {"scene": "room", "duration": 0.2, "cam0.camera.rate": 20.0}
+        plan = load_plan(
+            plan_file(
+                parameters={**CAMERA, **small},
+                estimators={"a": {"command": command, "dataset": form}},
+            )
+        )
+        (row,) = CellRuns(plan, next(plan.cells())).rows([1], ["a"], tmp_path / "out")
+        return row
+
+    return one
