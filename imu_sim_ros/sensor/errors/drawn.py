@@ -4,6 +4,7 @@
 """Constants of a unit drawn from its seed: what a data sheet gives as a tolerance."""
 
 import dataclasses
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from imu_sim_ros.random_streams import axis_generators
 Array = NDArray[np.float64]
 
 
+@lru_cache(maxsize=16)
 def unit_of_seed(parameters: TriadParameters, triad: str, seed: int) -> TriadParameters:
     """Return the triad with the drawn part of each constant added and nothing left to draw.
 

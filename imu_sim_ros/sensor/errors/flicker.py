@@ -16,6 +16,7 @@ before the rows follow by a scan. Chunks start at fixed sample indices and are g
 the result does not depend on how many samples are asked for at a time.
 """
 
+from functools import lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -74,6 +75,41 @@ def _below_one(corner: Array) -> Array:
     return result
 
 
+class _Rows(NamedTuple):
+    """The filter's recursion in rows of C samples; no seed is in it."""
+
+    from_noise: Array
+    """(C, C): noise of a row -> its values."""
+    from_state: Array
+    """(p, C)."""
+    to_state: Array
+    """(C, p)."""
+    decay: Array
+    """(p,) of the states over a row."""
+    root: Array
+    """(p, p) root of the stationary covariance of the states."""
+
+
+@lru_cache(maxsize=8)
+def _rows(dt: float) -> _Rows:
+    design = FlickerFilter.design(dt)
+    poles, gains = design.poles, design.gains
+    powers = poles ** np.arange(_COLUMNS + 1)[:, None]  # (C + 1, p)
+    impulse = powers[:-1] @ gains
+    impulse[0] += design.direct
+    lag = np.subtract.outer(np.arange(_COLUMNS), np.arange(_COLUMNS))
+    own = np.where(lag >= 0, impulse[np.abs(lag)], 0.0)
+    # Covariance of recursions that see the same unit noise: 1 / (1 - phi_i phi_j).
+    covariance = 1.0 / (1.0 - np.outer(poles, poles))
+    return _Rows(
+        np.ascontiguousarray(own.T),
+        np.ascontiguousarray((powers[1:] * gains).T),
+        np.ascontiguousarray(powers[:-1][::-1]),
+        poles**_COLUMNS,
+        np.linalg.cholesky(covariance),
+    )
+
+
 class FlickerNoise(ChunkedProcess):
     """1/f noise of density ``1 / (2 pi f)``, stationary from the first sample on."""
 
@@ -84,34 +120,21 @@ class FlickerNoise(ChunkedProcess):
         :param dt: time between two samples [s].
         """
         super().__init__(streams, CHUNK)
-        design = FlickerFilter.design(dt)
-        poles, gains = design.poles, design.gains
-        powers = poles ** np.arange(_COLUMNS + 1)[:, None]  # (C + 1, p)
-        impulse = powers[:-1] @ gains
-        impulse[0] += design.direct
-        lag = np.subtract.outer(np.arange(_COLUMNS), np.arange(_COLUMNS))
-        own = np.where(lag >= 0, impulse[np.abs(lag)], 0.0)
-        self._from_noise = np.ascontiguousarray(own.T)  # (C, C): noise of a row -> its values
-        self._from_state = np.ascontiguousarray((powers[1:] * gains).T)  # (p, C)
-        self._to_state = np.ascontiguousarray(powers[:-1][::-1])  # (C, p)
-        self._decay = poles**_COLUMNS
-        # Covariance of recursions that see the same unit noise: 1 / (1 - phi_i phi_j).
-        covariance = 1.0 / (1.0 - np.outer(poles, poles))
-        root = np.linalg.cholesky(covariance)
-        self._state = np.stack([root @ s.standard_normal(len(poles)) for s in streams])
+        self._rows = rows = _rows(dt)
+        self._state = np.stack([rows.root @ s.standard_normal(len(rows.root)) for s in streams])
         self._noise = np.empty((len(streams), _ROWS, _COLUMNS))
 
     def _make_chunk(self) -> None:
         for stream, numbers in zip(self._streams, self._noise, strict=True):
             stream.standard_normal(out=numbers)
-        ends = self._noise @ self._to_state  # (axes, R, p), of rows that start at 0
-        ends[:, 0] += self._decay * self._state
-        decay, step = self._decay, 1
+        ends = self._noise @ self._rows.to_state  # (axes, R, p), of rows that start at 0
+        ends[:, 0] += self._rows.decay * self._state
+        decay, step = self._rows.decay, 1
         while step < _ROWS:  # a scan by doubling
             ends[:, step:] += decay * ends[:, :-step].copy()
             decay, step = decay * decay, 2 * step
         starts = np.concatenate([self._state[:, None], ends[:, :-1]], axis=1)
-        values = self._noise @ self._from_noise
-        values += starts @ self._from_state
+        values = self._noise @ self._rows.from_noise
+        values += starts @ self._rows.from_state
         self._chunk = values.reshape(len(self._streams), CHUNK)
         self._state = ends[:, -1].copy()

@@ -1,0 +1,244 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Campaigns: runs per second against a plain loop, memory, the cost of a program, the page.
+
+A run is 20 s of ``mpu6000`` at 200 Hz along the lecture's trajectory, dead-reckoned by midpoint and
+compared with the truth, with its NEES.
+
+    .venv/bin/python test/bench/bench_campaign.py [--runs 10000]
+"""
+
+import argparse
+import os
+import resource
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+import imu_sim_ros as ims
+from imu_sim_ros.campaign import CellRuns, load_plan
+from imu_sim_ros.campaign.estimators import dataset
+from imu_sim_ros.commands.common import print_table
+from imu_sim_ros.navigation import NavigationStates, noise_of
+from imu_sim_ros.navigation.comparison import nees
+from imu_sim_ros.navigation.covariance import POSITION, initial_covariance, propagate
+from imu_sim_ros.simulation import Simulation
+
+RATE, SECONDS, IMU = 200.0, 20.0, "mpu6000"
+LOOP = 100
+"""Runs of the plain loop, before and after the campaign."""
+NO_OP = 40
+
+
+class Cost(NamedTuple):
+    """What a process and all its workers took."""
+
+    wall_s: float
+    cpu_s: float
+    main_mb: float
+    """Largest resident memory of the process itself."""
+    worker_mb: float
+    """Largest of any worker."""
+
+
+def measured(command: list[str]) -> Cost:
+    """Run a command to its end; memory is the kernel's own peak (VmHWM)."""
+    started = time.perf_counter()
+    process = subprocess.Popen(command)
+    peaks: dict[int, float] = {}
+    seen: Counter[int] = Counter()
+    while True:
+        pid, status, usage = os.wait4(process.pid, os.WNOHANG)
+        if pid:
+            break
+        for one in (process.pid, *children(process.pid)):
+            seen[one] += 1
+            # A process that has just been forked still has its parent's memory.
+            if seen[one] > 5:
+                peaks[one] = max(peak_mb(one), peaks.get(one, 0.0))
+        time.sleep(0.02)
+    if status:
+        raise SystemExit(f"{' '.join(command)}: status {os.waitstatus_to_exitcode(status)}")
+    main = peaks.pop(process.pid)
+    wall = time.perf_counter() - started
+    return Cost(wall, usage.ru_utime + usage.ru_stime, main, max(peaks.values(), default=0.0))
+
+
+def children(pid: int) -> list[int]:
+    """Return the processes that a process has started."""
+    try:
+        return list(map(int, Path(f"/proc/{pid}/task/{pid}/children").read_text().split()))
+    except OSError:
+        return []
+
+
+def peak_mb(pid: int) -> float:
+    """Return VmHWM [MB]; 0 where the process has ended."""
+    try:
+        text = Path(f"/proc/{pid}/status").read_text()
+    except OSError:
+        return 0.0
+    found = [line for line in text.splitlines() if line.startswith("VmHWM")]
+    return int(found[0].split()[1]) / 1024.0 if found else 0.0
+
+
+def plain_loop(first: int, count: int, covariance: np.ndarray) -> tuple[float, float]:
+    """Return wall time and CPU time of a run [s] in a loop over the public functions."""
+    started, cpu = time.perf_counter(), time.process_time()
+    for seed in range(first, first + count):
+        flight = ims.simulate(imu=IMU, rate=RATE, duration=SECONDS, seed=seed)
+        found = ims.evaluate(ims.dead_reckon(flight), flight.truth)
+        nees(found.position[-1:], covariance)
+    return (time.perf_counter() - started) / count, (time.process_time() - cpu) / count
+
+
+def final_covariance() -> np.ndarray:
+    """Return the covariance of the final position; it is the same for all seeds."""
+    parameters = ims.simulate(imu=IMU, rate=RATE, duration=SECONDS, seed=0).parameters
+    block = Simulation(parameters).next_block(round(RATE * SECONDS))
+    motion, imu = block.motion, parameters.imu
+    truth = NavigationStates(block.true_t_ns, motion.position, motion.velocity, motion.q_wb)
+    initial = initial_covariance(
+        gyroscope_bias=imu.gyroscope.turn_on_bias_sigma,
+        accelerometer_bias=imu.accelerometer.turn_on_bias_sigma,
+    )
+    found: np.ndarray = propagate(truth, block.ideal_accel, noise_of(imu), initial)[0]
+    return found[POSITION, POSITION]
+
+
+def plan_file(folder: Path, seeds: int, estimators: str = "") -> Path:
+    """Write the plan of so many runs."""
+    path = folder / f"plan_{seeds}.yaml"
+    path.write_text(
+        f"parameters: {{rate: {RATE}, duration: {SECONDS}, imu: {IMU}}}\nseeds: {seeds}\n"
+        + estimators
+    )
+    return path
+
+
+def throughput(folder: Path, runs: int) -> None:
+    """Print a campaign's time and memory, of a tenth of the runs and of all, and the loop's."""
+    covariance = final_covariance()
+    plain_loop(0, 3, covariance)
+    loops = [plain_loop(0, LOOP, covariance)]
+    rows = []
+    program = str(Path(sys.executable).with_name("campaign"))
+    for count in (runs // 10, runs):
+        output = folder / f"out_{count}"
+        command = [program, str(plan_file(folder, count)), "-o", str(output), "--quiet"]
+        cost = measured(command)
+        rows.append(
+            [
+                f"campaign, {count:,} runs on {os.cpu_count()} cores",
+                f"{cost.wall_s:.1f}",
+                f"{cost.wall_s / count * 1e3:.2f}",
+                f"{cost.cpu_s / count * 1e3:.2f}",
+                f"{cost.main_mb:.0f}",
+                f"{cost.worker_mb:.0f}",
+            ]
+        )
+    loops.append(plain_loop(LOOP, LOOP, covariance))
+    wall, cpu = (statistics.mean(values) for values in zip(*loops, strict=True))
+    rows.append(
+        [
+            "plain loop in one process",
+            f"{wall * runs:.1f} ({2 * LOOP} made)",
+            f"{wall * 1e3:.2f}",
+            f"{cpu * 1e3:.2f}",
+            "",
+            "",
+        ]
+    )
+    header = ["way", "wall s", "ms a run", "CPU ms a run", "main MB", "worker MB"]
+    print_table(header, rows, f"{SECONDS:g} s of {IMU} at {RATE:g} Hz")
+    print(f"the campaign is {wall * runs / cost.wall_s:.2f} times as fast as the loop")
+
+
+def spent_so_far() -> tuple[float, float]:
+    """Return wall time, and CPU time of this process and those that it has waited for [s]."""
+    own = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return time.perf_counter(), sum(one.ru_utime + one.ru_stime for one in own)
+
+
+def no_op(folder: Path) -> None:
+    """Print what a program that does nothing costs beyond simulation and dataset."""
+    text = "estimators: {nothing: {command: 'true {dataset}'}}\n"
+    plan = load_plan(plan_file(folder, NO_OP, text))
+    runs = CellRuns(plan, next(plan.cells()))
+    spent: dict[str, list[tuple[float, float]]] = {"with": [], "without": []}
+    for seed in range(NO_OP):
+        for way, times in spent.items():
+            before = spent_so_far()
+            if way == "with":
+                list(runs.rows([seed], ["nothing"], folder / "no_op"))
+            else:
+                place = folder / "alone"
+                place.mkdir()
+                dataset.write_dataset(runs, "euroc", seed, runs.block(seed), place)
+                shutil.rmtree(place)
+            after = spent_so_far()
+            times.append((after[0] - before[0], after[1] - before[1]))
+    rows = []
+    for way, times in spent.items():
+        wall, cpu = zip(*times, strict=True)
+        words = "run of `true {dataset}`" if way == "with" else "simulation and dataset alone"
+        rows.append(
+            [words, f"{statistics.median(wall) * 1e3:.1f}", f"{statistics.mean(cpu) * 1e3:.1f}"]
+        )
+    print_table(["work", "wall ms, median", "CPU ms, mean"], rows, "A program that does nothing")
+
+
+OPENED = """
+import sys, time
+from pathlib import Path
+from selenium import webdriver
+from selenium.webdriver.chrome.service import Service
+import shutil
+options = webdriver.ChromeOptions()
+options.binary_location = shutil.which("chromium")
+for flag in ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"):
+    options.add_argument(flag)
+driver = webdriver.Chrome(options=options, service=Service(shutil.which("chromedriver")))
+times = []
+for _ in range(3):
+    driver.get("about:blank")
+    driver.get(Path(sys.argv[1]).resolve().as_uri())
+    assert driver.execute_script("return 'ready' in document.documentElement.dataset")
+    times.append(driver.execute_script(
+        "const n = performance.getEntriesByType('navigation')[0]; return n.loadEventEnd"))
+print(f"opens in {sorted(times)[1] / 1e3:.2f} s (median of three)")
+driver.quit()
+"""
+
+
+def page(folder: Path, runs: int) -> None:
+    """Print the size of the page of all runs, and how long a browser needs to open it."""
+    path = folder / f"out_{runs}" / "report.html"
+    print(f"report.html of {runs:,} runs: {path.stat().st_size / 1e6:.2f} MB", flush=True)
+    if shutil.which("chromium") and shutil.which("chromedriver"):
+        subprocess.run([sys.executable, "-c", OPENED, str(path)], check=False)
+
+
+def main() -> None:
+    """Print all tables."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--runs", type=int, default=10_000)
+    runs = parser.parse_args().runs
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        throughput(folder, runs)
+        no_op(folder)
+        page(folder, runs)
+
+
+if __name__ == "__main__":
+    main()
