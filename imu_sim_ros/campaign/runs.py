@@ -16,7 +16,6 @@ from imu_sim_ros.campaign.cells import Cell, word
 from imu_sim_ros.campaign.estimators import run_calibration, run_command
 from imu_sim_ros.campaign.metrics import Metrics, pose_metrics
 from imu_sim_ros.campaign.plan import Plan
-from imu_sim_ros.campaign.remembered import RememberedTrajectory
 from imu_sim_ros.config import CalibrationEstimator, CommandEstimator, DeadReckonEstimator
 from imu_sim_ros.errors import ConfigurationError, ImuSimError
 from imu_sim_ros.navigation import NavigationStates, dead_reckon, noise_of
@@ -32,6 +31,7 @@ from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.sensor import ImuBlock
 from imu_sim_ros.simulation import Simulation
 from imu_sim_ros.topics import delivered
+from imu_sim_ros.trajectory import RememberedTrajectory
 
 Array = NDArray[np.float64]
 
@@ -69,6 +69,7 @@ class CellRuns:
                 "parameters"
             )
         self.total = self._base.total
+        # It is sampled at the same times whatever the seed.
         self._base.trajectory = RememberedTrajectory(self._base.trajectory)
         self.digests = {
             name: plan.digest(self.parameters, self.rig, name) for name in plan.estimators

@@ -67,6 +67,23 @@ def test_a_run_has_the_numbers_of_the_commands(plan_file, tmp_path, capsys):
     assert row["rpe_1s_m"] == pytest.approx(found["rpe"][0]["translation_m"]["rmse"], rel=1e-6)
 
 
+def test_seeds_that_share_a_cell_have_the_numbers_of_seeds_alone(plan_file):
+    """What a cell's seeds share is the motion, sampled for averages and at a lever arm too."""
+    parameters = {
+        "rate": 100.0,
+        "duration": 2.0,
+        "imu": "mpu6000",
+        "imu.sampling": "averaged",
+        "imu.lever_arm": [0.1, 0.2, 0.3],
+    }
+    plan = load_plan(plan_file(parameters=parameters))
+
+    def rows(*seeds):
+        return list(CellRuns(plan, next(plan.cells())).rows(seeds, ["dead_reckon"], None))
+
+    assert rows(0, 1, 2) == [*rows(0), *rows(1), *rows(2)]
+
+
 def test_the_nees_of_many_seeds_lies_in_its_band(plan_file):
     """White noise and walks alone, for which the covariance is complete: 300 seeds."""
     parameters = {

@@ -1,14 +1,14 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A motion that is sampled once for all seeds of a cell."""
+"""A motion that is sampled once for many simulations."""
 
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.trajectory import Motion, Trajectory, highest_frequency
+from imu_sim_ros.trajectory.motion import Motion, Trajectory, highest_frequency
 
 Array = NDArray[np.float64]
 

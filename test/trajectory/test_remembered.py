@@ -1,0 +1,37 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A motion that is sampled once: the same numbers, and nothing may change them."""
+
+import numpy as np
+import pytest
+
+from imu_sim_ros.config import load_simulation
+from imu_sim_ros.simulation import Simulation
+from imu_sim_ros.trajectory import RememberedTrajectory
+
+
+@pytest.fixture
+def trajectory():
+    return Simulation(load_simulation({"trajectory.type": "lecture"})).trajectory
+
+
+def test_the_same_times_give_the_same_arrays_which_are_read_only(trajectory):
+    kept = RememberedTrajectory(trajectory)
+    t = np.arange(100) * 0.01
+    first = kept.sample(t)
+    assert all(a is b for a, b in zip(first, kept.sample(t.copy()), strict=True))
+    with pytest.raises(ValueError, match="read-only"):
+        first.position[0] = 1.0
+    t[5] = 7.0  # the caller's array is the caller's
+    other, alone = kept.sample(t), trajectory.sample(t)
+    assert all(np.array_equal(a, b) for a, b in zip(other, alone, strict=True))
+    assert not np.array_equal(first.position[5], other.position[5])
+
+
+def test_what_it_keeps_is_limited(trajectory):
+    kept = RememberedTrajectory(trajectory)
+    t = np.arange(100_001) * 1e-4
+    assert kept.sample(t).position is not kept.sample(t).position
+    few = t[:100]
+    assert kept.sample(few).position is kept.sample(few).position
