@@ -30,6 +30,9 @@ DEFAULT_TRAJECTORY = "lecture"
 LARGEST_JITTER = 0.25
 """The largest standard deviation of the stamps, in intervals between two samples."""
 
+LARGEST_LATITUDE = 85.0
+"""[deg] of the origin of a curved world; at the pole longitudes meet."""
+
 
 @dataclass(frozen=True)
 class SimulationParameters:
@@ -75,6 +78,12 @@ class SimulationParameters:
         False,
         "the world rotates with the Earth: the readings include Earth rate and Coriolis force",
     )
+    curved_earth: bool = flag(
+        False,
+        "the trajectory follows the ellipsoid: x and y are lengths along it, z is height, the "
+        "attitude that relative to the local level; the readings include the transport rate, and "
+        "gravity varies with the place",
+    )
     temperature: TemperatureParameters = section(TemperatureParameters)
     magnetic_field: MagneticFieldParameters = section(MagneticFieldParameters)
     trajectory: TrajectoryParameters = variant("type", "static", find_trajectory)
@@ -101,10 +110,24 @@ class SimulationParameters:
                 f"{prefix}imu.jitter = {self.imu.jitter:g}: must be at most a quarter of the "
                 f"interval, {LARGEST_JITTER / self.rate:g} s"
             )
+        if self.curved_earth:
+            yield from self._curved_earth_problems(prefix)
         if self.gravity_model != "constant" and self.gravity != GRAVITY:
             yield (
                 f"{prefix}gravity = {self.gravity}: must be omitted "
                 f"where gravity_model is {self.gravity_model}"
+            )
+
+    def _curved_earth_problems(self, prefix: str) -> Iterator[str]:
+        if self.gravity_model != "wgs84":
+            yield (
+                f"{prefix}gravity_model = {self.gravity_model!r}: must be wgs84 where "
+                f"{prefix}curved_earth is true"
+            )
+        if abs(self.latitude_deg) > LARGEST_LATITUDE:
+            yield (
+                f"{prefix}latitude_deg = {self.latitude_deg:g}: must be within "
+                f"{LARGEST_LATITUDE:g} deg of the equator where {prefix}curved_earth is true"
             )
 
     def warnings(self) -> list[str]:

@@ -11,7 +11,7 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from imu_sim_ros.config import SimulationParameters
 
@@ -22,7 +22,7 @@ EARTH_RATE: Final = 7.292115e-5
 SEMI_MAJOR_AXIS: Final = 6378137.0
 """[m]"""
 FLATTENING: Final = 1.0 / 298.257223563
-_ECCENTRICITY_SQUARED: Final = 6.69437999014e-3
+ECCENTRICITY_SQUARED: Final = 6.69437999014e-3
 _EQUATOR_GRAVITY: Final = 9.7803253359
 _SOMIGLIANA_CONSTANT: Final = 0.00193185265241
 _CENTRIFUGAL_RATIO: Final = 0.00344978650684
@@ -35,17 +35,23 @@ def normal_gravity(latitude: float, height: float) -> float:
     :param height: above the ellipsoid [m]; the series is of second order, good to 1e-6 m/s^2 below
         10 km.
     """
-    sine_squared = math.sin(latitude) ** 2
+    return float(gravity_on_ellipsoid(math.sin(latitude) ** 2, height))
+
+
+def gravity_on_ellipsoid(sine_squared: ArrayLike, height: ArrayLike) -> Array:
+    """Return normal gravity (...) [m/s^2] for the squared sine of latitudes, and heights [m]."""
+    s, h = np.asarray(sine_squared), np.asarray(height)
     # Somigliana, eq. 4-1
     surface = (
         _EQUATOR_GRAVITY
-        * (1.0 + _SOMIGLIANA_CONSTANT * sine_squared)
-        / math.sqrt(1.0 - _ECCENTRICITY_SQUARED * sine_squared)
+        * (1.0 + _SOMIGLIANA_CONSTANT * s)
+        / np.sqrt(1.0 - ECCENTRICITY_SQUARED * s)
     )
     # eq. 4-3
     a, f, m = SEMI_MAJOR_AXIS, FLATTENING, _CENTRIFUGAL_RATIO
-    linear = 2.0 / a * (1.0 + f + m - 2.0 * f * sine_squared)
-    return surface * (1.0 - linear * height + 3.0 / a**2 * height**2)
+    linear = 2.0 / a * (1.0 + f + m - 2.0 * f * s)
+    result: Array = surface * (1.0 - linear * h + 3.0 / a**2 * h**2)
+    return result
 
 
 def gravity_vector(parameters: SimulationParameters) -> Array:

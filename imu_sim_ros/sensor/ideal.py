@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from imu_sim_ros.config import SimulationParameters
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.rotation.components import cross, rotate_inverse, transform
+from imu_sim_ros.sensor.curved_earth import CurvedEarth
 from imu_sim_ros.sensor.gravity import earth_rate_vector, gravity_vector
 from imu_sim_ros.trajectory import Motion, Trajectory
 
@@ -66,6 +67,7 @@ class IdealImu:
     """An IMU without errors at its mounting position on the body."""
 
     def __init__(self, parameters: SimulationParameters) -> None:
+        self._curved_earth = CurvedEarth(parameters) if parameters.curved_earth else None
         self._gravity_w = gravity_vector(parameters)[:, None]
         self._earth_rate_w = earth_rate_vector(parameters)[:, None]
         self._lever_arm_b = np.reshape(parameters.imu.lever_arm, (3, 1))
@@ -84,7 +86,8 @@ class IdealImu:
         With Earth rotation the gyroscope also reads ``R_wb.T omega_ie`` and the accelerometer the
         Coriolis term ``2 omega_ie x v`` of the IMU's velocity (Groves, "Principles of GNSS,
         Inertial, and Multisensor Integrated Navigation Systems", 2nd ed., eq. 5.41); the
-        centrifugal term is a part of gravity. The world is flat: no transport rate.
+        centrifugal term is a part of gravity. The world is flat, unless `curved_earth` is set
+        (:class:`imu_sim_ros.sensor.curved_earth.CurvedEarth`).
         """
         if _at_rest(motion):
             rate, force = self._read(Motion(*(values[:1] for values in motion)))
@@ -93,6 +96,18 @@ class IdealImu:
         return self._read(motion)
 
     def _read(self, motion: Motion) -> tuple[Array, Array]:
+        rate, force = self._of_the_body(motion)
+        rate_i, force_i = transform(self._r_ib, rate), transform(self._r_ib, force)
+        if self._has_size:
+            turning_i = transform(self._r_ib, motion.angular_velocity.T)
+            change_i = transform(self._r_ib, motion.angular_acceleration.T)
+            force_i += size_effect(self._elements_i, turning_i, change_i)
+        return rate_i, force_i
+
+    def _of_the_body(self, motion: Motion) -> tuple[Array, Array]:
+        """Return angular rate and specific force at the lever arm in the body frame, (3, n)."""
+        if self._curved_earth:
+            return self._curved_earth.read(motion, self._lever_arm_b)
         q_wb = motion.q_wb.T
         rate = motion.angular_velocity.T
         force = rotate_inverse(q_wb, motion.acceleration.T - self._gravity_w)
@@ -105,12 +120,7 @@ class IdealImu:
             velocity = rotate_inverse(q_wb, motion.velocity.T) + cross(rate, arm)
             force += 2.0 * cross(earth_rate, velocity)
             rate = rate + earth_rate
-        rate_i, force_i = transform(self._r_ib, rate), transform(self._r_ib, force)
-        if self._has_size:
-            turning_i = transform(self._r_ib, motion.angular_velocity.T)
-            change_i = transform(self._r_ib, motion.angular_acceleration.T)
-            force_i += size_effect(self._elements_i, turning_i, change_i)
-        return rate_i, force_i
+        return rate, force
 
     def read_mean(
         self, trajectory: Trajectory, start: Array, end: Array, quadrature: Quadrature
