@@ -22,6 +22,7 @@ from imu_sim_ros.bags.messages import (
     ImuEncoder,
     MagneticFieldEncoder,
     OdometryEncoder,
+    Pattern,
     TemperatureEncoder,
     Vector3StampedEncoder,
 )
@@ -51,7 +52,6 @@ from imu_sim_ros.sensor import (
 )
 
 Times = NDArray[np.int64]
-Bytes = NDArray[np.uint8]
 
 TYPES: Final[dict[str, str]] = {
     IMU_TOPIC: IMU,
@@ -81,8 +81,8 @@ class Messages(NamedTuple):
     """(m,) stamps; a bag takes them as record times."""
     due_t_ns: Times
     """(m,) when the driver would release them [ns]."""
-    payloads: Bytes
-    """(m, size) the messages."""
+    payloads: Pattern
+    """The messages."""
 
 
 Encode = Callable[[ImuBlock, SimulationParameters], Messages]
@@ -125,7 +125,7 @@ def _readings(parameters: SimulationParameters, encoding: str) -> Encode:
 
     def encode(block: ImuBlock, now: SimulationParameters) -> Messages:
         t_ns, gyro, accel = delivered(block)
-        payloads = readings.encode(
+        payloads = readings.pattern(
             t_ns,
             gyro,
             accel,
@@ -140,10 +140,10 @@ def _readings(parameters: SimulationParameters, encoding: str) -> Encode:
 def _truth(parameters: SimulationParameters, encoding: str) -> Encode:
     odometry = OdometryEncoder(parameters.world_frame, parameters.body_frame, encoding)
 
-    def messages(block: ImuBlock) -> Bytes:
+    def messages(block: ImuBlock) -> Pattern:
         motion = block.motion
         velocity_b = rotate_inverse(motion.q_wb, motion.velocity)
-        return odometry.encode(
+        return odometry.pattern(
             block.true_t_ns, motion.position, motion.q_wb, velocity_b, motion.angular_velocity
         )
 
@@ -152,22 +152,22 @@ def _truth(parameters: SimulationParameters, encoding: str) -> Encode:
 
 def _ideal(parameters: SimulationParameters, encoding: str) -> Encode:
     readings = ImuEncoder(parameters.imu_frame, encoding)
-    return _at_true_times(lambda b: readings.encode(b.true_t_ns, b.ideal_gyro, b.ideal_accel))
+    return _at_true_times(lambda b: readings.pattern(b.true_t_ns, b.ideal_gyro, b.ideal_accel))
 
 
 def _gyroscope_bias(parameters: SimulationParameters, encoding: str) -> Encode:
     vectors = Vector3StampedEncoder(parameters.imu_frame, encoding)
-    return _at_true_times(lambda b: vectors.encode(b.true_t_ns, b.gyro_bias))
+    return _at_true_times(lambda b: vectors.pattern(b.true_t_ns, b.gyro_bias))
 
 
 def _accelerometer_bias(parameters: SimulationParameters, encoding: str) -> Encode:
     vectors = Vector3StampedEncoder(parameters.imu_frame, encoding)
-    return _at_true_times(lambda b: vectors.encode(b.true_t_ns, b.accel_bias))
+    return _at_true_times(lambda b: vectors.pattern(b.true_t_ns, b.accel_bias))
 
 
 def _temperature(parameters: SimulationParameters, encoding: str) -> Encode:
     thermometer = TemperatureEncoder(parameters.imu_frame, encoding)
-    return _at_true_times(lambda b: thermometer.encode(b.true_t_ns, b.temperature))
+    return _at_true_times(lambda b: thermometer.pattern(b.true_t_ns, b.temperature))
 
 
 def _magnetic_field(parameters: SimulationParameters, encoding: str) -> Encode:
@@ -179,7 +179,7 @@ def _magnetic_field(parameters: SimulationParameters, encoding: str) -> Encode:
         t_ns = read.t_ns[rows]
         variance = field_variance_discrete(now.imu)
         return Messages(
-            t_ns, read.release_t_ns[rows], fields.encode(t_ns, read.field[rows], variance)
+            t_ns, read.release_t_ns[rows], fields.pattern(t_ns, read.field[rows], variance)
         )
 
     return encode
@@ -190,7 +190,7 @@ def _ideal_magnetic_field(parameters: SimulationParameters, encoding: str) -> En
 
     def encode(block: ImuBlock, _: SimulationParameters) -> Messages:
         t_ns = _magnetic(block).true_t_ns
-        return Messages(t_ns, t_ns, fields.encode(t_ns, _magnetic(block).ideal_field))
+        return Messages(t_ns, t_ns, fields.pattern(t_ns, _magnetic(block).ideal_field))
 
     return encode
 
@@ -231,18 +231,18 @@ def _increments(
     vectors = Vector3StampedEncoder(parameters.imu_frame, encoding)
     interval = 1.0 / parameters.rate
     if topic in (IDEAL_DELTA_ANGLE_TOPIC, IDEAL_DELTA_VELOCITY_TOPIC):
-        return _at_true_times(lambda b: vectors.encode(b.true_t_ns, means(b) * interval))
+        return _at_true_times(lambda b: vectors.pattern(b.true_t_ns, means(b) * interval))
 
     def encode(block: ImuBlock, _: SimulationParameters) -> Messages:
         rows = block.delivered
         t_ns = block.t_ns[rows]
-        payloads = vectors.encode(t_ns, means(block)[rows] * interval)
+        payloads = vectors.pattern(t_ns, means(block)[rows] * interval)
         return Messages(t_ns, block.release_t_ns[rows], payloads)
 
     return encode
 
 
-def _at_true_times(payloads: Callable[[ImuBlock], Bytes]) -> Encode:
+def _at_true_times(payloads: Callable[[ImuBlock], Pattern]) -> Encode:
     return lambda block, _: Messages(block.true_t_ns, block.true_t_ns, payloads(block))
 
 

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from imu_sim_ros.bags.read import read_poses as read_poses
     from imu_sim_ros.bags.read import read_temperature as read_temperature
     from imu_sim_ros.bags.reader import Bag as Bag
-    from imu_sim_ros.bags.reader import ahead as ahead
     from imu_sim_ros.bags.split import MAX_PARTS as MAX_PARTS
+    from imu_sim_ros.bags.threads import ahead as ahead
     from imu_sim_ros.bags.write import COMPRESSIONS as COMPRESSIONS
     from imu_sim_ros.bags.write import STORAGES as STORAGES
     from imu_sim_ros.bags.write import check_writer as check_writer
@@ -57,8 +57,9 @@ else:
                 "read_poses",
                 "read_temperature",
             ],
-            "reader": ["Bag", "ahead"],
+            "reader": ["Bag"],
             "split": ["MAX_PARTS"],
+            "threads": ["ahead"],
             "write": ["COMPRESSIONS", "STORAGES", "check_writer", "open_writer"],
             "writer": ["Block", "Topic", "Writer", "amount", "described"],
         },

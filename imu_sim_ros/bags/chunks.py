@@ -1,8 +1,14 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Writers of chunked containers: blocks of messages become chunks of records, built by NumPy."""
+"""Writers of chunked containers: blocks of messages become chunks of records, built by NumPy.
 
+Of a chunk's bytes most are the same as in the chunk before: the records are made in buffers that go
+round, and only what differs is written to them. Where there is more than one chunk to write,
+checksums and compression are computed in threads, and another one writes.
+"""
+
+import os
 from abc import abstractmethod
 from collections.abc import Sequence
 from contextlib import suppress
@@ -13,11 +19,25 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros.bags.atomic_file import OutputFile
-from imu_sim_ros.bags.messages import Bytes, Payloads, Times, as_list
+from imu_sim_ros.bags.messages import (
+    Bytes,
+    Pattern,
+    Payloads,
+    Schema,
+    Times,
+    as_list,
+    as_pattern,
+    side_by_side,
+)
+from imu_sim_ros.bags.threads import Pipeline
 from imu_sim_ros.bags.writer import Block, Topic, Writer, tally, time_order
 from imu_sim_ros.errors import InputError
 
 CHUNK_BYTES: Final = 1 << 20
+_MOST_WORKERS: Final = 4
+"""More than this the thread that writes cannot follow; each has a few chunks in memory."""
+_SPARE_ROWS: Final = 8
+"""Chunks of one emission differ by a row."""
 
 
 class Indexed(NamedTuple):
@@ -38,11 +58,30 @@ class _Mark(NamedTuple):
     """Of each topic: messages, first and last time."""
 
 
+class _Buffer(NamedTuple):
+    """Memory for the rows of a chunk, which have the bytes of a template."""
+
+    template: bytes
+    rows: Bytes
+
+
+class _Job(NamedTuple):
+    """A chunk on its way into the file."""
+
+    records: Bytes
+    messages: Sequence[Indexed]
+    counts: list[tuple[int, int, int]]
+    """Of each topic, with this chunk."""
+    buffer: _Buffer | None
+    """That is free again when the chunk is written."""
+
+
 class ChunkWriter(Writer):
     """Collects messages until a chunk is full; containers say what a record and a chunk are."""
 
-    def __init__(self, path: Path, renamed: bool) -> None:
+    def __init__(self, path: Path, compression: str, renamed: bool) -> None:
         super().__init__(path)
+        self._compression = compression
         self.file = OutputFile(path, renamed)
         self._pending: list[Block] = []
         self._pending_bytes = 0
@@ -50,11 +89,15 @@ class ChunkWriter(Writer):
         self._written: list[Any] = []
         """What the containers note about every chunk."""
         self._emitting = False
+        self._finishing: int | None = None
+        """Where the file's end begins, once that is being written."""
         self._mark = _Mark(0, 0, [])
+        self._buffers: list[_Buffer] = []
+        self._pipeline: Pipeline[_Job, tuple[_Job, Any]] | None = None
 
     @abstractmethod
-    def _records(self, topic: Topic, first: int, t_ns: Times, payloads: Bytes) -> Bytes:
-        """Return messages of equal size as records (n, record size).
+    def _records(self, topic: Topic, first: int, t_ns: Times, payloads: Pattern) -> Pattern:
+        """Return messages of equal size as records.
 
         :param first: how many messages of the topic were written before.
         """
@@ -63,17 +106,43 @@ class ChunkWriter(Writer):
     def _record(self, topic: Topic, index: int, t_ns: int, payload: bytes) -> bytes:
         """Return one message as a record."""
 
+    def _first_in_chunk(self) -> bytes:
+        """Return what stands in the next chunk before the records."""
+        return b""
+
     @abstractmethod
-    def _write_chunk(self, records: Bytes, messages: Sequence[Indexed]) -> None:
-        """Write records (bytes,) as a chunk with its index; offsets count from the first record."""
+    def _pack(self, records: Bytes, messages: Sequence[Indexed]) -> Any:
+        """Return records (bytes,) as a chunk with its index; runs in several threads.
+
+        The offsets of the messages count from the first byte of the chunk.
+        """
+
+    @abstractmethod
+    def _store(self, packed: Any) -> None:
+        """Write a chunk at the end of the file and note it."""
 
     @abstractmethod
     def _finish(self) -> None:
         """Write what follows the last chunk."""
 
+    def add_topic(
+        self,
+        name: str,
+        type_name: str,
+        qos: Sequence[Any] | None = None,
+        definition: Schema | None = None,
+        keeps_seq: bool = False,
+    ) -> Topic:
+        """Return the handle of a new topic; its description stands behind the chunks so far."""
+        self._wait()
+        topic = super().add_topic(name, type_name, qos, definition, keeps_seq)
+        self._note(self._counts())
+        return topic
+
     @property
     def size(self) -> int:
         """Bytes in the file, with what waits in memory."""
+        self._wait()
         return self.file.position + self._pending_bytes
 
     @property
@@ -88,7 +157,7 @@ class ChunkWriter(Writer):
             self._pending.append(block)
             self._pending_bytes += _bytes(block.payloads)
         if self._pending_bytes >= CHUNK_BYTES:
-            self._emit()
+            self._emit_in_threads()
 
     def write_raw(self, topic: Topic, t_ns: int, payload: bytes) -> None:
         """Write one message."""
@@ -96,24 +165,28 @@ class ChunkWriter(Writer):
         self._pending_bytes += len(payload)
         if self._pending_bytes >= CHUNK_BYTES:
             self._collect_raw()
-            self._emit()
+            self._emit_in_threads()
 
     def flush(self, durable: bool = False) -> None:
         """Write what waits in memory as a chunk of its own."""
         self._collect_raw()
         self._emit()
+        self._wait()
         if durable:
             self.file.sync()
 
     def close(self) -> None:
         """Write the last chunk and the index; give the file its name."""
         self.flush()
+        self._end_threads()
+        self._finishing = self.file.position
         self._finish()
         self.file.finish()
 
     def abandon(self) -> list[Path]:
         """Finish the file where that is still possible; it keeps the name of a part."""
-        self._pending, self._raw, self._pending_bytes = [], [], 0
+        self._end_threads()
+        self._return_to_mark()
         with suppress(InputError):  # without an index the chunks are complete all the same
             self._finish()
         self.file.abandon(empty=not self.count)
@@ -123,19 +196,25 @@ class ChunkWriter(Writer):
         """Finish with all whole chunks, and with what waits where no chunk was being written."""
         if self.file.closed:
             return
-        if self._emitting:
-            self.file.cut(self._mark.position)
-            del self._written[self._mark.chunks :]
-            for topic, (count, first_ns, last_ns) in zip(
-                self.topics, self._mark.counts, strict=False
-            ):
-                topic.count, topic.first_ns, topic.last_ns = count, first_ns, last_ns
-            self._pending, self._raw, self._pending_bytes = [], [], 0
+        emitting = self._emitting
+        self._end_threads()
+        if self._finishing is not None:
+            self.file.cut(self._finishing)
+        elif emitting:
+            self._return_to_mark()
         self.flush()
         if self.count:
             self.close()
         else:
             self.file.abandon(empty=True)
+
+    def _return_to_mark(self) -> None:
+        """Forget what is not a whole chunk in the file."""
+        self._pending, self._raw, self._pending_bytes = [], [], 0
+        self.file.cut(self._mark.position)
+        del self._written[self._mark.chunks :]
+        for topic, (count, first_ns, last_ns) in zip(self.topics, self._mark.counts, strict=False):
+            topic.count, topic.first_ns, topic.last_ns = count, first_ns, last_ns
 
     def _collect_raw(self) -> None:
         """Turn single messages into blocks, one for each topic."""
@@ -154,7 +233,6 @@ class ChunkWriter(Writer):
         self._pending, self._pending_bytes = [], 0
         if not blocks:
             return
-        self._note()
         self._emitting = True
         if _simultaneous(blocks):
             self._emit_rows(blocks)
@@ -162,10 +240,67 @@ class ChunkWriter(Writer):
             self._emit_merged(blocks)
         self._emitting = False
 
-    def _note(self) -> None:
-        """Remember how far everything is whole."""
-        counts = [(topic.count, topic.first_ns, topic.last_ns) for topic in self.topics]
+    def _emit_in_threads(self) -> None:
+        """Write everything that waits; threads, which cost a little, take the chunks from now on.
+
+        The last chunk of a small file, and those that are flushed one by one, do without.
+        """
+        if self._pipeline is None:
+            # A checksum alone is quick, and quickest where the records are still in the cache.
+            cores = min(len(os.sched_getaffinity(0)), _MOST_WORKERS)
+            workers = cores if self._compression not in ("", "none") else 0
+            self._pipeline = Pipeline(self._packed_job, self._store_job, workers)
+        self._emit()
+
+    def _wait(self) -> None:
+        """Wait until the chunks so far are in the file."""
+        if self._pipeline is not None:
+            self._pipeline.wait()
+
+    def _end_threads(self) -> None:
+        if self._pipeline is not None:
+            self._pipeline.close()
+            self._pipeline = None
+
+    def _counts(self) -> list[tuple[int, int, int]]:
+        return [(topic.count, topic.first_ns, topic.last_ns) for topic in self.topics]
+
+    def _note(self, counts: list[tuple[int, int, int]]) -> None:
+        """Remember that everything is whole up to here."""
         self._mark = _Mark(self.file.position, len(self._written), counts)
+
+    def _hand_over(
+        self, records: Bytes, messages: Sequence[Indexed], buffer: _Buffer | None = None
+    ) -> None:
+        """Let a chunk be written."""
+        if before := self._first_in_chunk():
+            records = np.concatenate([np.frombuffer(before, np.uint8), records])
+            messages = [Indexed(t, t_ns, offsets + len(before)) for t, t_ns, offsets in messages]
+        job = _Job(records, messages, self._counts(), buffer)
+        if self._pipeline is None:
+            self._store_job(self._packed_job(job))
+        else:
+            self._pipeline.give(job)
+
+    def _packed_job(self, job: _Job) -> tuple[_Job, Any]:
+        return job, self._pack(job.records, job.messages)
+
+    def _store_job(self, made: tuple[_Job, Any]) -> None:
+        job, packed = made
+        self._store(packed)
+        self._note(job.counts)
+        if job.buffer is not None:
+            self._buffers.append(job.buffer)
+
+    def _buffer(self, template: bytes, count: int) -> _Buffer:
+        """Return memory for a chunk of some rows."""
+        while self._buffers:
+            buffer = self._buffers.pop()
+            if buffer.template == template and len(buffer.rows) >= count:
+                return buffer
+        rows = np.empty((count + _SPARE_ROWS, len(template)), np.uint8)
+        rows[:] = np.frombuffer(template, np.uint8)
+        return _Buffer(template, rows)
 
     def _emit_rows(self, blocks: Sequence[Block]) -> None:
         """Write blocks of different topics with the same times: one message of each in turn."""
@@ -178,21 +313,23 @@ class ChunkWriter(Writer):
                 Block(topic, times[start:stop], payloads[start:stop])
                 for topic, times, payloads in blocks
             ]
-            tables = [
-                self._records(topic, topic.count, times, payloads)
+            patterns = [
+                self._records(topic, topic.count, times, as_pattern(payloads))
                 for topic, times, payloads in chunk
                 if not isinstance(payloads, list)
             ]
-            table = tables[0] if len(tables) == 1 else np.concatenate(tables, axis=1)
-            first = np.cumsum([0, *(records.shape[1] for records in tables[:-1])])
-            rows = np.arange(stop - start, dtype=np.int64) * table.shape[1]
+            table = side_by_side(patterns)
+            buffer = self._buffer(table.template, len(table))
+            rows = buffer.rows[: len(table)]
+            table.fill(rows)
+            starts = np.arange(stop - start, dtype=np.int64) * table.shape[1]
+            first = np.cumsum([0, *(pattern.shape[1] for pattern in patterns[:-1])])
             index = [
-                Indexed(block.topic, block.t_ns, rows + offset)
+                Indexed(block.topic, block.t_ns, starts + offset)
                 for block, offset in zip(chunk, first.tolist(), strict=True)
             ]
-            self._write_chunk(table.reshape(-1), index)
             tally(chunk)
-            self._note()
+            self._hand_over(rows.reshape(-1), index, buffer)
 
     def _emit_merged(self, blocks: Sequence[Block]) -> None:
         """Write any blocks, message by message in the order of time."""
@@ -220,24 +357,23 @@ class ChunkWriter(Writer):
                 for offsets in [(ends[part] - sizes[part] - base)[owner[part] == k]]
             ]
             chunk = np.frombuffer(b"".join(records[part]), np.uint8)
-            self._write_chunk(chunk, index)
             for topic, times, _ in index:
                 topic.add(len(times), int(times.min()), int(times.max()))
-            self._note()
+            self._hand_over(chunk, index)
             start = stop
 
     def _record_list(
-        self, topic: Topic, first: int, t_ns: Times, payloads: Payloads
+        self, topic: Topic, first: int, t_ns: Times, payloads: Payloads | Pattern
     ) -> list[bytes]:
         if isinstance(payloads, list):
             return [
                 self._record(topic, first + k, time, payload)
                 for k, (time, payload) in enumerate(zip(t_ns.tolist(), payloads, strict=True))
             ]
-        return as_list(self._records(topic, first, t_ns, payloads))
+        return as_list(self._records(topic, first, t_ns, as_pattern(payloads)))
 
 
-def _bytes(payloads: Payloads) -> int:
+def _bytes(payloads: Payloads | Pattern) -> int:
     return sum(map(len, payloads)) if isinstance(payloads, list) else payloads.size
 
 

@@ -3,23 +3,21 @@
 
 """What all bag readers share: topics, blocks of messages, and their order in time."""
 
-import queue
 import sqlite3
 import struct
-import threading
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Final, NamedTuple, TypeVar
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import as_strided, sliding_window_view
 
 from imu_sim_ros.bags.messages import Bytes, MessageBlock, Payloads, Times, TopicInfo, as_list
+from imu_sim_ros.bags.threads import ahead
 from imu_sim_ros.errors import ImuSimError, InputError, system_error
 
-_T = TypeVar("_T")
 DAMAGE: Final = (
     ArithmeticError,
     AssertionError,
@@ -33,7 +31,6 @@ DAMAGE: Final = (
     struct.error,
 )
 """What Python, NumPy and the bag libraries raise over bytes that are not what they say."""
-_AHEAD = 2
 _LONGEST_REASON: Final = 200
 
 
@@ -137,42 +134,6 @@ class Bag(ABC):
 def listed(topics: Iterable[TopicInfo]) -> str:
     """Return topics in words."""
     return ", ".join(f"{topic.name} ({topic.type})" for topic in topics) or "no topics"
-
-
-def ahead(items: Iterable[_T]) -> Iterator[_T]:
-    """Yield items that are made in a thread of their own, a few ahead of the one that is used."""
-    # Queues without locks in Python: an exception of a signal's handler must not leave one taken.
-    made: queue.SimpleQueue[tuple[str, Any]] = queue.SimpleQueue()
-    places: queue.SimpleQueue[bool] = queue.SimpleQueue()
-    for _ in range(_AHEAD):
-        places.put(True)
-    stopped = False
-
-    def work() -> None:
-        try:
-            for item in items:
-                if not places.get() or stopped:
-                    return
-                made.put(("item", item))
-            made.put(("end", None))
-        except BaseException as error:
-            made.put(("error", error))
-
-    worker = threading.Thread(target=work, daemon=True)
-    worker.start()
-    try:
-        while True:
-            kind, content = made.get()
-            if kind == "end":
-                return
-            if kind == "error":
-                raise content
-            places.put(True)
-            yield content
-    finally:
-        stopped = True
-        places.put(False)
-        worker.join()
 
 
 def gather(data: Bytes, starts: Times, sizes: Times) -> Payloads:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags.messages import Payloads, Qos, Schema, Times, schema
+from imu_sim_ros.bags.messages import Pattern, Payloads, Qos, Schema, Times, schema
 from imu_sim_ros.errors import InputError
 
 
@@ -46,7 +46,7 @@ class Block(NamedTuple):
     topic: Topic
     t_ns: Times
     """(n,) record times."""
-    payloads: Payloads
+    payloads: Payloads | Pattern
     """(n, size) bytes of messages of equal size, or a list of n messages."""
 
 
@@ -86,7 +86,7 @@ class Writer(ABC):
         self.topics.append(topic)
         return topic
 
-    def write(self, topic: Topic, t_ns: Times, payloads: Payloads) -> None:
+    def write(self, topic: Topic, t_ns: Times, payloads: Payloads | Pattern) -> None:
         """Write n messages with record times (n,)."""
         self.write_blocks([Block(topic, t_ns, payloads)])
 

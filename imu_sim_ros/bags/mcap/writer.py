@@ -7,15 +7,16 @@ The format is that of https://mcap.dev/spec, with the profile ``ros2`` of rosbag
 """
 
 import struct
+import threading
 import zlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from imu_sim_ros.bags.chunks import ChunkWriter, Indexed
-from imu_sim_ros.bags.messages import Bytes, Times, qos_text
+from imu_sim_ros.bags.messages import Bytes, Column, Pattern, Times, qos_text, side_by_side
 from imu_sim_ros.bags.writer import Topic
 
 MAGIC: Final = b"\x89MCAP0\r\n"
@@ -33,14 +34,28 @@ MESSAGE_HEADER: Final = np.dtype(
         ("publish_time", "<u8"),
     ]
 )
+_PLACES: Final = {name: place[1] for name, place in (MESSAGE_HEADER.fields or {}).items()}
 INDEX_ENTRY: Final = np.dtype([("time", "<u8"), ("offset", "<u8")])
 _RECORD_HEADER_BYTES: Final = 9
 _UNKNOWN_SCHEMA: Final = 0
 _ZSTD_LEVEL: Final = 1
 
 
+class _Packed(NamedTuple):
+    """A chunk as it goes into the file."""
+
+    head: bytes
+    compressed: bytes | memoryview
+    indexes: list[tuple[int, bytes]]
+    """Channels and their message indexes."""
+    start_ns: int
+    end_ns: int
+    size: int
+    """Of the records."""
+
+
 def compressor(compression: str) -> Callable[[bytes | memoryview], bytes | memoryview]:
-    """Return the function that compresses a chunk.
+    """Return the function that compresses a chunk; several threads may call it.
 
     :param compression: none, lz4 or zstd.
     """
@@ -52,9 +67,14 @@ def compressor(compression: str) -> Callable[[bytes | memoryview], bytes | memor
     if compression == "zstd":
         import zstandard
 
-        zstd: Callable[[bytes | memoryview], bytes] = zstandard.ZstdCompressor(
-            level=_ZSTD_LEVEL
-        ).compress
+        own = threading.local()
+
+        def zstd(data: bytes | memoryview) -> bytes:
+            if not hasattr(own, "compress"):  # a compressor serves one thread
+                own.compress = zstandard.ZstdCompressor(level=_ZSTD_LEVEL).compress
+            compressed: bytes = own.compress(data)
+            return compressed
+
         return zstd
     return lambda data: data
 
@@ -68,8 +88,7 @@ class McapWriter(ChunkWriter):
         from mcap.records import Header
         from mcap.writer import LIBRARY_IDENTIFIER
 
-        super().__init__(path, renamed)
-        self._compression = "" if compression == "none" else compression
+        super().__init__(path, "" if compression == "none" else compression, renamed)
         self._compress = compressor(compression)
         self._schemas: dict[str, Any] = {}
         self._channels: list[Any] = []
@@ -107,20 +126,18 @@ class McapWriter(ChunkWriter):
         self._channels.append(channel)
         self.file.write(_packed(channel))
 
-    def _records(self, topic: Topic, first: int, t_ns: Times, payloads: Bytes) -> Bytes:
+    def _records(self, topic: Topic, first: int, t_ns: Times, payloads: Pattern) -> Pattern:
         count, size = payloads.shape
-        header = MESSAGE_HEADER.itemsize
-        records = np.empty((count, header + size), np.uint8)
-        records[:, header:] = payloads
-        # A structured view onto the first columns; the stride is that of the whole record.
-        fields = np.ndarray((count,), MESSAGE_HEADER, buffer=records, strides=(records.strides[0],))
-        fields["opcode"] = MESSAGE
-        fields["length"] = header - _RECORD_HEADER_BYTES + size
-        fields["channel"] = topic.index + 1
-        fields["sequence"] = (first + np.arange(count)) & 0xFFFFFFFF
-        fields["log_time"] = t_ns
-        fields["publish_time"] = t_ns
-        return records
+        header = np.zeros(1, MESSAGE_HEADER)
+        header["opcode"] = MESSAGE
+        header["length"] = MESSAGE_HEADER.itemsize - _RECORD_HEADER_BYTES + size
+        header["channel"] = topic.index + 1
+        columns = [
+            Column(_PLACES["sequence"], np.arange(first, first + count).astype("<u4")),
+            Column(_PLACES["log_time"], t_ns),
+            Column(_PLACES["publish_time"], t_ns),
+        ]
+        return side_by_side([Pattern(header.tobytes(), columns, count), payloads])
 
     def _record(self, topic: Topic, index: int, t_ns: int, payload: bytes) -> bytes:
         length = MESSAGE_HEADER.itemsize - _RECORD_HEADER_BYTES + len(payload)
@@ -129,9 +146,7 @@ class McapWriter(ChunkWriter):
             struct.pack("<BQHIQQ", MESSAGE, length, topic.index + 1, sequence, t_ns, t_ns) + payload
         )
 
-    def _write_chunk(self, records: Bytes, messages: Sequence[Indexed]) -> None:
-        from mcap.records import ChunkIndex
-
+    def _pack(self, records: Bytes, messages: Sequence[Indexed]) -> _Packed:
         data = memoryview(records.data)
         compressed = self._compress(data)
         start_ns = min(int(t_ns.min()) for _, t_ns, _ in messages)
@@ -148,25 +163,33 @@ class McapWriter(ChunkWriter):
             len(compressed),
         )
         length = len(header) + len(compressed)
+        indexes = [(topic.index + 1, _message_index(topic, *rest)) for topic, *rest in messages]
+        head = struct.pack("<BQ", CHUNK, length) + header
+        return _Packed(head, compressed, indexes, start_ns, end_ns, len(data))
+
+    def _store(self, packed: _Packed) -> None:
+        from mcap.records import ChunkIndex
+
+        head, compressed, indexes, start_ns, end_ns, size = packed
         offset = self.file.position
-        indexes = [_message_index(*entry) for entry in messages]
         index_offsets: dict[int, int] = {}
-        position = offset + _RECORD_HEADER_BYTES + length
-        for (topic, _, _), index in zip(messages, indexes, strict=True):
-            index_offsets[topic.index + 1] = position
+        position = offset + len(head) + len(compressed)
+        for channel, index in indexes:
+            index_offsets[channel] = position
             position += len(index)
-        self.file.write(struct.pack("<BQ", CHUNK, length), header, compressed, b"".join(indexes))
+        all_indexes = b"".join(index for _, index in indexes)
+        self.file.write(head, compressed, all_indexes)
         self._written.append(
             ChunkIndex(
-                chunk_length=_RECORD_HEADER_BYTES + length,
+                chunk_length=len(head) + len(compressed),
                 chunk_start_offset=offset,
                 compression=self._compression,
                 compressed_size=len(compressed),
                 message_end_time=end_ns,
-                message_index_length=sum(map(len, indexes)),
+                message_index_length=len(all_indexes),
                 message_index_offsets=index_offsets,
                 message_start_time=start_ns,
-                uncompressed_size=len(data),
+                uncompressed_size=size,
             )
         )
 

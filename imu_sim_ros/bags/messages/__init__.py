@@ -7,7 +7,17 @@ Works on arrays of bytes and knows no file. Imports the leaves.
 """
 
 from imu_sim_ros.bags.messages import schemas
-from imu_sim_ros.bags.messages.blocks import MessageBlock, Payloads, Times, TopicInfo, as_list
+from imu_sim_ros.bags.messages.blocks import (
+    Column,
+    MessageBlock,
+    Pattern,
+    Payloads,
+    Times,
+    TopicInfo,
+    as_list,
+    as_pattern,
+    side_by_side,
+)
 from imu_sim_ros.bags.messages.decode import (
     Decoded,
     MessageDecoder,
@@ -32,6 +42,7 @@ from imu_sim_ros.bags.messages.encode import (
     PoseStampedEncoder,
     TemperatureEncoder,
     Vector3StampedEncoder,
+    divided,
 )
 from imu_sim_ros.bags.messages.images import (
     CAMERA_INFO,
@@ -76,6 +87,7 @@ __all__ = [
     "CameraInfo",
     "CameraInfoEncoder",
     "ClockEncoder",
+    "Column",
     "CompressedImageEncoder",
     "Decoded",
     "FluidPressureEncoder",
@@ -85,6 +97,7 @@ __all__ = [
     "MessageBlock",
     "MessageDecoder",
     "OdometryEncoder",
+    "Pattern",
     "Payloads",
     "PointCloud2Encoder",
     "PointCloudEncoder",
@@ -98,7 +111,9 @@ __all__ = [
     "TransformsEncoder",
     "Vector3StampedEncoder",
     "as_list",
+    "as_pattern",
     "decode_block",
+    "divided",
     "inside_order",
     "parse_qos",
     "qos_profiles",
@@ -108,5 +123,6 @@ __all__ = [
     "ros2_name",
     "schema",
     "schemas",
+    "side_by_side",
     "transcode",
 ]

@@ -3,8 +3,9 @@
 
 """Blocks of encoded messages, and the topics that they belong to."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,96 @@ from imu_sim_ros.bags.messages.qos import Qos
 from imu_sim_ros.bags.messages.schemas import Schema
 
 Times = NDArray[np.int64]
+
+
+class Column(NamedTuple):
+    """Numbers that differ from row to row."""
+
+    offset: int
+    """Where they begin in a row [bytes]."""
+    values: NDArray[Any]
+    """(n,) or (n, m), little-endian."""
+
+
+class Pattern:
+    """n rows of equal size: the bytes that all have, and the columns in which they differ.
+
+    Most bytes of a message are the same in all messages of a topic. Written as a pattern they go to
+    memory once, where many rows are made in the same place one after the other.
+    """
+
+    __slots__ = ("columns", "count", "template")
+
+    def __init__(self, template: bytes, columns: Sequence[Column], count: int) -> None:
+        """Keep the parts; nothing is copied.
+
+        :param template: a row; what the columns cover in it does not matter.
+        :param count: number of rows.
+        """
+        self.template, self.columns, self.count = template, columns, count
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Number of rows, and bytes of each."""
+        return self.count, len(self.template)
+
+    @property
+    def size(self) -> int:
+        """Bytes of all rows."""
+        return self.count * len(self.template)
+
+    def __len__(self) -> int:
+        return self.count
+
+    def __getitem__(self, rows: slice) -> "Pattern":
+        """Return some consecutive rows."""
+        start, stop, _ = rows.indices(self.count)
+        columns = [Column(offset, values[start:stop]) for offset, values in self.columns]
+        return Pattern(self.template, columns, max(stop - start, 0))
+
+    def fill(self, rows: Bytes) -> None:
+        """Write the columns into contiguous rows (n, size) that have the template's bytes."""
+        stride = rows.shape[1]
+        for offset, values in self.columns:
+            place: NDArray[Any] = np.ndarray(
+                values.shape,
+                values.dtype,
+                rows,
+                offset,
+                (stride, values.itemsize)[: values.ndim],
+            )
+            place[...] = values
+
+    def array(self) -> Bytes:
+        """Return the rows (n, size)."""
+        rows = np.empty(self.shape, np.uint8)
+        rows[:] = np.frombuffer(self.template, np.uint8)
+        if self.size:
+            self.fill(rows)
+        return rows
+
+
+def side_by_side(patterns: Sequence[Pattern]) -> Pattern:
+    """Return patterns of equally many rows as one: row k is that of each in turn."""
+    if len(patterns) == 1:
+        return patterns[0]
+    template, columns = b"", []
+    for pattern in patterns:
+        columns += [Column(len(template) + offset, values) for offset, values in pattern.columns]
+        template += pattern.template
+    return Pattern(template, columns, len(patterns[0]))
+
+
+def as_pattern(payloads: "Bytes | Pattern") -> Pattern:
+    """Return messages of equal size as a pattern."""
+    if isinstance(payloads, Pattern):
+        return payloads
+    count, size = payloads.shape
+    return Pattern(bytes(size), [Column(0, payloads)] if size else [], count)
+
+
 Payloads: TypeAlias = Bytes | list[bytes]
+"""n messages: of equal size as an array (n, size), or a list."""
 
 
 @dataclass(frozen=True)
@@ -39,12 +129,13 @@ class MessageBlock(NamedTuple):
     """(n, size) bytes of messages of equal size, or a list of n messages."""
 
 
-def as_list(payloads: Payloads) -> list[bytes]:
+def as_list(payloads: Payloads | Pattern) -> list[bytes]:
     """Return messages as a list of bytes."""
     if isinstance(payloads, list):
         return payloads
     if payloads.shape[1] == 0:
         return [b""] * len(payloads)
-    rows = np.ascontiguousarray(payloads)
+    table = payloads.array() if isinstance(payloads, Pattern) else payloads
+    rows = np.ascontiguousarray(table)
     result: list[bytes] = rows.view(f"V{rows.shape[1]}")[:, 0].tolist()
     return result

@@ -3,9 +3,9 @@
 
 """Blocks of samples as the bytes of ROS messages, built by NumPy in one go.
 
-Every encoder turns arrays of n samples into an array (n, size) of uint8; a row is one message as
-``publisher.publish(bytes)`` and the bag writers take it. Inside, quaternions are (w, x, y, z); the
-messages hold (x, y, z, w).
+Every encoder turns arrays of n samples into a pattern of n messages, which the bag writers take, or
+into an array (n, size) of uint8; a row of that is one message as ``publisher.publish(bytes)`` takes
+it. Inside, quaternions are (w, x, y, z); the messages hold (x, y, z, w).
 """
 
 from typing import Final
@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from imu_sim_ros.bags.messages.blocks import Column, Pattern
 from imu_sim_ros.bags.messages.layouts import Bytes, Layout, layout
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
@@ -34,12 +35,18 @@ ROS_ORDER: Final = [1, 2, 3, 0]
 """Where (x, y, z, w) stand in (w, x, y, z)."""
 
 
+def divided(t_ns: Times) -> tuple[Times, Times]:
+    """Return the whole seconds of times (n,), rounded down, and the nanoseconds left."""
+    second = t_ns // NANOSECONDS_PER_SECOND  # the quotient alone is several times as fast as divmod
+    return second, t_ns - second * NANOSECONDS_PER_SECOND
+
+
 def seconds(t_ns: Times, encoding: str) -> tuple[Times, Times]:
     """Return the seconds and nanoseconds of stamps (n,).
 
     :raises InputError: for stamps that a message cannot hold.
     """
-    second, nanosecond = np.divmod(t_ns, NANOSECONDS_PER_SECOND)
+    second, nanosecond = divided(t_ns)
     last = _LAST_SECOND[encoding]
     if len(t_ns) and (second.min() < 0 or second.max() > last):
         raise InputError(
@@ -56,18 +63,32 @@ class Encoder:
 
     def __init__(self, texts: tuple[str, ...], encoding: str) -> None:
         self.layout: Layout = layout(self.type_name, encoding, texts)
-        self._template = np.frombuffer(self.layout.template, np.uint8)
+        stamp = self.layout.dtype["sec"], self.layout.dtype["nanosec"]
+        self._stamp = list(zip(stamp, map(self.layout.offset, ("sec", "nanosec")), strict=True))
 
-    def _messages(self, t_ns: Times) -> tuple[Bytes, NDArray[np.void]]:
-        """Return n messages with texts and stamps, as bytes and as fields of the same memory."""
+    def _pattern(self, t_ns: Times, **numbers: ArrayLike) -> Pattern:
+        """Return n messages with texts, stamps and some of their fields; the others are 0.
+
+        :param numbers: (n, m) where they differ from message to message, (n,) of one number;
+            else (m,) or one number.
+        """
         t_ns = np.asarray(t_ns, dtype=np.int64)
-        rows = np.empty((len(t_ns), self.layout.size), np.uint8)
-        rows[:] = self._template
-        fields = self.layout.view(rows)
-        second, nanosecond = seconds(t_ns, self.layout.encoding)
-        fields["sec"] = second
-        fields["nanosec"] = nanosecond
-        return rows, fields
+        template = np.zeros(1, self.layout.dtype)
+        template.view(np.uint8)[:] = np.frombuffer(self.layout.template, np.uint8)
+        columns = [
+            Column(offset, values.astype(code))
+            for (code, offset), values in zip(
+                self._stamp, seconds(t_ns, self.layout.encoding), strict=True
+            )
+        ]
+        for name, given in numbers.items():
+            values = np.asarray(given, dtype=np.float64)
+            field = template[name]
+            if values.ndim == field.ndim:
+                columns.append(Column(self.layout.offset(name), values))
+            else:
+                field[...] = values
+        return Pattern(template.tobytes(), columns, len(t_ns))
 
 
 class ImuEncoder(Encoder):
@@ -77,6 +98,45 @@ class ImuEncoder(Encoder):
 
     def __init__(self, frame_id: str, encoding: str = "cdr") -> None:
         super().__init__((frame_id,), encoding)
+
+    def pattern(
+        self,
+        t_ns: Times,
+        gyro: ArrayLike,
+        accel: ArrayLike,
+        gyro_covariance: ArrayLike = 0.0,
+        accel_covariance: ArrayLike = 0.0,
+        q_wi: ArrayLike | None = None,
+        orientation_covariance: ArrayLike = 0.0,
+    ) -> Pattern:
+        """Return n messages.
+
+        :param t_ns: (n,) stamps.
+        :param gyro: (n, 3) rad/s.
+        :param accel: (n, 3) m/s^2.
+        :param gyro_covariance: per sample [(rad/s)^2]: 0 (unknown), three variances, or (3, 3).
+        :param accel_covariance: likewise [(m/s^2)^2].
+        :param q_wi: (n, 4) orientation of the sensor in the world; None: it has none.
+        :param orientation_covariance: [rad^2] about the world's axes: 0 (unknown), or three
+            variances for each (n, 3).
+        """
+        if q_wi is None:
+            orientation = np.array([0.0, 0.0, 0.0, 1.0])
+            diagonal = np.array([-1.0, 0.0, 0.0])
+        else:
+            orientation = np.asarray(q_wi)[:, ROS_ORDER]
+            diagonal = np.asarray(orientation_covariance) * np.ones(3)
+        of_orientation = np.zeros((*diagonal.shape[:-1], 9))
+        of_orientation[..., ::4] = diagonal
+        return self._pattern(
+            t_ns,
+            orientation=orientation,
+            orientation_covariance=of_orientation,
+            angular_velocity=gyro,
+            angular_velocity_covariance=_matrix3(gyro_covariance).ravel(),
+            linear_acceleration=accel,
+            linear_acceleration_covariance=_matrix3(accel_covariance).ravel(),
+        )
 
     def encode(
         self,
@@ -88,34 +148,10 @@ class ImuEncoder(Encoder):
         q_wi: ArrayLike | None = None,
         orientation_covariance: ArrayLike = 0.0,
     ) -> Bytes:
-        """Return messages (n, size).
-
-        :param t_ns: (n,) stamps.
-        :param gyro: (n, 3) rad/s.
-        :param accel: (n, 3) m/s^2.
-        :param gyro_covariance: per sample [(rad/s)^2]: 0 (unknown), three variances, or (3, 3).
-        :param accel_covariance: likewise [(m/s^2)^2].
-        :param q_wi: (n, 4) orientation of the sensor in the world; None: it has none.
-        :param orientation_covariance: [rad^2] about the world's axes: 0 (unknown), or three
-            variances for each (n, 3).
-        """
-        rows, fields = self._messages(t_ns)
-        if q_wi is None:
-            fields["orientation"][:, 3] = 1.0
-            fields["orientation_covariance"][:, 0] = -1.0
-        else:
-            fields["orientation"] = np.asarray(q_wi)[:, ROS_ORDER]
-            fields["orientation_covariance"][:, ::4] = orientation_covariance
-        fields["angular_velocity"] = gyro
-        fields["linear_acceleration"] = accel
-        for name, covariance in (
-            ("angular_velocity_covariance", gyro_covariance),
-            ("linear_acceleration_covariance", accel_covariance),
-        ):
-            matrix = _matrix3(covariance)
-            if matrix.any():
-                fields[name] = matrix.reshape(9)
-        return rows
+        """Return messages (n, size) of what :meth:`pattern` takes."""
+        covariances = (gyro_covariance, accel_covariance)
+        orientation = (q_wi, orientation_covariance)
+        return self.pattern(t_ns, gyro, accel, *covariances, *orientation).array()
 
 
 class OdometryEncoder(Encoder):
@@ -125,6 +161,43 @@ class OdometryEncoder(Encoder):
 
     def __init__(self, frame_id: str, child_frame_id: str, encoding: str = "cdr") -> None:
         super().__init__((frame_id, child_frame_id), encoding)
+
+    def pattern(
+        self,
+        t_ns: Times,
+        position: ArrayLike,
+        q_wb: ArrayLike,
+        velocity_b: ArrayLike,
+        angular_velocity_b: ArrayLike,
+        pose_covariance: ArrayLike | None = None,
+        twist_covariance: ArrayLike | None = None,
+    ) -> Pattern:
+        """Return n messages.
+
+        :param t_ns: (n,) stamps.
+        :param position: (n, 3) p_wb [m].
+        :param q_wb: (n, 4).
+        :param velocity_b: (n, 3) of the body, resolved in the body frame [m/s].
+        :param angular_velocity_b: (n, 3) omega_b [rad/s].
+        :param pose_covariance: (n, 6, 6) or (6, 6): position, then rotation about fixed axes.
+        :param twist_covariance: (n, 6, 6) or (6, 6): linear, then angular.
+        """
+        covariances = {
+            name: np.reshape(covariance, (*np.shape(covariance)[:-2], 36))
+            for name, covariance in (
+                ("pose_covariance", pose_covariance),
+                ("twist_covariance", twist_covariance),
+            )
+            if covariance is not None
+        }
+        return self._pattern(
+            t_ns,
+            position=position,
+            orientation=np.asarray(q_wb)[:, ROS_ORDER],
+            linear=velocity_b,
+            angular=angular_velocity_b,
+            **covariances,
+        )
 
     def encode(
         self,
@@ -136,29 +209,10 @@ class OdometryEncoder(Encoder):
         pose_covariance: ArrayLike | None = None,
         twist_covariance: ArrayLike | None = None,
     ) -> Bytes:
-        """Return messages (n, size).
-
-        :param t_ns: (n,) stamps.
-        :param position: (n, 3) p_wb [m].
-        :param q_wb: (n, 4).
-        :param velocity_b: (n, 3) of the body, resolved in the body frame [m/s].
-        :param angular_velocity_b: (n, 3) omega_b [rad/s].
-        :param pose_covariance: (n, 6, 6) or (6, 6): position, then rotation about fixed axes.
-        :param twist_covariance: (n, 6, 6) or (6, 6): linear, then angular.
-        """
-        rows, fields = self._messages(t_ns)
-        fields["position"] = position
-        fields["orientation"] = np.asarray(q_wb)[:, ROS_ORDER]
-        fields["linear"] = velocity_b
-        fields["angular"] = angular_velocity_b
-        for name, covariance in (
-            ("pose_covariance", pose_covariance),
-            ("twist_covariance", twist_covariance),
-        ):
-            if covariance is not None:
-                matrix = np.asarray(covariance, dtype=np.float64)
-                fields[name] = matrix.reshape(*matrix.shape[:-2], 36)
-        return rows
+        """Return messages (n, size) of what :meth:`pattern` takes."""
+        twist = (velocity_b, angular_velocity_b)
+        covariances = (pose_covariance, twist_covariance)
+        return self.pattern(t_ns, position, q_wb, *twist, *covariances).array()
 
 
 class PoseStampedEncoder(Encoder):
@@ -171,10 +225,8 @@ class PoseStampedEncoder(Encoder):
 
     def encode(self, t_ns: Times, position: ArrayLike, q_wb: ArrayLike) -> Bytes:
         """Return messages (n, size) of positions (n, 3) [m] and quaternions (n, 4)."""
-        rows, fields = self._messages(t_ns)
-        fields["position"] = position
-        fields["orientation"] = np.asarray(q_wb)[:, ROS_ORDER]
-        return rows
+        q_xyzw = np.asarray(q_wb)[:, ROS_ORDER]
+        return self._pattern(t_ns, position=position, orientation=q_xyzw).array()
 
 
 class Vector3StampedEncoder(Encoder):
@@ -185,11 +237,13 @@ class Vector3StampedEncoder(Encoder):
     def __init__(self, frame_id: str, encoding: str = "cdr") -> None:
         super().__init__((frame_id,), encoding)
 
+    def pattern(self, t_ns: Times, vector: ArrayLike) -> Pattern:
+        """Return n messages of vectors (n, 3)."""
+        return self._pattern(t_ns, vector=vector)
+
     def encode(self, t_ns: Times, vector: ArrayLike) -> Bytes:
         """Return messages (n, size) of vectors (n, 3)."""
-        rows, fields = self._messages(t_ns)
-        fields["vector"] = vector
-        return rows
+        return self.pattern(t_ns, vector).array()
 
 
 class TemperatureEncoder(Encoder):
@@ -200,12 +254,13 @@ class TemperatureEncoder(Encoder):
     def __init__(self, frame_id: str, encoding: str = "cdr") -> None:
         super().__init__((frame_id,), encoding)
 
+    def pattern(self, t_ns: Times, temperature: ArrayLike, variance: ArrayLike = 0.0) -> Pattern:
+        """Return n messages of temperatures (n,) [degC]; variance 0 means unknown."""
+        return self._pattern(t_ns, temperature=temperature, variance=variance)
+
     def encode(self, t_ns: Times, temperature: ArrayLike, variance: ArrayLike = 0.0) -> Bytes:
-        """Return messages (n, size) of temperatures (n,) [degC]; variance 0 means unknown."""
-        rows, fields = self._messages(t_ns)
-        fields["temperature"] = temperature
-        fields["variance"] = variance
-        return rows
+        """Return messages (n, size) of what :meth:`pattern` takes."""
+        return self.pattern(t_ns, temperature, variance).array()
 
 
 class MagneticFieldEncoder(Encoder):
@@ -216,16 +271,18 @@ class MagneticFieldEncoder(Encoder):
     def __init__(self, frame_id: str, encoding: str = "cdr") -> None:
         super().__init__((frame_id,), encoding)
 
-    def encode(self, t_ns: Times, field: ArrayLike, covariance: ArrayLike = 0.0) -> Bytes:
-        """Return messages (n, size).
+    def pattern(self, t_ns: Times, field: ArrayLike, covariance: ArrayLike = 0.0) -> Pattern:
+        """Return n messages.
 
         :param field: (n, 3) [T].
         :param covariance: per sample [T^2]: 0 (unknown), three variances, or (3, 3).
         """
-        rows, fields = self._messages(t_ns)
-        fields["magnetic_field"] = field
-        fields["magnetic_field_covariance"] = _matrix3(covariance).reshape(9)
-        return rows
+        of_field = _matrix3(covariance).ravel()
+        return self._pattern(t_ns, magnetic_field=field, magnetic_field_covariance=of_field)
+
+    def encode(self, t_ns: Times, field: ArrayLike, covariance: ArrayLike = 0.0) -> Bytes:
+        """Return messages (n, size) of what :meth:`pattern` takes."""
+        return self.pattern(t_ns, field, covariance).array()
 
 
 class FluidPressureEncoder(Encoder):
@@ -238,10 +295,7 @@ class FluidPressureEncoder(Encoder):
 
     def encode(self, t_ns: Times, pressure: ArrayLike, variance: ArrayLike = 0.0) -> Bytes:
         """Return messages (n, size) of pressures (n,) [Pa]; variance 0 means unknown."""
-        rows, fields = self._messages(t_ns)
-        fields["fluid_pressure"] = pressure
-        fields["variance"] = variance
-        return rows
+        return self._pattern(t_ns, fluid_pressure=pressure, variance=variance).array()
 
 
 class ClockEncoder(Encoder):
@@ -254,7 +308,7 @@ class ClockEncoder(Encoder):
 
     def encode(self, t_ns: Times) -> Bytes:
         """Return messages (n, size) of times (n,)."""
-        return self._messages(t_ns)[0]
+        return self._pattern(t_ns).array()
 
 
 def _matrix3(covariance: ArrayLike) -> Array:

@@ -12,7 +12,15 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros.bags.chunks import ChunkWriter, Indexed
-from imu_sim_ros.bags.messages import Bytes, Times, ros1_name
+from imu_sim_ros.bags.messages import (
+    Bytes,
+    Column,
+    Pattern,
+    Times,
+    divided,
+    ros1_name,
+    side_by_side,
+)
 from imu_sim_ros.bags.writer import Topic
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
@@ -79,6 +87,7 @@ def _message_header() -> tuple[bytes, np.dtype[np.void]]:
 
 
 _HEADER, _HEADER_TYPE = _message_header()
+_PLACES: Final = {name: place[1] for name, place in (_HEADER_TYPE.fields or {}).items()}
 
 
 def _begins_with_header(definition: str) -> bool:
@@ -107,6 +116,15 @@ def compressor(compression: str) -> Callable[[bytes | memoryview], bytes | memor
     return lambda data: data
 
 
+class _Packed(NamedTuple):
+    """A chunk as it goes into the file, with its index."""
+
+    parts: tuple[bytes | memoryview, ...]
+    start_ns: int
+    end_ns: int
+    counts: list[tuple[int, int]]
+
+
 class _ChunkInfo(NamedTuple):
     position: int
     start_ns: int
@@ -120,8 +138,7 @@ class Rosbag1Writer(ChunkWriter):
     encoding = "ros1"
 
     def __init__(self, path: Path, compression: str = "none", renamed: bool = True) -> None:
-        super().__init__(path, renamed)
-        self._compression = compression
+        super().__init__(path, compression, renamed)
         self._compress = compressor(compression)
         self._announced = 0
         self._numbered: set[Topic] = set()
@@ -160,21 +177,20 @@ class Rosbag1Writer(ChunkWriter):
         )
         return fields(conn=_u4(topic.index), op=_u1(OP_CONNECTION), topic=name) + details
 
-    def _records(self, topic: Topic, first: int, t_ns: Times, payloads: Bytes) -> Bytes:
+    def _records(self, topic: Topic, first: int, t_ns: Times, payloads: Pattern) -> Pattern:
         count, size = payloads.shape
-        header = len(_HEADER)
-        records = np.empty((count, header + size), np.uint8)
-        records[:, :header] = np.frombuffer(_HEADER, np.uint8)
-        records[:, header:] = payloads
-        numbers = np.ndarray((count,), _HEADER_TYPE, buffer=records, strides=(records.strides[0],))
+        header = np.frombuffer(bytearray(_HEADER), _HEADER_TYPE)
+        header["connection"], header["length"] = topic.index, size
+        second, nanosecond = (numbers.astype("<u4") for numbers in divided(t_ns))
+        columns = [
+            Column(_PLACES["sec"], second),
+            Column(_PLACES["nanosec"], nanosecond),
+        ]
         if topic in self._numbered and size >= _SEQ_BYTES:
             first += topic.before
-            seq = np.arange(first, first + count, dtype=np.uint64).astype("<u4")
-            records[:, header : header + _SEQ_BYTES] = seq.view(np.uint8).reshape(count, -1)
-        numbers["connection"] = topic.index
-        numbers["length"] = size
-        numbers["sec"], numbers["nanosec"] = np.divmod(t_ns, NANOSECONDS_PER_SECOND)
-        return records
+            seq = Column(0, np.arange(first, first + count).astype("<u4"))
+            payloads = Pattern(payloads.template, [*payloads.columns, seq], count)
+        return side_by_side([Pattern(header.tobytes(), columns, count), payloads])
 
     def _record(self, topic: Topic, index: int, t_ns: int, payload: bytes) -> bytes:
         header = fields(conn=_u4(topic.index), op=_u1(OP_MESSAGE), time=_time(t_ns))
@@ -182,28 +198,29 @@ class Rosbag1Writer(ChunkWriter):
             payload = _u4((topic.before + index) & 0xFFFFFFFF) + payload[_SEQ_BYTES:]
         return header + _u4(len(payload)) + payload
 
-    def _write_chunk(self, records: Bytes, messages: Sequence[Indexed]) -> None:
+    def _first_in_chunk(self) -> bytes:
         # Connections stand in the first chunk after they were made, before any of their messages.
         new = b"".join(self._connection(topic) for topic in self.topics[self._announced :])
-        data = memoryview(new + records.tobytes() if new else records.data)
+        self._announced = len(self.topics)
+        return new
+
+    def _pack(self, records: Bytes, messages: Sequence[Indexed]) -> _Packed:
+        data = memoryview(records.data)
         compressed = self._compress(data)
         header = fields(
             compression=self._compression.encode(), op=_u1(OP_CHUNK), size=_u4(len(data))
         )
-        indexes = [
-            _index(Indexed(topic, t_ns, offsets + len(new))) for topic, t_ns, offsets in messages
-        ]
-        position = self.file.position
-        self.file.write(header, _u4(len(compressed)), compressed, *indexes)
-        self._announced = len(self.topics)
-        self._written.append(
-            _ChunkInfo(
-                position,
-                min(int(t_ns.min()) for _, t_ns, _ in messages),
-                max(int(t_ns.max()) for _, t_ns, _ in messages),
-                [(topic.index, len(t_ns)) for topic, t_ns, _ in messages],
-            )
+        return _Packed(
+            (header, _u4(len(compressed)), compressed, *map(_index, messages)),
+            min(int(t_ns.min()) for _, t_ns, _ in messages),
+            max(int(t_ns.max()) for _, t_ns, _ in messages),
+            [(topic.index, len(t_ns)) for topic, t_ns, _ in messages],
         )
+
+    def _store(self, packed: _Packed) -> None:
+        position = self.file.position
+        self.file.write(*packed.parts)
+        self._written.append(_ChunkInfo(position, *packed[1:]))
 
     def _finish(self) -> None:
         index_position = self.file.position
@@ -215,7 +232,7 @@ class Rosbag1Writer(ChunkWriter):
 def _index(messages: Indexed) -> bytes:
     topic, t_ns, offsets = messages
     entries = np.empty(len(t_ns), INDEX_ENTRY)
-    entries["sec"], entries["nanosec"] = np.divmod(t_ns, NANOSECONDS_PER_SECOND)
+    entries["sec"], entries["nanosec"] = divided(t_ns)
     entries["offset"] = offsets
     header = fields(conn=_u4(topic.index), count=_u4(len(entries)), op=_u1(OP_INDEX), ver=_u4(1))
     return header + _u4(entries.nbytes) + entries.tobytes()

@@ -70,7 +70,7 @@ class SimulationStream:
         block = self.simulation.next_block(count)
         for encode, send in self._outputs:
             messages = encode(block, self.simulation.parameters)
-            yield Piece(messages.due_t_ns, send, _split(messages.payloads))
+            yield Piece(messages.due_t_ns, send, _split(messages.payloads.array()))
 
     def next_time_ns(self, delay: float = 0.0) -> int:
         """Return the time of the first sample that is at least ``delay`` s after the next one."""

@@ -1,0 +1,142 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Work in threads, in order: where it releases the interpreter it uses the other cores.
+
+That is so for checksums, compression, writing, random numbers and most of NumPy's loops. All
+queues are without locks in Python: an exception of a signal's handler, which runs in the main
+thread, must not leave one taken.
+"""
+
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from queue import SimpleQueue
+from typing import Any, Final, Generic, TypeVar
+
+_T = TypeVar("_T")
+_Made = TypeVar("_Made")
+
+_AHEAD: Final = 2
+_END: Final = "end"
+
+
+def ahead(items: Iterable[_T]) -> Iterator[_T]:
+    """Yield items that are made in a thread of their own, a few ahead of the one that is used."""
+    made: SimpleQueue[tuple[str, Any]] = SimpleQueue()
+    places: SimpleQueue[bool] = SimpleQueue()
+    for _ in range(_AHEAD):
+        places.put(True)
+    stopped = False
+
+    def work() -> None:
+        try:
+            for item in items:
+                if not places.get() or stopped:
+                    return
+                made.put(("item", item))
+            made.put(("end", None))
+        except BaseException as error:
+            made.put(("error", error))
+
+    worker = threading.Thread(target=work, daemon=True)
+    worker.start()
+    try:
+        while True:
+            kind, content = made.get()
+            if kind == "end":
+                return
+            if kind == "error":
+                raise content
+            places.put(True)
+            yield content
+    finally:
+        stopped = True
+        places.put(False)
+        worker.join()
+
+
+class Pipeline(Generic[_T, _Made]):
+    """Items are worked on in several threads, and the results used in one, in the items' order.
+
+    After an error nothing more is used, and the error is raised where the next item is given.
+    """
+
+    def __init__(
+        self, make: Callable[[_T], _Made], use: Callable[[_Made], None], workers: int
+    ) -> None:
+        """Start the threads.
+
+        :param make: may run for several items at a time.
+        :param use: runs for one item after the other.
+        :param workers: threads that make; 0: whoever gives an item does.
+        """
+        self._make, self._use = make, use
+        self._items: SimpleQueue[tuple[_T, SimpleQueue[Any]] | None] = SimpleQueue()
+        self._order: SimpleQueue[SimpleQueue[Any] | str] = SimpleQueue()
+        self._places: SimpleQueue[None] = SimpleQueue()
+        self._used_up: SimpleQueue[None] = SimpleQueue()
+        for _ in range(2 * workers + 2):
+            self._places.put(None)
+        self._workers = workers
+        self.error: BaseException | None = None
+        targets = [self._make_all] * workers + [self._use_all]
+        self._threads = [threading.Thread(target=target, daemon=True) for target in targets]
+        for thread in self._threads:
+            thread.start()
+
+    def give(self, item: _T) -> None:
+        """Hand over the next item; waits while too many are under way.
+
+        :raises BaseException: what ended the work on an item before.
+        """
+        self._places.get()
+        if self.error is not None:
+            raise self.error
+        made: SimpleQueue[Any] = SimpleQueue()
+        # In this order: what is interrupted in between is lost, and nobody waits for it.
+        if self._workers:
+            self._items.put((item, made))
+        else:
+            made.put((self._make(item), None))
+        self._order.put(made)
+
+    def wait(self) -> None:
+        """Wait until all items are used.
+
+        :raises BaseException: what ended the work on an item.
+        """
+        self._order.put("mark")
+        self._used_up.get()
+        if self.error is not None:
+            raise self.error
+
+    def close(self) -> None:
+        """Wait until all items are used, and end the threads; an error stays in ``error``."""
+        self._order.put(_END)
+        for _ in self._threads:
+            self._items.put(None)
+        for thread in self._threads:
+            thread.join()
+
+    def _make_all(self) -> None:
+        while (given := self._items.get()) is not None:
+            item, made = given
+            try:
+                made.put((self._make(item), None))
+            except BaseException as error:
+                made.put((None, error))
+
+    def _use_all(self) -> None:
+        while (made := self._order.get()) != _END:
+            if isinstance(made, str):
+                self._used_up.put(None)
+                continue
+            result, error = made.get()
+            try:
+                if error is not None:
+                    raise error
+                if self.error is None:
+                    self._use(result)
+            except BaseException as failure:
+                self.error = self.error or failure
+            self._places.put(None)

@@ -1,0 +1,112 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Chunks made in threads: in order, whole, and the same bytes as without threads."""
+
+import threading
+
+import numpy as np
+import pytest
+
+from imu_sim_ros.bags import open_writer, read_imu
+from imu_sim_ros.bags.messages import IMU, ImuEncoder
+from imu_sim_ros.bags.threads import Pipeline
+
+COUNT = 12_000  # four chunks
+
+
+@pytest.mark.parametrize("workers", [0, 1, 3])
+def test_results_are_used_in_the_order_of_the_items(workers):
+    used = []
+    seen = threading.Event()
+
+    def make(k):
+        if workers > 1 and k == 0:  # the first result is ready after the second
+            seen.wait()
+        seen.set() if k == 1 else None
+        return k
+
+    pipeline = Pipeline(make, used.append, workers)
+    for k in range(50):
+        pipeline.give(k)
+    pipeline.wait()
+    assert used == list(range(50))
+    pipeline.close()
+    assert pipeline.error is None
+
+
+@pytest.mark.parametrize("failing", ["make", "use"])
+def test_nothing_is_used_after_an_error_which_is_raised_at_the_next_item(failing):
+    used = []
+
+    def make(k):
+        if failing == "make" and k == 3:
+            raise OSError("made")
+        return k
+
+    def use(k):
+        if failing == "use" and k == 3:
+            raise OSError("used")
+        used.append(k)
+
+    pipeline = Pipeline(make, use, 2)
+    with pytest.raises(OSError, match="made|used"):  # noqa: PT012
+        for k in range(50):
+            pipeline.give(k)
+    with pytest.raises(OSError, match="made|used"):
+        pipeline.wait()
+    pipeline.close()
+    assert used == [0, 1, 2]
+
+
+def _messages(encoding):
+    gyro, accel = np.random.default_rng(3).standard_normal((2, COUNT, 3))
+    t_ns = 10**9 + 5_000_000 * np.arange(COUNT)
+    return t_ns, gyro, ImuEncoder("imu_link", encoding).pattern(t_ns, gyro, accel)
+
+
+@pytest.mark.parametrize(
+    ("name", "compression"), [("x.mcap", "none"), ("x.mcap", "zstd"), ("x.bag", "bz2")]
+)
+def test_what_is_interrupted_keeps_all_chunks_that_were_handed_over(tmp_path, name, compression):
+    path = tmp_path / name
+    writer = open_writer(path, compression=compression)
+    with pytest.raises(KeyboardInterrupt), writer:  # noqa: PT012
+        topic = writer.add_topic("/imu", IMU)
+        t_ns, gyro, messages = _messages(writer.encoding)
+        writer.write(topic, t_ns, messages)
+        raise KeyboardInterrupt
+    assert topic.count == COUNT
+    readings = read_imu(path)
+    assert np.array_equal(readings.t_ns, t_ns)
+    assert np.array_equal(readings.gyro, gyro)
+
+
+def test_a_topic_that_comes_late_stands_behind_the_chunks_before_it(tmp_path):
+    path = tmp_path / "x.mcap"
+    with open_writer(path, compression="lz4") as writer:
+        t_ns, gyro, messages = _messages(writer.encoding)
+        writer.write(writer.add_topic("/a", IMU), t_ns, messages)
+        writer.write(writer.add_topic("/b", IMU), t_ns, messages)
+    assert np.array_equal(read_imu(path, topic="/b").gyro, gyro)
+    assert len(read_imu(path, topic="/a").t_ns) == COUNT
+
+
+@pytest.mark.parametrize("name", ["x.mcap", "x.bag"])
+def test_patterns_arrays_and_lists_make_the_same_file(tmp_path, name):
+    contents = []
+    for form in ("pattern", "array", "threads"):
+        path = tmp_path / form / name
+        with open_writer(path) as writer:
+            topic = writer.add_topic("/imu", IMU)
+            t_ns, _, messages = _messages(writer.encoding)
+            given = messages.array() if form == "array" else messages
+            if form == "threads":
+                writer.write(topic, t_ns, given)
+            else:  # chunk by chunk, each written where it is flushed
+                for start in range(0, COUNT, COUNT // 4):
+                    part = slice(start, start + COUNT // 4)
+                    writer.write(topic, t_ns[part], given[part])
+                    writer.flush()
+        contents.append(path.read_bytes())
+    assert contents[0] == contents[1] == contents[2]
