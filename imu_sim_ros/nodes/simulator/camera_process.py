@@ -4,7 +4,8 @@
 """The process of one camera: renders frames ahead and publishes each on the simulator's request.
 
 It reads one line of JSON, then tokens, from standard input, and ends when that is closed; it
-reports in lines of JSON on standard output. It runs below the priority of the node that started it.
+reports in lines of JSON on standard output. It runs below the priority of the node that started it,
+and its rendering thread below that: a batch job that whoever wakes up may interrupt.
 """
 
 import json
@@ -39,6 +40,7 @@ from imu_sim_ros.errors import explain
 from imu_sim_ros.nodes import run
 from imu_sim_ros.nodes.simulator.cameras import MARKERS, TOKEN
 from imu_sim_ros.nodes.simulator.markers import markers
+from imu_sim_ros.nodes.simulator.scheduling import stand_back
 from imu_sim_ros.nodes.topics import Counter, create
 from imu_sim_ros.trajectory import build_trajectory
 
@@ -47,6 +49,8 @@ ORIGIN_NS: Final = 10**12
 AHEAD: Final = 8
 """Frames that wait to be published: 3 MB of 752 x 480."""
 _NICE: Final = 5
+_RENDERING_NICE: Final = 5
+"""Beside that of the process."""
 _BEHIND: Final = 20
 """Number of frames due and not yet rendered from which this is reported."""
 _ACKNOWLEDGEMENT: Final = Duration(nanoseconds=2_000_000_000)
@@ -219,6 +223,7 @@ def main() -> int:
 
 def _run(node: CameraNode, reports: Reports) -> None:
     def work() -> None:
+        stand_back(_RENDERING_NICE)
         try:
             node.frames.work()
         except BaseException as error:

@@ -1,0 +1,180 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Cameras: a live stereo rig beside the IMU, and what images and tracks cost.
+
+``--parts live``: the simulator publishes a 200 Hz IMU, the truth and two cameras of 752 x 480 at
+20 Hz; a subscriber of its own takes every topic, and in some rows a recorder too. Lost is what was
+published and did not arrive; the lateness is that of the publishing call behind its deadline, over
+all samples. ``--parts speed``: processor time of images, PNG, tracks and of a whole dataset, which
+is EuRoC's V1_02 where ``--trajectory`` names its ground truth.
+"""
+
+import argparse
+import os
+import re
+import resource
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from imu_sim_ros.commands.common import print_table
+
+HERE = Path(__file__).resolve()
+CAMERAS = ("cam0", "cam1")
+IMU, TRUTH = "/imu/data_raw", "/ground_truth/odom"
+TRACKS = "/feature_tracker/feature"
+ROWS = (
+    ("no cameras", None, None),
+    ("stereo, raw", "raw", None),
+    ("stereo, raw, recorder", "raw", []),
+    ("stereo, raw, recorder zstd", "raw", ["--compression", "zstd"]),
+    ("stereo, PNG", "compressed", None),
+    ("stereo, PNG, recorder", "compressed", []),
+)
+_START = 2.0
+
+
+def topics(images: str | None) -> dict[str, str]:
+    """Return the type of each topic of a run."""
+    found = {IMU: "sensor_msgs/msg/Imu", TRUTH: "nav_msgs/msg/Odometry"}
+    if images is None:
+        return found
+    raw = images == "raw"
+    for camera in CAMERAS:
+        name = f"/{camera}/image_raw" + ("" if raw else "/compressed")
+        found[name] = f"sensor_msgs/msg/{'Image' if raw else 'CompressedImage'}"
+        found[f"/{camera}/camera_info"] = "sensor_msgs/msg/CameraInfo"
+    return {**found, TRACKS: "sensor_msgs/msg/PointCloud"}
+
+
+def listen(images: str | None) -> None:
+    """Count what arrives on every topic, until a signal; print the counts."""
+    import rclpy
+    from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+    from rclpy.qos import QoSProfile
+
+    from imu_sim_ros.nodes.topics import message_class
+
+    rclpy.init()
+    node = rclpy.create_node("listener")
+    counts = dict.fromkeys(topics(images), 0)
+
+    def count(topic: str) -> None:
+        counts[topic] += 1
+
+    for topic, kind in topics(images).items():
+        depth = 200 if "image" in topic else 8000
+        node.create_subscription(
+            message_class(kind),
+            topic,
+            lambda _, t=topic: count(t),
+            QoSProfile(depth=depth),
+            raw=True,
+        )
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    try:
+        while True:
+            executor.spin_once(timeout_sec=0.2)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    for topic, number in counts.items():
+        print(f"listener: counted {topic} {number}", flush=True)
+    rclpy.try_shutdown()
+
+
+def simulator(images: str | None, duration: float, recorded: bool) -> list[str]:
+    """Return the simulator's command line."""
+    waits = str(2 if recorded else 1)
+    words = [
+        *(sys.executable, "-m", "imu_sim_ros.nodes.simulator.node", "--imu", "adis16448"),
+        *("--trajectory", "figure_eight", "--rate", "200", "--duration", str(duration)),
+        *("--wait-for-subscribers", waits, "--wait-for-truth-subscribers", waits),
+    ]
+    if images is None:
+        return words
+    values = {
+        "cameras": "[cam0, cam1]",
+        "cam0.camera.preset": "euroc_cam0",
+        "cam1.camera.preset": "euroc_cam1",
+        "camera.body_axes": "flu",
+        "camera.images": images,
+    }
+    return [*words, "--ros-args", *(w for k, v in values.items() for w in ("-p", f"{k}:={v}"))]
+
+
+def counted(words: str) -> dict[str, int]:
+    """Return the counts that a process printed, by topic."""
+    return {"/" + name.lstrip("/"): int(n) for name, n in re.findall(r"counted (\S+) (\d+)", words)}
+
+
+def start(command: list[str], folder: str) -> subprocess.Popen[str]:
+    """Start a process on the domain of this benchmark."""
+    return subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=folder
+    )
+
+
+def live(label: str, images: str | None, recorder: list[str] | None, duration: float) -> list[str]:
+    """Run one row of the live table."""
+    with tempfile.TemporaryDirectory() as folder:
+        listener = start([sys.executable, str(HERE), "--listen", images or "none"], folder)
+        recording = None
+        if recorder is not None:
+            command = [sys.executable, "-m", "imu_sim_ros.nodes.recorder.node", "-o", "bag"]
+            recording = start([*command, *topics(images), *recorder], folder)
+        time.sleep(_START)
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        node = start(simulator(images, duration, recorder is not None), folder)
+        said = node.communicate()[0]
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        time.sleep(1.0)
+        listener.send_signal(signal.SIGINT)
+        heard = counted(listener.communicate()[0])
+        stored = "-"
+        published = counted(said)
+        if recording is not None:
+            recording.send_signal(signal.SIGINT)
+            rows = re.findall(r"^\s*(/\S+)\s+(\d+)", recording.communicate()[0], re.MULTILINE)
+            kept = {name: int(number) for name, number in rows}
+            stored = " ".join(str(published.get(t, 0) - kept.get(t, 0)) for t in topics(images))
+    late = re.search(r"p50 (\d+) us, p99 (\d+) us, max (\d+) us", said)
+    used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    lost = " ".join(str(published.get(t, 0) - heard.get(t, 0)) for t in topics(images))
+    total = sum(published.get(topic, 0) for topic in topics(images))
+    if not late:
+        print(said)
+    return [
+        *(label, str(total), lost, stored),
+        *(late.groups() if late else ("", "", "")),
+        f"{100.0 * used / duration:.0f}",
+    ]
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--duration", type=float, default=60.0, help="seconds of each live row")
+    parser.add_argument("--rows", type=int, nargs="*", default=range(len(ROWS)), help="of live")
+    parser.add_argument("--listen", help=argparse.SUPPRESS)
+    arguments = parser.parse_args()
+    if arguments.listen:
+        listen(None if arguments.listen == "none" else arguments.listen)
+        return
+    os.environ.setdefault("ROS_DOMAIN_ID", "96")
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    os.environ["PYTHONPATH"] = str(HERE.parents[2])
+    rows = [live(*ROWS[k], arguments.duration) for k in arguments.rows]
+    print_table(
+        ["run", "published", "lost", "not in bag", "p50 [us]", "p99 [us]", "max [us]", "CPU [%]"],
+        rows,
+        f"200 Hz IMU, truth, stereo 752 x 480 at 20 Hz, {arguments.duration:g} s each",
+    )
+
+
+if __name__ == "__main__":
+    main()
