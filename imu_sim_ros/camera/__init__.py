@@ -3,7 +3,7 @@
 
 """What a camera on a moving body sees: models, scenes, feature tracks.
 
-``project``, ``tracks`` and ``frames`` give it in one call, as arrays.
+``project``, ``tracks``, ``frames`` and ``depths`` give it in one call, as arrays.
 
 The camera's frame c has x to the right, y down and z along the view; the centre of the first pixel
 is at (0, 0). A frame depends on nothing but the seed and its number, so frames are the same in
@@ -12,7 +12,7 @@ blocks of any size, and can be generated in any order.
 
 from imu_sim_ros.camera.build import build_scene
 from imu_sim_ros.camera.model import CameraModel, Projection, Rays
-from imu_sim_ros.camera.observe import frames, project, tracks
+from imu_sim_ros.camera.observe import depths, frames, project, tracks
 from imu_sim_ros.camera.point_file import read_points
 from imu_sim_ros.camera.reprojection import reprojection_errors
 from imu_sim_ros.camera.rig import Blindness, Rig, build_rig
@@ -36,6 +36,7 @@ __all__ = [
     "View",
     "build_rig",
     "build_scene",
+    "depths",
     "frames",
     "in_camera",
     "project",

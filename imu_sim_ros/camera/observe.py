@@ -76,7 +76,9 @@ def frames(
     camera: str | Path | Mapping[str, Any] = "euroc_cam0",
     scene: str | Path = "room",
 ) -> Iterator[tuple[int, NDArray[np.uint8]]]:
-    """Yield the stamp [ns] and the grey values (h, w) of each frame of a camera on the flight.
+    """Yield the stamp [ns] and the image of each frame of a camera on the flight.
+
+    Grey values (h, w), or red, green and blue (h, w, 3) with ``camera.encoding`` rgb8.
 
     The images are those of ``generate`` with the same parameters and seed; frames that are lost are
     left out. Needs OpenCV.
@@ -89,6 +91,25 @@ def frames(
     :raises MissingDependencyError: where OpenCV is not installed.
     """
     return _rig(flight, camera, scene).images(_NAME)
+
+
+def depths(
+    flight: Flown,
+    camera: str | Path | Mapping[str, Any] = "euroc_cam0",
+    scene: str | Path = "room",
+) -> Iterator[tuple[int, NDArray[np.float32]]]:
+    """Yield the stamp [ns] and the depth along the view (h, w) [m] of each frame of a camera.
+
+    Without any error, in the middle of the exposure; 0 where nothing is seen. Needs OpenCV.
+
+    :param flight: what :func:`imu_sim_ros.simulate` returns.
+    :param camera: as in :func:`tracks`.
+    :param scene: as in :func:`tracks`, with surfaces.
+    :raises ConfigurationError: with a line for each problem.
+    :raises InputError: for a file that cannot be used.
+    :raises MissingDependencyError: where OpenCV is not installed.
+    """
+    return _rig(flight, camera, scene).depths(_NAME)
 
 
 def _rig(flight: Flown, camera: str | Path | Mapping[str, Any], scene: str | Path) -> Rig:

@@ -5,7 +5,7 @@
 
 import itertools
 from collections.abc import Iterator, Mapping
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,23 +66,36 @@ class Rig:
             first += size
 
     def images(self, name: str) -> Iterator[tuple[int, NDArray[np.uint8]]]:
-        """Yield the stamp [ns] and the grey values (h, w) of all frames of a camera.
+        """Yield the stamp [ns] and the image (h, w), or (h, w, 3), of all frames of a camera.
 
         Frames that are lost are left out.
 
         :raises ConfigurationError: for a scene without surfaces.
         :raises MissingDependencyError: where OpenCV is not installed.
         """
-        from imu_sim_ros.camera.images import Imager, atlas  # they need OpenCV
+        return self._frames(name, "image")
+
+    def depths(self, name: str) -> Iterator[tuple[int, NDArray[np.float32]]]:
+        """Yield the stamp [ns] and the true depth (h, w) [m] of all frames of a camera.
+
+        0 where nothing is seen; frames that are lost are left out.
+
+        :raises ConfigurationError: for a scene without surfaces.
+        :raises MissingDependencyError: where OpenCV is not installed.
+        """
+        return self._frames(name, "depth")
+
+    def _frames(self, name: str, what: str) -> Iterator[tuple[int, NDArray[Any]]]:
+        from imu_sim_ros.camera.images import imagers  # they need OpenCV
 
         view = self.views[name]
-        textures = atlas(self.scene.surfaces, self.parameters.scene)
-        imager = Imager(view, self.scene, textures, self.trajectory)
+        made = imagers({name: view}, self.scene, self.parameters.scene, self.trajectory)
+        make = getattr(made[name], what)
         numbers = itertools.count() if view.total is None else range(view.total)
         for number in numbers:
             frames = view.frames(number, 1)
             if frames.delivered[0]:
-                yield int(frames.t_ns[0]), imager.image(number)
+                yield int(frames.t_ns[0]), make(number)
 
 
 def build_rig(parameters: Mapping[str, object]) -> Rig:

@@ -14,7 +14,13 @@ import numpy as np
 from imu_sim_ros.bags import Block, Topic
 from imu_sim_ros.camera import Rig
 from imu_sim_ros.camera.images import opencv
-from imu_sim_ros.conventions import FEATURES_TOPIC, LANDMARKS_TOPIC
+from imu_sim_ros.conventions import (
+    COMPRESSED_TOPIC,
+    DEPTH_TOPIC,
+    FEATURES_TOPIC,
+    IMAGE_TOPIC,
+    LANDMARKS_TOPIC,
+)
 from imu_sim_ros.datasets.features import FeatureStream
 from imu_sim_ros.datasets.frames import (
     LATCHED,
@@ -89,7 +95,8 @@ class CameraBag:
         return [n for n in self._rig.views if any(t.startswith(f"{n}/") for t in self._topics)]
 
     def _wants_images(self, name: str) -> bool:
-        return any(t.startswith(f"{name}/image") for t in self._topics)
+        topics = (IMAGE_TOPIC, COMPRESSED_TOPIC, DEPTH_TOPIC)
+        return any(f"{name}/{topic}" in self._topics for topic in topics)
 
     @property
     def counts(self) -> dict[str, int]:

@@ -21,12 +21,13 @@ from imu_sim_ros.bags.messages import (
     PointCloud2Encoder,
     Qos,
 )
-from imu_sim_ros.camera import CameraModel, Rig, Scene, View
-from imu_sim_ros.camera.images import Imager, atlas, png
+from imu_sim_ros.camera import CameraModel, Rig, Scene, View, images
+from imu_sim_ros.camera.images import Imager, png
 from imu_sim_ros.config.cameras import CameraParameters, RigParameters
 from imu_sim_ros.conventions import (
     CAMERA_INFO_TOPIC,
     COMPRESSED_TOPIC,
+    DEPTH_TOPIC,
     FEATURES_TOPIC,
     IMAGE_TOPIC,
     LANDMARKS_TOPIC,
@@ -65,6 +66,8 @@ def _kinds(camera: CameraParameters) -> dict[str, str]:
         kinds[IMAGE_TOPIC] = IMAGE
     if camera.images in ("compressed", "both"):
         kinds[COMPRESSED_TOPIC] = COMPRESSED_IMAGE
+    if camera.depth:
+        kinds[DEPTH_TOPIC] = IMAGE
     kinds[CAMERA_INFO_TOPIC] = CAMERA_INFO
     return kinds
 
@@ -81,35 +84,43 @@ class CameraMessages:
         kinds = _kinds(p)
         self._imager = imager
         self._info = CameraInfoEncoder(frame_id, info_of_camera(p), encoding)
-        self._raw = self._png = None
+        self._raw = self._png = self._depth = None
         if IMAGE_TOPIC in kinds:
-            self._raw = ImageEncoder(frame_id, p.height, p.width, "mono8", encoding)
+            self._raw = ImageEncoder(frame_id, p.height, p.width, p.encoding, encoding)
         if COMPRESSED_TOPIC in kinds:
-            self._png = CompressedImageEncoder(frame_id, "mono8", encoding)
+            self._png = CompressedImageEncoder(frame_id, p.encoding, encoding)
+        if DEPTH_TOPIC in kinds:
+            self._depth = ImageEncoder(frame_id, p.height, p.width, "32FC1", encoding)
 
     def messages(self, number: int, t_ns: int) -> dict[str, bytes]:
         """Return the messages of a frame with a stamp, by topic below the camera's name."""
         found = {CAMERA_INFO_TOPIC: self._info.encode(t_ns)}
-        if self._imager is not None:
+        if self._imager is None:
+            return found
+        if self._raw is not None or self._png is not None:
             image = self._imager.image(number)
             if self._raw is not None:
                 found[IMAGE_TOPIC] = self._raw.encode(t_ns, image)
             if self._png is not None:
                 found[COMPRESSED_TOPIC] = self._png.encode(t_ns, png(image))
+        if self._depth is not None:
+            found[DEPTH_TOPIC] = self._depth.encode(t_ns, self._imager.depth(number))
         return found
 
 
 def imagers(rig: Rig, names: list[str]) -> dict[str, Imager]:
-    """Return the imagers of the cameras named, for those with images.
+    """Return the imagers of the cameras named, for those with images or depth.
 
     :raises ConfigurationError: for a scene without surfaces.
     :raises MissingDependencyError: where OpenCV is not installed.
     """
-    wanted = [name for name in names if rig.views[name].parameters.images != "none"]
-    if not wanted:
-        return {}
-    textures = atlas(rig.scene.surfaces, rig.parameters.scene)
-    return {name: Imager(rig.views[name], rig.scene, textures, rig.trajectory) for name in wanted}
+    views = {name: rig.views[name] for name in names}
+    wanted = {
+        name: view
+        for name, view in views.items()
+        if view.parameters.images != "none" or view.parameters.depth
+    }
+    return images.imagers(wanted, rig.scene, rig.parameters.scene, rig.trajectory)
 
 
 def info_of_camera(camera: CameraParameters) -> CameraInfo:

@@ -3,30 +3,33 @@
 
 """Images of cameras as PNG files: EuRoC/ASL folders, and those of kalibr_bagcreater.
 
-``euroc``: ``cam0/data/<stamp>.png``, ``cam0/data.csv``, ``cam0/sensor.yaml``; TUM VI has the same.
-``csv``: ``cam0/<stamp>.png`` beside imu0.csv, as kalibr_bagcreater takes it. Threads make the
-images; OpenCV and NumPy let them run side by side.
+``euroc``: ``cam0/data/<stamp>.png``, ``cam0/data.csv``, ``cam0/sensor.yaml``, and ``cam0/depth``
+where depth is asked for. ``csv``: ``cam0/<stamp>.png`` beside imu0.csv, as kalibr_bagcreater takes
+it. Threads make the images; OpenCV and NumPy let them run side by side.
 """
 
 from collections import deque
+from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.bags.text import decimal
 from imu_sim_ros.camera import CameraModel, Rig
-from imu_sim_ros.camera.images import Imager, atlas, opencv, png
+from imu_sim_ros.camera.images import imagers, opencv, png
 from imu_sim_ros.config.cameras import CameraParameters
 from imu_sim_ros.conventions import IMAGE_TOPIC
 from imu_sim_ros.datasets.tracks import CameraProgress
 from imu_sim_ros.errors import system_error
 
 EUROC_HEADER: Final = "#timestamp [ns],filename"
+DEPTH_FOLDER: Final = "depth"
 _AHEAD: Final = 4
 """Images in progress for each thread."""
+_MILLIMETRES: Final = 1000.0
 _DISTORTIONS: Final = {"none": "none", "radtan": "radial-tangential", "equidistant": "equidistant"}
 
 
@@ -37,7 +40,7 @@ class ImageFolders:
         """Make the folders.
 
         :param folder: that exists.
-        :param form: euroc or csv.
+        :param form: euroc, tum_vi, which has no descriptions of sensors, or csv.
         :param jobs: threads.
         :param comment: for the sensors' descriptions.
         :raises ConfigurationError: for a scene without surfaces.
@@ -45,23 +48,25 @@ class ImageFolders:
         """
         self._cv2 = opencv()
         self._cv2.setNumThreads(1)  # the threads are ours
-        textures = atlas(rig.scene.surfaces, rig.parameters.scene)
+        made = imagers(rig.views, rig.scene, rig.parameters.scene, rig.trajectory)
         self.cameras = [CameraProgress(rig, name) for name in rig.views]
-        self._imagers = [
-            Imager(view, rig.scene, textures, rig.trajectory) for view in rig.views.values()
-        ]
-        self._rows: list[list[str]] = [[] for _ in self.cameras]
-        self._folder, self._euroc = folder, form == "euroc"
+        self._imagers = list(made.values())
+        self._frames: list[list[tuple[int, int]]] = [[] for _ in self.cameras]
+        self._folder, self._tables = folder, form != "csv"
         self._pool = ThreadPoolExecutor(jobs, thread_name_prefix="images")
         self._waiting: deque[Future[None]] = deque()
         self._most = _AHEAD * jobs
         for camera in self.cameras:
             place = self._place(camera.name)
-            try:
-                place.mkdir(parents=True)
-            except OSError as error:
-                raise system_error(place, error) from None
-            if self._euroc:
+            folders = [place]
+            if self._has_depth(camera):
+                folders.append(place.parent / DEPTH_FOLDER)
+            for made_folder in folders:
+                try:
+                    made_folder.mkdir(parents=True)
+                except OSError as error:
+                    raise system_error(made_folder, error) from None
+            if form == "euroc":
                 text = _sensor_yaml(camera.view.parameters, comment)
                 (place.parent / "sensor.yaml").write_text(text, encoding="utf-8")
 
@@ -69,9 +74,17 @@ class ImageFolders:
     def counts(self) -> dict[str, int]:
         """Images by camera."""
         return {
-            f"/{camera.name}/{IMAGE_TOPIC}": len(rows)
-            for camera, rows in zip(self.cameras, self._rows, strict=True)
+            f"/{camera.name}/{IMAGE_TOPIC}": len(frames)
+            for camera, frames in zip(self.cameras, self._frames, strict=True)
         }
+
+    def exposures(self, camera: int) -> Iterator[tuple[int, float]]:
+        """Yield stamp [ns] and exposure time [s] of each image of a camera, by its number."""
+        for number, t_ns in self._frames[camera]:
+            yield t_ns, self._imagers[camera].exposure(number)
+
+    def _has_depth(self, camera: CameraProgress) -> bool:
+        return self._tables and camera.view.parameters.depth
 
     def until(self, t_ns: int) -> None:
         """Request all images taken before a time [ns]."""
@@ -86,14 +99,17 @@ class ImageFolders:
         while len(self._waiting) >= self._most:
             self._waiting.popleft().result()
         path = self._place(self.cameras[camera].name) / f"{t_ns}.png"
-        self._rows[camera].append(f"{t_ns},{t_ns}.png")
+        self._frames[camera].append((number, t_ns))
         self._waiting.append(self._pool.submit(self._make, camera, number, path))
 
     def _make(self, camera: int, number: int, path: Path) -> None:
         write_png(path, self._imagers[camera].image(number))
+        if self._has_depth(self.cameras[camera]):
+            depth = self._imagers[camera].depth(number)
+            write_png(path.parents[1] / DEPTH_FOLDER / path.name, millimetres(depth))
 
     def _place(self, name: str) -> Path:
-        return self._folder / name / "data" if self._euroc else self._folder / name
+        return self._folder / name / "data" if self._tables else self._folder / name
 
     def __enter__(self) -> "ImageFolders":
         return self
@@ -105,15 +121,33 @@ class ImageFolders:
                 self._waiting.popleft().result()
         finally:
             self._pool.shutdown(cancel_futures=True)
-        if self._euroc and not failed:
-            for camera, rows in zip(self.cameras, self._rows, strict=True):
-                text = "\n".join([EUROC_HEADER, *rows]) + "\n"
-                path = self._folder / camera.name / "data.csv"
-                path.write_text(text, encoding="utf-8")
+        if self._tables and not failed:
+            for camera, frames in zip(self.cameras, self._frames, strict=True):
+                write_table(self._folder / camera.name, [t_ns for _, t_ns in frames])
 
 
-def write_png(path: Path, image: NDArray[np.uint8]) -> None:
-    """Write an image (h, w).
+def write_table(folder: Path, stamps: list[int]) -> None:
+    """Write data.csv of a camera: the images' stamps [ns] and names.
+
+    :raises ImuSimError: where it cannot be written, with the reason.
+    """
+    path = folder / "data.csv"
+    try:
+        with path.open("w", encoding="utf-8") as file:
+            file.write(EUROC_HEADER + "\n")
+            file.writelines(f"{t_ns},{t_ns}.png\n" for t_ns in stamps)
+    except OSError as error:
+        raise system_error(path, error) from None
+
+
+def millimetres(depth: NDArray[np.float32]) -> NDArray[np.uint16]:
+    """Return depths (h, w) [m] as REP 118 has them in 16 bits; 0 for what is beyond 65.5 m."""
+    rounded = np.rint(depth * np.float32(_MILLIMETRES))
+    return np.where(rounded <= np.iinfo(np.uint16).max, rounded, 0.0).astype(np.uint16)
+
+
+def write_png(path: Path, image: NDArray[Any]) -> None:
+    """Write an image (h, w), or (h, w, 3) in red, green and blue.
 
     :raises ImuSimError: where it cannot be written, with the reason.
     """

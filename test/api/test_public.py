@@ -97,7 +97,7 @@ def test_the_examples_in_the_docstrings_run(module, tmp_path):
     assert found.failed == 0
 
 
-@pytest.mark.parametrize("name", ["project", "tracks", "frames"])
+@pytest.mark.parametrize("name", ["project", "tracks", "frames", "depths"])
 def test_what_cameras_give_is_documented(name):
     function = getattr(ims.camera, name)
     for argument in inspect.signature(function).parameters:

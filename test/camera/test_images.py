@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from imu_sim_ros import rotation
-from imu_sim_ros.camera.images import Imager, atlas, look_up
+from imu_sim_ros.camera.images import Imager, atlas, look_up, png
 from imu_sim_ros.camera.images.texture import LEVELS
 from imu_sim_ros.config.cameras import CloudParameters
 from imu_sim_ros.errors import ConfigurationError, MissingDependencyError
@@ -45,6 +45,8 @@ GOLDEN = {
     "plain": "1ffcac911b198e01",
     "everything": "8656cab0abcb3174",
     "fisheye": "7297b227218e00f3",
+    "trilinear": "57d359ed57af27f6",
+    "colour": "5e163aae9d73736a",
 }
 TEXTURES = {}
 """Of scenes that were made before: the same parameters give the same ones."""
@@ -56,14 +58,22 @@ CASES = {
         "camera__distortion": [0.0035, 0.0007, -0.002, 0.0002],
         "camera__intrinsics": [55.0, 55.0, 93.0, 60.0],
     },
+    "trilinear": {"camera__mip_levels": "trilinear"},
+    "colour": {
+        **EVERYTHING,
+        "camera__encoding": "rgb8",
+        "camera__mip_levels": "trilinear",
+        "camera__exposure_change": 0.5,
+    },
 }
 
 
 def make_imager(make_rig, **values):
     rig = make_rig("target", **{**SMALL, **values})
-    key = rig.parameters.scene
+    colour = rig.views["cam0"].parameters.encoding == "rgb8"
+    key = rig.parameters.scene, colour
     if key not in TEXTURES:
-        TEXTURES[key] = atlas(rig.scene.surfaces, rig.parameters.scene)
+        TEXTURES[key] = atlas(rig.scene.surfaces, rig.parameters.scene, colour)
     textures = TEXTURES[key]
     return rig, Imager(rig.views["cam0"], rig.scene, textures, rig.trajectory)
 
@@ -114,15 +124,11 @@ def test_images_do_not_depend_on_the_order_nor_on_threads(make_rig):
         assert np.array_equal(first, second)
 
 
-@pytest.mark.parametrize("case", CASES)
-def test_the_look_up_is_integer_arithmetic(make_rig, case):
-    """The oracle: bilinear in plain NumPy integers, (sum w a + 512) >> 10 with weights of 1/32."""
-    rig, imager = make_imager(make_rig, **CASES[case])
-    view = rig.views["cam0"]
-    maps = imager._renderer.maps(view.poses(rig.trajectory, imager._row_times(np.array([1.3]))))
-    image = imager.atlas.image
+def plainly_looked_up(image, maps):
+    """Bilinear in plain NumPy integers: (sum w a + 512) >> 10 with weights of 1/32."""
     x, y = (maps.whole[..., k].astype(int) for k in (0, 1))
-    fx, fy = (maps.part & 31).astype(int), (maps.part >> 5).astype(int)
+    colours = (1,) * (image.ndim - 2)
+    fx, fy = (k.astype(int).reshape(*x.shape, *colours) for k in (maps.part & 31, maps.part >> 5))
     right, below = np.minimum(x + 1, image.shape[1] - 1), np.minimum(y + 1, image.shape[0] - 1)
     total = (
         (32 - fx) * (32 - fy) * image[y, x].astype(int)
@@ -130,7 +136,121 @@ def test_the_look_up_is_integer_arithmetic(make_rig, case):
         + (32 - fx) * fy * image[below, x]
         + fx * fy * image[below, right]
     )
-    assert np.array_equal(look_up(image, maps), (total + 512) >> 10)
+    fine = (total + 512) >> 10
+    if maps.coarse is None:
+        return fine
+    share = maps.share.astype(int).reshape(*x.shape, *colours)
+    coarse = plainly_looked_up(image, maps.coarse)
+    return ((256 - share) * fine + share * coarse + 128) >> 8
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_look_up_is_integer_arithmetic(make_rig, case):
+    rig, imager = make_imager(make_rig, **CASES[case])
+    view = rig.views["cam0"]
+    times = imager._row_times(np.array([1.3]), imager._renderer.rows)
+    maps = imager._renderer.maps(view.poses(rig.trajectory, times))
+    image = imager.atlas.image
+    assert np.array_equal(look_up(image, maps), plainly_looked_up(image, maps))
+    if maps.share is not None:
+        assert maps.share.max() > 128 > maps.share.min()
+
+
+def test_two_mip_levels_are_those_next_to_the_step_of_a_pixel(make_rig):
+    """The share of the coarser one grows with the step: none at 2^k texels, all at 2^(k + 1)."""
+    rig, imager = make_imager(make_rig, camera__mip_levels="trilinear")
+    maps = imager._renderer.maps(rig.views["cam0"].poses(rig.trajectory, np.array([1.0])))
+    stream, checked = np.random.default_rng(5), 0
+    for u, v in zip(stream.integers(0, 187, 150), stream.integers(0, 119, 150), strict=True):
+        found = [
+            traced(rig, 1.0, (u + a, v + b))[0] for a, b in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))
+        ]
+        (m, s, r, _), *others = found
+        if any(other[0] != m for other in others):
+            continue
+        size = imager.atlas.size[m]
+        step = max(np.hypot(*((np.array(o[1:3]) - (s, r)) * size)) for o in others)
+        texel = np.array([s, r]) * size
+        places = [texel / 2**k - 0.5 + imager.atlas.place[m, k] for k in range(LEVELS)]
+        levels = []
+        for part in (maps, maps.coarse):
+            at = part.whole[v, u] + np.array([part.part[v, u] & 31, part.part[v, u] >> 5]) / 32.0
+            misses = [np.abs(place - at).max() for place in places]
+            assert min(misses) < 1 / 64 + 5e-3
+            levels.append(int(np.argmin(misses)))
+        assert levels[1] == levels[0] + 1
+        blended = levels[0] + np.log2(1.0 + maps.share[v, u] / 256.0)
+        # The step is that of the middle of a cell of 8 x 8 pixels.
+        assert abs(blended - np.log2(max(step, 1.0))) < 0.6
+        checked += 1
+    assert checked > 100
+
+
+def test_colours_have_the_brightness_and_corners_of_grey_values(make_rig):
+    """Same scene, same noise stream for each pixel's values; a target stays black and white."""
+    _, grey = make_imager(make_rig)
+    _, colour = make_imager(make_rig, camera__encoding="rgb8")
+    mono, rgb = grey.image(10).astype(float), colour.image(10).astype(float)
+    assert rgb.shape == (*mono.shape, 3)
+    # Tints of +-40 in two octaves, evenly drawn: their mean over a picture vanishes.
+    assert np.abs(rgb.mean(axis=(0, 1)) - mono.mean()).max() < 8.0
+    assert min(np.corrcoef(rgb[..., k].ravel(), mono.ravel())[0, 1] for k in range(3)) > 0.6
+    assert np.abs(rgb[..., 0] - rgb[..., 2]).mean() > 15.0
+    target = {"scene__type": "checkerboard", "camera__encoding": "rgb8"}
+    small = {key: value for key, value in SMALL.items() if not key.startswith("scene")}
+    rig = make_rig("target", **{**small, **target})
+    textures = atlas(rig.scene.surfaces, rig.parameters.scene, colour=True)
+    board = Imager(rig.views["cam0"], rig.scene, textures, rig.trajectory).image(10)
+    assert np.ptp(board, axis=2).max() == 0
+
+
+def test_a_png_of_colours_has_them_in_order():
+    """Read by a decoder of its own: zlib over the rows of the file."""
+    import zlib
+
+    picture = np.zeros((2, 3, 3), np.uint8)
+    picture[0, 0], picture[1, 2] = (255, 1, 2), (3, 4, 250)
+    data = png(picture)
+    start = data.index(b"IDAT") + 4
+    size = int.from_bytes(data[start - 8 : start - 4], "big")
+    rows = np.frombuffer(zlib.decompress(data[start : start + size]), np.uint8).reshape(2, 10)
+    assert data[25] == 2  # colour type: red, green, blue
+    assert not rows[0, 0] or rows[0, 0] in (1, 2, 4)  # of the first row, its first pixel is plain
+    assert rows[0, 1:4].tolist() == [255, 1, 2]
+
+
+@pytest.mark.parametrize("scale", [1, 2])
+def test_depth_is_that_of_the_pixels_centre(make_rig, scale):
+    values = {"camera__supersampling": scale, "camera__repeat_probability": 0.5}
+    rig, imager = make_imager(make_rig, **values)
+    number = next(k for k in range(20, 100) if imager._content(k) == k - 1)
+    assert np.array_equal(imager.depth(number), imager.depth(number - 1))
+    depth, t = imager.depth(number - 1), (number - 1) / 20.0
+    stream, checked = np.random.default_rng(3), 0
+    for u, v in zip(stream.integers(0, 188, 60), stream.integers(0, 120, 60), strict=True):
+        checked += abs(depth[v, u] / traced(rig, t, (float(u), float(v)))[1] - 1.0) < 1e-5
+    assert checked >= 58  # one at an edge may be on the other side of it
+
+
+def test_the_exposure_changes_blur_and_brightness(make_rig):
+    values = {
+        "camera__exposure_time": 0.02,
+        "camera__exposure_change": 0.5,
+        "camera__exposure_period": 2.0,
+        "camera__blur_samples": 3,
+    }
+    _, changing = make_imager(make_rig, **values)
+    _, fixed = make_imager(make_rig, **{**values, "camera__exposure_change": 0.0})
+    assert changing.exposure(0) == fixed.exposure(0) == 0.02
+    assert changing.exposure(10) == pytest.approx(0.03)  # a quarter of the period
+    assert changing.exposure(30) == pytest.approx(0.01)
+    longer = {**values, "camera__exposure_change": 0.0, "camera__exposure_time": 0.03}
+    _, other = make_imager(make_rig, **longer, camera__gain=1.5)
+    assert np.abs(changing.image(10).astype(int) - other.image(10)).max() <= 1
+    with pytest.raises(ConfigurationError, match=r"exposure_time must be above 0 s"):
+        make_rig(camera__exposure_change=0.5)
+    with pytest.raises(ConfigurationError, match=r"exposure_change up to 0\.054 s"):
+        make_rig(camera__exposure_change=0.8, camera__exposure_time=0.03)
 
 
 def traced(rig, t, pixel):

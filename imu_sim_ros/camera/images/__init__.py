@@ -3,13 +3,14 @@
 
 """Images of what a camera sees; the only user of OpenCV, imported when an image is rendered.
 
-``texture`` is what surfaces look like, ``tag36h11`` the tags of a target, ``renderer`` where each
-pixel looks, ``imager`` the sensor's errors, ``encode`` a PNG of it.
+``texture`` is what surfaces look like, ``tag36h11`` the tags of a target, ``plane`` and ``mip``
+where a ray meets a surface and at which level it looks, ``renderer`` where each pixel looks,
+``imager`` the sensor's errors, ``encode`` a PNG of it.
 """
 
 from imu_sim_ros.camera.images.encode import png
-from imu_sim_ros.camera.images.imager import Imager
+from imu_sim_ros.camera.images.imager import Imager, imagers
 from imu_sim_ros.camera.images.renderer import Maps, Renderer, look_up, opencv
 from imu_sim_ros.camera.images.texture import Atlas, atlas
 
-__all__ = ["Atlas", "Imager", "Maps", "Renderer", "atlas", "look_up", "opencv", "png"]
+__all__ = ["Atlas", "Imager", "Maps", "Renderer", "atlas", "imagers", "look_up", "opencv", "png"]

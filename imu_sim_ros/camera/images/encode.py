@@ -15,12 +15,13 @@ _COMPRESSION: Final = 1
 
 
 def png(image: NDArray[Any]) -> bytes:
-    """Return an image (h, w), or (h, w, 3) in the order blue, green, red, as the bytes of a PNG.
+    """Return an image (h, w), or (h, w, 3) in red, green and blue, as the bytes of a PNG.
 
     :raises InputError: where OpenCV refuses it.
     """
     cv2 = opencv()
-    done, encoded = cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, _COMPRESSION])
+    ordered = image if image.ndim == 2 else image[..., ::-1]  # OpenCV's order is the other one
+    done, encoded = cv2.imencode(".png", ordered, [cv2.IMWRITE_PNG_COMPRESSION, _COMPRESSION])
     if not done:
         raise InputError(f"OpenCV cannot encode an image of {image.shape} as PNG")
     data: bytes = encoded.tobytes()

@@ -3,16 +3,19 @@
 
 """The images of one camera: pictures over the exposure, optics, noise, grey values."""
 
-from functools import cache
+import math
+from collections.abc import Mapping
+from functools import cache, cached_property
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.camera.images.renderer import Renderer, look_up, opencv
-from imu_sim_ros.camera.images.texture import Atlas
+from imu_sim_ros.camera.images.texture import Atlas, atlas
 from imu_sim_ros.camera.scene import Scene
 from imu_sim_ros.camera.view import View
+from imu_sim_ros.config.cameras import SceneParameters
 from imu_sim_ros.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -32,18 +35,25 @@ class Imager:
         """
         opencv()
         self.view, self.atlas, self._trajectory = view, atlas, trajectory
+        self._scene = scene
         p = view.parameters
-        self._renderer = Renderer(view.model, scene.surfaces, atlas, p.supersampling)
+        self._renderer = Renderer(
+            view.model, scene.surfaces, atlas, p.supersampling, p.mip_levels == "trilinear"
+        )
+        self._colours = atlas.image.shape[2:]
         self._vignette = _vignette(view)
+        if self._vignette is not None:
+            self._vignette.shape += (1,) * len(self._colours)
 
     def image(self, number: int) -> Bytes:
-        """Return frame ``number`` (h, w), grey values."""
+        """Return frame ``number``: grey values (h, w), or red, green and blue (h, w, 3)."""
         content = self._content(number)
         p = self.view.parameters
         total, count = self._light(content)
         noisy = p.read_noise > 0.0 or p.shot_noise > 0.0
-        seconds = float(self.view.seconds(self.view.frames(content, 1).true_t_ns)[0])
-        gain = p.gain * (1.0 + p.gain_change * np.sin(2.0 * np.pi * seconds / p.gain_period))
+        seconds = self._seconds(content)
+        gain = p.gain * _wave(p.gain_change, p.gain_period, seconds)
+        gain *= _wave(p.exposure_change, p.exposure_period, seconds)
         if not noisy and gain == 1.0 and self._vignette is None:
             rounded: Bytes = ((total + count // 2) // count).astype(np.uint8)
             return rounded
@@ -58,7 +68,7 @@ class Imager:
         return grey
 
     def _noise(self, number: int, level: Single) -> Single:
-        """Return the errors of grey values (h, w).
+        """Return the errors of grey values (h, w), or of each colour (h, w, 3).
 
         Read noise has one deviation; that of shot noise goes with the root of the value.
         """
@@ -75,11 +85,29 @@ class Imager:
         return noise
 
     def depth(self, number: int) -> NDArray[np.float32]:
-        """Return the depth z (h, w) [m] at the middle of the exposure of a frame; 0: nothing."""
-        t = self.view.seconds(self.view.frames(number, 1).true_t_ns)
-        depth = self._renderer.depth(self.view.poses(self._trajectory, self._row_times(t)))
-        scale = self._renderer.scale
-        return depth[scale // 2 :: scale, scale // 2 :: scale]
+        """Return the depth z (h, w) [m] at each pixel's centre in the middle of the exposure.
+
+        0 where nothing is seen. A frame that repeats another has its depth, too.
+        """
+        t = np.array([self._seconds(self._content(number))])
+        renderer = self._centres
+        times = self._row_times(t, renderer.rows)
+        return renderer.depth(self.view.poses(self._trajectory, times))
+
+    def exposure(self, number: int) -> float:
+        """Return how long the shutter was open for what a frame shows [s]."""
+        p = self.view.parameters
+        seconds = self._seconds(self._content(number))
+        return p.exposure_time * _wave(p.exposure_change, p.exposure_period, seconds)
+
+    @cached_property
+    def _centres(self) -> Renderer:
+        """One ray for each pixel."""
+        return Renderer(self.view.model, self._scene.surfaces, self.atlas, 1)
+
+    def _seconds(self, number: int) -> float:
+        """Return the middle of a frame's exposure after the start [s]."""
+        return float(self.view.seconds(self.view.frames(number, 1).true_t_ns)[0])
 
     def _content(self, number: int) -> int:
         """Return which frame's content a frame shows: its own, or that of one before it."""
@@ -91,27 +119,52 @@ class Imager:
         return number
 
     def _light(self, number: int) -> tuple[NDArray[np.uint32], int]:
-        """Return the sum (h, w) of the grey values of all rays of a pixel, and their number."""
+        """Return the sum (h, w) of the values of all rays of a pixel, and their number."""
         p = self.view.parameters
-        middle = self.view.seconds(self.view.frames(number, 1).true_t_ns)
+        middle = np.array([self._seconds(number)])
+        exposure = p.exposure_time * _wave(p.exposure_change, p.exposure_period, float(middle[0]))
         pictures = p.blur_samples if p.exposure_time > 0.0 else 1
-        total = np.zeros((p.height, p.width), np.uint32)
+        total = np.zeros((p.height, p.width, *self._colours), np.uint32)
         n = p.supersampling
         for k in range(pictures):
-            t = middle + p.exposure_time * ((k + 0.5) / pictures - 0.5)
-            poses = self.view.poses(self._trajectory, self._row_times(t))
+            t = middle + exposure * ((k + 0.5) / pictures - 0.5)
+            times = self._row_times(t, self._renderer.rows)
+            poses = self.view.poses(self._trajectory, times)
             picture = look_up(self.atlas.image, self._renderer.maps(poses))
             for row in range(n):
                 for column in range(n):
                     total += picture[row::n, column::n]
         return total, pictures * n * n
 
-    def _row_times(self, t: Array) -> Array:
+    def _row_times(self, t: Array, rows: Array) -> Array:
         """Return the time of each row of rays with a rolling shutter, else the one time."""
         p = self.view.parameters
         if p.row_time == 0.0:
             return t
-        return t + p.row_time * (self._renderer.rows - 0.5 * (p.height - 1))
+        return t + p.row_time * (rows - 0.5 * (p.height - 1))
+
+
+def imagers(
+    views: Mapping[str, View], scene: Scene, parameters: SceneParameters, trajectory: Trajectory
+) -> dict[str, Imager]:
+    """Return the imager of each camera; those of one encoding share the scene's textures.
+
+    :raises ConfigurationError: for a scene without surfaces.
+    :raises MissingDependencyError: where OpenCV is not installed.
+    """
+    coloured = {name: view.parameters.encoding == "rgb8" for name, view in views.items()}
+    textures = {
+        colour: atlas(scene.surfaces, parameters, colour) for colour in set(coloured.values())
+    }
+    return {
+        name: Imager(view, scene, textures[coloured[name]], trajectory)
+        for name, view in views.items()
+    }
+
+
+def _wave(amplitude: float, period: float, seconds: float) -> float:
+    """Return the factor of a slow change."""
+    return 1.0 + amplitude * math.sin(2.0 * math.pi * seconds / period)
 
 
 @cache

@@ -18,7 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
-from imu_sim_ros.camera.images.texture import LEVELS, Atlas
+from imu_sim_ros.camera.images.mip import CELL, SHARES, levels
+from imu_sim_ros.camera.images.plane import Plane
+from imu_sim_ros.camera.images.texture import Atlas
 from imu_sim_ros.camera.model import CameraModel
 from imu_sim_ros.camera.scene import Surfaces
 from imu_sim_ros.camera.view import Poses
@@ -28,8 +30,6 @@ Single = NDArray[np.float32]
 Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 
-CELL: Final = 8
-"""Pixels along which the mip level is constant, in both directions."""
 _FRACTION: Final = 32
 """Steps of a texel in the look-up, OpenCV's INTER_TAB_SIZE."""
 _GRID: Final = 2.0**30
@@ -46,6 +46,10 @@ class Maps(NamedTuple):
     """(h, w, 2) column and row."""
     part: NDArray[np.uint16]
     """(h, w) 32 * fraction of the row + fraction of the column, in 1/32."""
+    coarse: "Maps | None" = None
+    """The same in the next level, where there are two."""
+    share: NDArray[np.uint16] | None = None
+    """(h, w) what the coarse level contributes, in 1/256."""
 
 
 class _Region(NamedTuple):
@@ -53,10 +57,40 @@ class _Region(NamedTuple):
     columns: slice
 
 
-class Renderer:
-    """Pictures of one camera in one scene; ``scale`` rays along each side of a pixel."""
+class _Drawn(NamedTuple):
+    """What a band of rays sees so far."""
 
-    def __init__(self, model: CameraModel, surfaces: Surfaces, atlas: Atlas, scale: int) -> None:
+    nearest: Single
+    """(h, w) inverse distance."""
+    places: list[tuple[Single, Single]]
+    """Column and row (h, w) in the atlas, of one level or of two."""
+    share: NDArray[np.uint16] | None
+    """(h, w) of the second level."""
+
+    def part(self, rows: slice, columns: slice) -> "_Drawn":
+        """Return the same for a part of the band, to draw into."""
+        share = None if self.share is None else self.share[rows, columns]
+        places = [(x[rows, columns], y[rows, columns]) for x, y in self.places]
+        return _Drawn(self.nearest[rows, columns], places, share)
+
+
+class Renderer:
+    """Pictures of one camera in one scene."""
+
+    def __init__(
+        self,
+        model: CameraModel,
+        surfaces: Surfaces,
+        atlas: Atlas,
+        scale: int,
+        trilinear: bool = False,
+    ) -> None:
+        """Set up the rays.
+
+        :param scale: rays along each side of a pixel.
+        :param trilinear: look at two mip levels.
+        """
+        self._trilinear = trilinear
         self.model, self.surfaces, self.atlas, self.scale = model, surfaces, atlas, scale
         self.height, self.width = model.height * scale, model.width * scale
         rows = (np.arange(self.height) + 0.5) / scale - 0.5
@@ -73,18 +107,26 @@ class Renderer:
 
     def maps(self, poses: Poses) -> Maps:
         """Return the look-up for one pose, or one pose for each row of rays."""
-        whole = np.empty((self.height, self.width, 2), np.int16)
-        part = np.empty((self.height, self.width), np.uint16)
+        shape = (self.height, self.width)
+        fixed = [
+            (np.empty((*shape, 2), np.int16), np.empty(shape, np.uint16))
+            for _ in range(1 + self._trilinear)
+        ]
+        share = np.empty(shape, np.uint16) if self._trilinear else None
         visible = self._visible(poses)
         for band in self._bands():
-            x, y, _ = self._drawn(visible, band)
-            _fix(x, y, whole[band], part[band])
-        return Maps(whole, part)
+            drawn = self._drawn(visible, band)
+            for (x, y), (whole, part) in zip(drawn.places, fixed, strict=True):
+                _fix(x, y, whole[band], part[band])
+            if share is not None and drawn.share is not None:
+                share[band] = drawn.share
+        coarse = Maps(*fixed[1]) if self._trilinear else None
+        return Maps(*fixed[0], coarse, share)
 
     def depth(self, poses: Poses) -> Single:
         """Return the distance along the axis (h, w) [m] of what each pixel sees; 0: nothing."""
         visible = self._visible(poses)
-        nearest = np.concatenate([self._drawn(visible, band)[2] for band in self._bands()])
+        nearest = np.concatenate([self._drawn(visible, band).nearest for band in self._bands()])
         safe = np.where(nearest > 0.0, nearest, np.float32(1.0))
         result: Single = np.where(nearest > 0.0, self._rays[2] / safe, np.float32(0.0))
         return result
@@ -93,7 +135,7 @@ class Renderer:
         """Return the image in pieces of a few rows, whose arrays stay in a processor's cache."""
         return [slice(k, min(k + _BAND, self.height)) for k in range(0, self.height, _BAND)]
 
-    def _visible(self, poses: Poses) -> list[tuple[int, "_Plane", _Region]]:
+    def _visible(self, poses: Poses) -> list[tuple[int, Plane, _Region]]:
         """Return the surfaces that may be in the image, and where."""
         position = np.round(poses.position * _GRID) / _GRID
         r_wc = np.round(rotation.to_matrix(poses.q_wc) * _GRID) / _GRID
@@ -105,7 +147,7 @@ class Renderer:
             beyond = (np.matmul(np.matmul(corners, r_wc[0]), self._cone) > 0.0).all(axis=1)
             facing = facing[~beyond.any(axis=1)]
         for m in facing.tolist():
-            plane = _Plane.of(self.surfaces, m, position, r_wc)
+            plane = Plane.of(self.surfaces, m, position, r_wc)
             region = self._region(plane, m, poses)
             if region is not None:
                 found.append((m, plane, region))
@@ -123,23 +165,25 @@ class Renderer:
         front = ((offset * s.normal).sum(axis=2) > 0.0).any(axis=0)
         return np.flatnonzero(front | (np.array(s.texture) == "plane"))
 
-    def _drawn(
-        self, visible: list[tuple[int, "_Plane", _Region]], band: slice
-    ) -> tuple[Single, Single, Single]:
-        """Return column and row in the atlas, and the inverse distance, of a band of rays."""
+    def _drawn(self, visible: list[tuple[int, Plane, _Region]], band: slice) -> _Drawn:
+        """Return what a band of rays sees."""
         shape = (band.stop - band.start, self.width)
-        nearest = np.zeros(shape, np.float32)
-        x, y = np.ones(shape, np.float32), np.ones(shape, np.float32)  # the background's corner
+        background = [
+            (np.ones(shape, np.float32), np.ones(shape, np.float32))  # its corner of the atlas
+            for _ in range(1 + self._trilinear)
+        ]
+        share = np.zeros(shape, np.uint16) if self._trilinear else None
+        drawn = _Drawn(np.zeros(shape, np.float32), background, share)
         for m, plane, region in visible:
             first = max(region.rows.start, band.start)
             last = min(region.rows.stop, band.stop)
             if first < last:
                 rows = slice(first, last)
-                here = (slice(first - band.start, last - band.start), region.columns)
-                self._draw(plane, m, _Region(rows, region.columns), nearest[here], x[here], y[here])
-        return x, y, nearest
+                here = drawn.part(slice(first - band.start, last - band.start), region.columns)
+                self._draw(plane, m, _Region(rows, region.columns), here)
+        return drawn
 
-    def _region(self, plane: "_Plane", m: int, poses: Poses) -> _Region | None:
+    def _region(self, plane: Plane, m: int, poses: Poses) -> _Region | None:
         """Return a part of the image outside which the surface cannot be seen.
 
         Every eighth ray finds its inside, points along its edges what lies between them.
@@ -166,55 +210,23 @@ class Renderer:
             slice(int(low[0]), int(min(high[0], self.width))),
         )
 
-    def _draw(
-        self, plane: "_Plane", m: int, region: _Region, nearest: Single, x: Single, y: Single
-    ) -> None:
+    def _draw(self, plane: Plane, m: int, region: _Region, drawn: _Drawn) -> None:
         """Put a surface where it is nearer than what was drawn before."""
         rays = self._rays[:, region.rows, region.columns]
         inverse, u, v = plane.at_rows(region.rows).meet(rays)
-        shown = inverse > nearest
+        shown = inverse > drawn.nearest
         if not shown.any():
             return
         columns, rows = self.atlas.size[m]
         u *= columns
         v *= rows
-        scale, shift = self._levels(u, v, m)
-        np.copyto(nearest, inverse, where=shown)
-        u *= scale
-        u += shift[0]
-        v *= scale
-        v += shift[1]
-        np.copyto(x, u, where=shown)
-        np.copyto(y, v, where=shown)
-
-    def _levels(self, u: Single, v: Single, m: int) -> tuple[Single, list[Single]]:
-        """Return the scale, and the shifts of column and row, of each pixel's mip level.
-
-        The level is that at which a step of one pixel is about one texel, in each cell of
-        CELL x CELL pixels that of the larger of the steps along its first row and column.
-        """
-        height, width = u.shape
-        i = np.minimum(np.arange(0, height, CELL) + CELL // 2, height - 2)[:, None]
-        j = np.minimum(np.arange(0, width, CELL) + CELL // 2, width - 2)
-        i, j = np.maximum(i, 0), np.maximum(j, 0)
-        below, right = np.minimum(i + 1, height - 1), np.minimum(j + 1, width - 1)
-        squares = [
-            (u[a, b] - u[i, j]) ** 2 + (v[a, b] - v[i, j]) ** 2 for a, b in ((i, right), (below, j))
-        ]
-        step = np.maximum(*squares)
-        thresholds = np.float32(2.0) ** np.arange(1, 2 * LEVELS - 1, 2, dtype=np.float32)
-        level = np.searchsorted(thresholds, step.ravel()).reshape(step.shape)
-        factor = np.float32(0.5) ** level.astype(np.float32)
-        place = self.atlas.place[m]
-        # Texel k of a level covers k to k + 1 in its own units; a look-up at k is its centre.
-        small = [factor, place[level, 0] - np.float32(0.5), place[level, 1] - np.float32(0.5)]
-        large = [_enlarged(part, height, width) for part in small]
-        return large[0], large[1:]
-
-
-def _enlarged(cells: Single, height: int, width: int) -> Single:
-    result: Single = cells.repeat(CELL, axis=0)[:height].repeat(CELL, axis=1)[:, :width]
-    return result
+        found, share = levels(u, v, self.atlas, m, self._trilinear)
+        np.copyto(drawn.nearest, inverse, where=shown)
+        if share is not None and drawn.share is not None:
+            np.copyto(drawn.share, share, where=shown)
+        for level, (x, y) in zip(found, drawn.places, strict=True):
+            np.copyto(x, u * level.scale + level.column, where=shown)
+            np.copyto(y, v * level.scale + level.row, where=shown)
 
 
 def _cone(directions: NDArray[Any]) -> Array | None:
@@ -240,74 +252,6 @@ def _cone(directions: NDArray[Any]) -> Array | None:
     return result
 
 
-class _Plane(NamedTuple):
-    """A rectangle in the camera's frame, for one pose or one for each row of rays."""
-
-    normal: list[Single]
-    across: list[Single]
-    up: list[Single]
-    start: tuple[Single, Single]
-    """s and r of the camera's own place."""
-
-    @classmethod
-    def of(cls, surfaces: Surfaces, m: int, position: Array, r_wc: Array) -> "_Plane":
-        """Return a surface as poses (n, 3), (n, 3, 3) see it."""
-        o, a, b = surfaces.origin[m], surfaces.across[m], surfaces.up[m]
-        n = surfaces.normal[m]
-        distance = ((o - position) * n).sum(axis=1)
-        safe = np.where(distance == 0.0, 1e-12, distance)
-        a, b = a / (a * a).sum(), b / (b * b).sum()
-        parts = [
-            [_single((r_wc[:, :, k] * vector).sum(axis=1)) for k in range(3)]
-            for vector in (n / safe[:, None], a, b)
-        ]
-        start = [_single(((position - o) * side).sum(axis=1)) for side in (a, b)]
-        return cls(parts[0], parts[1], parts[2], (start[0], start[1]))
-
-    def at_rows(self, rows: slice) -> "_Plane":
-        """Return the part for some rows of rays; one pose stands for all."""
-
-        def part(values: Single) -> Single:
-            return values[rows] if len(values) > 1 else values
-
-        return _Plane(
-            [part(v) for v in self.normal],
-            [part(v) for v in self.across],
-            [part(v) for v in self.up],
-            (part(self.start[0]), part(self.start[1])),
-        )
-
-    def meet(self, rays: Single) -> tuple[Single, Single, Single]:
-        """Return 1 / t, s and r (h, w) of rays (3, h, w); 1 / t is 0 beside the rectangle."""
-        inverse = _dot(self.normal, rays)
-        ahead = inverse > np.float32(1e-6)
-        t = np.float32(1.0) / np.where(ahead, inverse, np.float32(1.0))
-        s = _dot(self.across, rays)
-        s *= t
-        s += self.start[0]
-        r = _dot(self.up, rays)
-        r *= t
-        r += self.start[1]
-        ahead &= s >= 0.0
-        ahead &= s <= 1.0
-        ahead &= r >= 0.0
-        ahead &= r <= 1.0
-        inverse *= ahead
-        return inverse, s, r
-
-
-def _single(values: Array) -> Single:
-    """Return numbers (n,) as a column (n, 1) of float32."""
-    return values.astype(np.float32)[:, None]
-
-
-def _dot(vector: list[Single], rays: Single) -> Single:
-    result = vector[0] * rays[0]
-    result += vector[1] * rays[1]
-    result += vector[2] * rays[2]
-    return np.asarray(result)
-
-
 def _fix(x: Single, y: Single, whole: NDArray[np.int16], part: NDArray[np.uint16]) -> None:
     """Fill a look-up with coordinates in the atlas in steps of 1/32 texel, the nearest ones."""
     x *= np.float32(_FRACTION)
@@ -324,12 +268,22 @@ def _fix(x: Single, y: Single, whole: NDArray[np.int16], part: NDArray[np.uint16
 
 
 def look_up(atlas: Bytes, maps: Maps) -> Bytes:
-    """Return the picture (h, w): bilinear in integers, ``(sum w_i a_i + 2^14) >> 15``."""
+    """Return the picture (h, w[, 3]): bilinear in integers, ``(sum w_i a_i + 2^14) >> 15``.
+
+    Of two levels: ``((256 - share) fine + share coarse + 128) >> 8``.
+    """
     cv2 = opencv()
     picture: Bytes = cv2.remap(
         atlas, maps.whole, maps.part, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
     )
-    return picture
+    if maps.coarse is None or maps.share is None:
+        return picture
+    share = maps.share.reshape(*maps.share.shape, *(1,) * (picture.ndim - 2))
+    total = picture * (SHARES - share)
+    total += look_up(atlas, maps.coarse) * share
+    total += SHARES // 2
+    total >>= 8
+    return total.astype(np.uint8)
 
 
 def opencv() -> Any:

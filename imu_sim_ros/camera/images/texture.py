@@ -15,7 +15,12 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.camera.images.tag36h11 import tag
 from imu_sim_ros.camera.scene import Surfaces
-from imu_sim_ros.config.cameras import AprilgridParameters, CheckerboardParameters, SceneParameters
+from imu_sim_ros.config.cameras import (
+    AprilgridParameters,
+    CheckerboardParameters,
+    SceneParameters,
+    TargetParameters,
+)
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.random_streams import generator_at
 
@@ -35,6 +40,9 @@ _CELLS: Final = ((4, 1), (8, 1), (16, 2), (32, 2), (64, 3), (128, 3))
 """Edge of an octave's cells [texels], and its weight."""
 _CONTRAST: Final = 8
 """In fifths: the sum of the octaves is stretched by 1.6 around the middle."""
+_TINT: Final = 40
+"""Largest difference of a colour from the grey value in one octave."""
+_TINT_CELLS: Final = (16, 64)
 _TAG_CELL: Final = 8
 """Texels of a tag's cell at least; edges lie between texels."""
 
@@ -43,16 +51,17 @@ class Atlas(NamedTuple):
     """All textures of a scene."""
 
     image: Bytes
-    """(height, width)."""
+    """(height, width) grey values, or (height, width, 3) red, green and blue."""
     size: NDArray[np.float32]
     """(m, 2) columns and rows of each surface's texture."""
     place: NDArray[np.float32]
     """(m, LEVELS, 2) column and row of each level's first texel."""
 
 
-def atlas(surfaces: Surfaces, parameters: SceneParameters) -> Atlas:
+def atlas(surfaces: Surfaces, parameters: SceneParameters, colour: bool = False) -> Atlas:
     """Return the textures of all surfaces with their mip levels.
 
+    :param colour: in colour; targets stay black and white.
     :raises ConfigurationError: for a scene without surfaces.
     """
     if not len(surfaces.origin):
@@ -61,16 +70,20 @@ def atlas(surfaces: Surfaces, parameters: SceneParameters) -> Atlas:
             "of; room, planes, aprilgrid and checkerboard have surfaces"
         )
     textures = [_texture(surfaces, m, parameters) for m in range(len(surfaces.origin))]
+    size = np.array([texture.shape[::-1] for texture in textures], dtype=np.float32)
+    if colour:
+        textures = [_coloured(parameters, m, texture) for m, texture in enumerate(textures)]
     levels = [_levels(texture) for texture in textures]
-    padded = [[np.pad(level, _EDGE, mode="edge") for level in each] for each in levels]
+    around = [(_EDGE, _EDGE), (_EDGE, _EDGE), *[(0, 0)] * colour]
+    padded = [[np.pad(level, around, mode="edge") for level in each] for each in levels]
     flat = [level for each in padded for level in each]
-    corners, height = _packed([level.shape for level in flat])
-    image = np.full((height, max(_WIDTH, *(level.shape[1] for level in flat))), 0, np.uint8)
+    corners, height = _packed([level.shape[:2] for level in flat])
+    width = max(_WIDTH, *(level.shape[1] for level in flat))
+    image = np.zeros((height, width, *flat[0].shape[2:]), np.uint8)
     image[:_BLANK, :_BLANK] = BACKGROUND
     for level, (row, column) in zip(flat, corners, strict=True):
         image[row : row + level.shape[0], column : column + level.shape[1]] = level
     place = np.array(corners, dtype=np.float32).reshape(len(textures), LEVELS, 2)[..., ::-1]
-    size = np.array([texture.shape[::-1] for texture in textures], dtype=np.float32)
     return Atlas(image, size.reshape(-1, 2), place + np.float32(_EDGE))
 
 
@@ -96,7 +109,8 @@ def _levels(texture: Bytes) -> list[Bytes]:
     result = [texture]
     for _ in range(LEVELS - 1):
         above = result[-1]
-        even = np.pad(above, [(0, above.shape[0] % 2), (0, above.shape[1] % 2)], mode="edge")
+        odd = [(0, above.shape[0] % 2), (0, above.shape[1] % 2), *[(0, 0)] * (above.ndim - 2)]
+        even = np.pad(above, odd, mode="edge")
         wide = even.astype(np.uint16)
         four = wide[::2, ::2] + wide[1::2, ::2] + wide[::2, 1::2] + wide[1::2, 1::2]
         result.append(((four + 2) >> 2).astype(np.uint8))
@@ -125,6 +139,20 @@ def _blocks(seed: int, number: int, height: int, width: int) -> Bytes:
         total += weight * grid.repeat(cell, axis=0).repeat(cell, axis=1)[:height, :width]
     mean = total // sum(weight for _, weight in _CELLS) - 128
     return np.clip(128 + mean * _CONTRAST // 5, 0, 255).astype(np.uint8)
+
+
+def _coloured(parameters: SceneParameters, number: int, texture: Bytes) -> Bytes:
+    """Return a texture in red, green and blue: squares of random tints on its grey values."""
+    if isinstance(parameters, TargetParameters):
+        return np.repeat(texture[..., None], 3, axis=2)
+    height, width = texture.shape
+    total = np.repeat(texture[..., None], 3, axis=2).astype(np.int16)
+    for cell in _TINT_CELLS:
+        stream = generator_at(parameters.seed, f"scene.tint.{cell}", number)
+        shape = (-(-height // cell), -(-width // cell), 3)
+        tint = stream.integers(-_TINT, _TINT + 1, shape, dtype=np.int16)
+        total += tint.repeat(cell, axis=0).repeat(cell, axis=1)[:height, :width]
+    return np.clip(total, 0, 255).astype(np.uint8)
 
 
 def _aprilgrid(p: AprilgridParameters) -> Bytes:

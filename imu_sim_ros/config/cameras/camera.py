@@ -262,6 +262,7 @@ class CameraParameters(
         """Yield a line for each contradiction between parameters."""
         yield from CameraModelParameters.problems(self, prefix)
         yield from CameraMountParameters.problems(self, prefix)
+        yield from ImageParameters.problems(self, prefix)
         if self.max_depth <= self.min_depth:
             yield (
                 f"{prefix}max_depth = {self.max_depth:g}: must be above {prefix}min_depth, "
@@ -274,10 +275,14 @@ class CameraParameters(
                 f"{prefix}row_time = {self.row_time:g}: {self.height} rows must be read in less "
                 f"than the interval, {1.0 / self.rate:g} s"
             )
-        if self.exposure_time * self.rate > 1.0:
+        longest = self.exposure_time * (1.0 + self.exposure_change)
+        if longest * self.rate > 1.0:
+            changed = f", with {prefix}exposure_change up to {longest:g} s" * (
+                self.exposure_change > 0.0
+            )
             yield (
-                f"{prefix}exposure_time = {self.exposure_time:g}: must be shorter than the "
-                f"interval, {1.0 / self.rate:g} s"
+                f"{prefix}exposure_time = {self.exposure_time:g}{changed}: must be shorter than "
+                f"the interval, {1.0 / self.rate:g} s"
             )
         if self.jitter * self.rate > 0.25:
             yield (

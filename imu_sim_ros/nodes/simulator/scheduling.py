@@ -3,10 +3,10 @@
 
 """What the kernel is told about threads: who must wake up at once, and who may wait.
 
-A sample is due while images are being rendered on all processors. Linux lets a running thread finish
-its slice of a few milliseconds before one that wakes up, unless the latter asks for shorter slices
-(EEVDF, since 6.12) or the former is a batch job. Nothing here needs a privilege; where the kernel
-does not know a request, things stay as they are.
+A sample is due while images are being rendered on all processors. Linux lets a running thread
+finish its slice of a few milliseconds before one that wakes up, unless the latter asks for shorter
+slices (EEVDF, since 6.12) or the former is a batch job. Nothing here needs a privilege; where the
+kernel does not know a request, things stay as they are.
 """
 
 import ctypes

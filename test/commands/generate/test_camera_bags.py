@@ -31,6 +31,8 @@ SETTINGS = {
     "camera.dropout_probability": "0.2",
     "camera.time_offset": "0.005",
     "camera.images": "both",
+    "cam1.camera.encoding": "rgb8",
+    "cam1.camera.depth": "true",
     "features.layout": "fusion",
 }
 RIG = [
@@ -56,7 +58,7 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope="module")
 def rig():
     """Build the same cameras in Python."""
-    values = {key: json.loads(v) if v[0] in "[0123456789" else v for key, v in SETTINGS.items()}
+    values = {k: json.loads(v) if v[0] in "[0123456789t" else v for k, v in SETTINGS.items()}
     own = {"cam0.camera.preset": "euroc_cam0", "cam1.camera.preset": "euroc_cam1"}
     return build_rig(
         {
@@ -105,8 +107,22 @@ def test_images_in_a_bag_are_those_of_the_camera(folder, pictures, form):
             assert record == stamp(message) == stamp(small) == stamp(info) == t_ns
             assert message.header.frame_id == info.header.frame_id == f"{name}_optical_frame"
             assert np.array_equal(message.data.reshape(image.shape), image)
+            assert message.encoding == {2: "mono8", 3: "rgb8"}[image.ndim]
             decoded = cv2.imdecode(small.data, cv2.IMREAD_UNCHANGED)
-            assert np.array_equal(decoded, image)
+            assert np.array_equal(decoded if image.ndim == 2 else decoded[..., ::-1], image)
+    assert raw[0][1].encoding == "rgb8"  # of the second camera
+
+
+@pytest.mark.parametrize("form", ["ros1.bag", "folder"])
+def test_depth_is_in_the_bag_where_it_is_asked_for(folder, rig, form):
+    found = contents(folder / form)
+    assert "/cam0/depth/image_raw" not in found
+    expected = list(rig.depths("cam1"))
+    assert len(found["/cam1/depth/image_raw"]) == len(expected)
+    for (t_ns, depth), (_, message) in zip(expected, found["/cam1/depth/image_raw"], strict=True):
+        assert (stamp(message), message.encoding, message.step) == (t_ns, "32FC1", 4 * 94)
+        assert np.array_equal(message.data.view("<f4").reshape(depth.shape), depth)
+    assert 0.3 < expected[0][1].max() < 10.0
 
 
 def test_camera_info_projects_as_the_camera_does(folder, rig):
@@ -194,7 +210,7 @@ def test_landmarks_stand_in_the_bag_once(folder, rig, form):
 
 def test_readings_are_the_same_with_and_without_cameras(folder, tmp_path):
     alone = [word for word in RIG if word not in ("--camera", "euroc_cam0", "euroc_cam1")]
-    words = [w for w in alone if not w.startswith(("camera.", "features.", "--scene", "aprilgrid"))]
+    words = [w for w in alone if not w.startswith(("cam", "features.", "--scene", "aprilgrid"))]
     words = [w for w in words if w != "--set"]
     assert generate.main(["-o", str(tmp_path / "a.mcap"), *words]) == 0
     bare, with_cameras = contents(tmp_path / "a.mcap"), contents(folder / "one.mcap")
@@ -260,7 +276,8 @@ def test_a_scene_without_surfaces_gives_tracks_alone(tmp_path, capsys):
     assert generate.main(words) == 2
     assert "nothing to make images" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
-    assert generate.main([*words, "--set", "camera.images=none"]) == 0
+    none = ["--set", "camera.images=none", "--set", "cam1.camera.depth=false"]
+    assert generate.main([*words, *none]) == 0
     found = contents(tmp_path / "a.mcap")
     assert "/cam0/image_raw" not in found
     assert {"/cam0/camera_info", "/feature_tracker/feature"} < set(found)

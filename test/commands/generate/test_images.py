@@ -15,6 +15,7 @@ import yaml
 from imu_sim_ros.camera import build_rig
 from imu_sim_ros.commands import generate
 from imu_sim_ros.config.files import trajectory_layer
+from imu_sim_ros.datasets.images import millimetres
 
 RIG = [
     "--camera",
@@ -79,6 +80,23 @@ def test_a_euroc_folder_holds_images_under_their_stamps(tmp_path, capsys):
         assert sensor["distortion_model"] == "radial-tangential"
     assert (folder / "imu0" / "data.csv").is_file()
     assert (folder / "state_groundtruth_estimate0" / "data.csv").is_file()
+
+
+def test_colours_and_depth_are_in_the_folder_too(tmp_path):
+    folder = tmp_path / "mav0"
+    more = ["--set", "camera.depth=true", "--set", "camera.encoding=rgb8", "--scene", "room"]
+    more += ["--set", "scene.size=[200, 200, 200]", "--duration", "0.2s"]
+    assert generate.main(["-o", str(folder), "--format", "euroc", *RIG, *more]) == 0
+    names = sorted(path.name for path in (folder / "cam0" / "data").iterdir())
+    assert names == sorted(path.name for path in (folder / "cam0" / "depth").iterdir())
+    image = cv2.imread(str(folder / "cam0" / "data" / names[0]), cv2.IMREAD_UNCHANGED)
+    depth = cv2.imread(str(folder / "cam0" / "depth" / names[0]), cv2.IMREAD_UNCHANGED)
+    assert (image.shape, depth.shape, depth.dtype) == ((60, 94, 3), (60, 94), np.uint16)
+    # The walls are 100 m away: beyond 65.5 m there is no number.
+    assert (depth == 0).mean() > 0.5
+    assert millimetres(np.array([[0.0, 1.2345, 65.535, 65.6]], np.float32)).tolist() == [
+        [0, 1234, 65535, 0]
+    ]
 
 
 def test_python_gives_the_frames_of_the_command(tmp_path):
