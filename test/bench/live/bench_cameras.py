@@ -167,7 +167,7 @@ def main() -> None:
         return
     os.environ.setdefault("ROS_DOMAIN_ID", "96")
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    os.environ["PYTHONPATH"] = str(HERE.parents[2])
+    os.environ["PYTHONPATH"] = str(HERE.parents[3])
     rows = [live(*ROWS[k], arguments.duration) for k in arguments.rows]
     print_table(
         ["run", "published", "lost", "not in bag", "p50 [us]", "p99 [us]", "max [us]", "CPU [%]"],
