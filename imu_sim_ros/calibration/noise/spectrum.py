@@ -56,6 +56,22 @@ class Spectrum(NamedTuple):
         return concatenate([self], chosen)
 
 
+class _Bins(NamedTuple):
+    """Where the coefficients of a segment go; the same for all segments of one length."""
+
+    first: int
+    last: int
+    """The coefficients from ``first`` to before ``last`` lie in bins."""
+    starts: NDArray[np.int64]
+    """First coefficient of each bin that has any, counted from ``first``."""
+    used: NDArray[np.int64]
+    """These bins."""
+    freedom: Array
+    """Coefficients in every bin."""
+    log_frequency: Array
+    """Sums of the logarithms of their frequencies [cycles per sample]."""
+
+
 class SpectrumAccumulator:
     """Takes a record block by block, in pieces that are treated as independent."""
 
@@ -64,9 +80,11 @@ class SpectrumAccumulator:
         self._axes = axes
         count = int(np.ceil(np.log(0.5 / _SPLIT) / _WIDTH))
         self._edges = _SPLIT * (0.5 / _SPLIT) ** (np.arange(count + 1) / count)
-        self._sums = np.zeros((count, axes))
+        columns = len(self._sums_of_squares(np.zeros((axes, 1)), np.zeros(1, dtype=np.int64)))
+        self._sums = np.zeros((count, columns))
         self._freedom = np.zeros(count)
         self._log_frequency = np.zeros(count)
+        self._whole = self._bins(_SEGMENT)
         self._low: list[Spectrum] = []
         self._segment = np.empty((axes, _SEGMENT))
         self._begin()
@@ -107,16 +125,30 @@ class SpectrumAccumulator:
         if self._offset is None:
             self._offset = y.mean(axis=1, keepdims=True)
         coefficient = dct(y - self._offset, norm="ortho", axis=1)
+        bins = self._whole if count == _SEGMENT else self._bins(count)
+        squares = self._sums_of_squares(coefficient[:, bins.first : bins.last], bins.starts)
+        self._sums[bins.used] += squares.T
+        self._freedom += bins.freedom
+        self._log_frequency += bins.log_frequency
+
+    @staticmethod
+    def _sums_of_squares(coefficients: Array, starts: NDArray[np.int64]) -> Array:
+        """Return (axes, bins) of coefficients (axes, n), from each start to before the next."""
+        result: Array = np.add.reduceat(coefficients**2, starts, axis=1)
+        return result
+
+    def _bins(self, count: int) -> _Bins:
+        """Return where the coefficients of so many samples go."""
         order = np.arange(count)
         bins = np.searchsorted(self._edges, order / (2.0 * count), side="right") - 1
-        inside = (bins >= 0) & (bins < len(self._freedom))
-        starts = np.flatnonzero(np.diff(bins[inside], prepend=-1))
-        squares = coefficient[:, inside] ** 2
-        used = bins[inside][starts]
-        self._sums[used] += np.add.reduceat(squares, starts, axis=1).T
-        bins, logs = bins[inside], np.log(order[inside] / (2.0 * count))
-        self._freedom += np.bincount(bins, minlength=len(self._freedom))
-        self._log_frequency += np.bincount(bins, weights=logs, minlength=len(self._freedom))
+        inside = np.flatnonzero((bins >= 0) & (bins < len(self._freedom)))
+        first, last = int(inside[0]), int(inside[-1]) + 1
+        bins, size = bins[first:last], len(self._freedom)
+        starts = np.flatnonzero(np.diff(bins, prepend=-1))
+        logs = np.log(order[first:last] / (2.0 * count))
+        freedom = np.bincount(bins, minlength=size).astype(np.float64)
+        log_frequency: Array = np.bincount(bins, weights=logs, minlength=size).astype(np.float64)
+        return _Bins(first, last, starts, bins[starts], freedom, log_frequency)
 
     def _low_part(self, clusters: Array) -> Spectrum:
         from scipy.fft import dct
@@ -130,7 +162,7 @@ class SpectrumAccumulator:
         single = min(_SINGLE, last - 1)
         edges = _single_then_bins(order, single)
         freedom = np.diff(np.append(edges, len(order))).astype(np.float64)
-        power = np.add.reduceat(amplitude**2, edges, axis=0) / freedom[:, None]
+        power = self._sums_of_squares(amplitude.T, edges).T / freedom[:, None]
         mean_order = np.exp(np.add.reduceat(np.log(order), edges) / freedom)
         alone = freedom == 1
         return Spectrum(
