@@ -10,7 +10,8 @@ together.
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -125,8 +126,19 @@ def _axis(name: str, content: object) -> Axis:
         if len(lengths) != 1:
             found = ", ".join(f"{key} {len(values)}" for key, values in lists.items())
             raise ConfigurationError(f"{where}.zip: lists must be equally long: {found}")
-        return Axis(tuple(lists), tuple(zip(*lists.values(), strict=True)))
-    return Axis((name,), tuple((value,) for value in _values(where, content)))
+        rows = tuple(zip(*lists.values(), strict=True))
+        _refuse_repeated(f"{where}.zip", rows)
+        return Axis(tuple(lists), rows)
+    values = _values(where, content)
+    _refuse_repeated(where, values)
+    return Axis((name,), tuple((value,) for value in values))
+
+
+def _refuse_repeated(where: str, values: Sequence[object]) -> None:
+    counts = Counter(word(value) for value in values)
+    twice = sorted(value for value, count in counts.items() if count > 1)
+    if twice:
+        raise ConfigurationError(f"{where}: {', '.join(twice)}: given twice")
 
 
 def _values(where: str, content: object) -> list[object]:
@@ -136,10 +148,6 @@ def _values(where: str, content: object) -> list[object]:
             return list(_spaced(f"{where}.{kind}", kind == "log_range", limits))
     if isinstance(content, list) and content:
         found = [tuple(entry) if isinstance(entry, list) else entry for entry in content]
-        words = [word(value) for value in found]
-        twice = sorted({value for value in words if words.count(value) > 1})
-        if twice:
-            raise ConfigurationError(f"{where}: {', '.join(twice)}: given twice")
         if any(isinstance(value, Mapping) or value is None for value in found):
             raise ConfigurationError(f"{where} = {shown(content)}: must hold plain values")
         return found

@@ -30,7 +30,7 @@ STATE: Final = ("final_velocity_error_m_s", "nees_position", "nees_attitude", "n
 COMMAND: Final = ("scale_error", "initialisation_s", "wall_s", "real_time_factor", "peak_memory_mb")
 """Of programs: these say how it ran, and are not the same twice."""
 
-NOISE: Final = ("noise_density", "random_walk", "bias_instability")
+NOISE: Final = ("noise_density", "random_walk", "bias_instability", "rate_ramp", "quantisation")
 """What campaigns of ``allan`` are judged by, of each triad."""
 CALIBRATED: Final = (
     "accelerometer_scale_misalignment",
@@ -40,6 +40,10 @@ CALIBRATED: Final = (
     "gyroscope_g_sensitivity",
 )
 """What campaigns of ``calibrate`` are judged by."""
+THERMAL: Final = tuple(
+    f"{triad}_temperature_{kind}" for triad in TRIADS for kind in ("bias", "scale")
+)
+"""Polynomials: their coefficients have different units, so that only their sigmas are."""
 
 
 def calibration_names(kinds: Collection[str]) -> tuple[str, ...]:
@@ -48,8 +52,10 @@ def calibration_names(kinds: Collection[str]) -> tuple[str, ...]:
     if "allan" in kinds:
         quantities = [f"{triad}_{key}" for triad in TRIADS for key in NOISE]
         names += [f"{one}_{kind}" for one in quantities for kind in ("ratio", "covered")]
-    if {"six_position", "turntable"} & set(kinds):
+    if {"six_position", "turntable", "temperature"} & set(kinds):
         names += [f"{one}_{kind}" for one in CALIBRATED for kind in ("error", "sigmas")]
+    if "temperature" in kinds:
+        names += [f"{one}_sigmas" for one in THERMAL]
     return tuple(names)
 
 

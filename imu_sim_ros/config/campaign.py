@@ -13,7 +13,7 @@ from imu_sim_ros.errors import ConfigurationError
 ALIGNMENTS = ("none", "yaw", "se3", "sim3")
 DATASETS = ("euroc", "tracks", "rosbag2", "ros1", "mcap")
 ESTIMATES = ("tum", "euroc", "bag")
-CALIBRATIONS = ("allan", "six_position", "turntable")
+CALIBRATIONS = ("allan", "six_position", "turntable", "temperature")
 KINDS = ("dead_reckon", "command", *CALIBRATIONS)
 KEEP = ("none", "failed", "all")
 PLACES = ("dataset", "config", "estimate", "folder", "seed", "python", "share")

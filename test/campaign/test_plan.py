@@ -41,6 +41,11 @@ def test_zipped_axes_change_together():
     ]
 
 
+def test_one_of_zipped_parameters_may_have_a_value_twice():
+    zipped = {"rate": [100, 100, 200], "duration": [1, 2, 2]}
+    assert len(read_axes({"noise": {"zip": zipped}})[0].rows) == 3
+
+
 @pytest.mark.parametrize(
     ("grid", "line"),
     [
@@ -48,6 +53,7 @@ def test_zipped_axes_change_together():
         ({"rate": []}, "grid.rate = .*must be a list of values"),
         ({"rate": 5}, "grid.rate = 5: must be a list"),
         ({"rate": [1, 1.0]}, "grid.rate: 1: given twice"),
+        ({"z": {"zip": {"rate": [1, 1], "seed": [2, 2]}}}, r"z.zip: \[1, 2\]: given twice"),
         ({"rate": {"log_range": [0, 1, 3]}}, "log_range = .*two numbers above 0"),
         ({"rate": {"range": [1, 2, 1]}}, "and a count of 2 to"),
         ({"rate": {"range": [1, float("nan"), 4]}}, "two finite numbers"),

@@ -17,10 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.calibration import deterministic, noise
-from imu_sim_ros.campaign.metrics import CALIBRATED, NOISE, Metrics
+from imu_sim_ros.calibration.deterministic import correction
+from imu_sim_ros.campaign.metrics import CALIBRATED, NOISE, THERMAL, Metrics
 from imu_sim_ros.config import CalibrationEstimator, SimulationParameters
 from imu_sim_ros.conventions import TRIADS
-from imu_sim_ros.sensor import realised_imu
+from imu_sim_ros.sensor import ImuBlock, realised_imu
 from imu_sim_ros.topics import delivered
 
 if TYPE_CHECKING:
@@ -75,29 +76,46 @@ def _allan(blocks: Iterator[_Readings], parameters: SimulationParameters, model:
 def _deterministic(runs: "CellRuns", parameters: SimulationParameters, kind: str) -> Metrics:
     block = runs.block(parameters.seed)
     gravity = float(np.linalg.norm(parameters.gravity))
-    correction = deterministic.correction
+    imu = realised_imu(parameters)
+    by_norm = False
     if kind == "six_position":
         steady = deterministic.find_steady(*delivered(block))
         positions = deterministic.calibrate_six_position(steady, gravity)
         values = correction.six_position_parameters(positions)
         by_norm = positions.fixture == deterministic.NORM
-    else:
-        steady = deterministic.find_steady(*delivered(block), rotating=True)
-        steady, rate = deterministic.true_rates(
-            steady, block.true_t_ns, block.motion.angular_velocity
-        )
+    elif kind == "turntable":
+        steady, rate = _steady(block, rotating=True)
         table = deterministic.calibrate_turntable(steady, rate, gravity)
-        values, by_norm = correction.turntable_parameters(table), False
-    truth = correction.true_parameters(realised_imu(parameters), values)
+        values = correction.turntable_parameters(table)
+    else:
+        steady, rate = _steady(block, rotating=False)
+        at = deterministic.temperatures_at(steady, block.true_t_ns, block.temperature)
+        force = deterministic.specific_force(steady, gravity)
+        soak = deterministic.calibrate_temperature(
+            steady, at, rate, force, imu.reference_temperature
+        )
+        values = correction.temperature_parameters(soak)
+    truth = correction.true_parameters(imu, values)
     if by_norm:
         correction.turn_to_upper_triangular(truth)
+    return _deviations(values, truth)
+
+
+def _steady(block: ImuBlock, *, rotating: bool) -> tuple[deterministic.Steady, Array]:
+    """Return the steady pieces and their true rates (m, 3)."""
+    steady = deterministic.find_steady(*delivered(block), rotating=rotating)
+    return deterministic.true_rates(steady, block.true_t_ns, block.motion.angular_velocity)
+
+
+def _deviations(values: correction.Parameters, truth: dict[str, Array]) -> Metrics:
     found: Metrics = {}
-    for name in CALIBRATED:
+    for name in (*CALIBRATED, *THERMAL):
         if name in values:
             value, sigma = (np.asarray(part, dtype=np.float64) for part in values[name])
-            error = value - truth[name]
+            error = value - truth[name][: len(value)]
             known = sigma > 0.0
-            found[f"{name}_error"] = _rms(error)
+            if name in CALIBRATED:
+                found[f"{name}_error"] = _rms(error)
             found[f"{name}_sigmas"] = _rms(error[known] / sigma[known]) if known.any() else None
     return found
 
