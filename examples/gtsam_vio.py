@@ -10,7 +10,9 @@ r"""Visual-inertial odometry with gtsam on simulated readings and tracks, judged
 A problem with known ids: CombinedImuFactor between key frames, a projection factor for each
 feature of each camera, iSAM2. ``-o`` writes the path with its covariance, which ``evaluate`` reads.
 ``gtsam_vio_node.py`` is the same on live topics. The first pose and velocity are given; the biases
-are known to within the turn-on values of the IMU preset. Needs gtsam (pip install gtsam).
+are known to within the turn-on values of the IMU preset, or from a rest before the start
+(``trajectory.rest_before``), without which a gyroscope's bias of degrees per second makes iSAM2
+fail. ``gtsam_noise.py`` has the sensor's noise in gtsam's terms. Needs gtsam (pip install gtsam).
 """
 
 import argparse
@@ -19,6 +21,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import gtsam
+import gtsam_noise
 import numpy as np
 from gtsam.symbol_shorthand import B, L, V, X
 
@@ -51,19 +54,33 @@ class Estimator:
         :param parameters: densities, turn-on biases and gravity are taken from it.
         :param cameras: models, extrinsics and pixel noise are taken from them.
         """
-        self._preintegration = gtsam.PreintegratedCombinedMeasurements(_imu_noise(parameters))
+        self._preintegration = gtsam.PreintegratedCombinedMeasurements(
+            gtsam_noise.imu_noise(parameters)
+        )
         self._cameras = [_Camera(camera) for camera in cameras]
         settings = gtsam.ISAM2Params()
         settings.setFactorization("QR")  # Cholesky stops with an indeterminate system
         settings.relinearizeSkip = 1
         self.isam = gtsam.ISAM2(settings)
-        self._bias_sigma = _bias_sigma(parameters)
+        self._parameters = parameters
+        self._bias_sigma = gtsam_noise.bias_sigma(parameters)
         self._waiting: dict[int, Landmark] = {}
         self._known: set[int] = set()
         self._poses: list[gtsam.Pose3] = []
         self.state = gtsam.NavState()
         self.bias = gtsam.imuBias.ConstantBias()
         self.key = -1
+
+    def rest(self, pose: gtsam.Pose3, readings: np.ndarray) -> None:
+        """Take the biases from a rest in a known pose.
+
+        :param readings: (n, 6) gyroscope, accelerometer.
+        """
+        parameters, tilt = self._parameters, PRIOR_POSE[0]
+        r_wb = pose.rotation().matrix()
+        mean, self._bias_sigma = gtsam_noise.biases_of_rest(parameters, r_wb, readings, tilt)
+        self.bias = gtsam.imuBias.ConstantBias(*mean)
+        self._preintegration.resetIntegrationAndSetBias(self.bias)
 
     def start(self, pose: gtsam.Pose3, velocity: np.ndarray) -> None:
         """Begin at a known pose and velocity, at the time of the first key frame."""
@@ -186,27 +203,6 @@ class _Camera:
         )
 
 
-def _imu_noise(parameters: SimulationParameters) -> gtsam.PreintegrationCombinedParams:
-    imu = parameters.imu
-    noise = gtsam.PreintegrationCombinedParams(np.asarray(parameters.gravity))
-    noise.setAccelerometerCovariance(np.diag(np.square(imu.accelerometer.noise_density)))
-    noise.setGyroscopeCovariance(np.diag(np.square(imu.gyroscope.noise_density)))
-    tiny = 1e-12 * np.eye(3)  # a covariance that gtsam inverts must not be zero
-    noise.setBiasAccCovariance(np.diag(np.square(imu.accelerometer.random_walk)) + tiny)
-    noise.setBiasOmegaCovariance(np.diag(np.square(imu.gyroscope.random_walk)) + tiny)
-    noise.setIntegrationCovariance(1e-10 * np.eye(3))
-    pose = gtsam.Pose3(gtsam.Rot3(np.reshape(imu.mounting, (3, 3))), np.asarray(imu.lever_arm))
-    noise.setBodyPSensor(pose)
-    return noise
-
-
-def _bias_sigma(parameters: SimulationParameters) -> np.ndarray:
-    """Return how well the biases (6,) are known at the start: accelerometer, gyroscope."""
-    imu = parameters.imu
-    both = (imu.accelerometer.turn_on_bias_sigma, imu.gyroscope.turn_on_bias_sigma)
-    return np.maximum(np.concatenate(both), 1e-6)
-
-
 def _calibration(camera: CameraParameters):
     """Return gtsam's calibration and projection factor of a pinhole camera."""
     fx, fy, cx, cy = camera.intrinsics
@@ -284,14 +280,17 @@ def run(
     ours = tracks["camera"] < len(cameras)
     t_ns, ids, uv, which = (tracks[name][ours] for name in ("t_ns", "id", "uv", "camera"))
     stride = max(1, round(cameras[0].rate / rate))
-    frames = np.unique(t_ns)[first::stride]
-    frames = frames[(frames >= imu_t[0]) & (frames <= imu_t[-1])]
+    begin = imu_t[0] + round(parameters.trajectory.rest_before * 1e9)
+    frames = np.unique(t_ns)
+    frames = frames[(frames >= begin) & (frames <= imu_t[-1])][first::stride]
     estimator = Estimator(parameters, *cameras)
     rows, found = [], []
     for k, now in enumerate(frames.tolist()):
         row = int(np.searchsorted(truth.t_ns, now))
         true = gtsam.Pose3(gtsam.Rot3(rotation.to_matrix(truth.q_wb[row])), truth.position[row])
         if k == 0:
+            if begin > imu_t[0]:
+                estimator.rest(true, imu[imu_t < begin, 1:])
             step = (truth.position[row + 1] - truth.position[row]) * parameters.rate
             # Half a step further is the mean velocity's time: back by half an acceleration.
             ahead = (truth.position[row + 2] - truth.position[row + 1]) * parameters.rate
