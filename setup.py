@@ -46,6 +46,7 @@ setup(
         (f"share/{PACKAGE}", ["package.xml"]),
         share("config", "*.*"),
         share("config/imus", "*.yaml"),
+        share("config/barometers", "*.yaml"),
         share("config/trajectories", "*.yaml"),
         share("config/cameras", "*.yaml"),
         share("config/scenes", "*.yaml"),

@@ -14,11 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.bags.messages import (
+    FLUID_PRESSURE,
     IMU,
     MAGNETIC_FIELD,
     ODOMETRY,
     TEMPERATURE,
     VECTOR3_STAMPED,
+    FluidPressureEncoder,
     ImuEncoder,
     MagneticFieldEncoder,
     OdometryEncoder,
@@ -36,8 +38,10 @@ from imu_sim_ros.conventions import (
     IDEAL_DELTA_VELOCITY_TOPIC,
     IDEAL_IMU_TOPIC,
     IDEAL_MAGNETIC_FIELD_TOPIC,
+    IDEAL_PRESSURE_TOPIC,
     IMU_TOPIC,
     MAGNETIC_FIELD_TOPIC,
+    PRESSURE_TOPIC,
     TEMPERATURE_TOPIC,
     TRUTH_TOPIC,
 )
@@ -46,9 +50,11 @@ from imu_sim_ros.rotation import rotate_inverse
 from imu_sim_ros.sensor import (
     ImuBlock,
     MagneticBlock,
+    PressureBlock,
     accel_variance_discrete,
     field_variance_discrete,
     gyro_variance_discrete,
+    pressure_variance_discrete,
 )
 
 Times = NDArray[np.int64]
@@ -66,10 +72,14 @@ TYPES: Final[dict[str, str]] = {
     IDEAL_DELTA_VELOCITY_TOPIC: VECTOR3_STAMPED,
     MAGNETIC_FIELD_TOPIC: MAGNETIC_FIELD,
     IDEAL_MAGNETIC_FIELD_TOPIC: MAGNETIC_FIELD,
+    PRESSURE_TOPIC: FLUID_PRESSURE,
+    IDEAL_PRESSURE_TOPIC: FLUID_PRESSURE,
 }
 _SENSORS: Final[dict[str, str]] = {
     MAGNETIC_FIELD_TOPIC: "magnetic_field",
     IDEAL_MAGNETIC_FIELD_TOPIC: "magnetic_field",
+    PRESSURE_TOPIC: "pressure",
+    IDEAL_PRESSURE_TOPIC: "pressure",
 }
 """What has to be simulated beside the IMU for a topic."""
 
@@ -201,6 +211,37 @@ def _magnetic(block: ImuBlock) -> MagneticBlock:
     return block.magnetic_field
 
 
+def _pressure(parameters: SimulationParameters, encoding: str) -> Encode:
+    pressures = FluidPressureEncoder(parameters.imu_frame, encoding)
+
+    def encode(block: ImuBlock, now: SimulationParameters) -> Messages:
+        read = _barometric(block)
+        rows = read.delivered
+        t_ns = read.t_ns[rows]
+        variance = pressure_variance_discrete(now.imu)
+        return Messages(
+            t_ns, read.release_t_ns[rows], pressures.encode(t_ns, read.pressure[rows], variance)
+        )
+
+    return encode
+
+
+def _ideal_pressure(parameters: SimulationParameters, encoding: str) -> Encode:
+    pressures = FluidPressureEncoder(parameters.imu_frame, encoding)
+
+    def encode(block: ImuBlock, _: SimulationParameters) -> Messages:
+        t_ns = _barometric(block).true_t_ns
+        return Messages(t_ns, t_ns, pressures.encode(t_ns, _barometric(block).ideal_pressure))
+
+    return encode
+
+
+def _barometric(block: ImuBlock) -> PressureBlock:
+    if block.pressure is None:
+        raise ConfigurationError(f"topic {PRESSURE_TOPIC}: no pressure was simulated")
+    return block.pressure
+
+
 def _delta_angle(parameters: SimulationParameters, encoding: str) -> Encode:
     return _increments(DELTA_ANGLE_TOPIC, lambda b: b.gyro, parameters, encoding)
 
@@ -259,4 +300,6 @@ _MAKERS: Final[dict[str, Callable[[SimulationParameters, str], Encode]]] = {
     IDEAL_DELTA_VELOCITY_TOPIC: _ideal_delta_velocity,
     MAGNETIC_FIELD_TOPIC: _magnetic_field,
     IDEAL_MAGNETIC_FIELD_TOPIC: _ideal_magnetic_field,
+    PRESSURE_TOPIC: _pressure,
+    IDEAL_PRESSURE_TOPIC: _ideal_pressure,
 }

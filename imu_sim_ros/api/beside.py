@@ -19,7 +19,7 @@ from imu_sim_ros.sensor import ImuBlock
 
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
-_Readings = TypeVar("_Readings", bound="MagneticReadings")
+_Readings = TypeVar("_Readings", "MagneticReadings", "PressureReadings")
 
 SENSORS = tuple(AUXILIARY.values())
 
@@ -38,6 +38,28 @@ class MagneticReadings:
     """(n, 3) the field at the IMU in its own frame, without any error [T]."""
     bias: Array
     """(n, 3) what is added to the field times the sensor's response [T]."""
+
+    def __len__(self) -> int:
+        return len(self.t_ns)
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {span(self.t_ns)}>"
+
+
+@dataclass(frozen=True, repr=False)
+class PressureReadings:
+    """The n readings of a barometer that are delivered, and the truth of each."""
+
+    t_ns: Times
+    """(n,) stamps [ns], with the errors of the board's clock."""
+    pressure: Array
+    """(n,) as read [Pa]."""
+    true_t_ns: Times
+    """(n,) when the sample was taken [ns]."""
+    ideal_pressure: Array
+    """(n,) of the still air at the IMU's height [Pa]."""
+    bias: Array
+    """(n,) what is added to it, without white noise and rounding [Pa]."""
 
     def __len__(self) -> int:
         return len(self.t_ns)

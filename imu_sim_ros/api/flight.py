@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.api.beside import MagneticReadings, joined
+from imu_sim_ros.api.beside import MagneticReadings, PressureReadings, joined
 from imu_sim_ros.api.output import saved
 from imu_sim_ros.api.readings import Odometry, Readings, frame, span
 from imu_sim_ros.config import SimulationParameters, flatten
@@ -90,6 +90,14 @@ class Flight:
         :raises ConfigurationError: where no magnetometer was simulated.
         """
         return joined(self._blocks, "magnetic_field", MagneticReadings)
+
+    @cached_property
+    def pressure(self) -> PressureReadings:
+        """What the barometer read, at its own rate and stamps.
+
+        :raises ConfigurationError: where no barometer was simulated.
+        """
+        return joined(self._blocks, "pressure", PressureReadings)
 
     @cached_property
     def truth(self) -> Truth:

@@ -22,7 +22,9 @@ _T = TypeVar("_T")
 Layering = Callable[[Mapping[str, object]], Mapping[str, object]]
 """Returns what was given above what the files hold that it names."""
 
-_NAMES_OF_FILES: Final = ("preset", "calibration")
+BAROMETER_PRESET: Final = "imu.barometer_preset"
+
+_NAMES_OF_FILES: Final = ("preset", "barometer_preset", "calibration")
 _OPTIONS: Final = {
     "imus": "imu",
     "trajectories": "trajectory",
@@ -30,6 +32,7 @@ _OPTIONS: Final = {
     "scenes": "scene",
     "campaigns": "campaign",
     "estimators": "estimator",
+    "barometers": "imu.barometer_preset",
 }
 _PARAMETERS = "ros__parameters"
 _OF_EVERY_NODE: Final = ("use_sim_time", "start_type_description_service")
@@ -173,7 +176,7 @@ def layer(
         given = {"trajectory.type": trajectory, **motion, **given}
     if str(given["trajectory.type"]) in names("trajectories"):
         sensor.update(trajectory_layer(str(given.pop("trajectory.type")), node))
-    return {**sensor, **given}
+    return {**sensor, **_barometer_layer(given, node), **given}
 
 
 def sensor_layer(name_or_file: str, node: str = "simulator") -> dict[str, object]:
@@ -193,8 +196,14 @@ def sensor_layer(name_or_file: str, node: str = "simulator") -> dict[str, object
         below = values.pop("imu.preset", None)
         result = {**values, **result}
         if below is None:
-            return result
+            return {**_barometer_layer(result, node), **result}
         name_or_file = str(below)
+
+
+def _barometer_layer(given: Mapping[str, object], node: str) -> dict[str, object]:
+    """Return what ``imu.barometer_preset`` stands for; nothing where it names no file."""
+    preset = given.get(BAROMETER_PRESET)
+    return load(find("barometers", str(preset)), node) if preset else {}
 
 
 def build_layered(cls: type[_T], layering: Layering, given: Mapping[str, object]) -> _T:

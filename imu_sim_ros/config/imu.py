@@ -13,7 +13,7 @@ from fractions import Fraction
 import numpy as np
 
 from imu_sim_ros import timebase
-from imu_sim_ros.config.auxiliary import MagnetometerParameters
+from imu_sim_ros.config.auxiliary import BarometerParameters, MagnetometerParameters
 from imu_sim_ros.config.parameter import (
     IDENTITY_MATRIX,
     ZERO_MATRIX,
@@ -196,11 +196,14 @@ class ImuParameters(TimingParameters, BoardParameters, TriadsParameters):
         2, "order of the low-pass filters (Butterworth)", minimum=1, maximum=8
     )
     magnetometer: MagnetometerParameters = section(MagnetometerParameters, joint="_")
+    barometer: BarometerParameters = section(BarometerParameters, joint="_")
 
     def triad(self, name: Measured) -> TriadParameters:
         """Return the errors of one triad, or of a sensor beside them as if it were one."""
         if name == "magnetometer":
             return self.magnetometer.as_triad()
+        if name == "barometer":
+            return self.barometer.as_triad()
         return super().triad(name)
 
     def internal_ratio(self, rate: float) -> Fraction:

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
-from imu_sim_ros.config.auxiliary import MagneticFieldParameters
+from imu_sim_ros.config.auxiliary import AtmosphereParameters, MagneticFieldParameters
 from imu_sim_ros.config.files import build_layered, layer
 from imu_sim_ros.config.imu import ImuParameters
 from imu_sim_ros.config.parameter import (
@@ -86,6 +86,7 @@ class SimulationParameters:
     )
     temperature: TemperatureParameters = section(TemperatureParameters)
     magnetic_field: MagneticFieldParameters = section(MagneticFieldParameters)
+    atmosphere: AtmosphereParameters = section(AtmosphereParameters)
     trajectory: TrajectoryParameters = variant("type", "static", find_trajectory)
     imu: ImuParameters = section(ImuParameters)
 

@@ -25,7 +25,7 @@ from imu_sim_ros.config.parameter import (
     vector,
 )
 from imu_sim_ros.config.simulation import SimulationParameters, layer_simulation
-from imu_sim_ros.conventions import IMU_FRAME, TRIADS
+from imu_sim_ros.conventions import AUXILIARY, IMU_FRAME, TRIADS
 from imu_sim_ros.errors import ConfigurationError
 
 NODE = "simulator"
@@ -47,6 +47,10 @@ class PublishParameters:
     magnetic_field: bool = flag(False, "publish imu/mag, the readings of the magnetometer")
     ground_truth_magnetic_field: bool = flag(
         False, "publish ground_truth/mag, the magnetic field without errors"
+    )
+    pressure: bool = flag(False, "publish imu/pressure, the readings of the barometer")
+    ground_truth_pressure: bool = flag(
+        False, "publish ground_truth/pressure, the pressure without errors"
     )
     increments: bool = flag(
         False, "publish imu/delta_angle and imu/delta_velocity; imu.sampling must be averaged"
@@ -100,14 +104,14 @@ class InjectParameters:
     )
     triad: str = choice(
         "gyroscope",
-        (*TRIADS, "magnetometer"),
-        "which sensor a bias_jump, saturation or stuck affects; magnetometer: any fault, of that "
-        "sensor alone",
+        (*TRIADS, *AUXILIARY),
+        "which sensor a bias_jump, saturation or stuck affects; magnetometer and barometer: "
+        "any fault, of that sensor alone",
         live=True,
     )
     value: Vector = vector(
         0.0,
-        "bias_jump: what is added to the bias [rad/s, m/s^2 or T]; saturation: limit in the "
+        "bias_jump: what is added to the bias [rad/s, m/s^2, T or Pa]; saturation: limit in the "
         "same unit, 0: this axis has none; dropout: probability (1: all are lost); latency: [s], "
         f"at most {LARGEST_LATENCY:g}",
         live=True,

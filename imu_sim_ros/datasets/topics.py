@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from imu_sim_ros.bags import Block, Topic, Writer, amount, described
 from imu_sim_ros.bags.text import BESIDE, Dataset, States
 from imu_sim_ros.config import BODY, SimulationParameters
-from imu_sim_ros.conventions import IMU_TOPIC, MAGNETIC_FIELD_TOPIC, TRUTH_TOPIC
+from imu_sim_ros.conventions import IMU_TOPIC, MAGNETIC_FIELD_TOPIC, PRESSURE_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.sensor import ImuBlock
 from imu_sim_ros.topics import TYPES, Encode, delivered, encoder, sensors_of
@@ -27,7 +27,7 @@ SINGLE = ("",)
 """The names of the IMUs where there is one only."""
 
 
-_TABLES: Final[dict[str, str]] = {MAGNETIC_FIELD_TOPIC: "mag"}
+_TABLES: Final[dict[str, str]] = {MAGNETIC_FIELD_TOPIC: "mag", PRESSURE_TOPIC: "pressure"}
 """Topics that have a table of their own in a dataset: the key of ``bags.text.BESIDE``."""
 
 
@@ -157,9 +157,13 @@ def _states(block: ImuBlock) -> States:
 
 def _table(kind: str, block: ImuBlock) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Return stamps (n,) and values (n, m) of what a sensor beside the IMU delivered."""
-    assert block.magnetic_field is not None
-    read = block.magnetic_field
-    return read.t_ns[read.delivered], read.field[read.delivered]
+    if kind == "mag":
+        assert block.magnetic_field is not None
+        field = block.magnetic_field
+        return field.t_ns[field.delivered], field.field[field.delivered]
+    assert block.pressure is not None
+    read = block.pressure
+    return read.t_ns[read.delivered], read.pressure[read.delivered, None]
 
 
 def in_tables(

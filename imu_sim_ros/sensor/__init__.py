@@ -29,11 +29,12 @@ the size of the block in which it is generated.
 """
 
 from imu_sim_ros.sensor import catalogue
-from imu_sim_ros.sensor.block import ImuBlock, MagneticBlock
+from imu_sim_ros.sensor.block import ImuBlock, MagneticBlock, PressureBlock
 from imu_sim_ros.sensor.errors import (
     accel_variance_discrete,
     field_variance_discrete,
     gyro_variance_discrete,
+    pressure_variance_discrete,
 )
 from imu_sim_ros.sensor.faults import Fault
 from imu_sim_ros.sensor.imu import Imu
@@ -44,9 +45,11 @@ __all__ = [
     "Imu",
     "ImuBlock",
     "MagneticBlock",
+    "PressureBlock",
     "accel_variance_discrete",
     "catalogue",
     "field_variance_discrete",
     "gyro_variance_discrete",
+    "pressure_variance_discrete",
     "realised_imu",
 ]

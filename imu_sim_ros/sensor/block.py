@@ -32,6 +32,25 @@ class MagneticBlock(NamedTuple):
     """(n, 3) all that the reading has beside the field times its response [T]."""
 
 
+class PressureBlock(NamedTuple):
+    """n samples of a barometer, in the window of time of the IMU's block."""
+
+    true_t_ns: NDArray[np.int64]
+    """(n,) true times [ns]."""
+    t_ns: NDArray[np.int64]
+    """(n,) the stamps of the messages, with the errors of the board's clock [ns]."""
+    release_t_ns: NDArray[np.int64]
+    """(n,) when a message leaves the driver [ns]."""
+    delivered: NDArray[np.int64]
+    """(m,) rows that are delivered, in order."""
+    pressure: Array
+    """(n,) reading [Pa]."""
+    ideal_pressure: Array
+    """(n,) of the still air at the IMU's height [Pa]."""
+    bias: Array
+    """(n,) what is added to it, without white noise and rounding [Pa]."""
+
+
 class ImuBlock(NamedTuple):
     """n consecutive samples of one IMU; all arrays but ``delivered`` have n rows.
 
@@ -69,3 +88,4 @@ class ImuBlock(NamedTuple):
     motion: Motion
     """The body's motion at ``true_t_ns``."""
     magnetic_field: MagneticBlock | None = None
+    pressure: PressureBlock | None = None

@@ -32,6 +32,7 @@ PUBLIC = [
     "Odometry",
     "PoseSequence",
     "Preintegration",
+    "PressureReadings",
     "Readings",
     "Track",
     "TriadCalibration",

@@ -104,6 +104,7 @@ _WITHOUT_ERROR = (
     "imu.bandwidth_order",
     "imu.hysteresis_temperature",
     "imu.magnetometer_rate",
+    "imu.barometer_rate",
 )
 """Parameters that make no error whatever their value."""
 

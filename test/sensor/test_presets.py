@@ -50,9 +50,13 @@ def test_the_presets_that_are_promised_exist() -> None:
     }
 
 
-@pytest.mark.parametrize("preset", [name for name in PRESETS if name != "perfect"])
-def test_every_number_has_a_source_and_follows_from_it(preset: str) -> None:
-    path = files.find("imus", preset)
+@pytest.mark.parametrize(
+    ("kind", "preset"),
+    [("imus", name) for name in PRESETS if name != "perfect"]
+    + [("barometers", name) for name in files.names("barometers")],
+)
+def test_every_number_has_a_source_and_follows_from_it(kind: str, preset: str) -> None:
+    path = files.find(kind, preset)
     text = path.read_text(encoding="utf-8")
     header = text.partition("/**:")[0]
     entries = ENTRY.findall(text)

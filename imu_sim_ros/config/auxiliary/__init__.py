@@ -7,10 +7,14 @@
 magnetic field, the atmosphere) of a simulation. Imports the description of parameters.
 """
 
-from imu_sim_ros.config.auxiliary.magnetometer import MagnetometerParameters, OwnRateParameters
-from imu_sim_ros.config.auxiliary.surroundings import MagneticFieldParameters
+from imu_sim_ros.config.auxiliary.barometer import BarometerParameters
+from imu_sim_ros.config.auxiliary.magnetometer import MagnetometerParameters
+from imu_sim_ros.config.auxiliary.own_rate import OwnRateParameters
+from imu_sim_ros.config.auxiliary.surroundings import AtmosphereParameters, MagneticFieldParameters
 
 __all__ = [
+    "AtmosphereParameters",
+    "BarometerParameters",
     "MagneticFieldParameters",
     "MagnetometerParameters",
     "OwnRateParameters",

@@ -10,47 +10,16 @@ from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from itertools import pairwise
 
+from imu_sim_ros.config.auxiliary.own_rate import OwnRateParameters
 from imu_sim_ros.config.parameter import (
     IDENTITY_MATRIX,
     Matrix,
     Vector,
     matrix,
-    number,
     numbers,
     vector,
 )
 from imu_sim_ros.config.triads import TriadParameters
-
-LARGEST_RATE = 20000.0
-
-
-@dataclass(frozen=True)
-class OwnRateParameters:
-    """Rate and stamp grid of a sensor beside the IMU."""
-
-    rate: float = number(
-        100.0,
-        "samples per second of this sensor, on a grid of its own",
-        unit="Hz",
-        minimum=0.0,
-        above_minimum=True,
-        maximum=LARGEST_RATE,
-    )
-    time_offset: float = number(
-        0.0,
-        "time from the IMU's first sample to this sensor's first; below 1 / rate",
-        unit="s",
-        minimum=0.0,
-        maximum=1e6,
-    )
-
-    def problems(self, prefix: str) -> Iterator[str]:
-        """Say whether the first sample comes too late."""
-        if self.time_offset * self.rate >= 1.0:
-            yield (
-                f"{prefix}time_offset = {self.time_offset:g}: must be below 1 / {prefix}rate, "
-                f"{1.0 / self.rate:g} s"
-            )
 
 
 @dataclass(frozen=True)

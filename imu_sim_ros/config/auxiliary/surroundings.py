@@ -13,6 +13,18 @@ FIELD: Vector = (0.0, 2.0e-5, -4.5e-5)
 
 
 @dataclass(frozen=True)
+class AtmosphereParameters:
+    """The air of the standard atmosphere, as warm and heavy as the day is."""
+
+    sea_level_pressure: float = number(
+        101325.0, "at height 0", unit="Pa", minimum=10000.0, maximum=200000.0
+    )
+    sea_level_temperature: float = number(
+        15.0, "at height 0", unit="degC", minimum=-100.0, maximum=100.0
+    )
+
+
+@dataclass(frozen=True)
 class MagneticFieldParameters:
     """The magnetic field of the world: the Earth's, and what disturbs it in place and time."""
 

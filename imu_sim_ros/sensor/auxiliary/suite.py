@@ -7,13 +7,14 @@ from collections.abc import Collection
 from typing import Final
 
 from imu_sim_ros.config import SimulationParameters
+from imu_sim_ros.sensor.auxiliary.barometer import Barometer
 from imu_sim_ros.sensor.auxiliary.magnetometer import Magnetometer
 from imu_sim_ros.sensor.block import ImuBlock
 from imu_sim_ros.sensor.errors import TemperatureProfile
 from imu_sim_ros.sensor.faults import Fault
 from imu_sim_ros.trajectory import Trajectory
 
-SENSORS: Final = ("magnetic_field",)
+SENSORS: Final = ("magnetic_field", "pressure")
 """What can be asked for; ``publish.NAME`` of the simulator."""
 
 
@@ -28,19 +29,25 @@ class Auxiliary:
         :param t0_ns: time of the IMU's sample 0 [ns].
         :param wanted: names of SENSORS.
         """
-        self._magnetometer = None
+        self._magnetometer = self._barometer = None
         if "magnetic_field" in wanted:
             self._magnetometer = Magnetometer(parameters, t0_ns)
+        if "pressure" in wanted:
+            self._barometer = Barometer(parameters, t0_ns)
 
     def configure(self, parameters: SimulationParameters) -> None:
         """Take new values of live parameters, from the next sample on."""
         if self._magnetometer is not None:
             self._magnetometer.configure(parameters)
+        if self._barometer is not None:
+            self._barometer.configure(parameters)
 
     def inject(self, fault: Fault, first: int) -> None:
         """Let a fault of one of these sensors begin at the time of the IMU's sample ``first``."""
         if self._magnetometer is not None and fault.triad == "magnetometer":
             self._magnetometer.inject(fault, first)
+        if self._barometer is not None and fault.triad == "barometer":
+            self._barometer.inject(fault, first)
 
     def beside(
         self, block: ImuBlock, trajectory: Trajectory, temperature: TemperatureProfile
@@ -48,6 +55,9 @@ class Auxiliary:
         """Return a block of the IMU with the samples of the others in its window of time."""
         end = block.first + len(block.true_t_ns)
         if self._magnetometer is not None:
-            read = self._magnetometer.read(end, trajectory, temperature)
-            block = block._replace(magnetic_field=read)
+            field = self._magnetometer.read(end, trajectory, temperature)
+            block = block._replace(magnetic_field=field)
+        if self._barometer is not None:
+            pressure = self._barometer.read(end, trajectory, temperature)
+            block = block._replace(pressure=pressure)
         return block

@@ -14,6 +14,7 @@ from imu_sim_ros.sensor.errors.variance import (
     accel_variance_discrete,
     field_variance_discrete,
     gyro_variance_discrete,
+    pressure_variance_discrete,
 )
 
 __all__ = [
@@ -25,5 +26,6 @@ __all__ = [
     "as_matrix",
     "field_variance_discrete",
     "gyro_variance_discrete",
+    "pressure_variance_discrete",
     "unit_of_seed",
 ]

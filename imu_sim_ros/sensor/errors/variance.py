@@ -39,6 +39,12 @@ def field_variance_discrete(imu: ImuParameters) -> Vector:
     return (x, y, z)
 
 
+def pressure_variance_discrete(imu: ImuParameters) -> float:
+    """Return the variance of one sample of the barometer [Pa^2]."""
+    p = imu.barometer
+    return p.noise_density**2 * p.rate + p.resolution**2 / 12.0
+
+
 def _variance_discrete(imu: ImuParameters, triad: TriadParameters, rate: float) -> Vector:
     internal = rate * float(imu.internal_ratio(rate))
     white = [

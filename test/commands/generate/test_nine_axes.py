@@ -28,9 +28,12 @@ PARAMETERS: dict[str, Any] = {
     "imu.magnetometer_time_offset": 0.003,
     "imu.magnetometer_noise_density": 1e-8,
     "imu.magnetometer_hard_iron": [1e-5, 0.0, -2e-5],
+    "imu.barometer_preset": "bmp388",
+    "imu.barometer_rate": 25.0,
 }
-SENSORS = ("magnetic_field",)
-TOPICS = "imu/data_raw,imu/mag,ground_truth/mag"
+SENSORS = ("magnetic_field", "pressure")
+TOPICS = "imu/data_raw,imu/mag,imu/pressure,ground_truth/mag,ground_truth/pressure"
+READINGS = "imu/data_raw,imu/mag,imu/pressure"
 
 
 def arguments(**more: Any) -> list[str]:
@@ -79,6 +82,14 @@ def test_bags_hold_the_samples_of_the_simulation(
     assert found[0].header.frame_id == "imu_link"
     ideal = [[getattr(m.magnetic_field, a) for a in "xyz"] for m in read["/ground_truth/mag"]]
     assert np.array_equal(ideal, field.ideal_field)
+    air = block.pressure
+    assert air is not None
+    found, rows = read["/imu/pressure"], air.delivered
+    assert [stamp(m) for m in found] == air.t_ns[rows].tolist()
+    assert [m.fluid_pressure for m in found] == air.pressure[rows].tolist()
+    assert found[0].variance == pytest.approx(0.12728**2 * 25.0 + 0.33**2 / 12.0)
+    still = read["/ground_truth/pressure"]
+    assert [m.fluid_pressure for m in still] == air.ideal_pressure.tolist()
 
 
 def block_resolution() -> np.ndarray:
@@ -91,9 +102,15 @@ def test_folders_have_a_table_of_each(tmp_path: Path, block: ImuBlock) -> None:
     rows = field.delivered
     expected = np.column_stack([field.t_ns[rows], field.field[rows]])
     for form, table in (("euroc", "mag0/data.csv"), ("csv", "mag0.csv")):
-        assert run(tmp_path / form, "--format", form, "--topics", TOPICS.rsplit(",", 1)[0]) == 0
+        assert run(tmp_path / form, "--format", form, "--topics", READINGS) == 0
         written = np.loadtxt(tmp_path / form / table, delimiter=",", skiprows=1)
         assert np.array_equal(written, expected)
+        table = table.replace("mag", "pressure")
+        written = np.loadtxt(tmp_path / form / table, delimiter=",", skiprows=1)
+        air = block.pressure
+        assert air is not None
+        rows_of_air = air.delivered
+        assert np.array_equal(written.T, [air.t_ns[rows_of_air], air.pressure[rows_of_air]])
     text = (tmp_path / "euroc/mag0/sensor.yaml").read_text(encoding="utf-8")
     assert "rate_hz: 70" in text
 
@@ -115,6 +132,9 @@ def test_the_front_door_has_the_same(tmp_path: Path, block: ImuBlock) -> None:
     assert field is not None
     assert np.array_equal(flight.magnetic_field.field, field.field[field.delivered])
     assert np.array_equal(flight.magnetic_field.ideal_field, field.ideal_field[field.delivered])
+    air = block.pressure
+    assert air is not None
+    assert np.array_equal(flight.pressure.pressure, air.pressure[air.delivered])
     flight.save(tmp_path / "x.mcap", topics=TOPICS.split(","))
     assert run(tmp_path / "y.mcap", "--topics", TOPICS) == 0
     both = []

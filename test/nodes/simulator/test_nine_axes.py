@@ -27,8 +27,9 @@ PARAMETERS: dict[str, Any] = {
     "imu.magnetometer_time_offset": 0.003,
     "imu.magnetometer_noise_density": 1e-8,
     "imu.magnetometer_bias_instability": 1e-8,
+    "imu.barometer_preset": "bmp280",
 }
-SENSORS = ("magnetic_field",)
+SENSORS = ("magnetic_field", "pressure")
 
 
 def stamps(messages: list[Any]) -> list[int]:
@@ -37,18 +38,21 @@ def stamps(messages: list[Any]) -> list[int]:
 
 def test_live_samples_are_those_of_the_simulation(start: Any, listener: Any) -> None:
     from nav_msgs.msg import Odometry
-    from sensor_msgs.msg import Imu, MagneticField
+    from sensor_msgs.msg import FluidPressure, Imu, MagneticField
 
     kinds = {
         "imu/data_raw": Imu,
         "ground_truth/odom": Odometry,
         "imu/mag": MagneticField,
         "ground_truth/mag": MagneticField,
+        "imu/pressure": FluidPressure,
+        "ground_truth/pressure": FluidPressure,
     }
     for topic, kind in kinds.items():
         listener.listen(topic, kind)
     chosen = {name.replace(".", "__"): value for name, value in PARAMETERS.items()}
-    published = {f"publish__{name}": True for name in (*SENSORS, "ground_truth_magnetic_field")}
+    truths = [f"ground_truth_{name}" for name in SENSORS]
+    published = {f"publish__{name}": True for name in (*SENSORS, *truths)}
     node = start(
         "simulator",
         **chosen,
@@ -67,6 +71,13 @@ def test_live_samples_are_those_of_the_simulation(start: Any, listener: Any) -> 
     values = [[getattr(m.magnetic_field, axis) for axis in "xyz"] for m in found]
     assert np.array_equal(values, field.field)
     assert stamps(listener.messages("ground_truth/mag")) == field.true_t_ns.tolist()
+    air = block.pressure
+    assert air is not None
+    found = listener.messages("imu/pressure")
+    assert stamps(found) == air.t_ns.tolist()
+    assert [m.fluid_pressure for m in found] == air.pressure.tolist()
+    still = listener.messages("ground_truth/pressure")
+    assert [m.fluid_pressure for m in still] == air.ideal_pressure.tolist()
     readings = listener.messages("imu/data_raw")
     assert stamps(readings) == block.t_ns.tolist()
 
