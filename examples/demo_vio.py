@@ -30,6 +30,7 @@ SHOWN = 12
 """Frames of the contact sheet."""
 TAIL = 5
 """Frames back to which a feature's trace goes."""
+WHITE = (255, 255, 255)
 
 
 def run(*words: str | Path) -> None:
@@ -61,13 +62,19 @@ def contact_sheet(tracks: Path, images: Path, output: Path) -> None:
             cv2.polylines(picture, [line], False, (0, 160, 255), 2, cv2.LINE_AA)
             center = tuple(np.rint(pixel).astype(int).tolist())
             cv2.circle(picture, center, 5, (60, 220, 60), 2, cv2.LINE_AA)
-        seconds = (now - frames[0]) * 1e-9
-        cv2.putText(
-            picture, f"{seconds:.2f} s", (12, 34), cv2.FONT_HERSHEY_SIMPLEX, 1.0, (255, 255, 255), 2
-        )
-        pictures.append(cv2.resize(picture, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA))
+        small = cv2.resize(picture, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+        framed = cv2.copyMakeBorder(small, 24, 3, 3, 3, cv2.BORDER_CONSTANT, value=WHITE)
+        pictures.append(labelled(framed, f"{(now - frames[0]) * 1e-9:.2f} s"))
     rows = [np.hstack(pictures[k : k + 4]) for k in range(0, SHOWN, 4)]
-    cv2.imwrite(str(output), np.vstack(rows))
+    title = np.full((30, rows[0].shape[1], 3), 255, np.uint8)
+    text = f"cam0: features (green) and where each was in the last {TAIL} frames (orange)"
+    cv2.imwrite(str(output), np.vstack([labelled(title, text), *rows]))
+
+
+def labelled(picture: np.ndarray, text: str) -> np.ndarray:
+    """Write a line at the top of a picture, where it is white."""
+    font = cv2.FONT_HERSHEY_SIMPLEX
+    return cv2.putText(picture, text, (6, 18), font, 0.55, (0, 0, 0), 1, cv2.LINE_AA)
 
 
 def main() -> None:

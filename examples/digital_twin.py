@@ -16,6 +16,7 @@ import numpy as np
 import imu_sim_ros as ims
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else ".")
+folder.mkdir(parents=True, exist_ok=True)
 if len(sys.argv) > 2:
     bag = Path(sys.argv[2])
 else:

@@ -12,6 +12,7 @@ from pathlib import Path
 import imu_sim_ros as ims
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else ".")
+folder.mkdir(parents=True, exist_ok=True)
 
 # 1. Without noise only the integration errs: Euler by about a metre, midpoint by a millimetre.
 perfect = ims.simulate(imu="perfect", trajectory="lecture", duration=20, rate=200)

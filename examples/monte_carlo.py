@@ -16,6 +16,7 @@ import numpy as np
 import imu_sim_ros as ims
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else ".")
+folder.mkdir(parents=True, exist_ok=True)
 runs = int(sys.argv[2]) if len(sys.argv) > 2 else 40
 for imu in ("tactical", "navigation"):
     errors = []

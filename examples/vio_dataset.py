@@ -14,6 +14,7 @@ from pathlib import Path
 import imu_sim_ros as ims
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else ".")
+folder.mkdir(parents=True, exist_ok=True)
 flight = ims.simulate(imu="adis16448", trajectory="excitation", duration=30, rate=200, seed=7)
 print(flight)
 

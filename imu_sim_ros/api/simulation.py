@@ -63,7 +63,9 @@ def simulate(
     simulation = _simulation(
         imu, trajectory, duration, rate, seed, params_file, sensors, parameters
     )
-    name = f"{Path(simulation.parameters.imu.preset).stem} on {_name(trajectory, simulation)}"
+    changed = "modified " if isinstance(imu, Mapping) and set(imu) - {"preset"} else ""
+    sensor = changed + Path(simulation.parameters.imu.preset).stem
+    name = f"{sensor} on {_name(trajectory, simulation)}"
     return Flight(simulation.parameters, list(simulation.blocks()), name)
 
 

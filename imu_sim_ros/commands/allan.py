@@ -194,10 +194,7 @@ def _print(
     result: AllanResult, comparisons: Sequence[truth.Comparison], files: Sequence[Path]
 ) -> None:
     timing = result.timing
-    print(
-        f"{result.duration / 3600.0:.3g} h at {timing.rate:.6g} Hz, "
-        f"stamp jitter {timing.jitter * 1e3:.3g} ms, {timing.lost} samples lost"
-    )
+    print(f"{result.record}, stamp jitter {timing.jitter * 1e3:.3g} ms, {timing.lost} samples lost")
     for warning in result.warnings:
         print(f"note: {warning}")
     by_place = {(c.axis, c.key): c for c in comparisons}

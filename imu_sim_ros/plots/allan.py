@@ -43,10 +43,9 @@ def figure(result: AllanResult, source: str = "") -> Figure:
     picture, panels = style.panels(1, 2, 12.0, 5.9)
     for triad, axes in enumerate(panels):
         _draw_triad(result, triad, axes)
-    hours = result.duration / 3600.0
     named = f"{source}: o" if source else "O"
     picture.suptitle(
-        f"{named}verlapping Allan deviation, {hours:.3g} h at {result.timing.rate:.6g} Hz "
+        f"{named}verlapping Allan deviation, {result.record} "
         "(band: 95 %; black: fitted model, grey: its terms)"
     )
     return picture

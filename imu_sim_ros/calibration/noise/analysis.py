@@ -76,6 +76,13 @@ class AllanResult(NamedTuple):
         """Names of the model's parameters, also where no axis has noise to estimate them from."""
         return KEYS if self.model == "standard" else GAUSS_MARKOV_KEYS
 
+    @property
+    def record(self) -> str:
+        """Length and rate of the record in words: ``4 h at 200 Hz``."""
+        units = ((3600.0, "h"), (60.0, "min"), (1.0, "s"))
+        size, unit = next(one for one in units if self.duration >= one[0] or one[0] == 1.0)
+        return f"{self.duration / size:.3g} {unit} at {self.timing.rate:.6g} Hz"
+
     def estimate(self, axis: int, key: str) -> Estimate:
         """Return a parameter of one axis; for a constant axis nothing but zero is known."""
         noise = self.noise[axis]

@@ -149,8 +149,7 @@ def write_parameters(result: AllanResult, path: Path, source: str) -> None:
     """Write a parameter file for ``simulator`` and ``generate --imu``: a twin of this IMU."""
     mean = ", ".join(f"{value:.6g}" for value in result.mean)
     comment = (
-        f"Noise of the IMU in {source}: {result.duration / 3600.0:.3g} h at "
-        f"{result.timing.rate:.6g} Hz.\n"
+        f"Noise of the IMU in {source}: {result.record}.\n"
         "Terms that the record cannot distinguish from zero are left out.\n"
         f"Mean readings (gyroscope x y z, accelerometer x y z): {mean}"
     )
