@@ -5,8 +5,10 @@
 
 import csv
 import json
+import math
 import platform
 import re
+import time
 from collections import Counter
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, suppress
@@ -39,7 +41,7 @@ _RECORDS: Final = 5
 """Seeds in a task of calibrations, whose records are long."""
 
 Engine = Callable[[Plan, Iterable[Task], Path], Generator[list[Row], None, None]]
-Progress = Callable[[int], None]
+Progress = Callable[[Sequence[Row]], None]
 Digests = Callable[[Cell], Mapping[str, str]]
 
 
@@ -113,7 +115,7 @@ def run(
     plan: Plan,
     store: Store,
     start: Engine,
-    advance: Progress = lambda count: None,
+    advance: Progress = lambda rows: None,
     retry_failed: bool = False,
     batch: int | None = None,
 ) -> Outcome:
@@ -122,7 +124,7 @@ def run(
     What has come so far is kept, whatever ends this: the next call goes on behind it.
 
     :param start: the engine.
-    :param advance: receives the number of runs finished.
+    :param advance: receives the runs that have come.
     :param retry_failed: repeat runs that failed before.
     :param batch: seeds in a task; None: as many as suit the estimators.
     """
@@ -138,13 +140,13 @@ def run(
             for rows in batches:
                 store.append(rows)
                 new += len(rows)
-                advance(len(rows))
+                advance(rows)
     except KeyboardInterrupt:
         interrupted = True
         raise
     finally:
         rows = collect(plan, store, digests_of)
-        write_tables(store.folder, rows, columns(plan), parquet=not interrupted)
+        write_tables(store.folder, rows, columns(plan), plan.metrics, not interrupted)
         if interrupted:  # nobody waits for the statistics of a part; earlier ones are out of date
             (store.folder / SUMMARY).unlink(missing_ok=True)
         else:
@@ -160,14 +162,15 @@ def collect(plan: Plan, store: Store, digests_of: Digests | None = None) -> list
     """
     digests_of = digests_of or digests_by_cell(plan)
     begun = {row["cell"] for row in store.rows()}
-    wanted: dict[Key, tuple[int, int, int]] = {}
+    wanted: dict[Key, int] = {}
     for cell in plan.cells():
         if cell.name not in begun:
             continue
         digests = digests_of(cell)
         for place, seed in enumerate(plan.seeds):
             for k, name in enumerate(plan.estimators):
-                wanted[digests[name], seed, name, cell.name] = (cell.number, place, k)
+                number = (cell.number * len(plan.seeds) + place) * len(plan.estimators) + k
+                wanted[digests[name], seed, name, cell.name] = number
     found: dict[Key, Row] = {}
     for row in store.rows():
         key = key_of(row)
@@ -217,6 +220,49 @@ def counts(rows: Sequence[Row]) -> dict[str, int]:
         for name, alike in found.items()
     }
     return dict(sorted(named.items(), key=lambda item: -item[1]))
+
+
+class Tally:
+    """How far a campaign has come, for whoever watches it."""
+
+    def __init__(self, plan: Plan) -> None:
+        self._each = len(plan.seeds) * len(plan.estimators)
+        self._cells = plan.run_count // self._each
+        self._begun: Counter[str] = Counter()
+        self._whole = self._failed = 0
+
+    def add(self, rows: Sequence[Row]) -> str:
+        """Return the counts of cells and failures, and the latest cell's."""
+        for row in rows:
+            self._failed += row["status"] != "done"
+            cell = str(row["cell"])
+            self._begun[cell] += 1
+            if self._begun[cell] == self._each:
+                del self._begun[cell]
+                self._whole += 1
+        words = f"{self._whole:,} of {self._cells:,} cells, {self._failed:,} failed"
+        latest = str(rows[-1]["cell"]) if rows else ""
+        if latest in self._begun:
+            words += f"; {latest}: {self._begun[latest]} of {self._each}"
+        return words
+
+
+def seconds_of_a_run(plan: Plan) -> float | None:
+    """Return the CPU time of the first run [s], less what all seeds share; None for programs.
+
+    :raises ImuSimError: where it cannot be simulated.
+    """
+    if any(isinstance(one, CommandEstimator) for one in plan.estimators.values()):
+        return None
+    from imu_sim_ros.campaign.runs import CellRuns
+
+    runs = CellRuns(plan, next(plan.cells()))
+    shortest = math.inf
+    for _ in range(2):
+        before = time.process_time()
+        list(runs.rows(plan.seeds[:1], list(plan.estimators), Path()))
+        shortest = min(shortest, time.process_time() - before)
+    return shortest / len(plan.estimators)
 
 
 def embedded(workers: int) -> Engine:

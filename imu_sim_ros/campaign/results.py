@@ -17,7 +17,7 @@ import math
 import os
 import re
 import shutil
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, TextIO
 
@@ -199,9 +199,10 @@ def _is_torn(path: Path) -> bool:
 
 
 def read_log(path: Path) -> Iterator[Row]:
-    """Yield the rows of a log."""
+    """Yield the rows of a log; names and strings that they have in common lie in memory once."""
     if not path.exists():
         return
+    words: dict[Any, Any] = {}
     with path.open(encoding="utf-8", errors="replace") as file:
         for line in file:
             try:
@@ -209,14 +210,24 @@ def read_log(path: Path) -> Iterator[Row]:
                 key_of(row)
             except (ValueError, KeyError, TypeError):
                 continue
-            yield row
+            yield {
+                words.setdefault(name, name): words.setdefault(value, value)
+                if isinstance(value, str)
+                else value
+                for name, value in row.items()
+            }
 
 
 def write_tables(
-    folder: Path, rows: Sequence[Row], columns: Sequence[str], parquet: bool = True
+    folder: Path,
+    rows: Sequence[Row],
+    columns: Sequence[str],
+    metrics: Collection[str] = (),
+    parquet: bool = True,
 ) -> list[Path]:
     """Write ``results.csv``, and ``results.parquet`` where pyarrow is installed.
 
+    :param metrics: the columns that hold numbers, whatever there is in the rows.
     :param parquet: False: without ``results.parquet``, an earlier one is removed. Loading pyarrow
         takes long for a program that was asked to end.
     """
@@ -229,7 +240,7 @@ def write_tables(
     written = [table]
     if not parquet:
         (folder / PARQUET).unlink(missing_ok=True)
-    elif _write_parquet(folder / PARQUET, rows, columns):
+    elif _write_parquet(folder / PARQUET, rows, columns, metrics):
         written.append(folder / PARQUET)
     return written
 
@@ -240,24 +251,37 @@ def _cell(value: object) -> object:
     return repr(value) if isinstance(value, float) else value
 
 
-def _write_parquet(path: Path, rows: Sequence[Row], columns: Sequence[str]) -> bool:
+def _write_parquet(
+    path: Path, rows: Sequence[Row], columns: Sequence[str], metrics: Collection[str]
+) -> bool:
     try:
         import pyarrow
         import pyarrow.parquet
     except ImportError:
         return False
-    arrays = {}
-    for name in columns:
-        values = [row.get(name) for row in rows]
-        kinds = {type(value) for value in values if value is not None}
-        # A grid's axis may mix kinds of values; a column may not.
-        mixed = len(kinds - {int, float}) > 0 and len(kinds) > 1
-        if kinds == {int, float}:
-            values = [None if value is None else float(value) for value in values]
-        arrays[name] = [None if v is None else str(v) for v in values] if mixed else values
+    arrays = {name: pyarrow.array(*_arrow(name, rows, metrics)) for name in columns}
     with replaced(path) as part:
         pyarrow.parquet.write_table(pyarrow.table(arrays), part)
     return True
+
+
+def _arrow(name: str, rows: Sequence[Row], metrics: Collection[str]) -> tuple[list[Any], str]:
+    """Return a column's values and its type, which depends on the plan alone.
+
+    Metrics are numbers even where no run has one; a grid's axis may mix kinds of values, which are
+    strings then.
+    """
+    values = [row.get(name) for row in rows]
+    if name in metrics:
+        return values, "double"
+    kinds = {type(value) for value in values if value is not None}
+    if kinds <= {int} and kinds:
+        return values, "int64"
+    if kinds <= {int, float} and kinds:
+        return [None if value is None else float(value) for value in values], "double"
+    if kinds == {bool}:
+        return values, "bool"
+    return [None if value is None else str(value) for value in values], "string"
 
 
 def read_results(path: Path) -> list[Row]:

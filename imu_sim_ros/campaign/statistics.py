@@ -22,6 +22,10 @@ Array = NDArray[np.float64]
 
 CONFIDENCE: Final = 0.95
 _RESAMPLES: Final = 9999
+_FEWEST_RESAMPLES: Final = 1999
+_DRAWN: Final = 40_000_000
+"""Numbers drawn for an interval: of very many runs there are fewer resamples, whose number then
+matters less than the runs'."""
 _CHUNK: Final = 1_000_000
 """Numbers that are drawn at a time, so that memory does not grow with the runs."""
 _FEWEST: Final = 6
@@ -72,20 +76,21 @@ def _bca(values: Array) -> tuple[float, float]:
     from scipy.special import ndtr, ndtri
 
     rng = np.random.default_rng(20_240_611)
+    resamples = min(max(_DRAWN // len(values), _FEWEST_RESAMPLES), _RESAMPLES)
     at_once = max(_CHUNK // len(values), 1)
     means = np.sort(
         np.concatenate(
             [
                 values[
-                    rng.integers(0, len(values), (min(at_once, _RESAMPLES - k), len(values)))
+                    rng.integers(0, len(values), (min(at_once, resamples - k), len(values)))
                 ].mean(axis=1)
-                for k in range(0, _RESAMPLES, at_once)
+                for k in range(0, resamples, at_once)
             ]
         )
     )
     centre = values.mean()
-    below = (np.sum(means < centre) + 0.5 * np.sum(means == centre)) / _RESAMPLES
-    z0 = ndtri(np.clip(below, 1 / _RESAMPLES, 1 - 1 / _RESAMPLES))
+    below = (np.sum(means < centre) + 0.5 * np.sum(means == centre)) / resamples
+    z0 = ndtri(np.clip(below, 1 / resamples, 1 - 1 / resamples))
     # The jackknife's deviations are those of the values, up to a factor that cancels out.
     deviation = values - centre
     acceleration = np.sum(deviation**3) / (6.0 * np.sum(deviation**2) ** 1.5)

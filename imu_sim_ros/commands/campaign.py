@@ -18,7 +18,7 @@ from imu_sim_ros.commands import common, shared
 from imu_sim_ros.errors import InputError, system_error
 
 if TYPE_CHECKING:
-    from imu_sim_ros.campaign import Engine, Group, Outcome, Plan
+    from imu_sim_ros.campaign import Engine, Group, Outcome, Plan, Row, Store
 
 EXAMPLES: Final = """
   campaign which_imu -o which_imu
@@ -29,8 +29,6 @@ GATE_FAILED: Final = 3
 """Exit status where a requirement is not met or a run is worse than the baseline."""
 MANY: Final = 100_000
 """Runs from which --yes is asked for."""
-_GUESS_S: Final = 0.01
-"""[s] that a run of 20 s at 200 Hz takes; only for the question before a very long campaign."""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -135,17 +133,7 @@ def run(arguments: argparse.Namespace) -> list[str]:
         _engine(arguments) as engine,
     ):
         store.keep_plan(path)
-        there = sum(1 for _ in store.rows())
-        quiet = arguments.quiet or arguments.json
-        with common.progress(f"campaign {plan.options.name}", plan.run_count, quiet) as advance:
-            advance(min(there, plan.run_count))
-            try:
-                outcome = campaign.run(
-                    plan, store, engine, advance, arguments.retry_failed, arguments.batch
-                )
-            except KeyboardInterrupt as stop:
-                stop.args = (f"{arguments.output} holds what is done; continue with --resume",)
-                raise
+        outcome = _watched(arguments, plan, store, engine)
         if not arguments.no_report:
             _write_page(arguments)
     wall_s = time.perf_counter() - started
@@ -155,6 +143,27 @@ def run(arguments: argparse.Namespace) -> list[str]:
     elif not arguments.quiet:
         _print(arguments, outcome, found, wall_s)
     return _gate(arguments, plan, found, baseline)
+
+
+def _watched(
+    arguments: argparse.Namespace, plan: "Plan", store: "Store", engine: "Engine"
+) -> "Outcome":
+    """Make the runs, with a bar."""
+    from imu_sim_ros.campaign import campaign
+
+    there = sum(1 for _ in store.rows())
+    quiet, tally = arguments.quiet or arguments.json, campaign.Tally(plan)
+    with common.progress(f"campaign {plan.options.name}", plan.run_count, quiet) as advance:
+        advance(min(there, plan.run_count))
+
+        def watch(rows: Sequence["Row"]) -> None:
+            advance(len(rows), tally.add(rows))
+
+        try:
+            return campaign.run(plan, store, engine, watch, arguments.retry_failed, arguments.batch)
+        except KeyboardInterrupt as stop:
+            stop.args = (f"{arguments.output} holds what is done; continue with --resume",)
+            raise
 
 
 @contextlib.contextmanager
@@ -196,13 +205,26 @@ def _check(arguments: argparse.Namespace, plan: "Plan") -> None:
     if arguments.dask and arguments.scheduler:
         problems.append("--dask and --scheduler: choose one")
     if plan.run_count >= MANY and not (arguments.yes or arguments.check):
-        hours = plan.run_count * _GUESS_S / max(arguments.workers, 1) / 3600.0
-        problems.append(
-            f"the plan has {plan.run_count:,} runs: with short runs on {arguments.workers} "
-            f"processes about {max(hours, 0.1):.1f} hours; start it with --yes"
-        )
+        problems.append(f"the plan has {plan.run_count:,} runs: {_duration(arguments, plan)}")
     if problems:
         raise InputError(problems)
+
+
+def _duration(arguments: argparse.Namespace, plan: "Plan") -> str:
+    """Return how long a campaign takes, from its first run; of programs only their limit says."""
+    from imu_sim_ros.campaign import campaign
+    from imu_sim_ros.config import CommandEstimator
+
+    one = campaign.seconds_of_a_run(plan)
+    words = "at"
+    if one is None:
+        limits = (e.timeout for e in plan.estimators.values() if isinstance(e, CommandEstimator))
+        one, words = max(limits), "at up to"
+    each = f"{one * 1e3:.2g} ms" if one < 1.0 else f"{one:.3g} s"
+    hours = plan.run_count * one / max(arguments.workers, 1) / 3600.0
+    processes = "1 process" if arguments.workers == 1 else f"{arguments.workers} processes"
+    about = f"about {max(hours, 0.1):,.1f} hours on {processes}"
+    return f"{words} {each} each {about}; start it with --yes"
 
 
 def _is_output(path: Path, folder: Path) -> bool:

@@ -7,6 +7,7 @@ import csv
 import json
 import math
 import os
+import re
 import resource
 import signal
 import subprocess
@@ -285,6 +286,13 @@ def test_parquet_holds_what_csv_holds(plan_file, campaign, tmp_path):
     assert rows == read_results(tmp_path / "results.csv")
     assert rows == read_results(tmp_path / "results.parquet")
     assert len(rows) == 6
+    # The types are the plan's, not the runs': tables of several campaigns can be joined.
+    types = {
+        field.name: str(field.type) for field in parquet.read_schema(tmp_path / "results.parquet")
+    }
+    assert types["seed"] == "int64"
+    assert types["status"] == "string"
+    assert types["ate_rmse_m"] == types["scale_error"] == types["rate"] == "double"
 
 
 def test_the_folder_holds_plan_versions_and_page(plan_file, tmp_path, capsys):
@@ -336,9 +344,26 @@ def test_the_largest_plan_asks_first(plan_file, campaign, tmp_path):
     status, _, lines = campaign(path, "-o", tmp_path / "out")
     assert status == 2
     assert len(lines) == 1
-    assert "3,000,000 runs" in lines[0]
-    assert "--yes" in lines[0]
+    told = (
+        r"the plan has 3,000,000 runs: at [\d.]+ ms each about [\d.]+ hours on 1 process; start it "
+    )
+    assert re.search(told + "with --yes$", lines[0])
     assert not (tmp_path / "out").exists()
+
+
+def test_the_programs_limit_tells_how_long_a_large_plan_takes(plan_file, campaign, tmp_path):
+    path = plan_file(seeds=200_000, estimators={"a": {"command": "true", "timeout": 90.0}})
+    status, _, (line,) = campaign(path, "-o", tmp_path / "out", "--workers", 2)
+    assert status == 2
+    assert "at up to 90 s each about 2,500.0 hours on 2 processes" in line
+
+
+def test_the_tally_counts_cells_and_failures(plan_file):
+    plan = load_plan(plan_file(grid={"trajectory": ["lecture", "circle"]}, seeds=2))
+    tally = driver.Tally(plan)
+    done, failed = ({"cell": "trajectory=lecture", "status": s} for s in ("done", "failed: x"))
+    assert tally.add([done]) == "0 of 2 cells, 0 failed; trajectory=lecture: 1 of 2"
+    assert tally.add([failed]) == "1 of 2 cells, 1 failed"
 
 
 def test_runs_are_made_in_the_order_of_the_plan(plan_file):

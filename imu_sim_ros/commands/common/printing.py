@@ -75,14 +75,14 @@ def stacked(header: Sequence[str], rows: Sequence[Sequence[str]], title: str = "
 
 
 @contextmanager
-def progress(text: str, total: int, quiet: bool = False) -> Iterator[Callable[[int], None]]:
-    """Show a bar with speed and time left on a terminal; yields ``advance(count)``.
+def progress(text: str, total: int, quiet: bool = False) -> Iterator[Callable[..., None]]:
+    """Show a bar with speed and time left on a terminal; yields ``advance(count, text)``.
 
     On a narrow terminal the text is cut off, the numbers never. Nothing is shown, and nothing
     imported, where standard error is not a terminal.
     """
     if quiet or not sys.stderr.isatty():
-        yield lambda count: None
+        yield lambda count, text="": None
         return
     from rich.console import Console
     from rich.progress import (
@@ -104,8 +104,11 @@ def progress(text: str, total: int, quiet: bool = False) -> Iterator[Callable[[i
     with Progress(*columns, console=Console(stderr=True), transient=True, expand=True) as bar:
         task = bar.add_task(text, total=total, speed="")
 
-        def advance(count: int) -> None:
-            bar.update(task, advance=count, speed=speed_in_words(bar.tasks[0].speed))
+        def advance(count: int, now: str = "") -> None:
+            """Count on; what there is to say now stands behind the text."""
+            words = f"{text}: {now}" if now else text
+            speed = speed_in_words(bar.tasks[0].speed)
+            bar.update(task, advance=count, speed=speed, description=words)
 
         yield advance
 

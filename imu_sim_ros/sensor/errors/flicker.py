@@ -106,7 +106,7 @@ def _rows(dt: float) -> _Rows:
         np.ascontiguousarray((powers[1:] * gains).T),
         np.ascontiguousarray(powers[:-1][::-1]),
         poles**_COLUMNS,
-        np.linalg.cholesky(covariance),
+        np.asarray(np.linalg.cholesky(covariance), dtype=np.float64),
     )
 
 
