@@ -30,7 +30,7 @@ from imu_sim_ros.bags.messages import (
     side_by_side,
 )
 from imu_sim_ros.bags.threads import Pipeline
-from imu_sim_ros.bags.writer import Block, Topic, Writer, tally, time_order
+from imu_sim_ros.bags.writer import Block, Topic, Writer, simultaneous, tally, time_order
 from imu_sim_ros.errors import InputError
 
 CHUNK_BYTES: Final = 1 << 20
@@ -234,7 +234,7 @@ class ChunkWriter(Writer):
         if not blocks:
             return
         self._emitting = True
-        if _simultaneous(blocks):
+        if simultaneous(blocks):
             self._emit_rows(blocks)
         else:
             self._emit_merged(blocks)
@@ -375,14 +375,3 @@ class ChunkWriter(Writer):
 
 def _bytes(payloads: Payloads | Pattern) -> int:
     return sum(map(len, payloads)) if isinstance(payloads, list) else payloads.size
-
-
-def _simultaneous(blocks: Sequence[Block]) -> bool:
-    """Return whether blocks are of different topics, of constant sizes and have ordered times."""
-    t_ns = blocks[0].t_ns
-    return (
-        len({block.topic for block in blocks}) == len(blocks)
-        and not any(isinstance(block.payloads, list) for block in blocks)
-        and all(np.array_equal(block.t_ns, t_ns) for block in blocks[1:])
-        and bool(np.all(t_ns[1:] >= t_ns[:-1]))
-    )

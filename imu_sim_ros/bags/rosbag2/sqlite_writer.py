@@ -14,9 +14,9 @@ from typing import Final
 import numpy as np
 
 from imu_sim_ros.bags.atomic_file import refuse_existing
-from imu_sim_ros.bags.messages import as_list, qos_text
+from imu_sim_ros.bags.messages import as_list, as_pattern, qos_text, side_by_side
 from imu_sim_ros.bags.rosbag2 import metadata as rosbag2_metadata
-from imu_sim_ros.bags.writer import Block, Topic, Writer, tally, time_order
+from imu_sim_ros.bags.writer import Block, Topic, Writer, simultaneous, tally, time_order
 from imu_sim_ros.errors import MachineError
 
 SCHEMA_VERSION: Final = 4
@@ -34,13 +34,20 @@ CREATE TABLE message_definitions(
 CREATE TABLE messages(
     id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, timestamp INTEGER NOT NULL,
     data BLOB NOT NULL);
+CREATE INDEX timestamp_idx ON messages (timestamp ASC);
 """
-_INDEX: Final = "CREATE INDEX timestamp_idx ON messages (timestamp ASC)"
 _INSERT: Final = "INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)"
+_INSERT_ROWS: Final = """
+INSERT INTO messages (topic_id, timestamp, data)
+SELECT part.column1, row.value, substr(?1, row.key * {width} + part.column2, part.column3)
+FROM json_each(?2) AS row CROSS JOIN (VALUES {parts}) AS part"""
+"""The messages of all topics at the times ?2 out of the rows ?1; in this order."""
 _TALLY: Final = """
 SELECT count(*), coalesce(min(timestamp), 9223372036854775807), coalesce(max(timestamp), -1)
 FROM messages WHERE topic_id = ?"""
 _TRANSACTION_BYTES: Final = 16 << 20
+_STATEMENT_BYTES: Final = 4 << 20
+"""Messages that one statement inserts."""
 
 
 class SqliteWriter(Writer):
@@ -100,6 +107,9 @@ class SqliteWriter(Writer):
         if not blocks:
             return
         self._insert_raw()
+        if simultaneous(blocks):
+            self._insert_rows(blocks)
+            return
         order = time_order([block.t_ns for block in blocks])
         t_ns = np.concatenate([block.t_ns for block in blocks])[order]
         payloads = [payload for block in blocks for payload in as_list(block.payloads)]
@@ -114,6 +124,34 @@ class SqliteWriter(Writer):
         self._insert(zip(ids, t_ns.tolist(), payloads))  # noqa: B905 - repeat has no end
         tally(blocks)
         self._count_bytes(sum(map(len, payloads)))
+
+    def _insert_rows(self, blocks: Sequence[Block]) -> None:
+        """Write messages of constant sizes at the same times, many with one statement.
+
+        SQLite takes the messages out of one piece of memory itself: that needs no object of Python
+        for each of them, and other threads run meanwhile.
+        """
+        import orjson
+
+        patterns = [
+            as_pattern(payloads) for _, _, payloads in blocks if not isinstance(payloads, list)
+        ]
+        table = side_by_side(patterns)
+        sizes = [pattern.shape[1] for pattern in patterns]
+        starts = np.cumsum([1, *sizes[:-1]]).tolist()
+        parts = [
+            (block.topic.index + 1, start, size)
+            for block, start, size in zip(blocks, starts, sizes, strict=True)
+        ]
+        statement = _INSERT_ROWS.format(width=sum(sizes), parts=str(parts)[1:-1])
+        count = max(_STATEMENT_BYTES // max(sum(sizes), 1), 1)
+        for first in range(0, len(table), count):
+            rows = slice(first, first + count)
+            t_ns = np.ascontiguousarray(blocks[0].t_ns[rows])
+            times = orjson.dumps(t_ns, option=orjson.OPT_SERIALIZE_NUMPY).decode()
+            self._execute(statement, (table[rows].array().data, times))
+            tally([Block(topic, t_ns, payloads) for topic, _, payloads in blocks])
+            self._count_bytes(len(t_ns) * sum(sizes))
 
     def write_raw(self, topic: Topic, t_ns: int, payload: bytes) -> None:
         """Write one message."""
@@ -130,11 +168,10 @@ class SqliteWriter(Writer):
                 os.fsync(file.fileno())
 
     def close(self) -> None:
-        """Index the messages by time and store the metadata."""
+        """Store the metadata."""
         import yaml
 
         self._insert_raw()
-        self._execute(_INDEX)
         part = rosbag2_metadata.part(self.path, self.topics)
         content = rosbag2_metadata.document("sqlite3", self.topics, [part])
         self._execute(
