@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.bags.outputs import Outputs as Outputs
     from imu_sim_ros.bags.read import ImuMessages as ImuMessages
     from imu_sim_ros.bags.read import OdometryMessages as OdometryMessages
+    from imu_sim_ros.bags.read import decoded_messages as decoded_messages
     from imu_sim_ros.bags.read import imu_blocks as imu_blocks
     from imu_sim_ros.bags.read import odometry_blocks as odometry_blocks
     from imu_sim_ros.bags.read import open_bag as open_bag
@@ -49,6 +50,7 @@ else:
             "read": [
                 "ImuMessages",
                 "OdometryMessages",
+                "decoded_messages",
                 "imu_blocks",
                 "odometry_blocks",
                 "open_bag",

@@ -3,9 +3,9 @@
 
 """Bags, EuRoC folders and CSV files as arrays."""
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +21,10 @@ from imu_sim_ros.bags.messages import (
     Decoded,
     MessageBlock,
     TopicInfo,
+    as_list,
     decode_block,
     inside_order,
+    schemas,
 )
 from imu_sim_ros.bags.reader import Bag, told
 from imu_sim_ros.bags.ros1 import Rosbag1Bag
@@ -41,6 +43,7 @@ __all__ = [
     "OdometryMessages",
     "TemperatureMessages",
     "TopicInfo",
+    "decoded_messages",
     "imu_blocks",
     "odometry_blocks",
     "open_bag",
@@ -134,6 +137,25 @@ def _opened(path: Path, recover: bool) -> Bag:
     if magic.startswith(b"SQLite format 3\0"):
         return SqliteBag(path, recover)
     raise InputError(f"{path}: {'an empty file' if not magic else 'not a bag'}")
+
+
+def decoded_messages(bag: Bag, names: Collection[str]) -> Iterator[tuple[TopicInfo, Any]]:
+    """Yield the messages of topics in the order of time, each decoded by itself.
+
+    For large ones, images for instance; readings have faster ways.
+
+    :raises InputError: for messages that are not of their topic's type.
+    """
+    topics = [topic for topic in bag.topics if topic.name in names]
+    with told(bag.path):
+        types = schemas.typestore([(topic.type, topic.schema) for topic in topics], bag.encoding)
+    decode = types.deserialize_cdr if bag.encoding == "cdr" else types.deserialize_ros1
+    for group in bag.groups({topic.name for topic in topics}):
+        for block in group:
+            for payload in as_list(block.payloads) if block.topic in topics else ():
+                with told(bag.path, f" ({block.topic.name})"):
+                    message = decode(payload, block.topic.type)
+                yield block.topic, message
 
 
 def imu_blocks(

@@ -7,7 +7,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from imu_sim_ros.bags import (
     Bag,
@@ -20,7 +20,7 @@ from imu_sim_ros.bags import (
     open_writer,
     read_poses,
 )
-from imu_sim_ros.bags.messages import IMU, ODOMETRY
+from imu_sim_ros.bags.messages import COMPRESSED_IMAGE, IMAGE, IMU, ODOMETRY, TopicInfo
 from imu_sim_ros.bags.text import Dataset
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text import writer as text_writer
@@ -28,6 +28,9 @@ from imu_sim_ros.commands import common, shared
 from imu_sim_ros.commands.shared import bag_output
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.poses import PoseSequence
+
+if TYPE_CHECKING:
+    from imu_sim_ros.datasets import RecordedImages
 
 _SHOWN_DAMAGE: Final = 10
 EXAMPLES: Final = """
@@ -154,14 +157,35 @@ def _bag_to_dataset(
     if truths:
         chosen[ODOMETRY] = bag.topic(ODOMETRY, _only_named(topics, ODOMETRY, arguments)).name
     total = readings.count + sum(topic.count for topic in truths)
-    with (
-        _dataset(arguments, form, bool(truths), written) as dataset,
-        _progress(arguments, total) as advance,
-    ):
-        convert.to_dataset(bag.path, dataset, chosen, advance, arguments.recover)
+    with _dataset(arguments, form, bool(truths), written) as dataset:
+        images = _images(bag, topics, form, arguments)
+        total += sum(topic.count for topic in images.topics) if images else 0
+        with _progress(arguments, total) as advance:
+            convert.to_dataset(bag.path, dataset, chosen, advance, arguments.recover)
+            if images:
+                images.write(advance, _comment(arguments))
     if form == "euroc":
         _describe(arguments, bool(truths))
-    return _rows(dataset, readings.name, chosen.get(ODOMETRY)), dataset.last_ns
+    counts = _rows(dataset, readings.name, chosen.get(ODOMETRY))
+    if images is None:
+        return counts, dataset.last_ns
+    return {**counts, **images.counts}, max(dataset.last_ns, images.last_ns)
+
+
+def _images(
+    bag: Bag, topics: Sequence[TopicInfo], form: str, arguments: argparse.Namespace
+) -> "RecordedImages | None":
+    """Return the images of the topics, where there are some and the dataset is a folder."""
+    kinds = {topic.type for topic in topics}
+    if not kinds & {IMAGE, COMPRESSED_IMAGE} or not arguments.staged.is_dir():
+        return None
+    from imu_sim_ros.datasets import RecordedImages, recorded_cameras  # they need OpenCV
+
+    return RecordedImages(bag, recorded_cameras(topics), arguments.staged, form)
+
+
+def _comment(arguments: argparse.Namespace) -> str:
+    return f"converted from {arguments.input.name} by imu_sim_ros"
 
 
 def _only_named(topics: Sequence[Any], type_name: str, arguments: argparse.Namespace) -> str | None:
@@ -258,7 +282,7 @@ def _describe(arguments: argparse.Namespace, states: bool) -> None:
         {},
         np.eye(3),
         np.zeros(3),
-        f"converted from {arguments.input.name} by imu_sim_ros",
+        _comment(arguments),
         states,
     )
 

@@ -164,7 +164,6 @@ def _sensor_yaml(camera: CameraParameters, comment: str) -> str:
     model = CameraModel(camera)
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = camera.pose()
-    rows = ",\n         ".join(", ".join(decimal(value) for value in row) for row in matrix)
     k = (*camera.distortion, 0.0, 0.0, 0.0, 0.0)[: max(4, len(camera.distortion))]
     intrinsics = ", ".join(decimal(x) for x in (model.fx, model.fy, model.cx, model.cy))
     shape = {"unified": f"xi: {decimal(camera.xi)}\n"}.get(camera.model, "")
@@ -173,9 +172,15 @@ def _sensor_yaml(camera: CameraParameters, comment: str) -> str:
     return (
         f"# Camera\nsensor_type: camera\ncomment: {comment}\n\n"
         "# T_BS maps points of the camera into the body.\n"
-        f"T_BS:\n  cols: 4\n  rows: 4\n  data: [{rows}]\n\n"
+        f"{pose_text(matrix)}\n"
         f"rate_hz: {camera.rate:g}\nresolution: [{camera.width}, {camera.height}]\n"
         f"camera_model: {camera.model}\n{shape}intrinsics: [{intrinsics}] # fu, fv, cu, cv\n"
         f"distortion_model: {_DISTORTIONS[camera.distortion_model]}\n"
         f"distortion_coefficients: [{', '.join(decimal(x) for x in k)}]\n"
     )
+
+
+def pose_text(matrix: NDArray[np.float64]) -> str:
+    """Return T_BS (4, 4) as EuRoC's descriptions of sensors have it."""
+    rows = ",\n         ".join(", ".join(decimal(value) for value in row) for row in matrix)
+    return f"T_BS:\n  cols: 4\n  rows: 4\n  data: [{rows}]\n"

@@ -233,3 +233,40 @@ def test_without_cameras_nothing_of_them_is_imported():
         "assert not found, found"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_a_recording_is_read_as_a_file_is(start, listener, offline, tmp_path, capsys):
+    """Recorder beside the simulator: nothing is lost; dead_reckon and convert_bag read it."""
+    import json
+
+    import yaml
+
+    from imu_sim_ros.commands import convert_bag, dead_reckon
+
+    bag = tmp_path / "recording"
+    topics = [*offline, "/tf_static"]
+    recorder = start("recorder", "-o", str(bag), *topics)
+    node = start(
+        "simulator",
+        *("--trajectory", "target"),
+        **dotted(RIG),
+        wait_for_subscribers=1,
+        wait_for_truth_subscribers=1,
+    )
+    assert listener.wait_for_end(node) == 0, node.output
+    assert recorder.end() == 0, recorder.output
+    with AnyReader([bag]) as reader:
+        counts = {c.topic: c.msgcount for c in reader.connections}
+    expected = {topic: len(payloads) for topic, payloads in offline.items()}
+    assert {topic: counts[topic] for topic in expected} == expected
+    assert dead_reckon.main([str(bag), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["samples"] == expected["/imu/data_raw"]
+    words = [str(bag), "-o", str(tmp_path / "mav0"), "--format", "euroc", "--quiet"]
+    assert convert_bag.main(words) == 0, capsys.readouterr().err
+    for name in ("cam0", "cam1"):
+        images = list((tmp_path / "mav0" / name / "data").iterdir())
+        assert len(images) == expected[f"/{name}/image_raw"]
+        sensor = yaml.safe_load((tmp_path / "mav0" / name / "sensor.yaml").read_text())
+        assert sensor["intrinsics"] == [57.3, 57.2, 45.9, 31.0]
+        pose = np.reshape(sensor["T_BS"]["data"], (4, 4))
+        assert np.allclose(pose[:3, 2], [1.0, 0.0, 0.0], atol=0.05)  # looks along x
