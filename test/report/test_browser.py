@@ -209,3 +209,26 @@ def luminance(colour):
     parts = [int(part) / 255 for part in colour[4:-1].split(",")]
     linear = [p / 12.92 if p <= 0.03928 else ((p + 0.055) / 1.055) ** 2.4 for p in parts]
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def test_paper_has_all_rows_and_no_column_beyond_its_edge(opened):
+    page = opened("campaign.html", 720)  # about an A4 page's width between its margins
+    page.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    try:
+        shown = """window.dispatchEvent(new Event(arguments[0]));
+        return table("runs").querySelectorAll("tbody tr").length"""
+        rows = int(run(page, "return table('runs').dataset.rows"))
+        assert run(page, shown, "beforeprint") == min(rows, 250) > 25
+        for name, columns, right in run(
+            page,
+            """return [...document.querySelectorAll("[data-table]")].map((one) => [
+            one.dataset.table, [...one.querySelectorAll("th")].filter((th) => th.offsetWidth).map(
+            (th) => [th.dataset.name, getComputedStyle(th, "::after").content]),
+            one.querySelector("table").getBoundingClientRect().right])""",
+        ):
+            assert right <= 720, name
+            # The names of columns are printed by what is repeated on every page.
+            assert all(content == f'"{head}"' for head, content in columns), name
+        assert run(page, shown, "afterprint") == 25
+    finally:
+        page.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})

@@ -3,6 +3,7 @@
 // A table that is sorted by a click on a column's name and searched by words and comparisons.
 
 const PAGE = 25;
+const PRINTED = 250;  // rows on paper, where nobody turns over
 
 // A column comes as {name, values}, or as {name, words, index} where few strings stand often.
 function unpacked(column) {
@@ -43,6 +44,8 @@ class Table {
     this.host = element("div", { "data-table": options.name || "" });
     this.build();
     this.filter("");
+    window.addEventListener("beforeprint", () => this.draw(PRINTED));
+    window.addEventListener("afterprint", () => this.draw());
   }
 
   column(name) { return this.columns.find((one) => one.name === name).values; }
@@ -54,7 +57,7 @@ class Table {
     const bar = element("div", { class: "controls" }, this.input, this.told);
     if (!search) this.input.remove();
     this.buttons = this.columns.map((column, k) => element("button", { type: "button", onclick: () => this.sort(k) }, column.name));
-    const heads = this.buttons.map((button, k) => element("th", { class: this.columns[k].number ? "number" : null, scope: "col" }, button));
+    const heads = this.buttons.map((button, k) => element("th", { class: this.columns[k].number ? "number" : null, scope: "col", "data-name": this.columns[k].name }, button));
     this.body = element("tbody");
     const turn = (words, by) => element("button", { type: "button", onclick: () => { this.page += by; this.draw(); } }, words);
     this.back = turn("\u2039 back", -1);
@@ -100,10 +103,10 @@ class Table {
     this.draw();
   }
 
-  draw() {
-    const pages = Math.max(1, Math.ceil(this.rows.length / PAGE)), first = this.page * PAGE;
+  draw(size = PAGE) {
+    const pages = Math.max(1, Math.ceil(this.rows.length / size)), first = size === PAGE ? this.page * PAGE : 0;
     const bad = this.options.bad;
-    this.body.replaceChildren(...this.rows.slice(first, first + PAGE).map((row) =>
+    this.body.replaceChildren(...this.rows.slice(first, first + size).map((row) =>
       element("tr", { class: bad && bad(row, this) ? "bad" : null }, ...this.columns.map((column) => {
         const value = column.values[row], words = inWords(value, 5);
         return element("td", { class: column.number ? "number" : words.length > 60 ? "long" : null }, words);
@@ -111,7 +114,7 @@ class Table {
     this.pager.hidden = pages === 1;
     this.back.disabled = this.page === 0;
     this.next.disabled = this.page >= pages - 1;
-    const part = pages > 1 ? `, ${first + 1} to ${Math.min(first + PAGE, this.rows.length)} shown` : "";
+    const part = pages > 1 ? `, ${first + 1} to ${Math.min(first + size, this.rows.length)} shown` : "";
     this.told.textContent = `${this.rows.length} of ${this.count} rows${part}`;
     this.host.dataset.rows = this.rows.length;
   }
