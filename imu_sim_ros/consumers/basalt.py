@@ -45,9 +45,12 @@ def calibration(values: ImuValues, rig: RigValues | None = None) -> str:
         "Continuous-time densities, as the simulation has them; the biases are those of this run.",
         *remarks(values, expressed, per_axis=True, above_zero=True),
     ]
+    lenses = [_lens(camera) for camera in cameras.values()]
+    if any(lens["camera_type"] == "pinhole-radtan8" for lens in lenses):
+        notes.append("pinhole-radtan8 needs a Basalt that knows it; that of 2021 does not.")
     content: dict[str, Any] = {
         "T_imu_cam": [_pose(rig.imu_camera(name)) for name in cameras] if rig else [],
-        "intrinsics": [_lens(camera) for camera in cameras.values()],
+        "intrinsics": lenses,
         "resolution": [[camera.width, camera.height] for camera in cameras.values()],
         "vignette": [],
         "calib_accel_bias": _static(values, "accelerometer", _LOWER),

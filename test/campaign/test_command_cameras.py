@@ -3,6 +3,7 @@
 
 """Estimators that are programs and see cameras: tracks, images, the files of the whole rig."""
 
+import re
 import sys
 
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from imu_sim_ros.campaign.plan import load_plan
 from imu_sim_ros.campaign.runs import CellRuns
 from imu_sim_ros.commands import generate
+from imu_sim_ros.config import files
 
 CAMERA = {
     "rate": 200.0,
@@ -80,7 +82,10 @@ def test_a_program_gets_the_files_of_the_whole_rig(plan_file, tmp_path):
     made = {p.name: p.read_text() for p in (tmp_path / "made_configs").iterdir()}
     kept = {p.name: p.read_text() for p in (tmp_path / "kept").iterdir()}
     assert kept.keys() == made.keys()
-    assert kept.keys() >= {"estimator_config.yaml", "vins_fusion_cam1.yaml", "camchain.yaml"}
+    templates = [p.read_text() for p in (files.config_folder() / "estimators").glob("*.yaml")]
+    named = {name for text in templates for name in re.findall(r"{config}/([\w.]+)", text)}
+    assert len(named) > 3
+    assert kept.keys() >= named | {"orb_slam3_stereo_inertial.yaml", "camchain.yaml"}
     for name in kept.keys() - {"simulation.yaml"}:  # its comment tells who wrote it
         assert kept[name] == made[name], name
 

@@ -284,6 +284,9 @@ def test_basalt(case):
         ]
         t_ic[:3, 3] = [pose[key] for key in ("px", "py", "pz")]
         compare(rig, name, t_ic, basalt_lens(lens["camera_type"], lens["intrinsics"]))
+    assert any("needs a Basalt" in note for note in found["comment"]) == (
+        lens["camera_type"] == "pinhole-radtan8"
+    )
 
 
 def basalt_lens(kind, v):
