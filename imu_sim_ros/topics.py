@@ -17,12 +17,14 @@ from imu_sim_ros.bags.messages import (
     FLUID_PRESSURE,
     IMU,
     MAGNETIC_FIELD,
+    NAV_SAT_FIX,
     ODOMETRY,
     TEMPERATURE,
     VECTOR3_STAMPED,
     FluidPressureEncoder,
     ImuEncoder,
     MagneticFieldEncoder,
+    NavSatFixEncoder,
     OdometryEncoder,
     Pattern,
     TemperatureEncoder,
@@ -43,11 +45,13 @@ from imu_sim_ros.conventions import (
     MAGNETIC_FIELD_TOPIC,
     PRESSURE_TOPIC,
     TEMPERATURE_TOPIC,
+    TRUTH_FIX_TOPIC,
     TRUTH_TOPIC,
 )
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.rotation import rotate_inverse
 from imu_sim_ros.sensor import (
+    CurvedEarth,
     ImuBlock,
     MagneticBlock,
     PressureBlock,
@@ -62,6 +66,7 @@ Times = NDArray[np.int64]
 TYPES: Final[dict[str, str]] = {
     IMU_TOPIC: IMU,
     TRUTH_TOPIC: ODOMETRY,
+    TRUTH_FIX_TOPIC: NAV_SAT_FIX,
     IDEAL_IMU_TOPIC: IMU,
     GYROSCOPE_BIAS_TOPIC: VECTOR3_STAMPED,
     ACCELEROMETER_BIAS_TOPIC: VECTOR3_STAMPED,
@@ -75,6 +80,8 @@ TYPES: Final[dict[str, str]] = {
     PRESSURE_TOPIC: FLUID_PRESSURE,
     IDEAL_PRESSURE_TOPIC: FLUID_PRESSURE,
 }
+OF_THE_BODY: Final = (TRUTH_TOPIC, TRUTH_FIX_TOPIC)
+"""Topics that several IMUs on one body have in common."""
 _SENSORS: Final[dict[str, str]] = {
     MAGNETIC_FIELD_TOPIC: "magnetic_field",
     IDEAL_MAGNETIC_FIELD_TOPIC: "magnetic_field",
@@ -156,6 +163,18 @@ def _truth(parameters: SimulationParameters, encoding: str) -> Encode:
         return odometry.pattern(
             block.true_t_ns, motion.position, motion.q_wb, velocity_b, motion.angular_velocity
         )
+
+    return _at_true_times(messages)
+
+
+def _fix(parameters: SimulationParameters, encoding: str) -> Encode:
+    fixes = NavSatFixEncoder(parameters.body_frame, encoding)
+    earth = CurvedEarth(parameters)
+
+    def messages(block: ImuBlock) -> Bytes:
+        place = earth.place(block.motion.position)
+        longitude = np.remainder(np.degrees(place.longitude) + 180.0, 360.0) - 180.0
+        return fixes.encode(block.true_t_ns, np.degrees(place.latitude), longitude, place.height)
 
     return _at_true_times(messages)
 
@@ -290,6 +309,7 @@ def _at_true_times(payloads: Callable[[ImuBlock], Pattern]) -> Encode:
 _MAKERS: Final[dict[str, Callable[[SimulationParameters, str], Encode]]] = {
     IMU_TOPIC: _readings,
     TRUTH_TOPIC: _truth,
+    TRUTH_FIX_TOPIC: _fix,
     IDEAL_IMU_TOPIC: _ideal,
     GYROSCOPE_BIAS_TOPIC: _gyroscope_bias,
     ACCELEROMETER_BIAS_TOPIC: _accelerometer_bias,

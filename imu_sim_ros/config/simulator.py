@@ -39,6 +39,9 @@ class PublishParameters:
     """Which topics are published besides ``imu/data_raw``."""
 
     ground_truth: bool = flag(True, "publish ground_truth/odom")
+    ground_truth_fix: bool = flag(
+        False, "publish ground_truth/fix, latitude, longitude and height of the body"
+    )
     ground_truth_imu: bool = flag(False, "publish ground_truth/imu, the readings without errors")
     biases: bool = flag(
         False, "publish ground_truth/gyroscope_bias and ground_truth/accelerometer_bias"

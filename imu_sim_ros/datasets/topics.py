@@ -19,7 +19,7 @@ from imu_sim_ros.config import BODY, SimulationParameters
 from imu_sim_ros.conventions import IMU_TOPIC, MAGNETIC_FIELD_TOPIC, PRESSURE_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.sensor import ImuBlock
-from imu_sim_ros.topics import TYPES, Encode, delivered, encoder, sensors_of
+from imu_sim_ros.topics import OF_THE_BODY, TYPES, Encode, delivered, encoder, sensors_of
 
 Blocks = Mapping[str, ImuBlock]
 """Blocks of the simulations of one body by name; a single IMU has an empty name."""
@@ -213,9 +213,12 @@ def offered(imus: Sequence[str] = SINGLE) -> dict[str, tuple[str, str]]:
     """
     body = body_of(imus)
     own = {
-        f"{_space(name)}{key}": (name, key) for name in imus for key in TYPES if key != TRUTH_TOPIC
+        f"{_space(name)}{key}": (name, key)
+        for name in imus
+        for key in TYPES
+        if key not in OF_THE_BODY
     }
-    return {**own, TRUTH_TOPIC: (body, TRUTH_TOPIC)}
+    return {**own, **{key: (body, key) for key in OF_THE_BODY}}
 
 
 def sensors(names: Iterable[str], imus: Sequence[str] = SINGLE) -> dict[str, frozenset[str]]:

@@ -30,6 +30,7 @@ the size of the block in which it is generated.
 
 from imu_sim_ros.sensor import catalogue
 from imu_sim_ros.sensor.block import ImuBlock, MagneticBlock, PressureBlock
+from imu_sim_ros.sensor.curved_earth import CurvedEarth
 from imu_sim_ros.sensor.errors import (
     accel_variance_discrete,
     field_variance_discrete,
@@ -41,6 +42,7 @@ from imu_sim_ros.sensor.imu import Imu
 from imu_sim_ros.sensor.realised import realised_imu
 
 __all__ = [
+    "CurvedEarth",
     "Fault",
     "Imu",
     "ImuBlock",

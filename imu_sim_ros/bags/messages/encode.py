@@ -26,11 +26,16 @@ ODOMETRY: Final = "nav_msgs/msg/Odometry"
 POSE_STAMPED: Final = "geometry_msgs/msg/PoseStamped"
 VECTOR3_STAMPED: Final = "geometry_msgs/msg/Vector3Stamped"
 TEMPERATURE: Final = "sensor_msgs/msg/Temperature"
+NAV_SAT_FIX: Final = "sensor_msgs/msg/NavSatFix"
 MAGNETIC_FIELD: Final = "sensor_msgs/msg/MagneticField"
 FLUID_PRESSURE: Final = "sensor_msgs/msg/FluidPressure"
 CLOCK: Final = "rosgraph_msgs/msg/Clock"
 
 _LAST_SECOND: Final = {"cdr": 2**31 - 1, "ros1": 2**32 - 1}
+_GPS: Final = 1
+"""sensor_msgs/NavSatStatus.SERVICE_GPS"""
+_COVARIANCE_TYPE_KNOWN: Final = 3
+"""sensor_msgs/NavSatFix"""
 ROS_ORDER: Final = [1, 2, 3, 0]
 """Where (x, y, z, w) stand in (w, x, y, z)."""
 
@@ -296,6 +301,32 @@ class FluidPressureEncoder(Encoder):
     def encode(self, t_ns: Times, pressure: ArrayLike, variance: ArrayLike = 0.0) -> Bytes:
         """Return messages (n, size) of pressures (n,) [Pa]; variance 0 means unknown."""
         return self._pattern(t_ns, fluid_pressure=pressure, variance=variance).array()
+
+
+class NavSatFixEncoder(Encoder):
+    """sensor_msgs/NavSatFix, as a receiver without errors would give it."""
+
+    type_name = NAV_SAT_FIX
+
+    def __init__(self, frame_id: str, encoding: str = "cdr") -> None:
+        super().__init__((frame_id,), encoding)
+
+    def encode(
+        self, t_ns: Times, latitude: ArrayLike, longitude: ArrayLike, altitude: ArrayLike
+    ) -> Bytes:
+        """Return messages (n, size) with a covariance that is known, and zero.
+
+        :param latitude: (n,) geodetic [deg].
+        :param longitude: (n,) [deg].
+        :param altitude: (n,) above the ellipsoid [m].
+        """
+        rows, fields = self._messages(t_ns)
+        fields["service"] = _GPS
+        fields["latitude"] = latitude
+        fields["longitude"] = longitude
+        fields["altitude"] = altitude
+        fields["position_covariance_type"] = _COVARIANCE_TYPE_KNOWN
+        return rows
 
 
 class ClockEncoder(Encoder):

@@ -31,7 +31,7 @@ _STAMPED: Final = (("stamp", "header", 1), ("frame_id", "text", 1))
 
 # The one description of each message, from which the bytes' places follow everywhere. Fields in the
 # order of the message definitions of common_interfaces (the same in ROS 1): name, kind (f8, text,
-# time, or header: in ROS 1 a sequence number precedes the stamp) and count.
+# i1, u1, u2, time, or header: in ROS 1 a sequence number precedes the stamp) and count.
 FIELDS: Final[dict[str, tuple[tuple[str, str, int], ...]]] = {
     "sensor_msgs/msg/Imu": (
         *_STAMPED,
@@ -72,6 +72,16 @@ FIELDS: Final[dict[str, tuple[tuple[str, str, int], ...]]] = {
         *_STAMPED,
         ("fluid_pressure", "f8", 1),
         ("variance", "f8", 1),
+    ),
+    "sensor_msgs/msg/NavSatFix": (
+        *_STAMPED,
+        ("status", "i1", 1),
+        ("service", "u2", 1),
+        ("latitude", "f8", 1),
+        ("longitude", "f8", 1),
+        ("altitude", "f8", 1),
+        ("position_covariance", "f8", 9),
+        ("position_covariance_type", "u1", 1),
     ),
     "rosgraph_msgs/msg/Clock": (("clock", "time", 1),),
 }

@@ -13,6 +13,8 @@ def is_wanted(topic: str, imu: str, publish: PublishParameters) -> bool:
     """Return whether a topic is published for an IMU (``BODY``: for the body of several)."""
     if topic == conventions.TRUTH_TOPIC:
         return publish.ground_truth and imu in ("", BODY)
+    if topic == conventions.TRUTH_FIX_TOPIC:
+        return publish.ground_truth_fix and imu in ("", BODY)
     return (
         imu != BODY
         and {

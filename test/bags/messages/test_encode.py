@@ -86,6 +86,17 @@ def _small_messages(name, encoding, frame, t_ns, a, b, q):
     if name == encode.FLUID_PRESSURE:
         rows = encode.FluidPressureEncoder(frame, encoding).encode(t_ns, b[:, 0], 0.5)
         return t_ns, rows, lambda m, k: (([m.fluid_pressure, m.variance], [b[k, 0], 0.5]),)
+    if name == encode.NAV_SAT_FIX:
+        rows = encode.NavSatFixEncoder(frame, encoding).encode(t_ns, *b[:, :3].T)
+        return (
+            t_ns,
+            rows,
+            lambda m, k: (
+                ([m.latitude, m.longitude, m.altitude], b[k, :3]),
+                (m.position_covariance, np.zeros(9)),
+                ([m.status.status, m.status.service, m.position_covariance_type], [0, 1, 3]),
+            ),
+        )
     rows = encode.TemperatureEncoder(frame, encoding).encode(t_ns, a[:, 0], 0.25)
     return t_ns, rows, lambda m, k: (([m.temperature, m.variance], [a[k, 0], 0.25]),)
 
@@ -107,6 +118,7 @@ def _numbers(value):
         encode.VECTOR3_STAMPED,
         encode.MAGNETIC_FIELD,
         encode.FLUID_PRESSURE,
+        encode.NAV_SAT_FIX,
         encode.TEMPERATURE,
     ],
 )

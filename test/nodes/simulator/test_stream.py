@@ -94,7 +94,7 @@ def test_frames_covariances_and_spacing(start: Any, listener: Any) -> None:
 
 def test_truth_beside_the_readings(start: Any, listener: Any) -> None:
     from geometry_msgs.msg import Vector3Stamped
-    from sensor_msgs.msg import Imu, Temperature
+    from sensor_msgs.msg import Imu, NavSatFix, Temperature
 
     bias = "ground_truth/gyroscope_bias"
     hear(
@@ -102,9 +102,11 @@ def test_truth_beside_the_readings(start: Any, listener: Any) -> None:
         (bias, Vector3Stamped),
         ("ground_truth/imu", Imu),
         ("imu/temperature", Temperature),
+        ("ground_truth/fix", NavSatFix),
     )
     chosen = {"rate": 100, "duration": 1, "seed": 3, "imu__gyroscope_bias": [0.1, 0, -0.1]}
-    topics = {"biases": True, "ground_truth_imu": True, "temperature": True}
+    names = ("biases", "ground_truth_imu", "temperature", "ground_truth_fix")
+    topics = dict.fromkeys(names, True)
     more = {f"publish__{name}": value for name, value in topics.items()}
     node = start("simulator", **chosen, **more, **READY)
     assert listener.wait_for_end(node) == 0, node.output
@@ -116,6 +118,8 @@ def test_truth_beside_the_readings(start: Any, listener: Any) -> None:
     )
     temperatures = [m.temperature for m in listener.messages("imu/temperature")]
     assert temperatures == block.temperature.tolist()
+    heights = [m.altitude for m in listener.messages("ground_truth/fix")]
+    assert heights == block.motion.position[:, 2].tolist()
 
 
 def test_increments_are_those_of_the_stream_in_whole_steps(start: Any, listener: Any) -> None:

@@ -1,0 +1,74 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The truth as latitude, longitude and height, in every kind of bag."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rosbags.highlevel import AnyReader
+
+from imu_sim_ros.commands import generate
+
+FLIGHT: dict[str, Any] = {
+    "imu.preset": "perfect",
+    "gravity_model": "wgs84",
+    "latitude_deg": 48.0,
+    "longitude_deg": 179.999,
+    "height": 100.0,
+    "rate": 50.0,
+    "duration": 2.0,
+    "trajectory.type": "harmonic",
+    "trajectory.x.polynomial": [0.0, 200.0],
+    "trajectory.y.polynomial": [0.0, -30.0],
+    "trajectory.z.polynomial": [0.0, 5.0],
+}
+
+
+def fixes(path: Path, *options: str, **more: Any) -> dict[str, list[Any]]:
+    """Generate a bag and return its messages by topic."""
+    words = [w for k, v in {**FLIGHT, **more}.items() for w in ("--set", f"{k}={v}")]
+    assert generate.main(["-o", str(path), "--quiet", *options, *words]) == 0
+    read: dict[str, list[Any]] = {}
+    with AnyReader([path]) as reader:
+        for connection, _, raw in reader.messages():
+            read.setdefault(connection.topic, []).append(
+                reader.deserialize(raw, connection.msgtype)
+            )
+    return read
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [("x.bag", ()), ("x.mcap", ()), ("folder", ("--storage", "sqlite3"))],
+)
+def test_fixes_are_the_places_on_the_ellipsoid(
+    tmp_path: Path, name: str, options: tuple[str, ...]
+) -> None:
+    read = fixes(tmp_path / name, "--topics", "ground_truth/fix,ground_truth/odom", *options)
+    found, poses = read["/ground_truth/fix"], read["/ground_truth/odom"]
+    assert len(found) == len(poses) == 100
+    last, pose = found[-1], poses[-1].pose.pose.position
+    # Vincenty's radii at 48 deg: M = 6 370 757.1 m, N = 6 389 939.6 m (WGS84).
+    sine, a, e2 = np.sin(np.radians(48.0)), 6378137.0, 0.00669437999014
+    w = 1.0 - e2 * sine**2
+    meridian, vertical = a * (1.0 - e2) / w**1.5, a / np.sqrt(w)
+    assert last.latitude == pytest.approx(48.0 + np.degrees(pose.y / (meridian + 100.0)), abs=1e-12)
+    east = np.degrees(pose.x / ((vertical + 100.0) * np.cos(np.radians(48.0))))
+    assert last.longitude == pytest.approx(179.999 + east - 360.0, abs=1e-11)
+    assert last.altitude == pytest.approx(100.0 + pose.z, abs=1e-9)
+    assert last.header.frame_id == "base_link"
+    assert last.header.stamp.sec == poses[-1].header.stamp.sec
+    assert (last.status.status, last.position_covariance_type) == (0, 3)
+
+
+def test_several_imus_have_one_body(tmp_path: Path) -> None:
+    topics = ["--topics", "imu/data_raw,ground_truth/fix"]
+    read = fixes(tmp_path / "two.mcap", *topics, imus="[left, right]")
+    assert {t: len(m) for t, m in read.items()} == {
+        "/left/imu/data_raw": 100,
+        "/right/imu/data_raw": 100,
+        "/ground_truth/fix": 100,
+    }
