@@ -171,10 +171,10 @@ def _fix(parameters: SimulationParameters, encoding: str) -> Encode:
     fixes = NavSatFixEncoder(parameters.body_frame, encoding)
     earth = CurvedEarth(parameters)
 
-    def messages(block: ImuBlock) -> Bytes:
+    def messages(block: ImuBlock) -> Pattern:
         place = earth.place(block.motion.position)
         longitude = np.remainder(np.degrees(place.longitude) + 180.0, 360.0) - 180.0
-        return fixes.encode(block.true_t_ns, np.degrees(place.latitude), longitude, place.height)
+        return fixes.pattern(block.true_t_ns, np.degrees(place.latitude), longitude, place.height)
 
     return _at_true_times(messages)
 

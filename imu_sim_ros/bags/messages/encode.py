@@ -311,22 +311,29 @@ class NavSatFixEncoder(Encoder):
     def __init__(self, frame_id: str, encoding: str = "cdr") -> None:
         super().__init__((frame_id,), encoding)
 
-    def encode(
+    def pattern(
         self, t_ns: Times, latitude: ArrayLike, longitude: ArrayLike, altitude: ArrayLike
-    ) -> Bytes:
-        """Return messages (n, size) with a covariance that is known, and zero.
+    ) -> Pattern:
+        """Return n messages with a covariance that is known, and zero.
 
         :param latitude: (n,) geodetic [deg].
         :param longitude: (n,) [deg].
         :param altitude: (n,) above the ellipsoid [m].
         """
-        rows, fields = self._messages(t_ns)
-        fields["service"] = _GPS
-        fields["latitude"] = latitude
-        fields["longitude"] = longitude
-        fields["altitude"] = altitude
-        fields["position_covariance_type"] = _COVARIANCE_TYPE_KNOWN
-        return rows
+        return self._pattern(
+            t_ns,
+            service=_GPS,
+            latitude=latitude,
+            longitude=longitude,
+            altitude=altitude,
+            position_covariance_type=_COVARIANCE_TYPE_KNOWN,
+        )
+
+    def encode(
+        self, t_ns: Times, latitude: ArrayLike, longitude: ArrayLike, altitude: ArrayLike
+    ) -> Bytes:
+        """Return messages (n, size) of what :meth:`pattern` takes."""
+        return self.pattern(t_ns, latitude, longitude, altitude).array()
 
 
 class ClockEncoder(Encoder):
