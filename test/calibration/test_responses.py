@@ -161,6 +161,18 @@ def test_five_positions_are_not_enough():
         calibrate_six_position(steady.rows(steady.accel[:, 2] > -8.0), G)
 
 
+@pytest.mark.parametrize("rate", [20.0, 25.0, 50.0])
+@pytest.mark.parametrize("preset", ["mpu6000", "lsm6dso", "adis16448"])
+def test_slow_or_coarse_readings_rest_as_long_as_the_fixture(preset, rate):
+    """Few readings in half a second, or most of them the same code: six rests, 186 s at 200 Hz.
+
+    A walk of the bias may divide one. The windows at both ends of each are left out.
+    """
+    steady = Run("six_position", {"imu.preset": preset}, rate=rate, seed=2).steady()
+    assert 6 <= steady.stretches <= 8
+    assert steady.duration.sum() > 186.0 - 2.0 * steady.stretches * 25.0 / rate
+
+
 def test_never_steady():
     run = Run("lecture", FLAWS, duration=20.0)
     with pytest.raises(InputError, match=r"no 2 s at rest|of 6 positions"):

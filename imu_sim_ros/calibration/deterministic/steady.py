@@ -17,6 +17,8 @@ Times = NDArray[np.int64]
 
 WINDOW: Final = 0.5
 """Length of the windows that are judged [s]."""
+_FEWEST: Final = 25
+"""Readings in a window: the variance of fewer scatters beyond what is called steady."""
 _QUIET: Final = 0.2
 """Share of the windows taken as the quietest: they set the noise floor."""
 _LOUDER: Final = 3.0
@@ -78,8 +80,8 @@ def find_steady(
 ) -> Steady:
     """Return the stretches in which the readings are as quiet as they get.
 
-    Windows of half a second whose variance is near the record's floor on every axis are joined
-    where their means agree; the first and the last window of a stretch are dropped.
+    Windows of half a second, or of 25 readings, whose variance is near the record's floor on every
+    axis are joined where their means agree; the first and the last window of a stretch are dropped.
 
     :param shortest: of a stretch, with its margins [s].
     :param rotating: look at the gyroscope alone: on a tilted table gravity turns in the body.
@@ -88,25 +90,39 @@ def find_steady(
     y = np.concatenate([gyro, accel], axis=1)
     if not np.isfinite(y).all():
         raise InputError(f"{int((~np.isfinite(y)).any(axis=1).sum())} readings are not finite")
-    size = max(round(WINDOW * 1e9 / sampling_interval(t_ns)), 8)
+    interval = sampling_interval(t_ns) * 1e-9
+    size = max(round(WINDOW / interval), _FEWEST)
     count = len(y) // size
     if count < 10:
         raise InputError(f"{len(y)} readings: at least {10 * size} are needed")
     windows = y[: count * size].reshape(count, size, 6)
     mean, variance = windows.mean(axis=1), windows.var(axis=1)
-    floor = np.quantile(variance, _QUIET, axis=0)
+    # Rounding hides the noise of windows in which all readings are the same.
+    floor = np.maximum(np.quantile(variance, _QUIET, axis=0), _steps(y) ** 2 / 12.0)
     judged = slice(0, 3) if rotating else slice(0, 6)
     calm = np.all(variance[:, judged] <= _LOUDER * floor[judged] + _UNNOTICED[judged] ** 2, axis=1)
     sigma = np.sqrt(2.0 * floor / size) + _UNNOTICED
     same = np.all(np.abs(np.diff(mean, axis=0)) <= _JUMP * sigma, axis=1, where=_mask(judged))
     label = np.cumsum(np.concatenate([[True], ~(same & calm[1:] & calm[:-1])]))
-    least = max(round(shortest / WINDOW), 4)
+    least = max(round(shortest / (size * interval)), 4)
     runs = [run for run in _runs(label, calm) if run[1] - run[0] >= least]
     if not runs:
         raise InputError(
-            f"no {shortest:g} s at rest or at a constant rate found: the readings never settle"
+            f"no {least * size * interval:.2g} s at rest or at a constant rate found: the readings "
+            "never settle"
         )
-    return _summarise(t_ns, mean, size, [(first + 1, last - 1) for first, last in runs])
+    inner = [(first + 1, last - 1) for first, last in runs]
+    return _summarise(t_ns, mean, size, size * interval, inner)
+
+
+def _steps(y: Array) -> Array:
+    """Return (k,) the smallest changes of readings (n, k): the steps they are rounded to, if any.
+
+    Of readings that are not rounded that is next to nothing.
+    """
+    change = np.abs(np.diff(y, axis=0))
+    found: Array = np.where(change > 0.0, change, np.inf).min(axis=0)
+    return np.where(np.isfinite(found), found, 0.0)
 
 
 def _mask(judged: slice) -> NDArray[np.bool_]:
@@ -122,10 +138,15 @@ def _runs(label: NDArray[np.int64], calm: NDArray[np.bool_]) -> list[tuple[int, 
     return [(int(a), int(b)) for a, b in zip(starts, ends, strict=True) if calm[a:b].all()]
 
 
-def _summarise(t_ns: Times, mean: Array, size: int, runs: list[tuple[int, int]]) -> Steady:
-    """Cut the stretches into pieces of some seconds, which show how the bias walks."""
+def _summarise(
+    t_ns: Times, mean: Array, size: int, seconds: float, runs: list[tuple[int, int]]
+) -> Steady:
+    """Cut the stretches into pieces of some seconds, which show how the bias walks.
+
+    :param size: readings in a window, which lasts so many seconds.
+    """
     windows = sum(b - a for a, b in runs)
-    length = max(_PIECE / WINDOW, windows / _PIECES)
+    length = max(_PIECE / seconds, windows / _PIECES)
     pieces: list[tuple[int, int, int]] = []
     for number, (a, b) in enumerate(runs):
         edges = np.linspace(a, b, max(round((b - a) / length), 1) + 1).astype(int)
