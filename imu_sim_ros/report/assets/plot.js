@@ -4,6 +4,7 @@
 
 const linked = new Map();
 let clips = 0;
+const PAPER = 700;
 
 class Plot {
   // spec: {title, x: {label, log}, y: {label, log}, series, link, caption, categories, onpick}
@@ -25,9 +26,12 @@ class Plot {
       linked.get(spec.link).add(this);
     }
     this.show(spec);
+    // On paper a plot of the screen's width would be shrunk, its words with it.
+    addEventListener("beforeprint", () => { this.paper = PAPER; this.draw(); });
+    addEventListener("afterprint", () => { this.paper = 0; this.draw(); });
     new ResizeObserver(() => {
       const width = this.holder.clientWidth;
-      if (width && Math.abs(width - this.width) > 1) this.draw();
+      if (width && !this.paper && Math.abs(width - this.width) > 1) this.draw();
     }).observe(this.holder);
   }
 
@@ -83,9 +87,10 @@ class Plot {
 
   draw() {
     const { spec } = this;
-    const width = this.width = Math.max(this.holder.clientWidth || 600, 260);
+    const width = this.width = Math.max(this.paper || this.holder.clientWidth || 600, 260);
     const rows = spec.categories ? spec.categories.length : 0;
-    const height = this.height = rows ? 60 + rows * 22 : Math.min(340, 160 + width * 0.3);
+    const labelled = spec.series.some((one) => one.labels);
+    const height = this.height = rows ? 60 + rows * 22 : Math.min(labelled ? 520 : 340, 160 + width * 0.3);
     const longest = rows ? Math.min(width * 0.42, 12 + 6.4 * Math.max(...spec.categories.map((name) => name.length))) : 62;
     this.box = { left: longest, right: width - 12, top: 8, bottom: height - 42 };
     const [rangeX, rangeY] = this.ranges();
@@ -99,7 +104,10 @@ class Plot {
     path.append(drawing("rect", { x: left, y: top, width: right - left, height: bottom - top }));
     const marks = drawing("g", { "clip-path": `url(#${clip})` });
     this.taken = [];
+    this.labels = [];
     for (const one of this.shown()) this.series(marks, one);
+    const named = new Set();
+    for (const label of this.labels) this.label(marks, named, ...label);
     svg.append(path, marks, drawing("rect", { class: "frame", x: left, y: top, width: right - left, height: bottom - top }));
     this.pointer(svg);
     this.holder.replaceChildren(svg);
@@ -179,17 +187,24 @@ class Plot {
         if (low && high) marks.append(drawing("line", { x1: x, x2: x, y1: low[1], y2: high[1], stroke: fill, "stroke-width": 1.5 }));
       }
       marks.append(drawing("circle", { cx: x, cy: y, r: one.size || 4, fill }));
-      if (one.labels) this.label(marks, one.labels[k], x, y);
+      if (!one.labels) continue;
+      this.taken.push([x - 4, y - 4, x + 4, y + 4]);
+      this.labels.push([one.labels[k], x, y]);
     }
   }
 
-  label(marks, words, x, y) {
+  // Several lines have points of one name at one x: the name stands once.
+  label(marks, named, words, x, y) {
+    const once = `${words} ${x.toFixed(1)}`;
+    if (named.has(once)) return;
     const wide = words.length * 6 + 4;
-    for (const [dx, dy] of [[7, 4], [-7 - wide, 4], [-wide / 2, -8], [-wide / 2, 16]]) {
+    const [right, left, middle] = [7, -7 - wide, -wide / 2];
+    for (const [dx, dy] of [[right, 4], [left, 4], [middle, -9], [middle, 17], [right, -5], [left, -5], [right, 12], [left, 12]]) {
       const box = [x + dx, y + dy - 10, x + dx + wide, y + dy + 3];
       const free = this.taken.every((other) => box[0] > other[2] || box[2] < other[0] || box[1] > other[3] || box[3] < other[1]);
       if (!free || box[0] < this.box.left || box[2] > this.box.right) continue;
       this.taken.push(box);
+      named.add(once);
       marks.append(drawing("text", { class: "label", x: x + dx, y: y + dy }, words));
       return;
     }

@@ -101,7 +101,8 @@ class Campaign {
   distributions() {
     const groups = this.divided(), { label } = this.metric;
     const positive = groups.every((group) => group.numbers[0] > 0);
-    const wide = groups.length && Math.max(...groups.map((g) => quantile(g.numbers, 0.5))) > 5 * Math.min(...groups.map((g) => quantile(g.numbers, 0.5)));
+    const ends = [0.05, 0.95].map((p) => groups.map((group) => quantile(group.numbers, p)));
+    const wide = groups.length && Math.max(...ends[1]) > 50 * Math.min(...ends[0]);
     const log = positive && Boolean(wide);
     const drawn = groups.slice(0, MOST_BOXES);
     const boxes = drawn.map((group, k) => {
