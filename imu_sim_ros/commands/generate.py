@@ -149,6 +149,8 @@ def _generated(
     with _target(arguments, output, simulated, names, cameras) as target:
         written.describe(arguments.output, target.described)
         _write(body, target, arguments)
+    if bag_output.form(arguments) == "tum_vi":
+        shared.write_tum_vi_calibration(output / "dso", simulated[""], asked.rig)
     if arguments.with_configs:
         folder = written.where(shared.configs(arguments.output))
         shared.write_configs(folder, imus, names, asked.rig)
@@ -206,7 +208,7 @@ def _target(
         return
     tables = in_tables(names, form, imus)
     if form in camera_output.CAMERA_FORMATS:
-        with camera_output.opened(form, output, cameras, names, imus) as seen:
+        with camera_output.opened(form, output, cameras, names, parameters, arguments) as seen:
             yield seen
         return
     states = TRUTH_TOPIC in names

@@ -11,8 +11,9 @@ or a fragment to paste, and which simulated terms its format cannot express.
 May import the leaves and bags (folders and decimal numbers).
 """
 
+from imu_sim_ros.consumers import kalibr
 from imu_sim_ros.consumers.folder import write_all
 from imu_sim_ros.consumers.rig import RigValues
 from imu_sim_ros.consumers.values import ImuValues
 
-__all__ = ["ImuValues", "RigValues", "write_all"]
+__all__ = ["ImuValues", "RigValues", "kalibr", "write_all"]

@@ -5,10 +5,10 @@
 
 ``topics`` holds the IMU's samples and the truth, ``tracks`` the features of cameras as tables,
 ``images`` their images as files, ``frames`` and ``features`` both as messages, ``camera_bag`` these
-in a bag, ``vio_data_simulation`` the text files of the simulator of that name; ``columns`` are the
-tables, ``read_tracks`` reads some of them back, ``recorded_images`` takes images out of a bag.
-One home for ``generate``, the public interface
-and campaigns. Imports bags, topics, sensor, camera. What it exports is imported when first used.
+in a bag, ``vio_data_simulation`` the text files of the simulator of that name, ``tum_vi`` the
+folder of that dataset; ``columns`` are the tables, ``read_tracks`` reads some of them back,
+``recorded_images`` takes images out of a bag. One home for ``generate``, the public interface and
+campaigns. Imports bags, topics, sensor, camera. What it exports is imported when first used.
 """
 
 from typing import TYPE_CHECKING
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.datasets.topics import resolved as resolved
     from imu_sim_ros.datasets.topics import sensors as sensors
     from imu_sim_ros.datasets.tracks import TrackFiles as TrackFiles
+    from imu_sim_ros.datasets.tum_vi import TumVi as TumVi
     from imu_sim_ros.datasets.vio_data_simulation import VioDataSimulation as VioDataSimulation
 else:
     __getattr__, __dir__, __all__ = exported(
@@ -69,6 +70,7 @@ else:
                 "sensors",
             ],
             "tracks": ["TrackFiles"],
+            "tum_vi": ["TumVi"],
             "vio_data_simulation": ["VioDataSimulation"],
         },
     )

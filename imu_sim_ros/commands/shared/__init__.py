@@ -28,6 +28,9 @@ if TYPE_CHECKING:
     from imu_sim_ros.commands.shared.side_files import describe as describe
     from imu_sim_ros.commands.shared.side_files import new_truths as new_truths
     from imu_sim_ros.commands.shared.side_files import write_configs as write_configs
+    from imu_sim_ros.commands.shared.side_files import (
+        write_tum_vi_calibration as write_tum_vi_calibration,
+    )
     from imu_sim_ros.commands.shared.tracks import Track as Track
     from imu_sim_ros.commands.shared.tracks import has_truth as has_truth
     from imu_sim_ros.commands.shared.tracks import odometry_topics as odometry_topics
@@ -41,7 +44,13 @@ else:
             "": ["bag_output", "camera_output", "reprojection"],
             "output_arguments": ["PICTURES", "add_force", "output_and_plot", "outputs"],
             "pose_arguments": ["PoseReader", "add_skip_bad_rows", "skipped_rows"],
-            "side_files": ["configs", "describe", "new_truths", "write_configs"],
+            "side_files": [
+                "configs",
+                "describe",
+                "new_truths",
+                "write_configs",
+                "write_tum_vi_calibration",
+            ],
             "tracks": [
                 "Track",
                 "has_truth",

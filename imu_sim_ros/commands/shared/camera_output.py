@@ -15,6 +15,7 @@ from imu_sim_ros.bags.text import Dataset, writer
 from imu_sim_ros.commands import common
 from imu_sim_ros.commands.shared import bag_output
 from imu_sim_ros.config import (
+    SimulationParameters,
     SimulatorParameters,
     files,
     flatten,
@@ -24,7 +25,7 @@ from imu_sim_ros.config import (
     simulations,
 )
 from imu_sim_ros.conventions import TRUTH_TOPIC
-from imu_sim_ros.datasets import BagTarget, DatasetTarget, body_of
+from imu_sim_ros.datasets import BagTarget, DatasetTarget, body_of, imus_of
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.sensor import ImuBlock
 from imu_sim_ros.simulation import Simulation
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.camera import Rig
     from imu_sim_ros.config.cameras import RigParameters
 
-CAMERA_FORMATS: Final = ("tracks", "vio_data_simulation")
+CAMERA_FORMATS: Final = ("tracks", "tum_vi", "vio_data_simulation")
 """Datasets that need a camera."""
 IMAGE_FORMATS: Final = ("euroc", "csv")
 """Datasets that take images."""
@@ -146,8 +147,8 @@ def check_form(form: str | None, path: Path, cameras: "Rig | None", imus: int) -
     :param imus: how many there are.
     :raises InputError: with what to give.
     """
-    if form == "vio_data_simulation" and imus > 1:
-        raise InputError(f"format vio_data_simulation: holds one IMU, not {imus}")
+    if form in ("tum_vi", "vio_data_simulation") and imus > 1:
+        raise InputError(f"format {form}: holds one IMU, not {imus}")
     forms = (*CAMERA_FORMATS, *IMAGE_FORMATS)
     if cameras is not None and form is not None and (form not in forms or path.suffix == ".csv"):
         raise InputError(f"cameras: need a bag, or a folder and --format {', '.join(forms)}")
@@ -193,15 +194,26 @@ class CameraTarget(DatasetTarget):
 
 @contextmanager
 def opened(
-    form: str, output: Path, cameras: "Rig", names: dict[str, str], imus: Sequence[str]
+    form: str,
+    output: Path,
+    cameras: "Rig",
+    names: dict[str, str],
+    simulated: Mapping[str, SimulationParameters],
+    arguments: argparse.Namespace,
 ) -> Iterator[Any]:
     """Open a dataset with cameras; it is complete when the block ends without an error.
 
     :param names: of the topics that are written.
-    :param imus: the names of the IMUs.
+    :param simulated: the parameters of each IMU.
     """
-    from imu_sim_ros.datasets import TrackFiles, VioDataSimulation
+    from imu_sim_ros.datasets import TrackFiles, TumVi, VioDataSimulation
 
+    imus = imus_of(simulated)
+    if form == "tum_vi":
+        _check_jobs(arguments)
+        with TumVi(output, cameras, simulated[imus[0]].imu, arguments.jobs) as sequence:
+            yield sequence
+        return
     if form == "vio_data_simulation":
         with VioDataSimulation(output, cameras, cameras.trajectory) as target:
             yield target

@@ -20,7 +20,7 @@ import numpy as np
 from imu_sim_ros.bags import make_folder
 from imu_sim_ros.bags.text import writer as text_writer
 from imu_sim_ros.config import SimulationParameters, files, flatten
-from imu_sim_ros.consumers import ImuValues, RigValues, write_all
+from imu_sim_ros.consumers import ImuValues, RigValues, kalibr, write_all
 from imu_sim_ros.conventions import IMU_TOPIC
 from imu_sim_ros.datasets import imus_of, resolved
 from imu_sim_ros.errors import InputError
@@ -131,6 +131,19 @@ def write_configs(
             topics = {camera: image_topic(camera, names) for camera in rig.cameras}
             seen = RigValues(values, rig.each(), topics, rig.scene)
         write_all(folder / name, values, seen)
+
+
+def write_tum_vi_calibration(
+    folder: Path, parameters: SimulationParameters, rig: "RigParameters | None"
+) -> None:
+    """Write camchain.yaml and imu_config.yaml of a TUM VI sequence, in kalibr's form."""
+    if rig is None:
+        return
+    values = _values(parameters, "/imu0")
+    topics = {camera: f"/{camera}/image_raw" for camera in rig.cameras}
+    chain = kalibr.camchain(RigValues(values, rig.each(), topics, rig.scene))
+    (folder / "camchain.yaml").write_text(chain, encoding="utf-8")
+    (folder / "imu_config.yaml").write_text(kalibr.imu_yaml(values), encoding="utf-8")
 
 
 def describe(

@@ -1,0 +1,112 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A TUM VI sequence, read as its readers read it, beside EuRoC's folder of the same flight."""
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+
+from imu_sim_ros import rotation
+from imu_sim_ros.commands import generate
+
+TURN = [0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]
+SETTINGS = {
+    "camera.body_axes": "flu",
+    "camera.width": "94",
+    "camera.height": "60",
+    "camera.intrinsics": "[57.3,57.2,45.9,31.0]",
+    "camera.trigger": "synchronised",
+    "camera.exposure_time": "0.01",
+    "camera.exposure_change": "0.5",
+    "camera.exposure_period": "0.4",
+    "camera.blur_samples": "2",
+    "imu.lever_arm": "[0.1, 0.2, -0.05]",
+    "imu.mounting": str(TURN),
+}
+FLIGHT = [
+    *("--camera", "euroc_cam0", "--camera", "euroc_cam1", "--trajectory", "target"),
+    *("--duration", "0.5s", "--seed", "5", "--imu", "adis16448", "--scene", "aprilgrid"),
+    *(word for key, value in SETTINGS.items() for word in ("--set", f"{key}={value}")),
+]
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("made")
+    for name, form in (("seq", "tum_vi"), ("mav0", "euroc")):
+        assert generate.main(["-o", str(folder / name), "--format", form, *FLIGHT, "--quiet"]) == 0
+    return folder
+
+
+def table(path, separator=","):
+    return np.loadtxt(path, delimiter=separator, comments="#", ndmin=2)
+
+
+def test_images_and_readings_are_those_of_euroc(place):
+    seq, euroc = place / "seq" / "mav0", place / "mav0"
+    for name in ("cam0/data.csv", "cam1/data.csv", "imu0/data.csv"):
+        assert (seq / name).read_text() == (euroc / name).read_text()
+    for camera in ("cam0", "cam1"):
+        for image in (euroc / camera / "data").iterdir():
+            assert (seq / camera / "data" / image.name).read_bytes() == image.read_bytes()
+    assert not list(seq.rglob("sensor.yaml"))  # the original has none
+    readings = table(place / "seq" / "dso" / "imu.txt", " ")
+    assert np.array_equal(readings, table(seq / "imu0" / "data.csv"))
+
+
+def test_poses_are_those_of_the_imu(place):
+    seq = place / "seq"
+    poses = table(seq / "mav0" / "mocap0" / "data.csv")
+    assert np.array_equal(poses, table(seq / "dso" / "gt_imu.csv"))
+    header = (seq / "mav0" / "mocap0" / "data.csv").read_text().splitlines()[0]
+    assert header.startswith("#timestamp [ns], p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w []")
+    body = table(place / "mav0" / "state_groundtruth_estimate0" / "data.csv")
+    r_wb, r_wi = (rotation.to_matrix(t[:, 4:8]) for t in (body, poses))
+    np.testing.assert_allclose(r_wi, r_wb @ np.reshape(TURN, (3, 3)), atol=1e-12)
+    np.testing.assert_allclose(poses[:, 1:4], body[:, 1:4] + r_wb @ [0.1, 0.2, -0.05], atol=1e-12)
+
+
+def test_times_say_name_second_and_exposure(place):
+    dso = place / "seq" / "dso"
+    for camera in ("cam0", "cam1"):
+        rows = [line.split() for line in (dso / camera / "times.txt").read_text().splitlines()[1:]]
+        assert len(rows) == 10
+        for name, second, exposure in rows:
+            image = cv2.imread(str(dso / camera / "images" / f"{name}.png"), cv2.IMREAD_UNCHANGED)
+            assert image.shape == (60, 94)
+            assert second == f"{int(name) // 10**9}.{int(name) % 10**9:09d}"
+            t = (int(name) - 10**9) * 1e-9
+            expected = 10.0 * (1.0 + 0.5 * np.sin(2.0 * np.pi * t / 0.4))
+            assert float(exposure) == pytest.approx(expected, abs=1e-6)
+
+
+def test_the_calibration_is_kalibrs(place):
+    chain = yaml.safe_load((place / "seq" / "dso" / "camchain.yaml").read_text())
+    pose = yaml.safe_load((place / "mav0" / "cam1" / "sensor.yaml").read_text())["T_BS"]["data"]
+    t_bi = np.eye(4)
+    t_bi[:3, :3], t_bi[:3, 3] = np.reshape(TURN, (3, 3)), (0.1, 0.2, -0.05)
+    expected = np.linalg.inv(np.reshape(pose, (4, 4))) @ t_bi
+    np.testing.assert_allclose(chain["cam1"]["T_cam_imu"], expected, atol=1e-9)
+    noise = yaml.safe_load((place / "seq" / "dso" / "imu_config.yaml").read_text())
+    assert noise["gyroscope_noise_density"] == pytest.approx(1.6968e-4)
+
+
+def test_what_it_cannot_hold_is_refused(tmp_path, capsys):
+    words = ["-o", str(tmp_path / "out"), "--format", "tum_vi"]
+    assert generate.main([*words, "--duration", "1s"]) == 2
+    assert "format tum_vi: needs a camera; --camera names one" in capsys.readouterr().err
+    assert generate.main([*words, *FLIGHT, "--set", "imus=[a, b]"]) == 2
+    assert "format tum_vi: holds one IMU, not 2" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+    assert generate.main([*words, *FLIGHT, "--json"]) == 0
+    counts = json.loads(capsys.readouterr().out)["messages"]
+    assert counts == {
+        "/imu/data_raw": 100,
+        "/ground_truth/odom": 100,
+        "/cam0/image_raw": 10,
+        "/cam1/image_raw": 10,
+    }
