@@ -239,7 +239,7 @@ def _pressure(parameters: SimulationParameters, encoding: str) -> Encode:
         t_ns = read.t_ns[rows]
         variance = pressure_variance_discrete(now.imu)
         return Messages(
-            t_ns, read.release_t_ns[rows], pressures.encode(t_ns, read.pressure[rows], variance)
+            t_ns, read.release_t_ns[rows], pressures.pattern(t_ns, read.pressure[rows], variance)
         )
 
     return encode
@@ -250,7 +250,7 @@ def _ideal_pressure(parameters: SimulationParameters, encoding: str) -> Encode:
 
     def encode(block: ImuBlock, _: SimulationParameters) -> Messages:
         t_ns = _barometric(block).true_t_ns
-        return Messages(t_ns, t_ns, pressures.encode(t_ns, _barometric(block).ideal_pressure))
+        return Messages(t_ns, t_ns, pressures.pattern(t_ns, _barometric(block).ideal_pressure))
 
     return encode
 

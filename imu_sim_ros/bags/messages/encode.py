@@ -298,9 +298,13 @@ class FluidPressureEncoder(Encoder):
     def __init__(self, frame_id: str, encoding: str = "cdr") -> None:
         super().__init__((frame_id,), encoding)
 
+    def pattern(self, t_ns: Times, pressure: ArrayLike, variance: ArrayLike = 0.0) -> Pattern:
+        """Return n messages of pressures (n,) [Pa]; variance 0 means unknown."""
+        return self._pattern(t_ns, fluid_pressure=pressure, variance=variance)
+
     def encode(self, t_ns: Times, pressure: ArrayLike, variance: ArrayLike = 0.0) -> Bytes:
-        """Return messages (n, size) of pressures (n,) [Pa]; variance 0 means unknown."""
-        return self._pattern(t_ns, fluid_pressure=pressure, variance=variance).array()
+        """Return messages (n, size) of what :meth:`pattern` takes."""
+        return self.pattern(t_ns, pressure, variance).array()
 
 
 class NavSatFixEncoder(Encoder):
