@@ -197,7 +197,7 @@ class Plot {
   label(marks, named, words, x, y) {
     const once = `${words} ${x.toFixed(1)}`;
     if (named.has(once)) return;
-    const wide = words.length * 6 + 4;
+    const wide = words.length * 6.5 + 4;
     const [right, left, middle] = [7, -7 - wide, -wide / 2];
     for (const [dx, dy] of [[right, 4], [left, 4], [middle, -9], [middle, 17], [right, -5], [left, -5], [right, 12], [left, 12]]) {
       const box = [x + dx, y + dy - 10, x + dx + wide, y + dy + 3];
