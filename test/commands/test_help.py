@@ -119,6 +119,8 @@ def test_imu_sim_says_in_a_line_what_it_does_not_know(monkeypatch, capsys):
         ("generate --imu mpu", {"mpu6000", "mpu9250"}),
         ("imu_sim dead", {"dead_reckon"}),
         ("imu_sim evaluate --align s", {"se3", "sim3"}),
+        ("generate --set imu.lever", {"imu.lever_arm="}),
+        ("dead_reckon x --set level_t", {"level_time="}),
     ],
 )
 def test_completion_by_tab(line, offered, tmp_path):

@@ -51,9 +51,21 @@ def subcommand() -> str | None:
     return words[1]
 
 
-def _names_and_files(prefix: str, action: argparse.Action, **_: Any) -> list[str]:
+def _names_and_files(
+    prefix: str, action: argparse.Action, parser: argparse.ArgumentParser, **_: Any
+) -> list[str]:
     from argcomplete.completers import FilesCompleter
 
+    if action.dest == "set":
+        return [f"{name}=" for name in _parameters(parser) if name.startswith(prefix)]
     folder = _FOLDERS.get(action.dest)
     names = files.names(folder) if folder else []
     return [*(name for name in names if name.startswith(prefix)), *FilesCompleter()(prefix)]
+
+
+def _parameters(parser: argparse.ArgumentParser) -> list[str]:
+    """Return the names of the parameters that ``--set`` takes."""
+    from imu_sim_ros.config import IntegratorParameters, SimulationParameters, flatten
+
+    of_integrator = parser.prog == "dead_reckon"
+    return list(flatten(IntegratorParameters() if of_integrator else SimulationParameters()))
