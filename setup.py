@@ -15,6 +15,7 @@ COMMANDS = (
     "dead_reckon",
     "allan",
     "calibrate",
+    "twin",
     "convert_bag",
     "evaluate",
     "campaign",

@@ -79,6 +79,9 @@ if TYPE_CHECKING:
     from imu_sim_ros.api.readings import read_odometry as read_odometry
     from imu_sim_ros.api.simulation import blocks as blocks
     from imu_sim_ros.api.simulation import simulate as simulate
+    from imu_sim_ros.api.twin import Check as Check
+    from imu_sim_ros.api.twin import Twin as Twin
+    from imu_sim_ros.api.twin import twin as twin
     from imu_sim_ros.errors import ConfigurationError as ConfigurationError
     from imu_sim_ros.errors import ImuSimError as ImuSimError
     from imu_sim_ros.errors import InputError as InputError
@@ -106,6 +109,7 @@ else:
             "api.preintegration": ["preintegrate"],
             "api.readings": ["Odometry", "Readings", "read_imu", "read_odometry"],
             "api.simulation": ["blocks", "simulate"],
+            "api.twin": ["Check", "Twin", "twin"],
             "errors": ["ConfigurationError", "ImuSimError", "InputError", "MissingDependencyError"],
             "navigation": ["NavigationState", "Preintegration"],
             "poses": ["PoseSequence"],

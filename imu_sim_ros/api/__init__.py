@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.api import preintegration as preintegration
     from imu_sim_ros.api import readings as readings
     from imu_sim_ros.api import simulation as simulation
+    from imu_sim_ros.api import twin as twin
 else:
     __getattr__, __dir__, __all__ = exported(
         __name__,
@@ -33,6 +34,7 @@ else:
                 "preintegration",
                 "readings",
                 "simulation",
+                "twin",
             ],
         },
     )

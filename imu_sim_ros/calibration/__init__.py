@@ -2,3 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """What is recovered about a sensor from its readings: noise and deterministic errors."""
+
+from imu_sim_ros.calibration.resolution import StepFinder
+
+__all__ = ["StepFinder"]

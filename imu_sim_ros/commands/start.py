@@ -18,6 +18,7 @@ PROGRAMS: Final = {
     "evaluate": "an estimated trajectory against the truth",
     "allan": "noise parameters from a recording at rest",
     "calibrate": "bias, scale, misalignment and temperature",
+    "twin": "a sensor on its vehicle, from a flight with a true trajectory",
     "campaign": "many runs of an estimator, and their statistics",
     "report": "a campaign or bags as one HTML page",
     "control": "a running simulator: pause, step, inject, watch (needs ROS 2)",
@@ -56,6 +57,11 @@ def allan() -> int:
 def calibrate() -> int:
     """Run the command; returns its exit status."""
     return _run("calibrate")
+
+
+def twin() -> int:
+    """Run the command; returns its exit status."""
+    return _run("twin")
 
 
 def convert_bag() -> int:

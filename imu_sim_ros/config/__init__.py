@@ -75,6 +75,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.config.trajectory import WaypointsParameters as WaypointsParameters
     from imu_sim_ros.config.triads import NO_CROSS_AXIS as NO_CROSS_AXIS
     from imu_sim_ros.config.triads import TriadParameters as TriadParameters
+    from imu_sim_ros.config.vehicle import BoardVibrationParameters as BoardVibrationParameters
 else:
     __getattr__, __dir__, __all__ = exported(
         __name__,
@@ -164,6 +165,9 @@ else:
             "triads": [
                 "NO_CROSS_AXIS",
                 "TriadParameters",
+            ],
+            "vehicle": [
+                "BoardVibrationParameters",
             ],
         },
     )

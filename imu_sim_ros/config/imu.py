@@ -28,6 +28,7 @@ from imu_sim_ros.config.parameter import (
     vector,
 )
 from imu_sim_ros.config.triads import TriadParameters, TriadsParameters
+from imu_sim_ros.config.vehicle import BoardVibrationParameters
 from imu_sim_ros.conventions import TRIADS, Measured, Triad
 
 _USUAL_RATIO = 8
@@ -197,6 +198,7 @@ class ImuParameters(TimingParameters, BoardParameters, TriadsParameters):
     )
     magnetometer: MagnetometerParameters = section(MagnetometerParameters, joint="_")
     barometer: BarometerParameters = section(BarometerParameters, joint="_")
+    vibration: BoardVibrationParameters = section(BoardVibrationParameters)
 
     def triad(self, name: Measured) -> TriadParameters:
         """Return the errors of one triad, or of a sensor beside them as if it were one."""

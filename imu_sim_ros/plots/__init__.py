@@ -17,12 +17,13 @@ if TYPE_CHECKING:
     from imu_sim_ros.plots import readings as readings
     from imu_sim_ros.plots import sensors as sensors
     from imu_sim_ros.plots import style as style
+    from imu_sim_ros.plots import twin as twin
     from imu_sim_ros.plots.style import Figure as Figure
 else:
     __getattr__, __dir__, __all__ = exported(
         __name__,
         {
             "style": ["Figure"],
-            "": ["allan", "calibration", "navigation", "readings", "sensors", "style"],
+            "": ["allan", "calibration", "navigation", "readings", "sensors", "style", "twin"],
         },
     )

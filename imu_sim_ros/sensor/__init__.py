@@ -14,7 +14,7 @@ For each triad, x its ideal input and f the ideal specific force::
     6                  + walk + Gauss-Markov + 1/f + ramp  (+ injected jumps)
                        + hysteresis + ageing + stress steps + what shocks left
     7  white noise     + n                    correlated between axes, changing with temperature
-    8  bandwidth       Butterworth low-pass over all of the above
+    8  bandwidth       Butterworth low-pass over all of the above, then the vehicle's vibration
     9  digital output  rounding to steps and saturation, of readings or of increments
     10 timing          stamps: offset, skew, drift, jitter; transport: latency, losses, duplicates
 
@@ -40,6 +40,7 @@ from imu_sim_ros.sensor.errors import (
 from imu_sim_ros.sensor.faults import Fault
 from imu_sim_ros.sensor.imu import Imu
 from imu_sim_ros.sensor.realised import realised_imu
+from imu_sim_ros.sensor.vehicle import MotionSize
 
 __all__ = [
     "CurvedEarth",
@@ -47,6 +48,7 @@ __all__ = [
     "Imu",
     "ImuBlock",
     "MagneticBlock",
+    "MotionSize",
     "PressureBlock",
     "accel_variance_discrete",
     "catalogue",

@@ -21,6 +21,7 @@ from imu_sim_ros.trajectory import Motion, Trajectory, highest_frequency
 
 if TYPE_CHECKING:
     from imu_sim_ros.sensor.auxiliary import Auxiliary
+    from imu_sim_ros.sensor.vehicle import BoardVibration
 
 Array = NDArray[np.float64]
 
@@ -51,6 +52,7 @@ class Imu:
         self._transport = Transport(p.seed, p.rate)
         self._faults = FaultSchedule(p.seed, 1.0 / p.rate)
         self._auxiliary = _beside(p, t0_ns, sensors) if sensors else None
+        self._vibration = _vibration(p)
         self.configure(p)
 
     def configure(self, parameters: SimulationParameters) -> None:
@@ -88,10 +90,13 @@ class Imu:
         motion = trajectory.sample(t)
         ideal_gyro, ideal_accel = self._ideal_readings(first, t, motion, trajectory)
         temperature = self._temperature.at(t)
+        vibration = self._vibration.read(first, motion) if self._vibration else None
         if self._ratio == 1:
-            gyro, accel = self._triad_readings(first, ideal_gyro, ideal_accel, temperature)
+            gyro, accel = self._triad_readings(
+                first, ideal_gyro, ideal_accel, temperature, vibration
+            )
         else:
-            gyro, accel = self._oversampled(first, count, trajectory)
+            gyro, accel = self._oversampled(first, count, trajectory, vibration)
         block = ImuBlock(
             first=first,
             true_t_ns=true_t_ns,
@@ -114,17 +119,25 @@ class Imu:
         return self._auxiliary.beside(block, trajectory, self._temperature)
 
     def _triad_readings(
-        self, first: int, ideal_gyro: Array, ideal_accel: Array, temperature: Array
+        self,
+        first: int,
+        ideal_gyro: Array,
+        ideal_accel: Array,
+        temperature: Array,
+        vibration: Array | None,
     ) -> tuple[Reading, Reading]:
-        temperature_offset = temperature - self._reference_temperature
+        offset = temperature - self._reference_temperature
+        shaken = (None, None) if vibration is None else (vibration[:3], vibration[3:])
         gyro, accel = (
-            triad.read(first, ideal, ideal_accel, temperature_offset, self._faults)
-            for triad, ideal in zip(self._triads, (ideal_gyro, ideal_accel), strict=True)
+            triad.read(first, ideal, ideal_accel, offset, self._faults, own)
+            for triad, ideal, own in zip(
+                self._triads, (ideal_gyro, ideal_accel), shaken, strict=True
+            )
         )
         return gyro, accel
 
     def _oversampled(
-        self, first: int, count: int, trajectory: Trajectory
+        self, first: int, count: int, trajectory: Trajectory, vibration: Array | None
     ) -> tuple[Reading, Reading]:
         """Return the triads' samples, each the last of ``ratio`` readings at the internal rate.
 
@@ -142,7 +155,8 @@ class Imu:
             missing = (end - begin) * self._ratio - len(t_ns)
             t = timebase.seconds_since(np.concatenate([np.zeros(missing, np.int64), t_ns]), 0)
             ideal = self._ideal.read(trajectory.sample(t))
-            made.append(self._triad_readings(begin, *ideal, self._temperature.at(t)))
+            own = None if vibration is None else vibration[:, begin - first : end - first]
+            made.append(self._triad_readings(begin, *ideal, self._temperature.at(t), own))
         gyro, accel = (
             Reading(*(np.concatenate(parts, axis=1) for parts in zip(*readings, strict=True)))
             for readings in zip(*made, strict=True)
@@ -169,3 +183,12 @@ def _beside(parameters: SimulationParameters, t0_ns: int, sensors: Collection[st
     from imu_sim_ros.sensor.auxiliary import Auxiliary
 
     return Auxiliary(parameters, t0_ns, sensors)
+
+
+def _vibration(parameters: SimulationParameters) -> "BoardVibration | None":
+    """Return the vehicle's vibration in the readings, if there is any."""
+    if not parameters.imu.vibration.there:
+        return None
+    from imu_sim_ros.sensor.vehicle import BoardVibration  # most sensors have no vehicle
+
+    return BoardVibration(parameters.seed, parameters.imu.vibration, parameters.rate)

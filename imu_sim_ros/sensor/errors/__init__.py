@@ -6,6 +6,7 @@
 Imports the leaves, and faults and random streams from the package above.
 """
 
+from imu_sim_ros.sensor.errors.chunked import ChunkedProcess
 from imu_sim_ros.sensor.errors.deterministic import TurnOn
 from imu_sim_ros.sensor.errors.drawn import as_matrix, unit_of_seed
 from imu_sim_ros.sensor.errors.temperature import TemperatureProfile
@@ -18,6 +19,7 @@ from imu_sim_ros.sensor.errors.variance import (
 )
 
 __all__ = [
+    "ChunkedProcess",
     "Reading",
     "TemperatureProfile",
     "Triad",

@@ -30,8 +30,8 @@ class ChunkedProcess(ABC):
         """Fill ``_chunk`` with the next values."""
 
     def next_block(self, count: int) -> Array:
-        """Return the next values (streams, count)."""
-        out = np.empty((len(self._streams), count))
+        """Return the next values (rows of a chunk, count)."""
+        out = np.empty((len(self._chunk), count))
         length = self._chunk.shape[1]
         done = 0
         while done < count:

@@ -86,6 +86,7 @@ class Triad:
         force: Array,
         temperature_offset: Array,
         faults: FaultSchedule,
+        vibration: Array | None = None,
     ) -> Reading:
         """Return the next n samples.
 
@@ -95,6 +96,7 @@ class Triad:
         :param ideal: (3, n m) ideal reading of this triad.
         :param force: (3, n m) ideal specific force [m/s^2].
         :param temperature_offset: (n m,) temperature above the reference [K].
+        :param vibration: (3, n) what the vehicle adds to the filtered readings.
         """
         surroundings = Surroundings(force, temperature_offset)
         reading = self._response.apply(ideal, force)
@@ -112,6 +114,8 @@ class Triad:
             reading, bias, scale = (
                 np.ascontiguousarray(values[:, last]) for values in (reading, bias, scale)
             )
+        if vibration is not None:
+            reading += vibration
         faults.saturate(self._triad, first, reading)
         self._digitiser.apply(reading)
         self._increments.apply(reading)

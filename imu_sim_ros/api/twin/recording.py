@@ -1,0 +1,193 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A recording beside its truth: readings that lie on the truth's spline."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros import timebase
+from imu_sim_ros.api.flight import Flight
+from imu_sim_ros.api.readings import HasPoses, Readings, read_imu
+from imu_sim_ros.calibration.twin import BodyMotion, Recording, coarse_offset, mounting
+from imu_sim_ros.config import PosesParameters
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.rotation import rotate_inverse
+from imu_sim_ros.trajectory import Motion, Trajectory, build_trajectory
+
+Array = NDArray[np.float64]
+
+_MARGIN: Final = 0.2
+"""[s] at both ends of the truth, where a spline has neighbours on one side only."""
+_SHORTEST: Final = 10.0
+"""[s] of readings with a truth."""
+_LARGEST: Final = 1e5
+"""Readings beyond it are no numbers of an IMU."""
+_TURNING: Final = 0.02
+"""[rad/s] RMS below which a motion shows nothing."""
+_STILL: Final = (0.05, 0.03)
+"""[rad/s], [m/s] above which a body is in motion."""
+_GAP: Final = 1.5
+
+
+class Recorded(NamedTuple):
+    """A recording on the spline of its truth."""
+
+    recording: Recording
+    trajectory: Trajectory
+    duration: float
+    cutoff: float
+    gravity: float
+    offset: float
+    """First guess of true time minus stamp [s]."""
+    r_ib: Array
+    """(3, 3) first guess of the mounting."""
+    t0_ns: int
+    """Stamp of the truth's first pose [ns]."""
+    name: str
+
+    def motion(self, t: Array) -> Motion:
+        """Return the body's motion at times (n,) [s]."""
+        return self.trajectory.sample(np.clip(t, 0.0, self.duration))
+
+    def body_motion(self, t: Array) -> BodyMotion:
+        """Return rate, specific force and angular acceleration in the body at times (n,) [s]."""
+        return body_motion(self.motion(t), self.gravity)
+
+
+def body_motion(motion: Motion, gravity: float) -> BodyMotion:
+    """Return what an IMU in the body's origin is moved by."""
+    up = motion.acceleration + np.array([0.0, 0.0, gravity])
+    return BodyMotion(
+        motion.angular_velocity, rotate_inverse(motion.q_wb, up), motion.angular_acceleration
+    )
+
+
+def moving(motion: Motion) -> NDArray[np.bool_]:
+    """Return which rows (n,) of a motion are no rest."""
+    rate, speed = (np.linalg.norm(v, axis=1) for v in (motion.angular_velocity, motion.velocity))
+    result: NDArray[np.bool_] = (rate > _STILL[0]) | (speed > _STILL[1])
+    return result
+
+
+def recorded(
+    recording: Flight | Readings | str | Path,
+    truth: HasPoses | str | Path,
+    *,
+    gravity: float,
+    cutoff: float,
+    max_offset: float,
+    topic: str | None,
+    truth_topic: str | None,
+) -> Recorded:
+    """Return readings on the spline through their truth.
+
+    :raises InputError: with a line for each reason why there is no twin.
+    """
+    readings = _readings(recording, topic)
+    poses, name = _poses(truth, truth_topic)
+    trajectory = build_trajectory(PosesParameters(file=name, cutoff=cutoff), lambda *_: poses)
+    duration = min(
+        trajectory.duration, timebase.seconds_since(poses.t_ns[-1:], int(poses.t_ns[0]))[0]
+    )
+    t0_ns = int(poses.t_ns[0])
+    _check(readings)
+    stamps = timebase.seconds_since(readings.t_ns, t0_ns)
+    near = (stamps > -max_offset) & (stamps < duration + max_offset)
+    if np.count_nonzero(near) < 2 or np.ptp(stamps[near]) < _SHORTEST:
+        raise InputError(
+            f"{readings.name}: has {_common(stamps, duration):.3g} s in common with the truth "
+            f"{name}; a twin needs {_SHORTEST:g} s: their stamps must be of one clock"
+        )
+    half = Recorded(
+        _empty(), trajectory, duration, cutoff, gravity, 0.0, np.eye(3), t0_ns, readings.name
+    )
+    offset = coarse_offset(
+        stamps[near], readings.gyro[near], half.body_motion, duration, max_offset
+    )
+    inside = (stamps + offset > _MARGIN) & (stamps + offset < duration - _MARGIN)
+    if np.count_nonzero(inside) < 2 or np.ptp(stamps[inside]) < _SHORTEST:
+        raise InputError(
+            f"{readings.name}: has {_common(stamps + offset, duration):.3g} s in common with the "
+            f"truth {name}; a twin needs {_SHORTEST:g} s"
+        )
+    stamps = stamps[inside]
+    y = np.concatenate([readings.gyro[inside], readings.accel[inside]], axis=1)
+    motion = half.body_motion(stamps + offset)
+    if np.sqrt(np.mean(motion.rate**2)) < _TURNING:
+        raise InputError(f"{name}: the truth hardly turns; a twin is found in motion, not at rest")
+    return half._replace(
+        recording=_in_pieces(stamps, y),
+        offset=offset,
+        r_ib=mounting(y[:, :3], y[:, 3:], motion),
+    )
+
+
+def _readings(source: Flight | Readings | str | Path, topic: str | None) -> Readings:
+    if isinstance(source, Flight):
+        return source.readings
+    return source if isinstance(source, Readings) else read_imu(source, topic)
+
+
+def _poses(truth: HasPoses | str | Path, topic: str | None) -> tuple[PoseSequence, str]:
+    if isinstance(truth, str | Path):
+        from imu_sim_ros.bags import read_poses
+
+        return read_poses(truth, topic), str(truth)
+    return PoseSequence(truth.t_ns, truth.position, truth.q_wb), "the truth"
+
+
+def _check(readings: Readings) -> None:
+    problems = []
+    steps = np.diff(readings.t_ns)
+    if np.any(steps < 0):
+        row = int(np.argmax(steps < 0)) + 1
+        problems.append(f"{readings.name}: stamps run backwards at sample {row}")
+    for name, values in (("gyroscope", readings.gyro), ("accelerometer", readings.accel)):
+        bad = ~np.isfinite(values).all(axis=1) | (np.abs(values) > _LARGEST).any(axis=1)
+        if bad.any():
+            problems.append(
+                f"{readings.name}: {name}: {np.count_nonzero(bad)} readings are not finite "
+                f"numbers of an IMU, the first is sample {int(np.argmax(bad))}"
+            )
+        elif len(values) and np.any(np.ptp(values, axis=0) == 0.0):
+            axis = "xyz"[int(np.argmin(np.ptp(values, axis=0)))]
+            problems.append(f"{readings.name}: {name} {axis}: all readings are equal")
+    if problems:
+        raise InputError(problems)
+
+
+def _common(stamps: Array, duration: float) -> float:
+    if not len(stamps):
+        return 0.0
+    return max(min(float(stamps[-1]), duration) - max(float(stamps[0]), 0.0), 0.0)
+
+
+def _empty() -> Recording:
+    return Recording(np.zeros(0), np.zeros((0, 6)), (), 1.0)
+
+
+def _in_pieces(stamps: Array, readings: Array) -> Recording:
+    """Return a recording without repeated stamps, cut where samples are missing."""
+    keep = np.concatenate([[True], np.diff(stamps) > 0.0])
+    stamps, readings = stamps[keep], readings[keep]
+    steps = np.diff(stamps)
+    usual = float(np.median(steps))
+    regular = steps[steps < _GAP * usual]
+    rate = _rounded(1.0 / float(regular.mean()))
+    cuts = np.flatnonzero(steps > _GAP * usual + 4.0 * np.median(np.abs(steps - usual))) + 1
+    edges = [0, *cuts.tolist(), len(stamps)]
+    pieces = tuple(slice(a, b) for a, b in pairwise(edges))
+    return Recording(stamps, readings, pieces, rate)
+
+
+def _rounded(rate: float) -> float:
+    """Return the nearest whole rate where a clock's skew can explain the difference."""
+    return float(round(rate)) if abs(rate - round(rate)) < 1e-3 * rate else round(rate, 3)

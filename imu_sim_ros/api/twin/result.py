@@ -1,0 +1,315 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A twin of a sensor on its vehicle: values with their uncertainty, and a simulation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.api.calibration import Calibrated
+from imu_sim_ros.api.flight import Flight
+from imu_sim_ros.api.output import saved
+from imu_sim_ros.api.readings import HasPoses, Readings
+from imu_sim_ros.api.twin.check import Check, check, flown_again, simulation
+from imu_sim_ros.api.twin.recording import Recorded, moving, recorded
+from imu_sim_ros.calibration import StepFinder
+from imu_sim_ros.calibration.twin import (
+    MOTION_FLOOR,
+    MOTION_TIME,
+    PRIOR,
+    Analysis,
+    Fit,
+    Recording,
+    analyse,
+    clock_offset,
+    clock_skew,
+    constant_errors,
+    foreseen,
+    model,
+    perfect,
+    simulator_parameters,
+)
+from imu_sim_ros.config import Value, files
+from imu_sim_ros.conventions import GRAVITY
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.rotation import from_matrix, log
+from imu_sim_ros.sensor import MotionSize
+
+if TYPE_CHECKING:
+    from imu_sim_ros.plots import Figure
+
+Array = NDArray[np.float64]
+
+_LEAST_FIT: Final = 8.0
+"""[s]"""
+_UNDETERMINED: Final = 0.7
+"""Standard error over the prior's above which a motion says nothing of a parameter."""
+
+
+@dataclass(frozen=True, repr=False)
+class Twin:
+    """What :func:`imu_sim_ros.twin` found."""
+
+    errors: dict[str, Calibrated]
+    """Constant errors by parameter, with standard errors; ``mounting`` is the rotation vector of
+    R_ib [rad], ``stamp_offset`` that at the truth's first pose."""
+    undetermined: tuple[str, ...]
+    """Numbers that this motion does not determine; they are a perfect IMU's but for their prior."""
+    parameters: dict[str, Value]
+    """Of the simulator, by name."""
+    analysis: Analysis
+    """Bias over time, lines, bands, white floor and intensities."""
+    check: Check | None
+    """The comparison with the part that was not used, where there is one."""
+    source: Recorded
+
+    def __repr__(self) -> str:
+        seconds = np.ptp(self.source.recording.stamps)
+        return (
+            f"<Twin of {Path(self.source.name).name}, {seconds:.3g} s: "
+            f"{len(self.analysis.lines.frequency)} lines, {len(self.analysis.vibration.low)} bands>"
+        )
+
+    def as_json(self) -> dict[str, Any]:
+        """Return all numbers by name."""
+        found = self.analysis
+        white, bands, lines = found.white, found.bands, found.lines
+        return {
+            "rate_hz": self.source.recording.rate,
+            "seconds": float(np.ptp(found.bias_t)) if len(found.bias_t) else 0.0,
+            "errors": {
+                name: {"value": v.value.tolist(), "sigma": v.sigma.tolist()}
+                for name, v in self.errors.items()
+            },
+            "undetermined": list(self.undetermined),
+            "clock_wander_s": self.clock_wander,
+            "white_floor": {
+                "value": white.density.tolist(),
+                "low": white.low.tolist(),
+                "high": white.high.tolist(),
+            },
+            "lines": {name: values.tolist() for name, values in lines._asdict().items()},
+            "bands": {
+                "low_hz": bands.low.tolist(),
+                "high_hz": bands.high.tolist(),
+                "density": bands.density.tolist(),
+                "density_low": (bands.density * bands.interval[:, :1]).tolist(),
+                "density_high": (bands.density * bands.interval[:, 1:]).tolist(),
+            },
+            "ranges_hz": found.range_edges.tolist(),
+            "exponents": {
+                "value": found.exponents.value.tolist(),
+                "sigma": found.exponents.sigma.tolist(),
+            },
+            "bias_over_time": {
+                "t_s": found.bias_t.tolist(),
+                "value": found.bias.tolist(),
+                "sigma": found.bias_sigma.tolist(),
+            },
+            "check": None if self.check is None else self.check.as_json(),
+        }
+
+    @property
+    def clock_wander(self) -> float:
+        """RMS of how the truth's clock wanders beside offset and skew [s]; 0: it is steady."""
+        return float(np.std(self.analysis.fit.wander))
+
+    def save(self, path: str | Path, *, force: bool = False) -> Path:
+        """Write the parameter file for ``simulator`` and ``generate``; returns its path.
+
+        :param force: replace what exists.
+        :raises InputError: for a place that cannot be used, and one that is taken.
+        """
+        with saved(path, force) as place:
+            self.write(place)
+        return Path(path)
+
+    def write(self, path: Path) -> None:
+        """Write the parameter file."""
+        name = Path(self.source.name).name
+        files.write(self.parameters, path, comment=f"Digital twin of {name}.")
+
+    def plot(self) -> Figure:
+        """Return a matplotlib figure: spectra and time series, real beside simulated."""
+        from imu_sim_ros.plots import twin as pictures
+
+        real, simulated = self.flown()
+        name = Path(self.source.name).name
+        return pictures.draw(real, simulated, self.source.recording.rate, name)
+
+    def flown(self, seed: int = 0) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+        """Return times (n,) and residuals (n, 6) of the real sensor, and those of the twin."""
+        if self.check is not None and seed == 0:
+            real, simulated = self.check.flown
+            return (real.t, real.residuals), (simulated.t, simulated.residuals)
+        return flown_again(self.source, self.analysis.fit, self.parameters, seed)
+
+    def simulate(self, seed: int = 0) -> Flight:
+        """Return the twin's flight along the truth."""
+        engine = simulation(self.source, self.parameters, seed)
+        return Flight(engine.parameters, list(engine.blocks()), f"twin of {self.source.name}")
+
+
+def twin(
+    recording: Flight | Readings | str | Path,
+    truth: HasPoses | str | Path,
+    *,
+    fit: float | None = None,
+    gravity: float = -GRAVITY[2],
+    cutoff: float = 12.0,
+    max_offset: float = 0.5,
+    topic: str | None = None,
+    truth_topic: str | None = None,
+) -> Twin:
+    """Return the digital twin of a sensor on its vehicle, from a recording in motion and its truth.
+
+    The recording is compared with what a perfect IMU reads along a spline through the truth. Time
+    offset and skew, mounting, lever arm, biases, scale and misalignment and g-sensitivity are found
+    by one weighted least squares; what they leave is described by lines, bands and a white floor on
+    six axes, and by how they follow the motion.
+
+    :param recording: a flight, readings, or a file that :func:`imu_sim_ros.read_imu` reads.
+    :param truth: poses of the body, from motion capture for instance: arrays or a file.
+    :param fit: use this much of the recording [s], and compare the twin with the rest.
+    :param gravity: its magnitude where the recording was made [m/s^2].
+    :param cutoff: motion at higher frequencies [Hz] counts as vibration.
+    :param max_offset: between the clocks of recording and truth that is looked for [s].
+    :param topic: of the readings in a bag that has several.
+    :param truth_topic: of the poses in a bag that has several.
+    :raises InputError: with a line for each reason why there is no twin.
+    """
+    _check_numbers(fit, gravity, cutoff, max_offset)
+    source = recorded(
+        recording,
+        truth,
+        gravity=gravity,
+        cutoff=cutoff,
+        max_offset=max_offset,
+        topic=topic,
+        truth_topic=truth_topic,
+    )
+    whole = source.recording
+    used, held_out = whole, None
+    if fit is not None:
+        used, held_out = _split(whole, fit, source.name)
+    found = constant_errors(
+        used, source.body_motion, perfect(source.r_ib, source.offset), source.cutoff
+    )
+    analysis = _analysed(source, used, found)
+    parameters = simulator_parameters(analysis, whole.rate, _steps(whole.readings))
+    if gravity != -GRAVITY[2]:
+        parameters["gravity"] = (0.0, 0.0, -gravity)
+    errors, undetermined = _errors(found)
+    checked = None if held_out is None else check(source, held_out, found, parameters)
+    return Twin(errors, undetermined, parameters, analysis, checked, source)
+
+
+def _check_numbers(fit: float | None, gravity: float, cutoff: float, max_offset: float) -> None:
+    limits = [
+        ("gravity", gravity, 1.0, 30.0, "m/s^2"),
+        ("cutoff", cutoff, 0.5, 1000.0, "Hz"),
+        ("max_offset", max_offset, 0.0, 60.0, "s"),
+    ]
+    if fit is not None:
+        limits.append(("fit", fit, _LEAST_FIT, 1e7, "s"))
+    problems = [
+        f"{name} = {value:g}: must be between {low:g} and {high:g} {unit}"
+        for name, value, low, high, unit in limits
+        if not low <= value <= high
+    ]
+    if problems:
+        raise InputError(problems)
+
+
+def _split(whole: Recording, seconds: float, name: str) -> tuple[Recording, Recording]:
+    first, last = float(whole.stamps[0]), float(whole.stamps[-1])
+    if last - first - seconds < _LEAST_FIT:
+        raise InputError(
+            f"fit = {seconds:g}: must leave {_LEAST_FIT:g} s of the {last - first:.4g} s of {name} "
+            "to compare the twin with"
+        )
+    return whole.part(first, first + seconds), whole.part(first + seconds, np.inf)
+
+
+def _analysed(source: Recorded, used: Recording, found: Fit) -> Analysis:
+    t = model.true_times(found.errors, used.stamps, found.reference, found.wander)
+    motion = source.motion(t)
+    norms = tuple(
+        np.linalg.norm(v, axis=1)
+        for v in (motion.angular_velocity, motion.acceleration, motion.velocity)
+    )
+
+    def sizes(reference: Array) -> Array:
+        x, y, z = (float(value) for value in reference)
+        return MotionSize(used.rate, (x, y, z), MOTION_FLOOR, MOTION_TIME).logs(motion)
+
+    residuals = foreseen(used, source.body_motion, found, source.cutoff)
+    return analyse(used, found, residuals, sizes, (norms[0], norms[1], norms[2]), moving(motion))
+
+
+def _steps(readings: Array) -> Array:
+    """Return the digital steps (6,) of the readings; 0 where there are none."""
+    finder = StepFinder(6)
+    finder.look(np.ascontiguousarray(readings.T))
+    return finder.step
+
+
+def _errors(found: Fit) -> tuple[dict[str, Calibrated], tuple[str, ...]]:
+    """Return the constant errors by name, and what the motion does not determine."""
+    errors, sigma = found.errors, found.sigma
+    span = found.reference
+    offset_sigma = float(
+        np.sqrt(
+            found.covariance[0, 0]
+            - 2.0 * span * found.covariance[0, 1]
+            + span**2 * found.covariance[1, 1]
+        )
+    )
+    upper = np.zeros((3, 3))
+    upper[model.UPPER] = sigma[model.ACCELEROMETER]
+
+    def of(value: Any, sigmas: Any) -> Calibrated:
+        return Calibrated(np.ravel(value).astype(np.float64), np.ravel(sigmas).astype(np.float64))
+
+    result = {
+        "stamp_offset": of([clock_offset(found)], [offset_sigma]),
+        "clock_skew_ppm": of([1e6 * clock_skew(found)], [1e6 * sigma[1]]),
+        "mounting": of(log(from_matrix(errors.r_ib)), sigma[model.MOUNTING]),
+        "lever_arm": of(errors.lever_arm, sigma[model.LEVER_ARM]),
+        "gyroscope_bias": of(errors.bias[:3], sigma[model.BIAS][:3]),
+        "gyroscope_scale_misalignment": of(errors.gyroscope, sigma[model.GYROSCOPE]),
+        "gyroscope_g_sensitivity": of(errors.g_sensitivity, sigma[model.G_SENSITIVITY]),
+        "accelerometer_bias": of(errors.bias[3:], sigma[model.BIAS][3:]),
+        "accelerometer_scale_misalignment": of(errors.accelerometer, upper),
+    }
+    weak = sigma > _UNDETERMINED * PRIOR
+    places = {
+        "lever_arm": model.LEVER_ARM,
+        "gyroscope_scale_misalignment": model.GYROSCOPE,
+        "gyroscope_g_sensitivity": model.G_SENSITIVITY,
+    }
+    undetermined = [
+        f"{name} {label}"
+        for name, place in places.items()
+        for label, is_weak in zip(labels(place.stop - place.start), weak[place], strict=True)
+        if is_weak
+    ]
+    undetermined += [
+        f"accelerometer_scale_misalignment {'xyz'[i]}{'xyz'[j]}"
+        for i, j, is_weak in zip(*model.UPPER, weak[model.ACCELEROMETER], strict=True)
+        if is_weak
+    ]
+    return result, tuple(undetermined)
+
+
+def labels(count: int) -> list[str]:
+    """Return names of the components of a number, a vector or a matrix."""
+    if count == 9:
+        return [row + column for row in "xyz" for column in "xyz"]
+    return list("xyz") if count == 3 else [""]

@@ -1,0 +1,191 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A twin of a sensor on a vehicle: its constant errors, and what vibrates beside them."""
+
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.calibration.twin import clock, intensity, spectrum
+from imu_sim_ros.calibration.twin.fit import Fit, Recording, fit
+from imu_sim_ros.calibration.twin.lines import Lines, find_lines
+from imu_sim_ros.calibration.twin.model import Errors, MotionAt, readings, true_times
+from imu_sim_ros.calibration.twin.spectrum import Bands, White
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.bool_]
+
+_LOWEST_WHITE: Final = 1.0
+"""[Hz] below it the truth's own errors hide a white floor."""
+_FOLDS: Final = 4
+_BIAS_WINDOW: Final = 5.0
+"""[s] over which the bias is averaged."""
+
+
+class Analysis(NamedTuple):
+    """What a recording tells of a sensor on a vehicle."""
+
+    fit: Fit
+    lines: Lines
+    bands: Bands
+    """All of the residual without the lines, at the intensity of the reference motion."""
+    white: White
+    vibration: Bands
+    """What the bands have above the white floor."""
+    range_edges: Array
+    """(r + 1,) [Hz]."""
+    exponents: intensity.Exponents
+    reference: Array
+    """(3,) RMS of rate, acceleration and speed of the motion."""
+    parts: tuple[slice, ...]
+    """Rows of the recording in motion, from which the spectrum is."""
+    bias_t: Array
+    """(k,) middle of each window of the bias [s] after the truth's first pose."""
+    bias: Array
+    """(k, 6) bias over time."""
+    bias_sigma: Array
+    """(k, 6) standard errors."""
+
+
+def constant_errors(recording: Recording, motion_at: MotionAt, start: Errors, cutoff: float) -> Fit:
+    """Return the constant errors, and how the truth's clock wanders where it does."""
+    found = fit(recording, motion_at, start, cutoff)
+    course = clock.wander(recording.stamps, found.residuals, found.slope, recording.rate)
+    if course.any():
+        found = fit(recording, motion_at, found.errors, cutoff, wander=course)
+    return found
+
+
+def foreseen(recording: Recording, motion_at: MotionAt, found: Fit, cutoff: float) -> Array:
+    """Return residuals (n, 6) of fits that have not seen them (cross-validation).
+
+    Parameters taken from a short recording explain a part of its noise. What they leave of readings
+    they have not seen is what a twin has to simulate.
+    """
+    edges = np.linspace(0, len(recording.stamps), _FOLDS + 1).astype(int)
+    result = np.empty_like(found.residuals)
+    for first, last in pairwise(edges.tolist()):
+        rows = np.concatenate([np.arange(first), np.arange(last, len(recording.stamps))])
+        pieces = []
+        for piece in recording.pieces:
+            low, high = min(piece.stop, first), max(piece.start, last)
+            if low > piece.start:
+                pieces.append(slice(piece.start, low))
+            if piece.stop > high:
+                pieces.append(slice(high - (last - first), piece.stop - (last - first)))
+        rest = Recording(
+            recording.stamps[rows], recording.readings[rows], tuple(pieces), recording.rate
+        )
+        other = fit(rest, motion_at, found.errors, cutoff, wander=found.wander[rows])
+        t = true_times(
+            other.errors, recording.stamps[first:last], other.reference, found.wander[first:last]
+        )
+        result[first:last] = recording.readings[first:last] - readings(other.errors, motion_at(t))
+    return result
+
+
+def analyse(
+    recording: Recording,
+    found: Fit,
+    unseen: Array,
+    sizes: Callable[[Array], Array],
+    motion: tuple[Array, Array, Array],
+    moving: Rows,
+) -> Analysis:
+    """Return lines, bands and white floor of what a fit leaves, and how they follow the motion.
+
+    :param unseen: (n, 6) residuals of :func:`foreseen`, for the slowest range.
+    :param sizes: returns the logarithms (3, n) of the motion's size relative to a reference (3,).
+    :param motion: norms (n,) of rate, acceleration and speed.
+    :param moving: (n,) rows in motion: a vehicle at rest does not vibrate as in flight.
+    """
+    rate = recording.rate
+    parts = spectrum.segments(_parts(recording, moving))
+    if not parts:
+        parts = spectrum.segments(recording.pieces)
+    longest = max(parts, key=lambda part: part.stop - part.start)
+    residuals = found.residuals
+    lines, rest = find_lines(residuals[longest], rate)
+    if len(lines.frequency):
+        residuals = residuals.copy()
+        for part in parts:
+            residuals[part] = rest if part == longest else find_lines(residuals[part], rate)[1]
+    rows = np.concatenate([np.arange(part.start, part.stop) for part in parts])
+    reference = np.array([np.sqrt(np.mean(m[rows] ** 2)) for m in motion])
+    reference = np.maximum(reference, 1e-3)
+    logs = sizes(reference)
+    exponents = intensity.follow(residuals, parts, rate, logs)
+    bands = _bands([unseen, residuals], parts, rate, logs, exponents.value)
+    white = spectrum.white_floor(bands, _LOWEST_WHITE)
+    return Analysis(
+        found,
+        lines,
+        bands,
+        white,
+        spectrum.above(bands, white),
+        intensity.range_edges(rate),
+        exponents,
+        reference,
+        tuple(parts),
+        *_bias_over_time(recording, found, bands),
+    )
+
+
+def _parts(recording: Recording, moving: Rows) -> list[slice]:
+    """Return the pieces from the first to the last motion in each."""
+    result = []
+    for piece in recording.pieces:
+        rows = np.flatnonzero(moving[piece])
+        if len(rows):
+            result.append(slice(piece.start + int(rows[0]), piece.start + int(rows[-1]) + 1))
+    return result
+
+
+def _bands(
+    residuals: list[Array], parts: list[slice], rate: float, logs: Array, exponents: Array
+) -> Bands:
+    """Return the bands of the residual, each range at the intensity of the reference motion.
+
+    :param residuals: (n, 6) for the slowest range, and for all others.
+    """
+    duration = max(part.stop - part.start for part in parts) / rate
+    edges = spectrum.band_edges(duration, rate)
+    ranges = intensity.range_edges(rate)
+    edges = np.unique(np.concatenate([edges, ranges[(ranges > edges[0]) & (ranges < edges[-1])]]))
+    found = []
+    for k, (low, high) in enumerate(pairwise(ranges)):
+        own = edges[(edges >= low) & (edges <= high)]
+        if len(own) < 2:
+            continue
+        values = residuals[min(k, 1)]
+        if k:  # the slowest range has too few periods in a window
+            values, _ = intensity.calmed(values, parts, rate, low, high)
+        if exponents[k].any():
+            values = values / intensity.factors(exponents[k], logs)
+        found.append(spectrum.cross_spectra(values, parts, rate, own))
+    low, *others = (np.concatenate(columns) for columns in zip(*found, strict=True))
+    low[0] = 0.0  # what is slower than the record can show goes on as it ends
+    return Bands(low, *others)
+
+
+def _bias_over_time(recording: Recording, found: Fit, bands: Bands) -> tuple[Array, Array, Array]:
+    """Return times, means over windows of bias and residual, and their standard errors.
+
+    The error of a mean over a window of length W is that of a density S: ``sqrt(S / W)``, with
+    the density at the lowest frequencies.
+    """
+    size = max(round(_BIAS_WINDOW * recording.rate), 1)
+    starts = [
+        s for p in recording.pieces for s in range(p.start, max(p.stop - size, p.start) + 1, size)
+    ]
+    rows = [np.arange(s, min(s + size, len(recording.stamps))) for s in starts]
+    t = np.array([recording.stamps[r].mean() for r in rows])
+    values = np.array([found.residuals[r].mean(axis=0) for r in rows]) + found.errors.bias
+    slow = bands.density[bands.low <= 1.0 / _BIAS_WINDOW]
+    density = slow.mean(axis=0) if len(slow) else bands.density[0]
+    lengths = np.array([len(r) for r in rows])[:, None] / recording.rate
+    return t, values, density / np.sqrt(lengths)

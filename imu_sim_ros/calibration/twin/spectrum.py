@@ -1,0 +1,202 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The spectrum of what a fit leaves: cross-spectral matrices of the six axes, band by band.
+
+Thomson's multitaper with sine tapers (Riedel and Sidorenko, "Minimum bias multiple taper spectral
+estimation", 1995): every taper gives one nearly independent look at the whole record, and matrices
+averaged over tapers and frequencies are never negative.
+"""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+_TAPERS: Final = 5
+_LONGEST: Final = 1 << 14
+"""Samples transformed at once."""
+_SHORTEST: Final = 256
+_FIRST: Final = 2.0
+"""Lower end of the first band, in cycles in a segment."""
+_RATIO: Final = 1.3
+_CHANCE: Final = 3.0
+"""Standard deviations."""
+_MAJORITY: Final = 0.5
+_MOST: Final = 100
+"""Bands of equal width up to half the rate."""
+
+
+class Bands(NamedTuple):
+    """m bands of frequencies."""
+
+    low: Array
+    """(m,) [Hz]"""
+    high: Array
+    """(m,) [Hz]"""
+    matrix: Complex
+    """(m, 6, 6) mean two-sided cross-spectral densities."""
+    freedom: Array
+    """(m,) independent squares in each mean: degrees of freedom of a density."""
+
+    @property
+    def density(self) -> Array:
+        """(m, 6) roots of the densities."""
+        result: Array = np.sqrt(np.einsum("mii->mi", self.matrix).real)
+        return result
+
+    @property
+    def interval(self) -> Array:
+        """(m, 2) ends of a density's 95 % interval over its value."""
+        from scipy.stats import chi2
+
+        ends = np.stack([chi2.ppf(p, self.freedom) / self.freedom for p in (0.975, 0.025)], axis=1)
+        result: Array = np.sqrt(1.0 / ends)
+        return result
+
+    def rows(self, chosen: NDArray[np.bool_]) -> "Bands":
+        """Return some of the bands."""
+        return Bands(self.low[chosen], self.high[chosen], self.matrix[chosen], self.freedom[chosen])
+
+
+def band_edges(duration: float, rate: float) -> Array:
+    """Return the edges (m + 1,) [Hz] of bands that a record of some length tells apart.
+
+    Relative widths at the low end, then equal ones.
+
+    :param duration: of the longest segment [s].
+    :param rate: samples per second [Hz].
+    """
+    width = max(1.0, 0.5 * rate / _MOST)
+    edges = [_FIRST / duration]
+    while edges[-1] < 0.5 * rate:
+        step = max((_RATIO - 1.0) * edges[-1], (_TAPERS - 1.0) / duration)
+        edges.append(edges[-1] + min(step, width))
+    return np.append(edges[:-1], 0.5 * rate) if edges[-1] > 0.5 * rate else np.array(edges)
+
+
+def segments(pieces: Sequence[slice]) -> list[slice]:
+    """Return pieces, long ones cut into equal parts; too short ones are left out."""
+    result = []
+    for piece in pieces:
+        size = piece.stop - piece.start
+        count = -(-size // _LONGEST)
+        edges = np.linspace(piece.start, piece.stop, count + 1).astype(int).tolist()
+        if size // max(count, 1) >= _SHORTEST:
+            result += [slice(a, b) for a, b in pairwise(edges)]
+    return result
+
+
+def cross_spectra(values: Array, parts: Sequence[slice], rate: float, edges: Array) -> Bands:
+    """Return the mean cross-spectral matrices of values (n, 6) in bands.
+
+    :param parts: rows that are transformed together.
+    :param edges: (m + 1,) [Hz].
+    """
+    total = np.zeros((len(edges) - 1, 6, 6), dtype=np.complex128)
+    count = np.zeros(len(edges) - 1)
+    for part in parts:
+        spectra = _tapered(values[part], rate)
+        frequency = np.arange(spectra.shape[1]) * rate / (part.stop - part.start)
+        bounds = np.searchsorted(frequency, edges)
+        for band, (first, last) in enumerate(pairwise(bounds.tolist())):
+            x = spectra[:, first:last].reshape(-1, 6)
+            total[band] += np.einsum("ki,kj->ij", x, x.conj())
+            count[band] += len(x)
+    there = count > 0
+    total[there] /= count[there, None, None]
+    # Neighbouring frequencies of a taper are correlated with others: two looks for each frequency.
+    freedom = np.maximum(2.0 * count / _TAPERS, 2.0)
+    return Bands(edges[:-1], edges[1:], total, freedom).rows(there)
+
+
+def _tapered(values: Array, rate: float) -> Complex:
+    """Return spectra (tapers, frequencies, 6) whose squares are densities."""
+    n = len(values)
+    place = np.arange(1, n + 1) * np.pi / (n + 1)
+    centred = values - values.mean(axis=0)
+    result = np.empty((_TAPERS, n // 2 + 1, values.shape[1]), dtype=np.complex128)
+    for k in range(_TAPERS):
+        taper = np.sqrt(2.0 / (n + 1) / rate) * np.sin((k + 1) * place)
+        result[k] = np.fft.rfft(taper[:, None] * centred, axis=0)
+    return result
+
+
+class White(NamedTuple):
+    """The white floor of six axes."""
+
+    density: Array
+    """(6,)"""
+    low: Array
+    """(6,) ends of the 95 % intervals; 0 where vibration hides the floor, which is at most high."""
+    high: Array
+    floor: NDArray[np.bool_]
+    """(m, 6) bands in which there is nothing else."""
+
+
+def white_floor(bands: Bands, lowest: float) -> White:
+    """Return the density that all bands have in common.
+
+    The mean of the lowest bands, as many as are alike but for chance. A band that is not above it
+    by more than chance has nothing else.
+
+    :param lowest: [Hz] bands below it are not asked.
+    """
+    from scipy.stats import chi2
+
+    power = bands.density**2
+    asked = np.flatnonzero(bands.low >= lowest)
+    if not len(asked):
+        asked = np.arange(len(power))
+    density, low, high = np.zeros((3, 6))
+    floor = np.zeros(power.shape, dtype=np.bool_)
+    for axis in range(6):
+        order = asked[np.argsort(power[asked, axis])]
+        mean, freedom = _common(power[order, axis], bands.freedom[order])
+        density[axis] = np.sqrt(mean)
+        ends = chi2.ppf([0.975, 0.025], freedom) / freedom
+        low[axis], high[axis] = np.sqrt(mean / ends)
+        if freedom > bands.freedom[order[0]]:
+            chance = 1.0 + _CHANCE * np.sqrt(2.0 / bands.freedom)
+            floor[:, axis] = power[:, axis] <= mean * chance
+        else:
+            low[axis] = 0.0
+    return White(density, low, high, floor)
+
+
+def _common(power: Array, freedom: Array) -> tuple[float, float]:
+    """Return the mean of the most rows that are alike but for chance, and its freedom.
+
+    Where they are no majority, vibration hides the floor: it is at most the lowest row.
+
+    :param power: (m,) in rising order, of chi-square distributed means.
+    :param freedom: (m,)
+    """
+    weights = np.cumsum(freedom)
+    means = np.cumsum(power * freedom) / weights
+    count = np.arange(1, len(power) + 1)
+    # Of k means of chi-square numbers, sum of freedom / 2 (P / mean - 1)^2 is k on average.
+    squares = np.cumsum(0.5 * freedom * power**2)
+    first = np.cumsum(0.5 * freedom * power)
+    spread = (squares - 2.0 * means * first + means**2 * 0.5 * weights) / means**2
+    alike = spread <= count + _CHANCE * np.sqrt(2.0 * count)
+    alike &= power <= means * (1.0 + _CHANCE * np.sqrt(2.0 / freedom))
+    rows = int(np.flatnonzero(alike)[-1])
+    if rows + 1 < _MAJORITY * len(power):
+        rows = 0
+    return float(means[rows]), float(weights[rows])
+
+
+def above(bands: Bands, white: White) -> Bands:
+    """Return what the bands have above the white floor, without those that have nothing."""
+    matrix = bands.matrix - np.diag(white.density**2)
+    hidden = white.floor
+    matrix = np.where(hidden[:, :, None] | hidden[:, None, :], 0.0, matrix)
+    values, vectors = np.linalg.eigh(matrix)
+    matrix = (vectors * np.maximum(values, 0.0)[:, None, :]) @ np.conj(np.swapaxes(vectors, 1, 2))
+    return bands._replace(matrix=matrix).rows(np.asarray(~hidden.all(axis=1)))
