@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.twin import comparison
+from imu_sim_ros.conventions import AXES, TRIADS
 from imu_sim_ros.plots import style
 from imu_sim_ros.plots.style import Figure
 
@@ -23,7 +24,7 @@ def draw(real: Series, simulated: Series, rate: float, name: str) -> Figure:
     """Return the picture: six spectra, and six pairs of time series side by side."""
     figure, panels = style.panels(4, 3, 12.0, 10.0)
     for axis in range(6):
-        label = f"{('gyroscope', 'accelerometer')[axis // 3]} {'xyz'[axis % 3]}"
+        label = f"{TRIADS[axis // 3]} {AXES[axis % 3]}"
         _spectrum(panels[axis], real[1], simulated[1], rate, axis, label)
         _series(panels[6 + axis], real, simulated, rate, axis, label)
     panels[0].legend()

@@ -19,6 +19,7 @@ import imu_sim_ros as ims
 PUBLIC = [
     "Calibrated",
     "Calibration",
+    "Check",
     "ConfigurationError",
     "Estimated",
     "Evaluation",
@@ -38,6 +39,7 @@ PUBLIC = [
     "TriadCalibration",
     "TriadNoise",
     "Truth",
+    "Twin",
     "allan",
     "blocks",
     "calibrate_six_position",
@@ -50,6 +52,7 @@ PUBLIC = [
     "read_imu",
     "read_odometry",
     "simulate",
+    "twin",
 ]
 MODULES = [
     f"imu_sim_ros.api.{name}"

@@ -100,6 +100,9 @@ def test_a_range_below_gravity_is_a_warning() -> None:
 
 
 _WITHOUT_ERROR = (
+    "imu.vibration.reference_motion",
+    "imu.vibration.motion_floor",
+    "imu.vibration.motion_time",
     "imu.reference_temperature",
     "imu.bandwidth_order",
     "imu.hysteresis_temperature",

@@ -92,13 +92,13 @@ def recorded(
     :raises InputError: with a line for each reason why there is no twin.
     """
     readings = _readings(recording, topic)
+    _check(readings)
     poses, name = _poses(truth, truth_topic)
     trajectory = build_trajectory(PosesParameters(file=name, cutoff=cutoff), lambda *_: poses)
     duration = min(
         trajectory.duration, timebase.seconds_since(poses.t_ns[-1:], int(poses.t_ns[0]))[0]
     )
     t0_ns = int(poses.t_ns[0])
-    _check(readings)
     stamps = timebase.seconds_since(readings.t_ns, t0_ns)
     near = (stamps > -max_offset) & (stamps < duration + max_offset)
     if np.count_nonzero(near) < 2 or np.ptp(stamps[near]) < _SHORTEST:
@@ -106,9 +106,28 @@ def recorded(
             f"{readings.name}: has {_common(stamps, duration):.3g} s in common with the truth "
             f"{name}; a twin needs {_SHORTEST:g} s: their stamps must be of one clock"
         )
+    empty = Recording(np.zeros(0), np.zeros((0, 6)), (), 1.0)
     half = Recorded(
-        _empty(), trajectory, duration, cutoff, gravity, 0.0, np.eye(3), t0_ns, readings.name
+        empty, trajectory, duration, cutoff, gravity, 0.0, np.eye(3), t0_ns, readings.name
     )
+    return _placed(half, readings, stamps, near, max_offset, name)
+
+
+def _placed(
+    half: Recorded,
+    readings: Readings,
+    stamps: Array,
+    near: NDArray[np.bool_],
+    max_offset: float,
+    name: str,
+) -> Recorded:
+    """Return the recording with a first guess of clock and mounting.
+
+    :param stamps: (n,) of the readings [s].
+    :param near: (n,) those that may have a truth.
+    :param name: of the truth.
+    """
+    duration = half.duration
     offset = coarse_offset(
         stamps[near], readings.gyro[near], half.body_motion, duration, max_offset
     )
@@ -168,10 +187,6 @@ def _common(stamps: Array, duration: float) -> float:
     if not len(stamps):
         return 0.0
     return max(min(float(stamps[-1]), duration) - max(float(stamps[0]), 0.0), 0.0)
-
-
-def _empty() -> Recording:
-    return Recording(np.zeros(0), np.zeros((0, 6)), (), 1.0)
 
 
 def _in_pieces(stamps: Array, readings: Array) -> Recording:

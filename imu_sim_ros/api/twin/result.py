@@ -183,6 +183,13 @@ def twin(
     :param topic: of the readings in a bag that has several.
     :param truth_topic: of the poses in a bag that has several.
     :raises InputError: with a line for each reason why there is no twin.
+
+    >>> import imu_sim_ros as ims
+    >>> sensor = {"preset": "adis16448", "lever_arm": [0.1, 0.0, 0.0]}
+    >>> flight = ims.simulate(imu=sensor, trajectory="figure_eight", duration=15, rate=100)
+    >>> arm = ims.twin(flight, flight.truth).errors["lever_arm"]
+    >>> bool(abs(arm.value[0] - 0.1) < 4.0 * arm.sigma[0])
+    True
     """
     _check_numbers(fit, gravity, cutoff, max_offset)
     source = recorded(
@@ -194,6 +201,10 @@ def twin(
         topic=topic,
         truth_topic=truth_topic,
     )
+    return _found(source, fit)
+
+
+def _found(source: Recorded, fit: float | None) -> Twin:
     whole = source.recording
     used, held_out = whole, None
     if fit is not None:
@@ -203,8 +214,8 @@ def twin(
     )
     analysis = _analysed(source, used, found)
     parameters = simulator_parameters(analysis, whole.rate, _steps(whole.readings))
-    if gravity != -GRAVITY[2]:
-        parameters["gravity"] = (0.0, 0.0, -gravity)
+    if source.gravity != -GRAVITY[2]:
+        parameters["gravity"] = (0.0, 0.0, -source.gravity)
     errors, undetermined = _errors(found)
     checked = None if held_out is None else check(source, held_out, found, parameters)
     return Twin(errors, undetermined, parameters, analysis, checked, source)

@@ -174,7 +174,7 @@ def fit(
         normal, gradient, coefficients, leverage = _solve(
             residuals, jacobian, weights, errors, prior
         )
-        step = np.asarray(np.linalg.solve(normal, gradient))
+        step = np.linalg.solve(normal, gradient).astype(np.float64)
         sigma = np.sqrt(np.diag(np.linalg.inv(normal)))
         errors = errors.moved(step)
         if count > 1 and np.max(np.abs(step) / sigma) < _CLOSE:
@@ -213,9 +213,9 @@ def _solve(
     for segment, density in zip(weights.segments, weights.density, strict=True):
         c = _transformed(residuals[segment], len(density))
         j = _transformed(jacobian[segment], len(density))
-        weighted = j / density[:, :, None]
-        normal += np.einsum("nai,naj->ij", weighted, j, optimize=True)
-        gradient += np.einsum("nai,na->i", weighted, c, optimize=True)
+        rows, weighted = j.reshape(-1, COUNT), (j / density[:, :, None]).reshape(-1, COUNT)
+        normal += weighted.T @ rows
+        gradient += weighted.T @ c.ravel()
         coefficients.append((c, j))
     inverse = np.linalg.inv(normal)
     leverage = []
@@ -233,7 +233,8 @@ def _sandwich(residuals: Array, jacobian: Array, weights: _Weights, prior: Array
         root = 1.0 / np.sqrt(density)
         c = _transformed(residuals[segment], len(density)) * root
         j = _transformed(jacobian[segment], len(density)) * root[:, :, None]
-        normal += np.einsum("nai,naj->ij", j, j, optimize=True)
+        rows = j.reshape(-1, COUNT)
+        normal += rows.T @ rows
         white = idct(c, norm="ortho", axis=0)
         columns = idct(j, norm="ortho", axis=0)
         parts = np.einsum("nai,na->ni", columns, white, optimize=True)

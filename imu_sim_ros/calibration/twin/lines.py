@@ -72,10 +72,12 @@ def _highest_peak(values: Array, rate: float) -> float | None:
     first = int(np.ceil(_LOWEST * len(values) / rate)) + 1
     if len(power) < first + 2 * _NEIGHBOURS:
         return None
-    around = np.pad(power, ((_NEIGHBOURS, _NEIGHBOURS), (0, 0)), mode="reflect")
-    windows = np.lib.stride_tricks.sliding_window_view(around, 2 * _NEIGHBOURS + 1, axis=0)
+    size = 2 * _NEIGHBOURS
+    count = (len(power) - first) // size
+    blocks = power[first : first + count * size].reshape(count, size, -1)
     # The median of exponentially distributed powers is ln 2 of their mean.
-    usual = np.median(windows[first:], axis=-1) / np.log(2.0)
+    usual = np.repeat(np.median(blocks, axis=1), size, axis=0) / np.log(2.0)
+    usual = np.pad(usual, ((0, len(power) - first - len(usual)), (0, 0)), mode="edge")
     ratio = np.max(power[first:] / np.maximum(usual, 1e-300), axis=1)
     best = int(np.argmax(ratio))
     return (best + first) * rate / len(values) if ratio[best] > _PEAK else None

@@ -90,7 +90,7 @@ class BoardVibration:
         if self._exponents.any() and count:
             parts *= self._intensity(motion)
         # One range after the other, so that a sum does not depend on the number of samples.
-        result = parts[0]
+        result: Array = parts[0]
         for part in parts[1:]:
             result += part
         return result

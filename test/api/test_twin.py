@@ -1,0 +1,153 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The digital twin: recovered from our own recordings, flown again, and held against a real one."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import imu_sim_ros as ims
+from imu_sim_ros.rotation import exp, to_matrix
+
+DATA = Path(__file__).parents[3] / "shared" / "data"
+READINGS = DATA / "euroc_V1_02_medium_imu_40s.csv"
+POSES = DATA / "euroc_V1_02_medium_groundtruth.csv"
+TURN = np.array([0.3, -0.2, 0.5])
+S_A = np.array([[1.01, 0.004, -0.006], [0.0, 0.985, 0.002], [0.0, 0.0, 1.01]])
+S_G = np.array([[0.99, 0.002, -0.003], [0.006, 1.01, 0.001], [-0.002, 0.004, 1.005]])
+SENSOR = {
+    "preset": "perfect",
+    "mounting": to_matrix(exp(TURN)).T.ravel().tolist(),
+    "lever_arm": [0.1, -0.05, 0.02],
+    "stamp_offset": 0.004,
+    "clock_skew_ppm": 40.0,
+    "gyroscope_bias": [0.01, -0.02, 0.03],
+    "gyroscope_scale_misalignment": S_G.ravel().tolist(),
+    "gyroscope_noise_density": 1.7e-4,
+    "accelerometer_bias": [0.1, -0.2, 0.05],
+    "accelerometer_scale_misalignment": S_A.ravel().tolist(),
+    "accelerometer_noise_density": 2e-3,
+}
+VIBRATION = {
+    "band_low": [25.0],
+    "band_high": [35.0],
+    "band_density": [0.002, 0.001, 0.002, 0.04, 0.02, 0.05],
+    "line_frequency": [41.3],
+    "line_amplitude": [0.0, 0.01, 0.0, 0.3, 0.0, 0.0],
+}
+
+
+@pytest.fixture(scope="module")
+def flight():
+    sensor = {**SENSOR, "vibration": VIBRATION}
+    return ims.simulate(imu=sensor, trajectory="excitation", duration=30, rate=100, seed=5)
+
+
+@pytest.fixture(scope="module")
+def found(flight):
+    return ims.twin(flight.readings, flight.truth)
+
+
+def test_constant_errors_are_within_their_standard_errors(found):
+    z = [
+        (found.errors[name].value - true) / np.maximum(found.errors[name].sigma, 1e-12)
+        for name, true in (
+            ("stamp_offset", [0.004 - 40e-6]),  # the first sample's stamp is 1 s
+            ("clock_skew_ppm", [40.0]),
+            ("mounting", TURN),
+            ("lever_arm", SENSOR["lever_arm"]),
+            ("gyroscope_bias", SENSOR["gyroscope_bias"]),
+            ("gyroscope_scale_misalignment", S_G.ravel()),
+            ("accelerometer_bias", SENSOR["accelerometer_bias"]),
+        )
+    ]
+    z = np.concatenate(z)
+    # 23 numbers: beyond 3.6 standard errors once in 130 seeds.
+    assert np.max(np.abs(z)) < 3.6, z.round(1)
+    assert np.mean(z**2) < 2.0
+
+
+def test_noise_lines_and_bands_are_those_of_the_sensor(found):
+    white = found.analysis.white
+    density = np.repeat([1.7e-4, 2e-3], 3)
+    # 30 s at 100 Hz, of which vibration leaves three quarters: 1.5 % of a density.
+    np.testing.assert_allclose(white.density, density, rtol=0.06)
+    lines = found.analysis.lines
+    np.testing.assert_allclose(lines.frequency, [41.3], atol=0.002)
+    assert abs(lines.amplitude[0, 3] - 0.3) < 4.0 * lines.amplitude_sigma[0, 3]
+    bands = found.analysis.vibration
+    inside = (bands.low > 25.0) & (bands.high < 35.0)
+    power = np.mean(bands.density[inside] ** 2, axis=0)
+    expected = np.square(VIBRATION["band_density"])
+    # 2 * 30 s * 9 Hz squares: a relative deviation of 6 % of the power.
+    np.testing.assert_allclose(power, expected, rtol=0.25)
+
+
+def test_the_parameter_file_flies_the_same_sensor_again(flight, found, tmp_path):
+    path = found.save(tmp_path / "twin.yaml")
+    again = ims.simulate(params_file=path, trajectory="excitation", duration=30, seed=9)
+    real = np.concatenate([flight.gyro - flight.truth.gyro, flight.accel - flight.truth.accel], 1)
+    twin = np.concatenate([again.gyro - again.truth.gyro, again.accel - again.truth.accel], 1)
+    # Vibration and noise: differences from sample to sample. 3000 samples, 4 standard deviations.
+    step, other = np.diff(real, axis=0).std(axis=0), np.diff(twin, axis=0).std(axis=0)
+    np.testing.assert_allclose(other, step, rtol=0.12)
+    np.testing.assert_allclose(twin.mean(axis=0), real.mean(axis=0), atol=0.02)
+
+
+def test_the_result_can_be_printed_saved_and_drawn(found, tmp_path):
+    numbers = found.as_json()
+    assert numbers["errors"]["lever_arm"]["sigma"][0] > 0.0
+    assert len(numbers["bias_over_time"]["t_s"]) >= 5
+    assert "Twin of" in repr(found)
+    found.plot().savefig(tmp_path / "twin.png")
+    with pytest.raises(ims.InputError, match="already exists"):
+        found.save(tmp_path / "twin.png")
+
+
+def test_bad_input_is_reported_in_a_line_each(flight):
+    readings = flight.readings
+    short = ims.Readings(readings.t_ns[:500], readings.gyro[:500], readings.accel[:500], "short")
+    with pytest.raises(ims.InputError, match="4.99 s in common with the truth"):
+        ims.twin(short, flight.truth)
+    gyro = readings.gyro.copy()
+    gyro[7] = np.nan
+    stuck = np.zeros_like(gyro)
+    with pytest.raises(ims.InputError) as caught:
+        ims.twin(ims.Readings(readings.t_ns, gyro, stuck, "bad"), flight.truth)
+    assert list(caught.value.problems) == [
+        "bad: gyroscope: 1 readings are not finite numbers of an IMU, the first is sample 7",
+        "bad: accelerometer x: all readings are equal",
+    ]
+    later = ims.Readings(readings.t_ns + 10**12, readings.gyro, readings.accel, "later")
+    with pytest.raises(ims.InputError, match="their stamps must be of one clock"):
+        ims.twin(later, flight.truth)
+    with pytest.raises(ims.InputError) as caught:
+        ims.twin(readings, flight.truth, fit=29.0, gravity=float("nan"))
+    assert list(caught.value.problems) == ["gravity = nan: must be between 1 and 30 m/s^2"]
+    with pytest.raises(ims.InputError, match="must leave 8 s of the"):
+        ims.twin(readings, flight.truth, fit=25.0)
+    still = ims.simulate(trajectory="static", duration=12, rate=50)
+    with pytest.raises(ims.InputError, match="the truth hardly turns"):
+        ims.twin(still, still.truth)
+
+
+@pytest.mark.skipif(not READINGS.exists(), reason="no recorded poses in ../shared/data")
+def test_a_real_flight_and_its_twin():
+    """EuRoC V1_02: what holds of the twin of its first 20 s on the 19 s that follow.
+
+    Below 5 Hz the residual is mostly the truth's own error, which changes along this flight.
+    """
+    found = ims.twin(READINGS, POSES, fit=20.0)
+    bias = found.errors["gyroscope_bias"]
+    assert np.all(np.abs(bias.value - [-0.0022, 0.0207, 0.0758]) < 3.0 * bias.sigma)
+    bias = found.errors["accelerometer_bias"]
+    assert np.all(np.abs(bias.value - [-0.013, 0.103, 0.093]) < 3.0 * bias.sigma)
+    check = found.check
+    assert np.all(np.abs(check.decibels[2:]) < 2.0), check.decibels.round(1)
+    assert np.count_nonzero(np.abs(check.decibels) < 2.0) >= 25
+    assert np.all(np.abs(check.simulated_drift / check.real_drift - 1.0) < 0.4)
+    # At rest the sensor shows 1.2 to 1.6e-4 and 1.7 to 2.5e-3; in flight there is a bound.
+    assert np.all(found.analysis.white.high[:3] > 1.2e-4)
+    assert np.all(found.analysis.white.high[3:] > 1.7e-3)

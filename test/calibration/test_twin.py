@@ -1,0 +1,236 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The mathematics of the digital twin, on motions and noise that are known exactly."""
+
+import numpy as np
+import pytest
+
+from imu_sim_ros import rotation
+from imu_sim_ros.calibration.twin import clock, model
+from imu_sim_ros.calibration.twin.alignment import coarse_offset, mounting
+from imu_sim_ros.calibration.twin.comparison import told_apart
+from imu_sim_ros.calibration.twin.fit import Recording, fit
+from imu_sim_ros.calibration.twin.intensity import factors, follow
+from imu_sim_ros.calibration.twin.lines import find_lines
+from imu_sim_ros.calibration.twin.model import BodyMotion, Errors
+from imu_sim_ros.calibration.twin.spectrum import above, band_edges, cross_spectra, white_floor
+
+RATE = 100.0
+SECONDS = 40.0
+GYRO, ACCEL = 2e-4, 2e-3
+"""Two-sided densities of the white noise."""
+
+
+def motion_at(t):
+    """Tumble and swing: rates and forces in all directions, at 0.1 to 0.9 Hz."""
+    turns = np.array([[0.9, 0.5, 0.7], [0.6, 0.8, 0.4]])
+    w = 2.0 * np.pi * np.array([[0.13, 0.29, 0.41], [0.71, 0.53, 0.83]])
+    phase = np.array([[0.0, 1.0, 2.0], [0.5, 1.5, 2.5]])
+    angle = w * t[:, None, None] + phase
+    rate = np.sum(turns * np.sin(angle), axis=1)
+    alpha = np.sum(turns * w * np.cos(angle), axis=1)
+    sway = np.sum([4.0, 3.0, 5.0] * np.sin(0.7 * w[:1] * t[:, None, None] + 3.0 * phase), axis=1)
+    tilt = 6.0 * np.sin(0.31 * t)[:, None] * [1.0, 0.0, 0.0] + [0.0, 0.0, 8.0]
+    sideways = 6.0 * np.cos(0.47 * t)[:, None] * [0.0, 1.0, 0.0]
+    return BodyMotion(rate, sway + tilt + sideways, alpha)
+
+
+def flaws(seed):
+    rng = np.random.default_rng(seed)
+    upper = np.eye(3)
+    upper[np.triu_indices(3)] += 0.01 * rng.standard_normal(6)
+    return Errors(
+        rotation.to_matrix(rotation.exp(0.5 * rng.standard_normal(3))),
+        np.eye(3) + 0.01 * rng.standard_normal((3, 3)),
+        upper,
+        1e-4 * rng.standard_normal((3, 3)),
+        0.1 * rng.standard_normal(3),
+        np.concatenate([0.02 * rng.standard_normal(3), 0.1 * rng.standard_normal(3)]),
+        0.005 * rng.standard_normal(),
+        5e-5 * rng.standard_normal(),
+    )
+
+
+def record(errors, seed, extra=0.0):
+    rng = np.random.default_rng(1000 + seed)
+    stamps = 1.0 + np.arange(round(SECONDS * RATE)) / RATE
+    reference = float(stamps[0] + stamps[-1]) / 2.0
+    t = model.true_times(errors, stamps, reference, np.zeros(len(stamps)))
+    noise = rng.standard_normal((len(t), 6)) * np.sqrt(RATE) * np.repeat([GYRO, ACCEL], 3)
+    y = model.readings(errors, motion_at(t)) + noise + extra
+    return Recording(stamps, y, (slice(0, len(t)),), RATE)
+
+
+def deviation(found, true):
+    """Errors of all 38 parameters."""
+    result = found.deviation() - true.deviation()
+    turn = found.r_ib @ true.r_ib.T
+    result[model.MOUNTING] = rotation.log(rotation.from_matrix(turn))
+    return result
+
+
+def test_the_jacobian_is_the_derivative_of_the_readings():
+    errors = flaws(1)
+    stamps = np.linspace(2.0, 8.0, 7)
+    still = np.zeros(7)
+    _, jacobian, slope = model.linearised(errors, motion_at, stamps, 5.0, still)
+
+    def read(changed):
+        return model.readings(changed, motion_at(model.true_times(changed, stamps, 5.0, still)))
+
+    for k in range(model.COUNT):
+        step = np.zeros(model.COUNT)
+        step[k] = 1e-6
+        numeric = (read(errors.moved(step)) - read(errors.moved(-step))) / 2e-6
+        np.testing.assert_allclose(jacobian[:, :, k], numeric, rtol=2e-6, atol=2e-6)
+    np.testing.assert_array_equal(slope, jacobian[:, :, 0])
+
+
+@pytest.fixture(scope="module")
+def fits():
+    """Three sensors, each recorded once."""
+    result = []
+    for seed in range(3):
+        true = flaws(seed)
+        recording = record(true, seed)
+        y, stamps = recording.readings, recording.stamps
+        offset = coarse_offset(stamps, y[:, :3], motion_at, stamps[-1] + 1.0, 0.05)
+        start = model.perfect(mounting(y[:, :3], y[:, 3:], motion_at(stamps)), offset)
+        result.append((true, fit(recording, motion_at, start, 3.0)))
+    return result
+
+
+def test_every_parameter_is_found_within_its_standard_error(fits):
+    z = np.array([deviation(found.errors, true) / found.sigma for true, found in fits])
+    # 114 numbers: the mean square of normal ones is 1 +- sqrt(2 / 114) = 0.13, more where they
+    # depend on one another; standard errors wrong by sqrt(2) give 2 or 0.5.
+    assert 0.6 < np.mean(z**2) < 1.5
+    # One number in 4000 is beyond 3.7 standard errors.
+    assert np.max(np.abs(z)) < 3.9
+
+
+def test_standard_errors_are_those_of_the_noise(fits):
+    """The bias of n samples of white noise that nothing else explains: density / sqrt(T)."""
+    _, found = fits[0]
+    assert np.all(found.sigma[model.BIAS][:3] > 0.9 * GYRO / np.sqrt(SECONDS))
+    assert np.all(found.sigma[model.BIAS][:3] < 3.0 * GYRO / np.sqrt(SECONDS))
+
+
+def test_a_motion_about_one_axis_leaves_the_rest_at_its_prior():
+    def about_z(t):
+        full = motion_at(t)
+        one = np.array([0.0, 0.0, 1.0])
+        return BodyMotion(full.rate * one, np.tile([0.0, 0.0, 9.81], (len(t), 1)), full.rate * 0.0)
+
+    stamps = np.arange(3000) / RATE
+    rng = np.random.default_rng(4)
+    noise = rng.standard_normal((3000, 6)) * np.sqrt(RATE) * np.repeat([GYRO, ACCEL], 3)
+    y = model.readings(model.perfect(np.eye(3)), about_z(stamps)) + noise
+    found = fit(
+        Recording(stamps, y, (slice(0, 3000),), RATE), about_z, model.perfect(np.eye(3)), 3.0
+    )
+    # The lever arm along the axis, and what scales a rate that is always zero.
+    prior = 0.5
+    assert found.sigma[model.LEVER_ARM][2] == pytest.approx(prior, rel=1e-3)
+    assert found.sigma[model.GYROSCOPE][0] == pytest.approx(0.03, rel=1e-2)
+    assert found.sigma[model.GYROSCOPE][8] < 1e-3
+
+
+def test_white_noise_is_a_floor_and_nothing_else():
+    rng = np.random.default_rng(7)
+    density = np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
+    values = rng.standard_normal((8000, 6)) * np.sqrt(RATE) * density
+    parts = [slice(0, 8000)]
+    bands = cross_spectra(values, parts, RATE, band_edges(80.0, RATE))
+    white = white_floor(bands, 1.0)
+    # 8000 samples: a relative error of sqrt(1 / 16000) = 0.8 % of a density.
+    np.testing.assert_allclose(white.density, density, rtol=0.03)
+    assert np.all((white.low < density * 1.02) & (white.high > density * 0.98))
+    assert len(above(bands, white).low) <= 0.02 * len(bands.low) + 2
+
+
+def test_bands_above_the_floor_are_found_with_their_coherence():
+    rng = np.random.default_rng(8)
+    n = 8000
+    common = np.fft.irfft(
+        np.fft.rfft(rng.standard_normal(n))
+        * ((np.fft.rfftfreq(n, 1 / RATE) > 20) & (np.fft.rfftfreq(n, 1 / RATE) < 30)),
+        n,
+    )
+    values = rng.standard_normal((n, 6)) * 0.01
+    values[:, 1] += common
+    values[:, 5] -= 2.0 * common
+    bands = cross_spectra(values, [slice(0, n)], RATE, band_edges(n / RATE, RATE))
+    there = above(bands, white_floor(bands, 1.0))
+    inside = (there.low > 20.5) & (there.high < 29.5)
+    assert np.count_nonzero(inside) >= 8
+    size = there.density[inside]
+    np.testing.assert_allclose(size[:, 1].mean(), 1.0 / np.sqrt(RATE), rtol=0.05)
+    np.testing.assert_allclose(size[:, 5].mean(), 2.0 / np.sqrt(RATE), rtol=0.05)
+    pair = there.matrix[inside][:, 1, 5] / (size[:, 1] * size[:, 5])
+    assert np.all(pair.real < -0.99)
+
+
+def test_lines_are_found_with_their_phases():
+    rng = np.random.default_rng(9)
+    t = np.arange(6000) / RATE
+    values = rng.standard_normal((6000, 6)) * 0.1
+    values[:, 0] += 0.05 * np.sin(2.0 * np.pi * 23.417 * t + 0.3)
+    values[:, 4] += 0.08 * np.sin(2.0 * np.pi * 23.417 * t + 1.3)
+    values[:, 2] += 0.05 * np.sin(2.0 * np.pi * 31.25 * t)
+    lines, rest = find_lines(values, RATE)
+    np.testing.assert_allclose(lines.frequency, [23.417, 31.25], atol=1e-3)
+    assert np.all(np.abs(lines.frequency - [23.417, 31.25]) < 4.0 * lines.frequency_sigma)
+    sigma = 0.1 * np.sqrt(2.0 / 6000)  # of an amplitude in white noise
+    np.testing.assert_allclose(lines.amplitude_sigma, sigma, rtol=0.3)
+    assert abs(lines.amplitude[0, 0] - 0.05) < 4.0 * sigma
+    assert abs(lines.amplitude[0, 4] - 0.08) < 4.0 * sigma
+    apart = lines.phase[0, 4] - lines.phase[0, 0]
+    assert np.angle(np.exp(1j * (apart - 1.0))) == pytest.approx(0.0, abs=4.0 * sigma / 0.035)
+    assert rest.std() == pytest.approx(0.1, rel=0.02)
+
+
+def test_a_rotor_that_changes_its_speed_is_no_line():
+    t = np.arange(6000) / RATE
+    rng = np.random.default_rng(10)
+    values = rng.standard_normal((6000, 6)) * 0.1
+    values[:, 0] += 0.3 * np.sin(
+        2.0 * np.pi * 25.0 * t + np.cumsum(rng.standard_normal(6000)) * 0.2
+    )
+    lines, _ = find_lines(values, RATE)
+    assert len(lines.frequency) == 0
+
+
+def test_intensity_that_follows_the_rate_is_recovered():
+    rng = np.random.default_rng(11)
+    n = 12000
+    logs = np.zeros((3, n))
+    logs[0] = 0.7 * np.sin(2.0 * np.pi * np.arange(n) / 3000.0)
+    logs[2] = 0.5 * np.cos(2.0 * np.pi * np.arange(n) / 1700.0)
+    truth = np.array([[1.5, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    values = rng.standard_normal((n, 6)) * factors(truth, logs)
+    found = follow(values, [slice(0, n)], RATE, logs)
+    for k in (2, 3):  # 5-20 Hz, and above
+        assert abs(found.value[k, 0, 0] - 1.5) < 4.0 * found.sigma[k, 0, 0] + 0.05
+        assert found.sigma[k, 0, 0] < 0.1
+        assert np.abs(found.value[k, 1]).max() < 0.3
+
+
+def test_a_wandering_clock_is_followed_and_a_steady_one_left_alone():
+    rng = np.random.default_rng(12)
+    stamps = np.arange(4000) / RATE
+    slope = np.concatenate([np.gradient(motion_at(stamps).rate, stamps, axis=0)] * 2, axis=1)
+    noise = rng.standard_normal((4000, 6)) * GYRO * np.sqrt(RATE)
+    course = 2e-3 * np.sin(2.0 * np.pi * stamps / 40.0)
+    found = clock.wander(stamps, slope * course[:, None] + noise, slope, RATE)
+    assert np.std(found - course) < 2e-4
+    assert not clock.wander(stamps, noise, slope, RATE).any()
+
+
+def test_a_classifier_tells_what_differs_and_only_that():
+    rng = np.random.default_rng(13)
+    a, b = rng.standard_normal((2, 400, 12))
+    # 800 windows assigned by chance: 0.5 +- 0.018.
+    assert abs(told_apart(a, b) - 0.5) < 0.08
+    assert told_apart(a, b + 1.0) > 0.9
