@@ -65,7 +65,7 @@ class TriadCalibration(dict[str, Calibrated]):
 
 @dataclass(frozen=True, repr=False)
 class Calibration:
-    """What a calibration run tells of an IMU."""
+    """The result of a calibration run."""
 
     gyroscope: TriadCalibration
     accelerometer: TriadCalibration
@@ -80,7 +80,7 @@ class Calibration:
         :param for_simulator: the errors for ``simulator`` and ``generate``; else the correction for
             ``integrator`` and ``dead_reckon``.
         :param force: replace what exists.
-        :raises InputError: for a place that cannot be used, and one that is taken.
+        :raises InputError: for a path that cannot be used or exists.
         """
         write = correction.write_simulator if for_simulator else correction.write_correction
         with saved(path, force) as place:
@@ -116,10 +116,10 @@ def calibrate_turntable(
     rates: Sequence[float] | None = None,
     gravity: float = -GRAVITY[2],
 ) -> Calibration:
-    """Return the gyroscope's bias, scale and misalignment, and its g-sensitivity where it shows.
+    """Return the gyroscope's bias, scale and misalignment, and its g-sensitivity if observable.
 
     :param readings: of a body that is turned about each axis both ways, and rests.
-    :param rates: magnitudes the table was set to [rad/s]; a flight knows its own.
+    :param rates: magnitudes that the table was set to [rad/s]; those of a flight are known.
     :param gravity: its magnitude [m/s^2].
     :raises InputError: where the rates are not known, or an axis is not turned both ways.
 
@@ -151,10 +151,10 @@ def calibrate_temperature(
     """Return bias and scale over temperature of both triads.
 
     :param readings: of a body at rest at several temperatures.
-    :param temperature: (n,) of the sensor at the readings [degC]; a flight knows its own.
+    :param temperature: (n,) of the sensor at the readings [degC]; that of a flight is known.
     :param reference: T0 of the polynomials [degC].
     :param gravity: its magnitude [m/s^2].
-    :raises InputError: for temperatures that are not known or hardly differ.
+    :raises InputError: for temperatures that are unknown or hardly differ.
     """
     imu = _readings(readings)
     if temperature is None:

@@ -48,7 +48,7 @@ class Truth(Odometry):
 class Flight:
     """What :func:`imu_sim_ros.simulate` returns: the readings that are delivered, and the truth.
 
-    Readings that the transport loses are missing, and those it doubles occur twice, as in a bag.
+    Readings that the transport loses are missing, and those it duplicates occur twice, as in a bag.
     """
 
     def __init__(

@@ -87,7 +87,7 @@ class Track:
         """Write the poses in TUM format; returns the path.
 
         :param force: replace what exists.
-        :raises InputError: for a place that cannot be used, and one that is taken.
+        :raises InputError: for a path that cannot be used or exists.
         """
         with saved(path, force) as place:
             write_tum(place, PoseSequence(self.t_ns, self.position, self.q_wb))

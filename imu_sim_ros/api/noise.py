@@ -29,7 +29,7 @@ class Estimated:
     """A parameter of three axes with its 95 % interval."""
 
     value: Array
-    """(3,) x, y, z; not-a-number where the data cannot tell it from zero."""
+    """(3,) x, y, z; NaN where the data cannot distinguish it from zero."""
     low: Array
     """(3,) lower ends of the intervals; 0 where there is no value."""
     high: Array
@@ -102,7 +102,7 @@ class Noise:
         :param path: ``.csv``: the Allan deviation; ``.yaml``: kalibr's imu.yaml.
         :param topic: of kalibr's file.
         :param force: replace what exists.
-        :raises InputError: for a place that cannot be used, and one that is taken.
+        :raises InputError: for a path that cannot be used or exists.
         """
         path = Path(path)
         with saved(path, force) as place:

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How every ``save`` writes: refused where something exists, and named when it is complete."""
+"""How every ``save`` writes: refused where something exists, renamed when it is complete."""
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -10,13 +10,13 @@ from pathlib import Path
 
 @contextmanager
 def saved(path: str | Path, force: bool, inputs: Iterable[object] = ()) -> Iterator[Path]:
-    """Yield where to write an output, which gets its name at the end of the block.
+    """Yield where to write an output, which is renamed into place at the end of the block.
 
-    Parents are made. An error leaves what was there before.
+    Parents are created. An error leaves what was there before.
 
     :param force: replace what exists.
-    :param inputs: what may be the name of a file that is read: it is never written over.
-    :raises InputError: for a place that cannot be used, and one that is taken.
+    :param inputs: possible names of input files, which are never overwritten.
+    :raises InputError: for a path that cannot be used or exists.
     """
     from imu_sim_ros.bags import Outputs
 

@@ -30,17 +30,17 @@ def preintegrate(
     """Preintegrate the readings between neighbouring times, all intervals at once.
 
     ``alpha``, ``beta``, ``gamma`` are position, velocity and attitude in the frame of an interval's
-    start, gravity left out, with the Jacobian by the biases and the covariance (15, 15), ordered
-    alpha, theta, beta, accelerometer's bias, gyroscope's bias. A flight knows its own noise;
-    without one the covariance is zero.
+    start, without gravity, with the Jacobian by the biases and the covariance (15, 15), ordered
+    alpha, theta, beta, accelerometer's bias, gyroscope's bias. The noise of a flight is known;
+    for other readings the covariance is zero.
 
     :param readings: a flight, readings, or a file that :func:`imu_sim_ros.read_imu` reads.
     :param edges_ns: (B + 1,) times of the frames [ns], increasing, within the stamps.
     :param every: instead, the time from frame to frame [s].
-    :param gyro_bias: (B, 3), (3,) or one number [rad/s], taken off the readings.
+    :param gyro_bias: (B, 3), (3,) or one number [rad/s], subtracted from the readings.
     :param accel_bias: likewise [m/s^2].
     :param method: euler or midpoint.
-    :raises InputError: for times outside of the stamps.
+    :raises InputError: for times outside the stamps.
 
     >>> import imu_sim_ros as ims
     >>> flight = ims.simulate(imu="adis16448", trajectory="figure_eight", duration=10)

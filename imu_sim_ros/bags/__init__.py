@@ -3,9 +3,9 @@
 
 """Messages as bytes, bytes in files: encode, write, read, convert.
 
-``messages/`` knows the bytes; ``mcap/``, ``ros1/``, ``rosbag2/`` and ``text/`` a form each; on top
-are the reader and writer of any form. The only room that imports rosbags and mcap; it imports the
-leaves. What it exports is imported when it is first used.
+``messages/`` holds the messages' bytes; ``mcap/``, ``ros1/``, ``rosbag2/`` and ``text/`` one format
+each; on top are the reader and writer of any format. The only room that imports rosbags and mcap;
+it imports the leaves. Its exports are imported when they are first used.
 """
 
 from typing import TYPE_CHECKING

@@ -14,7 +14,7 @@ ACTIVE_SUFFIX = ".active"
 
 
 def refuse_existing(path: Path) -> None:
-    """Refuse a place that is taken, or whose folder cannot be made or written.
+    """Refuse a path that exists, or whose folder cannot be created or written.
 
     :raises InputError: with the reason.
     """
@@ -40,7 +40,7 @@ def active_path(path: Path) -> Path:
 
 
 def unfinished(path: Path) -> Path | None:
-    """Return what a killed program left of an output; None where there is nothing.
+    """Return what a killed program left of an output; None if nothing.
 
     That is NAME.active, or NAME or NAME.active in the folder NAME.active that commands write to.
     """
@@ -52,9 +52,9 @@ def unfinished(path: Path) -> Path | None:
 
 
 def make_folder(path: Path) -> None:
-    """Make a folder that does not exist yet.
+    """Create a folder that does not exist yet.
 
-    :raises InputError: where that is not possible.
+    :raises InputError: where that is impossible.
     """
     refuse_existing(path)
     try:
@@ -69,8 +69,8 @@ class OutputFile:
     def __init__(self, path: Path, renamed: bool = True) -> None:
         """Open a new file.
 
-        :param renamed: write under the name with ``.active``; files in the folder of a rosbag2
-            bag do without, there the missing metadata.yaml tells that the bag is not whole.
+        :param renamed: write under the name with ``.active``; files of a rosbag2 folder do not
+            need it, because a missing metadata.yaml marks the bag as incomplete.
         """
         refuse_existing(path)
         self.path = path
@@ -82,7 +82,7 @@ class OutputFile:
         self.position = 0
 
     def write(self, *parts: bytes | memoryview) -> None:
-        """Append parts; where not all of them fit on the disk, none of them stays.
+        """Append parts; where not all of them fit on the disk, none is kept.
 
         :raises MachineError: with the system's reason, for instance that no space is left.
         """
@@ -94,24 +94,24 @@ class OutputFile:
         except OSError as error:
             self.cut(self.position)
             raise MachineError(f"{self.path}: {error.strerror or error}") from None
-        # Only now: whatever breaks in above, position stays at the end of the last whole record.
+        # Only now: if the lines above are interrupted, position stays at the end of a record.
         self.position += sum(map(len, parts))
 
     def cut(self, position: int) -> None:
-        """Forget everything behind a position."""
+        """Truncate the file at a position."""
         self.position = position
         with suppress(OSError):
             self._file.truncate(position)
             self._file.seek(position)
 
     def rewrite(self, position: int, part: bytes) -> None:
-        """Write over bytes that are already there."""
+        """Overwrite existing bytes."""
         self._file.seek(position)
         self._file.write(part)
         self._file.seek(self.position)
 
     def sync(self) -> None:
-        """Wait until the disk has everything."""
+        """Sync everything to the disk."""
         try:
             os.fdatasync(self._file.fileno())
         except OSError as error:
@@ -131,7 +131,7 @@ class OutputFile:
             self.current = self.path
 
     def abandon(self, empty: bool = False) -> None:
-        """Close the file and leave it under the name of a part; nothing is left of an empty one."""
+        """Close the file and keep its partial name; an empty file is removed."""
         self._file.close()
         if empty:
             self.current.unlink(missing_ok=True)

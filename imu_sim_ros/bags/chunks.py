@@ -46,11 +46,11 @@ class Indexed(NamedTuple):
     topic: Topic
     t_ns: Times
     offsets: Times
-    """Where the records start in the chunk."""
+    """Offsets of the records in the chunk."""
 
 
 class _Mark(NamedTuple):
-    """How far a file is whole."""
+    """The state of a file up to which it is complete."""
 
     position: int
     chunks: int
@@ -77,7 +77,7 @@ class _Job(NamedTuple):
 
 
 class ChunkWriter(Writer):
-    """Collects messages until a chunk is full; containers say what a record and a chunk are."""
+    """Collects messages until a chunk is full; containers define records and chunks."""
 
     def __init__(self, path: Path, compression: str, renamed: bool) -> None:
         super().__init__(path)
@@ -87,7 +87,7 @@ class ChunkWriter(Writer):
         self._pending_bytes = 0
         self._raw: list[tuple[Topic, int, bytes]] = []
         self._written: list[Any] = []
-        """What the containers note about every chunk."""
+        """What the containers record about every chunk."""
         self._emitting = False
         self._finishing: int | None = None
         """Where the file's end begins, once that is being written."""
@@ -123,7 +123,7 @@ class ChunkWriter(Writer):
 
     @abstractmethod
     def _finish(self) -> None:
-        """Write what follows the last chunk."""
+        """Write everything after the last chunk."""
 
     def add_topic(
         self,
@@ -141,13 +141,13 @@ class ChunkWriter(Writer):
 
     @property
     def size(self) -> int:
-        """Bytes in the file, with what waits in memory."""
+        """Bytes in the file and in memory."""
         self._wait()
         return self.file.position + self._pending_bytes
 
     @property
     def files(self) -> list[Path]:
-        """The file, by the name that it has now."""
+        """The file, by its current name."""
         return [self.file.current]
 
     def write_blocks(self, blocks: Sequence[Block]) -> None:
@@ -168,7 +168,7 @@ class ChunkWriter(Writer):
             self._emit_in_threads()
 
     def flush(self, durable: bool = False) -> None:
-        """Write what waits in memory as a chunk of its own."""
+        """Write the messages in memory as a chunk of their own."""
         self._collect_raw()
         self._emit()
         self._wait()
@@ -184,7 +184,7 @@ class ChunkWriter(Writer):
         self.file.finish()
 
     def abandon(self) -> list[Path]:
-        """Finish the file where that is still possible; it keeps the name of a part."""
+        """Finish the file where that is still possible; it keeps its partial name."""
         self._end_threads()
         self._return_to_mark()
         with suppress(InputError):  # without an index the chunks are complete all the same
@@ -193,7 +193,7 @@ class ChunkWriter(Writer):
         return [self.file.current] if self.count else []
 
     def stop(self) -> None:
-        """Finish with all whole chunks, and with what waits where no chunk was being written."""
+        """Finish with all whole chunks, and those in memory where no chunk was being written."""
         if self.file.closed:
             return
         emitting = self._emitting
@@ -228,7 +228,7 @@ class ChunkWriter(Writer):
             self._pending.append(Block(topic, np.array(times, dtype=np.int64), payloads))
 
     def _emit(self) -> None:
-        """Write everything that waits, in chunks of about equal size."""
+        """Write everything in memory, in chunks of about equal size."""
         blocks = self._pending
         self._pending, self._pending_bytes = [], 0
         if not blocks:

@@ -102,7 +102,7 @@ def bag_to_bag(
 
 
 class _Translator:
-    """Messages and definitions as they are."""
+    """Messages and definitions unchanged."""
 
     def __init__(self, encoding: str) -> None:
         self._encoding = encoding
@@ -120,7 +120,7 @@ class _Translator:
 
 
 class _Between(_Translator):
-    """Messages and definitions of one generation of ROS for the other."""
+    """Messages and definitions translated between ROS 1 and ROS 2."""
 
     def __init__(self, source: str, target: str, topics: Sequence[TopicInfo]) -> None:
         super().__init__(target)
@@ -129,7 +129,7 @@ class _Between(_Translator):
         self._translated = schemas.translated(self._types, target)
 
     def schema(self, info: TopicInfo) -> schemas.Schema:
-        """Return the definition in the other generation's form."""
+        """Return the definition in the other ROS version's form."""
         return schemas.schema(info.type, self._encoding, self._translated)
 
     def payloads(self, block: MessageBlock) -> Payloads:
@@ -234,7 +234,7 @@ def _state_messages(
 
 
 def _interleaved(streams: Sequence[Iterator[list[Block]]]) -> Iterator[list[Block]]:
-    """Merge streams of blocks in the order of time; the blocks of one item have the same times."""
+    """Merge streams of blocks in time order; the blocks of one item have the same times."""
     waiting: list[list[Block] | None] = [next(stream, None) for stream in streams]
     while any(waiting):
         end_ns = min(int(blocks[0].t_ns[-1]) for blocks in waiting if blocks)
@@ -287,7 +287,7 @@ def _states(
 
 
 class BiasTopicReader:
-    """A topic of vectors that is unwound beside another one; zero where the bag has none."""
+    """A topic of vectors that is read in step with another one; zero where the bag has none."""
 
     def __init__(self, path: Path, name: str, beside: str | None, recover: bool) -> None:
         with open_bag(path, recover) as bag:

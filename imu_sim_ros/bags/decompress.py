@@ -7,15 +7,15 @@ from collections.abc import Iterator
 from typing import Any, Final
 
 LARGEST_CHUNK: Final = 1 << 30
-"""[bytes] A chunk that holds more is refused; those of rosbag2 and roscpp have some 1 MB."""
+"""[bytes] A larger chunk is refused; those of rosbag2 and roscpp have about 1 MB."""
 _ALWAYS_ALLOWED: Final = 64 << 20
 _LARGEST_RATIO: Final = 40
-"""Larger chunks may not be compressed further: a file of 10 MB must not fill the memory."""
+"""Largest ratio of compression of larger chunks: a file of 10 MB must not fill the memory."""
 _STEP: Final = 1 << 20
 
 
 def allowed(compressed: int) -> int:
-    """Return how many bytes a chunk may hold that takes so many in the file."""
+    """Return how many bytes a chunk of a given compressed size may hold."""
     return min(LARGEST_CHUNK, max(_ALWAYS_ALLOWED, _LARGEST_RATIO * compressed))
 
 
@@ -23,9 +23,9 @@ def decompress(data: bytes, compression: str, size: int, torn: bool = False) -> 
     """Return the content of a chunk.
 
     :param compression: none or empty, lz4, zstd or bz2.
-    :param size: what the content has to have [bytes].
-    :param torn: the end is missing; what comes before it is returned.
-    :raises ValueError: for data that is not what the name says, or another size.
+    :param size: stated size of the content [bytes].
+    :param torn: the end is missing; what precedes it is returned.
+    :raises ValueError: for data in another format or of another size.
     """
     if size > allowed(len(data)):
         raise ValueError(f"{size} bytes in {len(data)} compressed ones exceed the limit")

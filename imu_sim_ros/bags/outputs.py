@@ -1,10 +1,10 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Everything a program writes: refused before any work begins, or named when it is complete.
+"""Everything a program writes: refused before any work begins, or renamed when it is complete.
 
 A target is written below a staging folder beside it, ``NAME.active/NAME``, and renamed at the end.
-So no name ever stands for half an output, and what fails leaves nothing behind.
+So no output is ever incomplete under its own name, and a failure leaves nothing behind.
 """
 
 import errno
@@ -28,22 +28,22 @@ _OURS: Final = frozenset(
         *(".png", ".svg", ".pdf", ".jpg", ".html", ".parquet"),
     }
 )
-"""What the files of an output folder end in: a folder with anything else in it is not replaced."""
+"""File suffixes of output folders: a folder with any other file in it is not replaced."""
 _FULL: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _FILES_LOOKED_AT: Final = 100_000
 
 
 @dataclass
 class Target:
-    """One output: where it is to be, and where it is written until it is whole."""
+    """One output: its target, and where it is written until it is complete."""
 
     final: Path
     names: tuple[str, ...] = ()
-    """The files that go into the folder ``final``, which may exist; none: it is made as a whole."""
+    """The files to put into the folder ``final``, which may exist; none: it is made as a whole."""
     kept: bool = False
-    """What is whole is kept under the name of a part when the program is interrupted."""
+    """When the program is interrupted, the complete part is kept under a partial name."""
     described: Callable[[], str] = field(default=lambda: "what was written before")
-    """Says what a kept part holds."""
+    """Describes what a kept part holds."""
 
     @property
     def staging(self) -> Path:
@@ -56,7 +56,7 @@ class Target:
         return self.staging if self.names else self.staging / self.final.name
 
     def places(self) -> list[Path]:
-        """Return every path that will get a new content."""
+        """Return every path that will be written."""
         return [self.final / name for name in self.names] or [self.final]
 
 
@@ -82,12 +82,12 @@ class Outputs:
         discard_partial: bool = False,
         undisturbed: Callable[[], AbstractContextManager[object]] = nullcontext,
     ) -> None:
-        """Begin without targets.
+        """Set up without targets.
 
         :param inputs: files and folders that are read; none of them is ever written to.
         :param force: replace what exists.
         :param discard_partial: keep nothing of an interrupted run.
-        :param undisturbed: keeps signals away from the last step, which gives the names.
+        :param undisturbed: holds signals during the last step, the renaming.
         """
         self._undisturbed = undisturbed
         self.force, self.discard_partial = force, discard_partial
@@ -121,7 +121,7 @@ class Outputs:
         return next(target.path for target in self._targets if target.final == Path(path))
 
     def describe(self, path: str | Path, described: Callable[[], str]) -> None:
-        """Let an output say what its part holds: "812 messages up to stamp 4.06 s"."""
+        """Set an output's description of its part: "812 messages up to stamp 4.06 s"."""
         for target in self._targets:
             if target.final == Path(path):
                 target.described = described
@@ -161,13 +161,13 @@ class Outputs:
         finally:
             self._clear()
         if isinstance(error, OSError) and error.errno in _FULL and error.filename is None:
-            # A write tells no name; that of what could not be written is among these.
+            # The error of a write has no file name; the failed one is among these.
             error.filename = ", ".join(str(target.final) for target in self._targets)
         if isinstance(error, ImuSimError):
             raise type(error)([self._finally_named(line) for line in error.problems]) from None
 
     def _problems(self, target: Target) -> Iterator[str]:
-        """Yield what is wrong with a target, at most one line for each of its places."""
+        """Yield the problems of a target, at most one line for each of its paths."""
         final = target.final
         if final.name in ("", "..") or "\0" in str(final):
             yield f"{str(final)!r}: is not a file name"
@@ -209,7 +209,7 @@ class Outputs:
                 yield from _irreplaceable(path)
 
     def _input_in(self, place: Path) -> str:
-        """Say which input is this existing file or folder, lies in it or holds it."""
+        """Return which input is this existing file or folder, lies in it or contains it."""
         here = Path(os.path.realpath(place))
         for given in self._inputs:
             if not given.exists():
@@ -275,7 +275,7 @@ class Outputs:
             staging.unlink()
 
     def _commit(self) -> None:
-        """Give everything its name."""
+        """Rename everything into place."""
         for target in self._targets:
             folder = target.final if target.names else target.final.parent
             try:
@@ -295,7 +295,7 @@ class Outputs:
         entry.rename(place)
 
     def _keep_parts(self) -> list[str]:
-        """Rename what is whole of an interrupted run to the names of parts; say what they hold."""
+        """Rename the complete parts of an interrupted run; describe what they hold."""
         lines = []
         for target in self._targets:
             if not target.kept:
@@ -311,7 +311,7 @@ class Outputs:
         return lines
 
     def _clear(self) -> None:
-        """Remove the staging folders, and the parents that nothing came into."""
+        """Remove the staging folders, and created parents that are empty."""
         for target in self._targets[: len(self._locks)]:
             shutil.rmtree(target.staging, ignore_errors=True)
         while self._locks:
@@ -323,7 +323,7 @@ class Outputs:
                 continue
 
     def _finally_named(self, line: str) -> str:
-        """Return a line with the names that the user knows."""
+        """Return a line with the targets' names in place of the staging ones."""
         for target in self._targets:
             shown = f"{target.final}" if target.names else f"{target.final.parent}"
             line = line.replace(f"{target.staging}/", "" if shown == "." else f"{shown}/")
@@ -331,7 +331,7 @@ class Outputs:
 
 
 def _escaped(words: str) -> str:
-    """Return words that a glob pattern takes literally."""
+    """Return a string that a glob pattern matches literally."""
     return "".join(f"[{letter}]" if letter in "*?[" else letter for letter in words)
 
 
@@ -358,7 +358,7 @@ def _partial_name(path: Path) -> Path:
 
 
 def _irreplaceable(folder: Path) -> Iterator[str]:
-    """Yield why a folder is not replaced, even if forced: it holds what no output holds."""
+    """Yield why a folder is not replaced, even with force: it holds files that are no outputs."""
     here = Path(os.path.realpath(folder))
     working = Path(os.path.realpath(os.curdir))
     if here == working or here in working.parents:

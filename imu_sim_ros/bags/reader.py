@@ -30,7 +30,7 @@ DAMAGE: Final = (
     ValueError,
     struct.error,
 )
-"""What Python, NumPy and the bag libraries raise over bytes that are not what they say."""
+"""What Python, NumPy and the bag libraries raise for malformed bytes."""
 _LONGEST_REASON: Final = 200
 
 
@@ -44,9 +44,9 @@ class Timed(NamedTuple):
 
 @contextmanager
 def told(path: Path, hint: str = "") -> Iterator[None]:
-    """Turn what damaged bytes raise into one line; the reader of a file is wrapped into this.
+    """Turn the errors of damaged bytes into one line; wraps the reader of a file.
 
-    :param hint: what may help.
+    :param hint: advice to append.
     :raises InputError: for any of :data:`DAMAGE`, and for what mcap, rosbags and sqlite raise.
     """
     try:
@@ -95,7 +95,7 @@ class Bag(ABC):
     def groups(self, names: Collection[str] | None = None) -> Iterator[list[MessageBlock]]:
         """Yield messages in groups of a bounded size, each group after the one before in time.
 
-        Reading and decompressing go on in a thread of their own while a group is worked on.
+        Reading and decompressing continue in a thread of their own while a group is processed.
 
         :param names: topics; None: all.
         """

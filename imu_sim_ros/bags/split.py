@@ -23,7 +23,7 @@ MAX_PARTS: Final = 10_000
 
 
 class PartsWriter(Writer):
-    """A writer of one file after the other; a file is begun when there is a message for it."""
+    """A writer of one file after another; a file is begun when there is a message for it."""
 
     def __init__(
         self,
@@ -158,7 +158,7 @@ class PartsWriter(Writer):
             self._end_part()
 
     def abandon(self) -> list[Path]:
-        """Keep the complete parts, and the last one as what it is."""
+        """Keep the complete parts, and the last one as a partial file."""
         whole = self._parts if self._ended else self._parts[:-1]
         kept = [file for part in whole for file in part.files]
         return kept if self._ended else kept + self._parts[-1].abandon()

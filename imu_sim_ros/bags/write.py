@@ -26,7 +26,7 @@ COMPRESSIONS: Final[dict[str, tuple[str, ...]]] = {
 
 
 def storage_of(path: Path) -> str:
-    """Return the storage that a name asks for: ros1 for ``.bag``, else mcap."""
+    """Return the storage that a name implies: ros1 for ``.bag``, else mcap."""
     return "ros1" if path.suffix == ".bag" else "mcap"
 
 
@@ -76,9 +76,9 @@ def open_writer(
 
 
 def check_writer(path: Path, storage: str | None, compression: str | None) -> None:
-    """Check what a bag is asked to be.
+    """Check the options of a bag.
 
-    :raises InputError: for a name, a storage and a compression that do not fit one another.
+    :raises InputError: for a name, a storage and a compression that contradict each other.
     """
     storage, compression = storage or storage_of(path), compression or "none"
     if storage not in STORAGES:

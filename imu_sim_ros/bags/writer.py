@@ -102,31 +102,31 @@ class Writer(ABC):
     def flush(self, durable: bool = False) -> None:
         """Make everything so far survive the end of this process.
 
-        :param durable: make it survive the end of the machine, too.
+        :param durable: make it survive a power failure, too.
         """
 
     @abstractmethod
     def close(self) -> None:
-        """Finish the bag: from here on it is whole."""
+        """Finish the bag: it is complete afterwards."""
 
     @abstractmethod
     def abandon(self) -> list[Path]:
-        """Stop after a failure: keep what is valid, under a name that tells that it is a part.
+        """Stop after a failure: keep what is valid, under a name that marks it as partial.
 
         :returns: the files that hold it.
         """
 
     @abstractmethod
     def stop(self) -> None:
-        """Finish the bag early: it is whole, with every message that was written completely.
+        """Finish the bag early: it is complete, with every message that was fully written.
 
-        A signal may have broken into any other method of this writer.
+        A signal may have interrupted any other method of this writer.
         """
 
     @property
     @abstractmethod
     def size(self) -> int:
-        """Bytes written so far, with what waits in memory."""
+        """Bytes written so far, including those in memory."""
 
     @property
     def count(self) -> int:

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 _TABLE: Final = 2049
 _STEPS: Final = 6
-"""Of Newton's method, always all: a result must not depend on what else is in the array."""
+"""Newton steps, always all of them: a result must not depend on the rest of the array."""
 
 
 def radtan(m: Array, k: Sequence[float]) -> Array:

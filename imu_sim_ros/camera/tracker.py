@@ -23,9 +23,9 @@ Rows = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 _PAIRS: Final = 1 << 17
-"""Landmarks examined at once, over all frames: about what a processor's cache holds."""
+"""Landmarks examined at once, over all frames: about as many as fit into a processor's cache."""
 _SHUTTER_STEPS: Final = 10
-"""Always all: a result must not depend on what else is in the block."""
+"""Iterations, always all of them: a result must not depend on the rest of the block."""
 _SLACK: Final = 0.1
 """Rolling shutter: how far outside the image a landmark may seem at first, in heights."""
 
@@ -230,7 +230,7 @@ class Tracker:
             if p.mismatch_probability > 0.0:
                 stream = self.view.stream("mismatch", index)
                 mixed = np.flatnonzero(stream.random(len(uv[part])) < p.mismatch_probability)
-                if len(mixed) > 1:  # one alone has nothing to be mistaken for
+                if len(mixed) > 1:  # a single one has nothing to be mistaken for
                     uv[part][mixed], wrong[part][mixed] = uv[part][np.roll(mixed, 1)], True
         return uv, wrong
 

@@ -46,12 +46,12 @@ Digests = Callable[[Cell], Mapping[str, str]]
 
 
 class Outcome(NamedTuple):
-    """What a campaign gave."""
+    """The result of a campaign."""
 
     rows: list[Row]
-    """All runs of the plan that there are, ordered by cell, seed and estimator."""
+    """All existing runs of the plan, ordered by cell, seed and estimator."""
     new: int
-    """Runs executed now; the others were there before."""
+    """Runs executed now; the others existed before."""
     complete: bool
 
 
@@ -119,14 +119,14 @@ def run(
     retry_failed: bool = False,
     batch: int | None = None,
 ) -> Outcome:
-    """Make all runs of a plan that are not there yet, and write the tables.
+    """Make all missing runs of a plan, and write the tables.
 
-    What has come so far is kept, whatever ends this: the next call goes on behind it.
+    Finished runs are kept, whatever ends this: the next call continues after them.
 
     :param start: the engine.
     :param advance: receives the runs that have come.
     :param retry_failed: repeat runs that failed before.
-    :param batch: seeds in a task; None: as many as suit the estimators.
+    :param batch: seeds in a task; None: chosen by the estimators.
     """
     there = {
         key_of(row)
@@ -174,7 +174,7 @@ def collect(plan: Plan, store: Store, digests_of: Digests | None = None) -> list
     found: dict[Key, Row] = {}
     for row in store.rows():
         key = key_of(row)
-        # A run that was made again after a failure counts with its last result.
+        # A run that was repeated after a failure counts with its last result.
         if key in wanted:
             found[key] = row
     return [found[key] for key in sorted(found, key=lambda key: wanted[key])]
@@ -207,9 +207,9 @@ def write_versions(folder: Path) -> Path:
 
 
 def counts(rows: Sequence[Row]) -> dict[str, int]:
-    """Return how often each status stands in the rows, the most frequent first.
+    """Return how often each status occurs, the most frequent first.
 
-    Statuses that differ in numbers alone are one, with ``...`` for the numbers.
+    Statuses that differ only in numbers are counted as one, with ``...`` for the numbers.
     """
     found: dict[str, Counter[str]] = {}
     for row in rows:

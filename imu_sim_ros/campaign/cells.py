@@ -21,7 +21,7 @@ from imu_sim_ros.errors import ConfigurationError
 
 Layer = dict[str, object]
 SHORT: Final = ("imu", "trajectory", "camera", "scene")
-"""Names of the commands' arguments that stand for parameters."""
+"""Names of command-line arguments that stand for parameters."""
 _LARGEST_AXIS: Final = 100_000
 
 
@@ -46,7 +46,7 @@ class Cell(NamedTuple):
         return ", ".join(f"{name}={word(value)}" for name, value in self.values.items()) or "all"
 
     def layer(self) -> Layer:
-        """Return the parameters that the values stand for."""
+        """Return the parameters that the values represent."""
         return expanded(self.values)
 
 
@@ -175,5 +175,5 @@ def _spaced(where: str, logarithmic: bool, limits: Any) -> list[float]:
     if logarithmic and not (first > 0 and last > 0):
         raise wrong
     space = np.geomspace if logarithmic else np.linspace
-    # Twelve digits: the grid's values stand in tables and file names.
+    # Twelve digits: the grid's values appear in tables and file names.
     return [float(f"{value:.12g}") for value in space(first, last, int(count))]

@@ -71,7 +71,7 @@ def client(scheduler: str | None, workers: int) -> Iterator["Client"]:
 
 
 def _kill(cluster: "LocalCluster") -> None:
-    """End the worker processes at once: asked, they take seconds, and nothing of theirs is kept."""
+    """Kill the worker processes: a regular end takes seconds, and nothing of theirs is kept."""
     for nanny in cluster.workers.values():
         nanny.auto_restart = False
         if nanny.pid:

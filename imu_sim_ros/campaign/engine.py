@@ -3,9 +3,9 @@
 
 """The embedded engine: the runs of a campaign over the processes of one machine.
 
-A task is some seeds of one cell with all their estimators. A worker that dies takes the pool with
-it; the tasks that were under way then run one at a time, so that the one that kills its worker is
-found and the others are not blamed.
+A task is some seeds of one cell with all their estimators. A worker that dies breaks the pool; the
+tasks that were under way then run one at a time, so that only the one that kills its worker is
+blamed.
 """
 
 import contextlib
@@ -35,7 +35,7 @@ Row = dict[str, Any]
 
 _THREADS: Final = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 _WAITING: Final = 2
-"""Tasks that each process has at hand beside the one that it works on."""
+"""Tasks queued for each process."""
 
 
 @dataclass(frozen=True)
@@ -46,14 +46,14 @@ class Task:
     seeds: tuple[int, ...]
     estimators: tuple[str, ...]
     deaths: int = 0
-    """Workers that died over it."""
+    """Number of workers that died while executing it."""
 
 
 _last: "list[CellRuns]" = []
 
 
 def work(plan: Plan, task: Task, folder: Path) -> list[Row]:
-    """Make the runs of a task; what the seeds of a cell share is kept for the next task."""
+    """Make the runs of a task; data shared by the seeds of a cell are kept for the next task."""
     from imu_sim_ros.campaign.runs import CellRuns
 
     runs = _last[0] if _last else None
@@ -67,7 +67,7 @@ def work(plan: Plan, task: Task, folder: Path) -> list[Row]:
 
 
 def failed(plan: Plan, task: Task, status: str) -> list[Row]:
-    """Return the rows of a task that made none."""
+    """Return the rows of a task that failed as a whole."""
     try:
         parameters, rig = plan.simulation(task.cell), plan.rig(task.cell)
         digests = {name: plan.digest(parameters, rig, name) for name in task.estimators}
@@ -121,8 +121,8 @@ def run(
 ) -> Generator[list[Row], None, None]:
     """Yield the rows of each task as they come.
 
-    One worker with estimators that are built in is this process: nothing else is started. Programs
-    always run under a worker of their own, which everything that they leave behind belongs to.
+    One worker with built-in estimators is this process: no other is started. Programs always run
+    under a worker of their own, which inherits all processes that they leave behind.
     """
     built_in = not any(isinstance(one, CommandEstimator) for one in plan.estimators.values())
     if workers == 1 and built_in:
@@ -133,7 +133,7 @@ def run(
 
 
 class _Pool:
-    """A process pool that is made again when one of its processes dies."""
+    """A process pool that is recreated when one of its processes dies."""
 
     def __init__(self, plan: Plan, folder: Path, workers: int) -> None:
         self._plan, self._folder, self._workers = plan, folder, workers
@@ -219,7 +219,7 @@ class _Pool:
 
 @contextlib.contextmanager
 def _environment() -> Iterator[None]:
-    """Let the processes that are started here work with one thread each."""
+    """Have the processes that are started here use one thread each."""
     before = {name: os.environ.get(name) for name in _THREADS}
     os.environ.update(dict.fromkeys(_THREADS, "1"))
     try:

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The faults of a campaign: what goes wrong with the sensor, and when."""
+"""The faults of a campaign: which fault of the sensor occurs when."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

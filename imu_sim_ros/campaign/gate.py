@@ -47,11 +47,11 @@ class Requirement(NamedTuple):
     filters: tuple[tuple[str, str], ...]
 
     def concerns(self, words: Mapping[str, str]) -> bool:
-        """Return whether a cell with an estimator is meant, by its names and values in words."""
+        """Return whether this applies to a group, given by its names and values in words."""
         return all(words.get(name) == value for name, value in self.filters)
 
     def holds(self, value: float | None) -> bool:
-        """Return whether a value is within the limit; one that does not exist is not."""
+        """Return whether a value is within the limit; a missing one is not."""
         return value is not None and _OPERATORS[self.operator](value, self.limit)
 
 

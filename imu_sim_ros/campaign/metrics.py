@@ -28,10 +28,10 @@ POSE: Final = (
 )
 STATE: Final = ("final_velocity_error_m_s", "nees_position", "nees_attitude", "nees_velocity")
 COMMAND: Final = ("scale_error", "initialisation_s", "wall_s", "real_time_factor", "peak_memory_mb")
-"""Of programs: these say how it ran, and are not the same twice."""
+"""Metrics of programs that describe the execution and are not reproducible."""
 
 NOISE: Final = ("noise_density", "random_walk", "bias_instability", "rate_ramp", "quantisation")
-"""What campaigns of ``allan`` are judged by, of each triad."""
+"""Metrics of campaigns of ``allan``, for each triad."""
 CALIBRATED: Final = (
     "accelerometer_scale_misalignment",
     "accelerometer_bias",
@@ -39,7 +39,7 @@ CALIBRATED: Final = (
     "gyroscope_bias",
     "gyroscope_g_sensitivity",
 )
-"""What campaigns of ``calibrate`` are judged by."""
+"""Metrics of campaigns of ``calibrate``."""
 THERMAL: Final = tuple(
     f"{triad}_temperature_{kind}" for triad in TRIADS for kind in ("bias", "scale")
 )

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a campaign runs: the plan's file, checked as a whole before anything starts."""
+"""The plan of a campaign, checked as a whole before anything starts."""
 
 import hashlib
 import json
@@ -64,7 +64,7 @@ _ALL_CHECKED: Final = 2000
 
 @dataclass(frozen=True)
 class Plan:
-    """All that decides a campaign's results."""
+    """Everything that determines a campaign's results."""
 
     options: CampaignParameters
     parameters: Layer
@@ -118,7 +118,7 @@ class Plan:
             return load_rig(of_rig)
 
     def _split(self, cell: Cell) -> tuple[Layer, Layer]:
-        """Return what a cell says about its cameras, and all else."""
+        """Return a cell's parameters of the cameras, and all others."""
         given = {**self.parameters, **cell.layer()}
         if not has_cameras(given):
             return {}, given
@@ -129,7 +129,7 @@ class Plan:
     def digest(
         self, parameters: SimulationParameters, rig: "RigParameters | None", estimator: str
     ) -> str:
-        """Return what a run's numbers depend on besides its seed, as 16 hexadecimal digits."""
+        """Return a digest of everything but the seed that a run depends on, as 16 hex digits."""
         values = flatten(parameters)
         seen = {} if rig is None else flatten(rig)
         values.pop("seed")
@@ -159,7 +159,7 @@ def _metrics(
 
 @contextmanager
 def _in_cell(cell: Cell) -> Iterator[None]:
-    """Put the cell's name before every problem."""
+    """Prefix every problem with the cell's name."""
     try:
         yield
     except ConfigurationError as error:
@@ -197,7 +197,7 @@ def check_plan(plan: Plan, path: Path) -> None:
 
 @contextmanager
 def _named(path: Path) -> Iterator[None]:
-    """Put the plan's name before every problem."""
+    """Prefix every problem with the plan's name."""
     try:
         yield
     except ConfigurationError as error:

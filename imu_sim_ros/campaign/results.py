@@ -1,11 +1,11 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The folder of a campaign: rows as they come, whatever dies; tables at the end.
+"""The folder of a campaign: rows as they arrive, safe against crashes; tables at the end.
 
-``runs.jsonl`` gets a line for each run as soon as it is there, flushed to the disk; a torn last
-line is passed over. From it ``results.csv`` (and ``results.parquet`` where pyarrow is installed) is
-made, ordered by cell, seed and estimator.
+``runs.jsonl`` gets a line for each finished run, flushed to the disk; a truncated last line is
+skipped. From it ``results.csv`` (and ``results.parquet`` where pyarrow is installed) is made,
+ordered by cell, seed and estimator.
 """
 
 import contextlib
@@ -40,22 +40,22 @@ _LOCK: Final = ".lock"
 _RESULTS: Final = (LOG, TABLE, PARQUET, SUMMARY, VERSIONS, _REPORT, _RUNS)
 _OWN: Final = frozenset((*_RESULTS, PLAN, _LOCK))
 _PART: Final = re.compile(r"plan\.\d+\.yaml|\.[a-z.]+\.part")
-"""Earlier plans, and what a killed program left of a table."""
+"""Earlier plans, and the incomplete tables of a killed program."""
 
 
 def key_of(row: Mapping[str, Any]) -> Key:
-    """Return what tells a run from every other."""
+    """Return the key that identifies a run."""
     return str(row["digest"]), int(row["seed"]), str(row["estimator"]), str(row["cell"])
 
 
 class Store:
     """The results of a campaign that is running; use as a context manager.
 
-    Rows are written as the runs end and stay whatever ends the program, which is what ``--resume``
-    goes on from: a folder beside it that is renamed in the end, as other outputs have it, would
-    lose them. What it guarantees is the same: nothing is begun in a folder that exists, unless that
-    is empty or is resumed or forced; what no campaign wrote is never touched, not by force either;
-    tables are whole or not there; and a campaign that could not begin leaves nothing.
+    Rows are written as the runs end and survive whatever ends the program; ``--resume`` continues
+    from them. A staging folder that is renamed at the end, as for other outputs, would lose them.
+    The guarantees are the same: an existing folder is refused unless it is empty, resumed or
+    forced; files that no campaign wrote are never touched, even with force; tables are complete or
+    absent; and a campaign that could not begin leaves nothing.
     """
 
     def __init__(self, folder: Path, resume: bool, force: bool = False) -> None:
@@ -99,15 +99,15 @@ class Store:
         self._lock.close()
 
     def _remove_made(self) -> None:
-        """Remove the folders that were made, where nothing came into them."""
+        """Remove the folders that were created, where they are empty."""
         with contextlib.suppress(OSError):
             while self._made:
                 self._made.pop().rmdir()
 
     def keep_plan(self, path: Path) -> None:
-        """Put the plan beside its results; the plan itself may lie there.
+        """Copy the plan beside its results; it may already be there.
 
-        Another plan that lies there gets a free name, plan.1.yaml and so on: it may be a user's.
+        A different plan there gets a free name, plan.1.yaml and so on: it may be the user's.
         """
         copy = self.folder / PLAN
         if copy.exists():
@@ -123,7 +123,7 @@ class Store:
         yield from read_log(self.folder / LOG)
 
     def append(self, rows: Sequence[Row]) -> None:
-        """Add rows; they are on the disk when this returns."""
+        """Append rows; they are on the disk when this returns."""
         if self._file is None:
             self._file = self._open()
         self._file.write("".join(json.dumps(row, allow_nan=False) + "\n" for row in rows))

@@ -40,7 +40,7 @@ _NEES: Final = {"position": POSITION, "attitude": ATTITUDE, "velocity": VELOCITY
 
 
 class Readings(NamedTuple):
-    """What an estimator gets."""
+    """The input of an estimator."""
 
     t_ns: NDArray[np.int64]
     gyro: Array
@@ -48,11 +48,11 @@ class Readings(NamedTuple):
 
 
 class Failure(Exception):  # noqa: N818 - a result of a run, not an error of the program
-    """A run that gave no usable trajectory; the text says why."""
+    """A run without a usable trajectory, with the reason."""
 
 
 class CellRuns:
-    """The runs of a cell; what all its seeds share is made once."""
+    """The runs of a cell; data shared by all its seeds are computed once."""
 
     def __init__(self, plan: Plan, cell: Cell) -> None:
         """Set up trajectory and sensor.
@@ -140,7 +140,7 @@ class CellRuns:
         return NavigationStates(block.true_t_ns, motion.position, motion.velocity, motion.q_wb)
 
     def readings(self, block: ImuBlock) -> Readings:
-        """Return what is delivered, each stamp once and in order."""
+        """Return the delivered readings, each stamp once and in order."""
         t_ns, gyro, accel = delivered(block)
         if len(t_ns) and bool(np.all(t_ns[1:] > t_ns[:-1])):
             return Readings(t_ns, gyro, accel)
@@ -193,7 +193,7 @@ class CellRuns:
     ) -> Metrics:
         """Return the NEES of the final state; the covariance is that along the truth.
 
-        It is the same for all seeds of a cell, so that it is propagated once.
+        It is the same for all seeds of a cell, so it is propagated only once.
         """
         if self._inverse_covariance is None:
             self._inverse_covariance = self._final_covariances(truth, block)

@@ -27,13 +27,13 @@ _DRAWN: Final = 40_000_000
 """Numbers drawn for an interval: of very many runs there are fewer resamples, whose number then
 matters less than the runs'."""
 _CHUNK: Final = 1_000_000
-"""Numbers that are drawn at a time, so that memory does not grow with the runs."""
+"""Numbers drawn at a time, so that memory does not grow with the runs."""
 _FEWEST: Final = 6
 """Runs below which no interval is given; two-sided, Wilcoxon's test needs as many for 5 %."""
 
 
 class Interval(NamedTuple):
-    """A value and where the true one lies with 95 % confidence; None: no such end."""
+    """A value with its 95 % confidence interval; None: the end does not exist."""
 
     value: float | None
     low: float | None
@@ -177,7 +177,7 @@ class Sensitivity(NamedTuple):
 
 
 def sensitivity(parameter: Array, error: Array, seed: NDArray[np.int64]) -> Sensitivity | None:
-    """Return ``d log(error) / d log(parameter)``; None where it cannot be told.
+    """Return ``d log(error) / d log(parameter)``; None where it cannot be determined.
 
     The runs of one seed share their random numbers, so that a slope is fitted for each seed, and
     the interval is Student's of their mean.

@@ -97,7 +97,7 @@ def unmet(found: Sequence[Group], require: Sequence[Requirement]) -> list[Unmet]
 
 
 def unused(found: Sequence[Group], require: Sequence[Requirement]) -> list[Requirement]:
-    """Return the requirements that concern no group: a slip in a filter would pass unseen."""
+    """Return the requirements that apply to no group: a typo in a filter would go unnoticed."""
     return [one for one in require if not any(one.concerns(group.words) for group in found)]
 
 

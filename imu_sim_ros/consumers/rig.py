@@ -28,19 +28,19 @@ class RigValues:
     scene: SceneParameters
 
     def imu_camera(self, name: str) -> Array:
-        """Return T_ic (4, 4), which maps coordinates in a camera to the IMU."""
+        """Return T_ic (4, 4), which maps coordinates from a camera to the IMU."""
         imu = self.imu.imu
         t_bi = _pose(np.reshape(imu.mounting, (3, 3)), np.asarray(imu.lever_arm))
         result: Array = _inverse(t_bi) @ _pose(*self.cameras[name].pose())
         return result
 
     def between(self, first: str, second: str) -> Array:
-        """Return T (4, 4), which maps coordinates in the second camera to the first."""
+        """Return T (4, 4), which maps coordinates from the second camera to the first."""
         result: Array = _inverse(self.imu_camera(first)) @ self.imu_camera(second)
         return result
 
     def camera_imu(self, name: str) -> Array:
-        """Return T_ci (4, 4), which maps coordinates in the IMU to a camera."""
+        """Return T_ci (4, 4), which maps coordinates from the IMU to a camera."""
         return _inverse(self.imu_camera(name))
 
     def fits(self, *models: str) -> bool:
@@ -73,7 +73,7 @@ def four(camera: CameraParameters) -> list[float]:
 
 
 def real(value: float) -> str:
-    """Return a number that YAML readers take for a floating-point one."""
+    """Return a number that YAML readers parse as floating point."""
     words = decimal(value)
     return words if "." in words else f"{words}.0"
 

@@ -20,10 +20,10 @@ Array = NDArray[np.float64]
 DENSITIES: Final = tuple(f"{t}_{key}" for t in TRIADS for key in ("noise_density", "random_walk"))
 """The four numbers that every stack uses in some form."""
 SMALLEST: Final = 1e-12
-"""Stands for 0 where a stack divides by the number, or refuses 0 as kalibr does."""
+"""Replaces 0 where a stack divides by the number, or refuses 0 as kalibr does."""
 _SMALLEST_DETERMINANT: Final = 1e-6
 _FLICKER: Final = math.sqrt(2.0 * math.log(2.0) / math.pi)
-# These say how something else is to be understood, or choose among forms of the same.
+# These determine how another parameter is interpreted, or choose among forms of the same.
 _NO_TERMS: Final = frozenset(
     [
         "preset",
@@ -41,7 +41,7 @@ class ImuValues:
     """One IMU as its consumers see it."""
 
     imu: ImuParameters
-    """Everything that is simulated, with the drawn constants of this run in their places."""
+    """All simulated parameters, with the drawn constants of this run in their places."""
     rate: float
     """Samples per second [Hz]."""
     gravity: float

@@ -3,8 +3,9 @@
 
 """Pages: a campaign or recorded bags as one HTML file that needs nothing else.
 
-:mod:`~imu_sim_ros.report.page` makes a page of its content; :mod:`~imu_sim_ros.report.of_campaign`
-and :mod:`~imu_sim_ros.report.of_bag` make the content. ``assets/`` is what runs in the browser.
+:mod:`~imu_sim_ros.report.page` builds a page from its content;
+:mod:`~imu_sim_ros.report.of_campaign` and :mod:`~imu_sim_ros.report.of_bag` make the content.
+``assets/`` runs in the browser.
 """
 
 from typing import TYPE_CHECKING

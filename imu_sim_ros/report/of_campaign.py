@@ -38,7 +38,7 @@ _SENSORS: Final = {
     "gyroscope_random_walk": "rad/s^2/sqrt(Hz)",
     "gyroscope_bias_instability": "rad/s",
 }
-"""Parameters of a sensor that errors are drawn over: the ones that dead reckoning feels most."""
+"""Sensor parameters over which errors are drawn: those that affect dead reckoning most."""
 _MOST_PAIRS: Final = 2000
 _UNITS: Final = {"_m": "m", "_rad": "rad", "_m_s": "m/s", "_percent": "%", "_s": "s", "_mb": "MB"}
 
@@ -51,7 +51,7 @@ def is_campaign(path: Path) -> bool:
 def campaign_sections(folder: Path, metric: str = "") -> tuple[str, list[Section]]:
     """Return the title and the sections that a campaign's folder gives.
 
-    :param metric: shown first; none: the absolute position error, or the first that there is.
+    :param metric: shown first; none: the absolute position error, or else the first metric.
     :raises InputError: for a folder that holds no plan or no runs, or an unknown metric.
     """
     plan = load_plan(folder / PLAN)
@@ -196,7 +196,7 @@ def _cells(plan: Plan, found: Sequence[Group], metrics: Sequence[str]) -> Sectio
 
 
 def _outcomes(plan: Plan, rows: Sequence[Row], found: Sequence[Group], metric: str) -> Section:
-    """Return what failed, what is required, and which differences are significant."""
+    """Return the failures, the requirements, and the significant differences."""
     items: list[Item] = []
     if plan.require:
         missed = unmet(found, plan.require)
@@ -253,7 +253,7 @@ def _word(value: object) -> str:
 
 
 def _repeat(folder: Path, rows: Sequence[Row]) -> Section:
-    """Return how to make the same numbers again: the plan, the command, the version."""
+    """Return how to reproduce the numbers: the plan, the command, the version."""
     versions = sorted({str(row.get("version")) for row in rows})
     try:
         text = (folder / PLAN).read_text(encoding="utf-8", errors="replace")

@@ -3,10 +3,10 @@
 
 """One HTML file from its content, with style, programs and numbers inside.
 
-The content is a tree of plain values; the programs of ``assets/`` draw it. It stands in a script
-element as JSON in which ``<``, ``>`` and ``&`` are escaped, so that no text can end the element,
-and it gets into the page as text only. A content security policy lets the browser run the page's
-own program alone, by its hash, and fetch nothing.
+The content is a tree of plain values that the scripts of ``assets/`` draw. It is embedded in a
+script element as JSON in which ``<``, ``>`` and ``&`` are escaped, so that no text can end the
+element, and it enters the page as text only. A content security policy lets the browser run only
+the page's own script, by its hash, and fetch nothing.
 """
 
 import base64
@@ -38,7 +38,7 @@ class Section(NamedTuple):
 def html(title: str, lines: Sequence[str], sections: Sequence[Section]) -> str:
     """Return a page.
 
-    :param lines: what stands below the title.
+    :param lines: the lines below the title.
     :param sections: values that are not finite become gaps.
     """
     style = _asset(_STYLE)
@@ -63,7 +63,7 @@ def html(title: str, lines: Sequence[str], sections: Sequence[Section]) -> str:
 
 
 def as_json(content: object) -> str:
-    """Return content as JSON that can stand in a script element."""
+    """Return content as JSON that is safe in a script element."""
     text = json.dumps(plain(content), allow_nan=False, separators=(",", ":"))
     for letter in "<>&":
         text = text.replace(letter, f"\\u{ord(letter):04x}")
@@ -71,7 +71,7 @@ def as_json(content: object) -> str:
 
 
 def plain(value: Any) -> Any:
-    """Return a value as JSON can hold it: numbers of six digits, None for those not finite."""
+    """Return a value for JSON: numbers with six digits, None for those not finite."""
     if isinstance(value, str | bool | int) or value is None:
         return value
     if isinstance(value, float):
@@ -93,7 +93,7 @@ def _shortened(value: float) -> float | int | None:
 
 
 def column(name: str, values: Iterable[Any]) -> Item:
-    """Return a table's column; strings that stand often are written once."""
+    """Return a table's column; repeated strings are written once."""
     found = list(values)
     words = list(dict.fromkeys(value for value in found if isinstance(value, str)))
     if (

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A stream of readings in the few numbers that plots need, whatever its length.
+"""A stream of readings reduced to the few numbers that plots need, whatever its length.
 
 Readings and intervals are kept as the lowest and highest of each of some 500 parts. The spectrum is
 Welch's (P. D. Welch, IEEE Trans. Audio and Electroacoustics 15, 1967): Hann windows that overlap by
@@ -44,7 +44,7 @@ class Readings(Protocol):
 
 
 class Gap(NamedTuple):
-    """Two neighbouring stamps that are too far apart, or in the wrong order."""
+    """Two neighbouring stamps that are too far apart or out of order."""
 
     at_s: float
     """Since the first stamp."""
@@ -134,7 +134,7 @@ class _Analysis:
         self._parts(np.asarray(t_s, dtype=np.float64), np.column_stack([values, steps]))
 
     def _pieces(self, values: Array, torn: NDArray[np.bool_]) -> None:
-        """Give what lies between gaps to the spectrum and the Allan deviation."""
+        """Pass the readings between gaps to the spectrum and the Allan deviation."""
         cuts = np.flatnonzero(torn).tolist()
         if len(cuts) > _MOST_GAPS:  # a stream that is nothing but gaps: no piece is worth it
             cuts = cuts[:_MOST_GAPS]
@@ -191,7 +191,7 @@ class _Analysis:
 
 
 class _Spectrum:
-    """Welch's estimate of pieces between which nothing is assumed."""
+    """Welch's estimate over pieces that need not be contiguous."""
 
     def __init__(self, rate: float) -> None:
         self._rate = rate

@@ -31,7 +31,7 @@ _END_NS = 2**63 - 1
 
 
 class _Chunk(NamedTuple):
-    """Where a chunk lies in the file, and its times; a torn one ends with the file."""
+    """Position of a chunk in the file, and its times; a truncated one ends with the file."""
 
     offset: int
     length: int
@@ -76,7 +76,7 @@ class McapBag(Bag):
         self._file.close()
 
     def _read_summary(self) -> Mapping[int, int] | None:
-        """Read the summary at the end of the file; None where it has no index of chunks."""
+        """Read the summary at the end of the file; None if it has no chunk index."""
         from mcap.exceptions import McapError
         from mcap.reader import SeekingReader
 
@@ -128,7 +128,7 @@ class McapBag(Bag):
                 chunk = _Chunk(position, min(after, end) - position, 0, 0, torn=after > end)
                 self._add_scanned(chunk, counts)
             elif opcode == MESSAGE:
-                # Messages outside of chunks: all neighbours together are read as if in one.
+                # Messages outside chunks: neighbours are read together as if they were one chunk.
                 after = self._end_of_messages(position, end)
                 self._add_scanned(_Chunk(position, after - position, 0, 0), counts)
             elif after <= end and opcode in (_SCHEMA, _CHANNEL):
@@ -137,7 +137,7 @@ class McapBag(Bag):
         return counts
 
     def _try_definition(self, opcode: int, body: bytes, position: int) -> None:
-        """Take a schema or a channel; a damaged one is left out when recovering."""
+        """Register a schema or a channel; a damaged one is skipped when recovering."""
         from mcap.exceptions import McapError
 
         try:
@@ -243,7 +243,7 @@ class McapBag(Bag):
         return [in_order(blocks) for blocks in by_topic.values()]
 
     def _chunk_data(self, chunk: _Chunk) -> bytes:
-        """Return the content of a chunk, checked, or as much as there is of a torn one."""
+        """Return the verified content of a chunk, or as much as there is of a truncated one."""
         record = self._bytes(chunk.offset, chunk.length)
         if record[:1] == bytes([MESSAGE]):
             return record
@@ -282,14 +282,14 @@ class McapBag(Bag):
 
 
 class _Bounded:
-    """A file in which no length, however absurd, asks for more bytes than there are."""
+    """A file of which no more bytes are requested than exist, however absurd a length field is."""
 
     def __init__(self, file: BinaryIO, end: int) -> None:
         self._file, self._end = file, end
         self.seek, self.tell, self.seekable = file.seek, file.tell, file.seekable
 
     def read(self, size: int = -1) -> bytes:
-        """Return at most so many bytes as follow."""
+        """Return at most as many bytes as remain."""
         left = max(self._end - self._file.tell(), 0)
         return self._file.read(left if size < 0 else min(size, left))
 
@@ -297,9 +297,9 @@ class _Bounded:
 def _block(
     topic: TopicInfo, channel: int, data: Bytes, places: np.ndarray[Any, np.dtype[np.int64]]
 ) -> MessageBlock:
-    """Return the messages at given places of a chunk.
+    """Return the messages at given offsets of a chunk.
 
-    :raises ValueError: where other records stand there.
+    :raises ValueError: where there are other records.
     """
     header = MESSAGE_HEADER.itemsize
     sizes = np.full(len(places), header, dtype=np.int64)

@@ -95,7 +95,7 @@ class McapWriter(ChunkWriter):
         self.file.write(MAGIC, _packed(Header("ros2", LIBRARY_IDENTIFIER)))
 
     def _register(self, topic: Topic) -> None:
-        """Write schema and channel at once, so that a part of the file can be read."""
+        """Write schema and channel immediately, so that a truncated file can be read."""
         from mcap.records import Channel
         from mcap.records import Schema as SchemaRecord
 
@@ -225,7 +225,7 @@ class McapWriter(ChunkWriter):
         self.file.write(summary, _packed(Footer(summary_start, offset_start, crc)), MAGIC)
 
     def _write_metadata(self) -> Any:
-        """Write what rosbag2 keeps in each of its files, the ROS distribution among it.
+        """Write the metadata that rosbag2 stores in each of its files, with the ROS distribution.
 
         Jazzy reads the first entry; the second is that of Humble and Iron.
         """

@@ -1,9 +1,9 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What messages look like as bytes: layouts, definitions, encoding and decoding of whole blocks.
+"""Messages as bytes: layouts, definitions, encoding and decoding of whole blocks.
 
-Works on arrays of bytes and knows no file. Imports the leaves.
+Works on arrays of bytes, never on files. Imports the leaves.
 """
 
 from imu_sim_ros.bags.messages import schemas

@@ -70,8 +70,8 @@ def decode_block(block: MessageBlock, encoding: str, names: Sequence[str]) -> De
 class MessageDecoder:
     """The numbers of single CDR messages of one type, without making message objects.
 
-    Deserialising an Imu takes 15 us, unpacking its nine numbers at known places one. The places
-    depend on the lengths of the strings alone; they are worked out again where a string changes.
+    Deserialising an Imu takes 15 us, unpacking its nine numbers at known offsets one. The offsets
+    depend only on the lengths of the strings; they are recomputed when a string changes.
     """
 
     def __init__(self, type_name: str, names: Sequence[str]) -> None:
@@ -107,10 +107,10 @@ class MessageDecoder:
 
 
 class _Form(NamedTuple):
-    """What messages with the same texts have in common."""
+    """Properties shared by messages with the same strings."""
 
     fixed: list[tuple[int, int, bytes]]
-    """Spans (start, stop) that hold the same bytes in all of them."""
+    """Spans (start, stop) with identical bytes in all of them."""
     fields: struct.Struct
 
 

@@ -4,8 +4,8 @@
 # ruff: noqa: E501 - the lines of the definitions are as long as their authors made them
 """The text of the ROS 1 message definitions that this package writes.
 
-ROS 1 tools compare the text of a definition in a bag with the one they know, comments included, so
-the texts are kept to the letter: std_msgs 0.5.13, common_msgs 1.13.1 and rosgraph_msgs 1.11.3,
+ROS 1 tools compare the text of a definition in a bag with their own, comments included, so the
+texts are verbatim: std_msgs 0.5.13, common_msgs 1.13.1 and rosgraph_msgs 1.11.3,
 Copyright 2008-2010 Willow Garage, Inc., BSD-3-Clause.
 """
 

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Message types as the machine that records has them installed, for any container."""
+"""Message types as installed on the recording machine, for any container."""
 
 import struct
 from collections.abc import Callable
@@ -16,11 +16,11 @@ class BrokenMessageError(InputError):
 
 
 class RecordedType(NamedTuple):
-    """How messages that arrive as CDR get into a bag."""
+    """How messages that arrive as CDR are stored in a bag."""
 
     schema: Schema
     convert: Callable[[bytes], bytes]
-    """Turns the CDR of a message into what the bag takes; BrokenMessageError where it is none."""
+    """Converts a message's CDR to the bag's encoding; BrokenMessageError for malformed bytes."""
 
 
 def recorded_type(type_name: str, text: str, digest: str, encoding: str) -> RecordedType:

@@ -159,7 +159,7 @@ class Builder:
     def align(self, size: int) -> None:
         """Pad to a multiple of the size, counted after the encapsulation header."""
         padding = -(len(self.template) - len(_CDR_HEADER)) % size if self.cdr else 0
-        # Padding is not compared: other writers leave whatever was in their buffer.
+        # Padding is not compared: other writers leave arbitrary bytes there.
         self.template += bytes(padding)
 
     def constant(self, content: bytes) -> None:
@@ -239,7 +239,7 @@ def layout(type_name: str, encoding: str, texts: Sequence[str | bytes] = ()) -> 
 
 @lru_cache
 def _ahead_of_texts(type_name: str, encoding: str) -> tuple[int, ...]:
-    """Return how many bytes of numbers stand before each text, behind the one before."""
+    """Return how many bytes of numbers lie between each string and the one before it."""
     gaps = [0]
     for name, kind, count in FIELDS[type_name]:
         if kind == "text":

@@ -172,9 +172,9 @@ class Rosbag1Bag(Bag):
             self._chunks.append(_Chunk(position, min(times), False))
 
     def _record(self, position: int) -> _Record:
-        """Return the record at a place of the file.
+        """Return the record at an offset of the file.
 
-        :raises ValueError: where no record header stands there.
+        :raises ValueError: where there is no record header.
         """
         self._file.seek(position)
         (length,) = struct.unpack("<I", self._file.read(4))
@@ -271,7 +271,7 @@ def _block(topic: TopicInfo, data: Bytes, entries: NDArray[np.void]) -> MessageB
 
 
 def _numbers(data: Bytes, places: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the numbers of four bytes at given places."""
+    """Return the four-byte numbers at given offsets."""
     rows = gather(data, places, np.full(len(places), 4, dtype=np.int64))
     numbers: NDArray[np.int64] = np.ascontiguousarray(rows).view("<u4")[:, 0].astype(np.int64)
     return numbers
@@ -290,7 +290,7 @@ def _scanned(data: bytes) -> dict[int, NDArray[np.void]]:
 
 
 def _records(data: bytes) -> Iterator[_Record]:
-    """Yield the complete records of a chunk, up to the first that is none."""
+    """Yield the complete records of a chunk, up to the first malformed one."""
     position = 0
     while position + 4 <= len(data):
         (length,) = struct.unpack_from("<I", data, position)

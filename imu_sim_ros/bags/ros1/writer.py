@@ -37,7 +37,7 @@ OP_CONNECTION: Final = 7
 INDEX_ENTRY: Final = np.dtype([("sec", "<u4"), ("nanosec", "<u4"), ("offset", "<u4")])
 _BZIP2_LEVEL: Final = 9
 _SEQ_BYTES: Final = 4
-"""Of header.seq, which publishers of ROS 1 count: consumers see in it what was lost."""
+"""Of header.seq, which ROS 1 publishers count: it shows consumers what was lost."""
 
 
 def fields(**values: bytes) -> bytes:

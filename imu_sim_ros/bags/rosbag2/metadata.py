@@ -25,7 +25,7 @@ class Part(NamedTuple):
 
 
 def part(path: Path, topics: Sequence[Topic]) -> Part:
-    """Return what the metadata says of one file."""
+    """Return the metadata of one file."""
     filled = [topic for topic in topics if topic.count]
     start = min((topic.first_ns for topic in filled), default=_NO_START)
     end = max((topic.last_ns for topic in filled), default=start)
@@ -77,7 +77,7 @@ def document(storage: str, topics: Sequence[Topic], parts: Sequence[Part]) -> di
 
 
 def write(folder: Path, content: dict[str, Any]) -> None:
-    """Write metadata.yaml in one step, so that it is never seen half."""
+    """Write metadata.yaml atomically."""
     import yaml
 
     text = yaml.safe_dump({"rosbag2_bagfile_information": content}, sort_keys=False)

@@ -104,9 +104,9 @@ class SqliteBag(Bag):
         }
 
     def _columns(self, name: str) -> set[str]:
-        """Return the columns of a table; none of what is not a plain table.
+        """Return the columns of a table; none for anything but a plain table.
 
-        A view, or a column that is computed, may go on for ever.
+        A view, or a computed column, may never end.
         """
         kind = self._database.execute(
             "SELECT type, sql FROM sqlite_master WHERE name = ?", (name,)

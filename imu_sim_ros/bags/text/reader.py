@@ -150,7 +150,7 @@ def _blocks(path: Path, columns: int, skipped: Skipped | None) -> Iterator[tuple
 
 
 class _Table:
-    """A CSV file of stamps and numbers that is being read, and what is wrong with it so far."""
+    """A CSV file of stamps and numbers that is being read, and its bad rows so far."""
 
     def __init__(self, path: Path, columns: int) -> None:
         self.bad = BadRows(path)
@@ -160,7 +160,7 @@ class _Table:
         self._last_ns = _EARLIEST
 
     def blocks(self, rows: list[Row]) -> Iterator[tuple[Times, Array]]:
-        """Yield the good rows of some lines; note what is wrong with the others."""
+        """Yield the good rows of some lines; record the problems of the others."""
         if rows and not self._begun:
             self._begun = True
             if not rows[0][1][:1].isdigit():  # kalibr's header
@@ -207,7 +207,7 @@ class _Table:
             )
 
     def _note(self, line: int, text: bytes) -> None:
-        """Note what keeps a row from being numbers."""
+        """Record why a row cannot be converted to numbers."""
         self.bad.rows += 1
         before = self.bad.count
         fields = [field.strip().decode("utf-8", "replace") for field in text.split(b",")]
@@ -226,9 +226,9 @@ class _Table:
             self.bad.note(NUMBERS, line, "cannot be read as numbers")
 
     def _good(self, lines: Times, found: NDArray[np.void]) -> NDArray[np.bool_]:
-        """Return which rows are finite and not earlier than one before them; note the others.
+        """Return which rows are finite and not earlier than a previous one; record the others.
 
-        Readings that the transport doubled occur twice: equal stamps are sound.
+        Readings that the transport duplicated occur twice: equal stamps are valid.
         """
         finite: NDArray[np.bool_] = np.isfinite(found["numbers"]).all(axis=1)
         for k in np.flatnonzero(~finite):

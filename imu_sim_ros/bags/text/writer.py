@@ -36,7 +36,7 @@ EUROC_STATE_HEADER: Final = (
     "b_a_RS_S_x [m s^-2], b_a_RS_S_y [m s^-2], b_a_RS_S_z [m s^-2]"
 )
 STATE_FOLDER: Final = "state_groundtruth_estimate"
-"""Of EuRoC, with the number of the IMU behind it."""
+"""EuRoC's name, followed by the number of the IMU."""
 KALIBR_HEADER: Final = "timestamp,omega_x,omega_y,omega_z,alpha_x,alpha_y,alpha_z"
 TUM_HEADER: Final = "# timestamp tx ty tz qx qy qz qw"
 

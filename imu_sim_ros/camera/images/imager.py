@@ -110,7 +110,7 @@ class Imager:
         return float(self.view.seconds(self.view.frames(number, 1).true_t_ns)[0])
 
     def _content(self, number: int) -> int:
-        """Return which frame's content a frame shows: its own, or that of one before it."""
+        """Return which frame's content a frame shows: its own, or that of an earlier one."""
         p = self.view.parameters
         while number > 0 and p.repeat_probability > 0.0:
             if self.view.stream("repeat", number).random() >= p.repeat_probability:

@@ -1,9 +1,9 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Estimators that are more than a function: programs, what is written for them, calibrations.
+"""Estimators that are more than a function: programs with their datasets, and calibrations.
 
-Used by :mod:`imu_sim_ros.campaign.runs`; what is exported is imported when it is first used.
+Used by :mod:`imu_sim_ros.campaign.runs`; exports are imported when they are first used.
 """
 
 from typing import TYPE_CHECKING

@@ -3,9 +3,9 @@
 
 """An estimator that is a program: its dataset, its process, its trajectory.
 
-The program runs in a session of its own, with the limits of the plan, in a folder of its own. When
-it has ended, for whatever reason, everything that it started is killed: its process group, and what
-left that group and became a child of this worker (``PR_SET_CHILD_SUBREAPER``, prctl(2)). If this
+The program runs in a session and a folder of its own, with the limits of the plan. When it has
+ended, for whatever reason, everything that it started is killed: its process group, and what left
+the group and became a child of this worker (``PR_SET_CHILD_SUBREAPER``, prctl(2)). If this
 worker dies, the kernel kills the program (``PR_SET_PDEATHSIG``).
 """
 
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 OUTPUT: Final = "output.txt"
 """What the program printed."""
 _POLL: Final = 0.2
-"""[s] between two looks at the size of the folder; the program's end is seen at once."""
+"""[s] Period of checking the folder's size; the program's end is noticed at once."""
 _PR_SET_PDEATHSIG: Final = 1
 _PR_SET_CHILD_SUBREAPER: Final = 36
 _ONE_AT_A_TIME: Final = threading.Lock()
@@ -49,7 +49,7 @@ class Outcome(NamedTuple):
     """How a program ended."""
 
     status: int | None
-    """Exit status, negative for a signal; None: it was ended for ``reason``."""
+    """Exit status, negative for a signal; None: it was killed for ``reason``."""
     reason: str
     wall_s: float
     peak_memory_mb: float
@@ -66,7 +66,7 @@ def run_command(
     """Write the dataset, run the program, and compare its trajectory with the truth.
 
     :param folder: of the campaign; the run's own folder is made in it.
-    :raises Failure: where there is no usable trajectory; the text says why.
+    :raises Failure: where there is no usable trajectory, with the reason.
     """
     from imu_sim_ros.campaign.runs import Failure
 
@@ -105,7 +105,7 @@ def _duration(block: ImuBlock) -> float:
 def _words(
     runs: "CellRuns", estimator: CommandEstimator, seed: int, block: ImuBlock, place: Path
 ) -> list[str]:
-    """Write what the command names and return its words with all places filled."""
+    """Write the files that the command refers to; return its words with all placeholders filled."""
     from imu_sim_ros.campaign.estimators.dataset import write_config, write_dataset
 
     wanted = set(re.findall(r"{(\w+)}", estimator.command))
@@ -173,7 +173,7 @@ def _run_alone(
 
 
 def _environment(variables: dict[str, str], words: Sequence[str]) -> dict[str, str]:
-    """Return the environment of a program: this one's; for others, less what is this Python's."""
+    """Return a program's environment: this one's; for others without this Python's variables."""
     if words[:1] == [sys.executable]:
         return {**os.environ, **variables}
     own = ("_ROS_WHEELS_BOOTSTRAP_COMPLETE", "PYTHONPATH", "PYTHONHOME")
@@ -207,7 +207,7 @@ def _wait(
         pid, status, usage = os.wait4(process.pid, os.WNOHANG)
         if pid:
             process.returncode = os.waitstatus_to_exitcode(status)
-            # The limit of a single file's size ends a program before the look at the folder does.
+            # The limit of a single file's size ends a program before the folder is checked.
             full = process.returncode != 0 and _size(place) >= estimator.disk_limit
             reason = _too_much(estimator) if full else ""
             return process.returncode, reason, usage.ru_maxrss / 1024.0
@@ -273,7 +273,7 @@ def _kill_children(others: set[int]) -> None:
 
 
 def _children() -> set[int]:
-    """Return the processes that this one is the parent of."""
+    """Return the child processes of this one."""
     found: set[int] = set()
     for task in Path("/proc/self/task").iterdir():
         with contextlib.suppress(OSError):

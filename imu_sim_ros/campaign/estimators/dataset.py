@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a program gets of a run: the readings, the truth, what cameras see, and the parameters."""
+"""The dataset of a run for a program: readings, truth, camera data, and parameters."""
 
 import dataclasses
 from collections.abc import Iterator
