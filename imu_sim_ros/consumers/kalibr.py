@@ -47,7 +47,8 @@ def camchain(rig: RigValues) -> str:
         if name is None:
             continue
         camera = rig.cameras[name]
-        text += f"cam{number}:\n"
+        others = [k for k in range(len(rig.cameras)) if k != number]
+        text += f"cam{number}:\n  cam_overlaps: {others}\n"
         if earlier is not None:
             text += f"  T_cn_cnm1:\n{rows(rig.between(name, earlier), '  ')}"
         text += f"  T_cam_imu:\n{rows(rig.camera_imu(name), '  ')}"

@@ -71,6 +71,7 @@ def whole(rig: RigValues, cameras: int) -> str:
         [
             f"ORB_SLAM3, whole, {'mono' if cameras == 1 else 'stereo'}-inertial: lenses, IMU and "
             "their places as they are simulated; continuous-time densities.",
+            *_lens_remarks(rig, names),
             *remarks(rig.imu),
         ]
     )
@@ -87,6 +88,17 @@ def whole(rig: RigValues, cameras: int) -> str:
         f"IMU.T_b_c1: {opencv_matrix(np.asarray(rig.imu_camera(names[0])), 'f')}"
     )
     return text + _imu(rig.imu) + _FIXED
+
+
+def _lens_remarks(rig: RigValues, names: list[str]) -> list[str]:
+    """Return what becomes of a second fisheye's distortion (Settings.cc, readCamera2)."""
+    lenses = [rig.cameras[name] for name in names]
+    if kind(lenses[0]) != "equidistant" or len({tuple(four(lens)) for lens in lenses}) == 1:
+        return []
+    return [
+        "ORB_SLAM3 (1464d8fe5c) reads the distortion of a second fisheye from Camera1.k1 to k4, too: "
+        "give both cameras the same one, or mend its readCamera2."
+    ]
 
 
 def _camera(prefix: str, camera: CameraParameters, stereo: bool) -> str:

@@ -8,6 +8,7 @@ OpenCV's for pinholes and fisheyes, those of the stack's headers, written down a
 """
 
 import json
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -19,6 +20,8 @@ from imu_sim_ros.config.cameras import load_rig
 from imu_sim_ros.config.imu import ImuParameters
 from imu_sim_ros.config.parameter import build
 from imu_sim_ros.consumers import ImuValues, RigValues, write_all
+
+DATA = Path(__file__).parents[1] / "data"
 
 IMU = {
     "mounting": [0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0],
@@ -252,6 +255,9 @@ def test_orb_slam3(case):
             assert found.getNode(key).isReal()
         assert found.getNode("IMU.NoiseAcc").real() == pytest.approx(2e-3)
         assert found.getNode("File.version").string() == "1.0"
+    # The TUM VI presets' fisheyes differ; it would read the first one's distortion for both.
+    told = "reads the distortion of a second fisheye from Camera1.k1" in (folder / name).read_text()
+    assert told == rig.fits("equidistant")
     second = t_ic.astype(float) @ found.getNode("Stereo.T_c1_c2").mat()
     compare(rig, "cam1", second, orb_lens(found, 2))
 
@@ -304,3 +310,46 @@ def basalt_lens(kind, v):
             a = v["alpha"]
             scaled = [k[0] / (1.0 - a), k[1] / (1.0 - a), k[2], k[3]]
             return sphere(scaled, a / (1.0 - a))
+
+
+def keys_read():
+    table = yaml.safe_load((DATA / "stack_keys.yaml").read_text(encoding="utf-8"))
+    return {entry["file"]: entry for entry in table["stacks"]}
+
+
+@pytest.mark.parametrize("name", keys_read())
+def test_every_key_that_a_stack_reads_is_there(case, name):
+    """The keys were looked up in the stacks' sources, at the commits that the table names."""
+    rig, folder = case
+    entry, path = keys_read()[name], folder / name
+    if not path.exists() or "fragment" in path.read_text():
+        assert not rig.fits("radtan"), f"{name}: every stack knows this lens"
+        return
+    lens = (
+        "equidistant" if rig.fits("equidistant") else "unified" if rig.fits("unified") else "radtan"
+    )
+    content = json.loads(path.read_text()) if name.endswith(".json") else storage_or_yaml(path)
+    for key in f"{entry.get('keys', '')} {entry.get(lens, '')}".split():
+        assert found(content, key.split(".")), f"{name}: {key}"
+    for key in f"{entry.get('flat', '')} {entry.get(f'{lens}_flat', '')}".split():
+        assert found(content, [key]), f"{name}: {key}"
+
+
+def storage_or_yaml(path):
+    """Return what OpenCV reads of a file where the stack uses OpenCV, else what PyYAML does."""
+    if path.read_text().startswith("%YAML:1.0"):
+        return storage(path)
+    return yaml.safe_load(path.read_text())
+
+
+def found(content, path):
+    for name in path:
+        if isinstance(content, dict):
+            content = content.get(name)
+            if content is None:
+                return False
+        else:
+            content = content.getNode(name)
+            if content.empty():
+                return False
+    return True
