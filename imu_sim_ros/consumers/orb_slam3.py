@@ -96,7 +96,7 @@ def _lens_remarks(rig: RigValues, names: list[str]) -> list[str]:
     if kind(lenses[0]) != "equidistant" or len({tuple(four(lens)) for lens in lenses}) == 1:
         return []
     return [
-        "ORB_SLAM3 (1464d8fe5c) reads the distortion of a second fisheye from Camera1.k1 to k4, too: "
+        "ORB_SLAM3 (1464d8fe5c) reads a second fisheye's distortion from Camera1.k1 to k4, too: "
         "give both cameras the same one, or mend its readCamera2."
     ]
 

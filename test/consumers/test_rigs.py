@@ -256,7 +256,7 @@ def test_orb_slam3(case):
         assert found.getNode("IMU.NoiseAcc").real() == pytest.approx(2e-3)
         assert found.getNode("File.version").string() == "1.0"
     # The TUM VI presets' fisheyes differ; it would read the first one's distortion for both.
-    told = "reads the distortion of a second fisheye from Camera1.k1" in (folder / name).read_text()
+    told = "reads a second fisheye's distortion from Camera1.k1" in (folder / name).read_text()
     assert told == rig.fits("equidistant")
     second = t_ic.astype(float) @ found.getNode("Stereo.T_c1_c2").mat()
     compare(rig, "cam1", second, orb_lens(found, 2))
