@@ -3,6 +3,7 @@
 
 """From parameters to a scene: places and sizes drawn from the scene's seed."""
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from imu_sim_ros import rotation
 from imu_sim_ros.camera.point_file import read_points
 from imu_sim_ros.camera.scene import Scene, Surfaces, joined, surfaces
+from imu_sim_ros.camera.tracker import Tracker
 from imu_sim_ros.camera.view import View, in_camera
 from imu_sim_ros.config.cameras import (
     AprilgridParameters,
@@ -35,6 +37,10 @@ _LOOKS: Final = 20_000
 """Positions along a path at which a scene is fitted to it."""
 _LONGEST: Final = 600.0
 """How much of an endless path is examined [s]; closed motions repeat long before."""
+_FRAMES: Final = 64
+"""Frames of a cloud that are counted at once."""
+_TRIES: Final = 20
+"""How often a frame may get more points of a cloud."""
 _AHEAD: Final = 0.1
 """Cosine of the largest angle from the axis at which a cloud has points."""
 _FURNITURE: Final = 0.8
@@ -171,9 +177,10 @@ def _house(p: HouseParameters) -> Scene:
 def _cloud(
     p: CloudParameters, views: Sequence[View], trajectory: Trajectory, duration: float
 ) -> Scene:
-    """Return points such that every view sees ``visible`` of them, as OpenVINS' simulator does.
+    """Return points such that every frame sees ``visible`` of them, as OpenVINS' simulator does.
 
-    Where a camera sees too few of the points so far, random pixels become points at random depths.
+    Where a camera sees too few of the points so far, random pixels become points at random depths:
+    first at viewpoints along the path, then in the frames between them.
     """
     stream = generator(p.seed, "scene.landmarks")
     times = np.arange(0.0, duration, p.spacing)
@@ -186,7 +193,42 @@ def _cloud(
             if missing > 0:
                 local = _in_view(view, missing, p, stream)
                 points = np.concatenate([points, pose.position + rotation.rotate(pose.q_wc, local)])
+    more = generator(p.seed, "scene.landmarks.frames")
+    for view in views:
+        points = _completed(points, p, view, trajectory, duration, more)
     return Scene.of_points(points)
+
+
+def _completed(
+    points: Array,
+    p: CloudParameters,
+    view: View,
+    trajectory: Trajectory,
+    duration: float,
+    stream: np.random.Generator,
+) -> Array:
+    """Return the points (n, 3), and more behind them, so that every single frame sees enough.
+
+    Frames lie between the viewpoints, and a border or a rolling shutter takes some of the points.
+    """
+    total = view.total
+    total = math.ceil(duration * view.parameters.rate) if total is None else total
+    tracker, first, tries = Tracker(view, Scene.of_points(points), trajectory), 0, 0
+    while first < total:
+        counts = tracker.counts(first, min(_FRAMES, total - first))
+        few = np.flatnonzero((counts >= 0) & (counts < p.visible))
+        if not len(few):
+            first, tries = first + len(counts), 0
+            continue
+        first, tries = first + int(few[0]), tries + 1 if few[0] == 0 else 0
+        if tries > _TRIES:  # out of the depths that it sees, for instance
+            first, tries = first + 1, 0
+            continue
+        pose = view.poses(trajectory, view.seconds(view.frames(first, 1).true_t_ns))
+        local = _in_view(view, p.visible - int(counts[few[0]]), p, stream)
+        points = np.concatenate([points, pose.position + rotation.rotate(pose.q_wc, local)])
+        tracker = Tracker(view, Scene.of_points(points), trajectory)
+    return points
 
 
 def _in_view(view: View, count: int, p: CloudParameters, stream: np.random.Generator) -> Array:

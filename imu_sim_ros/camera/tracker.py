@@ -99,6 +99,15 @@ class Tracker:
             wrong,
         )
 
+    def counts(self, first: int, count: int) -> Rows:
+        """Return how many landmarks (count,) each of some frames sees, before any cap.
+
+        -1 for lost frames.
+        """
+        frames = self.view.frames(first, count)
+        seen = np.bincount(self._visible(frames).frame, minlength=count)
+        return np.where(frames.delivered, seen, -1)
+
     def lines(self, first: int, count: int) -> Lines:
         """Return the lines of frames ``first .. first + count - 1``."""
         frames = self.view.frames(first, count)

@@ -45,21 +45,40 @@ def test_a_path_that_leaves_the_room_is_an_error(make_rig):
         make_rig("circle", scene__size=[4.0, 4.0, 3.0])
 
 
-def test_every_look_into_a_cloud_sees_enough(make_rig):
+@pytest.mark.parametrize(
+    ("trajectory", "values"),
+    [
+        ("lecture", {"cam0__camera__preset": "tum_vi_cam0", "scene__spacing": 0.1}),
+        ("spin", {}),
+        ("excitation", {"camera__border": 20.0, "camera__dropout_probability": 0.2}),
+        ("coning", {"camera__row_time": 5e-5}),
+    ],
+)
+def test_every_frame_of_a_cloud_sees_enough(make_rig, trajectory, values):
+    """Frames lie between the viewpoints at which the cloud is generated."""
+    own = {"cam0__camera__preset": "euroc_cam0", "cam0__camera__body_axes": "flu", **values}
     rig = make_rig(
-        "lecture",
-        duration=10.0,
+        trajectory,
+        duration=5.0,
         scene__type="cloud",
         scene__visible=50,
-        scene__spacing=0.1,
-        cam0__camera__preset="tum_vi_cam0",
         camera__max_features=0,
-        camera__rate=10.0,
+        camera__rate=30.0,
+        **own,
     )
+    assert len(rig.scene.landmarks) > 50
+    delivered = np.concatenate([t.frames.delivered for t in rig.tracks("cam0")])
     counts = np.concatenate(
         [np.bincount(t.frame, minlength=len(t.frames.number)) for t in rig.tracks("cam0")]
     )
-    assert counts.min() >= 50
+    assert counts[delivered].min() >= 50
+    assert np.array_equal(rig.tracker("cam0").counts(0, 30), np.where(delivered, counts, -1)[:30])
+
+
+def test_a_cloud_beyond_the_depths_of_a_camera_ends(make_rig):
+    far = {"scene__near": 500.0, "scene__far": 600.0, "camera__max_depth": 10.0}
+    rig = make_rig("static", duration=0.1, scene__type="cloud", scene__visible=5, **far)
+    assert rig.tracker("cam0").counts(0, 2).tolist() == [0, 0]
 
 
 def test_the_house_is_that_of_the_other_simulator(make_rig):

@@ -85,7 +85,7 @@ class CloudParameters(SceneParameters):
     type: str = text("cloud", TYPE_TEXT)
     visible: int = integer(
         100,
-        "minimum number of points seen from each viewpoint along the path",
+        "minimum number of points seen in each frame",
         minimum=1,
         maximum=10_000,
     )
