@@ -12,7 +12,7 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from imu_sim_ros.commands import common, shared
 from imu_sim_ros.errors import InputError, system_error
@@ -262,29 +262,15 @@ def _print(
     found: Sequence["Group"],
     wall_s: float,
 ) -> None:
-    from imu_sim_ros.campaign import compared, counts
+    from imu_sim_ros.campaign import counts
 
     rows = [_row(group, arguments.metric) for group in found[:_SHOWN]]
-    header = ["cell", "estimator", "done", "median", "95 % interval", "p95", "NEES"]
+    header = ["cell", "estimator", "done", "median", "95 % interval", "p95", "NEES (band)"]
     common.print_table(header, rows, f"{arguments.metric}, median with 95 % interval")
     if len(found) > _SHOWN:
         print(f"{len(found) - _SHOWN} more in {arguments.output / 'summary.csv'}")
-    pairs = [pair for pair in compared(found, arguments.metric) if pair.significant]
-    if pairs:
-        shown = sorted(pairs, key=lambda pair: pair.p or 0.0)[:_SHOWN]
-        common.print_table(
-            ["A", "B", "A / B", "p"],
-            [
-                [
-                    p.a,
-                    p.b,
-                    "-" if p.comparison.ratio is None else f"{p.comparison.ratio:.3g}",
-                    f"{p.p:.2g}",
-                ]
-                for p in shown
-            ],
-            f"Significant differences ({len(pairs)}; same seeds, Wilcoxon, Holm)",
-        )
+    _print_differences(found, arguments.metric)
+    _print_slopes(outcome.rows, found, arguments.metric)
     for status, count in counts(outcome.rows).items():
         if status != "done":
             print(f"{count} runs {status}")
@@ -292,6 +278,37 @@ def _print(
         f"{arguments.output}: {len(outcome.rows):,} runs, {outcome.new:,} of them new, in "
         f"{wall_s:.1f} s"
     )
+
+
+def _print_differences(found: Sequence["Group"], metric: str) -> None:
+    from imu_sim_ros.campaign import compared
+
+    pairs = [pair for pair in compared(found, metric) if pair.significant]
+    if not pairs:
+        return
+    shown = sorted(pairs, key=lambda pair: pair.p or 0.0)[:_SHOWN]
+    ratios = (pair.comparison.ratio for pair in shown)
+    words = ["-" if ratio is None else f"{ratio:.3g}" for ratio in ratios]
+    common.print_table(
+        ["A", "B", "A / B", "p"],
+        [[p.a, p.b, word, f"{p.p:.2g}"] for p, word in zip(shown, words, strict=True)],
+        f"Significant differences ({len(pairs)}; same seeds, Wilcoxon, Holm)",
+    )
+
+
+def _print_slopes(rows: Sequence["Row"], found: Sequence["Group"], metric: str) -> None:
+    from imu_sim_ros.campaign import slopes
+
+    grid = found[0].grid if found else ()
+    slopes_of = [
+        [one.parameter, one.estimator, _number(slope.value), f"{slope.low:.3g} - {slope.high:.3g}"]
+        for one in slopes(rows, grid, metric)
+        if (slope := one.sensitivity.slope)
+    ]
+    if slopes_of:
+        header = ["parameter", "estimator", "slope", "95 % interval"]
+        title = f"Sensitivity: d log({metric}) / d log(parameter)"
+        common.print_table(header, slopes_of, title)
 
 
 _SHOWN: Final = 40
@@ -311,8 +328,18 @@ def _row(group: "Group", metric: str) -> list[str]:
         _number(median.value),
         " - ".join(ends),
         _number(p95.value),
-        f"{nees.mean():.3g}" if len(nees) else "-",
+        _consistency(nees),
     ]
+
+
+def _consistency(nees: Any) -> str:
+    """Return the mean NEES (n,) with the band that it lies in if the covariance is right."""
+    if not len(nees):
+        return "-"
+    from imu_sim_ros.navigation import comparison
+
+    low, high = comparison.anees_band(3, len(nees))
+    return f"{nees.mean():.3g} ({low:.2f} - {high:.2f})"
 
 
 def _number(value: float | None) -> str:

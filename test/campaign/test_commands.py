@@ -280,6 +280,12 @@ def test_a_program_that_fills_the_disk_is_ended(run, tmp_path, program):
     )
 
 
+def test_a_file_without_content_counts_with_its_size(plan_file, tmp_path):
+    plan = load_plan(plan_file(estimators={"a": {"command": "truncate -s 100G one"}}))
+    (row,) = CellRuns(plan, next(plan.cells())).rows([1], ["a"], tmp_path / "out")
+    assert row["status"] == "failed: more than 2e+09 bytes written"
+
+
 def test_a_program_gets_no_more_memory_than_it_may(run):
     row = run("x = bytearray(3_000_000_000)\nprint('got it')", memory_limit=1e9)
     assert row["status"] == "failed: exit status 1: MemoryError"

@@ -278,6 +278,28 @@ def test_the_baseline_finds_what_became_worse(plan_file, campaign, tmp_path):
     assert lines[0].startswith("campaign: worse than the baseline: ate_rmse_m (all; dead_reckon)")
 
 
+def test_the_terminal_shows_bands_differences_and_sensitivities(plan_file, tmp_path, capsys):
+    """A bias of the accelerometer alone: the error grows with its first power."""
+    path = plan_file(
+        parameters={
+            "rate": 100.0,
+            "duration": 2.0,
+            "imu": "perfect",
+            "imu.accelerometer_noise_density": 1e-3,
+        },
+        grid={"imu.accelerometer_bias": {"log_range": [0.1, 10.0, 3]}},
+        seeds=8,
+    )
+    out = tmp_path / "out"
+    assert command([str(path), "-o", str(out), "--workers", "1", "--no-report"]) == 0
+    lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
+    (sensitivity,) = (line for line in lines if line.startswith("imu.accelerometer_bias dead"))
+    assert float(sensitivity.split()[2]) == pytest.approx(1.0, abs=0.01)
+    band = anees_band(3, 8)
+    assert sum(line.endswith(f"({band.low:.2f} - {band.high:.2f})") for line in lines) == 3
+    assert any("Significant differences (3;" in line for line in lines)
+
+
 def test_parquet_holds_what_csv_holds(plan_file, campaign, tmp_path):
     parquet = pytest.importorskip("pyarrow.parquet")
     path = plan_file(grid={"rate": [50, 100.0]}, parameters={"duration": 1.0})

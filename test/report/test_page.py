@@ -18,7 +18,7 @@ from imu_sim_ros.commands.report import main
 from imu_sim_ros.report import Section, html, streams
 from imu_sim_ros.report.page import column, plain, table
 
-from .conftest import GAP_AT, HOSTILE, RATE, SAMPLES
+from .conftest import GAP_AT, HOSTILE, RATE, SAMPLES, START
 
 
 def content(page):
@@ -78,6 +78,24 @@ def test_a_campaigns_runs_are_in_its_page(results, tmp_path):
     code = "\n".join(item["text"] for item in items(page, "code"))
     assert "campaign plan.yaml -o results" in code
     assert (results / "plan.yaml").read_text() in code
+
+
+def test_a_page_of_several_inputs_has_the_sections_of_each(results, bag, tmp_path):
+    """Two campaigns, a bag, and a file of poses, which is an estimate of the bag's motion."""
+    track = tmp_path / "other.tum"
+    t = (START + np.arange(1, 50) * 1_000_000_000) / 1e9
+    track.write_text("".join(f"{one:.9f} 1 2 3 0 0 0 1\n" for one in t))
+    inputs = [str(one) for one in (results, results, bag, track)]
+    output = tmp_path / "all.html"
+    assert main([*inputs, "-o", str(output), "--quiet", "--title", "all of them"]) == 0
+    page = output.read_text(encoding="utf-8")
+    titles = [section["title"] for section in content(page)["sections"]]
+    assert titles.count("results: Results") == 2
+    assert titles[-2:] == ["walk.mcap: readings", "walk.mcap: motion"]
+    assert len(items(page, "campaign")) == 2
+    (path,) = items(page, "path")
+    assert [one["name"] for one in path["series"]][1:] == ["/filter/odom", "other.tum"]
+    assert "<title>all of them</title>" in page
 
 
 def test_a_page_of_10_000_runs_is_small(results, tmp_path):

@@ -208,7 +208,9 @@ def _wait(
         if pid:
             process.returncode = os.waitstatus_to_exitcode(status)
             # The limit of a single file's size ends a program before the folder is checked.
-            full = process.returncode != 0 and _size(place) >= estimator.disk_limit
+            full = process.returncode == -signal.SIGXFSZ or (
+                process.returncode != 0 and _size(place) >= estimator.disk_limit
+            )
             reason = _too_much(estimator) if full else ""
             return process.returncode, reason, usage.ru_maxrss / 1024.0
         now = time.monotonic()
