@@ -55,6 +55,7 @@ from imu_sim_ros.lazy import exported
 if TYPE_CHECKING:
     from imu_sim_ros import camera as camera
     from imu_sim_ros.api.beside import MagneticReadings as MagneticReadings
+    from imu_sim_ros.api.beside import Orientations as Orientations
     from imu_sim_ros.api.beside import PressureReadings as PressureReadings
     from imu_sim_ros.api.calibration import Calibrated as Calibrated
     from imu_sim_ros.api.calibration import Calibration as Calibration
@@ -94,7 +95,7 @@ else:
         __name__,
         {
             "": ["camera"],
-            "api.beside": ["MagneticReadings", "PressureReadings"],
+            "api.beside": ["MagneticReadings", "Orientations", "PressureReadings"],
             "api.calibration": [
                 "Calibrated",
                 "Calibration",

@@ -43,6 +43,7 @@ from imu_sim_ros.conventions import (
     IDEAL_PRESSURE_TOPIC,
     IMU_TOPIC,
     MAGNETIC_FIELD_TOPIC,
+    ORIENTATION_TOPIC,
     PRESSURE_TOPIC,
     TEMPERATURE_TOPIC,
     TRUTH_FIX_TOPIC,
@@ -77,6 +78,7 @@ TYPES: Final[dict[str, str]] = {
     IDEAL_DELTA_VELOCITY_TOPIC: VECTOR3_STAMPED,
     MAGNETIC_FIELD_TOPIC: MAGNETIC_FIELD,
     IDEAL_MAGNETIC_FIELD_TOPIC: MAGNETIC_FIELD,
+    ORIENTATION_TOPIC: IMU,
     PRESSURE_TOPIC: FLUID_PRESSURE,
     IDEAL_PRESSURE_TOPIC: FLUID_PRESSURE,
 }
@@ -85,6 +87,7 @@ OF_THE_BODY: Final = (TRUTH_TOPIC, TRUTH_FIX_TOPIC)
 _SENSORS: Final[dict[str, str]] = {
     MAGNETIC_FIELD_TOPIC: "magnetic_field",
     IDEAL_MAGNETIC_FIELD_TOPIC: "magnetic_field",
+    ORIENTATION_TOPIC: "orientation",
     PRESSURE_TOPIC: "pressure",
     IDEAL_PRESSURE_TOPIC: "pressure",
 }
@@ -230,6 +233,29 @@ def _magnetic(block: ImuBlock) -> MagneticBlock:
     return block.magnetic_field
 
 
+def _orientation(parameters: SimulationParameters, encoding: str) -> Encode:
+    readings = ImuEncoder(parameters.imu_frame, encoding)
+
+    def encode(block: ImuBlock, now: SimulationParameters) -> Messages:
+        if block.orientation is None:
+            raise ConfigurationError(f"topic {ORIENTATION_TOPIC}: no orientation was simulated")
+        stated = block.orientation
+        rows = stated.delivered
+        of_imu = stated.rows[rows]
+        payloads = readings.pattern(
+            stated.t_ns[rows],
+            block.gyro[of_imu],
+            block.accel[of_imu],
+            gyro_variance_discrete(now.imu, now.rate),
+            accel_variance_discrete(now.imu, now.rate),
+            stated.q_wi[rows],
+            stated.variance[rows],
+        )
+        return Messages(stated.t_ns[rows], stated.release_t_ns[rows], payloads)
+
+    return encode
+
+
 def _pressure(parameters: SimulationParameters, encoding: str) -> Encode:
     pressures = FluidPressureEncoder(parameters.imu_frame, encoding)
 
@@ -320,6 +346,7 @@ _MAKERS: Final[dict[str, Callable[[SimulationParameters, str], Encode]]] = {
     IDEAL_DELTA_VELOCITY_TOPIC: _ideal_delta_velocity,
     MAGNETIC_FIELD_TOPIC: _magnetic_field,
     IDEAL_MAGNETIC_FIELD_TOPIC: _ideal_magnetic_field,
+    ORIENTATION_TOPIC: _orientation,
     PRESSURE_TOPIC: _pressure,
     IDEAL_PRESSURE_TOPIC: _ideal_pressure,
 }

@@ -19,9 +19,9 @@ from imu_sim_ros.sensor import ImuBlock
 
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
-_Readings = TypeVar("_Readings", "MagneticReadings", "PressureReadings")
+_Readings = TypeVar("_Readings", "MagneticReadings", "PressureReadings", "Orientations")
 
-SENSORS = tuple(AUXILIARY.values())
+SENSORS = (*AUXILIARY.values(), "orientation")
 
 
 @dataclass(frozen=True, repr=False)
@@ -60,6 +60,28 @@ class PressureReadings:
     """(n,) of the still air at the IMU's height [Pa]."""
     bias: Array
     """(n,) what is added to it, without white noise and rounding [Pa]."""
+
+    def __len__(self) -> int:
+        return len(self.t_ns)
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {span(self.t_ns)}>"
+
+
+@dataclass(frozen=True, repr=False)
+class Orientations:
+    """The n orientations that a board states and delivers, and the truth of each."""
+
+    t_ns: Times
+    """(n,) stamps [ns]."""
+    q_wi: Array
+    """(n, 4) of the IMU in the world, as stated: unit quaternions (w, x, y, z)."""
+    variance: Array
+    """(n, 3) stated, of the error about the world's axes [rad^2]; 0: unknown."""
+    true_t_ns: Times
+    """(n,) when the sample was taken [ns]."""
+    ideal_q_wi: Array
+    """(n, 4) the true ones."""
 
     def __len__(self) -> int:
         return len(self.t_ns)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.api.beside import MagneticReadings, PressureReadings, joined
+from imu_sim_ros.api.beside import MagneticReadings, Orientations, PressureReadings, joined
 from imu_sim_ros.api.output import saved
 from imu_sim_ros.api.readings import Odometry, Readings, frame, span
 from imu_sim_ros.config import SimulationParameters, flatten
@@ -90,6 +90,14 @@ class Flight:
         :raises ConfigurationError: where no magnetometer was simulated.
         """
         return joined(self._blocks, "magnetic_field", MagneticReadings)
+
+    @cached_property
+    def orientation(self) -> Orientations:
+        """What the board states of its orientation, in the world.
+
+        :raises ConfigurationError: where no orientation was simulated.
+        """
+        return joined(self._blocks, "orientation", Orientations)
 
     @cached_property
     def pressure(self) -> PressureReadings:

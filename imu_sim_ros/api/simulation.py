@@ -46,8 +46,8 @@ def simulate(
     :param rate: samples per second [Hz].
     :param seed: of all random streams.
     :param params_file: a ROS 2 parameter file below all other arguments.
-    :param sensors: what is simulated beside the IMU: ``magnetic_field``, ``pressure``; by default
-        what the file publishes (``publish.magnetic_field``, ...).
+    :param sensors: what is simulated beside the IMU: ``magnetic_field``, ``orientation``,
+        ``pressure``; by default what the file publishes (``publish.magnetic_field``, ...).
     :param parameters: any other parameter by its ROS name; sections are mappings:
         ``gravity=[0, 0, -9.8]``, ``temperature={"start": 20.0}``.
     :raises ConfigurationError: with a line for each problem.

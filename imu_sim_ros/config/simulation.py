@@ -24,6 +24,7 @@ from imu_sim_ros.config.parameter import (
 from imu_sim_ros.config.temperature import TemperatureParameters
 from imu_sim_ros.config.trajectory import TrajectoryParameters, find_trajectory
 from imu_sim_ros.conventions import BODY_FRAME, GRAVITY, IMU_FRAME, TRIADS, WORLD_FRAME
+from imu_sim_ros.timebase import exact_rate
 
 DEFAULT_IMU = "lecture"
 DEFAULT_TRAJECTORY = "lecture"
@@ -113,6 +114,12 @@ class SimulationParameters:
             )
         if self.curved_earth:
             yield from self._curved_earth_problems(prefix)
+        of_orientation = self.imu.orientation.rate
+        if of_orientation and (exact_rate(self.rate) / exact_rate(of_orientation)).denominator != 1:
+            yield (
+                f"{prefix}imu.orientation_rate = {of_orientation:g}: must divide the rate, "
+                f"{self.rate:g} Hz"
+            )
         if self.gravity_model != "constant" and self.gravity != GRAVITY:
             yield (
                 f"{prefix}gravity = {self.gravity}: must be omitted "

@@ -51,6 +51,9 @@ class PublishParameters:
     ground_truth_magnetic_field: bool = flag(
         False, "publish ground_truth/mag, the magnetic field without errors"
     )
+    orientation: bool = flag(
+        False, "publish imu/data, the readings of imu/data_raw with an orientation"
+    )
     pressure: bool = flag(False, "publish imu/pressure, the readings of the barometer")
     ground_truth_pressure: bool = flag(
         False, "publish ground_truth/pressure, the pressure without errors"

@@ -16,7 +16,13 @@ from numpy.typing import NDArray
 from imu_sim_ros.bags import Block, Topic, Writer, amount, described
 from imu_sim_ros.bags.text import BESIDE, Dataset, States
 from imu_sim_ros.config import BODY, SimulationParameters
-from imu_sim_ros.conventions import IMU_TOPIC, MAGNETIC_FIELD_TOPIC, PRESSURE_TOPIC, TRUTH_TOPIC
+from imu_sim_ros.conventions import (
+    IMU_TOPIC,
+    MAGNETIC_FIELD_TOPIC,
+    ORIENTATION_TOPIC,
+    PRESSURE_TOPIC,
+    TRUTH_TOPIC,
+)
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.sensor import ImuBlock
 from imu_sim_ros.topics import OF_THE_BODY, TYPES, Encode, delivered, encoder, sensors_of
@@ -27,7 +33,11 @@ SINGLE = ("",)
 """The names of the IMUs where there is one only."""
 
 
-_TABLES: Final[dict[str, str]] = {MAGNETIC_FIELD_TOPIC: "mag", PRESSURE_TOPIC: "pressure"}
+_TABLES: Final[dict[str, str]] = {
+    MAGNETIC_FIELD_TOPIC: "mag",
+    PRESSURE_TOPIC: "pressure",
+    ORIENTATION_TOPIC: "orientation",
+}
 """Topics that have a table of their own in a dataset: the key of ``bags.text.BESIDE``."""
 
 
@@ -161,6 +171,10 @@ def _table(kind: str, block: ImuBlock) -> tuple[NDArray[np.int64], NDArray[np.fl
         assert block.magnetic_field is not None
         field = block.magnetic_field
         return field.t_ns[field.delivered], field.field[field.delivered]
+    if kind == "orientation":
+        assert block.orientation is not None
+        stated = block.orientation
+        return stated.t_ns[stated.delivered], stated.q_wi[stated.delivered]
     assert block.pressure is not None
     read = block.pressure
     return read.t_ns[read.delivered], read.pressure[read.delivered, None]

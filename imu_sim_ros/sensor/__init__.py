@@ -29,7 +29,7 @@ the size of the block in which it is generated.
 """
 
 from imu_sim_ros.sensor import catalogue
-from imu_sim_ros.sensor.block import ImuBlock, MagneticBlock, PressureBlock
+from imu_sim_ros.sensor.block import ImuBlock, MagneticBlock, OrientationBlock, PressureBlock
 from imu_sim_ros.sensor.curved_earth import CurvedEarth
 from imu_sim_ros.sensor.errors import (
     accel_variance_discrete,
@@ -48,7 +48,11 @@ __all__ = [
     "Imu",
     "ImuBlock",
     "MagneticBlock",
+<<<<<<< HEAD
     "MotionSize",
+=======
+    "OrientationBlock",
+>>>>>>> b02eae9 (An orientation beside the readings: the truth with known errors, or a filter over the readings)
     "PressureBlock",
     "accel_variance_discrete",
     "catalogue",

@@ -51,6 +51,27 @@ class PressureBlock(NamedTuple):
     """(n,) what is added to it, without white noise and rounding [Pa]."""
 
 
+class OrientationBlock(NamedTuple):
+    """n orientations that a board states, at samples of the IMU's block."""
+
+    true_t_ns: NDArray[np.int64]
+    """(n,) true times [ns]."""
+    t_ns: NDArray[np.int64]
+    """(n,) the stamps of the messages [ns]."""
+    release_t_ns: NDArray[np.int64]
+    """(n,) when a message leaves the driver [ns]."""
+    delivered: NDArray[np.int64]
+    """(m,) rows that are delivered, in order."""
+    q_wi: Array
+    """(n, 4) orientation of the IMU in the world."""
+    variance: Array
+    """(n, 3) stated, of the error about the world's axes [rad^2]; 0: unknown."""
+    ideal_q_wi: Array
+    """(n, 4) the true one."""
+    rows: NDArray[np.int64]
+    """(n,) rows of the IMU's block that they belong to."""
+
+
 class ImuBlock(NamedTuple):
     """n consecutive samples of one IMU; all arrays but ``delivered`` have n rows.
 
@@ -89,3 +110,4 @@ class ImuBlock(NamedTuple):
     """The body's motion at ``true_t_ns``."""
     magnetic_field: MagneticBlock | None = None
     pressure: PressureBlock | None = None
+    orientation: OrientationBlock | None = None

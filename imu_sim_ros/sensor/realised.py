@@ -14,6 +14,7 @@ from imu_sim_ros.config import (
     SimulationParameters,
     TriadParameters,
 )
+from imu_sim_ros.config.auxiliary import MagnetometerParameters
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.sensor.errors import TurnOn, as_matrix, unit_of_seed
 
@@ -31,7 +32,14 @@ def realised_imu(parameters: SimulationParameters) -> ImuParameters:
     gyroscope, accelerometer = (
         _realised(imu.triad(name), name, parameters.seed) for name in TRIADS
     )
-    return dataclasses.replace(imu, gyroscope=gyroscope, accelerometer=accelerometer)
+    magnetometer = imu.magnetometer
+    if magnetometer != MagnetometerParameters():
+        from imu_sim_ros.sensor.auxiliary import realised_magnetometer  # most boards have none
+
+        magnetometer = realised_magnetometer(magnetometer, parameters.seed)
+    return dataclasses.replace(
+        imu, gyroscope=gyroscope, accelerometer=accelerometer, magnetometer=magnetometer
+    )
 
 
 def _realised(parameters: TriadParameters, triad: str, seed: int) -> TriadParameters:

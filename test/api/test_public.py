@@ -31,6 +31,7 @@ PUBLIC = [
     "NavigationState",
     "Noise",
     "Odometry",
+    "Orientations",
     "PoseSequence",
     "Preintegration",
     "PressureReadings",

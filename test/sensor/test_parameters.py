@@ -108,6 +108,10 @@ _WITHOUT_ERROR = (
     "imu.hysteresis_temperature",
     "imu.magnetometer_rate",
     "imu.barometer_rate",
+    "imu.orientation_drift_time",
+    "imu.orientation_acceleration_time",
+    "imu.orientation_time_constant",
+    "imu.orientation_calibrated",
 )
 """Parameters that make no error whatever their value."""
 

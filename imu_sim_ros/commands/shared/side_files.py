@@ -162,7 +162,11 @@ def describe(
     imu = parameters.imu
     mounting, lever_arm = np.reshape(imu.mounting, (3, 3)), np.asarray(imu.lever_arm)
     comment = f"simulated by imu_sim_ros, preset {imu.preset}, seed {parameters.seed}"
-    rates = {"mag": imu.magnetometer.rate, "pressure": imu.barometer.rate}
+    rates = {
+        "mag": imu.magnetometer.rate,
+        "pressure": imu.barometer.rate,
+        "orientation": imu.orientation.rate or parameters.rate,
+    }
     for name in beside:
         text_writer.write_euroc_beside(
             folder, name, index, rates[name], mounting, lever_arm, comment

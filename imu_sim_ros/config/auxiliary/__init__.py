@@ -9,6 +9,7 @@ magnetic field, the atmosphere) of a simulation. Imports the description of para
 
 from imu_sim_ros.config.auxiliary.barometer import BarometerParameters
 from imu_sim_ros.config.auxiliary.magnetometer import MagnetometerParameters
+from imu_sim_ros.config.auxiliary.orientation import OrientationParameters
 from imu_sim_ros.config.auxiliary.own_rate import OwnRateParameters
 from imu_sim_ros.config.auxiliary.surroundings import AtmosphereParameters, MagneticFieldParameters
 
@@ -17,5 +18,6 @@ __all__ = [
     "BarometerParameters",
     "MagneticFieldParameters",
     "MagnetometerParameters",
+    "OrientationParameters",
     "OwnRateParameters",
 ]

@@ -25,6 +25,7 @@ def is_wanted(topic: str, imu: str, publish: PublishParameters) -> bool:
             conventions.TEMPERATURE_TOPIC: publish.temperature,
             conventions.MAGNETIC_FIELD_TOPIC: publish.magnetic_field,
             conventions.IDEAL_MAGNETIC_FIELD_TOPIC: publish.ground_truth_magnetic_field,
+            conventions.ORIENTATION_TOPIC: publish.orientation,
             conventions.PRESSURE_TOPIC: publish.pressure,
             conventions.IDEAL_PRESSURE_TOPIC: publish.ground_truth_pressure,
             conventions.DELTA_ANGLE_TOPIC: publish.increments,

@@ -20,14 +20,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
-from imu_sim_ros.config import ImuParameters, SimulationParameters
+from imu_sim_ros.config import ZERO_VECTOR, ImuParameters, SimulationParameters
 from imu_sim_ros.config.auxiliary import MagnetometerParameters
 from imu_sim_ros.random_streams import axis_generators
 from imu_sim_ros.rotation.components import rotate, rotate_inverse, transform
 from imu_sim_ros.sensor.auxiliary.magnetic_field import MagneticField
 from imu_sim_ros.sensor.auxiliary.own_rate import OwnRate
 from imu_sim_ros.sensor.block import MagneticBlock
-from imu_sim_ros.sensor.errors import TemperatureProfile, Triad
+from imu_sim_ros.sensor.errors import TemperatureProfile, Triad, TurnOn
 from imu_sim_ros.sensor.faults import Fault
 from imu_sim_ros.trajectory import Trajectory
 
@@ -37,7 +37,7 @@ NAME: Final = "magnetometer"
 
 
 def unit_of_seed(parameters: MagnetometerParameters, seed: int) -> MagnetometerParameters:
-    """Return the magnetometer with iron and misalignment of this seed, nothing left to draw.
+    """Return the magnetometer with iron and misalignment of this seed.
 
     Offset and scale that differ from run to run are drawn with the sensor's other errors.
     """
@@ -49,8 +49,39 @@ def unit_of_seed(parameters: MagnetometerParameters, seed: int) -> MagnetometerP
             streams = axis_generators(seed, f"{NAME}.{name}")
             drawn = np.array([s.standard_normal(count) for s in streams]) * sigma[:, None]
             value = np.asarray(getattr(p, name)) + drawn.ravel()
-            changed |= {name: tuple(value.tolist()), f"{name}_sigma": (0.0, 0.0, 0.0)}
+            changed |= {name: tuple(value.tolist()), f"{name}_sigma": ZERO_VECTOR}
     return dataclasses.replace(p, **changed) if changed else p
+
+
+def realised_magnetometer(parameters: MagnetometerParameters, seed: int) -> MagnetometerParameters:
+    """Return the magnetometer of this seed with nothing left to draw but the noise.
+
+    A turn-on scale s multiplies all that the sensor's axes see: iron and currents take it.
+    """
+    p = unit_of_seed(parameters, seed)
+    drawn = TurnOn(seed, NAME, p.as_triad())
+    r_im = rotation.to_matrix(rotation.exp(p.misalignment))
+    gain = r_im @ np.diag(1.0 + drawn.scale) @ r_im.T
+    values = {
+        "soft_iron": gain @ np.reshape(p.soft_iron, (3, 3)),
+        "hard_iron": gain @ p.hard_iron,
+        "current_coupling": gain @ p.current_coupling,
+        "bias": p.bias + drawn.bias,
+        "temperature_scale": np.reshape(p.temperature_scale, (-1, 3)) / (1.0 + drawn.scale),
+    }
+    changed: dict[str, Any] = {name: tuple(np.ravel(v).tolist()) for name, v in values.items()}
+    changed |= {"turn_on_bias_sigma": ZERO_VECTOR, "turn_on_scale_sigma": ZERO_VECTOR}
+    return dataclasses.replace(p, **changed)
+
+
+def response_and_bias(parameters: MagnetometerParameters) -> tuple[Array, Array]:
+    """Return the matrix M (3, 3) and the offset b (3,) [T] of ``reading = M B + b``.
+
+    :param parameters: a realised unit; without currents, at the reference temperature.
+    """
+    p = parameters
+    r_mi = rotation.to_matrix(rotation.exp(p.misalignment)).T
+    return r_mi @ np.reshape(p.soft_iron, (3, 3)), r_mi @ p.hard_iron + p.bias
 
 
 class Magnetometer:
@@ -67,12 +98,15 @@ class Magnetometer:
         self._lever_arm_b = np.reshape(imu.lever_arm, (3, 1))
         self._r_ib = np.reshape(imu.mounting, (3, 3)).T
         unit = unit_of_seed(imu.magnetometer, parameters.seed)
+        self._unit = realised_magnetometer(imu.magnetometer, parameters.seed)
         # Both at once, and to the last digit nothing where there is nothing.
         self._r_mi = rotation.to_matrix(rotation.exp(unit.misalignment)).T
         self._iron = self._r_mi @ np.reshape(unit.soft_iron, (3, 3))
         self._hard_iron: Array = (self._r_mi @ np.array(unit.hard_iron))[:, None]
         self._coupling: Array = (self._r_mi @ np.array(unit.current_coupling))[:, None]
         self._current = np.reshape(unit.current_profile, (-1, 2)).T
+        self.imu_samples = (np.empty(0, np.int64), np.empty(0, np.bool_))
+        """Of the samples read last: the IMU's sample that each follows; whether together."""
         self._triad = Triad(
             NAME, _instantaneous(parameters), parameters.seed, imu.magnetometer.rate
         )
@@ -84,6 +118,10 @@ class Magnetometer:
         self._own.configure(parameters)
         self._triad.configure(_instantaneous(parameters))
 
+    def response_and_bias(self) -> tuple[Array, Array]:
+        """Return M (3, 3) and b (3,) of this unit, see :func:`response_and_bias`."""
+        return response_and_bias(self._unit)
+
     def inject(self, fault: Fault, first: int) -> None:
         """Let a fault begin with the first sample not before the IMU's sample ``first``."""
         self._own.inject(fault, first)
@@ -93,6 +131,7 @@ class Magnetometer:
     ) -> MagneticBlock:
         """Return the samples that were not read yet and lie before the IMU's sample ``end``."""
         samples = self._own.next(end, trajectory.duration)
+        self.imu_samples = self._own.imu_samples(samples)
         motion = trajectory.sample(samples.t)
         q_wb = np.ascontiguousarray(motion.q_wb.T)
         place = motion.position.T + rotate(q_wb, self._lever_arm_b)

@@ -107,6 +107,22 @@ class OwnRate:
             self._transport.deliver(samples.first, count, self.faults),
         )
 
+    def imu_samples(self, samples: Sampled) -> tuple[Times, NDArray[np.bool_]]:
+        """Return the IMU's sample that each of n samples follows, and whether at the same time.
+
+        In exact numbers, ``floor((time_offset + k / rate) * imu_rate)``.
+        """
+        rate = timebase.exact_rate(self._rate)
+        start = (self._offset + samples.first / rate) * self._imu_rate
+        step = self._imu_rate / rate
+        common = math.lcm(start.denominator, step.denominator)
+        whole, rest = divmod(int(start * common), common)
+        each, n = int(step * common), len(samples.t)
+        small = each * n + common < np.iinfo(np.int64).max
+        k = np.arange(n, dtype=np.int64 if small else object)
+        quotient, remainder = np.divmod(rest + each * k, common)
+        return (whole + quotient).astype(np.int64), (remainder == 0).astype(np.bool_)
+
     def _count(self, end: Fraction) -> int:
         """Return how many samples lie before a time [s]."""
         return max(math.ceil((end - self._offset) * timebase.exact_rate(self._rate)), 0)

@@ -9,12 +9,13 @@ from typing import Final
 from imu_sim_ros.config import SimulationParameters
 from imu_sim_ros.sensor.auxiliary.barometer import Barometer
 from imu_sim_ros.sensor.auxiliary.magnetometer import Magnetometer
+from imu_sim_ros.sensor.auxiliary.orientation import Orientation
 from imu_sim_ros.sensor.block import ImuBlock
 from imu_sim_ros.sensor.errors import TemperatureProfile
 from imu_sim_ros.sensor.faults import Fault
 from imu_sim_ros.trajectory import Trajectory
 
-SENSORS: Final = ("magnetic_field", "pressure")
+SENSORS: Final = ("magnetic_field", "pressure", "orientation")
 """What can be asked for; ``publish.NAME`` of the simulator."""
 
 
@@ -29,9 +30,13 @@ class Auxiliary:
         :param t0_ns: time of the IMU's sample 0 [ns].
         :param wanted: names of SENSORS.
         """
-        self._magnetometer = self._barometer = None
-        if "magnetic_field" in wanted:
+        filtered = "orientation" in wanted and parameters.imu.orientation.source == "filter"
+        self._wanted = wanted
+        self._magnetometer = self._barometer = self._orientation = None
+        if "magnetic_field" in wanted or filtered:
             self._magnetometer = Magnetometer(parameters, t0_ns)
+        if "orientation" in wanted:
+            self._orientation = Orientation(parameters, self._magnetometer if filtered else None)
         if "pressure" in wanted:
             self._barometer = Barometer(parameters, t0_ns)
 
@@ -53,10 +58,13 @@ class Auxiliary:
         self, block: ImuBlock, trajectory: Trajectory, temperature: TemperatureProfile
     ) -> ImuBlock:
         """Return a block of the IMU with the samples of the others in its window of time."""
-        end = block.first + len(block.true_t_ns)
+        end, field = block.first + len(block.true_t_ns), None
         if self._magnetometer is not None:
             field = self._magnetometer.read(end, trajectory, temperature)
-            block = block._replace(magnetic_field=field)
+            if "magnetic_field" in self._wanted:
+                block = block._replace(magnetic_field=field)
+        if self._orientation is not None:
+            block = block._replace(orientation=self._orientation.read(block, field))
         if self._barometer is not None:
             pressure = self._barometer.read(end, trajectory, temperature)
             block = block._replace(pressure=pressure)

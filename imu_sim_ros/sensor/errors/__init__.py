@@ -6,6 +6,7 @@
 Imports the leaves, and faults and random streams from the package above.
 """
 
+from imu_sim_ros.sensor.errors.autoregressive import GaussMarkovBank
 from imu_sim_ros.sensor.errors.chunked import ChunkedProcess
 from imu_sim_ros.sensor.errors.deterministic import TurnOn
 from imu_sim_ros.sensor.errors.drawn import as_matrix, unit_of_seed
@@ -20,6 +21,7 @@ from imu_sim_ros.sensor.errors.variance import (
 
 __all__ = [
     "ChunkedProcess",
+    "GaussMarkovBank",
     "Reading",
     "TemperatureProfile",
     "Triad",

@@ -30,10 +30,12 @@ PARAMETERS: dict[str, Any] = {
     "imu.magnetometer_hard_iron": [1e-5, 0.0, -2e-5],
     "imu.barometer_preset": "bmp388",
     "imu.barometer_rate": 25.0,
+    "imu.orientation_rate": 50.0,
+    "imu.orientation_noise": [0.01, 0.01, 0.03],
 }
-SENSORS = ("magnetic_field", "pressure")
-TOPICS = "imu/data_raw,imu/mag,imu/pressure,ground_truth/mag,ground_truth/pressure"
-READINGS = "imu/data_raw,imu/mag,imu/pressure"
+SENSORS = ("magnetic_field", "pressure", "orientation")
+TOPICS = "imu/data_raw,imu/mag,imu/pressure,imu/data,ground_truth/mag,ground_truth/pressure"
+READINGS = "imu/data_raw,imu/mag,imu/pressure,imu/data"
 
 
 def arguments(**more: Any) -> list[str]:
@@ -82,6 +84,17 @@ def test_bags_hold_the_samples_of_the_simulation(
     assert found[0].header.frame_id == "imu_link"
     ideal = [[getattr(m.magnetic_field, a) for a in "xyz"] for m in read["/ground_truth/mag"]]
     assert np.array_equal(ideal, field.ideal_field)
+    stated = block.orientation
+    assert stated is not None
+    found, rows = read["/imu/data"], stated.delivered
+    assert [stamp(m) for m in found] == stated.t_ns[rows].tolist()
+    q = [[getattr(m.orientation, part) for part in "wxyz"] for m in found]
+    assert np.array_equal(q, stated.q_wi[rows])
+    gyro = [[getattr(m.angular_velocity, axis) for axis in "xyz"] for m in found]
+    assert np.array_equal(gyro, block.gyro[stated.rows[rows]])
+    assert np.allclose(found[0].orientation_covariance, np.diag([1e-4, 1e-4, 9e-4]).ravel())
+    (raw, *_) = read["/imu/data_raw"]
+    assert raw.orientation_covariance[0] == -1.0
     air = block.pressure
     assert air is not None
     found, rows = read["/imu/pressure"], air.delivered
@@ -110,6 +123,11 @@ def test_folders_have_a_table_of_each(tmp_path: Path, block: ImuBlock) -> None:
         air = block.pressure
         assert air is not None
         rows_of_air = air.delivered
+        stated = block.orientation
+        assert stated is not None
+        table_of_q = table.replace("pressure", "orientation")
+        q = np.loadtxt(tmp_path / form / table_of_q, delimiter=",", skiprows=1)
+        assert np.array_equal(q[:, 1:], stated.q_wi[stated.delivered])
         assert np.array_equal(written.T, [air.t_ns[rows_of_air], air.pressure[rows_of_air]])
     text = (tmp_path / "euroc/mag0/sensor.yaml").read_text(encoding="utf-8")
     assert "rate_hz: 70" in text

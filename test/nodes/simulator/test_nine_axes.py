@@ -28,8 +28,10 @@ PARAMETERS: dict[str, Any] = {
     "imu.magnetometer_noise_density": 1e-8,
     "imu.magnetometer_bias_instability": 1e-8,
     "imu.barometer_preset": "bmp280",
+    "imu.orientation_source": "filter",
+    "imu.orientation_rate": 100.0,
 }
-SENSORS = ("magnetic_field", "pressure")
+SENSORS = ("magnetic_field", "pressure", "orientation")
 
 
 def stamps(messages: list[Any]) -> list[int]:
@@ -42,6 +44,7 @@ def test_live_samples_are_those_of_the_simulation(start: Any, listener: Any) -> 
 
     kinds = {
         "imu/data_raw": Imu,
+        "imu/data": Imu,
         "ground_truth/odom": Odometry,
         "imu/mag": MagneticField,
         "ground_truth/mag": MagneticField,
@@ -51,7 +54,7 @@ def test_live_samples_are_those_of_the_simulation(start: Any, listener: Any) -> 
     for topic, kind in kinds.items():
         listener.listen(topic, kind)
     chosen = {name.replace(".", "__"): value for name, value in PARAMETERS.items()}
-    truths = [f"ground_truth_{name}" for name in SENSORS]
+    truths = [f"ground_truth_{name}" for name in SENSORS[:2]]
     published = {f"publish__{name}": True for name in (*SENSORS, *truths)}
     node = start(
         "simulator",
@@ -78,6 +81,12 @@ def test_live_samples_are_those_of_the_simulation(start: Any, listener: Any) -> 
     assert [m.fluid_pressure for m in found] == air.pressure.tolist()
     still = listener.messages("ground_truth/pressure")
     assert [m.fluid_pressure for m in still] == air.ideal_pressure.tolist()
+    stated = block.orientation
+    assert stated is not None
+    found = listener.messages("imu/data")
+    assert stamps(found) == stated.t_ns.tolist()
+    q = [[getattr(m.orientation, part) for part in "wxyz"] for m in found]
+    assert np.array_equal(q, stated.q_wi)
     readings = listener.messages("imu/data_raw")
     assert stamps(readings) == block.t_ns.tolist()
 

@@ -1,0 +1,180 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""An orientation as a real board makes it: a complementary filter over its own readings.
+
+The gyroscope alone gives the attitude q_gi in a frame g that hardly turns: only its errors turn it.
+Seen from there, gravity and the magnetic field are slow vectors, which a low-pass frees of motion
+and noise; they tell where g is in the world. (The alignment in an inertial frame, P. M. G. Silson,
+"Coarse Alignment of a Ship's Strapdown Inertial Attitude Reference System Using Velocity Loci",
+IEEE Trans. Instrum. Meas. 60 (2011) 1930.)
+
+With the low-pass ``H = (2 tau s + 1) / (tau s + 1)^2``, whose error for a vector that moves
+steadily is 0, the tilt of a body that hardly turns is for small errors that of the filter with
+proportional and integral gain of R. Mahony, T. Hamel, J.-M. Pflimlin, "Nonlinear Complementary
+Filters on the Special Orthogonal Group", IEEE Trans. Autom. Control 53 (2008) 1203, with
+``k_P = 2 / tau`` and ``k_I = 1 / tau^2``. Unlike that recurrence it is computed in blocks; a sample
+does not depend on their size in a single bit.
+"""
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros import rotation
+from imu_sim_ros.rotation import components
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+_CHUNK: Final = 256
+
+
+class RunningProduct:
+    """Products ``q_0, q_0 q_1, ...`` of quaternions, scanned in chunks at fixed indices.
+
+    Within a chunk by doubling: an entry depends on those before it alone, and in one order.
+    """
+
+    def __init__(self) -> None:
+        self._before = np.array([[1.0], [0.0], [0.0], [0.0]])
+        self._waiting = np.empty((4, 0))
+
+    def next(self, factors: Array) -> Array:
+        """Return the products (4, n) up to each of the next factors (4, n)."""
+        done = self._waiting.shape[1]
+        every = np.concatenate([self._waiting, factors], axis=1)
+        count = every.shape[1]
+        chunks = -(-count // _CHUNK)
+        table = np.zeros((4, chunks * _CHUNK))
+        table[0] = 1.0
+        table[:, :count] = every
+        table = table.reshape(4, chunks, _CHUNK)
+        step = 1
+        while step < _CHUNK:
+            table[:, :, step:] = components.multiply(table[:, :, :-step], table[:, :, step:])
+            step *= 2
+        for k in range(chunks):
+            table[:, k] = components.multiply(self._before, table[:, k])
+            if (k + 1) * _CHUNK <= count:
+                self._before = components.normalise(table[:, k, -1:])
+        self._waiting = every[:, count // _CHUNK * _CHUNK :].copy()
+        return table.reshape(4, -1)[:, done:count]
+
+
+class SteadyLowPass:
+    """``2 F - F F`` with a first-order low-pass F, on each row (3, n).
+
+    During the first time constant the mean of all values so far, on which F settles then.
+    """
+
+    def __init__(self, time_constant: float, dt: float) -> None:
+        from scipy import signal  # half a second of import that only a filter costs
+
+        self._filter = signal.lfilter
+        self._phi = math.exp(-dt / time_constant)
+        self._settling = max(round(time_constant / dt), 1)
+        self._seen = 0
+        self._sum = np.zeros((3, 1))
+        self._states = [self._sum, self._sum]
+
+    def next(self, values: Array) -> Array:
+        """Return the next n filtered values (3, n)."""
+        first = min(max(self._settling - self._seen, 0), values.shape[1])
+        return np.concatenate([self._mean(values[:, :first]), self._low(values[:, first:])], axis=1)
+
+    def _mean(self, values: Array) -> Array:
+        if values.shape[1] == 0:
+            return values
+        # Adds one after the other, whatever the block's size.
+        sums = np.cumsum(np.concatenate([self._sum, values], axis=1), axis=1)[:, 1:]
+        counts = np.arange(self._seen + 1, self._seen + 1 + values.shape[1])
+        means: Array = sums / counts
+        self._sum, self._seen = sums[:, -1:].copy(), self._seen + values.shape[1]
+        self._states = [self._phi * means[:, -1:]] * 2
+        return means
+
+    def _low(self, values: Array) -> Array:
+        if values.shape[1] == 0:
+            return values
+        b, a = [1.0 - self._phi], [1.0, -self._phi]
+        once, self._states[0] = self._filter(b, a, values, zi=self._states[0])
+        twice, self._states[1] = self._filter(b, a, once, zi=self._states[1])
+        result: Array = 2.0 * once - twice
+        return result
+
+
+class OrientationFilter:
+    """The filter; readings come in, orientations in the world go out."""
+
+    def __init__(self, time_constant: float, dt: float, magnetic_dt: float, field_w: Array) -> None:
+        """Start with nothing known.
+
+        :param dt: time between two readings of gyroscope and accelerometer [s].
+        :param magnetic_dt: likewise of the magnetometer.
+        :param field_w: (3,) the Earth's field, ENU; it gives true north for magnetic north.
+        """
+        self._dt = dt
+        self._product = RunningProduct()
+        self._up = SteadyLowPass(time_constant, dt)
+        self._north = SteadyLowPass(time_constant, magnetic_dt)
+        self._last_rate: Array | None = None
+        self._field = np.array([[1.0], [0.0], [0.0]])
+        horizontal = math.hypot(field_w[0], field_w[1]) or 1.0
+        self._declination = (field_w[0] / horizontal, field_w[1] / horizontal)
+
+    def next(
+        self,
+        gyro: Array,
+        accel: Array,
+        field: Array,
+        behind: Indices,
+        delay: Array,
+        known: Indices,
+    ) -> Array:
+        """Return the orientations q_wi (4, n) at the next n readings.
+
+        Until the first reading of the magnetometer the heading is arbitrary.
+
+        :param gyro: (3, n) [rad/s].
+        :param accel: (3, n) [m/s^2].
+        :param field: (3, m) of the magnetometer.
+        :param behind: (m,) which of the n readings each of them follows.
+        :param delay: (m,) by how much [s].
+        :param known: (m,) from which of the n readings on each is known; n: not here.
+        """
+        if gyro.shape[1] == 0:
+            return np.empty((4, 0))
+        before = gyro[:, :1] if self._last_rate is None else self._last_rate
+        mean = 0.5 * (np.concatenate([before, gyro[:, :-1]], axis=1) + gyro)
+        if self._last_rate is None:
+            mean[:, 0] = 0.0
+        self._last_rate = gyro[:, -1:].copy()
+        q_gi = self._product.next(components.exp(mean * self._dt))
+        up = _unit(self._up.next(components.rotate(q_gi, accel)))
+        q_gm = components.multiply(q_gi[:, behind], components.exp(gyro[:, behind] * delay))
+        seen = self._north.next(components.rotate(q_gm, field))
+        latest = np.searchsorted(known, np.arange(gyro.shape[1]), side="right")
+        fields = np.concatenate([self._field, seen], axis=1)
+        self._field = fields[:, -1:].copy()
+        return components.multiply(self._in_world(up, fields[:, latest]), q_gi)
+
+    def _in_world(self, up: Array, field: Array) -> Array:
+        """Return q_wg (4, n) from the directions of up and of the field in g."""
+        north = _unit(field - up * (up[0] * field[0] + up[1] * field[1] + up[2] * field[2]))
+        east = components.cross(north, up)
+        sine, cosine = self._declination
+        r_wg = np.stack([cosine * east + sine * north, cosine * north - sine * east, up])
+        q_wg: Array = rotation.from_matrix(r_wg.transpose(2, 0, 1)).T
+        return q_wg
+
+
+def _unit(v: Array) -> Array:
+    """Return directions (3, n); z where there is none."""
+    length = np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    nothing = length == 0.0
+    result: Array = v / np.where(nothing, 1.0, length)
+    result[2, nothing] = 1.0
+    return result
