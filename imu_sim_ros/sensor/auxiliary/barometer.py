@@ -95,6 +95,7 @@ class Barometer:
         samples = self._own.next(end, trajectory.duration)
         motion = trajectory.sample(samples.t)
         arm_w = rotate(np.ascontiguousarray(motion.q_wb.T), self._lever_arm_b)
+        # In a curved world, too, z is the height above the origin's (CurvedEarth).
         ideal = self._atmosphere.pressure(self._height + motion.position[:, 2] + arm_w[2])
         gust = self._gusts.next(len(samples.t))
         values = np.zeros((3, len(samples.t)))
