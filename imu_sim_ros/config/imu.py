@@ -202,11 +202,8 @@ class ImuParameters(TimingParameters, BoardParameters, TriadsParameters):
     )
     magnetometer: MagnetometerParameters = section(MagnetometerParameters, joint="_")
     barometer: BarometerParameters = section(BarometerParameters, joint="_")
-<<<<<<< HEAD
     vibration: BoardVibrationParameters = section(BoardVibrationParameters)
-=======
     orientation: OrientationParameters = section(OrientationParameters, joint="_")
->>>>>>> b02eae9 (An orientation beside the readings: the truth with known errors, or a filter over the readings)
 
     def triad(self, name: Measured) -> TriadParameters:
         """Return the errors of one triad, or of a sensor beside them as if it were one."""

@@ -48,11 +48,8 @@ __all__ = [
     "Imu",
     "ImuBlock",
     "MagneticBlock",
-<<<<<<< HEAD
     "MotionSize",
-=======
     "OrientationBlock",
->>>>>>> b02eae9 (An orientation beside the readings: the truth with known errors, or a filter over the readings)
     "PressureBlock",
     "accel_variance_discrete",
     "catalogue",
