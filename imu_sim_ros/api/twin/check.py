@@ -132,10 +132,9 @@ def _median(errors: list[Array]) -> Array:
 def _real(source: Recorded, part: Recording, fit: Fit) -> Flown:
     course = np.zeros(len(part.stamps))
     for _ in range(_ALIGNMENTS):
-        predicted, _, slope = model.linearised(
-            fit.errors, source.body_motion, part.stamps, fit.reference, course
-        )
-        residuals = part.readings - predicted
+        t = model.true_times(fit.errors, part.stamps, fit.reference, course)
+        residuals = part.readings - model.readings(fit.errors, source.body_motion(t))
+        slope = model.slope_at(fit.errors, source.body_motion, t)
         course = course + clock.wander(part.stamps, residuals, slope, part.rate, steady=False)
     t = model.true_times(fit.errors, part.stamps, fit.reference, course)
     residuals = part.readings - model.readings(fit.errors, source.body_motion(t))

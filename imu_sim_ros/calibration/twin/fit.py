@@ -34,6 +34,8 @@ _SEGMENT: Final = 1 << 14
 _HIGHEST: Final = 2.0
 """Times the cut-off: coefficients above it know nothing of the motion."""
 _STEPS: Final = 8
+_WEIGHTINGS: Final = 2
+"""Times that the densities are taken again in one step."""
 _CLOSE: Final = 1e-3
 """Step over standard error at which the fit stands."""
 _BIN: Final = 40
@@ -99,51 +101,70 @@ class Fit(NamedTuple):
         return result
 
 
-class _Weights:
-    """Densities of the residuals' coefficients, piece by piece, axis by axis."""
+class _Sums:
+    """Sums over the coefficients of each bin and axis: all that weights and steps need.
+
+    Bin 0 holds the mean of each segment, which is the bias' and says nothing of a density.
+    """
 
     def __init__(self, segments: list[slice], rate: float, highest: float) -> None:
         self.segments = segments
-        frequencies = []
+        longest = max(s.stop - s.start for s in segments)
+        edges = [0.5]
+        while edges[-1] < longest:
+            edges.append(edges[-1] + max(_BIN, round(_WIDTH * edges[-1])))
+        upper = np.array(edges[1:]) * rate / (2 * longest)
+        self.middle = np.concatenate([[0.0], 0.5 * (upper + np.append(0.0, upper[:-1]))])
+        self._bins = []
         for s in segments:
             f = np.arange(s.stop - s.start) * rate / (2 * (s.stop - s.start))
-            frequencies.append(f[: max(np.searchsorted(f, highest), 2 * _BIN)])
-        shortest = max(s.stop - s.start for s in segments)
-        edges = [0.5]
-        while edges[-1] < shortest:
-            edges.append(edges[-1] + max(_BIN, round(_WIDTH * edges[-1])))
-        self._edges = np.array(edges) * rate / (2 * shortest)
-        self.bins = [
-            np.clip(np.searchsorted(self._edges, f, side="right") - 1, 0, len(edges) - 1)
-            for f in frequencies
-        ]
-        self.frequencies = frequencies
-        self._count = len(edges)
-        self.density: list[Array] = []
+            f = f[: max(int(np.searchsorted(f, highest)), 2 * _BIN)]
+            bins = np.minimum(1 + np.searchsorted(upper, f, side="right"), len(upper))
+            bins[0] = 0
+            self._bins.append(bins)
+        self.clear()
 
-    def flat(self, size: Array, cutoff: float) -> None:
-        """Weight alike below a cut-off, and hardly above it."""
-        self.density = [
-            np.where(f[:, None] < cutoff, 1.0, 100.0) * size**2 for f in self.frequencies
-        ]
+    def clear(self) -> None:
+        """Forget all sums."""
+        count = len(self.middle)
+        self.count = np.zeros(count)
+        self.square = np.zeros((count, 6))
+        self.product = np.zeros((count, 6, COUNT))
+        self.matrix = np.zeros((count, 6, COUNT, COUNT))
 
-    def take(self, coefficients: list[Array], leverage: list[Array]) -> None:
-        """Take the densities of residuals' coefficients (m, 6) of each segment."""
-        power, freedom = np.zeros((self._count, 6)), np.zeros((self._count, 6))
-        for c, h, bins in zip(coefficients, leverage, self.bins, strict=True):
-            used = np.arange(len(c)) > 0  # the first one is the bias'
+    def bins_of(self, segment: int) -> NDArray[np.int64]:
+        """Return the bins (m,) of a segment's coefficients."""
+        return self._bins[segment]
+
+    def add(self, segment: int, residuals: Array, jacobian: Array) -> None:
+        """Add residuals (n, 6) and Jacobian (n, 6, 38) of a segment."""
+        bins = self._bins[segment]
+        c, j = (_transformed(values, len(bins)) for values in (residuals, jacobian))
+        starts = np.flatnonzero(np.diff(bins, prepend=-1))
+        for first, last in pairwise([*starts.tolist(), len(bins)]):
+            k = bins[first]
+            self.count[k] += last - first
             for axis in range(6):
-                power[:, axis] += np.bincount(bins[used], c[used, axis] ** 2, minlength=self._count)
-                free = 1.0 - np.minimum(h[used, axis], 0.9)
-                freedom[:, axis] += np.bincount(bins[used], free, minlength=self._count)
-        floor = 1e-12 * np.maximum(power.sum(axis=0) / freedom.sum(axis=0), 1e-30)
-        density = np.maximum(power / np.maximum(freedom, 1e-9), floor)
-        empty = freedom[:, 0] <= 0
-        if empty.any():
-            known = np.flatnonzero(~empty)
-            nearest = known[np.argmin(np.abs(np.arange(self._count)[:, None] - known), axis=1)]
-            density = density[nearest]
-        self.density = [density[bins] for bins in self.bins]
+                columns, values = j[first:last, axis], c[first:last, axis]
+                self.square[k, axis] += values @ values
+                self.product[k, axis] += columns.T @ values
+                self.matrix[k, axis] += columns.T @ columns
+
+    def density(self, step: Array, inverse: Array, before: Array) -> Array:
+        """Return the densities (bins, 6) of the residuals after a step.
+
+        :param inverse: (38, 38) covariance of the parameters.
+        :param before: (bins, 6) densities with which it was found.
+        """
+        power = self.square - 2.0 * self.product @ step + (self.matrix @ step) @ step
+        taken = np.einsum("kaij,ji->ka", self.matrix, inverse) / before
+        count = self.count[:, None]
+        freedom = np.maximum(count - taken, 0.1 * count)
+        floor = 1e-12 * np.maximum(power[1:].sum(axis=0) / count[1:].sum(), 1e-30)
+        result = np.maximum(power / np.maximum(freedom, 1e-9), floor)
+        known = 1 + np.flatnonzero(self.count[1:])
+        nearest = known[np.argmin(np.abs(np.arange(len(count))[:, None] - known), axis=1)]
+        return np.asarray(result[nearest])
 
 
 def fit(
@@ -165,26 +186,65 @@ def fit(
     stamps, errors = recording.stamps, start
     wander = np.zeros(len(stamps)) if wander is None else wander
     reference = float(stamps[0] + stamps[-1]) / 2.0
-    weights = _Weights(_segments(recording.pieces), recording.rate, _HIGHEST * cutoff)
-    weights.flat(np.std(recording.readings, axis=0) + 1e-9, cutoff)
-    step = np.full(COUNT, np.inf)
+    sums = _Sums(_segments(recording.pieces), recording.rate, _HIGHEST * cutoff)
+    size = np.std(recording.readings, axis=0) + 1e-9
+    density = np.where(sums.middle[:, None] < cutoff, 1.0, 100.0) * size**2
     for count in range(_STEPS):
-        predicted, jacobian, slope = model.linearised(errors, motion_at, stamps, reference, wander)
-        residuals = recording.readings - predicted
-        normal, gradient, coefficients, leverage = _solve(
-            residuals, jacobian, weights, errors, prior
-        )
-        step = np.linalg.solve(normal, gradient).astype(np.float64)
-        sigma = np.sqrt(np.diag(np.linalg.inv(normal)))
+        sums.clear()
+        for k, rows in enumerate(sums.segments):
+            predicted, jacobian, _ = model.linearised(
+                errors, motion_at, stamps[rows], reference, wander[rows]
+            )
+            sums.add(k, recording.readings[rows] - predicted, jacobian)
+        for _ in range(_WEIGHTINGS if count else 1):
+            step, inverse = _step(sums, density, errors, prior)
+            density = sums.density(step, inverse, density)
         errors = errors.moved(step)
-        if count > 1 and np.max(np.abs(step) / sigma) < _CLOSE:
+        if count > 1 and np.max(np.abs(step) / np.sqrt(np.diag(inverse))) < _CLOSE:
             break
-        after = [c - j @ step for c, j in coefficients]
-        weights.take(after, leverage)
-    predicted, jacobian, slope = model.linearised(errors, motion_at, stamps, reference, wander)
-    residuals = recording.readings - predicted
-    covariance = _sandwich(residuals, jacobian, weights, prior)
-    return Fit(errors, covariance, residuals, reference, wander, slope)
+    return _summary(recording, motion_at, errors, sums, density, (reference, wander, prior))
+
+
+def _step(sums: _Sums, density: Array, errors: Errors, prior: Array) -> tuple[Array, Array]:
+    """Return the Gauss-Newton step (38,) and the covariance (38, 38) that the weights give."""
+    normal = np.diag(prior**-2) + np.einsum("kaij,ka->ij", sums.matrix, 1.0 / density)
+    gradient = np.einsum("kai,ka->i", sums.product, 1.0 / density) - errors.deviation() / prior**2
+    inverse = np.linalg.inv(normal)
+    return np.asarray(inverse @ gradient), inverse
+
+
+def _summary(
+    recording: Recording,
+    motion_at: MotionAt,
+    errors: Errors,
+    sums: _Sums,
+    density: Array,
+    rest: tuple[float, Array, Array],
+) -> Fit:
+    """Return the fit with residuals and covariance.
+
+    :param rest: reference, wander and prior.
+    """
+    from scipy.fft import idct
+
+    reference, wander, prior = rest
+    residuals, slopes = np.zeros((2, len(recording.stamps), 6))
+    normal, middle = np.diag(prior**-2), np.diag(prior**-2)
+    for k, rows in enumerate(sums.segments):
+        predicted, jacobian, slopes[rows] = model.linearised(
+            errors, motion_at, recording.stamps[rows], reference, wander[rows]
+        )
+        residuals[rows] = recording.readings[rows] - predicted
+        bins = sums.bins_of(k)
+        root = 1.0 / np.sqrt(density[bins])
+        j = _transformed(jacobian, len(bins)) * root[:, :, None]
+        flat = j.reshape(-1, COUNT)
+        normal += flat.T @ flat
+        white = idct(_transformed(residuals[rows], len(bins)) * root, norm="ortho", axis=0)
+        parts = np.einsum("nai,na->ni", idct(j, norm="ortho", axis=0), white)
+        middle += parts.T @ parts
+    inverse = np.linalg.inv(normal)
+    return Fit(errors, inverse @ middle @ inverse, residuals, reference, wander, slopes)
 
 
 def _segments(pieces: tuple[slice, ...]) -> list[slice]:
@@ -197,48 +257,11 @@ def _segments(pieces: tuple[slice, ...]) -> list[slice]:
 
 
 def _transformed(values: Array, count: int) -> Array:
+    """Return the first cosine coefficients (count, ...) of each column that is not zero."""
     from scipy.fft import dct
 
-    result: Array = dct(values, norm="ortho", axis=0)[:count]
-    return result
-
-
-def _solve(
-    residuals: Array, jacobian: Array, weights: _Weights, errors: Errors, prior: Array
-) -> tuple[Array, Array, list[tuple[Array, Array]], list[Array]]:
-    """Return normal matrix, gradient, transformed residuals and Jacobians, and leverages."""
-    normal = np.diag(prior**-2)
-    gradient = -errors.deviation() / prior**2
-    coefficients = []
-    for segment, density in zip(weights.segments, weights.density, strict=True):
-        c = _transformed(residuals[segment], len(density))
-        j = _transformed(jacobian[segment], len(density))
-        rows, weighted = j.reshape(-1, COUNT), (j / density[:, :, None]).reshape(-1, COUNT)
-        normal += weighted.T @ rows
-        gradient += weighted.T @ c.ravel()
-        coefficients.append((c, j))
-    inverse = np.linalg.inv(normal)
-    leverage = []
-    for (_, j), density in zip(coefficients, weights.density, strict=True):
-        leverage.append(np.einsum("nai,nai->na", j @ inverse, j) / density)
-    return normal, gradient, coefficients, leverage
-
-
-def _sandwich(residuals: Array, jacobian: Array, weights: _Weights, prior: Array) -> Array:
-    """Return the covariance of the parameters (38, 38)."""
-    from scipy.fft import idct
-
-    normal, middle = np.diag(prior**-2), np.diag(prior**-2)
-    for segment, density in zip(weights.segments, weights.density, strict=True):
-        root = 1.0 / np.sqrt(density)
-        c = _transformed(residuals[segment], len(density)) * root
-        j = _transformed(jacobian[segment], len(density)) * root[:, :, None]
-        rows = j.reshape(-1, COUNT)
-        normal += rows.T @ rows
-        white = idct(c, norm="ortho", axis=0)
-        columns = idct(j, norm="ortho", axis=0)
-        parts = np.einsum("nai,na->ni", columns, white, optimize=True)
-        middle += parts.T @ parts
-    inverse = np.linalg.inv(normal)
-    result: Array = inverse @ middle @ inverse
-    return result
+    columns = values.reshape(len(values), -1)
+    used = columns.any(axis=0)
+    result = np.zeros((count, columns.shape[1]))
+    result[:, used] = dct(columns[:, used], norm="ortho", axis=0)[:count]
+    return result.reshape(count, *values.shape[1:])

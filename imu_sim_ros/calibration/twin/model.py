@@ -132,6 +132,13 @@ def true_times(errors: Errors, stamps: Array, reference: float, wander: Array) -
     return result
 
 
+def slope_at(errors: Errors, motion_at: MotionAt, t: Array) -> Array:
+    """Return the rate of change (n, 6) of the readings at true times (n,) [s]."""
+    ahead, behind = (readings(errors, motion_at(t + h)) for h in (_STEP, -_STEP))
+    result: Array = (ahead - behind) / (2.0 * _STEP)
+    return result
+
+
 def linearised(
     errors: Errors, motion_at: MotionAt, stamps: Array, reference: float, wander: Array
 ) -> tuple[Array, Array, Array]:
@@ -139,8 +146,7 @@ def linearised(
     t = true_times(errors, stamps, reference, wander)
     motion = motion_at(t)
     rate, force = _ideal(errors, motion)
-    ahead, behind = (readings(errors, motion_at(t + h)) for h in (_STEP, -_STEP))
-    slope = (ahead - behind) / (2.0 * _STEP)
+    slope = slope_at(errors, motion_at, t)
     jacobian = np.zeros((len(stamps), 6, COUNT))
     jacobian[:, :, 0] = slope
     jacobian[:, :, 1] = slope * (stamps - reference)[:, None]
