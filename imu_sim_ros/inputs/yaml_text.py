@@ -7,6 +7,7 @@ A name that is given twice, endless nesting or strings and lists that repeat the
 what a file says is then what is used, and its size bounds the work.
 """
 
+import copy
 import re
 from functools import lru_cache
 from typing import Any, Final
@@ -20,6 +21,8 @@ _DEEPEST: Final = 32
 _MOST_ALIASES: Final = 100
 _MOST_VALUES: Final = 1_000_000
 _LONGEST_REASON: Final = 200
+_REMEMBERED: Final = 1 << 16
+"""[letters] of a text that is parsed once only, however often it is read."""
 _LONGEST_NUMBER: Final = 400
 """[letters] of one value that is read as a number."""
 
@@ -33,6 +36,12 @@ def parse_yaml(text: str) -> Any:
 
     :raises ValueError: for text that is not YAML or is refused, with the reason in one line.
     """
+    return copy.deepcopy(_parsed(text)) if len(text) < _REMEMBERED else _parsed.__wrapped__(text)
+
+
+@lru_cache(maxsize=32)
+def _parsed(text: str) -> Any:
+    """Return what a text holds; presets are read for every run of a study."""
     import yaml  # 30 ms that a start without files saves
 
     try:

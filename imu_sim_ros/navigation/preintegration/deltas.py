@@ -46,7 +46,9 @@ GYRO_BIAS_LIMIT: Final = 0.01
 """[rad/s] likewise."""
 
 _EYE: Final[Array] = np.eye(3)
-_BLOCK: Final = 2048
+_JOINED: Final = 8
+"""Steps whose F are multiplied before they are applied: a power of two."""
+_BLOCK: Final = 512
 """Steps, of all intervals together, whose F and G are computed at a time."""
 
 
@@ -100,24 +102,25 @@ def preintegrate(
     rate = readings.gyro - gyro_bias[:, None]
     force = readings.accel - accel_bias[:, None]
     alpha, beta = np.zeros((batch, 3)), np.zeros((batch, 3))
-    gamma = np.tile(rotation.IDENTITY, (batch, 1))
+    gamma = _attitudes(method, readings.h, rate)
     errors = _Errors(batch, noise, _period(readings.h), shared_noise)
     step = _midpoint if method == "midpoint" else _euler
-    block = max(1, _BLOCK // batch)
+    block = max(_JOINED, _BLOCK // batch // _JOINED * _JOINED)
     for first in range(0, readings.h.shape[1], block):
         h = np.ascontiguousarray(readings.h[:, first : first + block].T)
         ends = slice(first, first + block + 1)
         rates, forces = _pairs(rate[:, ends]), _pairs(force[:, ends])
-        gammas = _attitudes(gamma, _turn(method, h[..., None], rates))
-        gamma = gammas[-1]
-        flat = (values.reshape(-1, *values.shape[2:]) for values in (gammas[:-1], rates, forces))
+        gammas = gamma[first : first + len(h)]
+        flat = (values.reshape(-1, *values.shape[2:]) for values in (gammas, rates, forces))
         acceleration, f, g = step(h.reshape(-1, 1), *flat)
         gained = acceleration.reshape(*h.shape, 3) * h[..., None]
-        betas = beta + np.concatenate([np.zeros((1, batch, 3)), np.cumsum(gained, axis=0)])
-        alpha = alpha + np.sum((betas[:-1] + 0.5 * gained) * h[..., None], axis=0)
+        # One after the other from what there is: the same sums whatever the block.
+        betas = np.cumsum(np.concatenate([beta[None], gained]), axis=0)
+        moved = (betas[:-1] + 0.5 * gained) * h[..., None]
+        alpha = np.cumsum(np.concatenate([alpha[None], moved]), axis=0)[-1]
         beta = betas[-1]
         errors.extend(h, f.reshape(*h.shape, SIZE, SIZE), g.reshape(*h.shape, SIZE, 12))
-    mean = (readings.h.sum(axis=1), alpha, beta, gamma)
+    mean = (readings.h.sum(axis=1), alpha, beta, gamma[-1])
     return Preintegration(*mean, errors.jacobian, errors.covariance, accel_bias, gyro_bias)
 
 
@@ -134,12 +137,18 @@ def _turn(method: str, h: Array, rates: Array) -> Array:
     return result
 
 
-def _attitudes(gamma: Array, turns: Array) -> Array:
-    """Gamma (m + 1, B, 4) before each of m steps that turn by (m, B, 3), and after the last."""
-    result = np.empty((len(turns) + 1, len(gamma), 4))
-    result[0] = gamma
-    for k, increment in enumerate(rotation.exp(turns)):
-        result[k + 1] = rotation.multiply(result[k], increment)
+def _attitudes(method: str, h: Array, rate: Array) -> Array:
+    """Gamma (m + 1, B, 4) before each of m steps, and after the last.
+
+    :param h: (B, m) their lengths [s].
+    :param rate: (B, m + 1, 3) the rates at their ends [rad/s].
+    """
+    turns = _turn(method, h.T[..., None], _pairs(rate))
+    result = np.concatenate([np.tile(rotation.IDENTITY, (1, len(h), 1)), rotation.exp(turns)])
+    step = 1
+    while step < len(result):  # a scan by doubling: each is the product of up to 2 step of them
+        result[step:] = rotation.multiply(result[:-step], result[step:])
+        step *= 2
     return rotation.normalise(result)
 
 
@@ -244,22 +253,44 @@ class _Errors:
     def extend(self, h: Array, f: Array, g: Array) -> None:
         """Take m steps of lengths h (m, B) with F (m, B, 15, 15) and G (m, B, 15, 12)."""
         if self._noise is None:
-            for transition in f:
+            for transition in _joined(f)[0]:
                 self.jacobian = transition @ self.jacobian
             return
         start_t = g[..., :6].swapaxes(-1, -2)
         from_end = g[..., 6:] * self._white
         added = (g[..., :6] * self._white) @ start_t + from_end @ g[..., 6:].swapaxes(-1, -2)
         added[..., self._diagonal, self._diagonal] += h[..., None] * self._walk
-        for k, transition in enumerate(f):
+        if self._shared:
+            # A step of length 0, behind the end of a shorter interval, has no noise.
+            with_noise = np.concatenate([self._with_noise[None], from_end[:-1]])
+            crossed = f @ (with_noise @ start_t)
+            added += crossed + crossed.swapaxes(-1, -2)
+            self._with_noise = from_end[-1]
+        f, added = _joined(f, added)
+        for transition, gained in zip(f, added, strict=True):
             self.jacobian = transition @ self.jacobian
-            p = transition @ self.covariance @ transition.swapaxes(1, 2) + added[k]
-            if self._shared:
-                crossed = transition @ (self._with_noise @ start_t[k])
-                p += crossed + crossed.swapaxes(1, 2)
-                # A step of length 0, behind the end of a shorter interval, has no noise.
-                self._with_noise = from_end[k]
-            self.covariance = p
+            self.covariance = transition @ self.covariance @ transition.swapaxes(1, 2) + gained
+
+
+def _joined(f: Array, q: Array | None = None) -> tuple[Array, Array]:
+    """Return steps ``P <- F P F^T + Q`` joined eight by eight, the last ones fewer.
+
+    Neighbours are joined, then pairs, then fours: two steps after one another are ``F = F2 F1`` and
+    ``Q = F2 Q1 F2^T + Q2``. Each takes a few calls of NumPy for all of them.
+
+    :param f: (m, B, 15, 15), m > 0.
+    :param q: likewise; None: without.
+    """
+    joined = 1
+    while joined < _JOINED:
+        even = len(f) // 2 * 2
+        later = f[1:even:2]
+        if q is not None:
+            q2 = later @ q[:even:2] @ later.swapaxes(-1, -2) + q[1:even:2]
+            q = np.concatenate([q2, q[even:]])
+        f = np.concatenate([later @ f[:even:2], f[even:]])
+        joined *= 2
+    return f, f if q is None else q
 
 
 class Deltas(NamedTuple):

@@ -23,7 +23,8 @@ Attitude updates:
            ``dphi/dt = Jr(phi)^-1 w`` (Munthe-Kaas 1998).
 ``euler_angles``  (lecture eq. 36, 38)  roll, pitch and yaw; under midpoint the matrix of eq. 38 is
            that of the interval's middle, else the order would stay 1. The slope depends on the
-           attitude, so this one goes step by step through :class:`Stepper`, ten times slower.
+           attitude, so roll and pitch go step by step, which takes several times as long; in a
+           world that turns all of it does, through :class:`Stepper`.
 
 Where the world turns (``earth_rate``, in the world frame), the gyroscope reads that rate too, the
 world turns under the attitude, and the velocity is subject to Coriolis' acceleration; the
@@ -42,7 +43,7 @@ from imu_sim_ros.conventions import GRAVITY
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.navigation.correction import NO_CORRECTION, Correction
 from imu_sim_ros.navigation.state import NavigationState, NavigationStates
-from imu_sim_ros.navigation.strapdown import increments
+from imu_sim_ros.navigation.strapdown import angles, increments
 from imu_sim_ros.navigation.strapdown.increments import Increments
 from imu_sim_ros.navigation.strapdown.readings import check_readings
 from imu_sim_ros.navigation.strapdown.stepper import Stepper, check_method
@@ -90,18 +91,26 @@ def dead_reckon(
     """
     check_method(method, attitude)
     check_readings(t_ns, gyro, accel, max_gap)
-    if attitude == "euler_angles":
+    if attitude == "euler_angles" and any(earth_rate):
         stepper = Stepper(
             initial, method, attitude, gravity, correction, math.inf, earth_rate=earth_rate
         )
         return _step_through(stepper, t_ns, gyro, accel)
     states = _States(t_ns, initial, gravity, earth_rate)
+    roll_pitch = tuple(rotation.to_euler(states.attitude)[:2].tolist())
     for first in range(0, len(t_ns) - 1, _BLOCK):
         rows = slice(first, first + _BLOCK + 1)
         h = np.diff(t_ns[rows]) * 1e-9
         rate, force = correction.apply(gyro[rows], accel[rows])
         rate, force = np.ascontiguousarray(rate.T), np.ascontiguousarray(force.T)
-        states.extend(h, increments.of_readings(method, attitude, h, rate, force))
+        if attitude == "euler_angles":
+            try:
+                found, roll_pitch = angles.of_readings(method, roll_pitch, h, rate, force)
+            except angles.GimbalLockError as error:
+                raise _locked(t_ns, first + error.args[0] + 1) from None
+        else:
+            found = increments.of_readings(method, attitude, h, rate, force)
+        states.extend(h, found)
     return states.result()
 
 
@@ -162,6 +171,12 @@ class _States:
         self._earth_rate = np.asarray(earth_rate, dtype=np.float64)[:, None]
         self._last = 0
 
+    @property
+    def attitude(self) -> Array:
+        """The last attitude so far (4,)."""
+        last: Array = self._q[self._last]
+        return last
+
     def extend(self, h: Array, increment: Increments) -> None:
         """Append the states at the ends of intervals of lengths h (n,)."""
         first, self._last = self._last, self._last + len(h)
@@ -208,18 +223,24 @@ class _States:
         return NavigationStates(self._t_ns, self._position, self._velocity, self._q)
 
 
+def _locked(t_ns: NDArray[np.int64], row: int) -> InputError:
+    """Return the error of Euler angles that cannot be integrated up to a reading."""
+    return InputError(
+        f"euler_angles: the pitch is near gimbal lock at 90 degrees, "
+        f"{(int(t_ns[row]) - int(t_ns[0])) * 1e-9:.6g} s after the first reading; use so3 or "
+        "quaternion"
+    )
+
+
 def _step_through(
     stepper: Stepper, t_ns: NDArray[np.int64], gyro: Array, accel: Array
 ) -> NavigationStates:
     """Integrate one step at a time where there are no increments."""
-    rows = []
+    rows: list[tuple[float, ...]] = []
     for t, rate, force in zip(t_ns.tolist(), gyro.tolist(), accel.tolist(), strict=True):
         stepper.add(t, rate, force)
         if stepper.counts.gimbal_lock:
-            raise InputError(
-                f"euler_angles: the pitch is near gimbal lock at 90 degrees, "
-                f"{(t - int(t_ns[0])) * 1e-9:.6g} s after the first reading; use so3 or quaternion"
-            )
+            raise _locked(t_ns, len(rows))
         rows.append((*stepper.position, *stepper.velocity, *stepper.q_wb))
     table = np.array(rows)
     return NavigationStates(t_ns, table[:, :3], table[:, 3:6], table[:, 6:])

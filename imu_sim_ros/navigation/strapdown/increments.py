@@ -52,13 +52,27 @@ def of_readings(method: str, attitude: str, h: Array, rate: Array, force: Array)
     :param force: (3, n + 1) specific forces at the intervals' ends [m/s^2].
     """
     if method == "euler":
-        return Increments(_TURNS[attitude](rate[:, :-1] * h), force[:, :-1] * h, None)
+        return euler_step(_TURNS[attitude](rate[:, :-1] * h), h, force)
     mean_rate = 0.5 * (rate[:, :-1] + rate[:, 1:])
     if method == "midpoint":
-        dq = _TURNS[attitude](mean_rate * h)
-        return Increments(dq, (force[:, :-1] + rotate(dq, force[:, 1:])) * (0.5 * h), None)
+        return midpoint_step(_TURNS[attitude](mean_rate * h), h, force)
     stages = _quaternion_stages if attitude == "quaternion" else _so3_stages
-    q2, q3, q4, dq = stages(h, rate[:, :-1], mean_rate, rate[:, 1:])
+    return rk4_step(stages(h, rate[:, :-1], mean_rate, rate[:, 1:]), h, force)
+
+
+def euler_step(dq: Array, h: Array, force: Array) -> Increments:
+    """Return increments of the Euler method whose attitudes turn by dq (4, n)."""
+    return Increments(dq, force[:, :-1] * h, None)
+
+
+def midpoint_step(dq: Array, h: Array, force: Array) -> Increments:
+    """Return increments of the midpoint method whose attitudes turn by dq (4, n)."""
+    return Increments(dq, (force[:, :-1] + rotate(dq, force[:, 1:])) * (0.5 * h), None)
+
+
+def rk4_step(stages: tuple[Array, Array, Array, Array], h: Array, force: Array) -> Increments:
+    """Return increments of rk4 from the attitudes (4, n) of stages 2, 3, 4 and of the end."""
+    q2, q3, q4, dq = stages
     a1 = force[:, :-1]
     a_middle = 0.5 * (a1 + force[:, 1:])
     a2, a3, a4 = rotate(q2, a_middle), rotate(q3, a_middle), rotate(q4, force[:, 1:])
