@@ -12,8 +12,10 @@ from collections.abc import Callable, Sequence
 from typing import Final, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
+from imu_sim_ros.errors import InputError
 from imu_sim_ros.navigation.strapdown.increments import (
     Increments,
     euler_step,
@@ -30,8 +32,15 @@ _Rates: TypeAlias = Sequence[float]
 """The angular rate of an interval, at its start, in its middle and at its end: x, y, z of each."""
 
 
-class GimbalLockError(Exception):
-    """The pitch is near +-90 degrees; the argument is the number of the interval."""
+def gimbal_lock(seconds: float) -> InputError:
+    """Return the error of Euler angles that cannot be integrated.
+
+    :param seconds: from the first reading to the end of the interval.
+    """
+    return InputError(
+        f"euler_angles: the pitch is near gimbal lock at 90 degrees, {seconds:.6g} s after the "
+        "first reading; use so3 or quaternion"
+    )
 
 
 def _slope(roll: float, pitch: float, x: float, y: float, z: float) -> _Start:
@@ -73,44 +82,54 @@ _NEXT: Final[dict[str, Callable[[float, float, float, _Rates], _Start]]] = {
 }
 
 
-def of_readings(
-    method: str, start: _Start, h: Array, rate: Array, force: Array
-) -> tuple[Increments, _Start]:
-    """Return the increments between readings, and roll and pitch behind the last interval.
+class AngleIncrements:
+    """The increments of a record, piece by piece."""
 
-    :param method: euler, midpoint or rk4.
-    :param start: roll and pitch before the first interval [rad].
-    :param h: (n,) lengths of the intervals [s].
-    :param rate: (3, n + 1) angular rates at the intervals' ends [rad/s].
-    :param force: (3, n + 1) specific forces at the intervals' ends [m/s^2].
-    :raises GimbalLockError: where Euler angles cannot be integrated.
-    """
-    first, last = rate[:, :-1], rate[:, 1:]
-    mean = 0.5 * (first + last)
-    after = _NEXT[method]
-    roll, pitch = start
-    found = []
-    for length, rates in zip(
-        h.tolist(), np.concatenate([first, mean, last]).T.tolist(), strict=True
-    ):
-        found.append((roll, pitch))
-        if not -_LAST_PITCH <= pitch <= _LAST_PITCH:
-            break
-        roll, pitch = after(roll, pitch, length, rates)
-    angles = np.zeros((3, len(found)))
-    angles[:2] = np.array(found).T
-    _check(angles[1], h, first)
-    return _increments(method, angles, h, (first, mean, last), force), (roll, pitch)
+    def __init__(self, method: str, q_wb: Array) -> None:
+        """Start at an attitude (4,).
+
+        :param method: euler, midpoint or rk4.
+        """
+        self._method = method
+        self._roll, self._pitch, _ = rotation.to_euler(q_wb).tolist()
+        self._seconds = 0.0
+
+    def __call__(self, h: Array, rate: Array, force: Array) -> Increments:
+        """Return the increments between the next readings.
+
+        :param h: (n,) lengths of the intervals [s].
+        :param rate: (3, n + 1) angular rates at the intervals' ends [rad/s].
+        :param force: (3, n + 1) specific forces at the intervals' ends [m/s^2].
+        :raises InputError: near gimbal lock.
+        """
+        first, last = rate[:, :-1], rate[:, 1:]
+        mean = 0.5 * (first + last)
+        after = _NEXT[self._method]
+        roll, pitch = self._roll, self._pitch
+        found = []
+        rows = np.concatenate([first, mean, last]).T.tolist()
+        for length, rates in zip(h.tolist(), rows, strict=True):
+            found.append((roll, pitch))
+            if not -_LAST_PITCH <= pitch <= _LAST_PITCH:
+                break
+            roll, pitch = after(roll, pitch, length, rates)
+        angles = np.zeros((3, len(found)))
+        angles[:2] = np.array(found).T
+        near = _near_lock(angles[1], h[: len(found)], first[:, : len(found)])
+        if near.any():
+            raise gimbal_lock(self._seconds + float(h[: int(np.argmax(near)) + 1].sum()))
+        self._roll, self._pitch = roll, pitch
+        self._seconds += float(h.sum())
+        return _increments(self._method, angles, h, (first, mean, last), force)
 
 
-def _check(pitch: Array, h: Array, rate: Array) -> None:
-    """Refuse pitches (m,) within 1 degree, or two steps, of +-90 degrees."""
+def _near_lock(pitch: Array, h: Array, rate: Array) -> NDArray[np.bool_]:
+    """Return which pitches (n,) are within 1 degree, or two steps, of +-90 degrees."""
     turned = 2.0 * np.sqrt(np.sum(rate * rate, axis=0)) * h
-    margin = np.maximum(GIMBAL_LOCK_MARGIN, turned[: len(pitch)])
+    margin = np.maximum(GIMBAL_LOCK_MARGIN, turned)
     near = (margin > 1.0) | (np.abs(np.sin(pitch)) > np.cos(margin))
-    near |= np.abs(pitch) > _LAST_PITCH
-    if near.any():
-        raise GimbalLockError(int(np.argmax(near)))
+    result: NDArray[np.bool_] = near | (np.abs(pitch) > _LAST_PITCH)
+    return result
 
 
 def _increments(

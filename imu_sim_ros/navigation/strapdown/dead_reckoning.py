@@ -32,7 +32,8 @@ centrifugal one is part of gravity.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -54,7 +55,6 @@ __all__ = ["Stepper", "dead_reckon", "dead_reckon_integrals"]
 Array = NDArray[np.float64]
 _Vector = tuple[float, float, float]
 
-"""g_w of the lecture [m/s^2]."""
 _STILL: Final[_Vector] = (0.0, 0.0, 0.0)
 _BLOCK: Final = 16384
 """Intervals processed at a time: their arrays stay in the processor's cache."""
@@ -97,20 +97,17 @@ def dead_reckon(
         )
         return _step_through(stepper, t_ns, gyro, accel)
     states = _States(t_ns, initial, gravity, earth_rate)
-    roll_pitch = tuple(rotation.to_euler(states.attitude)[:2].tolist())
+    between: Callable[[Array, Array, Array], Increments] = partial(
+        increments.of_readings, method, attitude
+    )
+    if attitude == "euler_angles":
+        between = angles.AngleIncrements(method, states.attitude)
     for first in range(0, len(t_ns) - 1, _BLOCK):
         rows = slice(first, first + _BLOCK + 1)
         h = np.diff(t_ns[rows]) * 1e-9
         rate, force = correction.apply(gyro[rows], accel[rows])
         rate, force = np.ascontiguousarray(rate.T), np.ascontiguousarray(force.T)
-        if attitude == "euler_angles":
-            try:
-                found, roll_pitch = angles.of_readings(method, roll_pitch, h, rate, force)
-            except angles.GimbalLockError as error:
-                raise _locked(t_ns, first + error.args[0] + 1) from None
-        else:
-            found = increments.of_readings(method, attitude, h, rate, force)
-        states.extend(h, found)
+        states.extend(h, between(h, rate, force))
     return states.result()
 
 
@@ -223,15 +220,6 @@ class _States:
         return NavigationStates(self._t_ns, self._position, self._velocity, self._q)
 
 
-def _locked(t_ns: NDArray[np.int64], row: int) -> InputError:
-    """Return the error of Euler angles that cannot be integrated up to a reading."""
-    return InputError(
-        f"euler_angles: the pitch is near gimbal lock at 90 degrees, "
-        f"{(int(t_ns[row]) - int(t_ns[0])) * 1e-9:.6g} s after the first reading; use so3 or "
-        "quaternion"
-    )
-
-
 def _step_through(
     stepper: Stepper, t_ns: NDArray[np.int64], gyro: Array, accel: Array
 ) -> NavigationStates:
@@ -240,7 +228,7 @@ def _step_through(
     for t, rate, force in zip(t_ns.tolist(), gyro.tolist(), accel.tolist(), strict=True):
         stepper.add(t, rate, force)
         if stepper.counts.gimbal_lock:
-            raise _locked(t_ns, len(rows))
+            raise angles.gimbal_lock((t - int(t_ns[0])) * 1e-9)
         rows.append((*stepper.position, *stepper.velocity, *stepper.q_wb))
     table = np.array(rows)
     return NavigationStates(t_ns, table[:, :3], table[:, 3:6], table[:, 6:])
