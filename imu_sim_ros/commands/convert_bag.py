@@ -244,6 +244,7 @@ def _from_text(arguments: argparse.Namespace, form: str | None, written: Outputs
         raise InputError(f"{arguments.input}: text has no topics to choose from")
     if form == "tum":
         return _result(arguments, *_write_tum(_poses(arguments), convert.TRUTH, arguments), False)
+    _note_images(arguments)
     if form is not None:
         states = text_reader.has_states(arguments.input)
         with (
@@ -266,6 +267,18 @@ def _from_text(arguments: argparse.Namespace, form: str | None, written: Outputs
                 arguments.input, writer, _renamed(arguments), advance, _skipped(arguments)
             )
     return _result(arguments, *_tally(writer), False)
+
+
+def _note_images(arguments: argparse.Namespace) -> None:
+    """Say which images of a folder stay where they are."""
+    tables = [*arguments.input.glob("cam*/data.csv"), *arguments.input.glob("mav0/cam*/data.csv")]
+    cameras = ", ".join(sorted({path.parent.name for path in tables}))
+    if cameras and not arguments.quiet:
+        print(
+            f"convert_bag: note: the images of {cameras} are not converted: from a folder, "
+            "only readings and truth are",
+            file=sys.stderr,
+        )
 
 
 def _describe(arguments: argparse.Namespace, states: bool) -> None:

@@ -91,6 +91,13 @@ def test_the_folder_of_kalibr_bagcreater_and_chosen_topics(made, tmp_path, capsy
     assert json.loads(capsys.readouterr().out)["samples"] == 120
 
 
+def test_images_of_a_folder_are_left_with_a_word(made, tmp_path, capsys):
+    assert convert_bag.main([str(made / "mav0"), "-o", str(tmp_path / "a.mcap"), "--json"]) == 0
+    said = capsys.readouterr()
+    assert "the images of cam0, cam1 are not converted" in said.err
+    assert "/imu/data_raw" in json.loads(said.out)["messages"]
+
+
 def image(encoding, array, step=None, big=False):
     """Return a sensor_msgs/Image as rosbags gives it."""
     data = np.ascontiguousarray(array).view(np.uint8).reshape(len(array), -1)
