@@ -49,6 +49,9 @@ KEYS: Final = (*(term.key for term in TERMS), RAMP)
 """Of the standard model's parameters."""
 _NOT_FLICKER: Final = {WHITE.key: 3.0 * 0.032, QUANTISATION.key: 1.5}
 """What flicker may lack that these terms stand for, over its density at the highest frequency."""
+_FLICKER_ITSELF: Final = 0.003
+"""Share of B that is in doubt: half of the 0.6 % by which the simulator's density departs from 1/f
+up to a tenth of the rate. Only where flicker prevails up to there is B known as well as that."""
 _MARGIN: Final = 0.02
 """Share of an interval that a value keeps from its ends."""
 
@@ -121,7 +124,7 @@ def estimate(spectrum: Spectrum, axis: int) -> AxisNoise:
 def _beside_flicker(
     ends: dict[str, Interval], spectrum: Spectrum, design: Array
 ) -> dict[str, Interval]:
-    """Return the ends with those of Q and N as far apart as a flicker that is not quite 1/f asks.
+    """Return the ends with those of Q, N and B as far apart as flicker that is not quite 1/f asks.
 
     The simulator's is 1/f within 3.2 %, and no sensor's is exact: what it departs by at a third of
     the highest frequency may pass for white noise. Behind a low-pass that rounding hides there is
@@ -136,6 +139,11 @@ def _beside_flicker(
         apart = _NOT_FLICKER[term.key] * flicker / design[top, TERMS.index(term)]
         low = float(np.sqrt(max(end.low**2 - apart, 0.0)))
         result[term.key] = end._replace(low=low, high=float(np.sqrt(end.high**2 + apart)))
+    end = ends[FLICKER.key]
+    doubt = _FLICKER_ITSELF * end.value
+    low = end.value - float(np.hypot(end.value - end.low, doubt)) if end.low > 0.0 else 0.0
+    high = end.value + float(np.hypot(end.high - end.value, doubt))
+    result[FLICKER.key] = end._replace(low=max(low, 0.0), high=high)
     return result
 
 
