@@ -3,6 +3,7 @@
 
 """Tables on terminals of any width: no number is cut."""
 
+import contextlib
 import os
 import pty
 import re
@@ -51,12 +52,15 @@ def test_a_narrow_bar_cuts_its_text_and_never_its_numbers(monkeypatch, columns):
     master, slave = pty.openpty()
     monkeypatch.setenv("COLUMNS", str(columns))
     monkeypatch.setenv("TERM", "xterm")
-    with os.fdopen(slave, "w") as terminal, os.fdopen(master, "rb", buffering=0) as seen:
+    with os.fdopen(slave, "w") as terminal:
         monkeypatch.setattr(sys, "stderr", terminal)
         with common.progress("a campaign with a name of more than 40 letters", 1000) as advance:
             advance(20)
-        shown = seen.read(65536).decode()
-    lines = re.split(r"[\r\n]+", re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", shown))
+    shown = b""
+    with os.fdopen(master, "rb", buffering=0) as seen, contextlib.suppress(OSError):
+        while part := seen.read(4096):  # a terminal whose other side is closed ends with an error
+            shown += part
+    lines = re.split(r"[\r\n]+", re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", shown.decode()))
     last = [line for line in lines if line.strip()][-1]
     assert len(last) <= columns
     assert re.fullmatch(r"a campaign.* [02]% +-:--:-- *", last), last

@@ -41,7 +41,7 @@ def print_table(header: Sequence[str], rows: Sequence[Sequence[str]], title: str
     from rich.console import Console
     from rich.table import Table
 
-    table = Table(box=box.SIMPLE_HEAD, title=title or None, title_justify="left")
+    table = Table(box=box.SIMPLE_HEAD)
     for k, name in enumerate(header):
         table.add_column(name, justify="right" if k else "left", no_wrap=True)
     for row in rows:
@@ -49,7 +49,12 @@ def print_table(header: Sequence[str], rows: Sequence[Sequence[str]], title: str
     # A pipe has no width: every row stays on one line. Units stand in brackets, which are markup to
     # rich.
     width = None if sys.stdout.isatty() else max(160, needed + 4)
-    Console(width=width, highlight=False, markup=False).print(table)
+    console = Console(width=width, highlight=False, markup=False)
+    with console.capture() as captured:
+        console.print(table)
+    lines = [line.rstrip() for line in captured.get().splitlines()]
+    # A title may be longer than its table is wide; the table's own would be wrapped.
+    print("\n".join([title, *lines] if title else lines))
 
 
 def _close(header: Sequence[str], rows: Sequence[Sequence[str]], title: str) -> list[str]:
