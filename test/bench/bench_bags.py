@@ -10,11 +10,14 @@ adds 24 h at 400 Hz. Every row is a process of its own; the peak memory is that 
 import json
 import os
 import resource
+import shutil
+import statistics
 import subprocess
 import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -142,34 +145,54 @@ def child(task: str, name: str, folder: str) -> None:
     print(json.dumps({"peak_mib": peak, "seconds": seconds}))
 
 
-def measure(task: str, name: str, folder: Path) -> tuple[float, float]:
-    """Return wall seconds and the peak memory [MiB].
+class Measured(NamedTuple):
+    """Some runs of one task."""
+
+    rates: list[float]
+    """Messages per second, the lowest first."""
+    cpu_us: float
+    """Processor time of all cores for a message, the least of all runs [us]."""
+    peak_mib: float
+
+    @property
+    def median(self) -> float:
+        """Return the median of the rates."""
+        return statistics.median(self.rates)
+
+    def cells(self) -> list[str]:
+        """Return the lowest, the median and the highest rate [k/s], and the processor time."""
+        rates = (self.rates[0], self.median, self.rates[-1])
+        return [*(f"{rate / 1e3:,.0f}" for rate in rates), f"{self.cpu_us:.2f}"]
+
+
+def measure(task: str, name: str, folder: Path) -> tuple[float, float, float]:
+    """Return wall seconds, processor seconds and the peak memory [MiB].
 
     Generating counts as a whole process, the start of the interpreter included; for the shorter
     runs of the others (peers, raw writing, reading) that start is left out, in their favour.
     """
-    started = time.perf_counter()
+    before, started = os.times(), time.perf_counter()
     command = [sys.executable, __file__, "--child", task, name, str(folder)]
     output = subprocess.run(command, check=True, capture_output=True, text=True).stdout
-    wall = time.perf_counter() - started
+    wall, after = time.perf_counter() - started, os.times()
+    cpu = after.children_user + after.children_system
+    cpu -= before.children_user + before.children_system
     result = json.loads(output)
-    return wall if task in ("generate", "day") else result["seconds"], result["peak_mib"]
+    wall = wall if task in ("generate", "day") else result["seconds"]
+    return wall, cpu, result["peak_mib"]
 
 
-def speed(task: str, name: str, count: int, folder: Path, repeat: int = 3) -> tuple[float, float]:
-    """Return the median of messages per second, and the highest peak memory [MiB]."""
-    import shutil
-    import statistics
-
-    seconds, peaks = [], []
+def speed(task: str, name: str, count: int, folder: Path, repeat: int = 3) -> Measured:
+    """Return the rates, the processor time and the highest peak memory of some runs."""
+    runs = []
     for _ in range(repeat):
         if task != "read":
             shutil.rmtree(folder, ignore_errors=True)
             folder.mkdir()
-        wall, peak = measure(task, name, folder)
-        seconds.append(wall)
-        peaks.append(peak)
-    return count / statistics.median(seconds), max(peaks)
+        runs.append(measure(task, name, folder))
+    walls, cpus, peaks = zip(*runs, strict=True)
+    rates = sorted(count / wall for wall in walls)
+    return Measured(rates, min(cpus) / count * 1e6, max(peaks))
 
 
 READ = ("mcap none", "mcap lz4", "mcap zstd", "ROS 1 none", "ROS 1 lz4", "sqlite3")
@@ -177,29 +200,32 @@ READ = ("mcap none", "mcap lz4", "mcap zstd", "ROS 1 none", "ROS 1 lz4", "sqlite
 
 def tables(folder: Path) -> tuple[list[list[str]], list[list[str]]]:
     """Return the rows of writing and those of reading."""
-    raw, _ = speed("raw", "raw", MESSAGES, folder)
+    raw = speed("raw", "raw", MESSAGES, folder)
     kinds = ("mcap", "ROS 1", "sqlite3")
-    peers = {kind: speed("rosbags", kind, SLOW, folder, 1)[0] for kind in kinds}
+    peers = {kind: speed("rosbags", kind, SLOW, folder) for kind in kinds}
     rows, reading = [], []
     for name, (_, _, share) in GENERATE.items():
         count = MESSAGES // share
-        rate, peak = speed("generate", name, count, folder, 3 if share < 10 else 1)
+        found = speed("generate", name, count, folder)
         peer = peers.get(name.rsplit(" ", 1)[0], peers.get(name))
-        ratios = [f"{rate / peer:.1f}" if peer else "", f"{rate / raw:.2f}" if share == 1 else ""]
-        rows.append([name, f"{count:,}", f"{rate / 1e3:,.0f}", *ratios, f"{peak:.0f}"])
+        ratios = [
+            f"{found.median / peer.median:.1f}" if peer else "",
+            f"{found.median / raw.median:.2f}" if share == 1 else "",
+        ]
+        rows.append([name, f"{count:,}", *found.cells(), *ratios, f"{found.peak_mib:.0f}"])
         if name in READ:
-            rate, peak = speed("read", name, count, folder)
-            reading.append([name, f"{count:,}", f"{rate / 1e3:,.0f}", f"{peak:.0f}"])
+            found = speed("read", name, count, folder)
+            reading.append([name, f"{count:,}", *found.cells(), f"{found.peak_mib:.0f}"])
     rows += [
-        [f"rosbags' loop, {kind}", f"{SLOW:,}", f"{rate / 1e3:,.0f}", "1.0", "", ""]
-        for kind, rate in peers.items()
+        [f"rosbags' loop, {kind}", f"{SLOW:,}", *peer.cells(), "1.0", "", ""]
+        for kind, peer in peers.items()
     ]
-    rows.append(["raw write", f"{MESSAGES:,}", f"{raw / 1e3:,.0f}", "", "1.00", ""])
+    rows.append(["raw write", f"{MESSAGES:,}", *raw.cells(), "", "1.00", ""])
     if os.environ.get("LONG"):
         count = 24 * 3600 * 400
-        rate, peak = speed("day", "day", count, folder, 1)
-        first = ["24 h at 400 Hz, mcap lz4", f"{count:,}", f"{rate / 1e3:,.0f}"]
-        rows.append([*first, "", "", f"{peak:.0f}"])
+        found = speed("day", "day", count, folder, 1)
+        first = ["24 h at 400 Hz, mcap lz4", f"{count:,}", *found.cells()]
+        rows.append([*first, "", "", f"{found.peak_mib:.0f}"])
     return rows, reading
 
 
@@ -207,9 +233,10 @@ def main() -> None:
     """Print the tables."""
     with tempfile.TemporaryDirectory(dir=os.environ.get("BENCH_FOLDER")) as top:
         rows, reading = tables(Path(top) / "out")
-    header = ["generate, whole process", "messages", "k/s", "x rosbags", "x raw", "peak MiB"]
-    print_table(header, rows, "Writing (pairs: k pairs/s)")
-    print_table(["into arrays", "messages", "k/s", "peak MiB"], reading, "Reading")
+    of_runs = ["messages", "lowest k/s", "median", "highest", "CPU us"]
+    header = ["generate, whole process", *of_runs, "x rosbags", "x raw", "peak MiB"]
+    print_table(header, rows, "Writing, three runs each (pairs: k pairs/s)")
+    print_table(["into arrays", *of_runs, "peak MiB"], reading, "Reading")
 
 
 if __name__ == "__main__":
