@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.bags.read import odometry_blocks as odometry_blocks
     from imu_sim_ros.bags.read import open_bag as open_bag
     from imu_sim_ros.bags.read import read_imu as read_imu
+    from imu_sim_ros.bags.read import read_magnetic_field as read_magnetic_field
     from imu_sim_ros.bags.read import read_odometry as read_odometry
     from imu_sim_ros.bags.read import read_poses as read_poses
     from imu_sim_ros.bags.read import read_temperature as read_temperature
@@ -57,6 +58,7 @@ else:
                 "read_imu",
                 "read_odometry",
                 "read_poses",
+                "read_magnetic_field",
                 "read_temperature",
             ],
             "reader": ["Bag"],

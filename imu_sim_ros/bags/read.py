@@ -14,6 +14,7 @@ from imu_sim_ros.bags.atomic_file import unfinished
 from imu_sim_ros.bags.mcap import McapBag
 from imu_sim_ros.bags.messages import (
     IMU,
+    MAGNETIC_FIELD,
     ODOMETRY,
     POSE_STAMPED,
     TEMPERATURE,
@@ -48,6 +49,7 @@ __all__ = [
     "odometry_blocks",
     "open_bag",
     "read_imu",
+    "read_magnetic_field",
     "read_odometry",
     "read_poses",
     "read_temperature",
@@ -263,6 +265,23 @@ def vector_blocks(
     """Yield stamps (n,) and vectors (n, 3) of a Vector3Stamped topic in blocks."""
     for _, fields in _decoded(path, VECTOR3_STAMPED, topic, ("vector",), recover):
         yield fields.t_ns, fields.numbers["vector"]
+
+
+def read_magnetic_field(path: str | Path, topic: str | None = None) -> tuple[Times, Array]:
+    """Return stamps (n,) and fields (n, 3) [T] of a MagneticField topic.
+
+    Where a bag has the true field as well, the readings are meant.
+    """
+    if topic is None:
+        with open_bag(path) as bag:
+            names = [info.name for info in bag.topics if info.type == MAGNETIC_FIELD]
+        measured = [name for name in names if "ground_truth/" not in name]
+        topic = measured[0] if len(measured) == 1 else None
+    parts = [fields for _, fields in _decoded(path, MAGNETIC_FIELD, topic, ("magnetic_field",))]
+    return (
+        np.concatenate([_times(), *(part.t_ns for part in parts)]),
+        np.concatenate([_rows(3), *(part.numbers["magnetic_field"] for part in parts)]),
+    )
 
 
 def read_temperature(path: str | Path, topic: str | None = None) -> TemperatureMessages:

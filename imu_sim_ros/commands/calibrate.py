@@ -19,6 +19,7 @@ from imu_sim_ros.bags import (
     ImuMessages,
     OdometryMessages,
     read_imu,
+    read_magnetic_field,
     read_odometry,
     read_temperature,
 )
@@ -26,6 +27,7 @@ from imu_sim_ros.calibration.deterministic import (
     FIXTURES,
     NORM,
     Steady,
+    calibrate_magnetometer,
     calibrate_six_position,
     calibrate_temperature,
     calibrate_turntable,
@@ -38,25 +40,19 @@ from imu_sim_ros.calibration.deterministic import (
 )
 from imu_sim_ros.calibration.noise import load_truth
 from imu_sim_ros.commands import common
-from imu_sim_ros.commands.shared import add_force, add_skip_bad_rows, outputs, skipped_rows
+from imu_sim_ros.commands.shared import (
+    add_force,
+    add_skip_bad_rows,
+    calibration_table,
+    outputs,
+    skipped_rows,
+)
 from imu_sim_ros.config import IntegratorParameters, build, files
-from imu_sim_ros.conventions import GRAVITY, TRIADS
+from imu_sim_ros.conventions import GRAVITY
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.navigation import correction_of
 
 Array = NDArray[np.float64]
-
-_DIGITS = 1e-12  # of a noise-free result, relative
-_UNITS = {
-    "gyroscope_bias": "rad/s",
-    "accelerometer_bias": "m/s^2",
-    "gyroscope_g_sensitivity": "(rad/s)/(m/s^2)",
-    "gyroscope_temperature_bias": "rad/s/K^k",
-    "accelerometer_temperature_bias": "m/s^2/K^k",
-    "gyroscope_temperature_scale": "1/K^k",
-    "accelerometer_temperature_scale": "1/K^k",
-    "reference_temperature": "degC",
-}
 
 EXAMPLES: Final = """
 calibrate six_position positions.bag -o calibration
@@ -65,6 +61,7 @@ calibrate turntable table.mcap --rates-deg 30,60,120
 calibrate turntable table.mcap --truth table_truth.yaml --no-files
 calibrate temperature soak.mcap --reference 25 --truth mpu6000
 calibrate temperature ramp.bag --temperature-topic /imu/temperature -o thermal
+calibrate magnetometer tumble.bag --field 4.92e-5 --truth tumble_truth.yaml
 """
 
 
@@ -102,6 +99,13 @@ def parser() -> argparse.ArgumentParser:
     )
     temperature.add_argument(
         "--reference", metavar="DEGC", type=float, default=25.0, help="T0 (default: 25)"
+    )
+    magnetometer = _kind(kinds, "magnetometer", "hard and soft iron: turned all around")
+    magnetometer.add_argument(
+        "--field",
+        metavar="T",
+        type=float,
+        help="strength of the Earth's field [T]; without it the soft iron has the determinant 1",
     )
     return result
 
@@ -170,25 +174,29 @@ def calibrate(arguments: argparse.Namespace) -> None:
     staging = None if arguments.no_files else written.add_files(folder, names)
     with written:
         truth = load_truth(arguments.truth) if arguments.truth else None
-        left_out = skipped_rows(arguments, "calibrate", arguments.bag)
-        imu = read_imu(arguments.bag, arguments.topic, left_out)
-        values, facts, draw = _KINDS[arguments.kind](arguments, imu)
+        values, facts, draw = _KINDS[arguments.kind](arguments)
         true = {} if truth is None else correction.true_parameters(truth, values)
         if facts.get("fixture") == NORM and true:
             correction.turn_to_upper_triangular(true)
         if staging is not None:
             _write(arguments, staging, values, draw)
     if arguments.json:
-        common.print_json(_json(values, facts, true))
+        common.print_json(calibration_table.as_json(values, facts, true))
     elif not arguments.quiet:
         files = [] if arguments.no_files else [folder / name for name in names]
-        _print(values, facts, true, files)
+        calibration_table.print_all(values, facts, true, files)
 
 
 Result = tuple[correction.Parameters, dict[str, Any], Callable[[Path], None]]
 
 
-def _six_position(arguments: argparse.Namespace, imu: ImuMessages) -> Result:
+def _imu(arguments: argparse.Namespace) -> ImuMessages:
+    left_out = skipped_rows(arguments, "calibrate", arguments.bag)
+    return read_imu(arguments.bag, arguments.topic, left_out)
+
+
+def _six_position(arguments: argparse.Namespace) -> Result:
+    imu = _imu(arguments)
     steady = find_steady(imu.t_ns, imu.gyro, imu.accel)
     found = calibrate_six_position(
         steady, arguments.gravity, simple=arguments.simple, fixture=arguments.fixture
@@ -209,7 +217,8 @@ def _six_position(arguments: argparse.Namespace, imu: ImuMessages) -> Result:
     return correction.six_position_parameters(found), facts, draw
 
 
-def _turntable(arguments: argparse.Namespace, imu: ImuMessages) -> Result:
+def _turntable(arguments: argparse.Namespace) -> Result:
+    imu = _imu(arguments)
     if arguments.accelerometer is not None:
         imu = imu._replace(accel=_corrected(imu, arguments.accelerometer))
     steady, rate = _rates(arguments, imu)
@@ -236,7 +245,8 @@ def _corrected(imu: ImuMessages, path: Path) -> Array:
     return correction_of(values).apply(imu.gyro, imu.accel)[1]
 
 
-def _temperature(arguments: argparse.Namespace, imu: ImuMessages) -> Result:
+def _temperature(arguments: argparse.Namespace) -> Result:
+    imu = _imu(arguments)
     steady, rate = _rates(arguments, imu, needed=False)
     messages = read_temperature(arguments.bag, arguments.temperature_topic)
     at = temperatures_at(steady, messages.t_ns, messages.temperature)
@@ -265,10 +275,33 @@ def _temperature(arguments: argparse.Namespace, imu: ImuMessages) -> Result:
     return correction.temperature_parameters(found), facts, draw
 
 
-_KINDS: dict[str, Callable[[argparse.Namespace, ImuMessages], Result]] = {
+def _magnetometer(arguments: argparse.Namespace) -> Result:
+    strength = arguments.field
+    if strength is not None and not 0.0 < strength < 1.0:
+        raise InputError(f"--field {strength:g}: must be above 0 and below 1 T")
+    _, readings = read_magnetic_field(arguments.bag, arguments.topic)
+    found = calibrate_magnetometer(readings, strength)
+    facts = {
+        "readings": len(readings),
+        "field_T": found.field,
+        "field_given": strength is not None,
+        "noise_T": found.noise,
+        "rms_residual_T": float(np.sqrt(np.mean(found.residuals**2))),
+    }
+
+    def draw(path: Path) -> None:
+        from imu_sim_ros.plots import calibration as pictures
+
+        pictures.draw_magnetometer(found, readings, path, arguments.bag.name)
+
+    return correction.magnetometer_parameters(found), facts, draw
+
+
+_KINDS: dict[str, Callable[[argparse.Namespace], Result]] = {
     "six_position": _six_position,
     "turntable": _turntable,
     "temperature": _temperature,
+    "magnetometer": _magnetometer,
 }
 
 
@@ -320,80 +353,11 @@ def _write(
     correction.write_correction(
         values,
         folder / "correction.yaml",
-        f"{comment} For integrator and dead_reckon: x = S^-1 (reading - b).",
+        f"{comment} For integrator and dead_reckon: x = S^-1 (reading - b)."
+        if arguments.kind != "magnetometer"
+        else f"{comment} field = matrix (reading - bias), bias in T.",
     )
     draw(folder / f"{arguments.kind}.png")
-
-
-def _json(
-    values: correction.Parameters, facts: dict[str, Any], true: dict[str, Array]
-) -> dict[str, Any]:
-    parameters = {
-        name: {"value": found.value.tolist(), "sigma": found.sigma.tolist()}
-        for name, found in values.items()
-    }
-    for name, truth in true.items():
-        parameters[name]["truth"] = truth.tolist()
-    return {"parameters": parameters, **facts}
-
-
-def _print(
-    values: correction.Parameters,
-    facts: dict[str, Any],
-    true: dict[str, Array],
-    files: Sequence[Path],
-) -> None:
-    for name, fact in facts.items():
-        print(f"{name}: {_shown(fact)}")
-    for triad in (*TRIADS, "reference"):
-        own = {name: found for name, found in values.items() if name.startswith(triad)}
-        _print_group(triad, own, true)
-    for path in files:
-        print(path)
-
-
-def _print_group(triad: str, values: correction.Parameters, true: dict[str, Array]) -> None:
-    """Print the parameters of one sensor, or of both; off: by how many standard errors."""
-    header = ["", "value", "sigma", "unit", *(["truth", "off"] if true else [])]
-    rows = []
-    for name, found in values.items():
-        for k, label in enumerate(_labels(len(found.value))):
-            short = name.removeprefix(f"{triad}_")
-            row = [
-                f"{short} {label}",
-                f"{found.value[k]:.6g}",
-                f"{found.sigma[k]:.2g}" if found.sigma[k] > 0.0 else "",
-                _UNITS.get(name, "1"),
-            ]
-            if true:
-                row += _deviation(found.value[k], found.sigma[k], true[name][k])
-            rows.append(row)
-    if rows:
-        common.print_table(header, rows, f"{triad.capitalize()}; sigma: standard error")
-
-
-def _shown(fact: object) -> str:
-    if isinstance(fact, list):
-        return ", ".join(_shown(entry) for entry in fact)
-    return f"{fact:.4g}" if isinstance(fact, float) else str(fact)
-
-
-def _labels(count: int) -> list[str]:
-    if count == 9:
-        return [f"{row}{column}" for row in "xyz" for column in "xyz"]
-    if count == 1:
-        return [""]
-    orders = count // 3
-    return [f"{axis}{k + 1 if orders > 1 else ''}" for k in range(orders) for axis in "xyz"]
-
-
-def _deviation(value: float, sigma: float, truth: float) -> list[str]:
-    """Return the truth and the distance to it in standard errors; a sigma of 0 is exact."""
-    if sigma > 0.0:
-        shown = f"{abs(value - truth) / sigma:.1f}"
-    else:
-        shown = "0.0" if np.isclose(value, truth, rtol=_DIGITS, atol=_DIGITS) else ""
-    return [f"{truth:.6g}", shown]
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from imu_sim_ros.calibration.deterministic import (
     FACES,
     AxisResponse,
+    Ellipsoid,
     SixPosition,
     Temperature,
     TriadTemperature,
@@ -130,6 +131,35 @@ def _residuals(
     panels[1].set_xlim(-0.5, len(labels) - 0.5)
     panels[1].set_xlabel(names[0])
     return figure
+
+
+def draw_magnetometer(
+    result: Ellipsoid, readings: Array, path: str | Path, source: str = ""
+) -> None:
+    """Write the field's strength as read and as corrected, and what is left over the directions.
+
+    :param readings: (n, 3) [T].
+    :param source: name of the bag, for the title.
+    """
+    corrected = np.linalg.solve(result.soft_iron, (readings - result.hard_iron).T).T
+    thin = slice(None, None, max(len(readings) // 4000, 1))
+    figure = style.figure(9.0, 4.5)
+    left, right = figure.subplots(1, 2)
+    for values, label in ((readings, "as read"), (corrected, "corrected")):
+        left.plot(np.linalg.norm(values, axis=1)[thin] * 1e6, ".", markersize=2, label=label)
+    left.set_xlabel("reading")
+    left.set_ylabel("strength of the field [uT]")
+    left.legend()
+    direction = corrected / np.linalg.norm(corrected, axis=1)[:, None]
+    azimuth = np.degrees(np.arctan2(direction[:, 1], direction[:, 0]))
+    shown = right.scatter(
+        azimuth[thin], direction[thin, 2], c=result.residuals[thin] * 1e6, s=4, cmap="coolwarm"
+    )
+    right.set_xlabel("azimuth in the sensor [deg]")
+    right.set_ylabel("z of the direction")
+    figure.colorbar(shown, ax=right, label="residual [uT]")
+    figure.suptitle(f"{_named(source)}magnetometer, {len(readings)} readings")
+    style.save(figure, path)
 
 
 def draw_temperature(result: Temperature, path: str | Path, source: str = "") -> None:

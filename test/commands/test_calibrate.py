@@ -4,12 +4,15 @@
 """The command calibrate on simulated bags, end to end."""
 
 import json
+import math
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from imu_sim_ros.bags import read_magnetic_field
 from imu_sim_ros.commands import calibrate, generate
+from imu_sim_ros.config import files
 
 FLAWS = """
 /**:
@@ -148,3 +151,44 @@ def test_bad_arguments(capsys):
         calibrate.main(["turntable", "x.bag", "--rates", "1,two"])
     assert status.value.code == 2
     assert "numbers separated by commas" in capsys.readouterr().err
+
+
+def test_a_tumbling_magnetometer_gives_its_iron_back(tmp_path, capsys):
+    bag, truth = tmp_path / "tumble.mcap", tmp_path / "tumble_truth.yaml"
+    options = {
+        "imu.preset": "mpu9250",
+        "trajectory.type": "tumble",
+        "duration": 60.0,
+        "seed": 4,
+        "imu.magnetometer_hard_iron_sigma": 2e-5,
+        "imu.magnetometer_soft_iron_sigma": 0.03,
+        "imu.magnetometer_noise_density": 3e-8,
+    }
+    settings = [word for name, value in options.items() for word in ("--set", f"{name}={value}")]
+    topics = "imu/mag,ground_truth/mag"
+    made = generate.main(["-o", str(bag), "--quiet", "--topics", topics, *settings])
+    assert made == 0
+    strength = math.hypot(2e-5, 4.5e-5)
+    options = [str(bag), "--field", repr(strength), "--truth", str(truth)]
+    assert calibrate.main(["magnetometer", *options, "-o", str(tmp_path / "run"), "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    for found in result["parameters"].values():
+        off = np.subtract(found["value"], found["truth"]) / found["sigma"]
+        assert np.abs(off).max() < 4.0
+    assert sorted(path.name for path in (tmp_path / "run").iterdir()) == [
+        "correction.yaml",
+        "imu.yaml",
+        "magnetometer.png",
+    ]
+    fitted = files.load(tmp_path / "run/imu.yaml")
+    assert set(fitted) == {"imu.magnetometer_hard_iron", "imu.magnetometer_soft_iron"}
+    own = files.load(tmp_path / "run/correction.yaml", "magnetometer")
+    matrix = np.reshape(own["matrix"], (3, 3))
+    assert np.allclose(matrix @ np.reshape(fitted["imu.magnetometer_soft_iron"], (3, 3)), np.eye(3))
+    _, readings = read_magnetic_field(bag)
+    corrected = np.linalg.norm((readings - own["bias"]) @ matrix.T, axis=1)
+    assert np.std(corrected) < 4e-7 < 5e-6 < np.std(np.linalg.norm(readings, axis=1))
+    assert calibrate.main(["magnetometer", *options, "--no-files"]) == 0
+    assert "hard_iron x" in capsys.readouterr().out
+    assert calibrate.main(["magnetometer", str(bag), "--no-files", "--field", "50"]) == 2
+    assert "--field 50: must be above 0 and below 1 T" in capsys.readouterr().err

@@ -7,6 +7,11 @@ Imports the leaves and the package above.
 """
 
 from imu_sim_ros.calibration.deterministic import correction
+from imu_sim_ros.calibration.deterministic.ellipsoid import (
+    Ellipsoid,
+    calibrate_magnetometer,
+    symmetric_root,
+)
 from imu_sim_ros.calibration.deterministic.positions import (
     FACES,
     FIXTURES,
@@ -36,11 +41,13 @@ __all__ = [
     "FIXTURES",
     "NORM",
     "AxisResponse",
+    "Ellipsoid",
     "SixPosition",
     "Steady",
     "Temperature",
     "TriadTemperature",
     "Turntable",
+    "calibrate_magnetometer",
     "calibrate_six_position",
     "calibrate_temperature",
     "calibrate_turntable",
@@ -49,6 +56,7 @@ __all__ = [
     "known_rates",
     "polynomial_sigma",
     "specific_force",
+    "symmetric_root",
     "temperatures_at",
     "true_rates",
 ]

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.calibration.deterministic.ellipsoid import Ellipsoid, symmetric_root
 from imu_sim_ros.calibration.deterministic.gravity_norm import upper_triangular
 from imu_sim_ros.calibration.deterministic.positions import SixPosition
 from imu_sim_ros.calibration.deterministic.temperature import Temperature, TriadTemperature
@@ -29,6 +30,8 @@ class Calibrated(NamedTuple):
 
 Parameters = dict[str, Calibrated]
 
+SOFT_IRON = "magnetometer_soft_iron"
+HARD_IRON = "magnetometer_hard_iron"
 _CORRECTION = (
     "gyroscope_bias",
     "accelerometer_bias",
@@ -60,6 +63,14 @@ def turntable_parameters(result: Turntable) -> Parameters:
     if result.g_sensitivity is not None and result.g_sensitivity_sigma is not None:
         values["gyroscope_g_sensitivity"] = _flat(result.g_sensitivity, result.g_sensitivity_sigma)
     return values
+
+
+def magnetometer_parameters(result: Ellipsoid) -> Parameters:
+    """Return the parameters of a run with a magnetometer."""
+    return {
+        SOFT_IRON: _flat(result.soft_iron, result.soft_iron_sigma),
+        HARD_IRON: _flat(result.hard_iron, result.hard_iron_sigma),
+    }
 
 
 def temperature_parameters(result: Temperature) -> Parameters:
@@ -100,7 +111,20 @@ def write_simulator(values: Parameters, path: Path, comment: str) -> None:
 
 
 def write_correction(values: Parameters, path: Path, comment: str) -> None:
-    """Write the correction for ``integrator`` and ``dead_reckon``: x = S^-1 (reading - b)."""
+    """Write the correction for ``integrator`` and ``dead_reckon``: x = S^-1 (reading - b).
+
+    That of a magnetometer, which they do not have, is for other programs: matrix and bias of
+    ``field = matrix (reading - bias)``.
+    """
+    if SOFT_IRON in values:
+        matrix = values[SOFT_IRON].value.reshape(3, 3)
+        inverse: Array = np.linalg.inv(matrix).astype(np.float64)
+        own = {
+            "bias": _value(HARD_IRON, values[HARD_IRON].value),
+            "matrix": _value(SOFT_IRON, inverse.ravel()),
+        }
+        files.write(own, path, "magnetometer", comment)
+        return
     chosen = {n: _value(n, v.value) for n, v in values.items() if n in _CORRECTION}
     files.write(chosen, path, comment=comment)
 
@@ -115,6 +139,8 @@ def true_parameters(imu: ImuParameters, values: Mapping[str, Calibrated]) -> dic
     given = flatten(imu)
     for triad in TRIADS:
         given[f"{triad}_scale_misalignment"] = tuple(imu.triad(triad).response().ravel().tolist())
+    m, b = imu.magnetometer.response_and_bias()
+    given |= {SOFT_IRON: tuple(symmetric_root(m).ravel().tolist()), HARD_IRON: tuple(b.tolist())}
     result = {}
     for name, found in values.items():
         truth = np.ravel(np.asarray(given[name], dtype=np.float64))

@@ -15,6 +15,7 @@ from imu_sim_ros.lazy import exported
 
 if TYPE_CHECKING:
     from imu_sim_ros.commands.shared import bag_output as bag_output
+    from imu_sim_ros.commands.shared import calibration_table as calibration_table
     from imu_sim_ros.commands.shared import camera_output as camera_output
     from imu_sim_ros.commands.shared import reprojection as reprojection
     from imu_sim_ros.commands.shared.output_arguments import PICTURES as PICTURES
@@ -41,7 +42,7 @@ else:
     __getattr__, __dir__, __all__ = exported(
         __name__,
         {
-            "": ["bag_output", "camera_output", "reprojection"],
+            "": ["bag_output", "calibration_table", "camera_output", "reprojection"],
             "output_arguments": ["PICTURES", "add_force", "output_and_plot", "outputs"],
             "pose_arguments": ["PoseReader", "add_skip_bad_rows", "skipped_rows"],
             "side_files": [

@@ -7,9 +7,14 @@ Where an error is one that gyroscopes and accelerometers have as well, its name 
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from itertools import pairwise
+from typing import Final
 
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros import rotation
 from imu_sim_ros.config.auxiliary.own_rate import OwnRateParameters
 from imu_sim_ros.config.parameter import (
     IDENTITY_MATRIX,
@@ -20,6 +25,19 @@ from imu_sim_ros.config.parameter import (
     vector,
 )
 from imu_sim_ros.config.triads import TriadParameters
+
+_AS_IN_TRIADS: Final = (
+    "noise_density",
+    "random_walk",
+    "bias_instability",
+    "bias",
+    "turn_on_bias_sigma",
+    "turn_on_scale_sigma",
+    "temperature_bias",
+    "temperature_scale",
+    "range",
+    "resolution",
+)
 
 
 @dataclass(frozen=True)
@@ -119,11 +137,17 @@ class MagnetometerParameters(OwnRateParameters):
         0.0, "step of the digital output (1 LSB); 0: none", unit="T", minimum=0.0, live=True
     )
 
+    def response_and_bias(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return M (3, 3) and b (3,) [T] of ``reading = M B + b``, both in the sensor's axes.
+
+        Of a unit with nothing left to draw; without currents, at the reference temperature.
+        """
+        r_mi = rotation.to_matrix(rotation.exp(self.misalignment)).T
+        return r_mi @ np.reshape(self.soft_iron, (3, 3)), r_mi @ self.hard_iron + self.bias
+
     def as_triad(self) -> TriadParameters:
         """Return the errors of the sensor itself; iron, axes and currents are not among them."""
-        own = {field.name for field in fields(self)}
-        shared = [field.name for field in fields(TriadParameters) if field.name in own]
-        return TriadParameters(**{name: getattr(self, name) for name in shared})
+        return TriadParameters(**{name: getattr(self, name) for name in _AS_IN_TRIADS})
 
     def problems(self, prefix: str) -> Iterator[str]:
         """Yield a line for each contradiction between parameters."""

@@ -10,7 +10,7 @@ leaves, and the errors, faults and clocks of the package above.
 
 from imu_sim_ros.sensor.auxiliary.atmosphere import Atmosphere
 from imu_sim_ros.sensor.auxiliary.magnetic_field import MagneticField
-from imu_sim_ros.sensor.auxiliary.magnetometer import realised_magnetometer, response_and_bias
+from imu_sim_ros.sensor.auxiliary.magnetometer import realised_magnetometer
 from imu_sim_ros.sensor.auxiliary.suite import SENSORS, Auxiliary
 
 __all__ = [
@@ -19,5 +19,4 @@ __all__ = [
     "Auxiliary",
     "MagneticField",
     "realised_magnetometer",
-    "response_and_bias",
 ]

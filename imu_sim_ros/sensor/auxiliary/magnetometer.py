@@ -74,16 +74,6 @@ def realised_magnetometer(parameters: MagnetometerParameters, seed: int) -> Magn
     return dataclasses.replace(p, **changed)
 
 
-def response_and_bias(parameters: MagnetometerParameters) -> tuple[Array, Array]:
-    """Return the matrix M (3, 3) and the offset b (3,) [T] of ``reading = M B + b``.
-
-    :param parameters: a realised unit; without currents, at the reference temperature.
-    """
-    p = parameters
-    r_mi = rotation.to_matrix(rotation.exp(p.misalignment)).T
-    return r_mi @ np.reshape(p.soft_iron, (3, 3)), r_mi @ p.hard_iron + p.bias
-
-
 class Magnetometer:
     """One magnetometer; its samples are read in order."""
 
@@ -98,7 +88,6 @@ class Magnetometer:
         self._lever_arm_b = np.reshape(imu.lever_arm, (3, 1))
         self._r_ib = np.reshape(imu.mounting, (3, 3)).T
         unit = unit_of_seed(imu.magnetometer, parameters.seed)
-        self._unit = realised_magnetometer(imu.magnetometer, parameters.seed)
         # Both at once, and to the last digit nothing where there is nothing.
         self._r_mi = rotation.to_matrix(rotation.exp(unit.misalignment)).T
         self._iron = self._r_mi @ np.reshape(unit.soft_iron, (3, 3))
@@ -117,10 +106,6 @@ class Magnetometer:
         self._reference_temperature = parameters.imu.reference_temperature
         self._own.configure(parameters)
         self._triad.configure(_instantaneous(parameters))
-
-    def response_and_bias(self) -> tuple[Array, Array]:
-        """Return M (3, 3) and b (3,) of this unit, see :func:`response_and_bias`."""
-        return response_and_bias(self._unit)
 
     def inject(self, fault: Fault, first: int) -> None:
         """Let a fault begin with the first sample not before the IMU's sample ``first``."""

@@ -56,7 +56,7 @@ class FilteredOrientation:
             self._corrections = [
                 _Correction(unit.gyroscope.response(), np.array(unit.gyroscope.bias)),
                 _Correction(unit.accelerometer.response(), np.array(unit.accelerometer.bias)),
-                _Correction(*magnetometer.response_and_bias()),
+                _Correction(*unit.magnetometer.response_and_bias()),
             ]
 
     def next(

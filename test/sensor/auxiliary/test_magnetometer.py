@@ -3,6 +3,7 @@
 
 """The magnetometer against formulas written down anew with SciPy's rotations, and its own grid."""
 
+import dataclasses
 import math
 from typing import Any
 
@@ -14,7 +15,7 @@ from scipy.stats import chi2
 from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.sensor import Fault
-from imu_sim_ros.sensor.auxiliary import MagneticField
+from imu_sim_ros.sensor.auxiliary import MagneticField, realised_magnetometer
 from imu_sim_ros.sensor.block import MagneticBlock
 from imu_sim_ros.simulation import SimulatedBody, Simulation
 
@@ -191,6 +192,24 @@ def test_noise_has_the_stated_density_and_the_units_differ_as_stated() -> None:
         drawn.append(magnetic(simulation(unit), 2, 2).bias[0])
     ratio = np.sum(np.square(drawn)) / 1e-10
     assert chi2.ppf(1e-4, 180) < ratio < chi2.ppf(1.0 - 1e-4, 180)
+
+
+def test_the_realised_unit_reads_the_same() -> None:
+    drawn = {name: value for name, value in RANDOM.items() if name.endswith("_sigma")}
+    run = simulation(IRON, drawn)
+    unit = realised_magnetometer(run.parameters.imu.magnetometer, run.parameters.seed)
+    assert not any(any(getattr(unit, f"{name}_sigma")) for name in ("hard_iron", "turn_on_scale"))
+    read = magnetic(run, 50, 50)  # the current begins later
+    m, b = unit.response_and_bias()
+    assert np.allclose(read.field, read.ideal_field @ m.T + b, rtol=0.0, atol=1e-9 * 5e-5)
+    again = dataclasses.replace(run.parameters.imu, magnetometer=unit)
+    same = Simulation(dataclasses.replace(run.parameters, imu=again), sensors=("magnetic_field",))
+    assert np.allclose(
+        magnetic(same, 1000, 1000).field,
+        magnetic(simulation(IRON, drawn), 1000, 1000).field,
+        rtol=0.0,
+        atol=1e-9 * 5e-5,
+    )
 
 
 def test_temperature_range_and_steps_act_as_in_other_sensors() -> None:

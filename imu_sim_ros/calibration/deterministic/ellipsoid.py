@@ -1,0 +1,175 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Calibration of a magnetometer that is turned all around: its readings lie on an ellipsoid.
+
+``y = S B + b + n`` with ``|B| = F`` wherever the sensor points: ``|S^-1 (y - b)| = F``. A rotation
+of all axes changes no norm, so S is chosen symmetric: it is the root of ``M M^T``, M being what
+soft iron, scales and axes make of a field together. Nine parameters, by least squares of the norms
+weighted with their standard errors (P. D. Groves, "Principles of GNSS, Inertial, and Multisensor
+Integrated Navigation Systems", 2nd ed., section 6.1.2; D. Gebre-Egziabher et al., "Calibration of
+Strapdown Magnetometers in Magnetic Field Domain", J. Aerosp. Eng. 19 (2006) 87).
+"""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.errors import InputError
+
+Array = NDArray[np.float64]
+
+PARAMETERS: Final = 9
+_ROWS: Final = np.array([0, 0, 0, 1, 1, 2])
+_COLUMNS: Final = np.array([0, 1, 2, 1, 2, 2])
+_STEPS: Final = 50
+_CONVERGED: Final = 1e-13
+_DEPENDENT: Final = 1e-3
+"""Ratio of singular values below which directions do not determine the parameters."""
+
+
+class Ellipsoid(NamedTuple):
+    """A magnetometer's parameters."""
+
+    soft_iron: Array
+    """(3, 3) S, symmetric and positive."""
+    soft_iron_sigma: Array
+    """(3, 3) standard errors."""
+    hard_iron: Array
+    """(3,) b [T]."""
+    hard_iron_sigma: Array
+    """(3,)"""
+    field: float
+    """F, as given, or such that S has the determinant 1 [T]."""
+    residuals: Array
+    """(n,) ``|S^-1 (y - b)| - F`` [T]."""
+    noise: float
+    """Standard deviation of a reading per axis, from the residuals [T]."""
+
+
+def calibrate_magnetometer(readings: Array, field: float | None = None) -> Ellipsoid:
+    """Return the ellipsoid of readings (n, 3) [T] with the standard errors of its parameters.
+
+    The errors of the readings are taken as white, alike on all axes.
+
+    :param field: the field's true strength [T]; None: not known, S then has the determinant 1.
+    :raises InputError: where the readings do not determine the parameters.
+    """
+    if len(readings) <= PARAMETERS:
+        raise InputError(f"{len(readings)} readings of the magnetometer: needs more than 9")
+    if not np.isfinite(readings).all():
+        raise InputError("magnetometer: not all readings are finite")
+    size = float(np.sqrt(np.mean(np.square(readings - readings.mean(axis=0)).sum(axis=1))))
+    if size <= 1e-12 * float(np.abs(readings).max()):
+        raise InputError("magnetometer: the readings are all the same")
+    # In units of the readings' spread: the numbers are of order 1.
+    y = readings / size
+    inverse, bias = _algebraic(y)
+    if inverse is None:
+        raise InputError(
+            "magnetometer: the readings do not determine an ellipsoid: turn the sensor all around"
+        )
+    variance = 0.0
+    for _ in range(_STEPS):
+        fit = _Step(y, inverse, bias, variance)
+        inverse, bias = fit.inverse, fit.bias
+        variance, before = fit.variance, variance
+        if fit.change < _CONVERGED and abs(variance - before) <= 1e-9 * variance + 1e-30:
+            break
+    return _summary(y, inverse, bias, variance, size, field)
+
+
+def _algebraic(y: Array) -> tuple[Array | None, Array]:
+    """Return T (3, 3) with ``|T (y - b)| = 1`` roughly, and b; None where it is not an ellipsoid.
+
+    The quadric ``y^T A y + 2 c^T y = 1`` by linear least squares.
+    """
+    design = np.column_stack(
+        [y[:, _ROWS] * y[:, _COLUMNS] * np.where(_ROWS == _COLUMNS, 1.0, 2.0), 2.0 * y]
+    )
+    lengths = np.linalg.norm(design, axis=0)
+    centre = np.zeros(3)
+    if (lengths == 0.0).any():
+        return None, centre
+    scaled = design / lengths
+    singular = np.linalg.svd(scaled, compute_uv=False)
+    if singular[-1] < _DEPENDENT * singular[0]:
+        return None, centre
+    found = np.linalg.lstsq(design, np.ones(len(y)), rcond=None)[0]
+    a = np.zeros((3, 3))
+    a[_ROWS, _COLUMNS] = a[_COLUMNS, _ROWS] = found[:6]
+    centre = -np.linalg.solve(a, found[6:])
+    shape = a / (1.0 + centre @ a @ centre)
+    values, vectors = np.linalg.eigh(shape)
+    if values[0] <= 0.0:
+        return None, centre
+    return vectors @ np.diag(np.sqrt(values)) @ vectors.T, centre
+
+
+class _Step:
+    """One Gauss-Newton step; T is the inverse of S, and F is 1."""
+
+    def __init__(self, y: Array, inverse: Array, bias: Array, variance: float) -> None:
+        centred = y - bias
+        force = centred @ inverse.T
+        norms = np.linalg.norm(force, axis=1)
+        slope = (force @ inverse) / norms[:, None]
+        squared = np.sum(slope * slope, axis=1)
+        # Noise across a vector makes it longer, by half its variance over the length.
+        longer = 0.5 * variance * (np.sum(inverse * inverse) - squared) / norms
+        self.residuals = norms - 1.0 - longer
+        by_matrix = force[:, _ROWS] * centred[:, _COLUMNS]
+        mixed = _ROWS != _COLUMNS
+        by_matrix[:, mixed] += force[:, _COLUMNS[mixed]] * centred[:, _ROWS[mixed]]
+        jacobian = np.column_stack([by_matrix / norms[:, None], -slope])
+        weight = 1.0 / np.sqrt(squared)
+        self.jacobian = jacobian * weight[:, None]
+        whitened = self.residuals * weight
+        step = np.linalg.lstsq(self.jacobian, -whitened, rcond=None)[0]
+        self.inverse, self.bias = inverse + _symmetric(step[:6]), bias + step[6:]
+        self.change = float(np.abs(step).max())
+        left = whitened + self.jacobian @ step
+        self.variance = float(left @ left) / (len(y) - PARAMETERS)
+
+
+def _symmetric(entries: Array) -> Array:
+    matrix = np.zeros((3, 3))
+    matrix[_ROWS, _COLUMNS] = matrix[_COLUMNS, _ROWS] = entries
+    return matrix
+
+
+def _summary(
+    y: Array, inverse: Array, bias: Array, variance: float, size: float, field: float | None
+) -> Ellipsoid:
+    """Return the result in SI units, S scaled to the field's strength."""
+    fit = _Step(y, inverse, bias, variance)
+    covariance = variance * np.linalg.inv(fit.jacobian.T @ fit.jacobian)
+    shape: Array = np.linalg.inv(inverse).astype(np.float64)
+    # dS = -S dT S for each entry of T.
+    change = np.stack([-shape @ _symmetric(e) @ shape for e in np.eye(6)])
+    if field is None:
+        scale = float(np.cbrt(np.linalg.det(shape)))
+        by_scale = np.array([np.trace(inverse @ c) for c in change]) / 3.0
+        change = (change - by_scale[:, None, None] * shape) / scale
+        field = scale * size
+    else:
+        scale = field / size
+        change = change / scale
+    spread = np.einsum("aij,ab,bij->ij", change, covariance[:6, :6], change)
+    return Ellipsoid(
+        shape / scale,
+        np.sqrt(np.maximum(spread, 0.0)),
+        bias * size,
+        np.sqrt(np.diag(covariance)[6:]) * size,
+        field,
+        fit.residuals * field,
+        float(np.sqrt(variance)) * size,
+    )
+
+
+def symmetric_root(response: Array) -> Array:
+    """Return the symmetric S (3, 3) of a response M: the root of ``M M^T``."""
+    values, vectors = np.linalg.eigh(response @ response.T)
+    result: Array = vectors @ np.diag(np.sqrt(values)) @ vectors.T
+    return result
