@@ -5,7 +5,6 @@
 
 import csv
 import json
-import math
 import platform
 import re
 import time
@@ -18,7 +17,7 @@ from typing import Any, Final, NamedTuple
 
 import imu_sim_ros
 from imu_sim_ros.campaign import engine
-from imu_sim_ros.campaign.cells import Cell
+from imu_sim_ros.campaign.cells import Cell, cell_count
 from imu_sim_ros.campaign.engine import Task
 from imu_sim_ros.campaign.plan import Plan
 from imu_sim_ros.campaign.results import (
@@ -164,8 +163,11 @@ def collect(plan: Plan, store: Store, digests_of: Digests | None = None) -> list
     begun = {row["cell"] for row in store.rows()}
     wanted: dict[Key, int] = {}
     for cell in plan.cells():
+        if not begun:
+            break
         if cell.name not in begun:
             continue
+        begun.remove(cell.name)
         digests = digests_of(cell)
         for place, seed in enumerate(plan.seeds):
             for k, name in enumerate(plan.estimators):
@@ -247,22 +249,29 @@ class Tally:
         return words
 
 
-def seconds_of_a_run(plan: Plan) -> float | None:
-    """Return the CPU time of the first run [s], less what all seeds share; None for programs.
+def seconds_of_all_runs(plan: Plan) -> float | None:
+    """Return the CPU time that a plan takes [s], from its first run; None for programs.
 
-    :raises ImuSimError: where it cannot be simulated.
+    What the seeds of a cell share counts once for each cell.
+
+    :raises ImuSimError: where the first cell cannot be simulated.
     """
     if any(isinstance(one, CommandEstimator) for one in plan.estimators.values()):
         return None
     from imu_sim_ros.campaign.runs import CellRuns
 
-    runs = CellRuns(plan, next(plan.cells()))
-    shortest = math.inf
-    for _ in range(2):
-        before = time.process_time()
+    def run(runs: CellRuns) -> CellRuns:
         list(runs.rows(plan.seeds[:1], list(plan.estimators), Path()))
-        shortest = min(shortest, time.process_time() - before)
-    return shortest / len(plan.estimators)
+        return runs
+
+    cell = next(plan.cells())
+    run(CellRuns(plan, cell))  # loads what it needs
+    began = time.process_time()
+    runs = run(CellRuns(plan, cell))
+    first = time.process_time() - began
+    run(runs)
+    one = time.process_time() - began - first
+    return cell_count(plan.axes) * (max(first - one, 0.0) + len(plan.seeds) * one)
 
 
 def embedded(workers: int) -> Engine:

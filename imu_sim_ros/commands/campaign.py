@@ -215,13 +215,12 @@ def _duration(arguments: argparse.Namespace, plan: "Plan") -> str:
     from imu_sim_ros.campaign import campaign
     from imu_sim_ros.config import CommandEstimator
 
-    one = campaign.seconds_of_a_run(plan)
-    words = "at"
-    if one is None:
+    total, words = campaign.seconds_of_all_runs(plan), "at"
+    if total is None:
         limits = (e.timeout for e in plan.estimators.values() if isinstance(e, CommandEstimator))
-        one, words = max(limits), "at up to"
+        total, words = plan.run_count * max(limits), "at up to"
+    one, hours = total / plan.run_count, total / max(arguments.workers, 1) / 3600.0
     each = f"{one * 1e3:.2g} ms" if one < 1.0 else f"{one:.3g} s"
-    hours = plan.run_count * one / max(arguments.workers, 1) / 3600.0
     processes = "1 process" if arguments.workers == 1 else f"{arguments.workers} processes"
     about = f"about {max(hours, 0.1):,.1f} hours on {processes}"
     return f"{words} {each} each {about}; start it with --yes"
