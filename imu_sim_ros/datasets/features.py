@@ -12,7 +12,10 @@ Points are normalised and undistorted, (x, y, 1). Channels by their order, the n
     indices 6 to 8 wherever there are more than five).
 
 As their trackers do, the first frame is withheld, and a feature is sent from the second frame in a
-row that sees it on. Channels are float32: ids are taken modulo 2^24, up to which they are exact.
+row that sees it on. An id is that of one uninterrupted track: the estimators count the frames of a
+feature from its first one and would take those after a gap for others (feature_manager.cpp). A
+landmark that comes back gets its number plus a multiple of the number of landmarks. Channels are
+float32: ids are taken modulo 2^24, up to which they are exact.
 """
 
 from collections.abc import Iterator
@@ -53,6 +56,31 @@ class _Seen(NamedTuple):
     """(n, 2) normalised."""
     landmark: NDArray[np.int64]
 
+    def at(self, rows: NDArray[np.bool_]) -> "_Seen":
+        """Return some of the features."""
+        return _Seen(self.t_ns, self.id[rows], self.uv[rows], self.place[rows], self.landmark[rows])
+
+
+class _Ids:
+    """The ids of tracks: a new one for each run of messages that a landmark is in."""
+
+    def __init__(self, landmarks: int) -> None:
+        self._count = np.zeros(landmarks, dtype=np.int64)
+        """How many tracks each landmark has had."""
+        self._last = np.empty(0, dtype=np.int64)
+        """The features of the last message."""
+
+    def next(self, features: list[_Seen]) -> list[NDArray[np.int64]]:
+        """Return the ids (n,) of what each camera sends in the next message."""
+        feature, at = np.unique(np.concatenate([seen.id for seen in features]), return_index=True)
+        landmark = np.concatenate([seen.landmark for seen in features])[at]
+        # A new life of a landmark (track_lifetime) is a new feature.
+        begun = ~np.isin(feature, self._last, assume_unique=True)
+        self._count[landmark[begun]] += 1
+        self._last = feature
+        size = len(self._count)
+        return [s.landmark + size * (self._count[s.landmark] - 1) for s in features]
+
 
 class FeatureStream:
     """The messages of all frames, in order; one stream has one reader.
@@ -74,6 +102,7 @@ class FeatureStream:
         self._layout = layout
         self._encoder = PointCloudEncoder(world_frame, CHANNELS[layout], encoding)
         self._before: list[_Seen | None] = [None] * len(self._trackers)
+        self._ids = _Ids(len(self._landmarks))
         self.position = 0
 
     def next(self, count: int) -> list[FeatureMessage]:
@@ -87,7 +116,7 @@ class FeatureStream:
         places = [_normalised(t, tracks) for t, tracks in zip(self._trackers, found, strict=True)]
         for k in np.flatnonzero(frames.delivered).tolist():
             withheld = self._before[0] is None
-            rows: list[Array] = []
+            sending: list[tuple[int, _Seen, Array]] = []
             sent = None
             for camera, (tracks, place) in enumerate(zip(found, places, strict=True)):
                 if not tracks.frames.delivered[k]:
@@ -98,26 +127,27 @@ class FeatureStream:
                     # VINS-Fusion asserts that what its right camera sees the left one does.
                     again &= np.isin(now.id, sent)
                 sent = now.id[again] if camera == 0 else sent
-                rows.append(self._rows(camera, now, speed)[again])
+                sending.append((camera, now.at(again), speed[again]))
                 self._before[camera] = now
             if not withheld:
+                ids = self._ids.next([seen for _, seen, _ in sending])
+                rows = [self._rows(*part, i) for part, i in zip(sending, ids, strict=True)]
                 values = np.concatenate(rows)
                 payload = self._encoder.encode(int(frames.t_ns[k]), values[:, :3], values[:, 3:])
                 yield FeatureMessage(
                     int(frames.number[k]), int(frames.t_ns[k]), int(frames.release_t_ns[k]), payload
                 )
 
-    def _rows(self, camera: int, now: _Seen, speed: Array) -> Array:
+    def _rows(self, camera: int, seen: _Seen, speed: Array, ids: NDArray[np.int64]) -> Array:
         """Return points and channels (n, 3 + m)."""
-        size = len(now.id)
-        points = np.column_stack([now.place, np.ones(size)])
+        points = np.column_stack([seen.place, np.ones(len(ids))])
         if self._layout == "mono":
             cameras = len(self._trackers)
-            identity = (now.id % (_EXACT_IDS // cameras)) * cameras + camera
-            return np.column_stack([points, identity, now.uv, speed])
-        truth = self._landmarks[now.landmark]
-        which = np.full(size, float(camera))
-        return np.column_stack([points, now.id % _EXACT_IDS, which, now.uv, speed, truth])
+            identity = (ids % (_EXACT_IDS // cameras)) * cameras + camera
+            return np.column_stack([points, identity, seen.uv, speed])
+        truth = self._landmarks[seen.landmark]
+        which = np.full(len(ids), float(camera))
+        return np.column_stack([points, ids % _EXACT_IDS, which, seen.uv, speed, truth])
 
 
 def _normalised(tracker: Tracker, tracks: Tracks) -> Array:
