@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 CONFIDENCE: Final = 0.95
 _RESAMPLES: Final = 9999
 _FEWEST_RESAMPLES: Final = 1999
-_DRAWN: Final = 40_000_000
+_DRAWN: Final = 10_000_000
 """Numbers drawn for an interval: of very many runs there are fewer resamples, whose number then
 matters less than the runs'."""
 _CHUNK: Final = 1_000_000
