@@ -109,7 +109,9 @@ def test_the_result_can_be_printed_saved_and_drawn(found, tmp_path):
 def test_bad_input_is_reported_in_a_line_each(flight):
     readings = flight.readings
     short = ims.Readings(readings.t_ns[:500], readings.gyro[:500], readings.accel[:500], "short")
-    with pytest.raises(ims.InputError, match="4.99 s in common with the truth"):
+    with pytest.raises(
+        ims.InputError, match="short: has 4.99 s in common with the truth; a twin needs 10 s"
+    ):
         ims.twin(short, flight.truth)
     gyro = readings.gyro.copy()
     gyro[7] = np.nan
@@ -128,9 +130,29 @@ def test_bad_input_is_reported_in_a_line_each(flight):
     assert list(caught.value.problems) == ["gravity = nan: must be between 1 and 30 m/s^2"]
     with pytest.raises(ims.InputError, match="must leave 8 s of the"):
         ims.twin(readings, flight.truth, fit=25.0)
+    degrees = ims.Readings(readings.t_ns, 57.3 * readings.gyro, readings.accel, "degrees")
+    with pytest.raises(ims.InputError, match=r"reads 57.* readings must be in rad/s"):
+        ims.twin(degrees, flight.truth)
+    rng = np.random.default_rng(1)
+    noise = ims.Readings(readings.t_ns, rng.standard_normal(gyro.shape), readings.accel, "noise")
+    with pytest.raises(ims.InputError, match="the truth explains .* % of what the gyroscope reads"):
+        ims.twin(noise, flight.truth)
     still = ims.simulate(trajectory="static", duration=12, rate=50)
-    with pytest.raises(ims.InputError, match="the truth hardly turns"):
+    with pytest.raises(ims.InputError, match="the truth: hardly turns"):
         ims.twin(still, still.truth)
+
+
+def test_losses_are_bridged_or_end_a_piece(flight):
+    """Two samples of each hundred are missing, and once two seconds."""
+    readings = flight.readings
+    row = np.arange(len(readings))
+    keep = (row % 100 > 1) & ~((row > 1000) & (row < 1200))
+    part = ims.Readings(readings.t_ns[keep], readings.gyro[keep], readings.accel[keep], "lossy")
+    arm = ims.twin(part, flight.truth).errors["lever_arm"]
+    assert np.all(np.abs(arm.value - SENSOR["lever_arm"]) < 4.0 * arm.sigma)
+    slow = ims.Readings(readings.t_ns[::20], readings.gyro[::20], readings.accel[::20], "slow")
+    with pytest.raises(ims.InputError, match="slow: the longest piece without a loss has 147 samp"):
+        ims.twin(slow, flight.truth)
 
 
 @pytest.mark.skipif(not READINGS.exists(), reason="no recorded poses in ../shared/data")

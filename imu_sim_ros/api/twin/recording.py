@@ -17,6 +17,7 @@ from imu_sim_ros.api.flight import Flight
 from imu_sim_ros.api.readings import HasPoses, Readings, read_imu
 from imu_sim_ros.calibration.twin import BodyMotion, Recording, coarse_offset, mounting
 from imu_sim_ros.config import PosesParameters
+from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.rotation import rotate_inverse
@@ -34,7 +35,14 @@ _TURNING: Final = 0.02
 """[rad/s] RMS below which a motion shows nothing."""
 _STILL: Final = (0.05, 0.03)
 """[rad/s], [m/s] above which a body is in motion."""
+_SCALE: Final = 8.0
+"""Between typical sizes of readings and truth, vibration and biases included; g is 9.8 m/s^2."""
 _GAP: Final = 1.5
+"""Intervals between two samples from which on one is missing."""
+_FILLED: Final = 10
+"""Samples: shorter losses are filled by straight lines."""
+_PIECE: Final = 512
+"""Samples without a longer loss that a spectrum needs."""
 
 
 class Recorded(NamedTuple):
@@ -103,8 +111,8 @@ def recorded(
     near = (stamps > -max_offset) & (stamps < duration + max_offset)
     if np.count_nonzero(near) < 2 or np.ptp(stamps[near]) < _SHORTEST:
         raise InputError(
-            f"{readings.name}: has {_common(stamps, duration):.3g} s in common with the truth "
-            f"{name}; a twin needs {_SHORTEST:g} s: their stamps must be of one clock"
+            f"{readings.name}: has {_common(stamps, duration):.3g} s in common with {name}; a twin "
+            f"needs {_SHORTEST:g} s: their stamps must be of one clock"
         )
     empty = Recording(np.zeros(0), np.zeros((0, 6)), (), 1.0)
     half = Recorded(
@@ -134,16 +142,17 @@ def _placed(
     inside = (stamps + offset > _MARGIN) & (stamps + offset < duration - _MARGIN)
     if np.count_nonzero(inside) < 2 or np.ptp(stamps[inside]) < _SHORTEST:
         raise InputError(
-            f"{readings.name}: has {_common(stamps + offset, duration):.3g} s in common with the "
-            f"truth {name}; a twin needs {_SHORTEST:g} s"
+            f"{readings.name}: has {_common(stamps + offset, duration):.3g} s in common with "
+            f"{name}; a twin needs {_SHORTEST:g} s"
         )
     stamps = stamps[inside]
     y = np.concatenate([readings.gyro[inside], readings.accel[inside]], axis=1)
     motion = half.body_motion(stamps + offset)
     if np.sqrt(np.mean(motion.rate**2)) < _TURNING:
-        raise InputError(f"{name}: the truth hardly turns; a twin is found in motion, not at rest")
+        raise InputError(f"{name}: hardly turns; a twin is found in motion, not at rest")
+    _check_units(y, motion, readings.name)
     return half._replace(
-        recording=_in_pieces(stamps, y),
+        recording=_in_pieces(stamps, y, readings.name),
         offset=offset,
         r_ib=mounting(y[:, :3], y[:, 3:], motion),
     )
@@ -159,7 +168,7 @@ def _poses(truth: HasPoses | str | Path, topic: str | None) -> tuple[PoseSequenc
     if isinstance(truth, str | Path):
         from imu_sim_ros.bags import read_poses
 
-        return read_poses(truth, topic), str(truth)
+        return read_poses(truth, topic), f"the truth {truth}"
     return PoseSequence(truth.t_ns, truth.position, truth.q_wb), "the truth"
 
 
@@ -183,24 +192,63 @@ def _check(readings: Readings) -> None:
         raise InputError(problems)
 
 
+def _check_units(readings: Array, motion: BodyMotion, name: str) -> None:
+    """Refuse degrees and g: sizes that no sensor's scale can explain.
+
+    :param readings: (n, 6)
+    :raises InputError: with a line for each triad.
+    """
+    read = [float(np.median(np.linalg.norm(x, axis=1))) for x in (readings[:, :3], readings[:, 3:])]
+    true = [float(np.median(np.linalg.norm(x, axis=1))) for x in (motion.rate, motion.force)]
+    problems = [
+        f"{name}: the {triad} reads {r / t:.3g} times what the truth moves: readings must be in "
+        f"{unit}"
+        for triad, unit, r, t, least in zip(
+            TRIADS, ("rad/s", "m/s^2"), read, true, (_TURNING, 1.0), strict=True
+        )
+        if t > least and not 1.0 / _SCALE < r / t < _SCALE
+    ]
+    if problems:
+        raise InputError(problems)
+
+
 def _common(stamps: Array, duration: float) -> float:
     if not len(stamps):
         return 0.0
     return max(min(float(stamps[-1]), duration) - max(float(stamps[0]), 0.0), 0.0)
 
 
-def _in_pieces(stamps: Array, readings: Array) -> Recording:
-    """Return a recording without repeated stamps, cut where samples are missing."""
+def _in_pieces(stamps: Array, readings: Array, name: str) -> Recording:
+    """Return a recording without repeated stamps, short losses filled, cut at long ones.
+
+    :raises InputError: where no piece is long enough for a spectrum.
+    """
     keep = np.concatenate([[True], np.diff(stamps) > 0.0])
     stamps, readings = stamps[keep], readings[keep]
     steps = np.diff(stamps)
     usual = float(np.median(steps))
     regular = steps[steps < _GAP * usual]
-    rate = _rounded(1.0 / float(regular.mean()))
-    cuts = np.flatnonzero(steps > _GAP * usual + 4.0 * np.median(np.abs(steps - usual))) + 1
+    interval = float(regular.mean())
+    # Stamps that jitter make no loss.
+    limit = _GAP * usual + 4.0 * float(np.median(np.abs(steps - usual)))
+    missing = np.where(steps > limit, np.round(steps / interval) - 1.0, 0.0).astype(int)
+    filled = np.where(missing <= _FILLED, missing, 0)
+    if filled.any():
+        after = np.repeat(np.arange(len(steps)), filled)
+        place = np.arange(len(after)) - np.repeat(np.cumsum(filled) - filled, filled) + 1
+        extra = stamps[after] + steps[after] * place / (filled[after] + 1)
+        every = np.sort(np.concatenate([stamps, extra]))
+        columns = [np.interp(every, stamps, readings[:, k]) for k in range(6)]
+        stamps, readings = every, np.column_stack(columns)
+    cuts = np.flatnonzero(np.diff(stamps) > limit) + 1
     edges = [0, *cuts.tolist(), len(stamps)]
     pieces = tuple(slice(a, b) for a, b in pairwise(edges))
-    return Recording(stamps, readings, pieces, rate)
+    longest = max(piece.stop - piece.start for piece in pieces)
+    if longest < _PIECE:
+        raise InputError(
+            f"{name}: the longest piece without a loss has {longest} samples; a twin needs {_PIECE}"
+        )
+    return Recording(stamps, readings, pieces, _rounded(1.0 / interval))
 
 
 def _rounded(rate: float) -> float:

@@ -48,6 +48,10 @@ Array = NDArray[np.float64]
 
 _LEAST_FIT: Final = 8.0
 """[s]"""
+_SECONDS: Final = 0.25
+"""[s] over which readings are averaged to be compared with the truth."""
+_LEFT: Final = 0.5
+"""Share of the gyroscope's variance that no truth may leave."""
 _UNDETERMINED: Final = 0.7
 """Standard error over the prior's above which a motion says nothing of a parameter."""
 
@@ -212,6 +216,7 @@ def _found(source: Recorded, fit: float | None) -> Twin:
     found = constant_errors(
         used, source.body_motion, perfect(source.r_ib, source.offset), source.cutoff
     )
+    _check_likeness(source, used, found)
     analysis = _analysed(source, used, found)
     parameters = simulator_parameters(analysis, whole.rate, _steps(whole.readings))
     if source.gravity != -GRAVITY[2]:
@@ -219,6 +224,26 @@ def _found(source: Recorded, fit: float | None) -> Twin:
     errors, undetermined = _errors(found)
     checked = None if held_out is None else check(source, held_out, found, parameters)
     return Twin(errors, undetermined, parameters, analysis, checked, source)
+
+
+def _check_likeness(source: Recorded, used: Recording, found: Fit) -> None:
+    """Refuse readings that are not those of the truth's motion.
+
+    :raises InputError: where the truth explains too little of them.
+    """
+    count = max(round(_SECONDS * used.rate), 1)
+    rows = len(used.stamps) // count * count
+    means = [
+        x[:rows, :3].reshape(-1, count, 3).mean(axis=1)
+        for x in (used.readings - found.errors.bias, found.residuals)
+    ]
+    read, left = (float(np.sum(x**2)) for x in means)
+    if left > _LEFT * read:
+        share = 100.0 * max(1.0 - left / read, 0.0)
+        raise InputError(
+            f"{source.name}: the truth explains {share:.0f} % of what the gyroscope reads: they "
+            "are not of one flight, or farther apart in time than max_offset"
+        )
 
 
 def _check_numbers(fit: float | None, gravity: float, cutoff: float, max_offset: float) -> None:

@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 _TAPERS: Final = 5
+_EFFICIENCY: Final = 0.8
+"""Share of a record that five sine tapers use: white noise of 3000 samples scatters accordingly."""
 _LONGEST: Final = 1 << 14
 """Samples transformed at once."""
 _SHORTEST: Final = 256
@@ -110,8 +112,8 @@ def cross_spectra(values: Array, parts: Sequence[slice], rate: float, edges: Arr
             count[band] += len(x)
     there = count > 0
     total[there] /= count[there, None, None]
-    # Neighbouring frequencies of a taper are correlated with others: two looks for each frequency.
-    freedom = np.maximum(2.0 * count / _TAPERS, 2.0)
+    # Tapers share their frequencies, so there are two looks at each, less what the ends lose.
+    freedom = np.maximum(2.0 * _EFFICIENCY * count / _TAPERS, 2.0)
     return Bands(edges[:-1], edges[1:], total, freedom).rows(there)
 
 
