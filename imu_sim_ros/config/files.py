@@ -8,6 +8,7 @@ The format is that of ROS 2: node names (or the wildcards ``/**`` and ``/*``) ab
 """
 
 from collections.abc import Callable, Iterable, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
@@ -45,6 +46,7 @@ _KALIBR_NOISE = (
 )
 
 
+@cache
 def config_folder() -> Path:
     """Return the folder that holds the package's own parameter files.
 

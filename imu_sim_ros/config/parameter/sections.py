@@ -8,6 +8,7 @@ import difflib
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, Final, TypeVar, cast
 
 from imu_sim_ros.config.parameter.kinds import METADATA, Parameter, Value
@@ -63,6 +64,27 @@ def parameters(cls: type, values: Mapping[str, object] | None = None) -> dict[st
 
 
 def _walk(cls: type, values: Mapping[str, object], prefix: str) -> Iterator[tuple[str, Parameter]]:
+    fixed = _fixed(cls)
+    if fixed is not None:
+        yield from ((prefix + name, parameter) for name, parameter in fixed)
+    else:
+        yield from _walk_fields(cls, values, prefix)
+
+
+@cache
+def _fixed(cls: type) -> tuple[tuple[str, Parameter], ...] | None:
+    """Return the parameters of a section that are the same whatever the values; None: of others."""
+    for field in dataclasses.fields(cls):
+        if METADATA not in field.metadata and (
+            "section" not in field.metadata or _fixed(field.metadata["section"].cls) is None
+        ):
+            return None
+    return tuple(_walk_fields(cls, {}, ""))
+
+
+def _walk_fields(
+    cls: type, values: Mapping[str, object], prefix: str
+) -> Iterator[tuple[str, Parameter]]:
     for field in dataclasses.fields(cls):
         name = prefix + field.name
         if METADATA in field.metadata:
