@@ -96,13 +96,17 @@ class Encoder:
         return Pattern(template.tobytes(), columns, len(t_ns))
 
 
-class ImuEncoder(Encoder):
-    """sensor_msgs/Imu; without orientation its covariance starts with -1 (REP-145)."""
-
-    type_name = IMU
+class _OfFrame(Encoder):
+    """Messages whose only string is the frame in their header."""
 
     def __init__(self, frame_id: str, encoding: str = "cdr") -> None:
         super().__init__((frame_id,), encoding)
+
+
+class ImuEncoder(_OfFrame):
+    """sensor_msgs/Imu; without orientation its covariance starts with -1 (REP-145)."""
+
+    type_name = IMU
 
     def pattern(
         self,
@@ -220,13 +224,10 @@ class OdometryEncoder(Encoder):
         return self.pattern(t_ns, position, q_wb, *twist, *covariances).array()
 
 
-class PoseStampedEncoder(Encoder):
+class PoseStampedEncoder(_OfFrame):
     """geometry_msgs/PoseStamped."""
 
     type_name = POSE_STAMPED
-
-    def __init__(self, frame_id: str, encoding: str = "cdr") -> None:
-        super().__init__((frame_id,), encoding)
 
     def encode(self, t_ns: Times, position: ArrayLike, q_wb: ArrayLike) -> Bytes:
         """Return messages (n, size) of positions (n, 3) [m] and quaternions (n, 4)."""
@@ -234,13 +235,10 @@ class PoseStampedEncoder(Encoder):
         return self._pattern(t_ns, position=position, orientation=q_xyzw).array()
 
 
-class Vector3StampedEncoder(Encoder):
+class Vector3StampedEncoder(_OfFrame):
     """geometry_msgs/Vector3Stamped."""
 
     type_name = VECTOR3_STAMPED
-
-    def __init__(self, frame_id: str, encoding: str = "cdr") -> None:
-        super().__init__((frame_id,), encoding)
 
     def pattern(self, t_ns: Times, vector: ArrayLike) -> Pattern:
         """Return n messages of vectors (n, 3)."""
@@ -251,13 +249,10 @@ class Vector3StampedEncoder(Encoder):
         return self.pattern(t_ns, vector).array()
 
 
-class TemperatureEncoder(Encoder):
+class TemperatureEncoder(_OfFrame):
     """sensor_msgs/Temperature."""
 
     type_name = TEMPERATURE
-
-    def __init__(self, frame_id: str, encoding: str = "cdr") -> None:
-        super().__init__((frame_id,), encoding)
 
     def pattern(self, t_ns: Times, temperature: ArrayLike, variance: ArrayLike = 0.0) -> Pattern:
         """Return n messages of temperatures (n,) [degC]; variance 0 means unknown."""
@@ -268,13 +263,10 @@ class TemperatureEncoder(Encoder):
         return self.pattern(t_ns, temperature, variance).array()
 
 
-class MagneticFieldEncoder(Encoder):
+class MagneticFieldEncoder(_OfFrame):
     """sensor_msgs/MagneticField."""
 
     type_name = MAGNETIC_FIELD
-
-    def __init__(self, frame_id: str, encoding: str = "cdr") -> None:
-        super().__init__((frame_id,), encoding)
 
     def pattern(self, t_ns: Times, field: ArrayLike, covariance: ArrayLike = 0.0) -> Pattern:
         """Return n messages.
@@ -290,13 +282,10 @@ class MagneticFieldEncoder(Encoder):
         return self.pattern(t_ns, field, covariance).array()
 
 
-class FluidPressureEncoder(Encoder):
+class FluidPressureEncoder(_OfFrame):
     """sensor_msgs/FluidPressure."""
 
     type_name = FLUID_PRESSURE
-
-    def __init__(self, frame_id: str, encoding: str = "cdr") -> None:
-        super().__init__((frame_id,), encoding)
 
     def pattern(self, t_ns: Times, pressure: ArrayLike, variance: ArrayLike = 0.0) -> Pattern:
         """Return n messages of pressures (n,) [Pa]; variance 0 means unknown."""
@@ -307,13 +296,10 @@ class FluidPressureEncoder(Encoder):
         return self.pattern(t_ns, pressure, variance).array()
 
 
-class NavSatFixEncoder(Encoder):
+class NavSatFixEncoder(_OfFrame):
     """sensor_msgs/NavSatFix, as a receiver without errors would give it."""
 
     type_name = NAV_SAT_FIX
-
-    def __init__(self, frame_id: str, encoding: str = "cdr") -> None:
-        super().__init__((frame_id,), encoding)
 
     def pattern(
         self, t_ns: Times, latitude: ArrayLike, longitude: ArrayLike, altitude: ArrayLike
