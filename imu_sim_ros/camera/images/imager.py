@@ -41,9 +41,7 @@ class Imager:
             view.model, scene.surfaces, atlas, p.supersampling, p.mip_levels == "trilinear"
         )
         self._colours = atlas.image.shape[2:]
-        self._vignette = _vignette(view)
-        if self._vignette is not None:
-            self._vignette.shape += (1,) * len(self._colours)
+        self._vignette = _vignette(view, len(self._colours))
 
     def image(self, number: int) -> Bytes:
         """Return frame ``number``: grey values (h, w), or red, green and blue (h, w, 3)."""
@@ -183,12 +181,16 @@ def normal_quantiles() -> Single:
     return np.concatenate([-upper[::-1], upper]).astype(np.float32)
 
 
-def _vignette(view: View) -> Single | None:
-    """Return ``1 - v (r / r_corner)^2`` (h, w) with r from the principal point; None: all 1."""
+def _vignette(view: View, more: int) -> Single | None:
+    """Return ``1 - v (r / r_corner)^2`` (h, w) with r from the principal point; None: all 1.
+
+    :param more: further dimensions, of length 1.
+    """
     p, model = view.parameters, view.model
     if p.vignetting == 0.0:
         return None
     u, v = np.meshgrid(np.arange(p.width) - model.cx, np.arange(p.height) - model.cy)
     square = u * u + v * v
-    result: Array = 1.0 - p.vignetting * square / square.max()
-    return result.astype(np.float32)
+    factor: Array = 1.0 - p.vignetting * square / square.max()
+    result: Single = factor.astype(np.float32).reshape(*square.shape, *(1,) * more)
+    return result
