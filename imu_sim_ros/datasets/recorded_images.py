@@ -31,6 +31,7 @@ from imu_sim_ros.camera.images import opencv, png
 from imu_sim_ros.conventions import (
     COMPRESSED_TOPIC,
     DEPTH_TOPIC,
+    IMAGE_TOPIC,
     TF_STATIC_TOPIC,
 )
 from imu_sim_ros.datasets.images import DEPTH_FOLDER, millimetres, pose_text, write_table
@@ -40,7 +41,12 @@ from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
 Transforms = dict[str, tuple[str, NDArray[np.float64]]]
 """By child: its parent, and T_parent_child (4, 4)."""
 
-_ENDINGS: Final = (f"/{COMPRESSED_TOPIC}", "/image/compressed", f"/{DEPTH_TOPIC}", "/image_raw")
+_ENDINGS: Final = (
+    f"/{COMPRESSED_TOPIC}",
+    "/image/compressed",
+    f"/{DEPTH_TOPIC}",
+    f"/{IMAGE_TOPIC}",
+)
 _DEPTH: Final = "32FC1"
 _PIXELS: Final = {
     **dict.fromkeys(("mono8", "8UC1"), ("u1", 1)),

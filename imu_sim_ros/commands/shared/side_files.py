@@ -21,7 +21,7 @@ from imu_sim_ros.bags import make_folder
 from imu_sim_ros.bags.text import writer as text_writer
 from imu_sim_ros.config import SimulationParameters, files, flatten
 from imu_sim_ros.consumers import ImuValues, RigValues, kalibr, write_all
-from imu_sim_ros.conventions import IMU_TOPIC
+from imu_sim_ros.conventions import IMAGE_TOPIC, IMU_TOPIC
 from imu_sim_ros.datasets import imus_of, resolved
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.sensor import realised_imu
@@ -140,7 +140,7 @@ def write_tum_vi_calibration(
     if rig is None:
         return
     values = _values(parameters, "/imu0")
-    topics = {camera: f"/{camera}/image_raw" for camera in rig.cameras}
+    topics = {camera: f"/{camera}/{IMAGE_TOPIC}" for camera in rig.cameras}
     chain = kalibr.camchain(RigValues(values, rig.each(), topics, rig.scene))
     (folder / "camchain.yaml").write_text(chain, encoding="utf-8")
     (folder / "imu_config.yaml").write_text(kalibr.imu_yaml(values), encoding="utf-8")
