@@ -60,6 +60,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.api.calibration import Calibrated as Calibrated
     from imu_sim_ros.api.calibration import Calibration as Calibration
     from imu_sim_ros.api.calibration import TriadCalibration as TriadCalibration
+    from imu_sim_ros.api.calibration import calibrate_magnetometer as calibrate_magnetometer
     from imu_sim_ros.api.calibration import calibrate_six_position as calibrate_six_position
     from imu_sim_ros.api.calibration import calibrate_temperature as calibrate_temperature
     from imu_sim_ros.api.calibration import calibrate_turntable as calibrate_turntable
@@ -100,6 +101,7 @@ else:
                 "Calibrated",
                 "Calibration",
                 "TriadCalibration",
+                "calibrate_magnetometer",
                 "calibrate_six_position",
                 "calibrate_temperature",
                 "calibrate_turntable",

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 from imu_sim_ros.api.flight import Flight
 from imu_sim_ros.api.output import saved
 from imu_sim_ros.api.readings import Readings, read_imu
+from imu_sim_ros.calibration.deterministic import (
+    calibrate_magnetometer as ellipsoid,
+)
 from imu_sim_ros.calibration.deterministic import (
     calibrate_six_position as six_position,
 )
@@ -70,6 +73,7 @@ class Calibration:
     gyroscope: TriadCalibration
     accelerometer: TriadCalibration
     parameters: correction.Parameters
+    magnetometer: TriadCalibration = field(default_factory=TriadCalibration)
 
     def __repr__(self) -> str:
         return f"<Calibration of {', '.join(self.parameters)}>"
@@ -78,7 +82,7 @@ class Calibration:
         """Write a parameter file; returns its path.
 
         :param for_simulator: the errors for ``simulator`` and ``generate``; else the correction for
-            ``integrator`` and ``dead_reckon``.
+            ``integrator`` and ``dead_reckon``, or matrix and bias of a magnetometer.
         :param force: replace what exists.
         :raises InputError: for a path that cannot be used or exists.
         """
@@ -170,6 +174,35 @@ def calibrate_temperature(
     return _calibration(correction.temperature_parameters(found))
 
 
+def calibrate_magnetometer(
+    readings: Flight | ArrayLike | str | Path, *, strength: float | None = None
+) -> Calibration:
+    """Return hard and soft iron of a magnetometer that was turned all around.
+
+    :param readings: of a flight with ``sensors=["magnetic_field"]``, of a bag, or (n, 3) [T].
+    :param strength: of the true field [T]; None: not known, the soft iron then has the
+        determinant 1.
+    :raises InputError: where the readings do not determine an ellipsoid.
+
+    >>> import imu_sim_ros as ims
+    >>> imu = {"preset": "perfect", "magnetometer_hard_iron": [1e-5, 0.0, -2e-5]}
+    >>> sensors = ["magnetic_field"]
+    >>> flight = ims.simulate(imu=imu, trajectory="tumble", duration=60, sensors=sensors)
+    >>> found = ims.calibrate_magnetometer(flight).magnetometer
+    >>> ((found.hard_iron.value * 1e6).round(6) + 0.0).tolist()
+    [10.0, 0.0, -20.0]
+    """
+    if isinstance(readings, Flight):
+        values = readings.magnetic_field.field
+    elif isinstance(readings, str | Path):
+        from imu_sim_ros.bags import read_magnetic_field
+
+        _, values = read_magnetic_field(readings)
+    else:
+        values = np.asarray(readings, dtype=np.float64)
+    return _calibration(correction.magnetometer_parameters(ellipsoid(values, strength)))
+
+
 def _readings(readings: Flight | Readings | str | Path) -> Readings:
     if isinstance(readings, Flight):
         return readings.readings
@@ -177,12 +210,12 @@ def _readings(readings: Flight | Readings | str | Path) -> Readings:
 
 
 def _calibration(values: correction.Parameters) -> Calibration:
-    gyroscope, accelerometer = (
+    gyroscope, accelerometer, magnetometer = (
         TriadCalibration(
             (name.removeprefix(f"{triad}_"), Calibrated(*value))
             for name, value in values.items()
             if name.startswith(triad)
         )
-        for triad in TRIADS
+        for triad in (*TRIADS, "magnetometer")
     )
-    return Calibration(gyroscope, accelerometer, values)
+    return Calibration(gyroscope, accelerometer, values, magnetometer)

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from imu_sim_ros.config import shown
+from imu_sim_ros.conventions import AUXILIARY
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.sensor import Fault
 
@@ -53,6 +54,9 @@ def _fault(where: str, entry: object) -> TimedFault:
     at = entry.get("at", 0.0)
     if isinstance(at, bool) or not isinstance(at, int | float) or not 0.0 <= at < 1e9:
         raise ConfigurationError(f"at = {shown(at)}: must be a time of at least 0 s")
+    triad = str(entry.get("triad", ""))
+    if triad in AUXILIARY:
+        raise ConfigurationError(f"triad = {triad}: a campaign simulates the IMU alone")
     value = entry.get("value", 0.0)
     values = tuple(float(v) for v in value) if isinstance(value, list) else float(value)
     return TimedFault(
@@ -61,6 +65,6 @@ def _fault(where: str, entry: object) -> TimedFault:
             str(entry.get("kind")),
             duration=float(entry.get("duration", float("inf"))),
             value=values,  # type: ignore[arg-type]
-            triad=str(entry.get("triad", "")),
+            triad=triad,
         ),
     )

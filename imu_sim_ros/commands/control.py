@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, Final
 from imu_sim_ros.commands import common
 from imu_sim_ros.commands.common import signals
 from imu_sim_ros.config import InjectParameters, files, parameters
-from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -85,7 +84,7 @@ def _add_inject(actions: Any, shared: Any) -> None:
         inject.add_argument(
             f"--{name}", type=common.duration, metavar="TIME", help=known[name].text
         )
-    inject.add_argument("--triad", choices=TRIADS, help=known["triad"].text)
+    inject.add_argument("--triad", choices=known["triad"].choices, help=known["triad"].text)
     inject.add_argument("--imu", metavar="NAME", help=known["imu"].text)
 
 

@@ -43,6 +43,7 @@ PUBLIC = [
     "Twin",
     "allan",
     "blocks",
+    "calibrate_magnetometer",
     "calibrate_six_position",
     "calibrate_temperature",
     "calibrate_turntable",

@@ -86,6 +86,10 @@ def test_all_problems_of_a_plan_come_together(plan_file):
     ("content", "line"),
     [
         ({"seeds": 0}, "seeds = 0: must be at least 1"),
+        (
+            {"faults": [{"kind": "stuck", "triad": "magnetometer", "at": 1.0}]},
+            "triad = magnetometer: a campaign simulates the IMU alone",
+        ),
         ({"seeds": [1, 1]}, "a seed is given twice"),
         ({"seeds": [-1]}, "each at least 0"),
         ({"seeds": True}, "must be a count"),

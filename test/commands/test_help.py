@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from imu_sim_ros.commands import start
+from imu_sim_ros.commands import control, start
 from imu_sim_ros.config import files
 
 WITH_PARSER = [*start.PROGRAMS, "demo"]
@@ -164,3 +164,8 @@ def test_every_command_of_the_manual_is_accepted():
             parser(program).parse_args(words)
         except SystemExit:
             pytest.fail(line)
+
+
+def test_control_injects_faults_of_every_sensor():
+    parsed = control.parser().parse_args(["inject", "dropout", "--triad", "magnetometer"])
+    assert parsed.triad == "magnetometer"
