@@ -32,6 +32,10 @@ _NO_TERMS: Final = frozenset(
         *(f"{triad}_correlation_time" for triad in TRIADS),
     ]
 )
+_OTHER_SENSORS: Final = ("magnetometer_", "barometer_", "orientation_")
+"""The stacks do not read them."""
+_VIBRATION: Final = ("vibration.line_amplitude", "vibration.band_density")
+"""The strengths of the vehicle's vibration; the rest of it says where and when."""
 # Poses: consumers take the trajectory of the IMU from the truth, and its place from the user.
 _EXTRINSICS: Final = frozenset(["lever_arm", "mounting"])
 
@@ -100,12 +104,19 @@ class ImuValues:
         return [
             name
             for name, value in flatten(self.imu).items()
-            if name not in passed_over and value != default[name]
+            if name not in passed_over and value != default[name] and _of_the_imu(name)
         ]
 
     def uneven(self) -> list[str]:
         """Return the densities that differ between the axes."""
         return [name for name in DENSITIES if len(set(self.axes(name).tolist())) > 1]
+
+
+def _of_the_imu(name: str) -> bool:
+    """Return whether a parameter is an error of the IMU's readings, whatever its value."""
+    if name.startswith("vibration."):
+        return name in _VIBRATION
+    return not name.startswith(_OTHER_SENSORS)
 
 
 def remarks(

@@ -199,15 +199,23 @@ EXPRESSED = {
 }
 QUALIFIERS = {"preset", "reference_temperature", "bandwidth_order", "lever_arm", "mounting"}
 IN_EVERY_FORMAT = ("noise_density", "random_walk", "correlation_time")
+OTHER_SENSORS = ("magnetometer_", "barometer_", "orientation_")
+LINE = {"line_frequency": [30.0], "line_amplitude": [0.1] * 6}
+BAND = {"band_low": [20.0], "band_high": [30.0], "band_density": [0.1] * 6}
 TERMS = [
     name
     for name in parameters(ImuParameters)
-    if name not in QUALIFIERS and not name.endswith(IN_EVERY_FORMAT)
-]
+    if name not in QUALIFIERS
+    and not name.endswith(IN_EVERY_FORMAT)
+    and not name.startswith((*OTHER_SENSORS, "vibration."))
+] + ["vibration.line_amplitude", "vibration.band_density"]
 
 
 def changed(name, parameter):
     """Return a value that switches a term on, with what it needs beside it."""
+    if name.startswith("vibration."):
+        given = LINE if "line" in name else BAND
+        return {f"imu.vibration.{key}": value for key, value in given.items()}
     triad = name.split("_")[0]
     beside = {
         "gauss_markov": {f"imu.{triad}_correlation_time": 10.0},
