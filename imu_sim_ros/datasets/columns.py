@@ -32,17 +32,24 @@ class CsvTable:
         """
         self.file = OutputFile(path)
         self.file.write(header.encode() + b"\n")
-        self.rows = 0
+        self._counted = (self.file.position, 0)
+
+    @property
+    def rows(self) -> int:
+        """How many rows there are."""
+        return self._counted[1]
 
     def write(self, *columns: Column) -> None:
         """Append n rows of columns (n,) or (n, m)."""
         count = len(columns[0])
         for start in range(0, count, _ROWS):
             self.file.write(decimals.lines([c[start : start + _ROWS] for c in columns]))
-        self.rows += count
+        # In one step: a signal finds both or neither.
+        self._counted = (self.file.position, self.rows + count)
 
     def close(self, error: BaseException | None) -> None:
-        """Give the file its final name, or leave it partial."""
+        """Give the file its final name, or leave it partial; it holds what was counted."""
+        self.file.cut(self._counted[0])
         if _whole(error):
             self.file.finish()
         else:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from imu_sim_ros.bags.read import read_imu, read_odometry, read_poses
-from imu_sim_ros.bags.text.writer import Dataset, States, write_euroc_descriptions
+from imu_sim_ros.bags.text.writer import Dataset, States, TextFile, write_euroc_descriptions
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.rotation import normalise, rotate_inverse
 
@@ -130,3 +130,23 @@ def test_a_failure_leaves_no_file_that_looks_whole(tmp_path, states):
     with pytest.raises(RuntimeError):
         _fail(tmp_path / "d", states)
     assert {file.suffix for file in (tmp_path / "d").iterdir()} == {".active"}
+
+
+def test_a_signal_between_writing_and_counting_leaves_what_is_counted(tmp_path):
+    """A signal may come right after a block is in the file."""
+    path = tmp_path / "x.csv"
+    file = TextFile(path, "#time,x")
+    file.write(np.arange(5000), np.zeros((5000, 1)))
+    append = file.file.write
+
+    def interrupted(*parts):
+        append(*parts)
+        raise KeyboardInterrupt
+
+    file.file.write = interrupted
+    with pytest.raises(KeyboardInterrupt):
+        file.write(np.arange(5000, 6000), np.zeros((1000, 1)))
+    file.cut()
+    file.file.finish()
+    assert (file.rows, file.last_ns) == (5000, 4999)
+    assert len(path.read_text().splitlines()) == 1 + 5000

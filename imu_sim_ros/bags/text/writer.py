@@ -79,15 +79,35 @@ class States(NamedTuple):
     """(n, 3) m/s^2."""
 
 
+class _Counted(NamedTuple):
+    """What is known to be in a file."""
+
+    position: int
+    rows: int
+    last_ns: int
+
+
 class TextFile:
     """One file of rows, written in blocks."""
 
     def __init__(self, path: Path, header: str) -> None:
         self.file = OutputFile(path)
         self.file.write(header.encode() + b"\n")
-        self.rows = 0
-        self.last_ns = -1
+        self._counted = _Counted(self.file.position, 0, -1)
+
+    @property
+    def rows(self) -> int:
+        """How many rows there are."""
+        return self._counted.rows
+
+    @property
+    def last_ns(self) -> int:
         """The last time of all rows."""
+        return self._counted.last_ns
+
+    def cut(self) -> None:
+        """Drop what was written and not counted, where a signal came in between."""
+        self.file.cut(self._counted.position)
 
     def write(self, t_ns: Times, values: Array, separator: str = ",") -> None:
         """Append n rows: a time, and the columns of values (n, m)."""
@@ -95,8 +115,9 @@ class TextFile:
             part = slice(start, start + _ROWS)
             stamps = decimals.rows if separator == "," else decimals.seconds
             self.file.write(decimals.lines([stamps(t_ns[part]), values[part]], separator))
-            self.rows += len(t_ns[part])
-            self.last_ns = max(self.last_ns, int(t_ns[part].max()))
+            last_ns = max(self.last_ns, int(t_ns[part].max()))
+            # In one step: a signal finds all of it or nothing.
+            self._counted = _Counted(self.file.position, self.rows + len(t_ns[part]), last_ns)
 
 
 class Dataset:
@@ -234,6 +255,8 @@ class Dataset:
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         files = self._open
         for file in files:
+            if kind is not None:
+                file.cut()
             if kind is None or (self.rows and not issubclass(kind, Exception)):
                 file.file.finish()
             else:

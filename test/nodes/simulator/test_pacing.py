@@ -85,11 +85,11 @@ def test_late_samples_follow_at_a_limited_speed(late: float) -> None:
     due = np.array(passed[0]) + np.arange(100) * spacing_ns
     behind = np.array(passed) - due >= 4_000_000  # twice what may follow at once
     # From the first late one on, m samples take at least m - 1 spacings at eight times the speed.
-    # A machine that stalls again on the way only takes longer.
+    # A machine that stalls again on the way only takes longer, or makes up for it with one sample.
     m = int(np.argmin(behind[10:]))
     assert m >= 8
     taken = np.array(passed[10 : 10 + m]) - passed[10]
-    assert (taken >= np.arange(m) * spacing_ns / 8 - 100_000).all()
+    assert (taken >= (np.arange(m) - 1) * spacing_ns / 8).all()
 
 
 def in_a_thread(act, *arguments):
