@@ -51,6 +51,8 @@ AHEAD: Final = 8
 _NICE: Final = 5
 _RENDERING_NICE: Final = 5
 """Beside that of the process."""
+_POLL: Final = 0.05
+"""[s] between two looks at the subscribers."""
 _BEHIND: Final = 20
 """Number of frames due and not yet rendered from which this is reported."""
 _ACKNOWLEDGEMENT: Final = Duration(nanoseconds=2_000_000_000)
@@ -221,6 +223,16 @@ def main() -> int:
     return 0
 
 
+def _report_connected(node: CameraNode, reports: Reports, begun: threading.Event) -> None:
+    """Report until the run begins how many subscribers each publisher is connected to."""
+    said: dict[str, int] = {}
+    while not begun.wait(_POLL):
+        now = {t: c.publisher.get_subscription_count() for t, c in node.counters.items()}
+        if now != said:
+            reports.say(connected=now)
+            said = now
+
+
 def _run(node: CameraNode, reports: Reports) -> None:
     def work() -> None:
         stand_back(_RENDERING_NICE)
@@ -235,9 +247,14 @@ def _run(node: CameraNode, reports: Reports) -> None:
     node.publish_scene()
     node.frames.wait_for_first()
     reports.say(ready=True)
+    begun = threading.Event()
+    threading.Thread(
+        target=_report_connected, args=(node, reports, begun), name="connected", daemon=True
+    ).start()
     done, behind = 0, False
     waiting = b""
     while data := os.read(0, TOKEN.size * 4096):
+        begun.set()
         waiting += data
         whole = len(waiting) - len(waiting) % TOKEN.size
         tokens, waiting = list(TOKEN.iter_unpack(waiting[:whole])), waiting[whole:]

@@ -38,6 +38,8 @@ TOKEN: Final = struct.Struct("<qq")
 MARKERS: Final = "visualization_msgs/msg/MarkerArray"
 _OVERRIDES: Final = "qos_overrides"
 _LONGEST_FRAME: Final = 10.0
+_LONGEST_CONNECTION: Final = 5.0
+"""[s] A subscriber that is not connected by then has another quality of service."""
 _LONGEST_END: Final = 5.0
 """[s] A process that is still sending by then is killed."""
 
@@ -49,6 +51,11 @@ class RemoteCounter:
         self.topic, self._camera = topic, camera
         self.get_subscription_count = subscribers
         self.publisher = self
+
+    @property
+    def connected(self) -> bool:
+        """Whether the camera's process is connected to all subscribers that the node knows."""
+        return self._camera.connected.get(self.topic, 0) >= self.get_subscription_count()
 
     @property
     def count(self) -> int:
@@ -72,6 +79,8 @@ class CameraProcess:
         """
         self.name, self._fail, self._warn = name, fail, warn
         self.counts: dict[str, int] = {}
+        self.connected: dict[str, int] = {}
+        """Subscribers that each of its publishers is connected to, until the run begins."""
         self.ready = False
         self._sent = self._done = 0
         self._closing = self._overflow = False
@@ -137,6 +146,7 @@ class CameraProcess:
             said = json.loads(line)
             with self._changed:
                 self.counts.update(said.get("counts", {}))
+                self.connected.update(said.get("connected", {}))
                 self._done = said.get("done", self._done)
                 self.ready |= "ready" in said
                 self._changed.notify_all()
@@ -198,6 +208,7 @@ class Cameras:
         self.counters: list[RemoteCounter] = []
         self.streams: list[CameraStream] = []
         self._processes: list[CameraProcess] = []
+        self._asked = 0.0
         self.mounts = [_mount(parameters.frame(n), c) for n, c in parameters.each().items()]
         for name, camera in parameters.each().items():
             topics = _topics_of(name, parameters)
@@ -227,6 +238,15 @@ class Cameras:
     def ready(self) -> bool:
         """Whether all cameras have their first frames."""
         return all(process.ready for process in self._processes)
+
+    def connected(self, now: float) -> bool:
+        """Whether the processes are connected to all subscribers, or have tried long enough.
+
+        :param now: [s], of a clock that never jumps.
+        """
+        self._asked = self._asked or now
+        late = now - self._asked > _LONGEST_CONNECTION
+        return late or all(counter.connected for counter in self.counters)
 
     def close(self) -> None:
         """End the processes."""

@@ -273,6 +273,8 @@ class Simulator(ConfiguredNode):
                     missing |= counter.publisher.get_subscription_count() < count
         if missing or not any(wanted.values()):
             return not missing
+        if self._cameras is not None and not self._cameras.connected(time.monotonic()):
+            return False
         counts = [counter.publisher.get_subscription_count() for counter in self._counters]
         return self._settling.settled(counts, time.monotonic())
 
