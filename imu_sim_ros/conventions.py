@@ -23,6 +23,8 @@ TRIADS: Final[tuple[Triad, Triad]] = ("gyroscope", "accelerometer")
 """In the order of arrays that hold both, (6, ...): gyroscope x, y, z, accelerometer x, y, z."""
 AUXILIARY: Final[Mapping[str, str]] = {"magnetometer": "magnetic_field", "barometer": "pressure"}
 """The sensors beside them on a board, each with what it measures, as ``publish.`` names it."""
+BESIDE: Final = (*AUXILIARY.values(), "orientation")
+"""All that a run can ask for beside the readings of the IMU."""
 AXES: Final = ("x", "y", "z")
 
 WORLD_FRAME: Final = "world"

@@ -62,7 +62,7 @@ class Simulation:
         :param pose_reader: reads the file of a trajectory of recorded poses.
         :param t0_ns: time of sample 0 [ns]; None: ``start_time``, or 1 s where that is -1.
         :param trajectory: the one of these parameters, if it already exists.
-        :param sensors: what is read beside the IMU: names of ``sensor.auxiliary.SENSORS``; no
+        :param sensors: what is read beside the IMU: names of ``conventions.BESIDE``; no
             sample of another sensor depends on it.
         :raises ConfigurationError: for inconsistent parameters.
         :raises InputError: for a file of poses that cannot be used.

@@ -8,7 +8,7 @@ the same bytes.
 """
 
 from collections.abc import Callable, Iterable
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,8 +54,7 @@ from imu_sim_ros.rotation import rotate_inverse
 from imu_sim_ros.sensor import (
     CurvedEarth,
     ImuBlock,
-    MagneticBlock,
-    PressureBlock,
+    OrientationBlock,
     accel_variance_discrete,
     field_variance_discrete,
     gyro_variance_discrete,
@@ -204,45 +203,47 @@ def _temperature(parameters: SimulationParameters, encoding: str) -> Encode:
 
 def _magnetic_field(parameters: SimulationParameters, encoding: str) -> Encode:
     fields = MagneticFieldEncoder(parameters.imu_frame, encoding)
-
-    def encode(block: ImuBlock, now: SimulationParameters) -> Messages:
-        read = _magnetic(block)
-        rows = read.delivered
-        t_ns = read.t_ns[rows]
-        variance = field_variance_discrete(now.imu)
-        return Messages(
-            t_ns, read.release_t_ns[rows], fields.pattern(t_ns, read.field[rows], variance)
-        )
-
-    return encode
+    return _of_a_sensor(
+        MAGNETIC_FIELD_TOPIC,
+        lambda read, rows, _, now: fields.pattern(
+            read.t_ns[rows], read.field[rows], field_variance_discrete(now.imu)
+        ),
+    )
 
 
 def _ideal_magnetic_field(parameters: SimulationParameters, encoding: str) -> Encode:
     fields = MagneticFieldEncoder(parameters.imu_frame, encoding)
-
-    def encode(block: ImuBlock, _: SimulationParameters) -> Messages:
-        t_ns = _magnetic(block).true_t_ns
-        return Messages(t_ns, t_ns, fields.pattern(t_ns, _magnetic(block).ideal_field))
-
-    return encode
+    return _truth_of_a_sensor(
+        IDEAL_MAGNETIC_FIELD_TOPIC, lambda read: fields.pattern(read.true_t_ns, read.ideal_field)
+    )
 
 
-def _magnetic(block: ImuBlock) -> MagneticBlock:
-    if block.magnetic_field is None:
-        raise ConfigurationError(f"topic {MAGNETIC_FIELD_TOPIC}: no magnetic field was simulated")
-    return block.magnetic_field
+def _pressure(parameters: SimulationParameters, encoding: str) -> Encode:
+    pressures = FluidPressureEncoder(parameters.imu_frame, encoding)
+    return _of_a_sensor(
+        PRESSURE_TOPIC,
+        lambda read, rows, _, now: pressures.pattern(
+            read.t_ns[rows], read.pressure[rows], pressure_variance_discrete(now.imu)
+        ),
+    )
+
+
+def _ideal_pressure(parameters: SimulationParameters, encoding: str) -> Encode:
+    pressures = FluidPressureEncoder(parameters.imu_frame, encoding)
+    return _truth_of_a_sensor(
+        IDEAL_PRESSURE_TOPIC,
+        lambda read: pressures.pattern(read.true_t_ns, read.ideal_pressure),
+    )
 
 
 def _orientation(parameters: SimulationParameters, encoding: str) -> Encode:
     readings = ImuEncoder(parameters.imu_frame, encoding)
 
-    def encode(block: ImuBlock, now: SimulationParameters) -> Messages:
-        if block.orientation is None:
-            raise ConfigurationError(f"topic {ORIENTATION_TOPIC}: no orientation was simulated")
-        stated = block.orientation
-        rows = stated.delivered
+    def pattern(
+        stated: OrientationBlock, rows: Times, block: ImuBlock, now: SimulationParameters
+    ) -> Pattern:
         of_imu = stated.rows[rows]
-        payloads = readings.pattern(
+        return readings.pattern(
             stated.t_ns[rows],
             block.gyro[of_imu],
             block.accel[of_imu],
@@ -251,40 +252,44 @@ def _orientation(parameters: SimulationParameters, encoding: str) -> Encode:
             stated.q_wi[rows],
             stated.variance[rows],
         )
-        return Messages(stated.t_ns[rows], stated.release_t_ns[rows], payloads)
 
-    return encode
+    return _of_a_sensor(ORIENTATION_TOPIC, pattern)
 
 
-def _pressure(parameters: SimulationParameters, encoding: str) -> Encode:
-    pressures = FluidPressureEncoder(parameters.imu_frame, encoding)
+def _of_a_sensor(
+    topic: str, pattern: Callable[[Any, Times, ImuBlock, SimulationParameters], Pattern]
+) -> Encode:
+    """Return the source of what a sensor beside the IMU delivers.
+
+    :param pattern: of the sensor's samples, the rows that are delivered, the IMU's block and the
+        parameters of now.
+    """
 
     def encode(block: ImuBlock, now: SimulationParameters) -> Messages:
-        read = _barometric(block)
+        read = _beside(topic, block)
         rows = read.delivered
-        t_ns = read.t_ns[rows]
-        variance = pressure_variance_discrete(now.imu)
-        return Messages(
-            t_ns, read.release_t_ns[rows], pressures.pattern(t_ns, read.pressure[rows], variance)
-        )
+        return Messages(read.t_ns[rows], read.release_t_ns[rows], pattern(read, rows, block, now))
 
     return encode
 
 
-def _ideal_pressure(parameters: SimulationParameters, encoding: str) -> Encode:
-    pressures = FluidPressureEncoder(parameters.imu_frame, encoding)
+def _truth_of_a_sensor(topic: str, pattern: Callable[[Any], Pattern]) -> Encode:
+    """Return the source of what a sensor beside the IMU would read without errors."""
 
     def encode(block: ImuBlock, _: SimulationParameters) -> Messages:
-        t_ns = _barometric(block).true_t_ns
-        return Messages(t_ns, t_ns, pressures.pattern(t_ns, _barometric(block).ideal_pressure))
+        read = _beside(topic, block)
+        return Messages(read.true_t_ns, read.true_t_ns, pattern(read))
 
     return encode
 
 
-def _barometric(block: ImuBlock) -> PressureBlock:
-    if block.pressure is None:
-        raise ConfigurationError(f"topic {PRESSURE_TOPIC}: no pressure was simulated")
-    return block.pressure
+def _beside(topic: str, block: ImuBlock) -> Any:
+    """Return the samples of the sensor beside the IMU that a topic is about."""
+    sensor = _SENSORS[topic]
+    read = getattr(block, sensor)
+    if read is None:
+        raise ConfigurationError(f"topic {topic}: no {sensor.replace('_', ' ')} was simulated")
+    return read
 
 
 def _delta_angle(parameters: SimulationParameters, encoding: str) -> Encode:

@@ -25,8 +25,11 @@ _REAL_PROCESSES = {
 }
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Put tests with real nodes first, in two rows beside the rest: they mostly wait.
+
+    Before pytest-xdist's own hook, which reads the marks.
 
     All others stay together by file, whose fixtures they share.
     """

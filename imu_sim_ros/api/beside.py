@@ -13,19 +13,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.api.readings import span
-from imu_sim_ros.conventions import AUXILIARY
+from imu_sim_ros.conventions import BESIDE
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.sensor import ImuBlock
 
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
-_Readings = TypeVar("_Readings", "MagneticReadings", "PressureReadings", "Orientations")
+_Any = TypeVar("_Any", "MagneticReadings", "PressureReadings", "Orientations")
 
-SENSORS = (*AUXILIARY.values(), "orientation")
+
+class _Readings:
+    """n readings with stamps."""
+
+    t_ns: Times
+
+    def __len__(self) -> int:
+        return len(self.t_ns)
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {span(self.t_ns)}>"
 
 
 @dataclass(frozen=True, repr=False)
-class MagneticReadings:
+class MagneticReadings(_Readings):
     """The n readings of a magnetometer that are delivered, and the truth of each."""
 
     t_ns: Times
@@ -39,15 +49,9 @@ class MagneticReadings:
     bias: Array
     """(n, 3) what is added to the field times the sensor's response [T]."""
 
-    def __len__(self) -> int:
-        return len(self.t_ns)
-
-    def __repr__(self) -> str:
-        return f"<{type(self).__name__}: {span(self.t_ns)}>"
-
 
 @dataclass(frozen=True, repr=False)
-class PressureReadings:
+class PressureReadings(_Readings):
     """The n readings of a barometer that are delivered, and the truth of each."""
 
     t_ns: Times
@@ -61,15 +65,9 @@ class PressureReadings:
     bias: Array
     """(n,) what is added to it, without white noise and rounding [Pa]."""
 
-    def __len__(self) -> int:
-        return len(self.t_ns)
-
-    def __repr__(self) -> str:
-        return f"<{type(self).__name__}: {span(self.t_ns)}>"
-
 
 @dataclass(frozen=True, repr=False)
-class Orientations:
+class Orientations(_Readings):
     """The n orientations that a board states and delivers, and the truth of each."""
 
     t_ns: Times
@@ -83,12 +81,6 @@ class Orientations:
     ideal_q_wi: Array
     """(n, 4) the true ones."""
 
-    def __len__(self) -> int:
-        return len(self.t_ns)
-
-    def __repr__(self) -> str:
-        return f"<{type(self).__name__}: {span(self.t_ns)}>"
-
 
 def checked_sensors(names: Collection[str]) -> frozenset[str]:
     """Return the names of sensors beside the IMU.
@@ -97,16 +89,16 @@ def checked_sensors(names: Collection[str]) -> frozenset[str]:
     """
     given = (names,) if isinstance(names, str) else tuple(names)
     unknown = [
-        f"sensors: {name!r}: must be one of {', '.join(SENSORS)}"
+        f"sensors: {name!r}: must be one of {', '.join(BESIDE)}"
         for name in given
-        if name not in SENSORS
+        if name not in BESIDE
     ]
     if unknown:
         raise ConfigurationError(unknown)
     return frozenset(given)
 
 
-def joined(blocks: Sequence[ImuBlock], sensor: str, readings: type[_Readings]) -> _Readings:
+def joined(blocks: Sequence[ImuBlock], sensor: str, readings: type[_Any]) -> _Any:
     """Return what a sensor beside the IMU delivered in all blocks.
 
     :raises ConfigurationError: where it was not simulated.

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from imu_sim_ros import timebase
-from imu_sim_ros.api.beside import SENSORS, checked_sensors
+from imu_sim_ros.api.beside import checked_sensors
 from imu_sim_ros.api.flight import Flight
 from imu_sim_ros.config import (
     EMPTY_LIST,
@@ -19,6 +19,7 @@ from imu_sim_ros.config import (
     load_simulation,
     of_the_node,
 )
+from imu_sim_ros.conventions import BESIDE
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.sensor import ImuBlock
@@ -112,7 +113,7 @@ def _simulation(
     if params_file is not None:  # the simulator node's own will do
         given = files.load(params_file)
         if sensors is None:
-            beside = frozenset(name for name in SENSORS if given.get(f"publish.{name}") is True)
+            beside = frozenset(name for name in BESIDE if given.get(f"publish.{name}") is True)
         of_node = of_the_node(given)
         unset = [name for name in ("imus", "cameras") if given.get(name) in ((), [], EMPTY_LIST)]
         layers = [{n: value for n, value in given.items() if n not in (*of_node, *unset)}]

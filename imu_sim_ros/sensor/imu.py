@@ -38,7 +38,7 @@ class Imu:
         """Set up all errors at their start.
 
         :param t0_ns: time of sample 0 [ns].
-        :param sensors: names of what is read beside the IMU (``auxiliary.SENSORS``).
+        :param sensors: names of what is read beside the IMU (``conventions.BESIDE``).
         """
         p = parameters
         self._rate, self._t0_ns = p.rate, t0_ns

@@ -11,10 +11,9 @@ leaves, and the errors, faults and clocks of the package above.
 from imu_sim_ros.sensor.auxiliary.atmosphere import Atmosphere
 from imu_sim_ros.sensor.auxiliary.magnetic_field import MagneticField
 from imu_sim_ros.sensor.auxiliary.magnetometer import realised_magnetometer
-from imu_sim_ros.sensor.auxiliary.suite import SENSORS, Auxiliary
+from imu_sim_ros.sensor.auxiliary.suite import Auxiliary
 
 __all__ = [
-    "SENSORS",
     "Atmosphere",
     "Auxiliary",
     "MagneticField",

@@ -7,18 +7,17 @@
 noise are those of the first axis of a triad.
 """
 
-import dataclasses
 import math
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.config import ImuParameters, SimulationParameters
+from imu_sim_ros.config import SimulationParameters
 from imu_sim_ros.random_streams import generator
 from imu_sim_ros.rotation.components import rotate
 from imu_sim_ros.sensor.auxiliary.atmosphere import Atmosphere
-from imu_sim_ros.sensor.auxiliary.own_rate import OwnRate
+from imu_sim_ros.sensor.auxiliary.own_rate import OwnRate, instantaneous
 from imu_sim_ros.sensor.block import PressureBlock
 from imu_sim_ros.sensor.errors import TemperatureProfile, Triad
 from imu_sim_ros.sensor.faults import Fault
@@ -73,7 +72,7 @@ class Barometer:
         self._height = parameters.height
         self._lever_arm_b = np.reshape(parameters.imu.lever_arm, (3, 1))
         self._gusts = Gusts(parameters.seed, own.gust_rate, own.gust_sigma, 1.0 / own.rate)
-        self._triad = Triad(NAME, _instantaneous(parameters), parameters.seed, own.rate)
+        self._triad = Triad(NAME, instantaneous(parameters), parameters.seed, own.rate)
         self.configure(parameters)
 
     def configure(self, parameters: SimulationParameters) -> None:
@@ -82,7 +81,7 @@ class Barometer:
         self._reference_temperature = parameters.imu.reference_temperature
         self._limits = (own.minimum, own.maximum or math.inf)
         self._own.configure(parameters)
-        self._triad.configure(_instantaneous(parameters))
+        self._triad.configure(instantaneous(parameters))
 
     def inject(self, fault: Fault, first: int) -> None:
         """Let a fault begin with the first sample not before the IMU's sample ``first``."""
@@ -111,8 +110,3 @@ class Barometer:
             ideal,
             made.bias[0] + gust,
         )
-
-
-def _instantaneous(parameters: SimulationParameters) -> ImuParameters:
-    """Return the board with readings at an instant: only gyroscope and accelerometer average."""
-    return dataclasses.replace(parameters.imu, sampling="instantaneous")

@@ -20,12 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
-from imu_sim_ros.config import ZERO_VECTOR, ImuParameters, SimulationParameters
+from imu_sim_ros.config import ZERO_VECTOR, SimulationParameters
 from imu_sim_ros.config.auxiliary import MagnetometerParameters
 from imu_sim_ros.random_streams import axis_generators
 from imu_sim_ros.rotation.components import rotate, rotate_inverse, transform
 from imu_sim_ros.sensor.auxiliary.magnetic_field import MagneticField
-from imu_sim_ros.sensor.auxiliary.own_rate import OwnRate
+from imu_sim_ros.sensor.auxiliary.own_rate import OwnRate, instantaneous
 from imu_sim_ros.sensor.block import MagneticBlock
 from imu_sim_ros.sensor.errors import TemperatureProfile, Triad, TurnOn
 from imu_sim_ros.sensor.faults import Fault
@@ -96,16 +96,14 @@ class Magnetometer:
         self._current = np.reshape(unit.current_profile, (-1, 2)).T
         self.imu_samples = (np.empty(0, np.int64), np.empty(0, np.bool_))
         """Of the samples read last: the IMU's sample that each follows; whether together."""
-        self._triad = Triad(
-            NAME, _instantaneous(parameters), parameters.seed, imu.magnetometer.rate
-        )
+        self._triad = Triad(NAME, instantaneous(parameters), parameters.seed, imu.magnetometer.rate)
         self.configure(parameters)
 
     def configure(self, parameters: SimulationParameters) -> None:
         """Take new values of live parameters, from the next sample on."""
         self._reference_temperature = parameters.imu.reference_temperature
         self._own.configure(parameters)
-        self._triad.configure(_instantaneous(parameters))
+        self._triad.configure(instantaneous(parameters))
 
     def inject(self, fault: Fault, first: int) -> None:
         """Let a fault begin with the first sample not before the IMU's sample ``first``."""
@@ -144,8 +142,3 @@ class Magnetometer:
         current = np.interp(t, self._current[0], self._current[1])
         result: Array = self._hard_iron + self._coupling * current
         return result
-
-
-def _instantaneous(parameters: SimulationParameters) -> ImuParameters:
-    """Return the board with readings at an instant: only gyroscope and accelerometer average."""
-    return dataclasses.replace(parameters.imu, sampling="instantaneous")

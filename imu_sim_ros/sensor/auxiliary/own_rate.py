@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros import timebase
-from imu_sim_ros.config import LARGEST_JITTER, SimulationParameters
+from imu_sim_ros.config import LARGEST_JITTER, ImuParameters, SimulationParameters
 from imu_sim_ros.config.auxiliary import OwnRateParameters
 from imu_sim_ros.sensor.faults import Fault, FaultSchedule
 from imu_sim_ros.sensor.timing import Clock, Transport
@@ -126,3 +126,8 @@ class OwnRate:
     def _count(self, end: Fraction) -> int:
         """Return how many samples lie before a time [s]."""
         return max(math.ceil((end - self._offset) * timebase.exact_rate(self._rate)), 0)
+
+
+def instantaneous(parameters: SimulationParameters) -> ImuParameters:
+    """Return the board with readings at an instant: only gyroscope and accelerometer average."""
+    return dataclasses.replace(parameters.imu, sampling="instantaneous")

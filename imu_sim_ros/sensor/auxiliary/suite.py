@@ -4,7 +4,6 @@
 """The sensors beside an IMU that a run asks for, read block by block with it."""
 
 from collections.abc import Collection
-from typing import Final
 
 from imu_sim_ros.config import SimulationParameters
 from imu_sim_ros.sensor.auxiliary.barometer import Barometer
@@ -14,9 +13,6 @@ from imu_sim_ros.sensor.block import ImuBlock
 from imu_sim_ros.sensor.errors import TemperatureProfile
 from imu_sim_ros.sensor.faults import Fault
 from imu_sim_ros.trajectory import Trajectory
-
-SENSORS: Final = ("magnetic_field", "pressure", "orientation")
-"""What can be asked for; ``publish.NAME`` of the simulator."""
 
 
 class Auxiliary:
@@ -28,7 +24,7 @@ class Auxiliary:
         """Set up the sensors that are wanted.
 
         :param t0_ns: time of the IMU's sample 0 [ns].
-        :param wanted: names of SENSORS.
+        :param wanted: names of ``conventions.BESIDE``.
         """
         filtered = "orientation" in wanted and parameters.imu.orientation.source == "filter"
         self._wanted = wanted
