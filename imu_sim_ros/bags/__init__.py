@@ -13,10 +13,14 @@ from typing import TYPE_CHECKING
 from imu_sim_ros.lazy import exported
 
 if TYPE_CHECKING:
+    from imu_sim_ros.bags import beside as beside
     from imu_sim_ros.bags import convert as convert
     from imu_sim_ros.bags.atomic_file import OutputFile as OutputFile
     from imu_sim_ros.bags.atomic_file import active_path as active_path
     from imu_sim_ros.bags.atomic_file import make_folder as make_folder
+    from imu_sim_ros.bags.beside import Beside as Beside
+    from imu_sim_ros.bags.beside import read_beside as read_beside
+    from imu_sim_ros.bags.beside import read_magnetic_field as read_magnetic_field
     from imu_sim_ros.bags.outputs import Outputs as Outputs
     from imu_sim_ros.bags.read import ImuMessages as ImuMessages
     from imu_sim_ros.bags.read import OdometryMessages as OdometryMessages
@@ -25,7 +29,6 @@ if TYPE_CHECKING:
     from imu_sim_ros.bags.read import odometry_blocks as odometry_blocks
     from imu_sim_ros.bags.read import open_bag as open_bag
     from imu_sim_ros.bags.read import read_imu as read_imu
-    from imu_sim_ros.bags.read import read_magnetic_field as read_magnetic_field
     from imu_sim_ros.bags.read import read_odometry as read_odometry
     from imu_sim_ros.bags.read import read_poses as read_poses
     from imu_sim_ros.bags.read import read_temperature as read_temperature
@@ -45,8 +48,9 @@ else:
     __getattr__, __dir__, __all__ = exported(
         __name__,
         {
-            "": ["convert"],
+            "": ["beside", "convert"],
             "atomic_file": ["OutputFile", "active_path", "make_folder"],
+            "beside": ["Beside", "read_beside", "read_magnetic_field"],
             "outputs": ["Outputs"],
             "read": [
                 "ImuMessages",
@@ -58,7 +62,6 @@ else:
                 "read_imu",
                 "read_odometry",
                 "read_poses",
-                "read_magnetic_field",
                 "read_temperature",
             ],
             "reader": ["Bag"],

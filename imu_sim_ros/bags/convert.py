@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.bags import beside
 from imu_sim_ros.bags.messages import (
     IMU,
     ODOMETRY,
@@ -159,7 +160,9 @@ def text_to_bag(
     advance: Callable[[int], object],
     skipped: Skipped | None = None,
 ) -> None:
-    """Copy a EuRoC folder or a CSV file: readings, and truth and biases where there are states.
+    """Copy a EuRoC folder or a CSV file: readings, and what a folder has beside them.
+
+    That is magnetic field, pressure and orientation; truth and biases where there are states.
 
     Several IMUs have a namespace each, as in ``generate``: ``/imu1/imu/data_raw``.
 
@@ -170,6 +173,7 @@ def text_to_bag(
         _reading_messages(path, writer, renamed, skipped, name)
         for name in (names if len(names) > 1 else [None])
     ]
+    streams += beside.streams_of_tables(path, writer, renamed, names, skipped)
     if text_reader.has_states(path):
         streams.append(_state_messages(path, writer, renamed, skipped))
     for blocks in _interleaved(streams):
@@ -256,9 +260,11 @@ def to_dataset(
     advance: Callable[[int], object],
     recover: bool = False,
     skipped: Skipped | None = None,
+    tables: Mapping[str, str] | None = None,
 ) -> None:
-    """Copy readings and truth of a bag or a dataset into text.
+    """Copy readings, what is beside them, and truth of a bag or a dataset into text.
 
+    :param tables: of the dataset, by kind: a topic, or a table of the dataset that is read.
     :param skipped: as for :func:`imu_sim_ros.bags.imu_blocks`.
     :param topics: name of the topic for each of the types Imu and Odometry that is to be copied;
         None: the only one.
@@ -267,6 +273,10 @@ def to_dataset(
         for readings in imu_blocks(path, topics[IMU], recover, skipped):
             dataset.write_imu(readings.t_ns, readings.gyro, readings.accel)
             advance(len(readings.t_ns))
+    for kind, name in (tables or {}).items():
+        for measured in beside.blocks(path, kind, name, recover, skipped):
+            dataset.write_beside(kind, 0, measured.t_ns, measured.values)
+            advance(len(measured.t_ns))
     if dataset.truth is not None and ODOMETRY in topics:
         for states in _states(path, topics[ODOMETRY], recover, skipped):
             dataset.write_states(states)

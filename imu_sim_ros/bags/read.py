@@ -14,7 +14,6 @@ from imu_sim_ros.bags.atomic_file import unfinished
 from imu_sim_ros.bags.mcap import McapBag
 from imu_sim_ros.bags.messages import (
     IMU,
-    MAGNETIC_FIELD,
     ODOMETRY,
     POSE_STAMPED,
     TEMPERATURE,
@@ -49,7 +48,6 @@ __all__ = [
     "odometry_blocks",
     "open_bag",
     "read_imu",
-    "read_magnetic_field",
     "read_odometry",
     "read_poses",
     "read_temperature",
@@ -178,7 +176,7 @@ def imu_blocks(
         for t_ns, gyro, accel in text_reader.imu_blocks(Path(path), topic, skipped):
             yield ImuMessages(t_ns, gyro, accel, t_ns, "")
         return
-    for block, fields in _decoded(path, IMU, topic, _IMU_FIELDS, recover):
+    for block, fields in decoded_blocks(path, IMU, topic, _IMU_FIELDS, recover):
         gyro, accel = fields.numbers.values()
         yield ImuMessages(fields.t_ns, gyro, accel, block.t_ns, fields.texts[0])
 
@@ -206,7 +204,7 @@ def odometry_blocks(
             yield OdometryMessages(states.t_ns, *truth, square, square, "", "")
         return
     names = ("position", "orientation", "linear", "angular", "pose_covariance", "twist_covariance")
-    for _, fields in _decoded(path, ODOMETRY, topic, names, recover):
+    for _, fields in decoded_blocks(path, ODOMETRY, topic, names, recover):
         position, orientation, linear, angular, pose, twist = fields.numbers.values()
         yield OdometryMessages(
             fields.t_ns,
@@ -251,7 +249,9 @@ def read_poses(
     with open_bag(path) as bag:
         types = {info.type for info in bag.topics if topic is None or _same(info.name, topic)}
     type_name = POSE_STAMPED if POSE_STAMPED in types and ODOMETRY not in types else ODOMETRY
-    parts = [fields for _, fields in _decoded(path, type_name, topic, ("position", "orientation"))]
+    parts = [
+        fields for _, fields in decoded_blocks(path, type_name, topic, ("position", "orientation"))
+    ]
     return PoseSequence(
         np.concatenate([_times(), *(part.t_ns for part in parts)]),
         np.concatenate([_rows(3), *(part.numbers["position"] for part in parts)]),
@@ -263,43 +263,31 @@ def vector_blocks(
     path: str | Path, topic: str, recover: bool = False
 ) -> Iterator[tuple[Times, Array]]:
     """Yield stamps (n,) and vectors (n, 3) of a Vector3Stamped topic in blocks."""
-    for _, fields in _decoded(path, VECTOR3_STAMPED, topic, ("vector",), recover):
+    for _, fields in decoded_blocks(path, VECTOR3_STAMPED, topic, ("vector",), recover):
         yield fields.t_ns, fields.numbers["vector"]
-
-
-def read_magnetic_field(path: str | Path, topic: str | None = None) -> tuple[Times, Array]:
-    """Return stamps (n,) and fields (n, 3) [T] of a MagneticField topic.
-
-    Where a bag has the true field as well, the readings are meant.
-    """
-    if topic is None:
-        with open_bag(path) as bag:
-            names = [info.name for info in bag.topics if info.type == MAGNETIC_FIELD]
-        measured = [name for name in names if "ground_truth/" not in name]
-        topic = measured[0] if len(measured) == 1 else None
-    parts = [fields for _, fields in _decoded(path, MAGNETIC_FIELD, topic, ("magnetic_field",))]
-    return (
-        np.concatenate([_times(), *(part.t_ns for part in parts)]),
-        np.concatenate([_rows(3), *(part.numbers["magnetic_field"] for part in parts)]),
-    )
 
 
 def read_temperature(path: str | Path, topic: str | None = None) -> TemperatureMessages:
     """Return all messages of a Temperature topic."""
-    parts = [fields for _, fields in _decoded(path, TEMPERATURE, topic, ("temperature",))]
+    parts = [fields for _, fields in decoded_blocks(path, TEMPERATURE, topic, ("temperature",))]
     return TemperatureMessages(
         np.concatenate([_times(), *(part.t_ns for part in parts)]),
         np.concatenate([np.empty(0), *(part.numbers["temperature"] for part in parts)]),
     )
 
 
-def _decoded(
+def decoded_blocks(
     path: str | Path,
     type_name: str,
     topic: str | None,
     names: tuple[str, ...],
     recover: bool = False,
 ) -> Iterator[tuple[MessageBlock, Decoded]]:
+    """Yield the messages of a topic in blocks, with some of their fields.
+
+    :param topic: None: the only one of the type.
+    :param names: of the fields, as for :func:`imu_sim_ros.bags.messages.decode_block`.
+    """
     with open_bag(path, recover) as bag:
         chosen = bag.topic(type_name, topic)
         for group in bag.groups({chosen.name}):

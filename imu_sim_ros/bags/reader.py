@@ -110,6 +110,9 @@ class Bag(ABC):
     def topic(self, type_name: str, name: str | None) -> TopicInfo:
         """Return the topic of a type: the named one, or the only one.
 
+        Of ``imu/data_raw`` and ``imu/data``, the same readings with an orientation (REP-145), the
+        first is meant.
+
         :raises InputError: where there is none, or several; the line lists them.
         """
         fitting = [topic for topic in self.topics if topic.type == type_name]
@@ -120,8 +123,10 @@ class Bag(ABC):
             raise InputError(
                 f"{self.path}: has no topic {name} of {type_name}; it has {listed(self.topics)}"
             )
-        if len(fitting) == 1:
-            return fitting[0]
+        names = {topic.name for topic in fitting}
+        once = [topic for topic in fitting if f"{topic.name}_raw" not in names]
+        if len(once) == 1:
+            return once[0]
         if not fitting:
             raise InputError(
                 f"{self.path}: has no topic of {type_name}; it has {listed(self.topics)}"

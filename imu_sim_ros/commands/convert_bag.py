@@ -5,7 +5,7 @@
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -14,6 +14,7 @@ from imu_sim_ros.bags import (
     Outputs,
     Writer,
     amount,
+    beside,
     convert,
     described,
     open_bag,
@@ -156,17 +157,20 @@ def _bag_to_dataset(
     chosen: dict[str, str | None] = {IMU: readings.name}
     if truths:
         chosen[ODOMETRY] = bag.topic(ODOMETRY, _only_named(topics, ODOMETRY, arguments)).name
-    total = readings.count + sum(topic.count for topic in truths)
-    with _dataset(arguments, form, bool(truths), written) as dataset:
+    one_table = arguments.staged.suffix.lower() == ".csv"
+    tables = {} if one_table else beside.tables_of(topics, readings.name)
+    names = {kind: topic.name for kind, topic in tables.items()}
+    total = readings.count + sum(topic.count for topic in [*truths, *tables.values()])
+    with _dataset(arguments, form, bool(truths), written, names) as dataset:
         images = _images(bag, topics, form, arguments)
         total += sum(topic.count for topic in images.topics) if images else 0
         with _progress(arguments, total) as advance:
-            convert.to_dataset(bag.path, dataset, chosen, advance, arguments.recover)
+            convert.to_dataset(bag.path, dataset, chosen, advance, arguments.recover, None, names)
             if images:
                 images.write(advance, _comment(arguments))
     if form == "euroc":
-        _describe(arguments, bool(truths))
-    counts = _rows(dataset, readings.name, chosen.get(ODOMETRY))
+        _describe(arguments, bool(truths), names)
+    counts = _rows(dataset, readings.name, chosen.get(ODOMETRY), names)
     if images is None:
         return counts, dataset.last_ns
     return {**counts, **images.counts}, max(dataset.last_ns, images.last_ns)
@@ -196,14 +200,22 @@ def _only_named(topics: Sequence[Any], type_name: str, arguments: argparse.Names
     return fitting[0] if arguments.topics and len(fitting) == 1 else None
 
 
-def _dataset(arguments: argparse.Namespace, form: str, states: bool, written: Outputs) -> Dataset:
-    dataset = Dataset(arguments.staged, form, states)
+def _dataset(
+    arguments: argparse.Namespace,
+    form: str,
+    states: bool,
+    written: Outputs,
+    tables: Collection[str],
+) -> Dataset:
+    dataset = Dataset(arguments.staged, form, states, beside=[(kind, 0) for kind in tables])
     written.describe(arguments.output, lambda: amount(dataset.rows, dataset.last_ns, "rows"))
     return dataset
 
 
-def _rows(dataset: Dataset, readings: str, truth: str | None) -> dict[str, int]:
-    counts = {}
+def _rows(
+    dataset: Dataset, readings: str, truth: str | None, tables: Mapping[str, str]
+) -> dict[str, int]:
+    counts = {name: dataset.beside[kind, 0].rows for kind, name in tables.items()}
     if dataset.imu is not None:
         counts[readings] = dataset.imu.rows
     if dataset.truth is not None and truth:
@@ -247,17 +259,21 @@ def _from_text(arguments: argparse.Namespace, form: str | None, written: Outputs
     _note_images(arguments)
     if form is not None:
         states = text_reader.has_states(arguments.input)
+        one_table = arguments.staged.suffix.lower() == ".csv"
+        tables = {} if one_table else text_reader.beside_names(arguments.input)
+        names = {kind: name for name, kind in tables.items()}
         with (
-            _dataset(arguments, form, states, written) as dataset,
+            _dataset(arguments, form, states, written, names) as dataset,
             _progress(arguments, 0) as advance,
         ):
             chosen: dict[str, str | None] = {IMU: None, **({ODOMETRY: None} if states else {})}
             convert.to_dataset(
-                arguments.input, dataset, chosen, advance, skipped=_skipped(arguments)
+                arguments.input, dataset, chosen, advance, False, _skipped(arguments), names
             )
         if form == "euroc":
-            _describe(arguments, states)
-        counts = _rows(dataset, convert.READINGS, convert.TRUTH)
+            _describe(arguments, states, names)
+        called = {kind: beside.topic_of(kind) for kind in names}
+        counts = _rows(dataset, convert.READINGS, convert.TRUTH, called)
         return _result(arguments, counts, dataset.last_ns, False)
     with _writer(arguments, written) as writer, _progress(arguments, 0) as advance:
         if convert.holds_poses(arguments.input):
@@ -281,23 +297,20 @@ def _note_images(arguments: argparse.Namespace) -> None:
         )
 
 
-def _describe(arguments: argparse.Namespace, states: bool) -> None:
+def _describe(arguments: argparse.Namespace, states: bool, tables: Collection[str]) -> None:
     """Write sensor.yaml files; what the input does not tell is left out."""
     import numpy as np
 
-    from imu_sim_ros.bags import imu_blocks
+    def rate(name: str) -> float:
+        first = next(beside.stamps(arguments.staged, name), np.empty(0))
+        period = float(np.median(np.diff(first))) if len(first) > 1 else 0.0
+        return round(1e9 / period, 3) if period else 0.0
 
-    first = next(imu_blocks(arguments.staged / "imu0" / "data.csv"))
-    period = float(np.median(np.diff(first.t_ns))) if len(first.t_ns) > 1 else 0.0
-    text_writer.write_euroc_descriptions(
-        arguments.staged,
-        round(1e9 / period, 3) if period else 0.0,
-        {},
-        np.eye(3),
-        np.zeros(3),
-        _comment(arguments),
-        states,
-    )
+    pose = (np.eye(3), np.zeros(3))
+    comment = _comment(arguments)
+    text_writer.write_euroc_descriptions(arguments.staged, rate("imu0"), {}, *pose, comment, states)
+    for kind in tables:
+        text_writer.write_euroc_beside(arguments.staged, kind, 0, rate(f"{kind}0"), *pose, comment)
 
 
 def _progress(arguments: argparse.Namespace, total: int) -> Any:

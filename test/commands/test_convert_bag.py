@@ -83,6 +83,84 @@ def test_there_and_back_again_through_euroc(sources, tmp_path, capsys):
     assert np.any(table[1:, 11:] != 0.0)
 
 
+NINE = "imu/data_raw,imu/data,imu/mag,imu/pressure,ground_truth/mag"
+
+
+@pytest.fixture(scope="module")
+def nine_axes(tmp_path_factory) -> Path:
+    """Return a bag whose sensors have rates of their own, gaps, and messages that came twice."""
+    bag = tmp_path_factory.mktemp("nine") / "nine.mcap"
+    names = ("imu.magnetometer_rate=70", "imu.barometer_rate=30", "imu.orientation_rate=40")
+    transport = ("imu.dropout_probability=0.02", "imu.duplicate_probability=0.02")
+    options = [word for value in (*names, *transport) for word in ("--set", value)]
+    arguments = ["-o", str(bag), "--trajectory", "figure_eight", "--duration", "3s", "--quiet"]
+    assert generate.main([*arguments, "--topics", NINE, *options]) == 0
+    return bag
+
+
+@pytest.mark.parametrize("form", ["euroc", "csv"])
+def test_sensors_beside_the_imu_there_and_back_again(nine_axes, form, tmp_path, capsys):
+    there = _convert(capsys, nine_axes, "-o", tmp_path / form, "--format", form)
+    again = _convert(capsys, tmp_path / form, "-o", tmp_path / "again", "--format", form)
+    assert again["messages"] == there["messages"]
+    back = _convert(capsys, tmp_path / form, "-o", tmp_path / "back.bag")
+    assert {name: back["messages"][name] for name in there["messages"]} == there["messages"]
+    fields = {
+        "/imu/mag": ("magnetic_field",),
+        "/imu/pressure": ("fluid_pressure",),
+        "/imu/data": ("orientation", "angular_velocity", "linear_acceleration"),
+    }
+    read = []
+    for path in (nine_axes, tmp_path / "back.bag"):
+        with AnyReader([path]) as reader:
+            read.append(
+                [
+                    (c.topic, m.header.stamp, m.header.frame_id, [getattr(m, f) for f in fields[t]])
+                    for c, _, raw in reader.messages()
+                    if (t := c.topic) in fields
+                    for m in [reader.deserialize(raw, c.msgtype)]
+                ]
+            )
+    for topic in fields:
+        original, converted = ([m for m in messages if m[0] == topic] for messages in read)
+        assert len(original) == there["messages"][topic] > 80
+        assert str(original) == str(converted)
+
+
+def test_several_imus_have_their_own_beside_them(tmp_path, capsys):
+    topics = ["--topics", "imu/data_raw,imu/mag", "--format", "euroc", "--quiet"]
+    imus = ["--set", "imus=[left, right]", "--set", "right.imu.magnetometer_rate=40"]
+    assert generate.main(["-o", str(tmp_path / "e"), "--duration", "1s", *topics, *imus]) == 0
+    result = _convert(capsys, tmp_path / "e", "-o", tmp_path / "two.mcap")
+    assert result["messages"] == {
+        "/imu0/imu/data_raw": 200,
+        "/imu1/imu/data_raw": 200,
+        "/imu0/imu/mag": 100,
+        "/imu1/imu/mag": 40,
+    }
+
+
+def test_bad_rows_beside_the_imu(nine_axes, tmp_path, capsys):
+    folder = tmp_path / "e"
+    _convert(capsys, nine_axes, "-o", folder, "--format", "euroc")
+    for table, old in (("pressure0", ","), ("mag0", ","), ("orientation0", "1")):
+        file = folder / table / "data.csv"
+        lines = file.read_text().splitlines()
+        lines[7] = lines[7].replace(old, "x" if old == "," else "2", 1)
+        file.write_text("\n".join(lines))
+    assert convert_bag.main([str(folder), "-o", str(tmp_path / "z.bag")]) == 2
+    error = capsys.readouterr().err
+    assert "pressure0/data.csv: line 8: 1 columns" in error
+    assert not (tmp_path / "z.bag").exists()
+    result = _convert(capsys, folder, "-o", tmp_path / "z.bag", "--skip-bad-rows")
+    rows = {
+        kind: len((folder / f"{kind}0/data.csv").read_text().splitlines()) - 2
+        for kind in ("mag", "pressure")
+    }
+    assert result["messages"]["/imu/mag"] == rows["mag"]
+    assert result["messages"]["/imu/pressure"] == rows["pressure"]
+
+
 def test_csv_and_tum(sources, tmp_path, capsys):
     _convert(capsys, sources["b.bag"], "-o", tmp_path / "imu.csv")
     np.testing.assert_array_equal(

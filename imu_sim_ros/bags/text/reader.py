@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags.text.writer import States
+from imu_sim_ros.bags.text.writer import BESIDE, States
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import (
     COLUMNS,
@@ -59,6 +59,30 @@ def imu_blocks(
     """
     for t_ns, numbers in _blocks(_imu_file(path, name), _IMU_COLUMNS, skipped):
         yield t_ns, numbers[:, :3], numbers[:, 3:]
+
+
+def beside_blocks(
+    path: Path, name: str, skipped: Skipped | None = None
+) -> Iterator[tuple[Times, Array]]:
+    """Yield stamps (n,) and values (n, m) of a table beside the readings of an IMU, in blocks.
+
+    :param name: one of :func:`beside_names`: mag0, pressure0.
+    :param skipped: as for :func:`imu_blocks`.
+    :raises InputError: for a folder that has no such table, and bad rows.
+    """
+    found = _tables_beside(path)
+    if name not in found:
+        raise InputError(f"{path}: has no table {name}")
+    kind, file = found[name]
+    yield from _blocks(file, BESIDE["euroc"][kind].count(","), skipped)
+
+
+def beside_names(path: Path) -> dict[str, str]:
+    """Return the tables beside the readings of IMUs, mag0 and so on, each with its kind.
+
+    None of a file.
+    """
+    return {name: kind for name, (kind, _) in _tables_beside(path).items()}
 
 
 def state_file(path: Path) -> Path:
@@ -112,10 +136,25 @@ def _imu_file(path: Path, name: str | None) -> Path:
 
 
 def _imu_files(folder: Path) -> dict[str, Path]:
-    """Return the files of IMUs by name: imu0/data.csv (EuRoC) or imu0.csv (kalibr)."""
+    """Return the files of IMUs by name."""
+    return _tables(folder, "imu")
+
+
+def _tables_beside(path: Path) -> dict[str, tuple[str, Path]]:
+    """Return kind and file of tables beside the readings of IMUs, by name: a kind, a number."""
+    return {
+        name: (kind, file)
+        for kind in (BESIDE["euroc"] if path.is_dir() else ())
+        for name, file in _tables(path, kind).items()
+        if name.removeprefix(kind).isdigit()
+    }
+
+
+def _tables(folder: Path, kind: str) -> dict[str, Path]:
+    """Return tables of a kind by name: imu0/data.csv (EuRoC) or imu0.csv (kalibr)."""
     found: dict[str, Path] = {}
     for place in (folder, folder / "mav0"):
-        for file in sorted([*place.glob("imu*/data.csv"), *place.glob("imu*.csv")]):
+        for file in sorted([*place.glob(f"{kind}*/data.csv"), *place.glob(f"{kind}*.csv")]):
             found.setdefault(file.stem if file.parent == place else file.parent.name, file)
     return found
 
