@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
 
-from imu_sim_ros.bags.messages import definitions
+from imu_sim_ros.bags.messages.definitions import MD5_SUMS, RIHS01, full_text, joined_text
 from imu_sim_ros.errors import InputError
 
 if TYPE_CHECKING:
@@ -51,6 +51,8 @@ def schema(type_name: str, encoding: str, types: "Typestore | None" = None) -> S
     :param types: where the type is looked up; by default the types that come with ROS.
     :raises InputError: for a type that is not known.
     """
+    if types is None and (found := _written(ros1_name(type_name), encoding)) is not None:
+        return found
     types = types or known_types(encoding)
     if type_name not in types.fielddefs:
         raise InputError(f"{type_name}: the definition of this message type is not known")
@@ -59,9 +61,19 @@ def schema(type_name: str, encoding: str, types: "Typestore | None" = None) -> S
         return Schema(text, types.hash_rihs01(type_name))
     text, md5 = types.generate_msgdef(type_name, ros_version=1)
     own = known_types("ros1").fielddefs.get(type_name)
-    full = definitions.full_text(ros1_name(type_name))
+    full = full_text(ros1_name(type_name))
     # The text with its comments, unless the bag's type of that name is another one.
     return Schema(full if full and own == types.fielddefs[type_name] else text, md5)
+
+
+def _written(name: str, encoding: str) -> Schema | None:
+    """Return the definition of a type that this package writes; None for any other one."""
+    if name not in RIHS01:
+        return None
+    if encoding == "cdr":
+        return Schema(joined_text(name), RIHS01[name])
+    text = full_text(name)
+    return Schema(text, MD5_SUMS[name]) if text else None
 
 
 def typestore(schemas: Iterable[tuple[str, Schema]], encoding: str) -> "Typestore":

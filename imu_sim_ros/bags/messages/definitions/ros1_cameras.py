@@ -4,7 +4,7 @@
 # ruff: noqa: E501 - the lines of the definitions are as long as their authors made them
 """The text of the ROS 1 definitions of images, camera parameters and point clouds.
 
-To the letter, as those in ``definitions``: common_msgs 1.13.1, Copyright 2008-2010 Willow Garage,
+To the letter, as those in ``ros1``: common_msgs 1.13.1, Copyright 2008-2010 Willow Garage,
 Inc., BSD-3-Clause.
 """
 

@@ -281,15 +281,33 @@ NESTED: Final[dict[str, tuple[str, ...]]] = {
     "rosgraph_msgs/Clock": (),
 }
 
+MD5_SUMS: Final[dict[str, str]] = {
+    "geometry_msgs/PoseStamped": "d3812c3cbc69362b77dc0b19b345f8f5",
+    "geometry_msgs/Vector3Stamped": "7b324c7325e683bf02a9b14b01090ec7",
+    "nav_msgs/Odometry": "cd5e73d190d741a2f92e81eda573aca7",
+    "rosgraph_msgs/Clock": "a9c97c1d230cfc112e270351a944ee47",
+    "sensor_msgs/CameraInfo": "c9a58c1b0b154e0e6da7578cb991d214",
+    "sensor_msgs/CompressedImage": "8f7a12909da2c9d3332d540a0977563f",
+    "sensor_msgs/FluidPressure": "804dc5cea1c5306d6a2eb80b9833befe",
+    "sensor_msgs/Image": "060021388200f6f0f447d0fcd9c64743",
+    "sensor_msgs/Imu": "6a62c6daae103f4ff57a132d6f95cec2",
+    "sensor_msgs/MagneticField": "2f3b0b43eed0c9501de0fa3ff89a45aa",
+    "sensor_msgs/NavSatFix": "2d3a8cd499b9b4a0249fb98fd05cfa48",
+    "sensor_msgs/PointCloud": "d8e9c3f5afbdd8a130fd1d2763945fca",
+    "sensor_msgs/PointCloud2": "1158d486dd51d683ce2f1be655c3c181",
+    "sensor_msgs/Temperature": "ff71b307acdbe7c871a5a6d7ed359100",
+}
+"""Of each type with all that it contains."""
+
 
 def full_text(name: str) -> str | None:
     """Return the definition of a type and of all that it contains; None for an unknown type.
 
     :param name: in the form of ROS 1, for instance sensor_msgs/Imu.
     """
-    from imu_sim_ros.bags.messages import camera_definitions
+    from imu_sim_ros.bags.messages.definitions import ros1_cameras
 
-    texts, nested = {**TEXTS, **camera_definitions.TEXTS}, {**NESTED, **camera_definitions.NESTED}
+    texts, nested = {**TEXTS, **ros1_cameras.TEXTS}, {**NESTED, **ros1_cameras.NESTED}
     if name not in nested:
         return None
     others = "".join(f"{'=' * 80}\nMSG: {n}\n{texts[n]}\n" for n in nested[name])
