@@ -67,11 +67,7 @@ class PoseSpline:
         windows = np.lib.stride_tricks.sliding_window_view(position, ORDER, axis=0)
         # (power, axis, segment): one contiguous row for each coefficient of the polynomials.
         self._coefficients = np.einsum("sn,kas->nak", BASIS, windows)
-        self._first_q = np.ascontiguousarray(q_wb.T)
-        steps = rotation.log(rotation.multiply(rotation.conjugate(q_wb[:-1]), q_wb[1:]))
-        self._angles = np.linalg.norm(steps, axis=-1)
-        safe = np.where(self._angles > 0, self._angles, 1.0)
-        self._axes = np.ascontiguousarray((steps / safe[:, None]).T)
+        self._rotation = RotationSpline(knots, q_wb)
 
     @property
     def duration(self) -> float:
@@ -81,7 +77,7 @@ class PoseSpline:
     def sample(self, t: Array) -> Motion:
         """Return the motion at times t (n,) [s], in any order."""
         segment, u = self._knots.locate(t)
-        q_wb, omega, alpha = self._rotation(segment, u)
+        q_wb, omega, alpha = self._rotation.motion(segment, u)
         return Motion(*self._translation(segment, u), q_wb, omega, alpha)
 
     def _translation(self, segment: NDArray[np.int64], u: Array) -> tuple[Array, Array, Array]:
@@ -92,13 +88,38 @@ class PoseSpline:
             p[:, axis], v[:, axis], a[:, axis] = value, first / h, second / h**2
         return p, v, a
 
-    def _rotation(self, segment: NDArray[np.int64], u: Array) -> tuple[Array, Array, Array]:
+
+class RotationSpline:
+    """The rotation of a :class:`PoseSpline`."""
+
+    def __init__(self, knots: UniformKnots, q_wb: Array) -> None:
+        """Take the control rotations (c, 4), c = knots.control_points."""
+        self._spacing = knots.spacing
+        self._first_q = np.ascontiguousarray(q_wb.T)
+        steps = rotation.log(rotation.multiply(rotation.conjugate(q_wb[:-1]), q_wb[1:]))
+        self._angles = np.linalg.norm(steps, axis=-1)
+        safe = np.where(self._angles > 0, self._angles, 1.0)
+        self._axes = np.ascontiguousarray((steps / safe[:, None]).T)
+
+    def attitude(self, segment: NDArray[np.int64], u: Array) -> Array:
+        """Return q_wb (n, 4) at places u in segments: the bits of :meth:`motion`, in less time."""
+        q = self._first_q[:, segment]
+        for j in range(1, ORDER):
+            share = np.zeros(len(u))
+            for coefficient in CUMULATIVE[j, ::-1]:
+                share *= u
+                share += coefficient
+            turn = share * self._angles[segment + (j - 1)]
+            q = _turned(q, self._axes[:, segment + (j - 1)], 0.5 * turn)
+        return _unit(q)
+
+    def motion(self, segment: NDArray[np.int64], u: Array) -> tuple[Array, Array, Array]:
         """Return q_wb, omega_b, alpha_b: the factors are applied from left to right.
 
         With ``A_j = Exp(lambda_j d_j)``: ``omega <- A_j^T omega + lambda_j' d_j`` and
         ``alpha <- A_j^T alpha + lambda_j' omega x d_j + lambda_j'' d_j`` (Sommer et al., eq. 33).
         """
-        h = self._knots.spacing
+        h = self._spacing
         q = self._first_q[:, segment]
         omega = alpha = np.zeros((3, len(u)))
         for j in range(1, ORDER):
@@ -111,12 +132,7 @@ class PoseSpline:
             alpha = _turn_back(alpha, axis, sine, cosine) + rate * _cross(omega, axis)
             alpha += acceleration * axis
             q = _turned(q, axis, 0.5 * turn)
-        q_wb = q / np.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
-        return (
-            np.ascontiguousarray(q_wb.T),
-            np.ascontiguousarray(omega.T),
-            np.ascontiguousarray(alpha.T),
-        )
+        return _unit(q), np.ascontiguousarray(omega.T), np.ascontiguousarray(alpha.T)
 
 
 def _polynomial(c: Array, u: Array) -> Array:
@@ -163,3 +179,9 @@ def _turned(q: Array, axis: Array, half: Array) -> Array:
             q[0] * z + q[1] * y - q[2] * x + q[3] * c,
         ]
     )
+
+
+def _unit(q: Array) -> Array:
+    """Return quaternions (n, 4) of length 1 from (4, n)."""
+    q_wb = q / np.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+    return np.ascontiguousarray(q_wb.T)

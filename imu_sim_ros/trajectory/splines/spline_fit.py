@@ -17,7 +17,14 @@ from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
 from imu_sim_ros.trajectory.motion import Array
-from imu_sim_ros.trajectory.splines.bspline import BASIS, ORDER, PoseSpline, UniformKnots
+from imu_sim_ros.trajectory.splines import banded
+from imu_sim_ros.trajectory.splines.bspline import (
+    BASIS,
+    ORDER,
+    PoseSpline,
+    RotationSpline,
+    UniformKnots,
+)
 
 _ITERATIONS: Final = 30
 _CONVERGED: Final = 1e-10  # rad
@@ -40,8 +47,6 @@ class LeastSquares:
             acts: below that the knots smooth, and a penalty too small leaves gaps undetermined.
         :param trust: (n,) factor of each pose's squared distance; None: all 1.
         """
-        from scipy.linalg import cholesky_banded
-
         self._knots = knots
         segment, u = knots.locate(t)
         powers = u[:, None] ** np.arange(ORDER)
@@ -49,7 +54,7 @@ class LeastSquares:
         self._basis: Array = powers @ BASIS.T
         self._weighted = self._basis if trust is None else self._basis * trust[:, None]
         self._penalty = self._penalty_rows(t, segment, cutoff)
-        self._factor = cholesky_banded(self._normal_matrix(), lower=True)
+        self._factor = banded.factored(self._normal_matrix())
 
     def _penalty_rows(self, t: Array, segment: NDArray[np.int64], cutoff: float) -> Array:
         """Return lambda (c - 3,) of each third difference; more where there are no data.
@@ -86,8 +91,6 @@ class LeastSquares:
 
         :param bend: (c - 3, 3) third differences that the control points already have.
         """
-        from scipy.linalg import cho_solve_banded
-
         c = self._knots.control_points
         right = np.zeros((c, data.shape[1]))
         for axis in range(data.shape[1]):
@@ -96,8 +99,7 @@ class LeastSquares:
         if bend is not None:
             for i, a in enumerate(_DIFFERENCE):
                 right[i : i + c - 3] -= a * self._penalty[:, None] * bend
-        result: Array = cho_solve_banded((self._factor, True), right)
-        return result
+        return banded.solved(self._factor, right)
 
     def fitted(self, points: Array) -> Array:
         """Return the spline (n, 3) of control points (c, 3) at the times."""
@@ -153,9 +155,9 @@ def _without_outliers(
 def _fit_rotation(system: LeastSquares, t: Array, q_wb: Array, knots: UniformKnots) -> Array:
     """Return control rotations (c, 4) near the attitudes."""
     controls = _first_controls(t, q_wb, knots)
-    still = np.zeros((knots.control_points, 3))
+    segment, u = knots.locate(t)
     for _ in range(_ITERATIONS):
-        near = PoseSpline(knots, still, controls).sample(t).q_wb
+        near = RotationSpline(knots, controls).attitude(segment, u)
         residual = rotation.log(rotation.multiply(rotation.conjugate(near), q_wb))
         steps = rotation.log(rotation.multiply(rotation.conjugate(controls[:-1]), controls[1:]))
         turn = system.solve(residual, bend=np.diff(steps, n=2, axis=0))
