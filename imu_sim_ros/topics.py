@@ -33,6 +33,7 @@ from imu_sim_ros.bags.messages import (
 from imu_sim_ros.config import SimulationParameters
 from imu_sim_ros.conventions import (
     ACCELEROMETER_BIAS_TOPIC,
+    BAROMETER_BIAS_TOPIC,
     DELTA_ANGLE_TOPIC,
     DELTA_VELOCITY_TOPIC,
     GYROSCOPE_BIAS_TOPIC,
@@ -43,6 +44,7 @@ from imu_sim_ros.conventions import (
     IDEAL_PRESSURE_TOPIC,
     IMU_TOPIC,
     MAGNETIC_FIELD_TOPIC,
+    MAGNETOMETER_BIAS_TOPIC,
     ORIENTATION_TOPIC,
     PRESSURE_TOPIC,
     TEMPERATURE_TOPIC,
@@ -77,18 +79,22 @@ TYPES: Final[dict[str, str]] = {
     IDEAL_DELTA_VELOCITY_TOPIC: VECTOR3_STAMPED,
     MAGNETIC_FIELD_TOPIC: MAGNETIC_FIELD,
     IDEAL_MAGNETIC_FIELD_TOPIC: MAGNETIC_FIELD,
+    MAGNETOMETER_BIAS_TOPIC: VECTOR3_STAMPED,
     ORIENTATION_TOPIC: IMU,
     PRESSURE_TOPIC: FLUID_PRESSURE,
     IDEAL_PRESSURE_TOPIC: FLUID_PRESSURE,
+    BAROMETER_BIAS_TOPIC: FLUID_PRESSURE,
 }
 OF_THE_BODY: Final = (TRUTH_TOPIC, TRUTH_FIX_TOPIC)
 """Topics that several IMUs on one body have in common."""
 _SENSORS: Final[dict[str, str]] = {
     MAGNETIC_FIELD_TOPIC: "magnetic_field",
     IDEAL_MAGNETIC_FIELD_TOPIC: "magnetic_field",
+    MAGNETOMETER_BIAS_TOPIC: "magnetic_field",
     ORIENTATION_TOPIC: "orientation",
     PRESSURE_TOPIC: "pressure",
     IDEAL_PRESSURE_TOPIC: "pressure",
+    BAROMETER_BIAS_TOPIC: "pressure",
 }
 """What has to be simulated beside the IMU for a topic."""
 
@@ -218,6 +224,13 @@ def _ideal_magnetic_field(parameters: SimulationParameters, encoding: str) -> En
     )
 
 
+def _magnetometer_bias(parameters: SimulationParameters, encoding: str) -> Encode:
+    vectors = Vector3StampedEncoder(parameters.imu_frame, encoding)
+    return _truth_of_a_sensor(
+        MAGNETOMETER_BIAS_TOPIC, lambda read: vectors.pattern(read.true_t_ns, read.bias)
+    )
+
+
 def _pressure(parameters: SimulationParameters, encoding: str) -> Encode:
     pressures = FluidPressureEncoder(parameters.imu_frame, encoding)
     return _of_a_sensor(
@@ -233,6 +246,14 @@ def _ideal_pressure(parameters: SimulationParameters, encoding: str) -> Encode:
     return _truth_of_a_sensor(
         IDEAL_PRESSURE_TOPIC,
         lambda read: pressures.pattern(read.true_t_ns, read.ideal_pressure),
+    )
+
+
+def _barometer_bias(parameters: SimulationParameters, encoding: str) -> Encode:
+    # Of all messages for one number with a stamp, the one in pascal.
+    pressures = FluidPressureEncoder(parameters.imu_frame, encoding)
+    return _truth_of_a_sensor(
+        BAROMETER_BIAS_TOPIC, lambda read: pressures.pattern(read.true_t_ns, read.bias)
     )
 
 
@@ -274,7 +295,7 @@ def _of_a_sensor(
 
 
 def _truth_of_a_sensor(topic: str, pattern: Callable[[Any], Pattern]) -> Encode:
-    """Return the source of what a sensor beside the IMU would read without errors."""
+    """Return the source of a truth of a sensor beside the IMU, at its true times."""
 
     def encode(block: ImuBlock, _: SimulationParameters) -> Messages:
         read = _beside(topic, block)
@@ -351,7 +372,9 @@ _MAKERS: Final[dict[str, Callable[[SimulationParameters, str], Encode]]] = {
     IDEAL_DELTA_VELOCITY_TOPIC: _ideal_delta_velocity,
     MAGNETIC_FIELD_TOPIC: _magnetic_field,
     IDEAL_MAGNETIC_FIELD_TOPIC: _ideal_magnetic_field,
+    MAGNETOMETER_BIAS_TOPIC: _magnetometer_bias,
     ORIENTATION_TOPIC: _orientation,
     PRESSURE_TOPIC: _pressure,
     IDEAL_PRESSURE_TOPIC: _ideal_pressure,
+    BAROMETER_BIAS_TOPIC: _barometer_bias,
 }

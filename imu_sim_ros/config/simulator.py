@@ -44,7 +44,9 @@ class PublishParameters:
     )
     ground_truth_imu: bool = flag(False, "publish ground_truth/imu, the readings without errors")
     biases: bool = flag(
-        False, "publish ground_truth/gyroscope_bias and ground_truth/accelerometer_bias"
+        False,
+        "publish ground_truth/gyroscope_bias and ground_truth/accelerometer_bias, and "
+        "ground_truth/magnetometer_bias and ground_truth/barometer_bias of what is published",
     )
     temperature: bool = flag(False, "publish imu/temperature")
     magnetic_field: bool = flag(False, "publish imu/mag, the readings of the magnetometer")

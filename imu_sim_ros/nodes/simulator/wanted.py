@@ -22,6 +22,8 @@ def is_wanted(topic: str, imu: str, publish: PublishParameters) -> bool:
             conventions.IDEAL_IMU_TOPIC: publish.ground_truth_imu,
             conventions.GYROSCOPE_BIAS_TOPIC: publish.biases,
             conventions.ACCELEROMETER_BIAS_TOPIC: publish.biases,
+            conventions.MAGNETOMETER_BIAS_TOPIC: publish.biases and publish.magnetic_field,
+            conventions.BAROMETER_BIAS_TOPIC: publish.biases and publish.pressure,
             conventions.TEMPERATURE_TOPIC: publish.temperature,
             conventions.MAGNETIC_FIELD_TOPIC: publish.magnetic_field,
             conventions.IDEAL_MAGNETIC_FIELD_TOPIC: publish.ground_truth_magnetic_field,

@@ -40,6 +40,7 @@ def stamps(messages: list[Any]) -> list[int]:
 
 
 def test_live_samples_are_those_of_the_simulation(start: Any, listener: Any) -> None:
+    from geometry_msgs.msg import Vector3Stamped
     from nav_msgs.msg import Odometry
     from sensor_msgs.msg import FluidPressure, Imu, MagneticField
 
@@ -49,14 +50,16 @@ def test_live_samples_are_those_of_the_simulation(start: Any, listener: Any) -> 
         "ground_truth/odom": Odometry,
         "imu/mag": MagneticField,
         "ground_truth/mag": MagneticField,
+        "ground_truth/magnetometer_bias": Vector3Stamped,
         "imu/pressure": FluidPressure,
         "ground_truth/pressure": FluidPressure,
+        "ground_truth/barometer_bias": FluidPressure,
     }
     for topic, kind in kinds.items():
         listener.listen(topic, kind)
     chosen = {name.replace(".", "__"): value for name, value in PARAMETERS.items()}
     truths = [f"ground_truth_{name}" for name in SENSORS[:2]]
-    published = {f"publish__{name}": True for name in (*SENSORS, *truths)}
+    published = {f"publish__{name}": True for name in (*SENSORS, *truths, "biases")}
     node = start(
         "simulator",
         **chosen,
@@ -81,6 +84,8 @@ def same_field(listener: Any, block: ImuBlock) -> None:
     values = [[getattr(m.magnetic_field, axis) for axis in "xyz"] for m in found]
     assert np.array_equal(values, field.field)
     assert stamps(listener.messages("ground_truth/mag")) == field.true_t_ns.tolist()
+    truth = [m.vector for m in listener.messages("ground_truth/magnetometer_bias")]
+    assert np.array_equal([[v.x, v.y, v.z] for v in truth], field.bias)
 
 
 def same_pressure(listener: Any, block: ImuBlock) -> None:
@@ -91,6 +96,8 @@ def same_pressure(listener: Any, block: ImuBlock) -> None:
     assert [m.fluid_pressure for m in found] == air.pressure.tolist()
     still = listener.messages("ground_truth/pressure")
     assert [m.fluid_pressure for m in still] == air.ideal_pressure.tolist()
+    truth = listener.messages("ground_truth/barometer_bias")
+    assert [m.fluid_pressure for m in truth] == air.bias.tolist()
 
 
 def same_orientation(listener: Any, block: ImuBlock) -> None:
