@@ -4,7 +4,8 @@
 """The errors that a user can cause, and how any error is reported: lines and an exit status."""
 
 import errno
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
@@ -53,6 +54,16 @@ def system_error(path: str | Path, error: OSError) -> ImuSimError:
     """Return what the system said about a path, as an error of the input or of the machine."""
     kind = MachineError if error.errno in _MACHINE else InputError
     return kind(f"{path}: {error.strerror or error}")
+
+
+@contextmanager
+def naming(source: str | Path, kind: type[ImuSimError] = InputError) -> Iterator[None]:
+    """Put the name of a file before every problem of one kind that does not begin with it."""
+    try:
+        yield
+    except kind as error:
+        lines = (line.removeprefix(f"{source}: ") for line in error.problems)
+        raise type(error)([f"{source}: {line}" for line in lines]) from None
 
 
 def explain(error: BaseException) -> tuple[tuple[str, ...], int]:

@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.campaign.summary import groups as groups
     from imu_sim_ros.campaign.summary import slopes as slopes
     from imu_sim_ros.campaign.summary import unmet as unmet
+    from imu_sim_ros.campaign.summary import unmet_lines as unmet_lines
     from imu_sim_ros.campaign.summary import unused as unused
 else:
     __getattr__, __dir__, __all__ = exported(
@@ -64,6 +65,7 @@ else:
                 "groups",
                 "slopes",
                 "unmet",
+                "unmet_lines",
                 "unused",
             ],
         },

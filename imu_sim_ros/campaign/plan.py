@@ -47,7 +47,7 @@ from imu_sim_ros.config import (
     load_simulation,
     shown,
 )
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.errors import ConfigurationError, naming
 
 if TYPE_CHECKING:
     from imu_sim_ros.config.cameras import RigParameters
@@ -182,8 +182,8 @@ def load_plan(path: Path) -> Plan:
 
     :raises ConfigurationError: with a line for each problem.
     """
-    with _named(path):
-        return read_plan(files.read_tree(path))
+    with naming(path, ConfigurationError):
+        return read_plan(files.read_tree(path, "a plan (names such as grid, seeds and estimators)"))
 
 
 def check_plan(plan: Plan, path: Path) -> None:
@@ -191,18 +191,8 @@ def check_plan(plan: Plan, path: Path) -> None:
 
     :raises ConfigurationError: with a line for each problem.
     """
-    with _named(path):
+    with naming(path, ConfigurationError):
         check_cells(plan)
-
-
-@contextmanager
-def _named(path: Path) -> Iterator[None]:
-    """Prefix every problem with the plan's name."""
-    try:
-        yield
-    except ConfigurationError as error:
-        lines = (line.removeprefix(f"{path}: ") for line in error.problems)
-        raise ConfigurationError([f"{path}: {line}" for line in lines]) from None
 
 
 def find_plan(name_or_file: str) -> Path:

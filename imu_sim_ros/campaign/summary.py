@@ -96,6 +96,21 @@ def unmet(found: Sequence[Group], require: Sequence[Requirement]) -> list[Unmet]
     return result
 
 
+def unmet_lines(failed: Sequence[Unmet], shown: int = 10) -> list[str]:
+    """Return a line for each requirement that is not met, and group.
+
+    :param shown: how many lines of a requirement; one more counts the others.
+    """
+    lines: list[str] = []
+    for text in dict.fromkeys(one.requirement.text for one in failed):
+        of_text = [one.line() for one in failed if one.requirement.text == text]
+        lines += of_text[:shown]
+        if len(of_text) > shown:
+            more = len(of_text) - shown
+            lines.append(f"require {text}: not met {more} more times; report.html lists all")
+    return lines
+
+
 def unused(found: Sequence[Group], require: Sequence[Requirement]) -> list[Requirement]:
     """Return the requirements that apply to no group: a typo in a filter would go unnoticed."""
     return [one for one in require if not any(one.concerns(group.words) for group in found)]

@@ -45,7 +45,7 @@ allan rest.mcap --truth adis16448 --no-files --json
 """
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> common.Parser:
     """Return the command's arguments."""
     result = common.Parser(prog="allan", description=__doc__, examples=EXAMPLES)
     result.add_argument(

@@ -49,7 +49,7 @@ from imu_sim_ros.commands.shared import (
 )
 from imu_sim_ros.config import IntegratorParameters, build, files
 from imu_sim_ros.conventions import GRAVITY
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.errors import InputError, naming
 from imu_sim_ros.navigation import correction_of
 
 Array = NDArray[np.float64]
@@ -65,7 +65,7 @@ calibrate magnetometer tumble.bag --field 4.92e-5 --truth tumble_truth.yaml
 """
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> common.Parser:
     """Return the command's arguments."""
     result = common.Parser(prog="calibrate", description=__doc__, examples=EXAMPLES)
     kinds = result.add_subparsers(dest="kind", required=True, metavar="RUN")
@@ -168,13 +168,17 @@ def calibrate(arguments: argparse.Namespace) -> None:
     """Calibrate, write the files and print."""
     if not 1.0 < arguments.gravity < 30.0:
         raise InputError(f"gravity = {arguments.gravity:g}: must be between 1 and 30 m/s^2")
+    strength = getattr(arguments, "field", None)
+    if strength is not None and not 0.0 < strength < 1.0:
+        raise InputError(f"--field {strength:g}: must be above 0 and below 1 T")
     written = outputs(arguments)
     folder = arguments.output or Path(arguments.kind)
     names = ["imu.yaml", "correction.yaml", f"{arguments.kind}.png"]
     staging = None if arguments.no_files else written.add_files(folder, names)
     with written:
         truth = load_truth(arguments.truth) if arguments.truth else None
-        values, facts, draw = _KINDS[arguments.kind](arguments)
+        with naming(arguments.bag):
+            values, facts, draw = _KINDS[arguments.kind](arguments)
         true = {} if truth is None else correction.true_parameters(truth, values)
         if facts.get("fixture") == NORM and true:
             correction.turn_to_upper_triangular(true)
@@ -276,15 +280,12 @@ def _temperature(arguments: argparse.Namespace) -> Result:
 
 
 def _magnetometer(arguments: argparse.Namespace) -> Result:
-    strength = arguments.field
-    if strength is not None and not 0.0 < strength < 1.0:
-        raise InputError(f"--field {strength:g}: must be above 0 and below 1 T")
     _, readings = read_magnetic_field(arguments.bag, arguments.topic)
-    found = calibrate_magnetometer(readings, strength)
+    found = calibrate_magnetometer(readings, arguments.field)
     facts = {
         "readings": len(readings),
         "field_T": found.field,
-        "field_given": strength is not None,
+        "field_given": arguments.field is not None,
         "noise_T": found.noise,
         "rms_residual_T": float(np.sqrt(np.mean(found.residuals**2))),
     }

@@ -31,7 +31,7 @@ MANY: Final = 100_000
 """Runs from which --yes is asked for."""
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> common.Parser:
     """Return the command's arguments."""
     result = common.Parser(
         prog="campaign",
@@ -151,10 +151,10 @@ def _watched(
     """Make the runs, with a bar."""
     from imu_sim_ros.campaign import campaign
 
-    there = sum(1 for _ in store.rows())
+    there = min(sum(1 for _ in store.rows()), plan.run_count)
     quiet, tally = arguments.quiet or arguments.json, campaign.Tally(plan)
-    with common.progress(f"campaign {plan.options.name}", plan.run_count, quiet) as advance:
-        advance(min(there, plan.run_count))
+    text = f"campaign {plan.options.name}"
+    with common.progress(text, plan.run_count, quiet, done=there) as advance:
 
         def watch(rows: Sequence["Row"]) -> None:
             advance(len(rows), tally.add(rows))
@@ -351,9 +351,9 @@ def _gate(
     found: Sequence["Group"],
     baseline: list[dict[str, object]] | None,
 ) -> list[str]:
-    from imu_sim_ros.campaign import against_baseline, groups, unmet, unused
+    from imu_sim_ros.campaign import against_baseline, groups, unmet, unmet_lines, unused
 
-    lines = [one.line() for one in unmet(found, plan.require)]
+    lines = unmet_lines(unmet(found, plan.require))
     lines += [
         f"require {one.text}: no cell has these values" for one in unused(found, plan.require)
     ]

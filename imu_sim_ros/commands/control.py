@@ -29,7 +29,7 @@ EXAMPLES: Final = """
 _PATIENCE: Final = 5.0
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> common.Parser:
     """Return the command's arguments."""
     result = common.Parser(prog="control", description=__doc__, examples=EXAMPLES)
     shared = argparse.ArgumentParser(add_help=False)

@@ -42,7 +42,7 @@ EXAMPLES: Final = """
 """
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> common.Parser:
     """Return the command's arguments."""
     result = common.Parser(
         prog="convert_bag",

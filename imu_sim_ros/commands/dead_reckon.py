@@ -62,7 +62,7 @@ dead_reckon V1_02/mav0 --correction calibration/correction.yaml --json
 """
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> common.Parser:
     """Return the command's arguments."""
     result = common.Parser(prog="dead_reckon", description=__doc__, examples=EXAMPLES)
     result.add_argument(

@@ -52,7 +52,7 @@ python -m imu_sim_ros.commands.demo --imu mpu6000 --duration 10s -o flight --for
 """
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> common.Parser:
     """Return the command's arguments."""
     result = common.Parser(prog="demo", description=__doc__, examples=EXAMPLES)
     choices: dict[str, tuple[object, Callable[[str], object], str, str]] = {

@@ -60,7 +60,7 @@ evaluate run.mcap run.mcap --estimate-topic /dead_reckoned/odom --plot errors.pn
 """
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> common.Parser:
     """Return the command's arguments."""
     result = common.Parser(prog="evaluate", description=__doc__, examples=EXAMPLES)
     kinds = "TUM or EuRoC text, or a bag"

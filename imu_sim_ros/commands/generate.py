@@ -42,7 +42,7 @@ EXAMPLES: Final = """
 BLOCK_SIZE: Final = 16384
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> common.Parser:
     """Return the command's arguments."""
     result = common.Parser(
         prog="generate",

@@ -36,7 +36,7 @@ report monday tuesday -o both.html --metric final_position_error_m
 _POSES: Final = (".txt", ".tum", ".csv")
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> common.Parser:
     """Return the command's arguments."""
     result = common.Parser(prog="report", description=__doc__, examples=EXAMPLES)
     result.add_argument(

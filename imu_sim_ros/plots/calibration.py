@@ -143,21 +143,24 @@ def draw_magnetometer(
     """
     corrected = np.linalg.solve(result.soft_iron, (readings - result.hard_iron).T).T
     thin = slice(None, None, max(len(readings) // 4000, 1))
-    figure = style.figure(9.0, 4.5)
-    left, right = figure.subplots(1, 2)
+    figure, (left, right) = style.panels(1, 2, 9.0, 4.5)
+    number = np.arange(len(readings))
     for values, label in ((readings, "as read"), (corrected, "corrected")):
-        left.plot(np.linalg.norm(values, axis=1)[thin] * 1e6, ".", markersize=2, label=label)
-    left.set_xlabel("reading")
-    left.set_ylabel("strength of the field [uT]")
+        strength = np.linalg.norm(values, axis=1) * 1e6
+        left.plot(number[thin], strength[thin], ".", markersize=2, label=label)
+    left.set_ylim(bottom=0.0)
+    left.set_xlabel("number of the reading")
+    left.set_ylabel("strength of the field [µT]")
     left.legend()
     direction = corrected / np.linalg.norm(corrected, axis=1)[:, None]
     azimuth = np.degrees(np.arctan2(direction[:, 1], direction[:, 0]))
     shown = right.scatter(
         azimuth[thin], direction[thin, 2], c=result.residuals[thin] * 1e6, s=4, cmap="coolwarm"
     )
-    right.set_xlabel("azimuth in the sensor [deg]")
-    right.set_ylabel("z of the direction")
-    figure.colorbar(shown, ax=right, label="residual [uT]")
+    right.set_xlabel("azimuth of the field in the sensor [deg]")
+    right.set_xticks(np.arange(-180, 181, 90))
+    right.set_ylabel("z of the field's direction")
+    figure.colorbar(shown, ax=right, label="residual [µT]")
     figure.suptitle(f"{_named(source)}magnetometer, {len(readings)} readings")
     style.save(figure, path)
 

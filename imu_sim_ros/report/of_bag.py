@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.bags import imu_blocks, open_bag
 from imu_sim_ros.bags.messages import IMU
-from imu_sim_ros.bags.text import is_text
+from imu_sim_ros.bags.text import imu_names, is_text
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.navigation.comparison import (
     absolute_errors,
@@ -54,10 +54,8 @@ def bag_sections(
     items: list[Item] = []
     if topics:
         items.append(table("topics", ["topic", "type", "messages"], topics, search=False))
-    names = [row[0] for row in topics if row[1] == IMU] if topics else [""]
-    counts = {row[0]: row[2] for row in topics}
-    for name in names:
-        stream = _stream(path, name, counts.get(name))
+    for name, count in _imus(path, topics):
+        stream = analyse(imu_blocks(path, name or None), count)
         if stream is not None:
             items += _stream_items(name or path.name, stream, f"{path} {name}")
     sections = [Section(f"{path.name}: readings", items)] if items else []
@@ -73,15 +71,17 @@ def _topics(path: Path) -> list[tuple[str, str, int]]:
         return [(info.name, info.type, info.count) for info in bag.topics]
 
 
-def _stream(path: Path, name: str, count: int | None) -> Stream | None:
-    try:
-        if count is None:
-            count = sum(len(block.t_ns) for block in imu_blocks(path))
-        return analyse(imu_blocks(path, name or None), count)
-    except InputError:
-        if name:
-            raise
-        return None  # a text file of poses only
+def _imus(path: Path, topics: Sequence[tuple[str, str, int]]) -> list[tuple[str, int]]:
+    """Return the name of every IMU, empty of a file's only one, and how many readings it has.
+
+    :raises InputError: for a text file that holds no readings, or bad ones.
+    """
+    if not is_text(path):
+        return [(name, count) for name, kind, count in topics if kind == IMU]
+    names = imu_names(path) if path.is_dir() else [""]
+    return [
+        (name, sum(len(block.t_ns) for block in imu_blocks(path, name or None))) for name in names
+    ]
 
 
 def _stream_items(name: str, stream: Stream, link: str) -> list[Item]:

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from imu_sim_ros.campaign import compared, groups
+from imu_sim_ros.campaign import compared, groups, unmet, unmet_lines
+from imu_sim_ros.campaign.gate import parse
 from imu_sim_ros.campaign.statistics import (
     compare,
     holm,
@@ -19,6 +20,19 @@ from imu_sim_ros.campaign.statistics import (
     statistic,
     success,
 )
+
+
+def test_an_unmet_requirement_of_many_cells_does_not_bury_the_results():
+    rows = [
+        {"cell": f"rate={k}", "estimator": "a", "seed": 0, "status": "done", "ate_rmse_m": 2.0}
+        for k in range(72)
+    ]
+    require = parse(["ate_rmse_m.median < 1", "success >= 1.1"], ["ate_rmse_m"], [])
+    lines = unmet_lines(unmet(groups(rows, ()), require))
+    assert len(lines) == 2 * 11
+    assert lines[0] == "require ate_rmse_m.median < 1: ate_rmse_m.median is 2 (rate=0; a)"
+    assert lines[10].startswith("require ate_rmse_m.median < 1: not met 62 more times")
+    assert lines[21].startswith("require success >= 1.1: not met 62 more times")
 
 
 def test_success_is_wilsons_interval():

@@ -128,7 +128,7 @@ def test_files_and_table(folder, tmp_path, capsys):
 def test_bad_input_is_one_clear_line(folder, tmp_path, capsys):
     six, table = (str(folder / f"{run}.mcap") for run in ("six_position", "turntable"))
     assert "of 6 positions" in _half(folder, tmp_path, capsys)
-    assert "no steady rotation" in refused(capsys, "turntable", six, "--rates", "1")
+    assert f"{six}: no steady rotation" in refused(capsys, "turntable", six, "--rates", "1")
     assert "Temperature" in refused(capsys, "temperature", table)
     assert "gravity = 0" in refused(capsys, "six_position", six, "--gravity", "0")
     assert "missing.bag" in refused(capsys, "six_position", str(tmp_path / "missing.bag"))

@@ -14,8 +14,9 @@ from pathlib import Path
 
 import pytest
 
-from imu_sim_ros.commands import control, start
-from imu_sim_ros.config import files
+from imu_sim_ros.commands import common, control, start
+from imu_sim_ros.config import files, load_simulation
+from imu_sim_ros.simulation import Simulation
 
 WITH_PARSER = [*start.PROGRAMS, "demo"]
 ROOT = Path(__file__).parents[2]
@@ -164,6 +165,24 @@ def test_every_command_of_the_manual_is_accepted():
             parser(program).parse_args(words)
         except SystemExit:
             pytest.fail(line)
+
+
+def test_every_dataset_of_the_manual_has_an_end_and_a_truth_of_its_own():
+    """Whoever types all commands of a page is never refused."""
+    written = set()
+    for line in written_commands():
+        page, command = line.split(": ", 1)
+        program, *words = shlex.split(command, comments=True)
+        if program != "generate" or words[-2:] == ["-o", "refused"]:
+            continue
+        given = parser(program).parse_args(words)
+        truth = (page, given.output.with_name(given.output.name.split(".")[0]))
+        assert truth not in written, line
+        written.add(truth)
+        if given.duration is None and given.trajectory in (None, *files.names("trajectories")):
+            layers = common.simulation_layers(given)
+            assert Simulation(load_simulation(*layers)).total is not None, line
+    assert len(written) > 30
 
 
 def test_control_injects_faults_of_every_sensor():

@@ -9,7 +9,17 @@ import sys
 
 import pytest
 
-from imu_sim_ros.commands import common, convert_bag, evaluate, generate
+from imu_sim_ros.commands import (
+    allan,
+    calibrate,
+    common,
+    convert_bag,
+    evaluate,
+    generate,
+    report,
+)
+from imu_sim_ros.commands.shared import outputs
+from imu_sim_ros.errors import InputError
 
 GENERATE = [sys.executable, "-m", "imu_sim_ros.commands.generate", "--duration", "1s", "--json"]
 
@@ -105,6 +115,31 @@ def test_every_output_is_checked_before_any_is_written(tmp_path, monkeypatch, ca
     assert (tmp_path / "truth.txt").read_text() == rows
     assert evaluate.main(["truth.txt", "truth.txt", "-o", "new/folder/a.txt", "--quiet"]) == 0
     assert (tmp_path / "new" / "folder" / "a.txt").is_file()
+
+
+def test_a_folder_named_like_a_word_of_the_command_is_no_input(tmp_path, monkeypatch, capsys):
+    """``calibrate magnetometer`` writes the folder ``magnetometer``, ``--format euroc`` may too."""
+    monkeypatch.chdir(tmp_path)
+    dataset = ["-o", "euroc/mav0", "--format", "euroc", "--duration", "1s", "--quiet"]
+    assert generate.main(dataset) == 0
+    assert generate.main(dataset) == 2
+    assert "never overwritten" not in capsys.readouterr().err
+    assert generate.main([*dataset, "--force"]) == 0
+    (tmp_path / "magnetometer").mkdir()
+    parsed = calibrate.parser().parse_args(["magnetometer", "euroc/mav0"])
+    (tmp_path / "magnetometer" / "imu.yaml").write_text("of an earlier run")
+    written = outputs(parsed)
+    written.add_files("magnetometer", ["imu.yaml"])
+    with pytest.raises(InputError, match="already exists"), written:
+        pass
+
+
+def test_options_stand_between_several_inputs(tmp_path):
+    parsed = report.parser().parse_every(["a", "-o", "x.html", "b", "--quiet", "c"])
+    assert [str(one) for one in parsed.inputs] == ["a", "b", "c"]
+    assert parsed.words == set()
+    parsed = allan.parser().parse_every(["a", "--json", "b"])
+    assert [str(one) for one in parsed.bags] == ["a", "b"]
 
 
 def test_bad_rows_are_skipped_on_request_and_counted(tmp_path, monkeypatch, capsys):

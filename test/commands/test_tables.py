@@ -54,7 +54,8 @@ def test_a_narrow_bar_cuts_its_text_and_never_its_numbers(monkeypatch, columns):
     monkeypatch.setenv("TERM", "xterm")
     with os.fdopen(slave, "w") as terminal:
         monkeypatch.setattr(sys, "stderr", terminal)
-        with common.progress("a campaign with a name of more than 40 letters", 1000) as advance:
+        name = "a campaign with a name of more than 40 letters"
+        with common.progress(name, 1000, done=500) as advance:
             advance(20)
     shown = b""
     with os.fdopen(master, "rb", buffering=0) as seen, contextlib.suppress(OSError):
@@ -63,7 +64,22 @@ def test_a_narrow_bar_cuts_its_text_and_never_its_numbers(monkeypatch, columns):
     lines = re.split(r"[\r\n]+", re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", shown.decode()))
     last = [line for line in lines if line.strip()][-1]
     assert len(last) <= columns
-    assert re.fullmatch(r"a campaign.* [02]% +-:--:-- *", last), last
+    assert re.fullmatch(r"a campaign.* 52% +[\d,]+( k)?/s +\d:\d\d:\d\d *", last), last
+
+
+@pytest.mark.parametrize(
+    ("done", "rest", "elapsed", "words"),
+    [
+        (0, 1000, 3.0, ("", "-:--:--")),
+        (50, 1000, 0.0, ("", "-:--:--")),
+        (100, 900, 2.0, ("50/s", "0:00:18")),  # two batches of 50 at once after a start of 2 s
+        (1, 9000, 1.5, ("0.67/s", "3:45:00")),
+        (10, 0, 1.0, ("10/s", "0:00:00")),
+        (10, -5, 1.0, ("10/s", "0:00:00")),
+    ],
+)
+def test_the_time_left_is_that_of_the_whole_time_so_far(done, rest, elapsed, words):
+    assert printing.pace(done, rest, elapsed) == words
 
 
 @pytest.mark.parametrize(

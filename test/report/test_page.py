@@ -183,6 +183,11 @@ def test_bad_inputs_are_one_line_each(results, bag, tmp_path, capsys):
     empty.mkdir()
     (empty / "results.csv").write_text("cell,seed,estimator,status\n")
     (empty / "plan.yaml").write_text("seeds: 1\n")
+    words = tmp_path / "words.txt"
+    words.write_text("no readings\n")
+    torn = tmp_path / "torn"
+    torn.mkdir()
+    (torn / "imu0.csv").write_text("1,0,0,0,0,0,9\n2,0,0\n")
     noise = tmp_path / "noise.mcap"
     noise.write_bytes(b"\x89MCAP" + bytes(100))
     for arguments, said in (
@@ -192,6 +197,8 @@ def test_bad_inputs_are_one_line_each(results, bag, tmp_path, capsys):
         ([results, "--metric", "beauty", "-o", tmp_path / "n.html"], "--metric beauty: must be"),
         ([bag, "-o", tmp_path / "n.txt"], "must end in .html or .htm"),
         ([bag, "--truth-topic", "/x", "-o", tmp_path / "n.html"], "--truth-topic /x"),
+        ([words, "-o", tmp_path / "n.html"], f"{words}: holds no rows"),
+        ([torn, "-o", tmp_path / "n.html"], f"{torn / 'imu0.csv'}: line 2: 3 columns"),
     ):
         status, lines = complaints(capsys, *arguments)
         assert status == 2

@@ -5,7 +5,7 @@
 
 from imu_sim_ros.bags.text import decimals, reader, writer
 from imu_sim_ros.bags.text.decimals import decimal
-from imu_sim_ros.bags.text.reader import Skipped, is_text, state_file
+from imu_sim_ros.bags.text.reader import Skipped, imu_names, is_text, state_file
 from imu_sim_ros.bags.text.writer import BESIDE, Dataset, States
 
 __all__ = [
@@ -15,6 +15,7 @@ __all__ = [
     "States",
     "decimal",
     "decimals",
+    "imu_names",
     "is_text",
     "reader",
     "state_file",

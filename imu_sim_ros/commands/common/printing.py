@@ -9,7 +9,11 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
+
+_UNKNOWN_TIME: Final = "-:--:--"
+_LONGEST_TIME: Final = 3.6e7
+"""[s]; ten thousand hours."""
 
 
 def print_json(result: Mapping[str, Any] | Sequence[Any]) -> None:
@@ -80,11 +84,15 @@ def stacked(header: Sequence[str], rows: Sequence[Sequence[str]], title: str = "
 
 
 @contextmanager
-def progress(text: str, total: int, quiet: bool = False) -> Iterator[Callable[..., None]]:
+def progress(
+    text: str, total: int, quiet: bool = False, done: int = 0
+) -> Iterator[Callable[..., None]]:
     """Show a bar with speed and time left on a terminal; yields ``advance(count, text)``.
 
     On a narrow terminal the text is cut off, the numbers never. Nothing is shown, and nothing
     imported, where standard error is not a terminal.
+
+    :param done: how much of the total was there before; speed and time left are those of the rest.
     """
     if quiet or not sys.stderr.isatty():
         yield lambda count, text="": None
@@ -95,7 +103,6 @@ def progress(text: str, total: int, quiet: bool = False) -> Iterator[Callable[..
         Progress,
         TaskProgressColumn,
         TextColumn,
-        TimeRemainingColumn,
     )
     from rich.table import Column
 
@@ -104,18 +111,36 @@ def progress(text: str, total: int, quiet: bool = False) -> Iterator[Callable[..
         BarColumn(None, table_column=Column(ratio=1)),
         TaskProgressColumn(),
         TextColumn("{task.fields[speed]}"),
-        TimeRemainingColumn(),
+        TextColumn("{task.fields[left]}"),
     )
     with Progress(*columns, console=Console(stderr=True), transient=True, expand=True) as bar:
-        task = bar.add_task(text, total=total, speed="")
+        task = bar.add_task(text, total=total, completed=done, speed="", left=_UNKNOWN_TIME)
 
         def advance(count: int, now: str = "") -> None:
             """Count on; what there is to say now stands behind the text."""
             words = f"{text}: {now}" if now else text
-            speed = speed_in_words(bar.tasks[0].speed)
-            bar.update(task, advance=count, speed=speed, description=words)
+            bar.update(task, advance=count, description=words)
+            now_done = bar.tasks[0].completed
+            speed, left = pace(now_done - done, total - now_done, bar.tasks[0].elapsed or 0.0)
+            bar.update(task, speed=speed, left=left)
 
         yield advance
+
+
+def pace(done: float, rest: float, elapsed: float) -> tuple[str, str]:
+    """Return speed and time left in words.
+
+    They are those of the whole time since the start: what several processes deliver arrives in
+    bursts, the first only after the processes have started.
+
+    :param done: since the start.
+    :param rest: what is still to be done.
+    :param elapsed: since the start [s].
+    """
+    if not (done > 0.0 and elapsed > 0.0):
+        return "", _UNKNOWN_TIME
+    minutes, seconds = divmod(round(min(max(rest, 0.0) * elapsed / done, _LONGEST_TIME)), 60)
+    return speed_in_words(done / elapsed), f"{minutes // 60}:{minutes % 60:02}:{seconds:02}"
 
 
 def speed_in_words(speed: float | None) -> str:

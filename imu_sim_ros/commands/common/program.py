@@ -29,7 +29,11 @@ class Formatter(argparse.HelpFormatter):
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser whose complaint is one line, and that knows ``--debug``."""
+    """An argument parser whose complaint is one line, and that knows ``--debug``.
+
+    What it parses has ``words``: the names of the arguments that are one of a few words, and so
+    never the name of a file.
+    """
 
     def __init__(self, prog: str | None = None, *, examples: str = "", **options: Any) -> None:
         """Set up the parser.
@@ -57,6 +61,20 @@ class Parser(argparse.ArgumentParser):
         else:
             super()._print_message(message, file)
 
+    def parse_known_args(  # type: ignore[override]  # the overloads say the same
+        self, args: Sequence[str] | None = None, namespace: argparse.Namespace | None = None
+    ) -> tuple[argparse.Namespace, list[str]]:
+        """Parse, subcommands included, and note which arguments are one of a few words."""
+        found, rest = super().parse_known_args(args, namespace)
+        words = {action.dest for action in self._actions if action.choices is not None}
+        found.words = getattr(found, "words", frozenset()) | words
+        return found, rest
+
+    def parse_every(self, argv: Sequence[str] | None) -> argparse.Namespace:
+        """Parse a command line on which options may also stand between several inputs."""
+        several = any(action.nargs == "+" for action in self._get_positional_actions())
+        return self.parse_intermixed_args(argv) if several else self.parse_args(argv)
+
     def error(self, message: str) -> NoReturn:
         """Say what is wrong in one line and end with status 2."""
         self.exit(2, f"{self.prog}: {_shortened(message)} (--help lists the arguments)\n")
@@ -70,7 +88,7 @@ def examples_of(examples: str, command: str) -> str:
 
 
 def main(
-    parser: Callable[[], argparse.ArgumentParser],
+    parser: Callable[[], Parser],
     command: Callable[[argparse.Namespace], None],
     argv: Sequence[str] | None = None,
 ) -> int:
@@ -85,7 +103,7 @@ def main(
     made = parser()
     complete(made)
     try:
-        arguments = made.parse_args(argv)
+        arguments = made.parse_every(argv)
     except BrokenPipeError:
         _give_up_output()
         return 1

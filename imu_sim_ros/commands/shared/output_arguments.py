@@ -55,9 +55,10 @@ def output_and_plot(arguments: argparse.Namespace) -> Outputs:
 
 
 def _named_files(arguments: argparse.Namespace) -> Iterator[Path]:
-    """Yield every argument that is the name of something that exists, but the outputs."""
+    """Yield every argument that is the name of something that exists, but outputs and words."""
+    no_inputs = _WRITTEN | getattr(arguments, "words", frozenset())
     for name, value in vars(arguments).items():
-        if name not in _WRITTEN:
+        if name not in no_inputs:
             yield from _files_in(value)
 
 

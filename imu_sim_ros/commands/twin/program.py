@@ -35,7 +35,7 @@ twin flight.mcap --truth flight.mcap --truth-topic /ground_truth/odom --no-files
 _FILES: Final = ("twin.yaml", "twin.png")
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> common.Parser:
     """Return the command's arguments."""
     result = common.Parser(prog="twin", description=__doc__, examples=EXAMPLES)
     result.add_argument(
