@@ -23,14 +23,18 @@ from imu_sim_ros.bags.messages import (
     TopicInfo,
     inside_order,
 )
-from imu_sim_ros.bags.read import decoded_blocks, open_bag
+from imu_sim_ros.bags.read import decoded_blocks, open_bag, vector_blocks
 from imu_sim_ros.bags.text import Skipped
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.writer import Block, Topic, Writer
 from imu_sim_ros.conventions import (
+    BAROMETER_BIAS_TOPIC,
+    IDEAL_MAGNETIC_FIELD_TOPIC,
+    IDEAL_PRESSURE_TOPIC,
     IMU_FRAME,
     IMU_TOPIC,
     MAGNETIC_FIELD_TOPIC,
+    MAGNETOMETER_BIAS_TOPIC,
     ORIENTATION_TOPIC,
     PRESSURE_TOPIC,
 )
@@ -64,6 +68,10 @@ _KINDS: Final = {
     ),
     "pressure": _Kind(FLUID_PRESSURE, PRESSURE_TOPIC, ("fluid_pressure", "variance"), 1),
     "orientation": _Kind(IMU, ORIENTATION_TOPIC, ("orientation", "orientation_covariance"), 4),
+}
+_TRUTHS: Final = {
+    "mag": (IDEAL_MAGNETIC_FIELD_TOPIC, MAGNETOMETER_BIAS_TOPIC),
+    "pressure": (IDEAL_PRESSURE_TOPIC, BAROMETER_BIAS_TOPIC),
 }
 _TRUTH: Final = "ground_truth/"
 
@@ -130,6 +138,45 @@ def read_magnetic_field(path: str | Path, topic: str | None = None) -> tuple[Tim
         measured = [name for name in names if _TRUTH not in name]
         topic = measured[0] if len(measured) == 1 else None
     return read_beside(path, "mag", topic)[:2]
+
+
+def kind_of(path: Path, topic: str) -> str | None:
+    """Return the kind of a topic of a bag, or of a table of a folder; None: another, or none."""
+    if text_reader.is_text(path):
+        return text_reader.beside_names(path).get(topic)
+    with open_bag(path) as bag:
+        types = {info.name.lstrip("/"): info.type for info in bag.topics}
+    found = types.get(topic.lstrip("/"))
+    return next((kind for kind, of in _KINDS.items() if of.type == found), None)
+
+
+class Truths(NamedTuple):
+    """Topics of the truth of a sensor."""
+
+    ideal: str
+    bias: str
+
+
+def truths_of(kind: str, topic: str) -> Truths:
+    """Return the topics of the truth beside one of readings, in the same namespace.
+
+    :param kind: mag or pressure.
+    """
+    own = "/" + topic.lstrip("/")
+    space = own.removesuffix(_KINDS[kind].topic) if own.endswith("/" + _KINDS[kind].topic) else "/"
+    ideal, bias = _TRUTHS[kind]
+    return Truths(space + ideal, space + bias)
+
+
+def read_bias(path: str | Path, kind: str, topic: str) -> tuple[Times, Array]:
+    """Return stamps (n,) and biases (n, m) of a sensor's topic of the truth."""
+    if kind == "pressure":
+        return read_beside(path, kind, topic)[:2]
+    parts = list(vector_blocks(path, topic))
+    return (
+        np.concatenate([np.empty(0, np.int64), *(part[0] for part in parts)]),
+        np.concatenate([np.empty((0, 3)), *(part[1] for part in parts)]),
+    )
 
 
 def tables_of(topics: Iterable[TopicInfo], readings: str) -> dict[str, TopicInfo]:

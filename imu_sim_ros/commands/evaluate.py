@@ -20,6 +20,7 @@ from imu_sim_ros.commands.shared import (
     Track,
     add_force,
     add_skip_bad_rows,
+    measured,
     output_and_plot,
     read_track,
     reprojection,
@@ -38,6 +39,7 @@ from imu_sim_ros.navigation.comparison import (
     distances,
     interpolate_poses,
     interpolate_vectors,
+    invertible,
     nees,
     pairs,
     relative_errors,
@@ -57,6 +59,7 @@ evaluate track.csv flight.mcap
 evaluate estimate.tum groundtruth.csv --align se3 --rpe 1s --rpe 10m
 evaluate vio.tum flight.mcap --align yaw --time-offset
 evaluate run.mcap run.mcap --estimate-topic /dead_reckoned/odom --plot errors.png
+evaluate flight.mcap flight.mcap --estimate-topic imu/data  # or imu/mag, imu/pressure
 """
 
 
@@ -101,6 +104,7 @@ def parser() -> common.Parser:
     result.add_argument(
         "-o", "--output", type=Path, metavar="FILE", help="write the aligned estimate in TUM format"
     )
+    measured.add_arguments(result)
     add_skip_bad_rows(result)
     add_force(result)
     common.add_output_arguments(result)
@@ -114,6 +118,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def run(arguments: argparse.Namespace) -> None:
     """Read, associate, align, compare, and say what came out."""
+    kind = measured.kind_of(arguments)
+    if kind is not None:
+        measured.evaluate(arguments, kind)
+        return
     with output_and_plot(arguments) as written:
         result = _made(arguments, written)
     if arguments.json:
@@ -275,7 +283,7 @@ def _consistency(
     if estimate.pose_covariance is None:
         return None
     pose = estimate.pose_covariance[rows]
-    usable = _invertible(pose)
+    usable = invertible(pose)
     if not usable.any():
         return None
     band = anees_band(3, 1)
@@ -288,16 +296,8 @@ def _consistency(
     }
     if velocity_b is not None and estimate.twist_covariance is not None:
         linear = estimate.twist_covariance[rows][usable, :3, :3]
-        if np.all(_invertible(linear)):
+        if np.all(invertible(linear)):
             result["velocity"] = _nees(velocity_b[usable], linear, band)
-    return result
-
-
-def _invertible(covariances: Array) -> NDArray[np.bool_]:
-    """Return which covariances (n, k, k) have a NEES: at a true start they are zero."""
-    result: NDArray[np.bool_] = np.asarray(np.isfinite(covariances).all(axis=(1, 2)))
-    ranks = np.linalg.matrix_rank(covariances[result], hermitian=True)
-    result[result] = ranks == covariances.shape[-1]
     return result
 
 

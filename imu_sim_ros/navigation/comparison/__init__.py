@@ -12,7 +12,7 @@ from imu_sim_ros.navigation.comparison.association import (
     interpolate_poses,
     interpolate_vectors,
 )
-from imu_sim_ros.navigation.comparison.consistency import Band, anees_band, nees
+from imu_sim_ros.navigation.comparison.consistency import Band, anees_band, invertible, nees
 from imu_sim_ros.navigation.comparison.drift import Drift, Truth, drift_from
 from imu_sim_ros.navigation.comparison.evaluation import (
     AbsoluteErrors,
@@ -23,6 +23,7 @@ from imu_sim_ros.navigation.comparison.evaluation import (
     pairs,
     relative_errors,
     statistics,
+    tilt_and_heading,
 )
 from imu_sim_ros.navigation.comparison.timing import time_offset
 
@@ -43,9 +44,11 @@ __all__ = [
     "drift_from",
     "interpolate_poses",
     "interpolate_vectors",
+    "invertible",
     "nees",
     "pairs",
     "relative_errors",
     "statistics",
+    "tilt_and_heading",
     "time_offset",
 ]

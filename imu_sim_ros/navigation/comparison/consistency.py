@@ -49,6 +49,14 @@ class Band(NamedTuple):
     high: float
 
 
+def invertible(covariances: Array) -> NDArray[np.bool_]:
+    """Return which covariances (n, k, k) have a NEES: at a true start they are zero."""
+    result: NDArray[np.bool_] = np.asarray(np.isfinite(covariances).all(axis=(1, 2)))
+    ranks = np.linalg.matrix_rank(covariances[result], hermitian=True)
+    result[result] = ranks == covariances.shape[-1]
+    return result
+
+
 def nees(errors: Array, covariances: Array) -> Array:
     """Return ``e^T P^-1 e`` (n,).
 

@@ -60,6 +60,22 @@ def attitude_errors(estimate: Array, truth: Array) -> Array:
     return rotation.log(rotation.multiply(truth, rotation.conjugate(estimate)))
 
 
+def tilt_and_heading(estimate: Array, truth: Array) -> tuple[Array, Array]:
+    """Return what the missing turn does to the vertical (n,), and the turn about it (n,) [rad].
+
+    ``q_truth q_estimate^-1`` is a turn by the heading error about the world's z, followed by one
+    about a horizontal axis, the tilt error (swing and twist): with its parts (w, x, y, z) the tilt
+    is ``2 atan2(|(x, y)|, |(w, z)|)``, the heading ``2 atan2(z, w)``.
+
+    :param estimate: (n, 4).
+    :param truth: (n, 4).
+    """
+    w, x, y, z = rotation.multiply(truth, rotation.conjugate(estimate)).T
+    tilt = 2.0 * np.arctan2(np.hypot(x, y), np.hypot(w, z))
+    heading = 2.0 * np.arctan2(np.copysign(1.0, w) * z, np.abs(w))
+    return tilt, heading
+
+
 class AbsoluteErrors(NamedTuple):
     """The errors at n times."""
 
