@@ -26,6 +26,8 @@ _WINDOW: Final = 8
 """Poses on each side of a disturbance that are used to classify it."""
 _SINGLE: Final = 3
 """Most poses that are left out of a disturbance before it is taken for a jump."""
+_BENT: Final = 0.05
+"""Of a jump: what a turn that comes with it may leave, as it bends all that follows."""
 _DEGREES: Final = np.arange(6)
 _ROUNDS: Final = 50
 _JOINS: Final = 3
@@ -93,12 +95,13 @@ def mended(t: Array, position: Array, q_wb: Array) -> Mended:
         if np.max(off) <= _OFF:
             break
         poses = _Poses(taken[rows], p[rows], q[rows], found.usual)
-        for first, last in _clusters(np.flatnonzero(off > _OFF)):
+        for first, last in reversed(_clusters(np.flatnonzero(off > _OFF))):
             dropped, jump = _explained(poses, first, last)
-            if jump is not None:
+            if jump is not None:  # all that follows is moved as a whole, so the last comes first
                 jumps.append(jump._replace(row=int(rows[jump.row])))
                 _join_all(p, q, rows, poses, jump)
-                break  # the poses behind it have moved
+                poses = poses._replace(position=p[rows], q_wb=q[rows])
+                continue
             if not len(dropped):
                 dropped = np.array([first + int(np.argmax(off[first : last + 1]))])
             single += rows[dropped].tolist()
@@ -130,27 +133,35 @@ class _Poses(NamedTuple):
 def _explained(poses: _Poses, first: int, last: int) -> tuple[NDArray[np.int64], Jump | None]:
     """Return rows to leave out, or a jump, that explain a disturbance; nothing if neither does.
 
-    What is left must follow a polynomial of degree 5. The simplest explanation holds: a few poses
-    in a row, then a jump, then more poses in a row.
+    What is left must follow a polynomial of degree 5. A jump has as many unknowns as one pose left
+    out, so the better of the two holds; then come more poses in a row.
     """
     window = np.arange(max(first - _WINDOW, 0), min(last + _WINDOW + 1, len(poses.t)))
     values, columns = _scaled(poses, window)
+
+    def best(length: int) -> tuple[float, int, float]:
+        """Return what is left without so many poses from a row on (0: with a jump), and the jump.
+
+        The jump's size is in usual deviations, too.
+        """
+        found = (np.inf, first, 0.0)
+        for start in range(first, last + 2 - length):  # a jump may also be behind the last
+            out = (window >= start) & (window < start + length)
+            step = [] if length else [window >= start]
+            left, solution = _left(np.column_stack([columns, *step]), values, ~out)
+            found = min(found, (left, start, float(np.linalg.norm(solution[-1]))))
+        return found
+
     nothing = np.zeros(0, dtype=np.int64)
-    for lengths in (range(1, _SINGLE + 1), (0,), range(_SINGLE + 1, last - first + 1)):
-        for length in lengths:
-            best = np.inf
-            for start in range(first, last + 2 - max(length, 1)):
-                out = (window >= start) & (window < start + length)
-                step = [] if length else [window >= start]
-                left, _ = _left(np.column_stack([columns, *step]), values, ~out)
-                if left < best:
-                    best, row = left, start
-            if best > _OFF:
-                continue
-            if length:
-                return np.arange(row, row + length), None
-            return nothing, _step(poses, window, row)
-    return nothing, None
+    jumped, row, size = best(0)
+    is_jump = jumped <= max(_OFF, _BENT * size)
+    for length in range(1, last - first + 2):
+        if length == _SINGLE + 1 and is_jump:
+            break
+        left, start, _ = best(length)
+        if left <= min(_OFF, jumped):
+            return np.arange(start, start + length), None
+    return nothing, _step(poses, window, row) if is_jump else None
 
 
 def _step(poses: _Poses, window: NDArray[np.int64], row: int) -> Jump:

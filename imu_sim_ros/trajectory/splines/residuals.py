@@ -22,8 +22,14 @@ _BLOCK: Final = 100
 """Poses over which the typical residual is determined."""
 _MEDIAN_OF_NORM: Final = 1.5382
 """Median of the length of a vector of three standard normal numbers."""
-_SMALLEST: Final = (5e-4, 1e-3)
-"""[m], [rad] taken as deviation at least: digits of a file, and bends of a motion."""
+_SMALLEST: Final = 1e-3
+"""[rad] taken as deviation at least: digits of a file, and bends of a motion."""
+_SMALLEST_DISTANCE: Final = (5e-5, 5e-4)
+"""[m] likewise, of poses taken often and seldom."""
+_BEND: Final = 2.0
+"""[m/s^2] times the interval squared is the deviation in between: a motion bends less over a short
+time. At 200 Hz ten deviations are half a millimetre, and a jump of 1 mm shows (a pose next to it
+is off by half of it), which changes the spline's velocity by 0.025 m/s."""
 
 
 class Residuals(NamedTuple):
@@ -62,8 +68,9 @@ def residuals(t: Array, position: Array, q_wb: Array) -> Residuals:
         for first in range(0, n, _PART)
     ]
     lengths = [np.concatenate(part) for part in zip(*parts, strict=True)]
+    smallest = (float(np.clip(_BEND * step**2, *_SMALLEST_DISTANCE)), _SMALLEST)
     usual = np.column_stack(
-        [_usual(length, least) for length, least in zip(lengths, _SMALLEST, strict=True)]
+        [_usual(length, least) for length, least in zip(lengths, smallest, strict=True)]
     )
     return Residuals(
         lengths[0] / usual[:, 0], lengths[1] / usual[:, 1], usual, float(np.median(lengths[0]))

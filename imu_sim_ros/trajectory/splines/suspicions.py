@@ -3,7 +3,7 @@
 
 """What is wrong with recorded poses, as text, by the lines of their file."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 import numpy as np
@@ -43,32 +43,41 @@ def _lines(
 
     count = len(findings.single)
     if count:
-        order = np.argsort(-findings.distance, kind="stable")[:_SHOWN]
         found = [
-            f"{place(int(findings.single[k]))} by {findings.distance[k]:.3g} m and "
-            f"{np.degrees(findings.angle[k]):.3g} deg"
-            for k in sorted(order)
+            f"{place(int(row))} by {distance:.3g} m and {np.degrees(angle):.3g} deg"
+            for row, distance, angle in zip(
+                findings.single, findings.distance, findings.angle, strict=True
+            )
         ]
-        more = f" and {count - _SHOWN} smaller ones" if count > _SHOWN else ""
-        poses_lie = "1 pose lies" if count == 1 else f"{count} poses lie"
+        poses_lie, it = ("1 pose lies", "it") if count == 1 else (f"{count} poses lie", "them")
         yield (
-            f"{file}: {poses_lie} off the motion of their neighbours: {', '.join(found)}{more}"
-            + remedy("left out", "leaves these poses out")
+            f"{file}: {poses_lie} off the motion of the neighbours: "
+            f"{_largest(found, findings.distance)}" + remedy("left out", f"leaves {it} out")
         )
-    for jump in findings.jumps[:_SHOWN]:
+    if findings.jumps:
+        sizes = [float(np.linalg.norm(jump.shift)) for jump in findings.jumps]
+        found = [
+            f"{place(jump.row)} by {size:.3g} m and {np.degrees(np.linalg.norm(jump.turn)):.3g} deg"
+            for jump, size in zip(findings.jumps, sizes, strict=True)
+        ]
         yield (
-            f"{file}: the motion jumps at {place(jump.row)} by {np.linalg.norm(jump.shift):.3g} m "
-            f"and {np.degrees(np.linalg.norm(jump.turn)):.3g} deg"
+            f"{file}: the motion jumps at {_largest(found, sizes)}"
             + remedy("all later poses were moved to continue the motion", "joins the pieces")
         )
-    if len(findings.jumps) > _SHOWN:
-        yield f"{file}: and {len(findings.jumps) - _SHOWN} more jumps"
     if findings.scatter:
         yield (
             f"{file}: the stamps scatter by {findings.scatter * 1e3:.3g} ms about an even interval "
             f"of {findings.interval * 1e3:.4g} ms, on which the motion is smoother: they appear to "
             "be times of arrival" + remedy("even times were used", "uses even times")
         )
+
+
+def _largest(found: Sequence[str], sizes: Sequence[float] | Array) -> str:
+    """Return the largest few of what was found, in the file's order."""
+    shown = sorted(np.argsort(-np.asarray(sizes), kind="stable")[:_SHOWN])
+    more = len(found) - _SHOWN
+    rest = f" and {more} smaller {'one' if more == 1 else 'ones'}" if more > 0 else ""
+    return ", ".join(found[k] for k in shown) + rest
 
 
 def beyond_any_body(

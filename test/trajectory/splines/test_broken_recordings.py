@@ -42,6 +42,15 @@ def stretch(t, p, q, rng):
     return t, p, q
 
 
+def updates(t, p, q, rng):
+    """As in all of EuRoC's MH_04: 2 to 17 mm and some hundredths of a degree, again and again."""
+    for row in range(500, len(t) - 500, 600):
+        step = rng.normal(size=3)
+        p[row:] += rng.uniform(2e-3, 17e-3) * step / np.linalg.norm(step)
+        q[row:] = rotation.multiply(q[row:], rotation.exp(3e-4 * rng.normal(size=3)))
+    return t, p, q
+
+
 def arrival(t, p, q, rng):
     """Stamped when they arrive, in order, 1 ms late on average."""
     late = np.maximum.accumulate(t + rng.exponential(1e-3, len(t)))
@@ -62,7 +71,7 @@ def everything(t, p, q, rng):
     return t, p, q
 
 
-HARMS = (bad_pose, spike, jump, stretch, arrival, lost, everything)
+HARMS = (bad_pose, spike, jump, stretch, updates, arrival, lost, everything)
 
 
 def flight():
@@ -140,7 +149,7 @@ def test_line_and_time_are_named(follow):
     p[700] += [0.0, 0.5, 0.0]
     line = follow(t, p, q).warnings[0]
     # One line of header, and lines count from 1.
-    assert "1 pose lies off the motion of their neighbours: line 702 (7.000 s) by 0.5 m" in line
+    assert "1 pose lies off the motion of the neighbours: line 702 (7.000 s) by 0.5 m" in line
 
 
 def test_a_jump_that_turns_is_joined(follow):
@@ -164,6 +173,18 @@ def test_a_jump_that_turns_is_joined(follow):
     np.testing.assert_allclose(
         robust.sample(at).angular_velocity, clean.sample(at).angular_velocity, atol=0.02
     )
+
+
+def test_the_largest_jumps_are_named(follow):
+    """Seven, the smallest first."""
+    t, p, q = motion()
+    for k in range(7):
+        p[200 * (k + 1) :] += [0.0, 0.0, 0.01 + 0.02 * k]
+    (line,) = follow(t, p, q).warnings
+    assert "the motion jumps at line 602 (6.000 s) by 0.05 m" in line
+    assert "line 1402 (14.000 s) by 0.13 m" in line
+    assert "and 2 smaller ones; --robust" in line
+    assert len(follow(t, p, q, robust=True).repairs) == 1
 
 
 def test_noise_alone_is_no_outlier(follow):
