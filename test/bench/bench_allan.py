@@ -31,6 +31,10 @@ from imu_sim_ros.simulation import Simulation
 
 HOUR = 3600.0
 SENSORS: dict[str, dict[str, object]] = {
+    "white alone": {
+        "imu.gyroscope_noise_density": 1.0e-3,
+        "imu.accelerometer_noise_density": 1.0e-2,
+    },
     "white + walk": {"imu.preset": "lecture"},
     "white + flicker": {
         "imu.gyroscope_noise_density": 1.7e-4,
@@ -48,6 +52,7 @@ SENSORS: dict[str, dict[str, object]] = {
     },
 }
 KEYS = {
+    "white alone": ("noise_density", "bias_instability", "random_walk", "rate_ramp"),
     "white + walk": ("noise_density", "random_walk"),
     "white + flicker": ("noise_density", "bias_instability"),
     "white + Gauss-Markov": ("noise_density", "gauss_markov_sigma", "correlation_time"),
@@ -92,8 +97,8 @@ def coverage(runs: int) -> None:
                         f"{model}: {name} {key}",
                         f"{truth:g}",
                         f"{100 * np.mean([c.covers(truth) for c in cells]):.1f} %",
-                        f"{100 * (known.mean() / truth - 1):+.2f} %",
-                        f"{100 * known.std() / truth:.2f} %",
+                        f"{100 * (known.mean() / truth - 1):+.2f} %" if truth else "",
+                        f"{100 * known.std() / truth:.2f} %" if truth else "",
                         f"{len(cells) - len(known)} of {len(cells)}",
                     ]
                 )

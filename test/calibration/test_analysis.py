@@ -148,7 +148,7 @@ def test_a_vibration_line_is_left_out(rest):
     ("change", "message"),
     [
         (lambda r: r.gyro.__setitem__((77, 1), np.nan), r"gyroscope y: 1 of .* not finite"),
-        (lambda r: r.accel.__setitem__((slice(None), 0), 0.0), r"accelerometer x: always 0"),
+        (lambda r: r.accel.__setitem__((slice(None), 0), -0.0), r"accelerometer x: always 0"),
         (lambda r: r.gyro.__iadd__(0.2 * np.sin(r.t_ns * 1e-9)[:, None]), r"not at rest: the gyro"),
         (
             lambda r: r.accel.__iadd__(np.sin(0.5e-9 * r.t_ns)[:, None] * [1, 0, 0]),

@@ -224,8 +224,8 @@ def _judge(
         for k in np.flatnonzero(record.bad)
     ]
     problems += [
-        f"{AXES[k]}: always {record.minimum[k]:g}: a missing or dead axis, or no noise at all; "
-        "all six axes must be measured (--skip-checks leaves it out)"
+        f"{AXES[k]}: always {record.minimum[k] + 0.0:g}: a missing or dead axis, or no noise at "
+        "all; all six axes must be measured (--skip-checks leaves it out)"
         for k in _dead_axes(record)
         if record.bad[k] == 0
     ]
@@ -303,8 +303,8 @@ def _reading_warnings(record: Record) -> Iterable[str]:
         if axis in constant:
             if axis not in dead:
                 yield (
-                    f"{AXES[axis]}: always {record.minimum[axis]:g}: a dead axis, or noise far "
-                    "below the resolution; it is not analysed"
+                    f"{AXES[axis]}: always {record.minimum[axis] + 0.0:g}: a dead axis, or noise "
+                    "far below the resolution; it is not analysed"
                 )
         elif step > 0.0 and noise[axis] < resolution.COARSE * step:
             yield (f"{AXES[axis]}: the resolution of {step:.3g} hides the noise: upper bounds only")
