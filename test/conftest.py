@@ -25,6 +25,15 @@ _REAL_PROCESSES = {
 }
 
 
+def pytest_configure() -> None:
+    """Let the programs that tests start be hung up, also where the tests run under nohup.
+
+    A signal that is ignored stays so in them; one with a handler does not.
+    """
+    if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+        signal.signal(signal.SIGHUP, lambda *_: None)
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Put tests with real nodes first, in two rows beside the rest: they mostly wait.
