@@ -59,11 +59,14 @@ def sample_count(duration: float, rate: float) -> int:
 def exact_rate(rate: float) -> Fraction:
     """Return a rate as the fraction that was meant: 333.3 is 3333/10.
 
-    :raises ConfigurationError: for a rate that is not finite and positive.
+    :raises ConfigurationError: for a rate that is not finite, and for one below 1e-6 Hz.
     """
     if not (np.isfinite(rate) and rate > 0):
         raise ConfigurationError(f"rate = {rate}: must be a finite number above 0 Hz")
-    return Fraction(repr(float(rate))).limit_denominator(_RATE_DENOMINATOR)
+    found = Fraction(repr(float(rate))).limit_denominator(_RATE_DENOMINATOR)
+    if not found:
+        raise ConfigurationError(f"rate = {rate:g}: must be at least {1 / _RATE_DENOMINATOR:g} Hz")
+    return found
 
 
 def seconds_since(t_ns: NDArray[np.int64], t0_ns: int) -> NDArray[np.float64]:

@@ -25,7 +25,7 @@ from imu_sim_ros.config.parameter import (
     text,
     vector,
 )
-from imu_sim_ros.config.triads import TriadParameters, triad
+from imu_sim_ros.config.triads import TriadParameters, invertible_problems, triad
 from imu_sim_ros.conventions import BODY_FRAME, GRAVITY, TRIADS, WORLD_FRAME
 
 DEFAULT_IMU = "lecture"
@@ -172,8 +172,7 @@ class IntegratorParameters:
             )
         both = (self.gyroscope_scale_misalignment, self.accelerometer_scale_misalignment)
         for name, values in zip(TRIADS, both, strict=True):
-            if abs(_determinant(values)) < 1e-3:
-                yield f"{prefix}{name}_scale_misalignment = {list(values)}: must be invertible"
+            yield from invertible_problems(values, f"{prefix}{name}_scale_misalignment")
 
 
 def layer_integrator(
@@ -201,8 +200,3 @@ def layer_integrator(
     of_the_simulator = {f"imu.{name}" for name in parameters(ImuParameters)} - set(own)
     result.update({key: value for key, value in given.items() if key not in of_the_simulator})
     return result
-
-
-def _determinant(m: Matrix) -> float:
-    a, b, c, d, e, f, g, h, i = m
-    return a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)

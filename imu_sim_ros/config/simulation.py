@@ -31,6 +31,9 @@ DEFAULT_TRAJECTORY = "lecture"
 LARGEST_JITTER = 0.25
 """The largest standard deviation of the stamps, in intervals between two samples."""
 
+_LOWEST_CUTOFF = 1e-6
+"""Of half the rate; a low-pass far below it has no digits left."""
+
 LARGEST_LATITUDE = 85.0
 """[deg] of the origin of a curved world; at the pole longitudes meet."""
 
@@ -102,6 +105,12 @@ class SimulationParameters:
         nyquist = 0.5 * self.rate * float(ratio)
         for triad in TRIADS:
             cutoff = max(self.imu.triad(triad).bandwidth)
+            least = min((one for one in self.imu.triad(triad).bandwidth if one), default=nyquist)
+            if least < _LOWEST_CUTOFF * nyquist:
+                yield (
+                    f"{prefix}imu.{triad}_bandwidth = {least:g}: must be 0 or at least "
+                    f"{_LOWEST_CUTOFF * nyquist:g} Hz at this rate"
+                )
             if cutoff >= nyquist:
                 yield (
                     f"{prefix}imu.{triad}_bandwidth = {cutoff:g}: must be below half the "

@@ -9,7 +9,7 @@ noise are kalibr's. ``live`` marks what may change between two blocks without a 
 else.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -29,6 +29,7 @@ from imu_sim_ros.config.parameter import (
 from imu_sim_ros.conventions import Measured, Triad
 
 NO_CROSS_AXIS = (0.0,) * 6
+_SMALLEST_DETERMINANT: Final = 1e-3
 
 _WORDS: Final[Mapping[Triad, Mapping[str, str]]] = {
     "gyroscope": {
@@ -313,6 +314,29 @@ class TriadParameters:
                 f"{prefix}scale_misalignment: must be the identity where "
                 f"{triad}scale_error_percent or {triad}misalignment_percent is given"
             )
+        elif percent and len(cross) == len(NO_CROSS_AXIS) and _lost(self.response().flat):
+            yield (
+                f"{prefix}scale_error_percent = {self.scale_error_percent}: together with "
+                f"{triad}misalignment_percent an axis is lost"
+            )
+        elif not percent:
+            yield from invertible_problems(self.scale_misalignment, f"{prefix}scale_misalignment")
+
+
+def invertible_problems(values: Matrix, name: str) -> Iterator[str]:
+    """Say that nine numbers, row by row, are no invertible matrix: an axis would be lost.
+
+    :param name: of the parameter, for the message.
+    """
+    if _lost(values):
+        yield f"{name} = {list(values)}: must be invertible"
+
+
+def _lost(m: Iterable[float]) -> bool:
+    a, b, c, d, e, f, g, h, i = m
+    return (
+        abs(a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)) < _SMALLEST_DETERMINANT
+    )
 
 
 @dataclass(frozen=True)

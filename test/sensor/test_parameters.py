@@ -58,6 +58,15 @@ ONE_LINE = {
         "must be six numbers",
     ),
     "cut-off at Nyquist": ({"imu__gyroscope_bandwidth": 100.0}, "below half the rate, 100 Hz"),
+    "cut-off too low": ({"imu__gyroscope_bandwidth": 1e-9}, "must be 0 or at least 0.0001 Hz"),
+    "an axis is lost": (
+        {"imu__gyroscope_scale_misalignment": [0.0] * 9},
+        "gyroscope_scale_misalignment = .*: must be invertible",
+    ),
+    "an axis is lost, in percent": (
+        {"imu__accelerometer_scale_error_percent": [0.0, -100.0, 0.0]},
+        "accelerometer_scale_error_percent = .* an axis is lost",
+    ),
     "order": ({"imu__bandwidth_order": 0}, "at least 1"),
     "jitter": ({"imu__jitter": 0.002}, "quarter of the interval, 0.00125 s"),
     "burst without duration": ({"imu__dropout_burst_rate": 1.0}, "dropout_burst_duration = 0.0"),

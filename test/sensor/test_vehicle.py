@@ -155,8 +155,8 @@ def test_bands_above_half_the_rate_are_left_out():
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ({"band_low": [1.0]}, "imu.vibration.band_high: 0 entries; must be one for each of the 1"),
-        ({"line_frequency": [5.0]}, "imu.vibration.line_amplitude: 0 entries; must be six"),
+        ({"band_low": [1.0]}, "imu.vibration.band_high: 0 entries; must be 1, one for each band"),
+        ({"line_frequency": [5.0]}, "imu.vibration.line_amplitude: 0 entries; must be 6, six"),
         (
             {"band_low": [5.0], "band_high": [4.0], "band_density": [1.0] * 6},
             "imu.vibration.band_high = 4: must be above band_low, 5 Hz",
@@ -166,7 +166,17 @@ def test_bands_above_half_the_rate_are_left_out():
             "imu.vibration.band_low = 3: must be at least 4 Hz",
         ),
         ({"range_edges": [5.0, 5.0]}, "imu.vibration.range_edges = [5.0, 5.0]: must increase"),
-        ({"gyroscope_exponents": [1.0] * 6}, "must be none or three for 1 ranges"),
+        ({"gyroscope_exponents": [1.0] * 6}, "6 entries; must be 0 or 3, three for each range"),
+        (
+            {
+                "band_low": [2.0],
+                "band_high": [4.0],
+                "band_density": [1.0] * 6,
+                # gx follows gy, gy follows gz, and gz is against gx
+                "band_coherence": [1.0, 0.0, -1.0, *[0.0] * 9, 1.0, *[0.0] * 17],
+            },
+            "band_coherence: band 1, from 2 Hz: its matrix must be positive semidefinite",
+        ),
         ({"band_coherence": [0.5] * 29}, "imu.vibration.band_coherence = "),
         ({"motion_time": 0.0}, "imu.vibration.motion_time = 0.0: must be"),
     ],

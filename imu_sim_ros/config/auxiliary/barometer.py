@@ -125,6 +125,6 @@ class BarometerParameters(OwnRateParameters):
             )
         if bool(self.gust_rate) != bool(self.gust_sigma):
             yield (
-                f"{prefix}gust_rate = {self.gust_rate:g}: must be 0 where {prefix}gust_sigma is, "
-                "and above 0 where it is not"
+                f"{prefix}gust_rate = {self.gust_rate:g} and {prefix}gust_sigma = "
+                f"{self.gust_sigma:g}: must both be 0 or both be above 0"
             )

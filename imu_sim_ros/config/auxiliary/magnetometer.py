@@ -24,7 +24,7 @@ from imu_sim_ros.config.parameter import (
     numbers,
     vector,
 )
-from imu_sim_ros.config.triads import TriadParameters
+from imu_sim_ros.config.triads import TriadParameters, invertible_problems
 
 _AS_IN_TRIADS: Final = (
     "noise_density",
@@ -156,6 +156,7 @@ class MagnetometerParameters(OwnRateParameters):
             yield (
                 f"{prefix}misalignment = {self.misalignment}: must be a rotation by at most pi rad"
             )
+        yield from invertible_problems(self.soft_iron, f"{prefix}soft_iron")
         for before, after in pairwise(self.current_profile[::2]):
             if after <= before:
                 yield (

@@ -21,8 +21,17 @@ ZERO_VECTOR: Vector = (0.0, 0.0, 0.0)
 EMPTY_LIST = "[]"
 """An empty list as a string, for ROS, which has no empty list of numbers or strings."""
 
+SMALLEST = 1e-30
+LARGEST = 1e30
+"""No number of the field is smaller, but 0, or larger; beyond them products leave the range of
+floats."""
+
 METADATA = "parameter"
 """Key of a field's description in the dataclass."""
+
+
+class SizeError(ValueError):
+    """A number that is too large or too small for arithmetic."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +57,7 @@ class Parameter:
     def parse(self, value: object) -> Value:
         """Return the value in the parameter's own type.
 
+        :raises SizeError: where a number is too large or too small for any parameter.
         :raises ValueError: where it is not allowed; :meth:`allowed` says what is.
         """
         return _PARSERS[self.kind](self, value)
@@ -98,6 +108,8 @@ def _number(parameter: Parameter, value: object) -> float:
     number = float(value)
     if not math.isfinite(number) or not parameter.in_range(number):
         raise ValueError
+    if number and not SMALLEST <= abs(number) <= LARGEST:
+        raise SizeError
     return number
 
 

@@ -11,7 +11,14 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, Final, TypeVar, cast
 
-from imu_sim_ros.config.parameter.kinds import METADATA, Parameter, Value
+from imu_sim_ros.config.parameter.kinds import (
+    LARGEST,
+    METADATA,
+    SMALLEST,
+    Parameter,
+    SizeError,
+    Value,
+)
 from imu_sim_ros.errors import ConfigurationError
 
 _T = TypeVar("_T")
@@ -137,6 +144,10 @@ def parse(name: str, parameter: Parameter, value: object) -> Value:
     """
     try:
         return parameter.parse(value)
+    except SizeError:
+        raise ConfigurationError(
+            f"{name} = {shown(value)}: must be 0 or of a size from {SMALLEST:g} to {LARGEST:g}"
+        ) from None
     except (ValueError, TypeError, OverflowError):
         raise ConfigurationError(
             f"{name} = {shown(value)}: must be {parameter.allowed()}"

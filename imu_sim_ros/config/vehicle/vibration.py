@@ -7,12 +7,17 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
+import numpy as np
+from numpy.typing import NDArray
+
 from imu_sim_ros.config.parameter import Vector, number, numbers, vector
 
 AXES_READ = 6
 """Gyroscope x, y, z, accelerometer x, y, z."""
 PAIRS = 15
 """Of six axes: gx gy, gx gz, gx ax, ..., ay az."""
+ROUNDING = 0.01
+"""By how much rounded coherence may miss the nearest possible one (the least eigenvalue)."""
 
 
 @dataclass(frozen=True)
@@ -23,7 +28,11 @@ class BoardVibrationParameters:
     """
 
     line_frequency: tuple[float, ...] = numbers(
-        (), "of each sinusoid", unit="Hz", minimum=0.0, above_minimum=True
+        (),
+        "of each sinusoid; those from half the rate on are left out",
+        unit="Hz",
+        minimum=0.0,
+        above_minimum=True,
     )
     line_amplitude: tuple[float, ...] = numbers(
         (),
@@ -119,21 +128,51 @@ class BoardVibrationParameters:
         """Number of ranges."""
         return len(self.range_edges) + 1
 
+    def coherence(self) -> NDArray[np.complex128]:
+        """Return the Hermitian matrices (bands, 6, 6) of coherence between the axes."""
+        result = np.zeros((len(self.band_low), AXES_READ, AXES_READ), dtype=np.complex128)
+        result[:, range(AXES_READ), range(AXES_READ)] = 1.0
+        if self.band_coherence:
+            parts = np.reshape(self.band_coherence, (len(result), PAIRS, 2))
+            i, j = np.triu_indices(AXES_READ, 1)
+            result[:, i, j] = parts[..., 0] + 1j * parts[..., 1]
+            result[:, j, i] = parts[..., 0] - 1j * parts[..., 1]
+        return result
+
     def problems(self, prefix: str) -> Iterator[str]:
-        """Yield which lists do not match, and which bands are none."""
+        """Yield a line for each list that does not match, and for each impossible band."""
         lines, bands = len(self.line_frequency), len(self.band_low)
-        for name, count, what in (
-            ("line_amplitude", AXES_READ * lines, f"six for each of the {lines} lines"),
-            ("line_phase", AXES_READ * lines, f"none or six for each of the {lines} lines"),
-            ("band_high", bands, f"one for each of the {bands} in {prefix}band_low"),
-            ("band_density", AXES_READ * bands, f"six for each of the {bands} bands"),
-            ("band_coherence", 2 * PAIRS * bands, f"none or 30 for each of the {bands} bands"),
-            ("gyroscope_exponents", 3 * self.ranges, f"none or three for {self.ranges} ranges"),
-            ("accelerometer_exponents", 3 * self.ranges, f"none or three for {self.ranges} ranges"),
+        for name, count, each in (
+            ("line_amplitude", AXES_READ * lines, "six for each line"),
+            ("band_high", bands, "one for each band"),
+            ("band_density", AXES_READ * bands, "six for each band"),
         ):
-            given = len(getattr(self, name))
-            if given != count and (given or not what.startswith("none")):
-                yield f"{prefix}{name}: {given} entries; must be {what}"
+            if len(getattr(self, name)) != count:
+                yield f"{prefix}{name}: {len(getattr(self, name))} entries; must be {count}, {each}"
+        for name, count, each in (
+            ("line_phase", AXES_READ * lines, "six for each line"),
+            ("band_coherence", 2 * PAIRS * bands, "30 for each band"),
+            ("gyroscope_exponents", 3 * self.ranges, "three for each range"),
+            ("accelerometer_exponents", 3 * self.ranges, "three for each range"),
+        ):
+            if len(getattr(self, name)) not in (0, count):
+                yield (
+                    f"{prefix}{name}: {len(getattr(self, name))} entries; must be 0 or {count}, "
+                    f"{each}"
+                )
+        yield from self._band_problems(prefix)
+        if any(after <= before for before, after in pairwise(self.range_edges)):
+            yield f"{prefix}range_edges = {list(self.range_edges)}: must increase"
+
+    def _band_problems(self, prefix: str) -> Iterator[str]:
+        """Say which bands have no width, overlap, or have an impossible coherence."""
+        if len(self.band_coherence) == 2 * PAIRS * len(self.band_low) > 0:
+            least = np.linalg.eigvalsh(self.coherence())[:, 0]
+            for k in np.flatnonzero(least < -ROUNDING):
+                yield (
+                    f"{prefix}band_coherence: band {k + 1}, from {self.band_low[k]:g} Hz: its "
+                    f"matrix must be positive semidefinite; the least eigenvalue is {least[k]:.2g}"
+                )
         for low, high in zip(self.band_low, self.band_high, strict=False):
             if high <= low:
                 yield f"{prefix}band_high = {high:g}: must be above band_low, {low:g} Hz"
@@ -145,5 +184,3 @@ class BoardVibrationParameters:
                     f"{prefix}band_low = {following:g}: must be at least {high:g} Hz, where the "
                     "band before ends"
                 )
-        if any(after <= before for before, after in pairwise(self.range_edges)):
-            yield f"{prefix}range_edges = {list(self.range_edges)}: must increase"

@@ -28,20 +28,12 @@ _FRAME: Final = 20.0
 """[s] length of a frame at least."""
 _LONGEST: Final = 1 << 15
 """Samples in a frame."""
-UPPER: Final = np.triu_indices(_AXES, 1)
 
 
 def cross_spectra(parameters: BoardVibrationParameters) -> Complex:
     """Return the matrices (bands, 6, 6) of the bands' two-sided densities, squared."""
     density = np.reshape(parameters.band_density, (-1, _AXES))
-    coherence = np.zeros((len(density), _AXES, _AXES), dtype=np.complex128)
-    coherence[:, np.arange(_AXES), np.arange(_AXES)] = 1.0
-    if parameters.band_coherence:
-        parts = np.reshape(parameters.band_coherence, (len(density), -1, 2))
-        values = parts[..., 0] + 1j * parts[..., 1]
-        coherence[:, UPPER[0], UPPER[1]] = values
-        coherence[:, UPPER[1], UPPER[0]] = values.conj()
-    result: Complex = density[:, :, None] * coherence * density[:, None, :]
+    result: Complex = density[:, :, None] * parameters.coherence() * density[:, None, :]
     return result
 
 

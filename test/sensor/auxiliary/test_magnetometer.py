@@ -299,6 +299,7 @@ def test_several_boards_have_a_magnetometer_each() -> None:
             "imu.magnetometer_noise_density = -1.0: must be",
         ),
         ({"imu.magnetometer_soft_iron": [1.0]}, "must be a list of nine finite numbers"),
+        ({"imu.magnetometer_soft_iron": [1.0] * 9}, "soft_iron = [1.0, 1.0, 1.0, 1.0, 1.0"),
         ({"imu.magnetometer_misalignment": 2.0}, "must be a rotation by at most pi rad"),
         ({"imu.magnetometer_current_profile": [0.0, 1.0, 0.0, 2.0]}, "times must increase"),
         ({"imu.magnetometer_current_profile": [0.0]}, "2 for each entry"),
