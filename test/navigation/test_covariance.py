@@ -388,3 +388,45 @@ def test_the_fast_step_is_the_plain_one(axes: tuple[float, float, float]) -> Non
         noise.gyroscope.noise_density**2 * rate + noise.gyroscope.resolution**2 / 12
     )
     np.testing.assert_allclose(twist, expected, rtol=1e-12, atol=1e-18)
+
+
+def test_slow_errors_are_those_of_a_larger_state() -> None:
+    """State and slow errors as one vector, propagated by matrices, from the end of a rest on."""
+    noise = of_sizes(
+        gyroscope_gauss_markov_sigma=1e-3 * AXES,
+        gyroscope_correlation_time=np.array([3.0, 10.0, 30.0]),
+        gyroscope_turn_on_scale_sigma=1e-2 * AXES,
+        accelerometer_gauss_markov_sigma=1e-2 * AXES,
+        accelerometer_correlation_time=np.array([5.0, 10.0, 20.0]),
+        accelerometer_misalignment_sigma=1e-3 * AXES,
+        accelerometer_quadratic_sigma=1e-4 * AXES,
+    )
+    generator = np.random.default_rng(6)
+    found = after_rest(noise, 10.0, 1e-2, np.eye(3), (0.0, 0.0, -9.81), 200.0)
+    slow = found.slow
+    count, biases = slow.cross.shape[1], slice(9, 15)
+    whole = np.block([[found.matrix, slow.cross], [slow.cross.T, np.eye(count)]])
+    for _ in range(50):
+        h = generator.uniform(0.001, 0.02)
+        r_wb = rotation.to_matrix(rotation.exp(generator.standard_normal(3)))
+        force, rate = generator.standard_normal((2, 3)) + np.array([[0.0, 0.0, 9.81], [0, 0, 0]])
+        found.step(h, r_wb, tuple(force), tuple(rate))
+        tilt = -rotation.skew(r_wb @ force * h)
+        f = np.eye(15 + count)
+        f[0:3, 9:12] = f[3:6, 12:15] = -r_wb * h
+        f[6:9, 12:15] = -r_wb * h * h / 2
+        f[3:6, 0:3], f[6:9, 0:3] = tilt, tilt * h / 2
+        f[6:9, 3:6] = h * np.eye(3)
+        f[:9, 15:] = f[:9, biases] @ slow.effect
+        phi = np.exp(-h / np.array([3.0, 10.0, 30.0, 5.0, 10.0, 20.0]))
+        f[range(15, 21), range(15, 21)] = phi
+        whole = f @ whole @ f.T
+        whole[range(15, 21), range(15, 21)] += 1.0 - phi**2
+    sigma = np.sqrt(np.diag(whole))
+    scaled = whole / np.outer(sigma, sigma)
+    both = np.hstack([found.matrix, slow.cross]) / np.outer(sigma[:15], sigma)
+    np.testing.assert_allclose(both, scaled[:15], rtol=0, atol=1e-12)
+    total = np.hstack([np.eye(6), slow.effect])
+    rows = np.r_[9:15, 15 : 15 + count]
+    expected = total @ whole[np.ix_(rows, rows)] @ total.T
+    np.testing.assert_allclose(found.mean_square()[biases, biases], expected, rtol=1e-9, atol=1e-15)

@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from imu_sim_ros import rotation
-from imu_sim_ros.navigation.covariance.second_order import SecondOrder
+from imu_sim_ros.navigation.covariance.second_order import SecondOrder, regression
 from imu_sim_ros.navigation.covariance.slow_errors import SlowErrors
 from imu_sim_ros.navigation.noise import ImuErrors
 from imu_sim_ros.navigation.state import NavigationStates
@@ -43,10 +43,6 @@ GYRO_BIAS, ACCEL_BIAS = slice(9, 12), slice(12, 15)
 
 _POSE = np.r_[POSITION, ATTITUDE]
 _POSE_ENTRIES: Final = np.ravel_multi_index(np.ix_(_POSE, _POSE), (SIZE, SIZE))
-_TWIST_ENTRIES: Final = np.ravel_multi_index(
-    np.ix_(np.r_[ATTITUDE, VELOCITY, GYRO_BIAS], np.r_[ATTITUDE, VELOCITY, GYRO_BIAS]), (SIZE, SIZE)
-)
-"""(9, 9) places of attitude, velocity and gyroscope's bias in a flat (15, 15) matrix."""
 
 
 def _places(rows: slice, columns: slice) -> NDArray[np.intp]:
@@ -67,8 +63,11 @@ _TRANSITION_ENTRIES: Final = np.concatenate(
     ]
 )
 """(42,) places of a flat transition that a step changes, in the order of `_transition_values`."""
+_BIAS_ENTRIES: Final = 27
+"""The first of them are what a bias does."""
+_UNCHANGED: Final = np.eye(3)
 _SECOND_ORDER_INTERVAL: Final = 0.1
-"""[s] at which the second order is brought up to date; it grows slowly and costs 0.1 ms."""
+"""[s] at which the second order is brought up to date; it grows slowly and costs 50 us."""
 
 
 def initial_covariance(
@@ -112,25 +111,29 @@ class Covariance:
                 *(self._accel_white, self._accel_rounding),
             )
         )
-        self._white_rate, self._white_twist = 0.0, np.zeros(6)
-        self._added_h, self._added = 0.0, np.zeros(SIZE)
+        self._added_h, self._added = 0.0, np.zeros((SIZE, SIZE))
         self._transition = np.eye(SIZE)
-        self._entries, self._transposed = self._transition.ravel(), self._transition.T  # views
-        self._jacobian = np.zeros((6, 9))
-        self._jacobian[3:, 6:] = -np.eye(3)
-        self._by_bias = np.zeros((SIZE, 6))
+        # views
+        self._entries, self._transposed = self._transition.ravel(), self._transition.T
+        self._turned = self._transition[ATTITUDE, GYRO_BIAS]
+        self._by_bias = np.zeros((SIZE, SIZE))
+        self._bias_entries = self._by_bias.ravel()
+        self._jacobian = np.zeros((6, SIZE))
+        self._jacobian[3:, GYRO_BIAS] = -np.eye(3)
         self.slow = SlowErrors(noise, SIZE)
         if cross is not None:
             self.slow.cross = np.array(cross)
-        self._second_order = SecondOrder()
+        self._second_order = SecondOrder(SIZE)
         self._begin_interval()
 
     def _begin_interval(self) -> None:
         """Begin to collect what the second order needs."""
-        self._before = self.matrix
-        """(15, 15)"""
-        self._slow_before = self.slow.bias()[1][ATTITUDE, :3].T
-        """(3, 3) covariance of the gyroscope's slow errors with the attitude's"""
+        self._before = self.matrix[ATTITUDE, ATTITUDE]
+        """(3, 3) covariance of the attitude's error"""
+        self._gyro_before = self.matrix[GYRO_BIAS, ATTITUDE]
+        """(3, 3) covariance of the gyroscope's bias and slow errors with the attitude's error"""
+        if self.slow:
+            self._gyro_before = self._gyro_before + self.slow.bias()[ATTITUDE, GYRO_BIAS].T
         self._length = 0.0
         self._passed = np.zeros(len(_TRANSITION_ENTRIES))
         """The sum of the entries of the steps' transitions."""
@@ -150,17 +153,19 @@ class Covariance:
         :param rate_b: (3,) corrected rate in the interval [rad/s]; an unknown scale acts on it.
         """
         values = np.array(_transition_values(h, r_wb.tolist(), force_b))
-        f = self._transition
         self._entries[_TRANSITION_ENTRIES] = values
-        p: Array = f.dot(self.matrix).dot(self._transposed)  # half the call of the operator @
+        # half the call of the operator @
+        p: Array = self._transition.dot(self.matrix).dot(self._transposed)
         if h != self._added_h:
-            self._added_h, self._added = h, self._diagonal(h)
-        p.ravel()[:: SIZE + 1] += self._added
+            self._added_h, self._added = h, np.diag(self._diagonal(h))
+        p += self._added
         if not self._equal_axes:
-            self._add_white(p, h, f[ATTITUDE, GYRO_BIAS])
+            self._add_white(p, h, self._turned)
         if self.slow:
-            self._by_bias[: GYRO_BIAS.start] = f[: GYRO_BIAS.start, GYRO_BIAS.start :]
-            p += self.slow.step(h, f, self._by_bias, rate_b, force_b)
+            self._bias_entries[_TRANSITION_ENTRIES[:_BIAS_ENTRIES]] = values[:_BIAS_ENTRIES]
+            half = self.slow.step(h, self._transition, self._by_bias, rate_b, force_b)
+            p += half
+            p += half.T
         self.matrix = p
         self._length += h
         self._passed += values
@@ -184,13 +189,13 @@ class Covariance:
         p[VELOCITY, VELOCITY] += (turned * white) @ turned.T
 
     def _update_second_order(self) -> None:
-        before = self._before[ATTITUDE, ATTITUDE]
+        before = self._before
         turned = self._passed[:9].reshape(3, 3)
         # The velocity's entries of a tilt are 0 z -y, -z 0 x, y -x 0.
         acceleration = self._passed[[30, 31, 27]] / self._length
         # The error of the attitude at the end, as far as that at the start predicts it.
-        by_bias = turned @ (self._before[GYRO_BIAS, ATTITUDE] + self._slow_before)
-        kept = np.eye(3) + by_bias @ np.linalg.pinv(before, hermitian=True)
+        by_bias = turned @ self._gyro_before
+        kept = _UNCHANGED + regression(by_bias, before)
         after = self.matrix[ATTITUDE, ATTITUDE]
         self._second_order.step(self._length, acceleration, before, after, kept)
         self._begin_interval()
@@ -200,16 +205,11 @@ class Covariance:
 
         The biases are here all that the latest reading is off by, white noise apart.
         """
-        result: Array = self.matrix.copy()
+        result = self.matrix + self._second_order.mean_square()
         if self.slow:
-            own, with_state = self.slow.bias()
-            biases = slice(GYRO_BIAS.start, SIZE)
-            result[:, biases] += with_state
-            result[biases, :] += with_state.T
-            result[biases, biases] += own
-        result[VELOCITY.start : POSITION.stop, VELOCITY.start : POSITION.stop] += (
-            self._second_order.mean_square()
-        )
+            half = self.slow.bias()
+            result += half
+            result += half.T
         return result
 
     def pose(self) -> Array:
@@ -218,10 +218,10 @@ class Covariance:
         The order is that of geometry_msgs/PoseWithCovariance: x, y, z, and the rotations about the
         fixed axes X, Y, Z; all in the frame of the header, the world.
         """
-        result: Array = self.mean_square().ravel()[_POSE_ENTRIES]
+        result: Array = self.mean_square().take(_POSE_ENTRIES)
         return result
 
-    def twist(self, r_wb: Array, velocity: ArrayLike, rate_hz: float) -> Array:
+    def twist(self, r_wb: Array, velocity: Array | Sequence[float], rate_hz: float) -> Array:
         """Return the (6, 6) covariance of a message's twist: linear, then angular, in the body.
 
         :param r_wb: (3, 3) attitude.
@@ -230,25 +230,25 @@ class Covariance:
         """
         return self._twist(self.mean_square(), r_wb, velocity, rate_hz)
 
-    def message(self, r_wb: Array, velocity: ArrayLike, rate_hz: float) -> tuple[Array, Array]:
-        """Return :meth:`pose` and :meth:`twist`, in half the time of both."""
+    def message(
+        self, r_wb: Array, velocity: Array | Sequence[float], rate_hz: float
+    ) -> tuple[Array, Array]:
+        """Return :meth:`pose` and :meth:`twist`, in less time than one after the other."""
         mean_square = self.mean_square()
-        pose: Array = mean_square.ravel()[_POSE_ENTRIES]
+        pose: Array = mean_square.take(_POSE_ENTRIES)
         return pose, self._twist(mean_square, r_wb, velocity, rate_hz)
 
-    def _twist(self, mean_square: Array, r_wb: Array, velocity: ArrayLike, rate_hz: float) -> Array:
+    def _twist(
+        self, mean_square: Array, r_wb: Array, velocity: Array | Sequence[float], rate_hz: float
+    ) -> Array:
         # v_b = R^T v: turning the attitude turns the velocity the other way. R^T [v]x = [v_b]x R^T
         jacobian, r_bw = self._jacobian, r_wb.T
-        vx, vy, vz = np.asarray(velocity, dtype=np.float64).tolist()
-        jacobian[:3, :3] = r_bw.dot([[0.0, -vz, vy], [vz, 0.0, -vx], [-vy, vx, 0.0]])
+        vx, vy, vz = velocity
+        cross = np.array([0.0, -vz, vy, vz, 0.0, -vx, -vy, vx, 0.0])
+        jacobian[:3, :3] = r_bw.dot(cross.reshape(3, 3))
         jacobian[:3, 3:6] = r_bw
-        result: Array = jacobian.dot(mean_square.ravel()[_TWIST_ENTRIES]).dot(jacobian.T)
-        if rate_hz != self._white_rate:
-            self._white_rate = rate_hz
-            self._white_twist = np.concatenate(
-                [np.zeros(3), self._gyro_white * rate_hz + self._gyro_rounding]
-            )
-        result.ravel()[::7] += self._white_twist
+        result: Array = jacobian.dot(mean_square).dot(jacobian.T)
+        result.ravel()[21::7] += self._gyro_white * rate_hz + self._gyro_rounding
         return result
 
 
@@ -257,8 +257,8 @@ def _transition_values(
 ) -> list[float]:
     """Return the entries of a transition that depend on the step, see `_TRANSITION_ENTRIES`."""
     (a, b, c), (d, e, g), (i, j, k) = r_wb
-    fx, fy, fz = force_b
-    fx, fy, fz = float(fx) * h, float(fy) * h, float(fz) * h
+    fx, fy, fz = force_b.tolist() if isinstance(force_b, np.ndarray) else force_b
+    fx, fy, fz = fx * h, fy * h, fz * h
     # The velocity that the step gains, in the world; a tilt turns it by its cross product.
     x, y, z = a * fx + b * fy + c * fz, d * fx + e * fy + g * fz, i * fx + j * fy + k * fz
     turned = [-h * a, -h * b, -h * c, -h * d, -h * e, -h * g, -h * i, -h * j, -h * k]

@@ -25,16 +25,48 @@ Array = NDArray[np.float64]
 _ROWS: Final = np.array([0, 0, 0, 1, 1, 2])
 _COLUMNS: Final = np.array([0, 1, 2, 1, 2, 2])
 _Z, _VELOCITY, _POSITION = slice(0, 6), slice(6, 9), slice(9, 12)
+_MOVED: Final = slice(6, 12)
+_IN_STATE: Final = slice(3, 9)
+"""Velocity and position in the error of the state."""
+_POSITION_ROWS, _VELOCITY_COLUMNS = np.arange(9, 12), np.arange(6, 9)
+
+
+def _place(first: NDArray[np.int64], second: NDArray[np.int64]) -> NDArray[np.intp]:
+    """Return the places (6, 6) of entries (first, second) in a flat (3, 3) matrix."""
+    return (3 * first[:, None] + second).astype(np.intp)
+
+
+_IK, _JM = _place(_ROWS, _ROWS), _place(_COLUMNS, _COLUMNS)
+_IM, _JK = _place(_ROWS, _COLUMNS), _place(_COLUMNS, _ROWS)
+"""Places for entries ij and km of a symmetric matrix."""
+_COUNTED: Final = np.where(_ROWS == _COLUMNS, 0.5, 1.0)
+"""On the diagonal ij and ji are the same entry."""
+_SMALLEST: Final = 1e-15
+"""Eigenvalues below this share of the largest are rounding."""
+_BY_Z: Final = 0.5 * np.array(
+    [
+        [[0, 0, 0], [0, 1, 0], [0, 0, 1], [-1, 0, 0], [0, 0, 0], [-1, 0, 0]],
+        [[0, -1, 0], [1, 0, 0], [0, 0, 0], [0, 0, 0], [0, 0, 1], [0, -1, 0]],
+        [[0, 0, -1], [0, 0, 0], [1, 0, 0], [0, 0, -1], [0, 1, 0], [0, 0, 0]],
+    ]
+)
+"""(3, 6, 3): ``(Z - tr(Z) I) a / 2`` is ``_BY_Z @ a`` on Z's xx, xy, xz, yy, yz and zz."""
 
 
 class SecondOrder:
     """Mean and covariance of the second-order errors of velocity and position, in the world."""
 
-    def __init__(self) -> None:
+    def __init__(self, size: int) -> None:
+        """Start with no tilt.
+
+        :param size: n, how many numbers the error of the state has: attitude, velocity, position,
+            and more.
+        """
         self._velocity, self._position = np.zeros(3), np.zeros(3)
         # z, velocity, position, each less its mean
         self._covariance = np.zeros((12, 12))
-        self._mean_square: Array = np.zeros((6, 6))
+        self._mean_square = np.zeros((size, size))
+        self._f, self._g = np.eye(12), np.eye(12, 6)
 
     def step(self, h: float, acceleration: Array, before: Array, after: Array, kept: Array) -> None:
         """Propagate over an interval.
@@ -45,56 +77,50 @@ class SecondOrder:
         :param after: (3, 3) at the end.
         :param kept: (3, 3) G, the regression of the error at the end on that at the start.
         """
-        by_z = _acceleration(acceleration)
         mean = 0.25 * (before + after)
-        gained = (mean - np.trace(mean) * np.eye(3)) @ acceleration * h
+        gained = (mean.dot(acceleration) - mean.trace() * acceleration) * h
         self._position += (self._velocity + 0.5 * gained) * h
         self._velocity += gained
         passed = _pairs(kept)
-        f = np.eye(12)
+        f, g = self._f, self._g
+        g[_VELOCITY] = by_z = _BY_Z.dot(0.5 * h * acceleration)
         f[_Z, _Z] = passed
-        f[_VELOCITY, _Z] = 0.5 * h * by_z @ (np.eye(6) + passed)
-        f[_POSITION, _VELOCITY] = h * np.eye(3)
-        f[_POSITION, _Z] = 0.5 * h * f[_VELOCITY, _Z]
-        g = np.zeros((12, 6))
-        g[_Z] = np.eye(6)
-        g[_VELOCITY] = 0.5 * h * by_z
-        new = _products(after) - passed @ _products(before) @ passed.T
-        self._covariance = f @ self._covariance @ f.T + g @ new @ g.T
+        f[_VELOCITY, _Z] = gain = by_z + by_z.dot(passed)
+        f[_POSITION, _Z] = 0.5 * h * gain
+        f[_POSITION_ROWS, _VELOCITY_COLUMNS] = h
+        new = _products(after) - passed.dot(_products(before)).dot(passed.T)
+        self._covariance = f.dot(self._covariance).dot(f.T) + g.dot(new).dot(g.T)
         average = np.concatenate([self._velocity, self._position])
-        self._mean_square = self._covariance[_VELOCITY.start :, _VELOCITY.start :] + np.outer(
-            average, average
+        self._mean_square[_IN_STATE, _IN_STATE] = self._covariance[_MOVED, _MOVED] + (
+            average[:, None] * average
         )
 
     def mean_square(self) -> Array:
-        """Return the (6, 6) mean square of the errors of velocity and position."""
+        """Return (n, n): the mean square of the errors of velocity and position, zero elsewhere."""
         return self._mean_square
 
 
-def _acceleration(a: Array) -> Array:
-    """Return ``(Z - tr(Z) I) a / 2`` as a matrix (3, 6) on Z's xx, xy, xz, yy, yz and zz."""
-    x, y, z = 0.5 * a
-    return np.array(
-        [
-            [0.0, y, z, -x, 0.0, -x],
-            [-y, x, 0.0, 0.0, z, -y],
-            [-z, 0.0, x, -z, y, 0.0],
-        ]
-    )
+def regression(cross: Array, covariance: Array) -> Array:
+    """Return ``cross covariance^+``: the mean of what is correlated, for each unit of the other.
+
+    :param cross: (n, 3) covariance with it.
+    :param covariance: (3, 3) of the other; what is known without error explains nothing.
+    """
+    size, axes = np.linalg.eigh(covariance)
+    sizes = size.tolist()
+    least = _SMALLEST * max(map(abs, sizes))
+    inverse = np.array([1.0 / value if abs(value) > least else 0.0 for value in sizes])
+    result: Array = (cross.dot(axes) * inverse).dot(axes.T)
+    return result
 
 
 def _products(s: Array) -> Array:
     """Covariance (6, 6) of the entries of Z."""
-    i, j = _ROWS[:, None], _COLUMNS[:, None]
-    k, m = _ROWS, _COLUMNS
-    result: Array = s[i, k] * s[j, m] + s[i, m] * s[j, k]
+    s = s.ravel()
+    result: Array = s.take(_IK) * s.take(_JM) + s.take(_IM) * s.take(_JK)
     return result
 
 
 def _pairs(g: Array) -> Array:
     """Return the matrix (6, 6) of ``Z -> G Z G^T`` on the entries of a symmetric Z."""
-    i, j = _ROWS[:, None], _COLUMNS[:, None]
-    k, m = _ROWS, _COLUMNS
-    both = g[i, k] * g[j, m] + g[i, m] * g[j, k]
-    result: Array = np.where(k == m, 0.5 * both, both)
-    return result
+    return _products(g) * _COUNTED

@@ -3,21 +3,21 @@
 
 """Errors of the readings that are neither white noise nor a walk: their share of a covariance.
 
-Each is a number of its own with constant variance d: a Gauss-Markov bias, one of the processes that
-1/f noise is made of, or, with an endless correlation time, an unknown term of the response: scale,
+Each is a number of its own, of unit variance: a Gauss-Markov bias, one of the processes that 1/f
+noise is made of, or, with an endless correlation time, an unknown term of the response: scale,
 misalignment, g-sensitivity, non-linearity. Together they are a vector a of m independent entries,
-which decays by ``phi = exp(-h / tau)`` in a step and is driven so that its variance D, diagonal,
-stays as it is. It acts as a bias of the readings, ``(db_g, db_a) = H a``: a Gauss-Markov process by
-1 on its axis, a term of the response by the reading that it multiplies.
+which decays by ``phi = exp(-h / tau)`` in a step and is driven so that its variance stays as it is.
+It acts as a bias of the readings, ``(db_g, db_a) = H a``: a Gauss-Markov process by its standard
+deviation on its axis, a term of the response by its own times the reading that it multiplies.
 
 With F the transition of the state's error x over a step, and G what a bias does to it there,
 ``x' = F x + G H a``, so that the covariance ``C = E[x a^T]`` and that of x itself pass on as
 
-    P' = F P F^T + (F C) (G H)^T + (G H) (F C)^T + (G H) D (G H)^T,   C' = (F C + G H D) phi
+    P' = F P F^T + (F C) (G H)^T + (G H) (F C)^T + (G H) (G H)^T,   C' = (F C + G H) phi
 
 (the Schmidt-Kalman filter's time update: the errors are considered, not estimated; Jazwinski,
-"Stochastic processes and filtering theory", 1970, section 8.4). D never being a full matrix makes
-fifty such numbers as cheap as a few.
+"Stochastic processes and filtering theory", 1970, section 8.4). The entries of a being independent
+makes fifty such numbers as cheap as a few.
 """
 
 from collections.abc import Sequence
@@ -47,23 +47,29 @@ class SlowErrors:
         entries = [*_gauss_markov(noise), *_flicker(noise)]
         scales = list(_scales(noise))
         axes = [axis for axis, _, _ in entries] + [axis for axis, _, _ in scales]
-        self.variance = np.square([sigma for _, _, sigma in entries + scales])
-        """(m,) D"""
+        self.count = len(axes)
+        """m"""
         times = [tau for _, tau, _ in entries] + [np.inf] * len(scales)
         self._decay_rate = -1.0 / np.array(times)
-        self.cross = np.zeros((size, len(axes)))
+        self.cross = np.zeros((size, self.count))
         """(n, m) C"""
-        self.effect = np.zeros((6, len(axes)))
+        self._in_state = np.zeros((size, self.count))
+        """(n, m) H at the biases' places in the state, zero elsewhere"""
+        self.effect = self._in_state[-6:]
         """(6, m) H, gyroscope first; a scale's entry is that of the latest reading."""
-        self.effect[axes[: len(entries)], np.arange(len(entries))] = 1.0
-        self._scale_rows = np.array([axis for axis, _, _ in scales], dtype=np.intp)
-        self._scale_columns = np.arange(len(entries), len(axes))
+        sigmas = [sigma for _, _, sigma in entries]
+        self.effect[axes[: len(entries)], np.arange(len(entries))] = sigmas
+        columns = np.arange(len(entries), self.count, dtype=np.intp)
+        self._scale_places = (
+            np.array([axis for axis, _, _ in scales], np.intp) * self.count + columns
+        )
         self._scale_inputs = np.array([source for _, source, _ in scales], dtype=np.intp)
-        self._h, self._decay = 0.0, np.ones(len(axes))
+        self._scale_sigmas = np.array([sigma for _, _, sigma in scales])
+        self._h, self._decay = 0.0, np.ones(self.count)
 
     def __bool__(self) -> bool:
         """Return whether there is any such error."""
-        return len(self.variance) > 0
+        return self.count > 0
 
     def step(
         self,
@@ -73,45 +79,49 @@ class SlowErrors:
         rate_b: Array | Sequence[float],
         force_b: Array | Sequence[float],
     ) -> Array:
-        """Propagate over an interval of length h [s]; return what it adds to the covariance.
+        """Propagate over an interval of length h [s]; return half of what it adds to P.
 
         :param transition: (n, n) F.
-        :param by_bias: (n, 6) G.
+        :param by_bias: (n, n) whose last six columns are G; the others do not matter.
         :param rate_b: (3,) corrected rate in the interval, in the body [rad/s].
         :param force_b: (3,) corrected specific force [m/s^2].
+        :returns: (n, n); with its transpose it is the whole.
         """
         if h != self._h:
             self._h, self._decay = h, np.exp(self._decay_rate * h)
         self.act_on(rate_b, force_b)
-        gain = by_bias @ self.effect
-        passed = transition @ self.cross
-        driven = gain * self.variance
-        both = (passed + 0.5 * driven) @ gain.T
-        self.cross = (passed + driven) * self._decay
-        result: Array = both + both.T
+        gain = by_bias.dot(self._in_state)
+        half = 0.5 * gain
+        passed: Array = transition.dot(self.cross)
+        passed += half
+        result: Array = passed.dot(gain.T)
+        passed += half
+        passed *= self._decay
+        self.cross = passed
         return result
 
     def over(self, time: float) -> tuple[Array, Array]:
         """Return the variance (m,) of the mean over a time [s], and its covariance with the end.
 
-        With ``u = T / tau``: ``2 d (u - 1 + exp(-u)) / u^2`` and ``d (1 - exp(-u)) / u``.
+        With ``u = T / tau``: ``2 (u - 1 + exp(-u)) / u^2`` and ``(1 - exp(-u)) / u``.
         """
-        u = np.maximum(-self._decay_rate * time, 1e-6)  # below, both are d to 1e-6
+        u = np.maximum(-self._decay_rate * time, 1e-6)  # below, both are 1 to 1e-6
         gone = -np.expm1(-u)
-        return self.variance * 2.0 * (u - gone) / u**2, self.variance * gone / u
+        return 2.0 * (u - gone) / u**2, gone / u
 
     def act_on(self, rate_b: Array | Sequence[float], force_b: Array | Sequence[float]) -> None:
         """Let the scales act on a reading."""
-        if len(self._scale_rows):
-            readings = np.concatenate([rate_b, force_b])
-            inputs = np.concatenate([readings, readings**2])[self._scale_inputs]
-            self.effect[self._scale_rows, self._scale_columns] = inputs
+        if len(self._scale_places):
+            inputs = np.array([*rate_b, *force_b] * 2)
+            inputs[6:] *= inputs[6:]
+            self.effect.reshape(-1)[self._scale_places] = (
+                inputs.take(self._scale_inputs) * self._scale_sigmas
+            )
 
-    def bias(self) -> tuple[Array, Array]:
-        """Return covariance (6, 6) of H a, and (n, 6) with the error of the state."""
-        own: Array = (self.effect * self.variance) @ self.effect.T
-        with_state: Array = self.cross @ self.effect.T
-        return own, with_state
+    def bias(self) -> Array:
+        """Return (n, n); with its transpose it is what H a, added to the biases, adds to P."""
+        result: Array = (self.cross + 0.5 * self._in_state).dot(self._in_state.T)
+        return result
 
 
 _Entry = tuple[int, float, float]
