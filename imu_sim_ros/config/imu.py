@@ -146,21 +146,22 @@ class BoardParameters:
     )
     hysteresis_temperature: float = number(
         5.0,
-        "change of temperature that takes temperature_hysteresis over to the other branch by 63 %",
+        "change of temperature over which the hysteresis goes 63 % of the way to its other branch",
         unit="K",
         minimum=0.0,
         above_minimum=True,
     )
     stress_step_rate: float = number(
         0.0,
-        "mean rate of stress relief in the board: each time all biases jump by stress_step_sigma",
+        "mean rate at which stress in the board is relieved; each time all biases jump by "
+        "stress_step_sigma",
         unit="1/s",
         minimum=0.0,
         maximum=10.0,
     )
     shock_threshold: float = number(
         0.0,
-        "specific force from which on a shock leaves a bias of shock_bias_sigma; 0: none does",
+        "specific force above which a shock leaves a bias of shock_bias_sigma; 0: none does",
         unit="m/s^2",
         minimum=0.0,
     )

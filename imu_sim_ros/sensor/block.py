@@ -29,7 +29,7 @@ class MagneticBlock(NamedTuple):
     ideal_field: Array
     """(n, 3) field at the IMU in its own frame, without any error [T]."""
     bias: Array
-    """(n, 3) all that the reading has beside the field times its response [T]."""
+    """(n, 3) what in the reading does not depend on the field, without white noise [T]."""
 
 
 class PressureBlock(NamedTuple):
@@ -75,7 +75,7 @@ class OrientationBlock(NamedTuple):
 class ImuBlock(NamedTuple):
     """n consecutive samples of one IMU; all arrays but ``delivered`` have n rows.
 
-    What the board's other sensors read meanwhile is beside them, where it is asked for.
+    Samples of the board's other sensors in the same window of time stand beside them on request.
     """
 
     first: int

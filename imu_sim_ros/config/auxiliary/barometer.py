@@ -48,7 +48,7 @@ class BarometerParameters(OwnRateParameters):
     )
     gauss_markov_sigma: float = number(
         0.0,
-        "first-order Gauss-Markov drift, of the weather: its stationary standard deviation",
+        "stationary standard deviation of a first-order Gauss-Markov drift (weather)",
         unit="Pa",
         minimum=0.0,
         live=True,
@@ -96,9 +96,11 @@ class BarometerParameters(OwnRateParameters):
         unit="Pa",
         minimum=0.0,
     )
-    minimum: float = number(0.0, "least pressure that is read", unit="Pa", minimum=0.0, live=True)
+    minimum: float = number(
+        0.0, "lowest pressure that can be read", unit="Pa", minimum=0.0, live=True
+    )
     maximum: float = number(
-        0.0, "largest pressure that is read; 0: no limit", unit="Pa", minimum=0.0, live=True
+        0.0, "highest pressure that can be read; 0: no limit", unit="Pa", minimum=0.0, live=True
     )
     resolution: float = number(
         0.0, "step of the digital output (1 LSB); 0: none", unit="Pa", minimum=0.0, live=True

@@ -54,7 +54,7 @@ class MagnetometerParameters(OwnRateParameters):
         minimum=0.0,
     )
     soft_iron: Matrix = matrix(
-        IDENTITY_MATRIX, "what soft iron makes of a field, in the IMU's axes", unit="1"
+        IDENTITY_MATRIX, "matrix by which soft iron changes a field, in the IMU's axes", unit="1"
     )
     soft_iron_sigma: Vector = vector(
         0.0,

@@ -22,7 +22,7 @@ class OrientationParameters:
         "of gyroscope, accelerometer and magnetometer",
     )
     rate: float = number(
-        0.0, "of imu/data, which divides the IMU's; 0: the IMU's", unit="Hz", minimum=0.0
+        0.0, "rate of imu/data, which must divide the IMU's; 0: the IMU's", unit="Hz", minimum=0.0
     )
     turn_on_sigma: Vector = vector(
         0.0,
@@ -42,7 +42,11 @@ class OrientationParameters:
         100.0, "model: its correlation time", unit="s", minimum=0.0, above_minimum=True
     )
     noise: Vector = vector(
-        0.0, f"model: noise of a sample {_AXES}", unit="rad", minimum=0.0, maximum=1.0
+        0.0,
+        f"model: standard deviation of white noise {_AXES}",
+        unit="rad",
+        minimum=0.0,
+        maximum=1.0,
     )
     acceleration_sensitivity: Vector = vector(
         0.0,
@@ -69,8 +73,8 @@ class OrientationParameters:
     )
     calibrated: bool = flag(
         True,
-        "filter: it knows the constant biases, scales, misalignments and iron of this unit, as "
-        "after a calibration; false: it takes the readings as they are",
+        "filter: the constant biases, scales, misalignments and iron of this unit are known, as "
+        "after a calibration; false: the readings are taken as they are",
     )
     stated_sigma: Vector = vector(
         0.0,

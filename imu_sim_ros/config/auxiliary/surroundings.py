@@ -17,10 +17,10 @@ class AtmosphereParameters:
     """The air of the standard atmosphere, as warm and heavy as the day is."""
 
     sea_level_pressure: float = number(
-        101325.0, "at height 0", unit="Pa", minimum=10000.0, maximum=200000.0
+        101325.0, "pressure at height 0", unit="Pa", minimum=10000.0, maximum=200000.0
     )
     sea_level_temperature: float = number(
-        15.0, "at height 0", unit="degC", minimum=-100.0, maximum=100.0
+        15.0, "temperature at height 0", unit="degC", minimum=-100.0, maximum=100.0
     )
 
 
@@ -58,10 +58,15 @@ class MagneticFieldParameters:
         maximum=1000.0,
     )
     alternating: Vector = vector(
-        0.0, "amplitude of an alternating field in the world, of power lines", unit="T"
+        0.0, "amplitude of an alternating field in the world, such as that of power lines", unit="T"
     )
     alternating_frequency: float = number(
-        50.0, "its frequency", unit="Hz", minimum=0.0, above_minimum=True, maximum=1e6
+        50.0,
+        "frequency of the alternating field",
+        unit="Hz",
+        minimum=0.0,
+        above_minimum=True,
+        maximum=1e6,
     )
 
     def problems(self, prefix: str) -> Iterator[str]:

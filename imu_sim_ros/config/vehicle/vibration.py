@@ -29,7 +29,7 @@ class BoardVibrationParameters:
 
     line_frequency: tuple[float, ...] = numbers(
         (),
-        "of each sinusoid; those from half the rate on are left out",
+        "frequency of each sinusoid; those from half the rate on are left out",
         unit="Hz",
         minimum=0.0,
         above_minimum=True,
@@ -76,8 +76,8 @@ class BoardVibrationParameters:
     )
     range_edges: tuple[float, ...] = numbers(
         (),
-        "frequencies between the ranges whose intensity follows the motion in its own way; none: "
-        "one range",
+        "frequencies that separate ranges; in each the intensity follows the motion in its own "
+        "way; none: one range",
         unit="Hz",
         minimum=0.0,
         above_minimum=True,
@@ -103,8 +103,8 @@ class BoardVibrationParameters:
     )
     motion_floor: float = number(
         0.2,
-        "share of the reference that is added to rate, acceleration and speed, as squares: "
-        "what vibrates without motion",
+        "share of the reference that is added to rate, acceleration and speed, as squares: the "
+        "vibration that remains without motion",
         unit="1",
         minimum=0.01,
         maximum=10.0,

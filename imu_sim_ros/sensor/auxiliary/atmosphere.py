@@ -19,10 +19,10 @@ _GAS_CONSTANT: Final = 8.31432 / 0.0289644
 """[J/(kg K)] of dry air, with the constants of 1976."""
 _STANDARD_TEMPERATURE: Final = 288.15
 _ZERO_CELSIUS: Final = 273.15
-_BASES: Final = np.array([0.0, 11e3, 20e3, 32e3, 47e3, 51e3, 71e3])
+_BASES: Final = np.array([0.0, 11e3, 20e3, 32e3, 47e3, 51e3, 71e3, 84852.0])
 """[m] geopotential height where each layer begins; the first reaches below 0 as well."""
-_LAPSE: Final = np.array([-6.5e-3, 0.0, 1e-3, 2.8e-3, 0.0, -2.8e-3, -2e-3])
-"""[K/m]"""
+_LAPSE: Final = np.array([-6.5e-3, 0.0, 1e-3, 2.8e-3, 0.0, -2.8e-3, -2e-3, 0.0])
+"""[K/m]; beyond the standard's seven layers, which end at 86 km, the temperature stays."""
 
 
 class Atmosphere:
@@ -54,7 +54,7 @@ class Atmosphere:
         exponent = STANDARD_GRAVITY / _GAS_CONSTANT
         isothermal = lapse == 0.0
         own = np.where(isothermal, 1.0, lapse)
-        # Of one form for both: the exponential is the limit of the power.
+        # One expression for both: the exponential is the limit of the power.
         log_ratio = np.where(
             isothermal,
             -exponent * above / warmth,

@@ -31,8 +31,8 @@ NAME: Final = "barometer"
 class Gusts:
     """Steps of the pressure at random times: each draws the pressure that is held until the next.
 
-    In an interval between two samples there is a step with the probability of the first event of a
-    Poisson process.
+    Between two samples a step occurs with the probability ``1 - exp(-rate dt)`` that a Poisson
+    process has an event.
     """
 
     def __init__(self, seed: int, rate: float, sigma: float, dt: float) -> None:

@@ -15,7 +15,7 @@ from imu_sim_ros.errors import ConfigurationError, MissingDependencyError
 Array = NDArray[np.float64]
 
 MU0_OVER_4_PI: Final = 1e-7
-"""[T m/A]; to ten digits what the SI of 2019 measures."""
+"""[T m/A]; the value measured in the SI of 2019 agrees to nine digits."""
 _FILES: Final = ((2025.0, "WMM_2025"), (2020.0, "WMM_2020"), (2015.0, "WMM_2015v2"))
 _OLDEST: Final = "WMM_2010"
 
@@ -26,8 +26,8 @@ class MagneticField:
     def __init__(self, parameters: SimulationParameters) -> None:
         """Take the field that the parameters describe.
 
-        :raises ConfigurationError: for a place or date that the World Magnetic Model has not.
-        :raises MissingDependencyError: where its library is missing.
+        :raises ConfigurationError: for a place or date beyond the World Magnetic Model.
+        :raises MissingDependencyError: where pygeomag is missing.
         """
         p = parameters.magnetic_field
         self.earth_w = (
@@ -44,7 +44,7 @@ class MagneticField:
         """Return the field (3, n) [T] at times t (n,) [s] and places (3, n) [m] in the world.
 
         A dipole m at a distance r: ``mu_0 / (4 pi r^3) (3 (m r) r / r^2 - m)`` (Jackson, "Classical
-        Electrodynamics", 3rd ed., eq. 5.56); inside the sphere that it is, ``mu_0 m / (2 pi R^3)``
+        Electrodynamics", 3rd ed., eq. 5.56); inside its sphere of radius R, ``mu_0 m / (2 pi R^3)``
         (eq. 5.105 with the magnetisation ``m / (4 pi R^3 / 3)``).
         """
         field = np.empty((3, len(t)))
@@ -69,7 +69,7 @@ def world_magnetic_model(parameters: SimulationParameters) -> Array:
 
     The World Magnetic Model of NOAA and BGS, as pygeomag computes it: north, east and down in nT.
 
-    :raises ConfigurationError: for a place or date that the model does not have.
+    :raises ConfigurationError: for a place or date beyond the model.
     :raises MissingDependencyError: where pygeomag is missing.
     """
     try:

@@ -88,14 +88,14 @@ class Magnetometer:
         self._lever_arm_b = np.reshape(imu.lever_arm, (3, 1))
         self._r_ib = np.reshape(imu.mounting, (3, 3)).T
         unit = unit_of_seed(imu.magnetometer, parameters.seed)
-        # Both at once, and to the last digit nothing where there is nothing.
+        # Misalignment and soft iron in one matrix: exactly the identity where there is neither.
         self._r_mi = rotation.to_matrix(rotation.exp(unit.misalignment)).T
         self._iron = self._r_mi @ np.reshape(unit.soft_iron, (3, 3))
         self._hard_iron: Array = (self._r_mi @ np.array(unit.hard_iron))[:, None]
         self._coupling: Array = (self._r_mi @ np.array(unit.current_coupling))[:, None]
         self._current = np.reshape(unit.current_profile, (-1, 2)).T
         self.imu_samples = (np.empty(0, np.int64), np.empty(0, np.bool_))
-        """Of the samples read last: the IMU's sample that each follows; whether together."""
+        """Of the samples read last: the IMU's sample that each follows; whether at its time."""
         self._triad = Triad(NAME, instantaneous(parameters), parameters.seed, imu.magnetometer.rate)
         self.configure(parameters)
 

@@ -38,7 +38,7 @@ class ModelledOrientation:
 
 
 class FilteredOrientation:
-    """A filter over the readings, calibrated or as they are."""
+    """A filter over the board's readings, corrected by a calibration or as they are."""
 
     def __init__(self, parameters: SimulationParameters, magnetometer: Magnetometer) -> None:
         p = parameters.imu.orientation

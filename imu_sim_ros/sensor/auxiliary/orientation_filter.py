@@ -5,16 +5,16 @@
 
 The gyroscope alone gives the attitude q_gi in a frame g that hardly turns: only its errors turn it.
 Seen from there, gravity and the magnetic field are slow vectors, which a low-pass frees of motion
-and noise; they tell where g is in the world. (The alignment in an inertial frame, P. M. G. Silson,
-"Coarse Alignment of a Ship's Strapdown Inertial Attitude Reference System Using Velocity Loci",
-IEEE Trans. Instrum. Meas. 60 (2011) 1930.)
+and noise; they tell how g is oriented in the world. (The alignment in an inertial frame, P. M. G.
+Silson, "Coarse Alignment of a Ship's Strapdown Inertial Attitude Reference System Using Velocity
+Loci", IEEE Trans. Instrum. Meas. 60 (2011) 1930.)
 
 With the low-pass ``H = (2 tau s + 1) / (tau s + 1)^2``, whose error for a vector that moves
 steadily is 0, the tilt of a body that hardly turns is for small errors that of the filter with
 proportional and integral gain of R. Mahony, T. Hamel, J.-M. Pflimlin, "Nonlinear Complementary
 Filters on the Special Orthogonal Group", IEEE Trans. Autom. Control 53 (2008) 1203, with
-``k_P = 2 / tau`` and ``k_I = 1 / tau^2``. Unlike that recurrence it is computed in blocks; a sample
-does not depend on their size in a single bit.
+``k_P = 2 / tau`` and ``k_I = 1 / tau^2``. Unlike that recurrence it is computed in blocks; samples
+are the same, bit for bit, whatever their size.
 """
 
 import math
@@ -67,7 +67,7 @@ class RunningProduct:
 class SteadyLowPass:
     """``2 F - F F`` with a first-order low-pass F, on each row (3, n).
 
-    During the first time constant the mean of all values so far, on which F settles then.
+    During the first time constant the output is the mean of all values so far; F continues from it.
     """
 
     def __init__(self, time_constant: float, dt: float) -> None:
@@ -88,7 +88,7 @@ class SteadyLowPass:
     def _mean(self, values: Array) -> Array:
         if values.shape[1] == 0:
             return values
-        # Adds one after the other, whatever the block's size.
+        # Added one by one, so that the sums do not depend on the block's size.
         sums = np.cumsum(np.concatenate([self._sum, values], axis=1), axis=1)[:, 1:]
         counts = np.arange(self._seen + 1, self._seen + 1 + values.shape[1])
         means: Array = sums / counts

@@ -18,9 +18,9 @@ class OrientationModel:
     """``q = exp(e) q_wi`` with a normal error e about the world's axes.
 
     ``e = e_on + drift + noise + k |a| u``: constant, first-order Gauss-Markov, white, and, with a
-    Gauss-Markov u of unit variance, an error that grows with the acceleration a of the body, as of
-    a filter that takes the accelerometer for a level. Its covariance, diagonal about the world's
-    axes, is exact: ``turn_on^2 + drift^2 + noise^2 + (k |a|)^2``.
+    Gauss-Markov u of unit variance, an error that grows with the acceleration a of the body, like
+    that of a filter that takes the specific force for the vertical. Its covariance, diagonal about
+    the world's axes, is exact: ``turn_on^2 + drift^2 + noise^2 + (k |a|)^2``.
     """
 
     def __init__(self, parameters: OrientationParameters, seed: int, dt: float) -> None:

@@ -47,9 +47,10 @@ class OwnRate:
     """Sample times, clock, transport and faults of one sensor beside the IMU.
 
     Sample k is taken at ``time_offset + k / rate`` after the IMU's first sample. It belongs to the
-    window that the IMU's samples ``first .. first + count - 1`` span, ``[first, first + count)``
-    intervals, in exact numbers. Clock and transport have the IMU's parameters and random streams of
-    their own; the jitter is a quarter of this sensor's interval at most.
+    block of the IMU's samples ``first .. first + count - 1`` whose window, ``[first, first +
+    count)`` intervals, it lies in; this is decided in exact fractions. Clock and transport have the
+    IMU's parameters and random streams of their own; the jitter is at most a quarter of this
+    sensor's interval.
     """
 
     def __init__(
@@ -110,7 +111,7 @@ class OwnRate:
     def imu_samples(self, samples: Sampled) -> tuple[Times, NDArray[np.bool_]]:
         """Return the IMU's sample that each of n samples follows, and whether at the same time.
 
-        In exact numbers, ``floor((time_offset + k / rate) * imu_rate)``.
+        ``floor((time_offset + k / rate) * imu_rate)``, in exact fractions.
         """
         rate = timebase.exact_rate(self._rate)
         start = (self._offset + samples.first / rate) * self._imu_rate

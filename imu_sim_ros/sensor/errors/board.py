@@ -62,7 +62,7 @@ def board_terms(seed: int, triad: Measured, imu: ImuParameters, dt: float) -> tu
 
 
 def aged(age_days: float, seconds: NDArray[np.floating[Any]]) -> Array:
-    """Return how far ageing has come, ``log10(1 + days)``, after a time.
+    """Return the progress of ageing, ``log10(1 + days)``, after a time.
 
     Stress in package and die relaxes ever more slowly; data sheets give its drift over 1000 h or a
     year. The same drift follows for each tenfold of the time.

@@ -77,6 +77,16 @@ def test_the_pressure_is_that_of_the_standard_s_table(height: float, expected: f
     assert found == pytest.approx(expected, rel=5e-5)
 
 
+def test_beyond_the_standard_s_layers_the_pressure_falls_exponentially() -> None:
+    """At 84,852 m (geopotential) and 186.946 K it is 0.37338 Pa (table I)."""
+    geopotential = np.array([84852.0, 100e3, 1000e3])
+    height = 6356766.0 * geopotential / (6356766.0 - geopotential)
+    found = Atmosphere(AtmosphereParameters()).pressure(height)
+    scale = 8.31432 / 0.0289644 * 186.946 / 9.80665
+    expected = 0.37338 * np.exp((84852.0 - geopotential) / scale)
+    assert np.allclose(found, expected, rtol=2e-5, atol=0.0)
+
+
 def test_the_pressure_is_the_solution_of_its_differential_equation() -> None:
     """``dp/dH = -g p / (R T(H))``, integrated numerically through four layers, on a warm day."""
     bases, lapse = [0.0, 11e3, 20e3, 32e3, 47e3], [-6.5e-3, 0.0, 1e-3, 2.8e-3]
