@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.config.integrator import IntegratorNoiseParameters as IntegratorNoiseParameters
     from imu_sim_ros.config.integrator import IntegratorParameters as IntegratorParameters
     from imu_sim_ros.config.integrator import layer_integrator as layer_integrator
+    from imu_sim_ros.config.integrator import outside_covariance as outside_covariance
     from imu_sim_ros.config.parameter import EMPTY_LIST as EMPTY_LIST
     from imu_sim_ros.config.parameter import IDENTITY_MATRIX as IDENTITY_MATRIX
     from imu_sim_ros.config.parameter import ZERO_MATRIX as ZERO_MATRIX
@@ -107,6 +108,7 @@ else:
                 "IntegratorParameters",
                 "METHODS",
                 "layer_integrator",
+                "outside_covariance",
             ],
             "parameter": [
                 "EMPTY_LIST",

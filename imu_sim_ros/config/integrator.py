@@ -200,3 +200,42 @@ def layer_integrator(
     of_the_simulator = {f"imu.{name}" for name in parameters(ImuParameters)} - set(own)
     result.update({key: value for key, value in given.items() if key not in of_the_simulator})
     return result
+
+
+def outside_covariance(
+    integrator: IntegratorParameters,
+    given: Mapping[str, object],
+    sensor: Mapping[str, object] | None = None,
+) -> list[str]:
+    """Return the names of the sensor's errors that the covariance does not include.
+
+    What integration corrects for is none of them; nor are range and bandwidth, which do not matter
+    to readings within them.
+
+    :param given: by dotted name.
+    :param sensor: what is known of the sensor, in the place of the preset.
+    :raises ConfigurationError: for a preset that cannot be read.
+    """
+    known = {**(sensor_layer(integrator.imu.preset) if sensor is None else sensor), **given}
+    own = parameters(IntegratorParameters)
+    corrected = {"gyroscope_bias"} if integrator.initial_state == "level" else set()
+    for name in own:
+        if name.startswith(TRIADS) and getattr(integrator, name) != own[name].default:
+            corrected.add(name)
+    return [
+        f"imu.{name}"
+        for name, described in parameters(ImuParameters).items()
+        if name.startswith(TRIADS)
+        and f"imu.{name}" not in own
+        and name not in corrected
+        and not name.endswith(("_range", "_bandwidth"))
+        and _differs(known.get(f"imu.{name}", described.default), described.default)
+    ]
+
+
+def _differs(value: object, other: object) -> bool:
+    """Return whether two values differ; a number stands for as many as are needed."""
+    first, second = (v if isinstance(v, list | tuple) else [v] for v in (value, other))
+    count = max(len(first), len(second))
+    first, second = (list(v) * (count if len(v) == 1 else 1) for v in (first, second))
+    return first != second

@@ -19,7 +19,12 @@ from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 
 from imu_sim_ros.bags.messages import OdometryEncoder, Vector3StampedEncoder
-from imu_sim_ros.config import IntegratorParameters, build, layer_integrator
+from imu_sim_ros.config import (
+    IntegratorParameters,
+    build,
+    layer_integrator,
+    outside_covariance,
+)
 from imu_sim_ros.conventions import (
     ATTITUDE_ERROR_TOPIC,
     DEAD_RECKONED_TOPIC,
@@ -74,6 +79,8 @@ class Integrator(ConfiguredNode):
         self._published = 0
         self._add_publishers(parameters)
         self.sensor = Sensor(self, self._adopt, self._integrate, self._lock)
+        if self.sensor.settled:
+            self._tell_what_is_left_out()
         self.create_service(Trigger, "~/reset", self._reset)
         self.reader = RawSubscriptions(self, self._take, self.ending.fail, _READ_PERIOD)
         for topic in self._inputs():
@@ -176,6 +183,15 @@ class Integrator(ConfiguredNode):
         self.get_logger().info(
             f"the sensor is {new.imu.preset}, according to {self.sensor.topic}{when}"
         )
+        self._tell_what_is_left_out(sensor)
+
+    def _tell_what_is_left_out(self, sensor: Mapping[str, object] | None = None) -> None:
+        """Name the sensor's errors that the covariance does not include."""
+        if not self.parameters.covariance:
+            return
+        left_out = outside_covariance(self.parameters, self.given, sensor)
+        if left_out:
+            self.get_logger().info(f"the covariance does not include {', '.join(left_out)}")
 
     def _take_truth(self, truth: decode.Truth, rows: list[Row], errors: list[ErrorAt]) -> None:
         rows += self.odometer.add_truth(truth)

@@ -5,7 +5,11 @@
 
 import pytest
 
-from imu_sim_ros.config.integrator import IntegratorParameters, layer_integrator
+from imu_sim_ros.config.integrator import (
+    IntegratorParameters,
+    layer_integrator,
+    outside_covariance,
+)
 from imu_sim_ros.config.parameter import build
 from imu_sim_ros.config.recorder import RecorderParameters
 from imu_sim_ros.errors import ConfigurationError
@@ -33,6 +37,36 @@ def test_a_calibration_corrects_and_given_values_stand_above_it(tmp_path):
     assert parameters.accelerometer_bias == (0.0, 0.0, 0.5)
     assert parameters.accelerometer_scale_misalignment[0] == 1.01
     assert parameters.imu.gyroscope.random_walk == (1e-3,) * 3
+
+
+@pytest.mark.parametrize(
+    ("values", "names"),
+    [
+        ({"imu.preset": "tactical"}, []),
+        ({"imu.preset": "bno055"}, ["imu.gyroscope_temperature_bias_sigma"]),
+        (
+            {"imu.gyroscope_bias": 0.1, "imu.accelerometer_bias": [0, 0, 0.5]},
+            ["imu.gyroscope_bias", "imu.accelerometer_bias"],
+        ),
+        (
+            {"imu.gyroscope_bias": 0.1, "imu.accelerometer_bias": 0.5, "initial_state": "level"},
+            ["imu.accelerometer_bias"],
+        ),
+        ({"imu.accelerometer_bias": 0.5, "accelerometer_bias": 0.49}, []),
+        ({"imu.accelerometer_bias": [0, 0, 0], "imu.gyroscope_range": 4.0}, []),
+        ({"imu.gyroscope_noise_density": 0.1, "imu.gyroscope_misalignment_sigma": 0.01}, []),
+    ],
+)
+def test_what_the_covariance_leaves_out_is_named(values, names):
+    assert outside_covariance(integrator(**values), values) == names
+
+
+def test_what_a_described_sensor_has_beyond_the_covariance_is_named():
+    sensor = {"imu.gyroscope_temperature_bias": [1e-3], "imu.accelerometer_bias": [[1], {}]}
+    assert outside_covariance(integrator(), {}, sensor) == [
+        "imu.gyroscope_temperature_bias",
+        "imu.accelerometer_bias",
+    ]
 
 
 def test_what_a_file_says_of_the_simulated_imu_does_not_disturb():

@@ -86,7 +86,8 @@ def test_the_description_is_a_parameter_file(start: Any, listener: Any, tmp_path
 def test_several_imus_describe_themselves_each(start: Any, listener: Any) -> None:
     from rcl_interfaces.srv import GetParameters
 
-    start("simulator", "--imus", "[left, right]", "--right.imu.preset", "vn100")
+    ramp = ("--right.imu.accelerometer_rate_ramp", "0.001")
+    start("simulator", "--imus", "[left, right]", "--right.imu.preset", "vn100", *ramp)
     remap = ["--ros-args", "-r", f"{IMU}:=right/{IMU}"]
     integrator = start("integrator", *remap)
     response = None
@@ -95,6 +96,7 @@ def test_several_imus_describe_themselves_each(start: Any, listener: Any) -> Non
     assert response.values[0].string_value == "vn100"
     assert integrator.end() == 0
     assert f"according to /right/{DESCRIPTION}" in integrator.output
+    assert "the covariance does not include imu.accelerometer_rate_ramp\n" in integrator.output
 
 
 def test_without_a_description_it_says_so_and_goes_on(start: Any, listener: Any) -> None:
