@@ -5,10 +5,7 @@
 
 import sys
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree
-
-from pygments.lexers.special import TextLexer
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -31,9 +28,11 @@ autodoc_member_order = "bysource"
 default_role = "code"
 
 html_theme = "alabaster"
-html_theme_options = {"description": "A simulated IMU whose every error is known"}
-
-
-def setup(app: Any) -> None:
-    """Show mermaid's diagrams as text: the web site of the repository draws them."""
-    app.add_lexer("mermaid", TextLexer)
+html_theme_options = {
+    "description": "A simulated IMU whose every error is known",
+    "page_width": "auto",
+    "sidebar_width": "220px",
+    "body_max_width": "none",
+}
+html_static_path = ["_static"]  # custom.css
+highlight_language = "none"  # command lines are no Python
