@@ -43,7 +43,7 @@ from imu_sim_ros.conventions import (
     WORLD_FRAME,
 )
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.poses import PoseSequence, read_poses
 from imu_sim_ros.rotation import rotate, rotate_inverse
 
 Array = NDArray[np.float64]
@@ -159,14 +159,18 @@ def text_to_bag(
     renamed: Mapping[str, str],
     advance: Callable[[int], object],
     skipped: Skipped | None = None,
+    frames: Sequence[Iterator[list[Block]]] = (),
 ) -> None:
     """Copy a EuRoC folder or a CSV file: readings, and what a folder has beside them.
 
     That is magnetic field, pressure and orientation; truth and biases where there are states.
 
-    Several IMUs have a namespace each, as in ``generate``: ``/imu1/imu/data_raw``.
+    Several IMUs have a namespace each, as in ``generate``: ``/imu1/imu/data_raw``. The poses of a
+    motion capture system, as TUM VI has them, are a topic of poses.
 
     :param skipped: as for :func:`imu_sim_ros.bags.imu_blocks`.
+    :param frames: more streams in time order, of cameras; the blocks of one item have the same
+        times.
     """
     names = text_reader.imu_names(path)
     streams = [
@@ -176,7 +180,9 @@ def text_to_bag(
     streams += beside.streams_of_tables(path, writer, renamed, names, skipped)
     if text_reader.has_states(path):
         streams.append(_state_messages(path, writer, renamed, skipped))
-    for blocks in _interleaved(streams):
+    elif (poses := text_reader.pose_file(path)) is not None:
+        streams.append(_pose_messages(poses, writer, renamed, skipped))
+    for blocks in _interleaved([*streams, *frames]):
         writer.write_blocks(blocks)
         advance(sum(len(block.t_ns) for block in blocks))
 
@@ -235,6 +241,17 @@ def _state_messages(
             Block(gyro, t_ns, vectors.encode(t_ns, states.gyro_bias)),
             Block(accel, t_ns, vectors.encode(t_ns, states.accel_bias)),
         ]
+
+
+def _pose_messages(
+    path: Path, writer: Writer, renamed: Mapping[str, str], skipped: Skipped | None
+) -> Iterator[list[Block]]:
+    poses = read_poses(path, skip_bad_rows=skipped is not None)
+    if skipped is not None and poses.skipped:
+        skipped(poses.skipped)
+    encoder = PoseStampedEncoder(WORLD_FRAME, writer.encoding)
+    topic = writer.add_topic(renamed.get(POSES, POSES), POSE_STAMPED)
+    yield [Block(topic, poses.t_ns, encoder.encode(*poses[:3]))]
 
 
 def _interleaved(streams: Sequence[Iterator[list[Block]]]) -> Iterator[list[Block]]:

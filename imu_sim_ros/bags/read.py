@@ -58,6 +58,8 @@ Array = NDArray[np.float64]
 Times = NDArray[np.int64]
 
 _MAGIC_BYTES = 16
+_LEAST = 1000
+"""Messages in a block."""
 _IMU_FIELDS = ("angular_velocity", "linear_acceleration")
 _T = TypeVar("_T", bound=tuple[object, ...])
 
@@ -176,6 +178,10 @@ def imu_blocks(
         for t_ns, gyro, accel in text_reader.imu_blocks(Path(path), topic, skipped):
             yield ImuMessages(t_ns, gyro, accel, t_ns, "")
         return
+    yield from _merged(_imu_messages(path, topic, recover))
+
+
+def _imu_messages(path: str | Path, topic: str | None, recover: bool) -> Iterator[ImuMessages]:
     for block, fields in decoded_blocks(path, IMU, topic, _IMU_FIELDS, recover):
         gyro, accel = fields.numbers.values()
         yield ImuMessages(fields.t_ns, gyro, accel, block.t_ns, fields.texts[0])
@@ -203,6 +209,12 @@ def odometry_blocks(
             truth = (states.position, states.q_wb, velocity_b, rates)  # EuRoC's have no rates
             yield OdometryMessages(states.t_ns, *truth, square, square, "", "")
         return
+    yield from _merged(_odometry_messages(path, topic, recover))
+
+
+def _odometry_messages(
+    path: str | Path, topic: str | None, recover: bool
+) -> Iterator[OdometryMessages]:
     names = ("position", "orientation", "linear", "angular", "pose_covariance", "twist_covariance")
     for _, fields in decoded_blocks(path, ODOMETRY, topic, names, recover):
         position, orientation, linear, angular, pose, twist = fields.numbers.values()
@@ -296,10 +308,30 @@ def decoded_blocks(
                     yield block, decode_block(block, bag.encoding, names)
 
 
+def _merged(blocks: Iterator[_T]) -> Iterator[_T]:
+    """Yield blocks of at least a thousand messages, but for the last.
+
+    Where a bag has images, a chunk of it holds a few readings, and the first perhaps one: too few
+    to tell a rate from.
+    """
+    waiting: list[_T] = []
+    count = 0
+    for block in blocks:
+        waiting.append(block)
+        count += len(block[0])  # type: ignore[arg-type]
+        if count >= _LEAST:
+            yield _joined(waiting, block)
+            waiting, count = [], 0
+    if waiting:
+        yield _joined(waiting, waiting[0])
+
+
 def _joined(parts: list[_T], empty: _T) -> _T:
     """Return blocks as one: arrays are concatenated, texts are those of the first block."""
     if not parts:
         return empty
+    if len(parts) == 1:
+        return parts[0]
     columns = [
         np.concatenate(column) if isinstance(column[0], np.ndarray) else column[0]
         for column in zip(*parts, strict=True)

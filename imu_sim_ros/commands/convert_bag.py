@@ -4,6 +4,7 @@
 """``convert_bag``: a bag or dataset into another form; interrupted bags into whole ones."""
 
 import argparse
+import contextlib
 import sys
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
@@ -31,13 +32,13 @@ from imu_sim_ros.errors import InputError
 from imu_sim_ros.poses import PoseSequence
 
 if TYPE_CHECKING:
-    from imu_sim_ros.datasets import RecordedImages
+    from imu_sim_ros.datasets import FolderImages, RecordedImages
 
 _SHOWN_DAMAGE: Final = 10
 EXAMPLES: Final = """
   convert_bag recording -o recording.bag --compression lz4  # rosbag2 -> ROS 1
   convert_bag flight.bag -o flight/mav0 --format euroc  # ROS 1 -> EuRoC
-  convert_bag MH_01_easy -o MH_01.mcap  # EuRoC -> MCAP
+  convert_bag MH_01_easy -o MH_01.mcap --images compressed  # EuRoC -> MCAP, with its images
   convert_bag torn.mcap -o whole.mcap --recover  # an interrupted recording
 """
 
@@ -55,6 +56,11 @@ def parser() -> common.Parser:
     bag_output.add_arguments(result)
     result.add_argument(
         "--topics", metavar="NAME,...", default="", help="what is converted (everything)"
+    )
+    result.add_argument(
+        "--images",
+        choices=("raw", "compressed", "both", "none"),
+        help="of a folder: which messages its images become (raw); --topics chooses those of a bag",
     )
     result.add_argument(
         "--recover",
@@ -75,13 +81,23 @@ def convert_bag(arguments: argparse.Namespace) -> None:
     """Convert what the arguments name."""
     form = bag_output.form(arguments)
     written = bag_output.outputs(arguments)
+    from_text = text_reader.is_text(arguments.input)
+    _check_images(arguments, form, from_text)
     arguments.staged = written.where(arguments.output)
     with written:
-        if text_reader.is_text(arguments.input):
+        if from_text:
             result = _from_text(arguments, form, written)
         else:
             result = _from_bag(arguments, form, written)
     _report(result, arguments)
+
+
+def _check_images(arguments: argparse.Namespace, form: str | None, from_text: bool) -> None:
+    """Refuse a choice of images that would have no effect."""
+    if arguments.images and not from_text:
+        raise InputError(f"--images {arguments.images}: is for folders; --topics chooses of a bag")
+    if form and arguments.images not in (None, "none"):
+        raise InputError(f"--images {arguments.images}: does not apply to {form}; only none does")
 
 
 def _from_bag(arguments: argparse.Namespace, form: str | None, written: Outputs) -> dict[str, Any]:
@@ -256,45 +272,59 @@ def _from_text(arguments: argparse.Namespace, form: str | None, written: Outputs
         raise InputError(f"{arguments.input}: text has no topics to choose from")
     if form == "tum":
         return _result(arguments, *_write_tum(_poses(arguments), convert.TRUTH, arguments), False)
-    _note_images(arguments)
     if form is not None:
-        states = text_reader.has_states(arguments.input)
-        one_table = arguments.staged.suffix.lower() == ".csv"
-        tables = {} if one_table else text_reader.beside_names(arguments.input)
-        names = {kind: name for name, kind in tables.items()}
-        with (
-            _dataset(arguments, form, states, written, names) as dataset,
-            _progress(arguments, 0) as advance,
-        ):
-            chosen: dict[str, str | None] = {IMU: None, **({ODOMETRY: None} if states else {})}
-            convert.to_dataset(
-                arguments.input, dataset, chosen, advance, False, _skipped(arguments), names
-            )
-        if form == "euroc":
-            _describe(arguments, states, names)
-        called = {kind: beside.topic_of(kind) for kind in names}
-        counts = _rows(dataset, convert.READINGS, convert.TRUTH, called)
-        return _result(arguments, counts, dataset.last_ns, False)
-    with _writer(arguments, written) as writer, _progress(arguments, 0) as advance:
-        if convert.holds_poses(arguments.input):
+        return _result(arguments, *_text_to_dataset(arguments, form, written), False)
+    if convert.holds_poses(arguments.input):
+        with _writer(arguments, written) as writer, _progress(arguments, 0) as advance:
             convert.poses_to_bag(_poses(arguments), writer, _renamed(arguments), advance)
-        else:
-            convert.text_to_bag(
-                arguments.input, writer, _renamed(arguments), advance, _skipped(arguments)
-            )
+        return _result(arguments, *_tally(writer), False)
+    with (
+        _folder_images(arguments) as images,
+        _writer(arguments, written) as writer,
+        _progress(arguments, 0) as advance,
+    ):
+        renamed = _renamed(arguments)
+        seen = images.streams(writer, renamed, arguments.images or "raw") if images else []
+        convert.text_to_bag(arguments.input, writer, renamed, advance, _skipped(arguments), seen)
     return _result(arguments, *_tally(writer), False)
 
 
-def _note_images(arguments: argparse.Namespace) -> None:
-    """Say which images of a folder stay where they are."""
-    tables = [*arguments.input.glob("cam*/data.csv"), *arguments.input.glob("mav0/cam*/data.csv")]
-    cameras = ", ".join(sorted({path.parent.name for path in tables}))
-    if cameras and not arguments.quiet:
-        print(
-            f"convert_bag: note: the images of {cameras} are not converted: from a folder, "
-            "only readings and truth are",
-            file=sys.stderr,
+def _text_to_dataset(
+    arguments: argparse.Namespace, form: str, written: Outputs
+) -> tuple[dict[str, int], int]:
+    states = text_reader.has_states(arguments.input)
+    one_table = arguments.staged.suffix.lower() == ".csv"
+    tables = {} if one_table else text_reader.beside_names(arguments.input)
+    names = {kind: name for name, kind in tables.items()}
+    with (
+        _folder_images(arguments) as images,
+        _dataset(arguments, form, states, written, names) as dataset,
+        _progress(arguments, 0) as advance,
+    ):
+        chosen: dict[str, str | None] = {IMU: None, **({ODOMETRY: None} if states else {})}
+        convert.to_dataset(
+            arguments.input, dataset, chosen, advance, False, _skipped(arguments), names
         )
+        seen = {}
+        if images and arguments.staged.is_dir():
+            seen = images.copy(arguments.staged, form, _comment(arguments), advance)
+    if form == "euroc":
+        _describe(arguments, states, names)
+    called = {kind: beside.topic_of(kind) for kind in names}
+    counts = _rows(dataset, convert.READINGS, convert.TRUTH, called)
+    return {**counts, **seen}, dataset.last_ns
+
+
+def _folder_images(
+    arguments: argparse.Namespace,
+) -> "contextlib.AbstractContextManager[FolderImages | None]":
+    """Return the images of a folder; None where it has none, or they are not wanted."""
+    places = text_reader.places(arguments.input) if arguments.input.is_dir() else ()
+    if arguments.images == "none" or not any(any(place.glob("cam*")) for place in places):
+        return contextlib.nullcontext()
+    from imu_sim_ros.datasets import FolderImages  # with the cameras' modules
+
+    return FolderImages(arguments.input, _skipped(arguments))
 
 
 def _describe(arguments: argparse.Namespace, states: bool, tables: Collection[str]) -> None:

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.config.files import build_layered as build_layered
     from imu_sim_ros.config.imu import LARGEST_LATENCY as LARGEST_LATENCY
     from imu_sim_ros.config.imu import ImuParameters as ImuParameters
+    from imu_sim_ros.config.imu import rotation_problems as rotation_problems
     from imu_sim_ros.config.integrator import ATTITUDE_UPDATES as ATTITUDE_UPDATES
     from imu_sim_ros.config.integrator import INITIAL_STATES as INITIAL_STATES
     from imu_sim_ros.config.integrator import METHODS as METHODS
@@ -100,6 +101,7 @@ else:
             "imu": [
                 "ImuParameters",
                 "LARGEST_LATENCY",
+                "rotation_problems",
             ],
             "integrator": [
                 "ATTITUDE_UPDATES",

@@ -7,8 +7,9 @@
 ``images`` their images as files, ``frames`` and ``features`` both as messages, ``camera_bag`` these
 in a bag, ``vio_data_simulation`` the text files of the simulator of that name, ``tum_vi`` the
 folder of that dataset; ``columns`` are the tables, ``read_tracks`` reads some of them back,
-``recorded_images`` takes images out of a bag. One home for ``generate``, the public interface and
-campaigns. Imports bags, topics, sensor, camera. What it exports is imported when first used.
+``recorded`` takes images out of a bag, or of a folder into one. One home for ``generate``, the
+public interface and campaigns. Imports bags, topics, sensor, camera. What it exports is imported
+when first used.
 """
 
 from typing import TYPE_CHECKING
@@ -27,8 +28,9 @@ if TYPE_CHECKING:
     from imu_sim_ros.datasets.images import ImageFolders as ImageFolders
     from imu_sim_ros.datasets.read_tracks import TrackFolder as TrackFolder
     from imu_sim_ros.datasets.read_tracks import read_track_folder as read_track_folder
-    from imu_sim_ros.datasets.recorded_images import RecordedImages as RecordedImages
-    from imu_sim_ros.datasets.recorded_images import recorded_cameras as recorded_cameras
+    from imu_sim_ros.datasets.recorded import FolderImages as FolderImages
+    from imu_sim_ros.datasets.recorded import RecordedImages as RecordedImages
+    from imu_sim_ros.datasets.recorded import recorded_cameras as recorded_cameras
     from imu_sim_ros.datasets.topics import BagTarget as BagTarget
     from imu_sim_ros.datasets.topics import DatasetTarget as DatasetTarget
     from imu_sim_ros.datasets.topics import body_of as body_of
@@ -57,7 +59,7 @@ else:
             ],
             "images": ["ImageFolders"],
             "read_tracks": ["TrackFolder", "read_track_folder"],
-            "recorded_images": ["RecordedImages", "recorded_cameras"],
+            "recorded": ["FolderImages", "RecordedImages", "recorded_cameras"],
             "topics": [
                 "BagTarget",
                 "DatasetTarget",

@@ -16,7 +16,7 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
 from imu_sim_ros.commands import convert_bag, dead_reckon, generate
-from imu_sim_ros.datasets.recorded_images import pixels, recorded_cameras, to_root
+from imu_sim_ros.datasets.recorded import pixels, recorded_cameras, to_root
 from imu_sim_ros.errors import InputError
 
 SETTINGS = {
@@ -89,13 +89,6 @@ def test_the_folder_of_kalibr_bagcreater_and_chosen_topics(made, tmp_path, capsy
     # What has images dead-reckons as what has none.
     assert dead_reckon.main([words[0], "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["samples"] == 120
-
-
-def test_images_of_a_folder_are_left_with_a_word(made, tmp_path, capsys):
-    assert convert_bag.main([str(made / "mav0"), "-o", str(tmp_path / "a.mcap"), "--json"]) == 0
-    said = capsys.readouterr()
-    assert "the images of cam0, cam1 are not converted" in said.err
-    assert "/imu/data_raw" in json.loads(said.out)["messages"]
 
 
 def image(encoding, array, step=None, big=False):

@@ -22,6 +22,17 @@ COMPRESSED_IMAGE: Final = "sensor_msgs/msg/CompressedImage"
 CAMERA_INFO: Final = "sensor_msgs/msg/CameraInfo"
 _CDR_STAMP: Final = 4
 """Bytes before the stamp of a message that begins with a header."""
+_PIXEL_BYTES: Final = {
+    "mono8": 1,
+    "rgb8": 3,
+    "rgba8": 4,
+    "mono16": 2,
+    "rgb16": 6,
+    "16UC1": 2,
+    "32FC1": 4,
+}
+_PNG_COLOURS: Final = {"rgb8": "bgr8", "rgba8": "bgra8", "rgb16": "bgr16"}
+"""What image_transport calls the colours of an encoded image; it has no word for grey ones."""
 
 
 class CameraInfo(NamedTuple):
@@ -95,9 +106,9 @@ class ImageEncoder:
     ) -> None:
         """Set up the messages.
 
-        :param pixels: mono8, rgb8 or 32FC1.
+        :param pixels: mono8, mono16, rgb8, rgba8, rgb16, 16UC1 or 32FC1.
         """
-        step = width * {"mono8": 1, "rgb8": 3, "32FC1": 4}[pixels]
+        step = width * _PIXEL_BYTES[pixels]
         self._head = StampedBuilder(frame_id, encoding)
         self._head.values([height, width], "<u4")
         self._head.text(pixels)
@@ -110,19 +121,25 @@ class ImageEncoder:
 
 
 class CompressedImageEncoder:
-    """sensor_msgs/CompressedImage with PNG, as image_transport names it."""
+    """sensor_msgs/CompressedImage with PNG or JPEG, as image_transport names it."""
 
     type_name = COMPRESSED_IMAGE
 
-    def __init__(self, frame_id: str, pixels: str = "mono8", encoding: str = "cdr") -> None:
-        target = {"mono8": "", "rgb8": "bgr8"}[pixels]
+    def __init__(
+        self, frame_id: str, pixels: str = "mono8", encoding: str = "cdr", form: str = "png"
+    ) -> None:
+        """Set up the messages.
+
+        :param pixels: mono8, mono16, rgb8, rgba8 or rgb16.
+        :param form: png or jpeg.
+        """
         self._head = StampedBuilder(frame_id, encoding)
-        self._head.text(f"{pixels}; png compressed {target}")
+        self._head.text(f"{pixels}; {form} compressed {_PNG_COLOURS.get(pixels, '')}")
         self._head.align(4)
 
-    def encode(self, t_ns: int, png: bytes) -> bytes:
+    def encode(self, t_ns: int, image: bytes) -> bytes:
         """Return the message of an encoded image."""
-        return bytes(self._head.stamped(t_ns) + len(png).to_bytes(4, "little") + png)
+        return bytes(self._head.stamped(t_ns) + len(image).to_bytes(4, "little") + image)
 
 
 class CameraInfoEncoder:

@@ -54,6 +54,9 @@ def schema(type_name: str, encoding: str, types: "Typestore | None" = None) -> S
     if types is None and (found := _written(ros1_name(type_name), encoding)) is not None:
         return found
     types = types or known_types(encoding)
+    if type_name not in types.fielddefs and encoding == "ros1":
+        # Noetic's types are known without tf2_msgs, whose fields are those of ROS 2.
+        types = translated(known_types("cdr"), encoding)
     if type_name not in types.fielddefs:
         raise InputError(f"{type_name}: the definition of this message type is not known")
     if encoding == "cdr":

@@ -16,16 +16,16 @@ TF_MESSAGE: Final = "tf2_msgs/msg/TFMessage"
 
 
 class TransformsEncoder:
-    """tf2_msgs/TFMessage with the same frames in each message (little-endian CDR)."""
+    """tf2_msgs/TFMessage with the same frames in each message."""
 
     type_name = TF_MESSAGE
 
-    def __init__(self, frames: Sequence[tuple[str, str]]) -> None:
+    def __init__(self, frames: Sequence[tuple[str, str]], encoding: str = "cdr") -> None:
         """Set up the messages.
 
         :param frames: parent and child of each of the m transforms in a message.
         """
-        builder = Builder("cdr")
+        builder = Builder(encoding)
         builder.length(len(frames))
         for k, (parent, child) in enumerate(frames):
             builder.field("stamp", "header", suffix=f"_{k}")
@@ -33,7 +33,7 @@ class TransformsEncoder:
             builder.text(child)
             builder.field("translation", "f8", 3, f"_{k}")
             builder.field("rotation", "f8", 4, f"_{k}")
-        self._count = len(frames)
+        self._count, self._encoding = len(frames), encoding
         self._dtype = builder.dtype()
         self._template = np.frombuffer(bytes(builder.template), np.uint8)
 
@@ -54,7 +54,7 @@ class TransformsEncoder:
         :raises InputError: for stamps that a message cannot hold.
         """
         t_ns = np.asarray(t_ns, dtype=np.int64)
-        second, nanosecond = seconds(t_ns, "cdr")
+        second, nanosecond = seconds(t_ns, self._encoding)
         translation, q = np.asarray(translation), np.asarray(q)[..., ROS_ORDER]
         rows = np.empty((len(t_ns), len(self._template)), np.uint8)
         rows[:] = self._template

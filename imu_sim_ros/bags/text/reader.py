@@ -38,6 +38,7 @@ _EARLIEST: Final = -(2**63) + 1
 _IMU_COLUMNS: Final = 6
 _STATE_COLUMNS: Final = 16
 _STATE_FOLDER: Final = "state_groundtruth_estimate0"
+_POSE_FOLDER: Final = "mocap0"
 _SUFFIXES: Final = (".csv", ".txt", ".tum")
 
 
@@ -116,6 +117,11 @@ def has_states(path: Path) -> bool:
     return path.is_dir() and _state_path(path) is not None
 
 
+def pose_file(path: Path) -> Path | None:
+    """Return the poses that a motion capture system saw (TUM VI); None where a folder has none."""
+    return _table(path, _POSE_FOLDER) if path.is_dir() else None
+
+
 def imu_names(path: Path) -> list[str]:
     """Return the names of the IMUs of a folder: imu0, imu1; none of a file."""
     return sorted(_imu_files(path)) if path.is_dir() else []
@@ -153,18 +159,27 @@ def _tables_beside(path: Path) -> dict[str, tuple[str, Path]]:
 def _tables(folder: Path, kind: str) -> dict[str, Path]:
     """Return tables of a kind by name: imu0/data.csv (EuRoC) or imu0.csv (kalibr)."""
     found: dict[str, Path] = {}
-    for place in (folder, folder / "mav0"):
+    for place in places(folder):
         for file in sorted([*place.glob(f"{kind}*/data.csv"), *place.glob(f"{kind}*.csv")]):
             found.setdefault(file.stem if file.parent == place else file.parent.name, file)
     return found
 
 
 def _state_path(folder: Path) -> Path | None:
-    for place in (folder, folder / "mav0"):
-        file = place / _STATE_FOLDER / "data.csv"
+    return _table(folder, _STATE_FOLDER)
+
+
+def _table(folder: Path, name: str) -> Path | None:
+    for place in places(folder):
+        file = place / name / "data.csv"
         if file.is_file():
             return file
     return None
+
+
+def places(folder: Path) -> tuple[Path, Path]:
+    """Return where the sensors of a dataset may be: in its folder, or in mav0 within it."""
+    return folder, folder / "mav0"
 
 
 def _blocks(path: Path, columns: int, skipped: Skipped | None) -> Iterator[tuple[Times, Array]]:

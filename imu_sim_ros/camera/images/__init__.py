@@ -5,12 +5,23 @@
 
 ``texture`` is what surfaces look like, ``tag36h11`` the tags of a target, ``plane`` and ``mip``
 where a ray meets a surface and at which level it looks, ``renderer`` where each pixel looks,
-``imager`` the sensor's errors, ``encode`` a PNG of it.
+``imager`` the sensor's errors, ``encode`` a PNG of it and back.
 """
 
-from imu_sim_ros.camera.images.encode import png
+from imu_sim_ros.camera.images.encode import decoded, png
 from imu_sim_ros.camera.images.imager import Imager, imagers
 from imu_sim_ros.camera.images.renderer import Maps, Renderer, look_up, opencv
 from imu_sim_ros.camera.images.texture import Atlas, atlas
 
-__all__ = ["Atlas", "Imager", "Maps", "Renderer", "atlas", "imagers", "look_up", "opencv", "png"]
+__all__ = [
+    "Atlas",
+    "Imager",
+    "Maps",
+    "Renderer",
+    "atlas",
+    "decoded",
+    "imagers",
+    "look_up",
+    "opencv",
+    "png",
+]

@@ -1,10 +1,11 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Images as PNG."""
+"""Images as PNG, and what is decoded of encoded ones."""
 
 from typing import Any, Final
 
+import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.camera.images.renderer import opencv
@@ -26,3 +27,21 @@ def png(image: NDArray[Any]) -> bytes:
         raise InputError(f"OpenCV cannot encode an image of {image.shape} as PNG")
     data: bytes = encoded.tobytes()
     return data
+
+
+def decoded(data: bytes) -> NDArray[Any]:
+    """Return an encoded image as it is: (h, w), or (h, w, 3 or 4) in red, green, blue, alpha.
+
+    :raises InputError: for bytes that OpenCV cannot decode.
+    """
+    cv2 = opencv()
+    try:
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
+    except cv2.error:  # of sizes that it refuses
+        image = None
+    if image is None:
+        raise InputError(f"{len(data)} bytes that OpenCV cannot decode as an image")
+    if image.ndim == 2:
+        return np.asarray(image)
+    order = (2, 1, 0, 3)[: image.shape[2]]
+    return np.ascontiguousarray(image[..., order])

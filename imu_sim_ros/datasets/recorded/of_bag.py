@@ -24,9 +24,9 @@ from imu_sim_ros.bags.messages import (
     COMPRESSED_IMAGE,
     IMAGE,
     TF_MESSAGE,
+    CameraInfo,
     TopicInfo,
 )
-from imu_sim_ros.bags.text import decimal
 from imu_sim_ros.camera.images import opencv, png
 from imu_sim_ros.conventions import (
     COMPRESSED_TOPIC,
@@ -34,7 +34,9 @@ from imu_sim_ros.conventions import (
     IMAGE_TOPIC,
     TF_STATIC_TOPIC,
 )
-from imu_sim_ros.datasets.images import DEPTH_FOLDER, millimetres, pose_text, write_table
+from imu_sim_ros.datasets.images import DEPTH_FOLDER, millimetres, write_table
+from imu_sim_ros.datasets.recorded.description import Description, sensor_yaml
+from imu_sim_ros.datasets.recorded.files import as_png
 from imu_sim_ros.errors import InputError, system_error
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
 
@@ -53,17 +55,13 @@ _PIXELS: Final = {
     **{f"bayer_{order}8": ("u1", 1) for order in ("rggb", "bggr", "gbrg", "grbg")},
     **dict.fromkeys(("mono16", "16UC1"), ("u2", 1)),
     **dict.fromkeys(("rgb8", "bgr8", "8UC3"), ("u1", 3)),
+    **dict.fromkeys(("rgb16", "bgr16"), ("u2", 3)),
     **dict.fromkeys(("rgba8", "bgra8", "8UC4"), ("u1", 4)),
     _DEPTH: ("f4", 1),
 }
 """Type and number of the values of a pixel."""
 _AHEAD: Final = 4
 """Images in progress for each thread."""
-_DISTORTIONS: Final = {
-    "plumb_bob": "radial-tangential",
-    "rational_polynomial": "radial-tangential8",
-    "equidistant": "equidistant",
-}
 
 
 class RecordedCamera(NamedTuple):
@@ -207,7 +205,8 @@ class RecordedImages:
             stamps = list(self._stamps[camera.images.name])
             write_table(self._folder / name, stamps)
             pose = to_root(self._transforms, self._frames.get(camera.base, ""))
-            text = _sensor_yaml(self._infos.get(camera.base), pose, stamps, comment)
+            found = Description(_described(self._infos.get(camera.base)), pose)
+            text = sensor_yaml(found, stamps, comment)
             (self._folder / name / "sensor.yaml").write_text(text, encoding="utf-8")
 
 
@@ -219,7 +218,7 @@ def _stamp(message: Any) -> int:
 def _write(topic: TopicInfo, message: Any, path: Path) -> None:
     """Write the image of a message as PNG; one that is PNG already stays as it is."""
     if topic.type == COMPRESSED_IMAGE:
-        data = _as_png(topic.name, message.data.tobytes())
+        data = as_png(topic.name, message.data.tobytes())
     else:
         image = pixels(topic.name, message)
         data = png(millimetres(image) if image.dtype == np.float32 else image)
@@ -228,16 +227,6 @@ def _write(topic: TopicInfo, message: Any, path: Path) -> None:
     except OSError as error:
         path.unlink(missing_ok=True)
         raise system_error(path, error) from None
-
-
-def _as_png(topic: str, data: bytes) -> bytes:
-    if data.startswith(b"\x89PNG"):
-        return data
-    cv2 = opencv()
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
-    if image is None:
-        raise InputError(f"{topic}: {len(data)} bytes that OpenCV cannot decode as an image")
-    return png(image if image.ndim == 2 else image[..., ::-1])
 
 
 def pixels(topic: str, message: Any) -> NDArray[Any]:
@@ -290,31 +279,14 @@ def to_root(transforms: Transforms, frame: str) -> NDArray[np.float64] | None:
     return pose
 
 
-def _sensor_yaml(
-    info: Any, pose: NDArray[np.float64] | None, stamps: Sequence[int], comment: str
-) -> str:
-    """Return EuRoC's description of a camera; what the bag does not tell is left out."""
-    text = f"# Camera\nsensor_type: camera\ncomment: {comment}\n\n"
-    if pose is not None:
-        text += f"# T_BS maps points of the camera into the body.\n{pose_text(pose)}\n"
-    if len(stamps) > 1:
-        period = float(np.median(np.diff(sorted(stamps))))
-        text += f"rate_hz: {round(NANOSECONDS_PER_SECOND / period, 3):g}\n"
+def _described(info: Any) -> CameraInfo | None:
+    """Return a message of CameraInfo, of ROS 1 or ROS 2, as values."""
     if info is None:
-        return text
-    k, d = np.asarray(info.k if hasattr(info, "k") else info.K).ravel(), info_distortion(info)
-    numbers = ", ".join(decimal(float(value)) for value in (k[0], k[4], k[2], k[5]))
-    kind = _DISTORTIONS.get(info.distortion_model, info.distortion_model or "none")
-    return (
-        f"{text}resolution: [{info.width}, {info.height}]\ncamera_model: pinhole\n"
-        f"intrinsics: [{numbers}] # fu, fv, cu, cv\ndistortion_model: {kind}\n"
-        f"distortion_coefficients: [{', '.join(decimal(float(value)) for value in d)}]\n"
+        return None
+    d, k, r, p = (
+        np.asarray(getattr(info, name) if hasattr(info, name) else getattr(info, name.upper()))
+        for name in "dkrp"
     )
-
-
-def info_distortion(info: Any) -> NDArray[np.float64]:
-    """Return the coefficients of a CameraInfo, without a k3 of zero."""
-    d = np.asarray(info.d if hasattr(info, "d") else info.D, dtype=np.float64)
-    if info.distortion_model == "plumb_bob" and len(d) == 5 and d[4] == 0.0:
-        return d[:4]
-    return d
+    kind = str(info.distortion_model)
+    matrices = k.reshape(3, 3), r.reshape(3, 3), p.reshape(3, 4)
+    return CameraInfo(int(info.height), int(info.width), kind, tuple(d.tolist()), *matrices)

@@ -1,0 +1,310 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Images of a dataset's folder in bags: the full circle, other people's folders, broken ones."""
+
+import json
+import shutil
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
+
+from imu_sim_ros.bags import imu_blocks
+from imu_sim_ros.commands import convert_bag, generate
+
+SETTINGS = {
+    "camera.body_axes": "flu",
+    "camera.width": "94",
+    "camera.height": "60",
+    "camera.intrinsics": "[57.3,57.2,45.9,31.0]",
+    "camera.dropout_probability": "0.2",
+    "cam1.camera.encoding": "rgb8",
+    "cam1.camera.depth": "true",
+}
+FLIGHT = [
+    *("--camera", "euroc_cam0", "--camera", "euroc_cam1", "--trajectory", "target"),
+    *("--duration", "0.6s", "--seed", "5", "--quiet", "--scene", "aprilgrid"),
+    *(word for key, value in SETTINGS.items() for word in ("--set", f"{key}={value}")),
+]
+STAMPS = [10**9, 1_050_000_000, 1_100_000_000]
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """Return the folder that generate writes."""
+    folder = tmp_path_factory.mktemp("made") / "mav0"
+    assert generate.main(["-o", str(folder), "--format", "euroc", *FLIGHT]) == 0
+    return folder
+
+
+def run(*words):
+    return convert_bag.main([str(word) for word in words])
+
+
+def decoded(path):
+    """Return all messages by topic, as rosbags reads them."""
+    found = {}
+    with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+        for connection, t_ns, raw in reader.messages():
+            message = reader.deserialize(raw, connection.msgtype)
+            found.setdefault(connection.topic, []).append((t_ns, message))
+    return found
+
+
+def pngs(folder):
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*.png")}
+
+
+@pytest.mark.parametrize(
+    ("name", "images"), [("a.bag", "raw"), ("a.mcap", "compressed"), ("a", "both")]
+)
+def test_the_images_of_a_folder_come_back_from_a_bag(made, tmp_path, name, images):
+    storage = ["--storage", "sqlite3"] if name == "a" else []
+    assert run(made, "-o", tmp_path / name, "--images", images, "--quiet", *storage) == 0
+    assert run(tmp_path / name, "-o", tmp_path / "out", "--format", "euroc", "--quiet") == 0
+    assert pngs(tmp_path / "out") == pngs(made)
+    for camera in ("cam0", "cam1"):
+        table = f"{camera}/data.csv"
+        assert (tmp_path / "out" / table).read_text() == (made / table).read_text()
+        told, true = (
+            yaml.safe_load((folder / camera / "sensor.yaml").read_text())
+            for folder in (tmp_path / "out", made)
+        )
+        pose, expected = told.pop("T_BS")["data"], true.pop("T_BS")["data"]
+        np.testing.assert_allclose(pose, expected, atol=1e-11)  # by way of a quaternion
+        assert told.pop("comment") != true.pop("comment")
+        assert told == true
+
+
+@pytest.mark.parametrize("name", ["a.bag", "a.mcap"])
+def test_others_read_pixels_models_and_places(made, tmp_path, name):
+    assert run(made, "-o", tmp_path / name, "--images", "both", "--quiet") == 0
+    found = decoded(tmp_path / name)
+    for camera, pixels in (("cam0", "mono8"), ("cam1", "rgb8")):
+        rows = (made / camera / "data.csv").read_text().splitlines()[1:]
+        stamps = [int(row.split(",")[0]) for row in rows]
+        for topic in ("image_raw", "image_raw/compressed", "camera_info"):
+            assert [t_ns for t_ns, _ in found[f"/{camera}/{topic}"]] == stamps
+        for (_, raw), (_, small), t_ns in zip(
+            found[f"/{camera}/image_raw"],
+            found[f"/{camera}/image_raw/compressed"],
+            stamps,
+            strict=True,
+        ):
+            path = made / camera / "data" / f"{t_ns}.png"
+            image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+            expected = image if image.ndim == 2 else image[..., ::-1]
+            assert (raw.height, raw.width, raw.encoding) == (60, 94, pixels)
+            assert raw.header.frame_id == f"{camera}_optical_frame"
+            assert raw.header.stamp.sec * 10**9 + raw.header.stamp.nanosec == t_ns
+            assert np.array_equal(raw.data, expected.ravel())
+            assert small.data.tobytes() == path.read_bytes()
+            assert small.format == f"{pixels}; png compressed {'bgr8' * (pixels == 'rgb8')}"
+        sensor = yaml.safe_load((made / camera / "sensor.yaml").read_text())
+        info = found[f"/{camera}/camera_info"][0][1]
+        k, d = getattr(info, "k", getattr(info, "K", None)), getattr(info, "d", None)
+        d = info.D if d is None else d
+        assert [k[0], k[4], k[2], k[5]] == sensor["intrinsics"]
+        assert d.tolist() == [*sensor["distortion_coefficients"], 0.0]
+        assert (info.distortion_model, info.width, info.height) == ("plumb_bob", 94, 60)
+    places = {t.child_frame_id: t for t in found["/tf_static"][0][1].transforms}
+    assert places.keys() == {"cam0_optical_frame", "cam1_optical_frame"}
+    pose = np.reshape(
+        yaml.safe_load((made / "cam1" / "sensor.yaml").read_text())["T_BS"]["data"], (4, 4)
+    )
+    seen = places["cam1_optical_frame"]
+    assert seen.header.frame_id == "base_link"
+    shift = seen.transform.translation
+    np.testing.assert_allclose([shift.x, shift.y, shift.z], pose[:3, 3], atol=1e-12)
+    depth = found["/cam1/depth/image_raw"][0][1]
+    assert depth.encoding == "16UC1"
+
+
+def test_readings_between_images_come_in_blocks_that_have_a_rate(made, tmp_path):
+    assert run(made, "-o", tmp_path / "a.mcap", "--quiet") == 0
+    assert [len(block.t_ns) for block in imu_blocks(tmp_path / "a.mcap")] == [120]
+
+
+def test_a_folder_into_another_folder(made, tmp_path):
+    assert run(made, "-o", tmp_path / "e", "--format", "euroc", "--quiet") == 0
+    assert pngs(tmp_path / "e") == pngs(made)
+    sensor = "cam1/sensor.yaml"
+    assert (tmp_path / "e" / sensor).read_text() == (made / sensor).read_text()
+    assert run(made, "-o", tmp_path / "k", "--format", "csv", "--quiet") == 0
+    assert {path.replace("data/", ""): data for path, data in pngs(made / "cam0").items()} == pngs(
+        tmp_path / "k" / "cam0"
+    )
+    # And kalibr_bagcreater's folder into a bag: stamps are the names.
+    assert run(tmp_path / "k", "-o", tmp_path / "k.mcap", "--quiet") == 0
+    found = decoded(tmp_path / "k.mcap")
+    stamps = sorted(int(path.stem) for path in (made / "cam0" / "data").iterdir())
+    assert [t_ns for t_ns, _ in found["/cam0/image_raw"]] == stamps
+    assert "/cam0/camera_info" not in found
+
+
+def test_what_is_chosen(made, tmp_path, capsys):
+    words = [made, "-o", tmp_path / "a.mcap", "--images", "none", "--json"]
+    assert run(*words) == 0
+    assert json.loads(capsys.readouterr().out)["messages"].keys() == {
+        "/imu/data_raw",
+        "/ground_truth/odom",
+        "/ground_truth/gyroscope_bias",
+        "/ground_truth/accelerometer_bias",
+    }
+    assert run(tmp_path / "a.mcap", "-o", tmp_path / "b.mcap", "--images", "raw") == 2
+    assert "--images raw: is for folders; --topics chooses" in capsys.readouterr().err
+    assert run(made, "-o", tmp_path / "c", "--format", "euroc", "--images", "raw") == 2
+    assert "--images raw: does not apply to euroc" in capsys.readouterr().err
+    names = ["--topic", "cam0/image_raw=/left", "--topic", "cam0/camera_info=/left_info"]
+    assert run(made, "-o", tmp_path / "d.mcap", "--quiet", *names) == 0
+    assert {"/left", "/left_info", "/cam1/image_raw"} <= decoded(tmp_path / "d.mcap").keys()
+
+
+@pytest.fixture
+def tum_vi(tmp_path):
+    """Return a folder with the form and the 16-bit images of a TUM VI sequence."""
+    rng = np.random.default_rng(2)
+    root = tmp_path / "room1"
+    for folder in ("mav0/cam0/data", "mav0/imu0", "mav0/mocap0", "dso"):
+        (root / folder).mkdir(parents=True)
+    images = rng.integers(0, 65536, (len(STAMPS), 6, 8), np.uint16)
+    rows = ["#timestamp [ns],filename"]
+    for t_ns, image in zip(STAMPS, images, strict=True):
+        cv2.imwrite(str(root / "mav0" / "cam0" / "data" / f"{t_ns}.png"), image)
+        rows.append(f"{t_ns},{t_ns}.png")
+    (root / "mav0" / "cam0" / "data.csv").write_text("\r\n".join(rows) + "\r\n")
+    readings = [f"{10**9 + k * 5_000_000},0,0,0,0,0,9.81" for k in range(30)]
+    (root / "mav0" / "imu0" / "data.csv").write_text("\n".join(["#t,w,a", *readings]))
+    poses = [f"{10**9 + k * 8_000_000},{k},0,1,1,0,0,0" for k in range(10)]
+    (root / "mav0" / "mocap0" / "data.csv").write_text("\n".join(["#t,p,q", *poses]))
+    t_ci = [[0.0, 1, 0, 0.1], [0, 0, 1, 0.2], [1, 0, 0, 0.3], [0, 0, 0, 1]]
+    chain = {
+        "cam0": {
+            "camera_model": "pinhole",
+            "intrinsics": [190.9, 190.8, 254.9, 256.8],
+            "distortion_model": "equidistant",
+            "distortion_coeffs": [0.1, 0.2, 0.3, 0.4],
+            "resolution": [8, 6],
+            "T_cam_imu": t_ci,
+            "rostopic": "/cam0/image_raw",
+        }
+    }
+    (root / "dso" / "camchain.yaml").write_text(yaml.safe_dump(chain))
+    return root, images
+
+
+@pytest.mark.parametrize("below", ["", "mav0"])
+def test_a_sequence_of_tum_vi(tum_vi, tmp_path, below):
+    root, images = tum_vi
+    assert run(root / below, "-o", tmp_path / "a.bag", "--images", "both", "--quiet") == 0
+    found = decoded(tmp_path / "a.bag")
+    for (_, raw), image in zip(found["/cam0/image_raw"], images, strict=True):
+        assert raw.encoding == "mono16"
+        assert np.array_equal(raw.data.view("<u2"), image.ravel())
+    assert found["/cam0/image_raw/compressed"][0][1].format == "mono16; png compressed "
+    info = found["/cam0/camera_info"][0][1]
+    assert (info.distortion_model, info.D.tolist()) == ("equidistant", [0.1, 0.2, 0.3, 0.4])
+    shift = found["/tf_static"][0][1].transforms[0].transform.translation
+    np.testing.assert_allclose([shift.x, shift.y, shift.z], [-0.3, -0.1, -0.2], atol=1e-12)
+    poses = [message.pose.position.x for _, message in found["/ground_truth/pose"]]
+    assert poses == list(range(10))
+    assert len(found["/imu/data_raw"]) == 30
+
+
+def broken(root, table=None, sensor=None, image=None):
+    """Change a folder: its table of images, a sensor.yaml, the bytes of the first image."""
+    camera = root / "mav0" / "cam0"
+    if table is not None:
+        (camera / "data.csv").write_text(table)
+    if sensor is not None:
+        (camera / "sensor.yaml").write_text(yaml.safe_dump(sensor))
+    if image is not None:
+        first = camera / "data" / f"{STAMPS[0]}.png"
+        first.write_bytes(image(first.read_bytes()))
+
+
+GOOD = f"{STAMPS[0]},{STAMPS[0]}.png\n"
+SENSOR = {"camera_model": "pinhole", "resolution": [8, 6], "intrinsics": [9.0, 9.0, 4.0, 3.0]}
+SWAPPED = [0, 1, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
+
+
+@pytest.mark.parametrize(
+    ("changes", "lines"),
+    [
+        (
+            {"table": f"{GOOD}5,{STAMPS[1]}.png\nx,a\n{STAMPS[1]}\n{STAMPS[2]},gone.png\n"},
+            [
+                "cam0/data.csv: line 2: the stamp is 0.999999995 s before that of an earlier line",
+                "line 3: 'x' is not a stamp in nanoseconds",
+                "line 4: 1 columns; expected nanoseconds and a file name",
+                "line 5: the image 'gone.png' is not in data/",
+            ],
+        ),
+        (
+            {"table": f"{GOOD}{STAMPS[1]},../../imu0/data.csv\n"},
+            ["line 2: the image '../../imu0/data.csv' is not in data/"],
+        ),
+        ({"image": lambda data: data[:-20]}, ["1000000000.png: a PNG that is cut off after"]),
+        ({"image": lambda data: b"not an image"}, ["1000000000.png: 12 bytes that OpenCV cannot"]),
+        ({"image": lambda data: b""}, ["1000000000.png: 0 bytes that OpenCV cannot decode"]),
+        (
+            {"sensor": {**SENSOR, "intrinsics": [1, 2, 3], "resolution": [8, -6]}},
+            [
+                "cam0/sensor.yaml: intrinsics = [1, 2, 3]: must be 4 finite numbers",
+                "cam0/sensor.yaml: resolution = [8, -6]: must be width, height [px]",
+            ],
+        ),
+        (
+            {"sensor": {**SENSOR, "T_BS": {"rows": 4, "cols": 4, "data": SWAPPED}}},
+            ["sensor.yaml: T_BS: must be a rotation matrix; this one is a reflection"],
+        ),
+        (
+            {"sensor": {**SENSOR, "T_BS": [1.0, 2.0]}},
+            ["sensor.yaml: T_BS = [1.0, 2.0]: must be a matrix of 4 x 4 numbers"],
+        ),
+        (
+            {"sensor": {**SENSOR, "camera_model": "eye"}},
+            ["camera_model = 'eye': must be one of pinhole, unified, double_sphere"],
+        ),
+        ({"sensor": [1, 2]}, ["sensor.yaml: must hold names and values"]),
+    ],
+)
+@pytest.mark.parametrize("to", ["a.mcap", "out"])
+def test_a_broken_folder_is_a_line_for_each_problem(tum_vi, tmp_path, capsys, changes, lines, to):
+    broken(tum_vi[0], **changes)
+    form = ["--format", "euroc"] if to == "out" else []
+    assert run(tum_vi[0], "-o", tmp_path / to, *form) == 2
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == len(lines), said
+    for line, expected in zip(said, lines, strict=True):
+        assert expected in line
+    assert not (tmp_path / to).exists()
+
+
+def test_bad_rows_of_a_table_are_skipped_when_asked(tum_vi, tmp_path, capsys):
+    broken(tum_vi[0], table=f"{GOOD}x,a\n{STAMPS[2]},{STAMPS[2]}.png\n")
+    assert run(tum_vi[0], "-o", tmp_path / "a.mcap", "--skip-bad-rows", "--quiet") == 0
+    assert "1 bad rows skipped" in capsys.readouterr().err
+    seen = [t_ns for t_ns, _ in decoded(tmp_path / "a.mcap")["/cam0/image_raw"]]
+    assert seen == [STAMPS[0], STAMPS[2]]
+
+
+def test_other_files_than_png(tum_vi, tmp_path):
+    data = tum_vi[0] / "mav0" / "cam0" / "data"
+    jpeg = cv2.imencode(".jpg", np.full((6, 8), 77, np.uint8))[1].tobytes()
+    (data / f"{STAMPS[0]}.png").write_bytes(jpeg)
+    assert run(tum_vi[0], "-o", tmp_path / "a.mcap", "--images", "both", "--quiet") == 0
+    found = decoded(tmp_path / "a.mcap")
+    assert found["/cam0/image_raw"][0][1].encoding == "mono8"
+    assert np.abs(found["/cam0/image_raw"][0][1].data.astype(int) - 77).max() < 4
+    small = found["/cam0/image_raw/compressed"][0][1]
+    assert (small.format, small.data.tobytes()) == ("mono8; jpeg compressed ", jpeg)
+    # In a folder all images are PNG, whatever they were.
+    shutil.rmtree(tum_vi[0] / "dso")
+    assert run(tum_vi[0], "-o", tmp_path / "out", "--format", "euroc", "--quiet") == 0
+    copied = cv2.imread(str(tmp_path / "out" / "cam0" / "data" / f"{STAMPS[0]}.png"), 0)
+    assert np.abs(copied.astype(int) - 77).max() < 4
