@@ -33,6 +33,8 @@ class FitReport(NamedTuple):
     duration: float
     rms_position: float
     max_position: float
+    max_position_at: float
+    """After the first pose."""
     rms_angle: float
     max_angle: float
     largest_gap: float
@@ -55,8 +57,8 @@ class FitReport(NamedTuple):
             f"largest gap {self.largest_gap:.3f} s at {self.largest_gap_at:.2f} s",
             f"spline: knots every {self.knot_spacing:.3f} s, smooth above {self.cutoff:g} Hz; "
             f"position {self.rms_position * mm:.3f} mm RMS, {self.max_position * mm:.2f} mm at "
-            f"most; angle {self.rms_angle * deg:.4f} deg RMS, {self.max_angle * deg:.3f} deg "
-            "at most",
+            f"most (at {self.max_position_at:.2f} s); angle {self.rms_angle * deg:.4f} deg RMS, "
+            f"{self.max_angle * deg:.3f} deg at most",
             f"peaks: {self.peak_speed:.2f} m/s, {self.peak_acceleration:.2f} m/s^2, "
             f"{self.peak_rate:.2f} rad/s ({self.peak_rate * deg:.0f} deg/s)",
         ]
@@ -184,6 +186,7 @@ def _report(
         duration=spline.duration,
         rms_position=_rms(distance),
         max_position=float(np.max(distance)),
+        max_position_at=float(t[np.argmax(distance)]),
         rms_angle=_rms(angle),
         max_angle=float(np.max(angle)),
         largest_gap=float(steps[widest]),

@@ -77,6 +77,7 @@ def test_real_poses_are_passed_closely(build, path, position_rms, angle_rms):
     distance = np.linalg.norm(near.position - poses.position, axis=-1)
     assert np.sqrt(np.mean(distance**2)) == pytest.approx(report.rms_position)
     assert np.max(distance) == pytest.approx(report.max_position)
+    assert f"(at {t[np.argmax(distance)]:.2f} s)" in report.lines()[1]
     between = rotation.multiply(rotation.conjugate(near.q_wb), poses.q_wb)
     angle = np.linalg.norm(rotation.log(between), axis=-1)
     assert np.sqrt(np.mean(angle**2)) == pytest.approx(report.rms_angle)
