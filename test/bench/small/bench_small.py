@@ -1,0 +1,165 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Small jobs: programs that are done within seconds, and single calls in a program of one's own.
+
+``python test/bench/small/bench_small.py [--repeats 3]``; lowest, median and highest of the runs.
+"""
+
+import argparse
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from resource import RUSAGE_CHILDREN, getrusage
+
+import numpy as np
+
+import imu_sim_ros as ims
+from imu_sim_ros.commands.common import print_table
+from imu_sim_ros.config.simulation import load_simulation
+from imu_sim_ros.navigation.covariance import Covariance
+from imu_sim_ros.navigation.noise import ImuErrors, TriadErrors, noise_of
+from imu_sim_ros.navigation.preintegration.deltas import preintegrate
+from imu_sim_ros.navigation.preintegration.intervals import Readings
+from imu_sim_ros.navigation.state import AT_REST
+from imu_sim_ros.navigation.strapdown.dead_reckoning import dead_reckon
+
+FLIGHT = Path(__file__).parents[3].parent / "shared/data/euroc_V1_02_medium_groundtruth.csv"
+STATIC = ["--trajectory", "static", "--imu", "lecture", "--rate", "200", "--imu-only"]
+ALL_AXES = np.ones(3)
+NOISE = ImuErrors(
+    TriadErrors(1.7e-4 * ALL_AXES, 1.9e-5 * ALL_AXES),
+    TriadErrors(2e-3 * ALL_AXES, 3e-3 * ALL_AXES),
+)
+SECOND = ["--duration", "1s", "-o"]
+
+
+def programs(bag: str) -> dict[str, list[str]]:
+    """Return command lines; ``{}`` is a new folder.
+
+    :param bag: 2 h at 200 Hz.
+    """
+    found = {
+        "generate --help": ["generate", "--help"],
+        "generate, 1 s, .mcap": ["generate", *SECOND, "{}/x.mcap"],
+        "generate, 1 s, .bag": ["generate", *SECOND, "{}/x.bag"],
+        "generate, 1 s, sqlite3": ["generate", *SECOND, "{}/x", "--storage", "sqlite3"],
+        "generate, 1 s, EuRoC": ["generate", *SECOND, "{}/x", "--format", "euroc"],
+    }
+    if FLIGHT.is_file():
+        along = [*SECOND, "{}/x.mcap", "--trajectory", str(FLIGHT)]
+        found["generate, 1 s along EuRoC V1_02"] = ["generate", *along]
+    else:
+        print(f"{FLIGHT}: missing, no row for it", file=sys.stderr)
+    found["allan, 2 h at 200 Hz, with files and picture"] = ["allan", bag, "-o", "{}/allan"]
+    return found
+
+
+def run(command: Sequence[str], folder: str) -> tuple[float, float]:
+    """Return wall and processor seconds of a program."""
+    words = [word.replace("{}", folder) for word in command]
+    before, started = getrusage(RUSAGE_CHILDREN), time.perf_counter()
+    subprocess.run(
+        [sys.executable, "-m", f"imu_sim_ros.commands.{words[0]}", *words[1:]],
+        check=True,
+        stdout=subprocess.DEVNULL,
+    )
+    wall, after = time.perf_counter() - started, getrusage(RUSAGE_CHILDREN)
+    return wall, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def of_programs(repeats: int) -> None:
+    """Print the table of whole processes."""
+    rows = []
+    with tempfile.TemporaryDirectory() as top:
+        bag = f"{top}/2h.mcap"
+        run(["generate", *STATIC, "--duration", "2h", "--quiet", "-o", bag], top)
+        for name, command in programs(bag).items():
+            found = []
+            for k in range(repeats):
+                folder = Path(top, f"{len(rows)}-{k}")
+                folder.mkdir()
+                found.append(run(command, str(folder)))
+            walls, used = zip(*found, strict=True)
+            rows.append([name, *cells(walls, 1.0, 2), f"{min(used):.2f}"])
+    header = ["whole process, s", "lowest", "median", "highest", "CPU, least"]
+    print_table(header, rows, f"Programs, {repeats} runs each")
+
+
+def cells(values: Sequence[float], unit: float, digits: int) -> list[str]:
+    """Return the lowest, the median and the highest."""
+    chosen = (min(values), statistics.median(values), max(values))
+    return [f"{value / unit:.{digits}f}" for value in chosen]
+
+
+def timed(work: Callable[[], object], calls: int, repeats: int) -> list[float]:
+    """Return the time of a call [s], as the mean of several, some times."""
+    work()
+    found = []
+    for _ in range(repeats):
+        started = time.perf_counter()
+        for _ in range(calls):
+            work()
+        found.append((time.perf_counter() - started) / calls)
+    return found
+
+
+def of_calls(repeats: int) -> None:
+    """Print the table of calls in one process."""
+    flight = {"imu": "mpu6000", "rate": 200.0, "duration": 20.0, "seed": 1}
+    simulated = ims.simulate(**flight)
+    t = np.arange(201)[:, None] * 0.005
+    gyro = 0.5 * np.sin(t * [1.1, 1.7, 2.3])
+    accel = np.sin(t * [3.1, 2.7, 2.3]) + np.array([0.0, 0.0, 9.81])
+    interval = Readings(np.full((1, 200), 0.005), gyro[None], accel[None])
+    many = np.arange(40_000)
+    long = (many * 5_000_000, np.resize(gyro, (40_000, 3)), np.resize(accel, (40_000, 3)))
+    force, rate, level = (0.1, 0.2, 9.81), (0.1, 0.2, 0.3), np.eye(3)
+    simple = Covariance(NOISE)
+    every = Covariance(noise_of(load_simulation({"imu.preset": "mpu6000"}).imu))
+    work: dict[str, tuple[Callable[[], object], int, float]] = {
+        "20 s at 200 Hz of mpu6000: parameters and samples, ms": (
+            lambda: ims.simulate(**flight),
+            20,
+            1e-3,
+        ),
+        "the same: dead reckoning, ms": (lambda: ims.dead_reckon(simulated), 20, 1e-3),
+        "covariance, a step of 5 ms, us": (lambda: simple.step(0.005, level, force), 2000, 1e-6),
+        "with every error of mpu6000, us": (
+            lambda: every.step(0.005, level, force, rate),
+            2000,
+            1e-6,
+        ),
+        "preintegration, one interval, per reading, us": (
+            lambda: preintegrate(interval, NOISE),
+            10,
+            200e-6,
+        ),
+        "dead reckoning by Euler angles, per reading, us": (
+            lambda: dead_reckon(*long, AT_REST, "midpoint", "euler_angles"),
+            1,
+            40_000e-6,
+        ),
+    }
+    rows = [
+        [name, *cells(timed(call, calls, repeats), unit, 2)]
+        for name, (call, calls, unit) in work.items()
+    ]
+    print_table(["call", "lowest", "median", "highest"], rows, f"Calls, {repeats} times each")
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Print both tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--repeats", type=int, default=3)
+    repeats = parser.parse_args(argv).repeats
+    of_calls(repeats)
+    of_programs(repeats)
+
+
+if __name__ == "__main__":
+    main()
