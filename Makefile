@@ -18,7 +18,7 @@ TRAJECTORY ?= lecture
 BIN := .venv/bin
 # Three processes for two cores: the tests with real nodes mostly wait (test/conftest.py).
 # A test that hangs is named after ten minutes, instead of the whole run being ended.
-PYTEST := python -m pytest -q -n 3 --dist loadgroup --no-loadscope-reorder \
+PYTEST := python -m pytest -q -n 3 --dist loadfile --no-loadscope-reorder \
           --timeout 600 --timeout-method thread
 # A sourced ROS or an active environment must not leak into ours.
 CLEAN := env -u PYTHONPATH -u PYTHONHOME -u AMENT_PREFIX_PATH -u LD_LIBRARY_PATH -u VIRTUAL_ENV \

@@ -18,11 +18,7 @@ MAY_BE_MISSING = {
 }
 """What CI cannot have, by words of the skip's reason. Anything else that a test skips for, an
 oracle above all, makes it fail where IMU_SIM_CI is set, as .ci/run does."""
-_REAL_PROCESSES = {
-    Path("test/nodes/live"): "live",
-    Path("test/nodes"): "nodes",
-    Path("test/commands/test_demo.py"): "nodes",
-}
+_REAL_PROCESSES = (Path("test/nodes"), Path("test/commands/test_demo.py"))
 
 
 def pytest_configure() -> None:
@@ -34,24 +30,14 @@ def pytest_configure() -> None:
         signal.signal(signal.SIGHUP, lambda *_: None)
 
 
-@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Put tests with real nodes first, in two rows beside the rest: they mostly wait.
+    """Put tests with real nodes first: they mostly wait, beside the rest."""
 
-    Before pytest-xdist's own hook, which reads the marks.
-
-    All others stay together by file, whose fixtures they share.
-    """
-
-    def waiting(item: pytest.Item) -> str:
+    def waits(item: pytest.Item) -> bool:
         path = item.path.relative_to(config.rootpath)
-        rows = (row for place, row in _REAL_PROCESSES.items() if path.is_relative_to(place))
-        return next(rows, "")
+        return any(path.is_relative_to(place) for place in _REAL_PROCESSES)
 
-    items.sort(key=lambda item: not waiting(item))
-    for item in items:
-        group = waiting(item) or str(item.path.relative_to(config.rootpath))
-        item.add_marker(pytest.mark.xdist_group(group))
+    items.sort(key=lambda item: not waits(item))
 
 
 @pytest.fixture(autouse=True)

@@ -7,6 +7,7 @@ import itertools
 import logging
 import os
 import signal
+import socket
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import CancelledError
@@ -28,6 +29,7 @@ _AT_HAND: Final = 4
 """Tasks that the scheduler holds for each thread of the cluster: enough that none waits, and few
 enough that its memory does not grow with the campaign."""
 _CONNECT_S: Final = 5.0
+_DASHBOARD_PORT: Final = 8787
 
 
 @contextmanager
@@ -53,7 +55,9 @@ def client(scheduler: str | None, workers: int) -> Iterator["Client"]:
         threads = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1")
         os.environ.update(threads)
         with (
-            LocalCluster(n_workers=workers, threads_per_worker=1) as cluster,
+            LocalCluster(
+                n_workers=workers, threads_per_worker=1, dashboard_address=_dashboard()
+            ) as cluster,
             Client(cluster) as found,
         ):
             try:
@@ -68,6 +72,16 @@ def client(scheduler: str | None, workers: int) -> Iterator["Client"]:
         raise InputError(f"--scheduler {scheduler}: {error}") from None
     with found:
         yield found
+
+
+def _dashboard() -> str:
+    """Return where Dask's dashboard is known to be, or a free port beside another cluster's."""
+    with socket.socket() as probe:
+        try:
+            probe.bind(("127.0.0.1", _DASHBOARD_PORT))
+        except OSError:
+            return "127.0.0.1:0"
+    return f"127.0.0.1:{_DASHBOARD_PORT}"
 
 
 def _kill(cluster: "LocalCluster") -> None:

@@ -3,9 +3,11 @@
 
 """A real Dask cluster on this machine: scheduler and workers in their own processes, over TCP."""
 
+import contextlib
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -16,6 +18,16 @@ from imu_sim_ros.campaign import read_results
 
 # Not part of the run on the oldest versions, which has no Dask.
 pytestmark = pytest.mark.ros
+
+
+@contextlib.contextmanager
+def another_dashboard():
+    """Keep the port of Dask's dashboard busy, unless somebody's already does."""
+    with socket.socket() as other:
+        with contextlib.suppress(OSError):
+            other.bind(("127.0.0.1", 8787))
+            other.listen()
+        yield
 
 
 @pytest.fixture
@@ -115,11 +127,12 @@ open("estimate.txt", "w").write("".join("%d 0 0 0 0 0 0 1\\n" % t for t in range
 '"""
     path = plan_file(seeds=3, estimators={"killer": {"command": killer, "align": "none"}})
     folder = tmp_path / "out"
-    process = start(
-        *(path, "-o", folder, "--dask", "--workers", 1, "--batch", 3, "--quiet", "--no-report"),
-        env={**os.environ, "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "0"},
-    )
-    assert process.communicate(timeout=120) == ("", "")
+    with another_dashboard():
+        process = start(
+            *(path, "-o", folder, "--dask", "--workers", 1, "--batch", 3, "--quiet", "--no-report"),
+            env={**os.environ, "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "0"},
+        )
+        assert process.communicate(timeout=120) == ("", "")
     found = [row["status"] for row in read_results(folder)]
     assert found.pop(1) == "failed: the worker process died"
     assert found == ["done"] * 2
