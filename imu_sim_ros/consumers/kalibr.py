@@ -12,7 +12,7 @@ from imu_sim_ros.config.cameras import (
     CheckerboardParameters,
     SceneParameters,
 )
-from imu_sim_ros.consumers.rig import RigValues, four, kind, listed
+from imu_sim_ros.consumers.rig import RigValues, four, kind, listed, real
 from imu_sim_ros.consumers.values import ImuValues, comment, remarks, rows
 
 
@@ -55,7 +55,7 @@ def camchain(rig: RigValues) -> str:
         text += lens(camera)
         text += f"  resolution: [{camera.width}, {camera.height}]\n"
         text += f"  rostopic: {rig.topics[name]}\n"
-        text += f"  timeshift_cam_imu: {decimal(camera.time_offset)}\n"
+        text += f"  timeshift_cam_imu: {real(camera.time_offset)}\n"
     return text
 
 
@@ -81,13 +81,13 @@ def target(scene: SceneParameters) -> str | None:
         case AprilgridParameters():
             return (
                 f"target_type: 'aprilgrid'\ntagCols: {scene.columns}\ntagRows: {scene.rows}\n"
-                f"tagSize: {decimal(scene.tag_size)} # m\n"
-                f"tagSpacing: {decimal(scene.tag_spacing)} # of a tag's size\n"
+                f"tagSize: {real(scene.tag_size)} # m\n"
+                f"tagSpacing: {real(scene.tag_spacing)} # of a tag's size\n"
             )
         case CheckerboardParameters():
             return (
                 f"target_type: 'checkerboard'\ntargetCols: {scene.columns} # inner corners\n"
-                f"targetRows: {scene.rows}\nrowSpacingMeters: {decimal(scene.square)}\n"
-                f"colSpacingMeters: {decimal(scene.square)}\n"
+                f"targetRows: {scene.rows}\nrowSpacingMeters: {real(scene.square)}\n"
+                f"colSpacingMeters: {real(scene.square)}\n"
             )
     return None

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.bags.text import decimal
-from imu_sim_ros.consumers.rig import RigValues, four, kind, listed
+from imu_sim_ros.consumers.rig import RigValues, four, kind, listed, real
 from imu_sim_ros.consumers.values import ImuValues, comment, remarks, rows
 
 Array = NDArray[np.float64]
@@ -170,7 +170,7 @@ def imucam_chain(rig: RigValues) -> str:
             f"  intrinsics: {listed(camera.intrinsics)}\n"
             f"  resolution: [{camera.width}, {camera.height}]\n"
             f"  rostopic: {rig.topics[name]}\n"
-            f"  timeshift_cam_imu: {decimal(camera.time_offset)}\n"
+            f"  timeshift_cam_imu: {real(camera.time_offset)}\n"
         )
     return text
 

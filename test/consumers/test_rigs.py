@@ -156,6 +156,26 @@ def test_kalibr(case):
     }
 
 
+@pytest.mark.parametrize(
+    "scene",
+    [
+        {"scene.type": "aprilgrid", "scene.tag_size": 1.0, "scene.tag_spacing": 1.0},
+        {"scene.type": "checkerboard", "scene.square": 1.0},
+    ],
+)
+def test_kalibr_takes_whole_numbers_for_real_ones(tmp_path, scene):
+    """kalibr_common/ConfigReader.py refuses 0 and 1, which are no floats in YAML."""
+    parameters = load_rig({"cameras": ["cam0"], "camera.preset": "euroc_cam0", **scene})
+    imu = ImuValues(build(ImuParameters, {"preset": "perfect", **IMU}), 200.0, 9.81, "/imu0")
+    rig = RigValues(imu, parameters.each(), {"cam0": "/cam0/image_raw"}, parameters.scene)
+    write_all(tmp_path / "configs", imu, rig)
+    target = yaml.safe_load((tmp_path / "configs" / "target.yaml").read_text())
+    lengths = [v for k, v in target.items() if k.endswith(("Size", "Spacing", "Meters"))]
+    assert lengths == [1.0, 1.0]
+    chain = yaml.safe_load((tmp_path / "configs" / "camchain.yaml").read_text())
+    assert all(isinstance(v, float) for v in [*lengths, chain["cam0"]["timeshift_cam_imu"]])
+
+
 def storage(path):
     found = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
     assert found.isOpened(), path
