@@ -3,9 +3,10 @@
 
 """Images of what a camera sees; the only user of OpenCV, imported when an image is rendered.
 
-``texture`` is what surfaces look like, ``tag36h11`` the tags of a target, ``plane`` and ``mip``
-where a ray meets a surface and at which level it looks, ``renderer`` where each pixel looks,
-``imager`` the sensor's errors, ``encode`` a PNG of it and back.
+``texture`` is what surfaces look like, ``tag36h11`` the tags of a target, ``cover`` where in the
+image a surface may be, ``plane`` and ``mip`` where a ray meets it and at which level it looks,
+``renderer`` where each pixel looks, ``imager`` the sensor's errors, ``encode`` a PNG of it and
+back.
 """
 
 from imu_sim_ros.camera.images.encode import decoded, png

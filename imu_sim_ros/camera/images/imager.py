@@ -23,6 +23,8 @@ Single = NDArray[np.float32]
 Bytes = NDArray[np.uint8]
 
 _FULL: Final = 255.0
+_FAR: Final = np.float32(1e9)
+"""Beyond any grey value, and what OpenCV still rounds to an integer."""
 
 
 class Imager:
@@ -52,17 +54,19 @@ class Imager:
         seconds = self._seconds(content)
         gain = p.gain * _wave(p.gain_change, p.gain_period, seconds)
         gain *= _wave(p.exposure_change, p.exposure_period, seconds)
-        if not noisy and gain == 1.0 and self._vignette is None:
+        plain = gain == 1.0 and self._vignette is None
+        if plain and not noisy:
             rounded: Bytes = ((total + count // 2) // count).astype(np.uint8)
             return rounded
         level = total.astype(np.float32)
-        level *= np.float32(gain / count)
+        if not plain or count > 1:
+            level *= np.float32(gain / count)
         if self._vignette is not None:
             level *= self._vignette
-        if noisy:
-            level += self._noise(content, level)
-        np.clip(np.rint(level, out=level), 0.0, _FULL, out=level)
-        grey: Bytes = level.astype(np.uint8)
+        cv2 = opencv()
+        # The sum in float32, then the nearest of 0 to 255; of two the even one.
+        noise = self._noise(content, level) if noisy else np.zeros_like(level)
+        grey: Bytes = cv2.add(level, noise, dtype=cv2.CV_8U)
         return grey
 
     def _noise(self, number: int, level: Single) -> Single:
@@ -73,13 +77,18 @@ class Imager:
         p = self.view.parameters
         stream = self.view.stream("image_noise", number)
         places = stream.integers(0, 1 << 16, level.shape, dtype=np.uint16)
-        noise: Single = normal_quantiles().take(places)
         if p.shot_noise == 0.0:
-            noise *= np.float32(p.read_noise)
-        else:
-            variance = level * np.float32(p.shot_noise**2 / _FULL)
-            variance += np.float32(p.read_noise**2)
-            noise *= np.sqrt(variance, out=variance)
+            return self._read_noise.take(places)
+        noise = normal_quantiles().take(places)
+        variance = level * np.float32(p.shot_noise**2 / _FULL)
+        variance += np.float32(p.read_noise**2)
+        noise *= np.sqrt(variance, out=variance)
+        np.clip(noise, -_FAR, _FAR, out=noise)
+        return noise
+
+    @cached_property
+    def _read_noise(self) -> Single:
+        noise: Single = normal_quantiles() * np.float32(self.view.parameters.read_noise)
         return noise
 
     def depth(self, number: int) -> NDArray[np.float32]:
@@ -116,23 +125,28 @@ class Imager:
             number -= 1
         return number
 
-    def _light(self, number: int) -> tuple[NDArray[np.uint32], int]:
+    def _light(self, number: int) -> tuple[NDArray[np.uint32] | Bytes, int]:
         """Return the sum (h, w) of the values of all rays of a pixel, and their number."""
         p = self.view.parameters
         middle = np.array([self._seconds(number)])
         exposure = p.exposure_time * _wave(p.exposure_change, p.exposure_period, float(middle[0]))
         pictures = p.blur_samples if p.exposure_time > 0.0 else 1
-        total = np.zeros((p.height, p.width, *self._colours), np.uint32)
         n = p.supersampling
+        if pictures * n * n == 1:
+            return self._picture(middle), 1
+        total = np.zeros((p.height, p.width, *self._colours), np.uint32)
         for k in range(pictures):
-            t = middle + exposure * ((k + 0.5) / pictures - 0.5)
-            times = self._row_times(t, self._renderer.rows)
-            poses = self.view.poses(self._trajectory, times)
-            picture = look_up(self.atlas.image, self._renderer.maps(poses))
+            picture = self._picture(middle + exposure * ((k + 0.5) / pictures - 0.5))
             for row in range(n):
                 for column in range(n):
                     total += picture[row::n, column::n]
         return total, pictures * n * n
+
+    def _picture(self, t: Array) -> Bytes:
+        """Return the values of all rays at a time (1,) [s], (n h, n w[, 3])."""
+        times = self._row_times(t, self._renderer.rows)
+        poses = self.view.poses(self._trajectory, times)
+        return look_up(self.atlas.image, self._renderer.maps(poses))
 
     def _row_times(self, t: Array, rows: Array) -> Array:
         """Return the time of each row of rays with a rolling shutter, else the one time."""

@@ -3,10 +3,6 @@
 
 """Pictures of textured rectangles: each pixel's ray meets the nearest surface, one look-up each.
 
-Along a ray ``c + t d`` a rectangle ``o + s a + r b`` with normal n is met at
-
-    1 / t = (n d) / (n (o - c)),   s = ((c - o) a + t (d a)) / a^2,   r likewise with b.
-
 Nothing but +, -, *, / and comparisons of float32 acts on whole arrays, and NumPy does these without
 fusing, so results do not depend on the processor. The look-up has integer coordinates in steps of
 1/32 texel: OpenCV's remap with fixed-point maps does it exactly, in every version.
@@ -18,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
-from imu_sim_ros.camera.images.mip import CELL, SHARES, levels
-from imu_sim_ros.camera.images.plane import Plane
+from imu_sim_ros.camera.images.cover import Corners, covered, regions
+from imu_sim_ros.camera.images.mip import CELL, SHARES, Levels, Probes, in_pixels, levels
+from imu_sim_ros.camera.images.plane import Planes, within
 from imu_sim_ros.camera.images.texture import Atlas
 from imu_sim_ros.camera.model import CameraModel
 from imu_sim_ros.camera.scene import Surfaces
@@ -30,13 +27,10 @@ Single = NDArray[np.float32]
 Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 
-_FRACTION: Final = 32
-"""Steps of a texel in the look-up, OpenCV's INTER_TAB_SIZE."""
 _GRID: Final = 2.0**30
 """Poses are rounded to steps of 1e-9, so that the last bits of a sine decide nothing."""
-_EDGE_POINTS: Final = 48
-_BAND: Final = 48
-"""Rows of rays that are processed at once."""
+_BAND: Final = 6
+"""Rows of cells whose rays are processed at once: their arrays stay in a processor's cache."""
 
 
 class Maps(NamedTuple):
@@ -52,9 +46,14 @@ class Maps(NamedTuple):
     """(h, w) what the coarse level contributes, in 1/256."""
 
 
-class _Region(NamedTuple):
-    rows: slice
-    columns: slice
+class _Visible(NamedTuple):
+    """The surfaces that may be in an image."""
+
+    planes: Planes
+    cells: NDArray[np.bool_]
+    """(m, a, b) where each may be."""
+    levels: dict[int, Levels]
+    """Of those that are anywhere, around these cells."""
 
 
 class _Drawn(NamedTuple):
@@ -62,16 +61,10 @@ class _Drawn(NamedTuple):
 
     nearest: Single
     """(h, w) inverse distance."""
-    places: list[tuple[Single, Single]]
-    """Column and row (h, w) in the atlas, of one level or of two."""
+    places: list[Single]
+    """Column and row (2, h, w) in the atlas, of one level or of two."""
     share: NDArray[np.uint16] | None
     """(h, w) of the second level."""
-
-    def part(self, rows: slice, columns: slice) -> "_Drawn":
-        """Return the same for a part of the band, to draw into."""
-        share = None if self.share is None else self.share[rows, columns]
-        places = [(x[rows, columns], y[rows, columns]) for x, y in self.places]
-        return _Drawn(self.nearest[rows, columns], places, share)
 
 
 class Renderer:
@@ -100,13 +93,15 @@ class Renderer:
         # A pixel without a direction looks backwards through nothing.
         direction = np.where(rays.valid[:, None], rays.direction, 0.0).astype(np.float32)
         self._rays = np.ascontiguousarray(direction.T.reshape(3, self.height, self.width))
-        self._coarse = np.ascontiguousarray(self._rays[:, ::CELL, ::CELL])
+        self._corners_of_cells = Corners.of(self._rays, CELL)
+        self._probes = Probes.of(self._rays)
         self._cone = _cone(direction)
         self.rows = rows
         """Row of the image of each row of rays."""
 
     def maps(self, poses: Poses) -> Maps:
         """Return the look-up for one pose, or one pose for each row of rays."""
+        cv2 = opencv()
         shape = (self.height, self.width)
         fixed = [
             (np.empty((*shape, 2), np.int16), np.empty(shape, np.uint16))
@@ -115,11 +110,13 @@ class Renderer:
         share = np.empty(shape, np.uint16) if self._trilinear else None
         visible = self._visible(poses)
         for band in self._bands():
+            rows = _pixels(band, self.height)
             drawn = self._drawn(visible, band)
             for (x, y), (whole, part) in zip(drawn.places, fixed, strict=True):
-                _fix(x, y, whole[band], part[band])
+                # The nearest steps of 1/32 texel, of two the even one.
+                cv2.convertMaps(x, y, cv2.CV_16SC2, whole[rows], part[rows])
             if share is not None and drawn.share is not None:
-                share[band] = drawn.share
+                share[rows] = drawn.share
         coarse = Maps(*fixed[1]) if self._trilinear else None
         return Maps(*fixed[0], coarse, share)
 
@@ -132,26 +129,29 @@ class Renderer:
         return result
 
     def _bands(self) -> list[slice]:
-        """Return the image in pieces of a few rows, whose arrays stay in a processor's cache."""
-        return [slice(k, min(k + _BAND, self.height)) for k in range(0, self.height, _BAND)]
+        """Return the rows of cells of the image in pieces."""
+        count = -(-self.height // CELL)
+        return [slice(k, min(k + _BAND, count)) for k in range(0, count, _BAND)]
 
-    def _visible(self, poses: Poses) -> list[tuple[int, Plane, _Region]]:
+    def _visible(self, poses: Poses) -> _Visible:
         """Return the surfaces that may be in the image, and where."""
         position = np.round(poses.position * _GRID) / _GRID
         r_wc = np.round(rotation.to_matrix(poses.q_wc) * _GRID) / _GRID
-        found = []
         facing = self._facing(position)
         # A surface is not seen where all its corners lie beyond one side of the cone of all rays.
         if len(position) == 1 and self._cone is not None:
             corners = self._corners(facing) - position[0]
             beyond = (np.matmul(np.matmul(corners, r_wc[0]), self._cone) > 0.0).all(axis=1)
             facing = facing[~beyond.any(axis=1)]
-        for m in facing.tolist():
-            plane = Plane.of(self.surfaces, m, position, r_wc)
-            region = self._region(plane, m, poses)
-            if region is not None:
-                found.append((m, plane, region))
-        return found
+        planes = Planes.of(self.surfaces, facing, position, r_wc)
+        cells = covered(planes, self._corners_of_cells)
+        found = {}
+        for m, rows, columns in regions(cells):
+            probes = self._probes.part(rows, columns)
+            _, _, places = planes.meet(m, probes.rays, probes.rows)
+            corner = rows.start, columns.start
+            found[m] = levels(places, self.atlas, int(facing[m]), self._trilinear, corner)
+        return _Visible(planes, cells, found)
 
     def _corners(self, surfaces: NDArray[np.int64]) -> Array:
         """Return the corners (n, 4, 3) of surfaces."""
@@ -165,68 +165,52 @@ class Renderer:
         front = ((offset * s.normal).sum(axis=2) > 0.0).any(axis=0)
         return np.flatnonzero(front | (np.array(s.texture) == "plane"))
 
-    def _drawn(self, visible: list[tuple[int, Plane, _Region]], band: slice) -> _Drawn:
-        """Return what a band of rays sees."""
-        shape = (band.stop - band.start, self.width)
-        background = [
-            (np.ones(shape, np.float32), np.ones(shape, np.float32))  # its corner of the atlas
-            for _ in range(1 + self._trilinear)
-        ]
+    def _drawn(self, visible: _Visible, band: slice) -> _Drawn:
+        """Return what a band of cells sees."""
+        rows = _pixels(band, self.height)
+        shape = (rows.stop - rows.start, self.width)
+        count = 1 + self._trilinear
+        background = [np.ones((2, *shape), np.float32) for _ in range(count)]  # the atlas' corner
         share = np.zeros(shape, np.uint16) if self._trilinear else None
         drawn = _Drawn(np.zeros(shape, np.float32), background, share)
-        for m, plane, region in visible:
-            first = max(region.rows.start, band.start)
-            last = min(region.rows.stop, band.stop)
-            if first < last:
-                rows = slice(first, last)
-                here = drawn.part(slice(first - band.start, last - band.start), region.columns)
-                self._draw(plane, m, _Region(rows, region.columns), here)
+        for m, cells, columns in regions(visible.cells[:, band]):
+            first = slice(band.start + cells.start, band.start + cells.stop)
+            self._draw(visible, m, first, columns, rows.start, drawn)
         return drawn
 
-    def _region(self, plane: Plane, m: int, poses: Poses) -> _Region | None:
-        """Return a part of the image outside which the surface cannot be seen.
+    def _draw(
+        self, visible: _Visible, m: int, cells: slice, across: slice, top: int, drawn: _Drawn
+    ) -> None:
+        """Put a surface where it is nearer than what was drawn before.
 
-        Every eighth ray finds its inside, points along its edges what lies between them.
+        :param cells: rows of cells of the image.
+        :param across: columns of cells.
+        :param top: row of the image that is the first of what is drawn into.
         """
-        hit, _, _ = plane.at_rows(slice(0, None, CELL)).meet(self._coarse)
-        rows, columns = np.nonzero(hit > 0.0)
-        found = [np.stack([columns, rows], axis=1) * CELL]
-        edge = np.linspace(0.0, 1.0, _EDGE_POINTS)[:, None]
-        o, a, b = (part[m] for part in self.surfaces[:3])
-        outline = np.concatenate([o + edge * a, o + edge * b, o + a + edge * b, o + b + edge * a])
-        for k in {0, len(poses.position) - 1}:
-            local = rotation.rotate_inverse(poses.q_wc[k], outline - poses.position[k])
-            uv, valid = self.model.project(local)
-            valid &= self.model.inside(uv, -CELL)
-            found.append(np.rint((uv[valid] + 0.5) * self.scale - 0.5).astype(np.int64))
-        places = np.concatenate(found)
-        if not len(places):
-            return None
-        margin = 2 * CELL * self.scale
-        low = (np.maximum(places.min(axis=0) - margin, 0) // CELL) * CELL
-        high = places.max(axis=0) + margin
-        return _Region(
-            slice(int(low[1]), int(min(high[1], self.height))),
-            slice(int(low[0]), int(min(high[0], self.width))),
-        )
-
-    def _draw(self, plane: Plane, m: int, region: _Region, drawn: _Drawn) -> None:
-        """Put a surface where it is nearer than what was drawn before."""
-        rays = self._rays[:, region.rows, region.columns]
-        inverse, u, v = plane.at_rows(region.rows).meet(rays)
-        shown = inverse > drawn.nearest
+        rows, columns = _pixels(cells, self.height), _pixels(across, self.width)
+        rays = self._rays[:, rows, columns]
+        ahead, inverse, places = visible.planes.meet(m, rays, rows)
+        below = slice(rows.start - top, rows.stop - top)
+        here = below, columns
+        nearest = drawn.nearest[here]
+        shown = inverse > nearest
+        shown &= ahead
+        shown &= within(places)
         if not shown.any():
             return
-        columns, rows = self.atlas.size[m]
-        u *= columns
-        v *= rows
-        found, share = levels(u, v, self.atlas, m, self._trilinear)
-        np.copyto(drawn.nearest, inverse, where=shown)
-        if share is not None and drawn.share is not None:
-            np.copyto(drawn.share, share, where=shown)
-        for level, (x, y) in zip(found, drawn.places, strict=True):
-            np.copyto(x, u * level.scale + level.column, where=shown)
-            np.copyto(y, v * level.scale + level.row, where=shown)
+        np.copyto(nearest, inverse, where=shown)
+        found = visible.levels[m].part(cells, across)
+        if found.share is not None and drawn.share is not None:
+            np.copyto(drawn.share[here], in_pixels(found.share, *shown.shape), where=shown)
+        for level, target in zip(found.each, drawn.places, strict=True):
+            texels = places * in_pixels(level.scale, *shown.shape)
+            texels += in_pixels(level.offset, *shown.shape)
+            np.copyto(target[:, below, columns], texels, where=shown)
+
+
+def _pixels(cells: slice, length: int) -> slice:
+    """Return the pixels of a range of cells along one side of an image."""
+    return slice(cells.start * CELL, min(cells.stop * CELL, length))
 
 
 def _cone(directions: NDArray[Any]) -> Array | None:
@@ -250,21 +234,6 @@ def _cone(directions: NDArray[Any]) -> Array | None:
     )
     result: Array = normals.transpose()
     return result
-
-
-def _fix(x: Single, y: Single, whole: NDArray[np.int16], part: NDArray[np.uint16]) -> None:
-    """Fill a look-up with coordinates in the atlas in steps of 1/32 texel, the nearest ones."""
-    x *= np.float32(_FRACTION)
-    y *= np.float32(_FRACTION)
-    column = np.rint(x, out=x).astype(np.int32)
-    row = np.rint(y, out=y).astype(np.int32)
-    whole[..., 0] = column >> 5
-    whole[..., 1] = row >> 5
-    column &= 31
-    row &= 31
-    row <<= 5
-    row |= column
-    part[...] = row
 
 
 def look_up(atlas: Bytes, maps: Maps) -> Bytes:

@@ -1,0 +1,66 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Where in an image rectangles are looked for."""
+
+import numpy as np
+import pytest
+
+from imu_sim_ros import rotation
+from imu_sim_ros.camera.images import Atlas, Renderer
+from imu_sim_ros.camera.images.plane import Planes, within
+from imu_sim_ros.camera.images.texture import LEVELS
+
+CAMERA = {
+    "camera__width": 188,
+    "camera__height": 120,
+    "camera__mounting": [0.0, 0.0, 1.0, -1.0, 0.0, 0.0, 0.0, -1.0, 0.0],
+}
+LENSES = {
+    "radial": {
+        "camera__intrinsics": [114.7, 114.3, 91.8, 62.1],
+        "camera__distortion_model": "radtan",
+        "camera__distortion": [-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05],
+    },
+    "fisheye": {
+        "camera__intrinsics": [55.0, 55.0, 93.0, 60.0],
+        "camera__distortion_model": "equidistant",
+        "camera__distortion": [0.0035, 0.0007, -0.002, 0.0002],
+    },
+}
+
+
+@pytest.mark.parametrize("lens", LENSES)
+def test_no_rectangle_is_missed_however_thin(make_rig, lens):
+    """Rays meet a rectangle only in cells where it may be; here all rays meet all rectangles."""
+    stream = np.random.default_rng(8)
+    sizes = [(100.0, 0.004), (0.5, 40.0), (0.02, 0.02), (3.0, 2.0)]
+    corners = []
+    for k in range(40):
+        q = stream.standard_normal(4)
+        turn = rotation.to_matrix(q / np.linalg.norm(q))
+        across, up = (turn[:, j] * sizes[k % 4][j] for j in (0, 1))
+        origin = stream.uniform(-1.5, 1.5, 3) - across * stream.random() - up * stream.random()
+        corners += [*origin, *(origin + across), *(origin + up)]
+    values = {**CAMERA, **LENSES[lens], "scene__type": "planes", "scene__corners": corners}
+    rig = make_rig("target", **values)
+    view, surfaces = rig.views["cam0"], rig.scene.surfaces
+    white = np.full((8, 8), 255, np.uint8)
+    textures = Atlas(white, np.ones((40, 2), np.float32), np.ones((40, LEVELS, 2), np.float32))
+    renderer = Renderer(view.model, surfaces, textures, 1)
+    for t in (0.5, 4.0):
+        poses = view.poses(rig.trajectory, np.array([t]))
+        position, r_wc = (
+            np.round(part * 2.0**30) / 2.0**30
+            for part in (poses.position, rotation.to_matrix(poses.q_wc))
+        )
+        planes = Planes.of(surfaces, np.arange(40), position, r_wc)
+        nearest, seen = np.zeros((120, 188), np.float32), set()
+        for m in range(40):
+            ahead, inverse, places = planes.meet(m, renderer._rays, slice(0, 120))
+            shown = ahead & within(places) & (inverse > nearest)
+            nearest[shown] = inverse[shown]
+            seen |= {m} if shown.any() else set()
+        depth = renderer._rays[2] / np.where(nearest > 0.0, nearest, np.inf)
+        assert len(seen) > 8
+        assert np.array_equal(renderer.depth(poses), np.where(nearest > 0.0, depth, 0.0))
