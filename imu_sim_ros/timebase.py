@@ -30,18 +30,27 @@ def sample_times_ns(first: int, count: int, rate: float, t0_ns: int = 0) -> NDAr
     :param t0_ns: time of sample 0 [ns].
     :returns: (count,) times [ns].
     """
-    period = Fraction(NANOSECONDS_PER_SECOND) / exact_rate(rate)
+    numerator, denominator = _period(rate)
+    j = np.arange(count, dtype=np.int64)
+    if denominator == 1:
+        return t0_ns + first * numerator + numerator * j
     # t_k = floor((2 k A + B) / 2B) for a period of A / B; only the offset of the block is large,
     # and Python's integers carry that.
-    whole, part = divmod(period.numerator, period.denominator)
-    half = 2 * period.denominator
-    start, remainder = divmod(2 * first * period.numerator + period.denominator, half)
-    j = np.arange(count, dtype=np.int64)
+    whole, part = divmod(numerator, denominator)
+    half = 2 * denominator
+    start, remainder = divmod(2 * first * numerator + denominator, half)
     quotient, rest = np.divmod(remainder + 2 * part * j, half)
     times = start + whole * j + quotient
     ties_to_even = (rest == 0) & (times % 2 != 0)
     result: NDArray[np.int64] = t0_ns + times - ties_to_even
     return result
+
+
+@lru_cache(maxsize=64)
+def _period(rate: float) -> tuple[int, int]:
+    """Return numerator and denominator of the time between two samples [ns]."""
+    period = Fraction(NANOSECONDS_PER_SECOND) / exact_rate(rate)
+    return period.numerator, period.denominator
 
 
 def sample_count(duration: float, rate: float) -> int:

@@ -124,18 +124,19 @@ class Transport:
 
     def _lose_in_bursts(self, first: int, lost: NDArray[np.bool_]) -> None:
         """Mark samples lost in bursts: from each start, for an exponentially distributed time."""
+        if not self._burst and self._burst_end <= first:
+            return
         index = np.arange(first, first + len(lost))
         ends = np.zeros(len(lost), dtype=np.int64)
         if self._burst:
             starts = np.flatnonzero(self._bursts.random(len(lost)) < self._burst)
             lengths = self._burst_lengths.standard_exponential(len(starts)) * self._burst_samples
             ends[starts] = index[starts] + np.ceil(lengths).astype(np.int64)
-        if self._burst_end > first or self._burst:
-            if len(ends):
-                ends[0] = max(ends[0], self._burst_end)
-                np.maximum.accumulate(ends, out=ends)
-                self._burst_end = int(ends[-1])
-            lost |= ends > index
+        if len(ends):
+            ends[0] = max(ends[0], self._burst_end)
+            np.maximum.accumulate(ends, out=ends)
+            self._burst_end = int(ends[-1])
+        lost |= ends > index
 
 
 def deviation_before_cut(deviation: float, limit: float) -> float:

@@ -18,7 +18,7 @@ from imu_sim_ros.random_streams import generator
 from imu_sim_ros.rotation.components import rotate
 from imu_sim_ros.sensor.auxiliary.atmosphere import Atmosphere
 from imu_sim_ros.sensor.auxiliary.own_rate import OwnRate, instantaneous
-from imu_sim_ros.sensor.block import PressureBlock
+from imu_sim_ros.sensor.block import ImuBlock, PressureBlock
 from imu_sim_ros.sensor.errors import TemperatureProfile, Triad
 from imu_sim_ros.sensor.faults import Fault
 from imu_sim_ros.trajectory import Trajectory
@@ -88,18 +88,18 @@ class Barometer:
         self._own.inject(fault, first)
 
     def read(
-        self, end: int, trajectory: Trajectory, temperature: TemperatureProfile
+        self, block: ImuBlock, trajectory: Trajectory, temperature: TemperatureProfile
     ) -> PressureBlock:
-        """Return the samples that were not read yet and lie before the IMU's sample ``end``."""
-        samples = self._own.next(end, trajectory.duration)
-        motion = trajectory.sample(samples.t)
-        arm_w = rotate(np.ascontiguousarray(motion.q_wb.T), self._lever_arm_b)
+        """Return the samples that were not read yet and lie before the end of the IMU's block."""
+        samples = self._own.next(block.first + len(block.true_t_ns), trajectory.duration)
+        position, q_wb, celsius = self._own.place(samples, block, trajectory, temperature)
+        arm_w = rotate(q_wb, self._lever_arm_b)
         # In a curved world, too, z is the height above the origin's (CurvedEarth).
-        ideal = self._atmosphere.pressure(self._height + motion.position[:, 2] + arm_w[2])
+        ideal = self._atmosphere.pressure(self._height + position[2] + arm_w[2])
         gust = self._gusts.next(len(samples.t))
         values = np.zeros((3, len(samples.t)))
         np.add(ideal, gust, out=values[0])
-        offset = temperature.at(samples.t) - self._reference_temperature
+        offset = celsius - self._reference_temperature
         made = self._triad.read(
             samples.first, values, np.zeros(values.shape), offset, self._own.faults
         )

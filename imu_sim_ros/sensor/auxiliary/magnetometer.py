@@ -25,8 +25,8 @@ from imu_sim_ros.config.auxiliary import MagnetometerParameters
 from imu_sim_ros.random_streams import axis_generators
 from imu_sim_ros.rotation.components import rotate, rotate_inverse, transform
 from imu_sim_ros.sensor.auxiliary.magnetic_field import MagneticField
-from imu_sim_ros.sensor.auxiliary.own_rate import OwnRate, instantaneous
-from imu_sim_ros.sensor.block import MagneticBlock
+from imu_sim_ros.sensor.auxiliary.own_rate import OwnRate, Sampled, instantaneous
+from imu_sim_ros.sensor.block import ImuBlock, MagneticBlock
 from imu_sim_ros.sensor.errors import TemperatureProfile, Triad, TurnOn
 from imu_sim_ros.sensor.faults import Fault
 from imu_sim_ros.trajectory import Trajectory
@@ -94,8 +94,7 @@ class Magnetometer:
         self._hard_iron: Array = (self._r_mi @ np.array(unit.hard_iron))[:, None]
         self._coupling: Array = (self._r_mi @ np.array(unit.current_coupling))[:, None]
         self._current = np.reshape(unit.current_profile, (-1, 2)).T
-        self.imu_samples = (np.empty(0, np.int64), np.empty(0, np.bool_))
-        """Of the samples read last: the IMU's sample that each follows; whether at its time."""
+        self._last: Sampled | None = None
         self._triad = Triad(NAME, instantaneous(parameters), parameters.seed, imu.magnetometer.rate)
         self.configure(parameters)
 
@@ -109,19 +108,23 @@ class Magnetometer:
         """Let a fault begin with the first sample not before the IMU's sample ``first``."""
         self._own.inject(fault, first)
 
+    def imu_samples(self) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+        """Return, of the samples read last, the IMU's that each follows; whether at its time."""
+        assert self._last is not None
+        return self._own.imu_samples(self._last)
+
     def read(
-        self, end: int, trajectory: Trajectory, temperature: TemperatureProfile
+        self, block: ImuBlock, trajectory: Trajectory, temperature: TemperatureProfile
     ) -> MagneticBlock:
-        """Return the samples that were not read yet and lie before the IMU's sample ``end``."""
-        samples = self._own.next(end, trajectory.duration)
-        self.imu_samples = self._own.imu_samples(samples)
-        motion = trajectory.sample(samples.t)
-        q_wb = np.ascontiguousarray(motion.q_wb.T)
-        place = motion.position.T + rotate(q_wb, self._lever_arm_b)
+        """Return the samples that were not read yet and lie before the end of the IMU's block."""
+        samples = self._own.next(block.first + len(block.true_t_ns), trajectory.duration)
+        self._last = samples
+        position, q_wb, celsius = self._own.place(samples, block, trajectory, temperature)
+        place = position + rotate(q_wb, self._lever_arm_b)
         field_w = self._field.at(samples.t, place)
         ideal = transform(self._r_ib, rotate_inverse(q_wb, field_w))
         disturbance = self._disturbance(samples.t)
-        offset = temperature.at(samples.t) - self._reference_temperature
+        offset = celsius - self._reference_temperature
         along = transform(self._iron, ideal) + disturbance
         made = self._triad.read(
             samples.first, along, np.zeros(along.shape), offset, self._own.faults

@@ -65,7 +65,7 @@ class FilteredOrientation:
         """Return orientations (4, n) and the stated variances (3, n) [rad^2]."""
         assert magnetic is not None
         n = len(block.true_t_ns)
-        index, together = self._magnetometer.imu_samples
+        index, together = self._magnetometer.imu_samples()
         behind = index - block.first
         since = magnetic.true_t_ns - block.true_t_ns[behind] if n else np.empty(0)
         delay: Array = since.astype(np.float64) * 1e-9

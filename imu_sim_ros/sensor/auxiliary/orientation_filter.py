@@ -47,20 +47,23 @@ class RunningProduct:
         done = self._waiting.shape[1]
         every = np.concatenate([self._waiting, factors], axis=1)
         count = every.shape[1]
+        self._waiting = every[:, count // _CHUNK * _CHUNK :].copy()
         chunks = -(-count // _CHUNK)
-        table = np.zeros((4, chunks * _CHUNK))
+        width = _CHUNK
+        if chunks == 1:  # short blocks do not need the whole chunk: an entry needs none behind it
+            width = count
+        table = np.zeros((4, chunks * width))
         table[0] = 1.0
         table[:, :count] = every
-        table = table.reshape(4, chunks, _CHUNK)
+        table = table.reshape(4, chunks, width)
         step = 1
-        while step < _CHUNK:
+        while step < width:
             table[:, :, step:] = components.multiply(table[:, :, :-step], table[:, :, step:])
             step *= 2
         for k in range(chunks):
             table[:, k] = components.multiply(self._before, table[:, k])
             if (k + 1) * _CHUNK <= count:
                 self._before = components.normalise(table[:, k, -1:])
-        self._waiting = every[:, count // _CHUNK * _CHUNK :].copy()
         return table.reshape(4, -1)[:, done:count]
 
 

@@ -14,8 +14,11 @@ from numpy.typing import NDArray
 from imu_sim_ros import timebase
 from imu_sim_ros.config import LARGEST_JITTER, ImuParameters, SimulationParameters
 from imu_sim_ros.config.auxiliary import OwnRateParameters
+from imu_sim_ros.sensor.block import ImuBlock
+from imu_sim_ros.sensor.errors import TemperatureProfile
 from imu_sim_ros.sensor.faults import Fault, FaultSchedule
 from imu_sim_ros.sensor.timing import Clock, Transport
+from imu_sim_ros.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
@@ -65,6 +68,14 @@ class OwnRate:
         self._offset = Fraction(repr(own.time_offset))
         self._imu_rate = timebase.exact_rate(parameters.rate)
         self._duration = parameters.duration or math.inf
+        self._start_ns = t0_ns + timebase.to_nanoseconds(own.time_offset)
+        exact = timebase.exact_rate(own.rate)
+        self._count_before = _Grid(exact / self._imu_rate, self._offset * exact)
+        self._imu_index = _Grid(self._imu_rate / exact, -self._offset * self._imu_rate)
+        self._longest: tuple[float, int] | None = None
+        every = self._imu_rate / exact
+        together = not self._offset and every.denominator == 1
+        self._every = every.numerator if together else 0
         self._position = 0
         self._clock = Clock(parameters.seed, parameters.imu, own.rate, t0_ns, f"{name}.")
         self._transport = Transport(parameters.seed, own.rate, f"{name}.")
@@ -81,7 +92,7 @@ class OwnRate:
 
     def inject(self, fault: Fault, first: int) -> None:
         """Let a fault begin with the first sample that is not before the IMU's sample ``first``."""
-        index = self._count(Fraction(first) / self._imu_rate)
+        index = self._count_before.ceiling(first)
         self.faults.add(fault, max(index, self._position), self._position)
 
     def next(self, end: int, longest: float) -> Sampled:
@@ -89,14 +100,16 @@ class OwnRate:
 
         :param longest: the trajectory's length [s].
         """
+        limit = max(self._count_before.ceiling(end), 0)
         longest = min(longest, self._duration)
-        limit = Fraction(end) / self._imu_rate
         if not math.isinf(longest):
-            limit = min(limit, Fraction(repr(longest)))
+            if self._longest is None or self._longest[0] != longest:
+                self._longest = (longest, self._count(Fraction(repr(longest))))
+            limit = min(limit, self._longest[1])
         first = self._position
-        self._position = max(first, self._count(limit))
-        start_ns = self._t0_ns + timebase.to_nanoseconds(float(self._offset))
-        true_t_ns = timebase.sample_times_ns(first, self._position - first, self._rate, start_ns)
+        self._position = max(first, limit)
+        count = self._position - first
+        true_t_ns = timebase.sample_times_ns(first, count, self._rate, self._start_ns)
         return Sampled(first, true_t_ns, timebase.seconds_since(true_t_ns, self._t0_ns))
 
     def stamp(self, samples: Sampled) -> Stamped:
@@ -113,20 +126,56 @@ class OwnRate:
 
         ``floor((time_offset + k / rate) * imu_rate)``, in exact fractions.
         """
-        rate = timebase.exact_rate(self._rate)
-        start = (self._offset + samples.first / rate) * self._imu_rate
-        step = self._imu_rate / rate
-        common = math.lcm(start.denominator, step.denominator)
-        whole, rest = divmod(int(start * common), common)
-        each, n = int(step * common), len(samples.t)
-        small = each * n + common < np.iinfo(np.int64).max
-        k = np.arange(n, dtype=np.int64 if small else object)
-        quotient, remainder = np.divmod(rest + each * k, common)
-        return (whole + quotient).astype(np.int64), (remainder == 0).astype(np.bool_)
+        return self._imu_index.floor(samples.first, len(samples.t))
+
+    def place(
+        self,
+        samples: Sampled,
+        block: ImuBlock,
+        trajectory: Trajectory,
+        temperature: TemperatureProfile,
+    ) -> tuple[Array, Array, Array]:
+        """Return positions (3, n), attitudes q_wb (4, n) and temperatures (n,) of n samples.
+
+        Where the sensor's times are among the IMU's, they are known already.
+
+        :param block: of the IMU, in whose window the samples lie.
+        """
+        if self._every:
+            start = samples.first * self._every - block.first
+            rows = slice(start, start + self._every * len(samples.t), self._every)
+            position, q_wb = block.motion.position[rows], block.motion.q_wb[rows]
+            celsius = block.temperature[rows]
+        else:
+            motion = trajectory.sample(samples.t)
+            position, q_wb = motion.position, motion.q_wb
+            celsius = temperature.at(samples.t)
+        return position.T, np.ascontiguousarray(q_wb.T), celsius
 
     def _count(self, end: Fraction) -> int:
         """Return how many samples lie before a time [s]."""
         return max(math.ceil((end - self._offset) * timebase.exact_rate(self._rate)), 0)
+
+
+class _Grid:
+    """``k step - shift`` for integers k, in exact numbers."""
+
+    def __init__(self, step: Fraction, shift: Fraction) -> None:
+        self._common = math.lcm(step.denominator, shift.denominator)
+        self._step = int(step * self._common)
+        self._shift = int(shift * self._common)
+
+    def ceiling(self, k: int) -> int:
+        """Return the smallest integer that is not below the number k."""
+        return -((self._shift - k * self._step) // self._common)
+
+    def floor(self, first: int, n: int) -> tuple[Times, NDArray[np.bool_]]:
+        """Return the largest integers (n,) not above the next n numbers; whether they are equal."""
+        whole, rest = divmod(first * self._step - self._shift, self._common)
+        small = self._step * n + self._common < np.iinfo(np.int64).max
+        k = np.arange(n, dtype=np.int64 if small else object)
+        quotient, remainder = np.divmod(rest + self._step * k, self._common)
+        return (whole + quotient).astype(np.int64), (remainder == 0).astype(np.bool_)
 
 
 def instantaneous(parameters: SimulationParameters) -> ImuParameters:

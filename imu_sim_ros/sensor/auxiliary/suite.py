@@ -54,14 +54,14 @@ class Auxiliary:
         self, block: ImuBlock, trajectory: Trajectory, temperature: TemperatureProfile
     ) -> ImuBlock:
         """Return a block of the IMU with the samples of the others in its window of time."""
-        end, field = block.first + len(block.true_t_ns), None
+        field = None
         if self._magnetometer is not None:
-            field = self._magnetometer.read(end, trajectory, temperature)
+            field = self._magnetometer.read(block, trajectory, temperature)
             if "magnetic_field" in self._wanted:
                 block = block._replace(magnetic_field=field)
         if self._orientation is not None:
             block = block._replace(orientation=self._orientation.read(block, field))
         if self._barometer is not None:
-            pressure = self._barometer.read(end, trajectory, temperature)
+            pressure = self._barometer.read(block, trajectory, temperature)
             block = block._replace(pressure=pressure)
         return block

@@ -1,0 +1,143 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What the sensors beside the IMU cost live: processor time of the simulator with and without them.
+
+All variants run at the same time, each with a subscriber to all of its topics in a domain of its
+own, so that whatever else the machine does slows all of them alike: the differences within a run
+mean something on a busy machine, the numbers themselves little. The first variant publishes Imu and
+Odometry; the others magnetic field (100 Hz), pressure (50 Hz) and an orientation as well.
+"""
+
+import argparse
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from imu_sim_ros.commands.common import print_table
+
+HERE = Path(__file__).resolve()
+_TICKS = os.sysconf("SC_CLK_TCK")
+_WARM_UP = 10.0
+_DOMAIN = 90
+ALL = [
+    *("--publish.magnetic_field", "true", "--publish.pressure", "true"),
+    *("--publish.orientation", "true", "--imu.barometer_preset", "bmp280"),
+]
+MODEL = [
+    *("--imu.orientation_turn_on_sigma", "0.01", "--imu.orientation_drift_sigma", "0.01"),
+    *("--imu.orientation_noise", "0.01", "--imu.orientation_acceleration_sensitivity", "0.002"),
+]
+VARIANTS = {
+    "Imu and Odometry": [],
+    "all, orientation modelled": [*ALL, *MODEL],
+    "all, orientation of the filter": [*ALL, "--imu.orientation_source", "filter"],
+}
+
+
+def subscribe() -> None:
+    """Take the bytes of all topics; print how many came."""
+    import rclpy
+    from nav_msgs.msg import Odometry
+    from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+    from rclpy.qos import QoSProfile
+    from sensor_msgs.msg import FluidPressure, Imu, MagneticField
+
+    rclpy.init()
+    node = rclpy.create_node("listener")
+    counts: dict[str, int] = {}
+
+    def count(topic: str) -> None:
+        counts[topic] = counts.get(topic, 0) + 1
+
+    for topic, kind in (
+        ("imu/data_raw", Imu),
+        ("ground_truth/odom", Odometry),
+        ("imu/data", Imu),
+        ("imu/mag", MagneticField),
+        ("imu/pressure", FluidPressure),
+    ):
+        node.create_subscription(
+            kind, topic, lambda _, topic=topic: count(topic), QoSProfile(depth=1000), raw=True
+        )
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    try:
+        while rclpy.ok():
+            executor.spin_once(timeout_sec=0.2)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    print("received", sum(counts.values()), flush=True)
+    rclpy.try_shutdown()
+
+
+def cpu_seconds(pid: int) -> float:
+    """Return the processor time that a process has used."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / _TICKS
+
+
+def start(variant: str, rate: int, seconds: float, domain: int) -> list[subprocess.Popen]:
+    """Start a listener and a simulator."""
+    environment = {**os.environ, "ROS_DOMAIN_ID": str(domain)}
+    simulator = [
+        *(sys.executable, "-m", "imu_sim_ros.nodes.simulator.node", "--imu", "mpu9250"),
+        *("--trajectory", "figure_eight", "--rate", str(rate), "--duration", str(seconds)),
+        *("--wait-for-subscribers", "1", *VARIANTS[variant]),
+    ]
+    return [
+        subprocess.Popen(words, env=environment, stdout=subprocess.PIPE, text=True, stderr=-3)
+        for words in ([sys.executable, str(HERE), "--listen"], simulator)
+    ]
+
+
+def measure(rate: int, duration: float) -> list[list[str]]:
+    """Run all variants at the same time."""
+    pairs = [start(v, rate, _WARM_UP + duration, _DOMAIN + k) for k, v in enumerate(VARIANTS)]
+    time.sleep(_WARM_UP)
+    before = [cpu_seconds(simulator.pid) for _, simulator in pairs]
+    begin = time.monotonic()
+    time.sleep(duration - 5.0)
+    after = [cpu_seconds(simulator.pid) for _, simulator in pairs]
+    passed = time.monotonic() - begin
+    percent = [100.0 * (b - a) / passed for a, b in zip(before, after, strict=True)]
+    rows = []
+    for variant, cpu, (listener, simulator) in zip(VARIANTS, percent, pairs, strict=True):
+        said = simulator.communicate()[0]
+        time.sleep(0.5)
+        listener.send_signal(signal.SIGINT)
+        received = int(re.search(r"received (\d+)", listener.communicate()[0])[1])
+        sent = sum(int(n) for n in re.findall(r"counted \S+ (\d+)", said))
+        extra = cpu - percent[0]
+        rows.append([variant, f"{cpu:.2f}", f"{extra:.2f}", f"{cpu / percent[0]:.2f}"])
+        rows[-1] += [str(sent), str(sent - received)]
+    return rows
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--duration", type=float, default=60.0, help="seconds of each round")
+    parser.add_argument("--rounds", type=int, default=2)
+    parser.add_argument("--rate", type=int, default=200)
+    parser.add_argument("--listen", action="store_true", help=argparse.SUPPRESS)
+    arguments = parser.parse_args()
+    if arguments.listen:
+        subscribe()
+        return
+    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    os.environ["PYTHONPATH"] = str(HERE.parents[3])
+    for _ in range(arguments.rounds):
+        print_table(
+            ["published", "CPU [%]", "more", "times", "messages", "not received"],
+            measure(arguments.rate, arguments.duration),
+            f"{arguments.rate} Hz, reliable, {arguments.duration:g} s after {_WARM_UP:g} s",
+        )
+
+
+if __name__ == "__main__":
+    main()
