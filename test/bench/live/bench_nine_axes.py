@@ -22,7 +22,8 @@ from imu_sim_ros.commands.common import print_table
 
 HERE = Path(__file__).resolve()
 _TICKS = os.sysconf("SC_CLK_TCK")
-_WARM_UP = 10.0
+_WARM_UP = 5.0
+"""[s] After the first messages: what a process imports when it starts is not meant."""
 _DOMAIN = 90
 ALL = [
     *("--publish.magnetic_field", "true", "--publish.pressure", "true"),
@@ -52,6 +53,8 @@ def subscribe() -> None:
     counts: dict[str, int] = {}
 
     def count(topic: str) -> None:
+        if not counts:
+            print("receiving", flush=True)
         counts[topic] = counts.get(topic, 0) + 1
 
     for topic, kind in (
@@ -97,11 +100,14 @@ def start(variant: str, rate: int, seconds: float, domain: int) -> list[subproce
 
 def measure(rate: int, duration: float) -> list[list[str]]:
     """Run all variants at the same time."""
-    pairs = [start(v, rate, _WARM_UP + duration, _DOMAIN + k) for k, v in enumerate(VARIANTS)]
+    seconds = _WARM_UP + duration
+    pairs = [start(v, rate, seconds, _DOMAIN + k) for k, v in enumerate(VARIANTS)]
+    for listener, _ in pairs:
+        listener.stdout.readline()
     time.sleep(_WARM_UP)
     before = [cpu_seconds(simulator.pid) for _, simulator in pairs]
     begin = time.monotonic()
-    time.sleep(duration - 5.0)
+    time.sleep(duration - 10.0)
     after = [cpu_seconds(simulator.pid) for _, simulator in pairs]
     passed = time.monotonic() - begin
     percent = [100.0 * (b - a) / passed for a, b in zip(before, after, strict=True)]
