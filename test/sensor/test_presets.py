@@ -97,11 +97,15 @@ def noise_entries(preset: str) -> dict[str, tuple[str, str]]:
 
 @pytest.mark.parametrize("preset", [n for n in PRESETS if n not in ("perfect", "lecture")])
 def test_every_noise_density_names_its_convention(preset: str) -> None:
-    """One-sided D is divided by sqrt(2); random walks and kalibr's densities are two-sided."""
+    """One-sided D is divided by sqrt(2); random walks and kalibr's densities are two-sided.
+
+    So is that of readings whose RMS is given: it is ``RMS / sqrt(rate)``.
+    """
     for words, expression in noise_entries(preset).values():
         one_sided = words.startswith("D ")
         assert one_sided == ("sqrt(2)" in expression), words
-        assert one_sided or re.search("random walk|noise_density|root PSD", words), words
+        two_sided = "random walk|noise_density|root PSD|RMS noise .* in readings at .* Hz"
+        assert one_sided or re.search(two_sided, words), words
 
 
 IN_BANDWIDTH = [
