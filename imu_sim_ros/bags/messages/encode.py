@@ -8,6 +8,8 @@ into an array (n, size) of uint8; a row of that is one message as ``publisher.pu
 it. Inside, quaternions are (w, x, y, z); the messages hold (x, y, z, w).
 """
 
+import struct
+from collections.abc import Iterable
 from typing import Final
 
 import numpy as np
@@ -36,6 +38,9 @@ _GPS: Final = 1
 """sensor_msgs/NavSatStatus.SERVICE_GPS"""
 _COVARIANCE_TYPE_KNOWN: Final = 3
 """sensor_msgs/NavSatFix"""
+_STAMP: Final = struct.Struct("<II")
+_POSE: Final = struct.Struct("<7d")
+_TWIST: Final = struct.Struct("<6d")
 ROS_ORDER: Final = [1, 2, 3, 0]
 """Where (x, y, z, w) stand in (w, x, y, z)."""
 
@@ -170,6 +175,8 @@ class OdometryEncoder(Encoder):
 
     def __init__(self, frame_id: str, child_frame_id: str, encoding: str = "cdr") -> None:
         super().__init__((frame_id, child_frame_id), encoding)
+        names = ("sec", "position", "linear", "pose_covariance", "twist_covariance")
+        self._places = [self.layout.offset(name) for name in names]
 
     def pattern(
         self,
@@ -222,6 +229,35 @@ class OdometryEncoder(Encoder):
         twist = (velocity_b, angular_velocity_b)
         covariances = (pose_covariance, twist_covariance)
         return self.pattern(t_ns, position, q_wb, *twist, *covariances).array()
+
+    def message(
+        self,
+        t_ns: int,
+        position: Iterable[float],
+        q_wb: Iterable[float],
+        velocity_b: Iterable[float],
+        angular_velocity_b: Iterable[float],
+        pose_covariance: Array | None = None,
+        twist_covariance: Array | None = None,
+    ) -> bytes:
+        """Return one message with the bytes that :meth:`encode` gives it, in a tenth of the time.
+
+        The arguments are rows of those of :meth:`pattern`.
+        """
+        second, nanosecond = divmod(t_ns, NANOSECONDS_PER_SECOND)
+        if not 0 <= second <= _LAST_SECOND[self.layout.encoding]:
+            seconds(np.array([t_ns]), self.layout.encoding)  # raises
+        result = bytearray(self.layout.template)
+        stamp, pose, twist, of_pose, of_twist = self._places
+        w, x, y, z = q_wb
+        _STAMP.pack_into(result, stamp, second, nanosecond)
+        _POSE.pack_into(result, pose, *position, x, y, z, w)
+        _TWIST.pack_into(result, twist, *velocity_b, *angular_velocity_b)
+        for place, covariance in ((of_pose, pose_covariance), (of_twist, twist_covariance)):
+            if covariance is not None:
+                content = covariance.tobytes()
+                result[place : place + len(content)] = content
+        return bytes(result)
 
 
 class PoseStampedEncoder(_OfFrame):

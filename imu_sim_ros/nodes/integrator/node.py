@@ -202,13 +202,11 @@ class Integrator(ConfiguredNode):
     def _publish(self, rows: list[Row]) -> None:
         if not rows:
             return
-        t_ns = np.array([row.t_ns for row in rows])
-        columns = list(zip(*rows, strict=True))[1:]
-        if rows[0].pose_covariance is None:
-            columns = columns[:4]
-        _send(self._odometry_out, self._odometry.encode(t_ns, *columns))
+        for row in rows:
+            self._odometry_out.publish(self._odometry.message(*row))
         self._published += len(rows)
         if self._angles_out is not None:
+            t_ns = np.array([row.t_ns for row in rows])
             angles = np.degrees([to_euler(row.q_wb) for row in rows])
             _send(self._angles_out, self._angles.encode(t_ns, angles))
         if self._path is not None:

@@ -194,3 +194,27 @@ def test_stamps_lie_where_rosbags_puts_them():
     transforms = TransformsEncoder([("a", "b"), ("b", "c")])
     (row,) = transforms.encode(t_ns, np.zeros((1, 2, 3)), np.ones((1, 2, 4)))
     assert row.tobytes().index(stamp) == TransformsEncoder.stamp_offset()
+
+
+@pytest.mark.parametrize("encoding", ["cdr", "ros1"])
+@pytest.mark.parametrize("frames", [("world", "base_link"), ("w", "é")])
+def test_one_odometry_message_has_the_bytes_of_a_block_of_one(encoding, frames):
+    rng = np.random.default_rng(7)
+    encoder = encode.OdometryEncoder(*frames, encoding)
+    fields = [rng.standard_normal(n) for n in (3, 4, 3, 3)]
+    fields[0][:2] = -0.0, np.nan
+    covariances = list(rng.standard_normal((2, 6, 6)))
+    for t_ns in (0, 1_234_567_890_123_456_789):
+        for given in (fields, fields + covariances):
+            row = [values[None] for values in given]
+            expected = encoder.encode(np.array([t_ns]), *row)[0].tobytes()
+            plain = [tuple(values.tolist()) for values in fields] + given[4:]
+            assert encoder.message(t_ns, *plain) == expected
+
+
+@pytest.mark.parametrize("t_ns", [-1, 2**31 * 10**9])
+def test_one_odometry_message_refuses_a_stamp_as_a_block_does(t_ns):
+    encoder = encode.OdometryEncoder("world", "base_link")
+    zero = (0.0, 0.0, 0.0)
+    with pytest.raises(InputError, match="a message holds 0 to"):
+        encoder.message(t_ns, zero, (1.0, *zero), zero, zero)
