@@ -4,10 +4,10 @@
 """Many runs of an estimator over sensors, motions, faults and seeds, and their statistics.
 
 :mod:`~imu_sim_ros.campaign.plan` reads the plan, :mod:`~imu_sim_ros.campaign.cells` makes the
-    grid's cells, :mod:`~imu_sim_ros.campaign.runs` makes one run, the engines spread the runs over
-    processes (:mod:`~imu_sim_ros.campaign.engine`) or a Dask cluster, and
-    :mod:`~imu_sim_ros.campaign.statistics` and :mod:`~imu_sim_ros.campaign.gate` tell what is
-    significant. A run depends on the plan alone: the same numbers in any order, on any engine.
+grid's cells, :mod:`~imu_sim_ros.campaign.runs` makes one run, the engines spread the runs over
+processes (:mod:`~imu_sim_ros.campaign.engine`) or a Dask cluster, and
+:mod:`~imu_sim_ros.campaign.statistics` and :mod:`~imu_sim_ros.campaign.gate` tell what is
+significant. A run depends on the plan alone: the same numbers in any order, on any engine.
 """
 
 from typing import TYPE_CHECKING

@@ -100,7 +100,12 @@ def _print_check(check: Check) -> None:
     rows = []
     for band, (low, high) in enumerate(comparison.BANDS):
         values = check.decibels[band]
-        rows.append([f"{low:g}-{high:g} Hz", *("" if np.isnan(v) else f"{v:+.1f}" for v in values)])
+        rows.append(
+            [
+                f"{low:g}-{high:g} Hz",
+                *("" if np.isnan(v) else f"{round(v, 1) + 0.0:+.1f}" for v in values),
+            ]
+        )
     names = [f"{triad}{axis}" for triad in "ga" for axis in AXES]
     title = f"Twin over real sensor on the {check.seconds:.1f} s it has not seen [dB]"
     common.print_table(["density", *names], rows, title)
