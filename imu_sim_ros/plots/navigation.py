@@ -187,7 +187,7 @@ def _errors(
         least += [np.quantile(error[error > 0.0], _SHOWN_FROM)] if np.any(error > 0.0) else []
     if not least:
         axis.text(0.5, 0.5, "zero throughout", transform=axis.transAxes, ha="center")
-    axis.set_yscale("log")
+    style.log_values(axis)
     if least:  # an error that starts at zero comes from far below
         axis.set_ylim(bottom=0.5 * float(min(least)))
     axis.set_xlabel("time [s]")

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import matplotlib
 import matplotlib.figure
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
@@ -67,6 +68,23 @@ def panels(
     for axis in axes:
         tidy(axis)
     return result, axes
+
+
+def log_values(axes: Axes) -> None:
+    """Make a panel's values logarithmic; below two decades the numbers are plain: 0.5, 1, 2."""
+    axes.set_yscale("log")
+    of_powers = axes.yaxis.get_major_formatter()
+
+    def label(value: float, place: int | None = None) -> str:
+        low, high = axes.yaxis.get_view_interval()
+        is_power = bool(np.isclose(value, 10.0 ** np.round(np.log10(value))))
+        if high < 100.0 * low:
+            first = round(value / 10.0 ** np.floor(np.log10(value) + 1e-9))
+            return f"{value:g}" if first in (1, 2, 5) else ""
+        return of_powers(value, place) if is_power else ""
+
+    axes.yaxis.set_major_formatter(label)
+    axes.yaxis.set_minor_formatter(label)
 
 
 def tidy(axes: Axes) -> None:
