@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 _SMALL_ANGLE = 1e-4
+_IDENTITY = np.eye(3).tolist()
 
 
 def multiply(p: Array, q: Array) -> Array:
@@ -87,11 +88,15 @@ def cross(a: Array, b: Array) -> Array:
 
 def transform(matrix: Array, v: Array) -> Array:
     """Return ``M @ v`` (3, n) of M (3, 3) and v (3, n); zeros and ones of M cost nothing."""
+    rows = matrix.tolist()
+    if rows == _IDENTITY:
+        return np.add(v, 0.0, out=np.empty(v.shape))  # as the sums below: no negative zeros
     result = np.zeros(v.shape)
-    for row, coefficients in zip(result, matrix.tolist(), strict=True):
+    product = np.empty(v.shape[1:])
+    for row, coefficients in zip(result, rows, strict=True):
         for component, coefficient in zip(v, coefficients, strict=True):
             if coefficient == 1.0:
                 row += component
             elif coefficient != 0.0:
-                row += coefficient * component
+                row += np.multiply(component, coefficient, out=product)
     return result

@@ -30,18 +30,26 @@ def attitude(
     sp, cp = 2.0 * sp_half * cp_half, 1.0 - 2.0 * sp_half * sp_half
 
     sr_cp, cr_cp = sr * cp, cr * cp
-    omega, alpha = np.empty((n, 3)), np.empty((n, 3))
-    omega_y = pitch.first * cr + yaw.first * sr_cp
-    omega_z = yaw.first * cr_cp - pitch.first * sr
-    omega[:, 0] = roll.first - yaw.first * sp
-    omega[:, 1] = omega_y
-    omega[:, 2] = omega_z
+    # Components first and in place: contiguous operands that stay in the processor's cache.
+    omega, alpha, product = np.empty((3, n)), np.empty((3, n)), np.empty(n)
+    np.subtract(roll.first, np.multiply(yaw.first, sp, out=product), out=omega[0])
+    np.multiply(pitch.first, cr, out=omega[1])
+    omega[1] += np.multiply(yaw.first, sr_cp, out=product)
+    np.multiply(yaw.first, cr_cp, out=omega[2])
+    omega[2] -= np.multiply(pitch.first, sr, out=product)
     turn = yaw.first * pitch.first
-    alpha[:, 0] = roll.second - yaw.second * sp - turn * cp
+    np.subtract(roll.second, np.multiply(yaw.second, sp, out=product), out=alpha[0])
+    alpha[0] -= np.multiply(turn, cp, out=product)
     turn = turn * sp
-    alpha[:, 1] = pitch.second * cr + yaw.second * sr_cp + roll.first * omega_z - turn * sr
-    alpha[:, 2] = yaw.second * cr_cp - pitch.second * sr - roll.first * omega_y - turn * cr
-    return q_wb, omega, alpha
+    np.multiply(pitch.second, cr, out=alpha[1])
+    alpha[1] += np.multiply(yaw.second, sr_cp, out=product)
+    alpha[1] += np.multiply(roll.first, omega[2], out=product)
+    alpha[1] -= np.multiply(turn, sr, out=product)
+    np.multiply(yaw.second, cr_cp, out=alpha[2])
+    alpha[2] -= np.multiply(pitch.second, sr, out=product)
+    alpha[2] -= np.multiply(roll.first, omega[1], out=product)
+    alpha[2] -= np.multiply(turn, cr, out=product)
+    return q_wb, omega.T, alpha.T
 
 
 def _quaternion(
@@ -55,9 +63,14 @@ def _quaternion(
     """Return q_wb (n, 4) from the sines and cosines of half the roll and half the pitch."""
     sy, cy = np.sin(0.5 * yaw), np.cos(0.5 * yaw)
     cc, ss, sc, cs = cr * cp, sr * sp, sr * cp, cr * sp
-    q_wb = np.empty((n, 4))
-    q_wb[:, 0] = cc * cy + ss * sy
-    q_wb[:, 1] = sc * cy - cs * sy
-    q_wb[:, 2] = cs * cy + sc * sy
-    q_wb[:, 3] = cc * sy - ss * cy
-    return q_wb
+    q_wb, product = np.empty((4, n)), np.empty(n)
+    np.multiply(cc, cy, out=q_wb[0])
+    q_wb[0] += np.multiply(ss, sy, out=product)
+    np.multiply(sc, cy, out=q_wb[1])
+    q_wb[1] -= np.multiply(cs, sy, out=product)
+    np.multiply(cs, cy, out=q_wb[2])
+    q_wb[2] += np.multiply(sc, sy, out=product)
+    np.multiply(cc, sy, out=q_wb[3])
+    q_wb[3] -= np.multiply(ss, cy, out=product)
+    result: Array = q_wb.T
+    return result

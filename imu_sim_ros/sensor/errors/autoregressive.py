@@ -10,6 +10,8 @@ ends, and what they add decays along each row. Chunks start at fixed sample indi
 generated whole, so the result does not depend on how many samples are asked for at a time.
 """
 
+import itertools
+
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
@@ -34,38 +36,49 @@ class GaussMarkovBank(ChunkedProcess):
         :param dt: time between two samples [s].
         """
         super().__init__(streams, CHUNK)
-        exponent = -dt / correlation_times
+        # Axes are (axis, process, chunk, row), behind columns where there are any.
+        exponent = (-dt / correlation_times)[:, :, None, None]
         self._drive = np.sqrt(-np.expm1(2.0 * exponent))
-        # One factor for each row, too: the innermost loop of NumPy is then over rows and processes.
-        self._phi = np.repeat(np.exp(exponent)[:, :, None], _ROWS, axis=2)
-        columns = np.arange(1, _COLUMNS + 1)
-        self._column_decay = np.exp(exponent[:, None, :] * columns[:, None])[..., None]
-        rows = np.arange(_ROWS)
-        self._row_decay = np.exp(exponent[:, :, None] * _COLUMNS * rows)
+        self._phi = np.exp(exponent)
+        columns = np.arange(1, _COLUMNS + 1).reshape(-1, 1, 1, 1, 1)
+        self._column_decay = np.exp(exponent * columns)
+        self._row_decay = np.exp(exponent * _COLUMNS * np.arange(_ROWS))
         self._state = np.stack([s.standard_normal(correlation_times.shape[1]) for s in streams])
 
-    def _make_chunk(self) -> None:
+    def _make_chunks(self, count: int) -> Array:
         axes, processes = self._state.shape
-        table = np.empty((axes, _COLUMNS, processes, _ROWS))
-        for stream, numbers in zip(self._streams, table, strict=True):
-            stream.standard_normal(out=numbers)
-        table *= self._drive[:, None, :, None]
-        for c in range(1, _COLUMNS):
-            table[:, c] += self._phi * table[:, c - 1]
-        starts = self._row_starts(table[:, -1])
-        table += self._column_decay * starts[:, None]
-        self._state = table[:, -1, :, -1].copy()
-        self._chunk = table.sum(axis=2).transpose(0, 2, 1).reshape(axes, CHUNK)
+        numbers = np.empty((axes, count, _COLUMNS, processes, _ROWS))
+        for stream, own in zip(self._streams, numbers, strict=True):
+            stream.standard_normal(out=own)
+        # One column after the other, so each is contiguous: (column, axis, process, chunk, row).
+        table = np.empty((_COLUMNS, axes, processes, count, _ROWS))
+        np.multiply(numbers.transpose(2, 0, 3, 1, 4), self._drive, out=table)
+        carried = np.empty(table.shape[1:])
+        for before, column in itertools.pairwise(table):
+            column += np.multiply(self._phi, before, out=carried)
+        starts = self._row_starts(table[-1])
+        np.multiply(self._column_decay, starts, out=(added := numbers.reshape(table.shape)))
+        table += added
+        total = table[:, :, 0] if processes == 1 else table.sum(axis=2)
+        result: Array = total.transpose(1, 2, 3, 0).reshape(axes, count * CHUNK)
+        return result
 
     def _row_starts(self, ends: Array) -> Array:
-        """Return the value before each row (a, p, R) from the ends of rows that start at 0."""
+        """Return the value before each row from the ends of rows that start at 0.
+
+        Both are (axis, process, chunk, row); the state goes on to the end of the last chunk.
+        """
         reached = ends.copy()
         step = 1
         while step < _ROWS:  # a scan by doubling: five passes instead of 32 steps
-            decay = self._row_decay[:, :, step, None]
-            reached[:, :, step:] += decay * reached[:, :, :-step].copy()
+            decay = self._row_decay[..., step, None]
+            reached[..., step:] += decay * reached[..., :-step].copy()
             step *= 2
-        starts = self._row_decay * self._state[:, :, None]
-        starts[:, :, 1:] += reached[:, :, :-1]
-        result: Array = starts
-        return result
+        starts = np.empty_like(ends)
+        over_row, over_rows = self._column_decay[-1, ..., 0, 0], self._row_decay[..., 0, :]
+        for chunk in range(ends.shape[2]):
+            own = starts[:, :, chunk]
+            np.multiply(over_rows, self._state[..., None], out=own)
+            own[..., 1:] += reached[:, :, chunk, :-1]
+            self._state = ends[:, :, chunk, -1] + over_row * own[..., -1]
+        return starts

@@ -5,6 +5,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from typing import Final
 
 import numpy as np
 from numpy.random import Generator
@@ -12,34 +13,41 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+_TOGETHER: Final = 8
+"""Chunks generated at once at most."""
+
 
 class ChunkedProcess(ABC):
     """One process for each random stream; a value does not depend on the blocks it is read in."""
 
-    def __init__(self, streams: Sequence[Generator], length: int) -> None:
+    def __init__(self, streams: Sequence[Generator], length: int, rows: int = 0) -> None:
         """Start with nothing generated.
 
         :param length: values in a chunk.
+        :param rows: rows of a chunk; 0: one for each stream.
         """
         self._streams = streams
-        self._chunk = np.empty((len(streams), length))
-        self._used = length
+        self._length = length
+        self._left = np.empty((rows or len(streams), 0))
+        """Generated and not yet read."""
 
     @abstractmethod
-    def _make_chunk(self) -> None:
-        """Fill ``_chunk`` with the next values."""
+    def _make_chunks(self, count: int) -> Array:
+        """Return the next values, those of ``count`` chunks."""
 
     def next_block(self, count: int) -> Array:
-        """Return the next values (rows of a chunk, count)."""
-        out = np.empty((len(self._chunk), count))
-        length = self._chunk.shape[1]
-        done = 0
+        """Return the next values (rows of a chunk, count), a new array."""
+        left = self._left
+        if count <= left.shape[1]:
+            self._left = left[:, count:]
+            taken: Array = left[:, :count].copy()
+            return taken
+        parts, done = [left], left.shape[1]
         while done < count:
-            if self._used == length:
-                self._make_chunk()
-                self._used = 0
-            take = min(count - done, length - self._used)
-            out[:, done : done + take] = self._chunk[:, self._used : self._used + take]
-            done += take
-            self._used += take
-        return out
+            chunks = min(-((done - count) // self._length), _TOGETHER)
+            parts.append(self._make_chunks(chunks))
+            done += chunks * self._length
+        last = parts[-1]
+        used = last.shape[1] - (done - count)
+        self._left, parts[-1] = last[:, used:], last[:, :used]
+        return np.concatenate(parts, axis=1)

@@ -3,6 +3,8 @@
 
 """Deterministic errors of one triad: response to the input, constant and turn-on terms."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,16 +24,16 @@ class Response:
 
     def __init__(self) -> None:
         self._s = np.eye(3)
-        self._quadratic = np.zeros(3)
-        self._g = np.zeros((3, 3))
-        self._h = np.zeros((3, 3))
+        self._quadratic: list[tuple[int, float]] = []
+        self._g: Array | None = None
+        self._h: Array | None = None
 
     def configure(self, parameters: TriadParameters) -> None:
         """Take the coefficients."""
         self._s = parameters.response()
-        self._quadratic = np.asarray(parameters.quadratic)
-        self._g = np.reshape(parameters.g_sensitivity, (3, 3))
-        self._h = np.reshape(parameters.g_squared_sensitivity, (3, 3))
+        self._quadratic = [(k, q) for k, q in enumerate(parameters.quadratic) if q]
+        self._g = _matrix(parameters.g_sensitivity)
+        self._h = _matrix(parameters.g_squared_sensitivity)
 
     def apply(self, ideal: Array, force: Array) -> Array:
         """Return the response (3, n), a new array.
@@ -40,30 +42,39 @@ class Response:
         :param force: (3, n) specific force [m/s^2].
         """
         result = transform(self._s, ideal)
-        for row, x, quadratic in zip(result, ideal, self._quadratic, strict=True):
-            if quadratic:
-                row += quadratic * x * x
-        if self._g.any():
+        for k, quadratic in self._quadratic:
+            square = quadratic * ideal[k]
+            square *= ideal[k]
+            result[k] += square
+        if self._g is not None:
             result += transform(self._g, force)
-        if self._h.any():
+        if self._h is not None:
             result += transform(self._h, force * force)
         return result
+
+
+def _matrix(values: Sequence[float]) -> Array | None:
+    """Return nine numbers as a matrix (3, 3); None where all are zero."""
+    return np.reshape(values, (3, 3)) if any(values) else None
 
 
 class ConstantBias:
     """The constant bias."""
 
+    active = False
+
     def __init__(self) -> None:
-        self._bias = np.zeros(3)
+        self._bias = np.zeros((3, 1))
 
     def configure(self, parameters: TriadParameters) -> None:
         """Take the bias."""
-        self._bias = np.asarray(parameters.bias)
+        self._bias = np.asarray(parameters.bias)[:, None]
+        self.active = any(parameters.bias)
 
     def add_to(self, values: Array) -> None:
         """Add n samples to values (3, n)."""
-        if self._bias.any():
-            values += self._bias[:, None]
+        if self.active:
+            values += self._bias
 
 
 class TurnOn:

@@ -124,7 +124,14 @@ class FlickerNoise(ChunkedProcess):
         self._state = np.stack([rows.root @ s.standard_normal(len(rows.root)) for s in streams])
         self._noise = np.empty((len(streams), _ROWS, _COLUMNS))
 
-    def _make_chunk(self) -> None:
+    def _make_chunks(self, count: int) -> Array:
+        values = np.empty((len(self._streams), count, _ROWS, _COLUMNS))
+        for chunk in range(count):
+            self._fill(values[:, chunk])
+        return values.reshape(len(self._streams), count * CHUNK)
+
+    def _fill(self, values: Array) -> None:
+        """Generate one chunk (axes, R, C)."""
         for stream, numbers in zip(self._streams, self._noise, strict=True):
             stream.standard_normal(out=numbers)
         ends = self._noise @ self._rows.to_state  # (axes, R, p), of rows that start at 0
@@ -134,7 +141,6 @@ class FlickerNoise(ChunkedProcess):
             ends[:, step:] += decay * ends[:, :-step].copy()
             decay, step = decay * decay, 2 * step
         starts = np.concatenate([self._state[:, None], ends[:, :-1]], axis=1)
-        values = self._noise @ self._rows.from_noise
+        np.matmul(self._noise, self._rows.from_noise, out=values)
         values += starts @ self._rows.from_state
-        self._chunk = values.reshape(len(self._streams), CHUNK)
         self._state = ends[:, -1].copy()

@@ -4,13 +4,16 @@
 """The random errors of one triad, each with its own streams and state.
 
 A term takes its strength from the parameters by ``configure`` at any time and continues from its
-current value. ``add_to`` adds the next n samples to an array (3, n).
+current value. ``add_to`` adds the next n samples to an array (3, n); a term that is not ``active``
+adds nothing and need not be asked. What it draws from is made when it is first active.
 """
 
 import math
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
+from numpy.random import Generator
 from numpy.typing import NDArray
 
 from imu_sim_ros.config import TriadParameters, Vector
@@ -25,6 +28,9 @@ Array = NDArray[np.float64]
 class Term(Protocol):
     """One error of a triad."""
 
+    active: bool
+    """Whether it adds anything with its present parameters."""
+
     def configure(self, parameters: TriadParameters) -> None:
         """Take the strength that the parameters give, from the next sample on."""
 
@@ -32,7 +38,31 @@ class Term(Protocol):
         """Add the next n samples to values (3, n)."""
 
 
-class WhiteNoise:
+class _Drawn:
+    """A term with a stream for each axis, and a strength for each."""
+
+    active = False
+
+    def __init__(self, seed: int, source: str) -> None:
+        self._seed, self._source = seed, source
+        self._rows: slice | NDArray[np.intp] = slice(0)
+        self._drawing: list[tuple[int, Generator]] = []
+        self._sigma = np.zeros((0, 1))
+
+    @cached_property
+    def _streams(self) -> list[Generator]:
+        return axis_generators(self._seed, self._source)
+
+    def _take(self, sigma: Array) -> None:
+        """Take the strengths (3,); axes without one draw nothing."""
+        axes = np.flatnonzero(sigma)
+        self.active = len(axes) > 0
+        self._rows = slice(None) if len(axes) == len(sigma) else axes
+        self._sigma = sigma[axes, None]
+        self._drawing = [(k, self._streams[axis]) for k, axis in enumerate(axes)]
+
+
+class WhiteNoise(_Drawn):
     """White noise: ``n_d = sigma / sqrt(dt) w`` (lecture eq. 16).
 
     Where the axes are correlated, w is ``L w'`` of independent w' with ``L L^T`` their correlation;
@@ -40,45 +70,53 @@ class WhiteNoise:
     """
 
     def __init__(self, seed: int, triad: str, dt: float) -> None:
+        super().__init__(seed, f"{triad}.white_noise")
         self._dt = dt
-        self._streams = axis_generators(seed, f"{triad}.white_noise")
-        self._sigma = [0.0] * 3
         self._mixing: Array | None = None
-        self._thermal = np.zeros(3)
+        self._thermal: Array | None = None
+        self._dependent = False
+        self._sigmas = np.zeros((3, 1))
 
     def configure(self, parameters: TriadParameters) -> None:
         """Take the density, the correlation and the dependence on temperature."""
         sigma = np.asarray(parameters.noise_density) / np.sqrt(self._dt)
-        self._sigma = sigma.tolist()
-        self._thermal = np.asarray(parameters.noise_temperature_coefficient)
+        self._take(sigma)
         correlated = any(parameters.noise_correlation)
         self._mixing = _square_root(parameters.noise_correlation) if correlated else None
+        thermal = np.asarray(parameters.noise_temperature_coefficient)[:, None]
+        self._thermal = thermal if thermal.any() else None
+        if correlated:  # numbers of all axes are mixed
+            self.active = True
+            self._drawing = list(enumerate(self._streams))
+        self._dependent = correlated or self._thermal is not None
+        self._sigmas = sigma[:, None]
 
     def add_to(self, values: Array, temperature_offset: Array | float = 0.0) -> None:
         """Add n samples to values (3, n).
 
         :param temperature_offset: (n,) temperature above the reference [K], or one for all.
         """
-        if self._mixing is not None or self._thermal.any():
+        if self._dependent:
             self._add_dependent(values, temperature_offset)
-            return
-        noise = np.empty(values.shape[1])
-        for row, stream, sigma in zip(values, self._streams, self._sigma, strict=True):
-            if sigma:
-                stream.standard_normal(out=noise)
-                noise *= sigma
-                row += noise
+        elif self.active:
+            noise = np.empty((len(self._drawing), values.shape[1]))
+            for k, stream in self._drawing:
+                stream.standard_normal(out=noise[k])
+            noise *= self._sigma
+            values[self._rows] += noise
 
     def _add_dependent(self, values: Array, temperature_offset: Array | float) -> None:
         noise = np.zeros_like(values)
-        for row, stream, sigma in zip(noise, self._streams, self._sigma, strict=True):
-            if sigma or self._mixing is not None:
-                stream.standard_normal(out=row)
+        rows = noise if self._mixing is not None else noise[self._rows]
+        for k, stream in self._drawing:
+            stream.standard_normal(out=rows[k])
         if self._mixing is not None:
             noise = transform(self._mixing, noise)
-        noise *= np.asarray(self._sigma)[:, None]
-        if self._thermal.any():
-            noise *= np.maximum(1.0 + self._thermal[:, None] * temperature_offset, 0.0)
+        else:
+            noise[self._rows] = rows
+        noise *= self._sigmas
+        if self._thermal is not None:
+            noise *= np.maximum(1.0 + self._thermal * temperature_offset, 0.0)
         values += noise
 
 
@@ -94,33 +132,38 @@ def _square_root(correlation: Vector) -> Array:
     return np.array([[1.0, 0.0, 0.0], [xy, yy, 0.0], [xz, zy, zz]])
 
 
-class RandomWalk:
+class RandomWalk(_Drawn):
     """Random walk: ``b_k = b_(k-1) + sigma_b sqrt(dt) w`` (lecture eq. 20 and 21), ``b_0 = 0``."""
 
     def __init__(self, seed: int, triad: str, dt: float) -> None:
+        super().__init__(seed, f"{triad}.random_walk")
         self._dt = dt
-        self._streams = axis_generators(seed, f"{triad}.random_walk")
-        self._sigma = [0.0] * 3
-        self._state = [0.0] * 3
+        self._state = np.zeros(3)
+        self._still = np.zeros(0, dtype=np.intp)
 
     def configure(self, parameters: TriadParameters) -> None:
         """Take the density; the walk continues from its current value."""
         sigma = np.asarray(parameters.random_walk) * np.sqrt(self._dt)
-        self._sigma = sigma.tolist()
+        self._take(sigma)
+        # An axis that walks no more stays where it is.
+        self._still = np.flatnonzero((sigma == 0.0) & (self._state != 0.0))
+        self.active = self.active or len(self._still) > 0
 
     def add_to(self, values: Array) -> None:
-        """Add n samples to values (3, n)."""
-        walk = np.empty(values.shape[1] + 1)
-        for k, (stream, sigma) in enumerate(zip(self._streams, self._sigma, strict=True)):
-            if sigma:
-                stream.standard_normal(out=walk[1:])
-                walk[1:] *= sigma
-                walk[0] = self._state[k]
-                np.cumsum(walk, out=walk)  # adds one after the other, whatever the block's size
-                self._state[k] = float(walk[-1])
-                values[k] += walk[:-1]
-            elif self._state[k]:
-                values[k] += self._state[k]
+        """Add the next n samples to values (3, n)."""
+        if self._drawing:
+            walk = np.empty((len(self._drawing), values.shape[1] + 1))
+            steps = walk[:, 1:]
+            for k, stream in self._drawing:
+                stream.standard_normal(out=steps[k])
+            steps *= self._sigma
+            walk[:, 0] = self._state[self._rows]
+            # Adds one after the other, whatever the block's size.
+            np.add.accumulate(walk, axis=1, out=walk)
+            self._state[self._rows] = walk[:, -1]
+            values[self._rows] += walk[:, :-1]
+        if len(self._still):
+            values[self._still] += self._state[self._still, None]
 
 
 class GaussMarkov:
@@ -132,26 +175,34 @@ class GaussMarkov:
     distribution.
     """
 
+    active = False
+
     def __init__(self, seed: int, triad: str, dt: float, parameters: TriadParameters) -> None:
+        self._seed, self._source, self._dt = seed, f"{triad}.gauss_markov", dt
         tau = np.asarray(parameters.correlation_time)
         # An axis without correlation time has no such bias (that is checked); any time will do.
-        tau = np.where(tau > 0.0, tau, 1.0)
-        self._root_half_tau = np.sqrt(0.5 * tau)
-        self._bank = GaussMarkovBank(
-            axis_generators(seed, f"{triad}.gauss_markov"), tau[:, None], dt
+        self._tau = np.where(tau > 0.0, tau, 1.0)
+        self._sigma = np.zeros((3, 1))
+
+    @cached_property
+    def _bank(self) -> GaussMarkovBank:
+        return GaussMarkovBank(
+            axis_generators(self._seed, self._source), self._tau[:, None], self._dt
         )
-        self._sigma = np.zeros(3)
 
     def configure(self, parameters: TriadParameters) -> None:
         """Take the strength, in whichever of the two forms it is given."""
         density = np.asarray(parameters.gauss_markov_density)
         sigma = np.asarray(parameters.gauss_markov_sigma)
-        self._sigma = sigma + density * self._root_half_tau
+        self._sigma = (sigma + density * np.sqrt(0.5 * self._tau))[:, None]
+        self.active = bool(self._sigma.any())
 
     def add_to(self, values: Array) -> None:
-        """Add n samples to values (3, n)."""
-        if self._sigma.any():
-            values += self._sigma[:, None] * self._bank.next_block(values.shape[1])
+        """Add the next n samples to values (3, n)."""
+        if self.active:
+            own = self._bank.next_block(values.shape[1])
+            own *= self._sigma
+            values += own
 
 
 class BiasInstability:
@@ -163,22 +214,33 @@ class BiasInstability:
     Below that band the density is flat. The noise is stationary from the first sample on.
     """
 
+    active = False
+
     def __init__(self, seed: int, triad: str, dt: float) -> None:
-        self._noise = FlickerNoise(axis_generators(seed, f"{triad}.bias_instability"), dt)
-        self._scale = np.zeros(3)
+        self._seed, self._source, self._dt = seed, f"{triad}.bias_instability", dt
+        self._scale = np.zeros((3, 1))
+
+    @cached_property
+    def _noise(self) -> FlickerNoise:
+        return FlickerNoise(axis_generators(self._seed, self._source), self._dt)
 
     def configure(self, parameters: TriadParameters) -> None:
         """Take B."""
-        self._scale = np.asarray(parameters.bias_instability)
+        self._scale = np.asarray(parameters.bias_instability)[:, None]
+        self.active = bool(self._scale.any())
 
     def add_to(self, values: Array) -> None:
-        """Add n samples to values (3, n)."""
-        if self._scale.any():
-            values += self._scale[:, None] * self._noise.next_block(values.shape[1])
+        """Add the next n samples to values (3, n)."""
+        if self.active:
+            own = self._noise.next_block(values.shape[1])
+            own *= self._scale
+            values += own
 
 
 class RateRamp:
     """Steady drift: ``b = R t``; a new R takes over without a jump."""
+
+    active = False
 
     def __init__(self, dt: float) -> None:
         self._dt = dt
@@ -193,11 +255,12 @@ class RateRamp:
             return
         self._reached = self._reached + self._slope * (self._samples * self._dt)
         self._slope, self._samples = slope, 0
+        self.active = bool(slope.any() or self._reached.any())
 
     def add_to(self, values: Array) -> None:
         """Add n samples to values (3, n)."""
-        n = values.shape[1]
-        if self._slope.any() or self._reached.any():
+        if self.active:
+            n = values.shape[1]
             t = np.arange(self._samples, self._samples + n) * self._dt
             values += self._reached[:, None] + self._slope[:, None] * t
-        self._samples += n
+            self._samples += n

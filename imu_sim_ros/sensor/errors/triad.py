@@ -3,6 +3,7 @@
 
 """The error chain of one triad, from the ideal reading to the digital output."""
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -49,7 +50,9 @@ class Triad:
         dt = 1.0 / internal
         self._triad, self._seed = triad, seed
         own = imu.triad(triad)
-        self._turn_on = TurnOn(seed, triad, own)
+        turn_on = TurnOn(seed, triad, own)
+        self._turn_on_bias = turn_on.bias[:, None] if turn_on.bias.any() else None
+        self._turn_on_scale = (1.0 + turn_on.scale)[:, None] if turn_on.scale.any() else None
         self._response = Response()
         self._bias_terms: tuple[Term, ...] = (
             ConstantBias(),
@@ -59,7 +62,8 @@ class Triad:
             RateRamp(dt),
         )
         self._board_terms = board_terms(seed, triad, imu, dt)
-        self._ageing_scale = np.asarray(own.ageing_scale)[:, None]
+        ages = any(own.ageing_scale)
+        self._ageing_scale = np.asarray(own.ageing_scale)[:, None] if ages else None
         self._age_days, self._dt, self._done = imu.age_days, dt, 0
         self._white = WhiteNoise(seed, triad, dt)
         self._low_pass = LowPass(np.asarray(own.bandwidth), imu.bandwidth_order, internal)
@@ -75,6 +79,7 @@ class Triad:
         self._response.configure(own)
         for term in self._bias_terms:
             term.configure(own)
+        self._active_terms = [term for term in self._bias_terms if term.active]
         self._white.configure(own)
         self._digitiser.configure(own)
         self._increments.configure(own)
@@ -102,7 +107,7 @@ class Triad:
         reading = self._response.apply(ideal, force)
         scale = self._scale(temperature_offset)
         if scale is None:
-            scale = np.broadcast_to(1.0, reading.shape)
+            scale = _ones(reading.shape[1])
         else:
             reading *= scale
         bias = self._bias(first, surroundings, faults)
@@ -128,17 +133,15 @@ class Triad:
         """Return the scale by temperature, turn-on and age (3, n); None where it is 1."""
         thermal = polynomial(self._parameters.temperature_scale, temperature_offset)
         n = len(temperature_offset)
-        if self._ageing_scale.any():
+        if self._ageing_scale is not None:
             seconds = np.arange(self._done, self._done + n) * self._dt
             drift = self._ageing_scale * aged(self._age_days, seconds)
             thermal = drift if thermal is None else thermal + drift
         self._done += n
-        if thermal is None and not self._turn_on.scale.any():
-            return None
-        drawn = (1.0 + self._turn_on.scale)[:, None]
+        drawn = self._turn_on_scale
         if thermal is None:
-            return np.broadcast_to(drawn, (3, n))
-        thermal += drawn
+            return None if drawn is None else np.broadcast_to(drawn, (3, n))
+        thermal += 1.0 if drawn is None else drawn
         return thermal
 
     def _bias(self, first: int, surroundings: Surroundings, faults: FaultSchedule) -> Array:
@@ -147,9 +150,9 @@ class Triad:
         bias = polynomial(self._parameters.temperature_bias, offset)
         if bias is None:
             bias = np.zeros((3, len(offset)))
-        if self._turn_on.bias.any():
-            bias += self._turn_on.bias[:, None]
-        for term in self._bias_terms:
+        if self._turn_on_bias is not None:
+            bias += self._turn_on_bias
+        for term in self._active_terms:
             term.add_to(bias)
         for board_term in self._board_terms:
             board_term.add_to(bias, surroundings)
@@ -158,3 +161,9 @@ class Triad:
         if jumps is not bias:
             bias += np.repeat(jumps, self._ratio, axis=1)
         return bias
+
+
+@lru_cache(maxsize=4)
+def _ones(count: int) -> Array:
+    """Return the scale (3, count) of a triad that has no error of scale; read-only."""
+    return np.broadcast_to(1.0, (3, count))

@@ -57,8 +57,8 @@ class BandNoise(ChunkedProcess):
         """
         frame = min(1 << int(np.ceil(np.log2(max(_FRAME * rate, 64.0)))), _LONGEST)
         streams = [s for t in TRIADS for s in axis_generators(seed, f"{t}.vehicle_vibration")]
-        super().__init__(streams, frame // 2)
-        self._chunk = np.empty((_AXES * parameters.ranges, frame // 2))
+        self._all = _AXES * parameters.ranges
+        super().__init__(streams, frame // 2, self._all)
         frequency = np.arange(1, frame // 2) * rate / frame
         band = np.searchsorted(parameters.band_low, frequency, side="right") - 1
         inside = band >= 0
@@ -71,13 +71,13 @@ class BandNoise(ChunkedProcess):
         self._ranges = [np.flatnonzero(range_of == k) for k in range(parameters.ranges)]
         self._window = np.sin(np.pi * (np.arange(frame) + 0.5) / frame)
         self._frame = frame
-        self._left = self._next_frame()[:, frame // 2 :]
+        self._overlap = self._next_frame()[:, frame // 2 :]
 
     def _next_frame(self) -> Array:
         numbers = np.stack([s.standard_normal((2, self._frame // 2 - 1)) for s in self._streams])
         z = (numbers[:, 0] + 1j * numbers[:, 1])[:, self._rows - 1]
         coloured = np.einsum("fij,jf->if", self._root, z)
-        result = np.zeros((len(self._chunk), self._frame))
+        result = np.zeros((self._all, self._frame))
         for k, rows in enumerate(self._ranges):
             if len(rows):
                 spectrum = np.zeros((_AXES, self._frame // 2 + 1), dtype=np.complex128)
@@ -86,7 +86,11 @@ class BandNoise(ChunkedProcess):
                 result[part] = np.fft.irfft(spectrum, self._frame, axis=1) * self._window
         return result
 
-    def _make_chunk(self) -> None:
-        frame, half = self._next_frame(), self._frame // 2
-        self._chunk[:] = self._left + frame[:, :half]
-        self._left = frame[:, half:]
+    def _make_chunks(self, count: int) -> Array:
+        half = self._frame // 2
+        values = np.empty((self._all, count * half))
+        for first in range(0, count * half, half):
+            frame = self._next_frame()
+            np.add(self._overlap, frame[:, :half], out=values[:, first : first + half])
+            self._overlap = frame[:, half:]
+        return values

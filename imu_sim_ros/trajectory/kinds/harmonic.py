@@ -36,8 +36,8 @@ class Harmonic:
         """Return the motion at times t (n,) [s]."""
         n = len(t)
         *position, roll, pitch, yaw = self._coordinates.sample(t)
-        p, v, a = np.empty((3, n, 3))
+        p, v, a = np.empty((3, 3, n))  # components first: each row is contiguous
         for k, coordinate in enumerate(position):
-            p[:, k], v[:, k], a[:, k] = coordinate
+            p[k], v[k], a[k] = coordinate
         q_wb, omega, alpha = attitude(roll, pitch, yaw, n)
-        return Motion(p, v, a, q_wb, omega, alpha)
+        return Motion(p.T, v.T, a.T, q_wb, omega, alpha)
