@@ -107,6 +107,11 @@ class FaultSchedule:
     _windows: list[_Window] = field(default_factory=list)
     _injected: int = 0
 
+    @property
+    def any(self) -> bool:
+        """Whether there is any."""
+        return bool(self._windows)
+
     def add(self, fault: Fault, first: int, now: int) -> None:
         """Let a fault begin at a sample; those that ended before the sample ``now`` are dropped."""
         end = first + fault.duration / self.dt

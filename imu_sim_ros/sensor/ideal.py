@@ -14,7 +14,7 @@ from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.rotation.components import cross, rotate_inverse, transform
 from imu_sim_ros.sensor.curved_earth import CurvedEarth
 from imu_sim_ros.sensor.gravity import earth_rate_vector, gravity_vector
-from imu_sim_ros.trajectory import Motion, Trajectory
+from imu_sim_ros.trajectory import Felt, Motion, Trajectory, felt
 
 Array = NDArray[np.float64]
 
@@ -23,8 +23,9 @@ _NODES = 0.5 + 0.5 * np.sqrt(0.6) * np.array([-1.0, 0.0, 1.0])
 _WEIGHTS = np.array([5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0])
 _MOST_PERIODS: Final = 50.0
 """Of the highest frequency in the interval; they take 170 nodes."""
-_TOGETHER: Final = 2048
-"""Times at which a motion is sampled at once; a short block has all its nodes in one call."""
+_TOGETHER: Final = 4096
+"""Times at which a motion is sampled at once, for the processor's cache; a short block has all its
+nodes in one call."""
 _ACCURACY: Final = 1e-6
 """Error of the mean of a sinusoid, over its amplitude."""
 
@@ -76,8 +77,12 @@ class IdealImu:
         self._r_ib = np.reshape(parameters.imu.mounting, (3, 3)).T
         self._elements_i = np.reshape(parameters.imu.accelerometer_positions, (3, 3))
         self._has_size = bool(self._elements_i.any())
+        self._only_feels = not (
+            self._curved_earth or self._has_lever_arm or self._earth_turns or self._has_size
+        )
+        """Whether :class:`Felt` is all it needs of a motion."""
 
-    def read(self, motion: Motion) -> tuple[Array, Array]:
+    def read(self, motion: Felt | Motion) -> tuple[Array, Array]:
         """Return angular rate [rad/s] and specific force [m/s^2], both (3, n), in the IMU's frame.
 
         Without Earth rotation ``omega_b`` and ``f_b = R_wb.T (a_w - g_w)`` (lecture eq. 22); at a
@@ -90,27 +95,29 @@ class IdealImu:
         (:class:`imu_sim_ros.sensor.curved_earth.CurvedEarth`).
         """
         if _at_rest(motion):
-            rate, force = self._read(Motion(*(values[:1] for values in motion)))
-            n = len(motion.position)
+            rate, force = self._read(type(motion)(*(values[:1] for values in motion)))
+            n = len(motion.q_wb)
             return np.broadcast_to(rate, (3, n)), np.broadcast_to(force, (3, n))
         return self._read(motion)
 
-    def _read(self, motion: Motion) -> tuple[Array, Array]:
+    def _read(self, motion: Felt | Motion) -> tuple[Array, Array]:
         rate, force = self._of_the_body(motion)
         rate_i, force_i = transform(self._r_ib, rate), transform(self._r_ib, force)
-        if self._has_size:
+        if self._has_size and isinstance(motion, Motion):
             turning_i = transform(self._r_ib, motion.angular_velocity.T)
             change_i = transform(self._r_ib, motion.angular_acceleration.T)
             force_i += size_effect(self._elements_i, turning_i, change_i)
         return rate_i, force_i
 
-    def _of_the_body(self, motion: Motion) -> tuple[Array, Array]:
+    def _of_the_body(self, motion: Felt | Motion) -> tuple[Array, Array]:
         """Return angular rate and specific force at the lever arm in the body frame, (3, n)."""
-        if self._curved_earth:
+        if self._curved_earth and isinstance(motion, Motion):
             return self._curved_earth.read(motion, self._lever_arm_b)
         q_wb = motion.q_wb.T
         rate = motion.angular_velocity.T
         force = rotate_inverse(q_wb, motion.acceleration.T - self._gravity_w)
+        if isinstance(motion, Felt):
+            return rate, force
         arm = self._lever_arm_b
         if self._has_lever_arm:
             force += cross(motion.angular_acceleration.T, arm)
@@ -134,18 +141,25 @@ class IdealImu:
         :param end: (n,) seconds, not before start.
         :param quadrature: nodes and weights on [0, 1], see :func:`quadrature`.
         """
-        nodes, weights = quadrature
-        rate, force = np.zeros((2, 3, len(start)))
-        together = max(1, _TOGETHER // max(len(start), 1))
-        for first in range(0, len(nodes), together):
-            part = nodes[first : first + together]
-            times = start[:, None] + part * (end - start)[:, None]
-            omega, f = self.read(trajectory.sample(times.ravel()))
-            omega, f = (x.reshape(3, len(start), len(part)) for x in (omega, f))
-            for k, weight in enumerate(weights[first : first + together]):
-                rate += weight * omega[:, :, k]
-                force += weight * f[:, :, k]
+        n, (nodes, weights) = len(start), quadrature
+        rate, force = np.zeros((2, 3, n))
+        length = end - start
+        piece, together = min(n, _TOGETHER), max(1, _TOGETHER // max(n, 1))
+        for begin in range(0, n, max(piece, 1)):
+            rows = slice(begin, min(begin + piece, n))
+            own = rows.stop - rows.start
+            for first in range(0, len(nodes), together):
+                part = nodes[first : first + together]
+                times = start[rows, None] + part * length[rows, None]
+                omega, f = self.read(self._motion(trajectory, times.ravel()))
+                omega, f = (x.reshape(3, own, len(part)) for x in (omega, f))
+                for k, weight in enumerate(weights[first : first + together]):
+                    rate[:, rows] += weight * omega[:, :, k]
+                    force[:, rows] += weight * f[:, :, k]
         return rate, force
+
+    def _motion(self, trajectory: Trajectory, t: Array) -> Felt | Motion:
+        return felt(trajectory, t) if self._only_feels else trajectory.sample(t)
 
 
 def size_effect(positions: Array, omega: Array, alpha: Array) -> Array:
@@ -168,6 +182,9 @@ def size_effect(positions: Array, omega: Array, alpha: Array) -> Array:
     return result
 
 
-def _at_rest(motion: Motion) -> bool:
+def _at_rest(motion: Felt | Motion) -> bool:
     """Return whether a motion is one row that stands for all times (see the static trajectory)."""
-    return len(motion.position) > 1 and all(values.strides[0] == 0 for values in motion)
+    first, *others = motion
+    if first.strides[0] != 0 or len(first) < 2:
+        return False
+    return all(values.strides[0] == 0 for values in others)

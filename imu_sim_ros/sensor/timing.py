@@ -51,7 +51,7 @@ class Clock:
 
     def stamp(self, true_t_ns: Times) -> Times:
         """Return the stamps (n,) of the next n samples."""
-        stamps = true_t_ns + self._offset_ns
+        stamps: Times = true_t_ns + self._offset_ns
         if self._skew or self._drift:
             since_ns = (true_t_ns - self._t0_ns).astype(np.float64)
             error = self._skew + 0.5 * self._drift * (since_ns * 1e-9)
@@ -93,9 +93,15 @@ class Transport:
         self._burst = -np.expm1(-imu.dropout_burst_rate * self._dt)
         self._burst_samples = imu.dropout_burst_duration / self._dt
         self._duplicate = imu.duplicate_probability
+        self._loses = bool(self._dropout or self._burst or self._duplicate)
 
     def release(self, first: int, true_t_ns: Times, faults: FaultSchedule) -> Times:
         """Return when the next n messages leave (n,) [ns]; none overtakes another."""
+        if not (self._latency_jitter_ns or faults.any):
+            steady: Times = true_t_ns + self._latency_ns
+            if len(steady) and steady[0] >= self._last_release_ns:
+                self._last_release_ns = int(steady[-1])
+                return steady
         latency = np.full(len(true_t_ns), self._latency_ns)
         if self._latency_jitter_ns:
             extra = self._delays.standard_exponential(len(latency)) * self._latency_jitter_ns
@@ -110,6 +116,8 @@ class Transport:
 
     def deliver(self, first: int, count: int, faults: FaultSchedule) -> NDArray[np.int64]:
         """Return the rows of the next n messages that arrive, in order (m,)."""
+        if self._burst_end <= first and not (self._loses or faults.any):
+            return np.arange(count)
         lost = np.zeros(count, dtype=np.bool_)
         if self._dropout:
             lost |= self._drops.random(count) < self._dropout

@@ -8,17 +8,19 @@ Imports the leaves: conventions, errors, rotation, timebase, config, poses.
 """
 
 from imu_sim_ros.trajectory.build import PoseReader, build_trajectory
-from imu_sim_ros.trajectory.motion import Motion, Trajectory, highest_frequency
+from imu_sim_ros.trajectory.motion import Felt, Motion, Trajectory, felt, highest_frequency
 from imu_sim_ros.trajectory.plausible import implausible
 from imu_sim_ros.trajectory.remembered import RememberedTrajectory
 from imu_sim_ros.trajectory.splines import fit_report, recorded_in
 
 __all__ = [
+    "Felt",
     "Motion",
     "PoseReader",
     "RememberedTrajectory",
     "Trajectory",
     "build_trajectory",
+    "felt",
     "fit_report",
     "highest_frequency",
     "implausible",

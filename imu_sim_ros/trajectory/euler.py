@@ -3,6 +3,9 @@
 
 """Attitude, body rates and body accelerations from Euler angles and their time derivatives."""
 
+from collections.abc import Sequence
+from typing import NamedTuple
+
 import numpy as np
 
 from imu_sim_ros.trajectory.motion import Array
@@ -22,21 +25,10 @@ def attitude(
     :param yaw: likewise.
     :param n: number of times.
     """
-    sr_half, cr_half = np.sin(0.5 * roll.value), np.cos(0.5 * roll.value)
-    sp_half, cp_half = np.sin(0.5 * pitch.value), np.cos(0.5 * pitch.value)
-    q_wb = _quaternion(sr_half, cr_half, sp_half, cp_half, yaw.value, n)
-    # Full angles from half angles: four products instead of four more sines.
-    sr, cr = 2.0 * sr_half * cr_half, 1.0 - 2.0 * sr_half * sr_half
-    sp, cp = 2.0 * sp_half * cp_half, 1.0 - 2.0 * sp_half * sp_half
-
-    sr_cp, cr_cp = sr * cp, cr * cp
-    # Components first and in place: contiguous operands that stay in the processor's cache.
-    omega, alpha, product = np.empty((3, n)), np.empty((3, n)), np.empty(n)
-    np.subtract(roll.first, np.multiply(yaw.first, sp, out=product), out=omega[0])
-    np.multiply(pitch.first, cr, out=omega[1])
-    omega[1] += np.multiply(yaw.first, sr_cp, out=product)
-    np.multiply(yaw.first, cr_cp, out=omega[2])
-    omega[2] -= np.multiply(pitch.first, sr, out=product)
+    angles = _turning(roll, pitch, yaw, n)
+    omega, product = angles.omega, angles.product
+    alpha = np.empty((3, n))
+    _, _, sr, cr, sp, cp, sr_cp, cr_cp, _ = angles
     turn = yaw.first * pitch.first
     np.subtract(roll.second, np.multiply(yaw.second, sp, out=product), out=alpha[0])
     alpha[0] -= np.multiply(turn, cp, out=product)
@@ -49,19 +41,60 @@ def attitude(
     alpha[2] -= np.multiply(pitch.second, sr, out=product)
     alpha[2] -= np.multiply(roll.first, omega[1], out=product)
     alpha[2] -= np.multiply(turn, cr, out=product)
-    return q_wb, omega.T, alpha.T
+    return angles.q_wb.T, omega.T, alpha.T
 
 
-def _quaternion(
-    sr: Array | float,
-    cr: Array | float,
-    sp: Array | float,
-    cp: Array | float,
-    yaw: Array | float,
-    n: int,
-) -> Array:
-    """Return q_wb (n, 4) from the sines and cosines of half the roll and half the pitch."""
-    sy, cy = np.sin(0.5 * yaw), np.cos(0.5 * yaw)
+def attitude_and_rate(
+    roll: Derivatives, pitch: Derivatives, yaw: Derivatives, n: int
+) -> tuple[Array, Array]:
+    """Return the first two of :func:`attitude`, the same numbers."""
+    angles = _turning(roll, pitch, yaw, n)
+    return angles.q_wb.T, angles.omega.T
+
+
+class _Turning(NamedTuple):
+    """Attitude and rate, and the sines and cosines in them."""
+
+    q_wb: Array
+    """(4, n)"""
+    omega: Array
+    """(3, n)"""
+    sr: Array | float
+    cr: Array | float
+    sp: Array | float
+    cp: Array | float
+    sr_cp: Array | float
+    cr_cp: Array | float
+    product: Array
+    """(n,) that may be overwritten."""
+
+
+def _turning(roll: Derivatives, pitch: Derivatives, yaw: Derivatives, n: int) -> _Turning:
+    """Return the part that both need; components first and in place, for the processor's cache."""
+    half = [0.5 * angle.value for angle in (roll, pitch, yaw)]
+    sines, cosines = [np.sin(angle) for angle in half], [np.cos(angle) for angle in half]
+    q_wb = _quaternion(sines, cosines, n)
+    # Full angles from half angles: four products instead of four more sines.
+    (sr, cr), (sp, cp) = (_doubled(s, c) for s, c in zip(sines[:2], cosines[:2], strict=True))
+    sr_cp, cr_cp = sr * cp, cr * cp
+    omega, product = np.empty((3, n)), np.empty(n)
+    np.subtract(roll.first, np.multiply(yaw.first, sp, out=product), out=omega[0])
+    np.multiply(pitch.first, cr, out=omega[1])
+    omega[1] += np.multiply(yaw.first, sr_cp, out=product)
+    np.multiply(yaw.first, cr_cp, out=omega[2])
+    omega[2] -= np.multiply(pitch.first, sr, out=product)
+    return _Turning(q_wb, omega, sr, cr, sp, cp, sr_cp, cr_cp, product)
+
+
+def _doubled(sine: Array | float, cosine: Array | float) -> tuple[Array | float, Array | float]:
+    """Return sine and cosine of twice an angle."""
+    twice = 2.0 * sine
+    return twice * cosine, 1.0 - twice * sine
+
+
+def _quaternion(sines: Sequence[Array | float], cosines: Sequence[Array | float], n: int) -> Array:
+    """Return q_wb (4, n) from the sines and cosines of half the roll, pitch and yaw."""
+    (sr, sp, sy), (cr, cp, cy) = sines, cosines
     cc, ss, sc, cs = cr * cp, sr * sp, sr * cp, cr * sp
     q_wb, product = np.empty((4, n)), np.empty(n)
     np.multiply(cc, cy, out=q_wb[0])
@@ -72,5 +105,4 @@ def _quaternion(
     q_wb[2] += np.multiply(sc, sy, out=product)
     np.multiply(cc, sy, out=q_wb[3])
     q_wb[3] -= np.multiply(ss, cy, out=product)
-    result: Array = q_wb.T
-    return result
+    return q_wb

@@ -31,7 +31,8 @@ class Motion(NamedTuple):
 class Trajectory(Protocol):
     """An exact motion, known at any time.
 
-    It may also have ``highest_frequency`` [Hz], see :func:`highest_frequency`.
+    It may also have ``highest_frequency`` [Hz], see :func:`highest_frequency`, and ``felt``, see
+    :func:`felt`.
     """
 
     @property
@@ -40,6 +41,27 @@ class Trajectory(Protocol):
 
     def sample(self, t: Array) -> Motion:
         """Return the motion at times t (n,) [s], each in [0, duration], in any order."""
+
+
+class Felt(NamedTuple):
+    """What a point at the body's origin feels of a motion in a world that does not turn."""
+
+    acceleration: Array
+    """(n, 3) of the body in the world frame, without gravity [m/s^2]."""
+    q_wb: Array
+    """(n, 4) unit quaternions (w, x, y, z)."""
+    angular_velocity: Array
+    """(n, 3) omega_b, in the body frame [rad/s]."""
+
+
+def felt(trajectory: Trajectory, t: Array) -> Felt | Motion:
+    """Return what is felt of the motion at times t (n,) [s].
+
+    A trajectory that has a ``felt(t)`` leaves out what is not needed for it, with the same numbers
+    as its ``sample(t)``; most do not.
+    """
+    found: Felt | Motion = getattr(trajectory, "felt", trajectory.sample)(t)
+    return found
 
 
 def highest_frequency(trajectory: Trajectory) -> float:

@@ -13,7 +13,7 @@ from imu_sim_ros.trajectory.motion import Motion, Trajectory, highest_frequency
 Array = NDArray[np.float64]
 
 _MOST: Final = 100_000
-"""Times that are kept, 15 MB; what is sampled beyond them is sampled again."""
+"""Times that are kept, 22 MB; what is sampled beyond them is sampled again."""
 
 
 class RememberedTrajectory:

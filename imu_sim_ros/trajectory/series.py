@@ -32,6 +32,7 @@ class SeriesSet:
 
     def __init__(self, series: Sequence[SeriesParameters]) -> None:
         self._frequencies = sorted({w for one in series for w in one.angular_frequency})
+        self._column = np.array(self._frequencies)[:, None]
         self._polynomials = [_derived(one.polynomial) for one in series]
         self._waves = [self._waves_of(one) for one in series]
 
@@ -43,54 +44,99 @@ class SeriesSet:
     def _waves_of(self, series: SeriesParameters) -> list[_Wave]:
         phases = series.phase or (0.0,) * len(series.amplitude)
         return [
-            _Wave(self._frequencies.index(w), w, a * np.cos(phase), a * np.sin(phase))
+            _Wave(self._frequencies.index(w), w, float(a * np.cos(phase)), float(a * np.sin(phase)))
             for a, w, phase in zip(series.amplitude, series.angular_frequency, phases, strict=True)
         ]
 
-    def sample(self, t: Array) -> list[Derivatives]:
-        """Return every function and its derivatives at times t (n,)."""
-        angles = [w * t for w in self._frequencies]
-        sines = [np.sin(angle) for angle in angles]
-        cosines = [np.cos(angle) for angle in angles]
-        return [
-            _sum(polynomials, waves, t, sines, cosines)
-            for polynomials, waves in zip(self._polynomials, self._waves, strict=True)
-        ]
+    def sample(self, t: Array) -> tuple[Array, list[Derivatives]]:
+        """Return every function at times t (n,): a table, and the functions one by one.
+
+        The table (3, functions, n) has all values, first and second derivatives; one by one, what
+        is constant is a float, and the rest rows of the table.
+        """
+        sines, cosines = self._sines(t)
+        table = np.empty((3, len(self._waves), len(t)))
+        every = range(len(self._waves))
+        return table, [self._function(k, table[:, k], t, sines, cosines) for k in every]
+
+    def felt(self, t: Array) -> tuple[Array, list[Derivatives]]:
+        """Return the second derivatives (3, n) of the first three, and the others as above."""
+        sines, cosines = self._sines(t)
+        table = np.empty((3, len(self._waves), len(t)))
+        for k in range(3):
+            bend: Array | float = _trend(self._polynomials[k][2], t)
+            for column, w, a, b in self._waves[k]:
+                wave = sines[column] * a
+                if b:
+                    wave += cosines[column] * b
+                wave *= w * w
+                bend = np.subtract(bend, wave, wave)
+            table[2, k] = bend
+        others = range(3, len(self._waves))
+        return table[2, :3], [self._function(k, table[:, k], t, sines, cosines) for k in others]
+
+    def _sines(self, t: Array) -> tuple[Array, Array]:
+        """Return sine and cosine (frequencies, n) of every frequency."""
+        angles = self._column * t
+        return np.sin(angles), np.cos(angles, out=angles)
+
+    def _function(
+        self, k: int, table: Array, t: Array, sines: Array, cosines: Array
+    ) -> Derivatives:
+        """Return a function, and fill its table (3, n)."""
+        trend = [_trend(polynomial, t) for polynomial in self._polynomials[k]]
+        if self._waves[k]:
+            return _add_waves(table, trend, self._waves[k], sines, cosines)
+        table[0], table[1], table[2] = trend
+        return Derivatives(*trend)
 
 
-def _derived(coefficients: Sequence[float]) -> list[tuple[float, ...]]:
-    """Return the coefficients of a polynomial and of its first and second derivative."""
+def _derived(coefficients: Sequence[float]) -> list[float | tuple[float, ...]]:
+    """Return the coefficients of a polynomial and of its first and second derivative.
+
+    A constant is its value.
+    """
     result = [tuple(coefficients) or (0.0,)]
     for _ in range(2):
         result.append(tuple(k * c for k, c in enumerate(result[-1]))[1:] or (0.0,))
-    return result
+    return [float(one[0]) if len(one) == 1 else one for one in result]
 
 
-def _sum(
-    polynomials: Sequence[Sequence[float]],
+def _add_waves(
+    table: Array,
+    trend: Sequence[Array | float],
     waves: Sequence[_Wave],
-    t: Array,
-    sines: Sequence[Array],
-    cosines: Sequence[Array],
+    sines: Array,
+    cosines: Array,
 ) -> Derivatives:
-    value, first, second = (_horner(coefficients, t) for coefficients in polynomials)
+    """Fill a table (3, n) with waves on a trend, one after the other, in place."""
+    value, first, second = trend
+    product = np.empty(table.shape[1])
+    out = table
     for k, w, a, b in waves:
-        # In place from the first product on: fewer arrays stay in the processor's cache.
-        wave, slope = a * sines[k], (w * a) * cosines[k]
+        wave, slope, bend = out[0], out[1], out[2]
+        sine, cosine = sines[k], cosines[k]
+        np.multiply(sine, a, wave)
+        np.multiply(cosine, w * a, slope)
         if b:
-            wave += b * cosines[k]
-            slope -= (w * b) * sines[k]
-        bend = (w * w) * wave
-        second = np.subtract(second, bend, out=bend)
+            wave += np.multiply(cosine, b, product)
+            slope -= np.multiply(sine, w * b, product)
+        np.subtract(second, np.multiply(wave, w * w, product), bend)
         slope += first
         wave += value
-        value, first = wave, slope
-    return Derivatives(value, first, second)
+        if out is table:
+            value, first, second = wave, slope, bend
+            out = table if len(waves) == 1 else np.empty_like(table)
+        else:
+            table[:] = out
+    return Derivatives(table[0], table[1], table[2])
 
 
-def _horner(coefficients: Sequence[float], t: Array) -> Array | float:
+def _trend(coefficients: float | tuple[float, ...], t: Array) -> Array | float:
     """Return a polynomial's values (n,), or its value if it is constant."""
+    if isinstance(coefficients, float):
+        return coefficients
     result: Array | float = coefficients[-1]
-    for coefficient in reversed(coefficients[:-1]):
+    for coefficient in coefficients[-2::-1]:
         result = result * t + coefficient
     return result

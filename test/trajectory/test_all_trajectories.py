@@ -12,6 +12,7 @@ import pytest
 from imu_sim_ros.config import files
 from imu_sim_ros.config.parameter import build as build_section
 from imu_sim_ros.config.trajectory import TYPES
+from imu_sim_ros.trajectory import felt
 
 NAMES = files.names("trajectories")
 RNG = np.random.default_rng(1)
@@ -45,6 +46,16 @@ def test_a_file_named_like_a_kind_holds_its_defaults(name):
 def test_derivatives_are_exact(name, build, assert_exact_derivatives):
     trajectory = build(type=name)
     assert_exact_derivatives(trajectory, some_times(trajectory))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_is_felt_is_a_part_of_the_motion(name, build):
+    """Bit for bit: averaged readings use it in place of the motion."""
+    trajectory = build(type=name)
+    t = some_times(trajectory, 300)
+    motion, part = trajectory.sample(t), felt(trajectory, t)
+    for field in ("acceleration", "q_wb", "angular_velocity"):
+        assert np.array_equal(getattr(motion, field), getattr(part, field)), field
 
 
 @pytest.mark.parametrize("name", NAMES)

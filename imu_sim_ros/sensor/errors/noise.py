@@ -61,6 +61,13 @@ class _Drawn:
         self._sigma = sigma[axes, None]
         self._drawing = [(k, self._streams[axis]) for k, axis in enumerate(axes)]
 
+    def _add_rows(self, values: Array, own: Array) -> None:
+        """Add the rows of the axes that have a strength to values (3, n)."""
+        if isinstance(self._rows, slice):
+            values += own
+        else:
+            values[self._rows] += own
+
 
 class WhiteNoise(_Drawn):
     """White noise: ``n_d = sigma / sqrt(dt) w`` (lecture eq. 16).
@@ -103,7 +110,7 @@ class WhiteNoise(_Drawn):
             for k, stream in self._drawing:
                 stream.standard_normal(out=noise[k])
             noise *= self._sigma
-            values[self._rows] += noise
+            self._add_rows(values, noise)
 
     def _add_dependent(self, values: Array, temperature_offset: Array | float) -> None:
         noise = np.zeros_like(values)
@@ -161,7 +168,7 @@ class RandomWalk(_Drawn):
             # Adds one after the other, whatever the block's size.
             np.add.accumulate(walk, axis=1, out=walk)
             self._state[self._rows] = walk[:, -1]
-            values[self._rows] += walk[:, :-1]
+            self._add_rows(values, walk[:, :-1])
         if len(self._still):
             values[self._still] += self._state[self._still, None]
 

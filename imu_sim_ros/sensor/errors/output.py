@@ -3,8 +3,9 @@
 
 """The end of a triad's chain: low-pass, saturation, quantisation."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,14 @@ class _Group:
     settled: Array
     """(sections, 2) state of one axis whose input has always been 1."""
     state: Array | None = None
-    """(sections, axes, 2)."""
+    """(axes, sections, 2)."""
+
+    @property
+    def rows(self) -> slice | NDArray[np.intp]:
+        """The axes, as a slice where they are neighbours: rows are then filtered in place."""
+        first, last = int(self.axes[0]), int(self.axes[-1])
+        neighbours = last - first + 1 == len(self.axes)
+        return slice(first, last + 1) if neighbours else self.axes
 
 
 class LowPass:
@@ -43,7 +51,7 @@ class LowPass:
         if cutoffs.any():
             from scipy import signal  # half a second of import that only a low-pass costs
 
-            self._filter = signal.sosfilt
+            self._filter = sections_in_place()
             for cutoff in np.unique(cutoffs[cutoffs > 0.0]):
                 sections = signal.butter(order, cutoff, fs=rate, output="sos")
                 axes = np.flatnonzero(cutoffs == cutoff)
@@ -54,10 +62,39 @@ class LowPass:
         if values.shape[1] == 0:
             return
         for group in self._groups:
-            x = values[group.axes]
+            rows = group.rows
+            x = np.ascontiguousarray(values[rows])
             if group.state is None:
-                group.state = group.settled[:, None, :] * x[:, :1]
-            values[group.axes], group.state = self._filter(group.sections, x, zi=group.state)
+                group.state = group.settled * x[:, :1, None]
+            self._filter(group.sections, x, group.state)
+            if not np.may_share_memory(x, values):
+                values[rows] = x
+
+
+SectionsFilter = Callable[[Array, Array, Array], Any]
+"""Filters x (axes, n) by sections (s, 6) with state (axes, s, 2), x and state in place."""
+
+
+def sections_in_place() -> SectionsFilter:
+    """Return ``scipy.signal.sosfilt`` without the 90 us that its checks take, a block's half.
+
+    The compiled function inside it, which has been the same since SciPy 1.0; where a release has
+    moved it, the public one.
+    """
+    try:
+        from scipy.signal._sosfilt import _sosfilt
+    except ImportError:
+        return checked_sections
+    filtered: SectionsFilter = _sosfilt
+    return filtered
+
+
+def checked_sections(sections: Array, x: Array, state: Array) -> None:
+    """Filter as :func:`sections_in_place`, by SciPy's public function."""
+    from scipy import signal
+
+    x[:], after = signal.sosfilt(sections, x, zi=state.transpose(1, 0, 2))
+    state[:] = after.transpose(1, 0, 2)
 
 
 _WHOLE: Final = 1.0 + 1e-6
@@ -68,26 +105,30 @@ class Digitiser:
     """Rounding to whole steps, and saturation: at the last whole step within the range."""
 
     def __init__(self) -> None:
-        self._range = np.zeros(3)
-        self._resolution = np.zeros(3)
+        self._axes: list[tuple[int, float, float]] = []
 
     def configure(self, parameters: TriadParameters) -> None:
         """Take range and resolution; 0 is none."""
-        self._range = np.asarray(parameters.range)
-        self._resolution = np.asarray(parameters.resolution)
+        limits = zip(parameters.range, parameters.resolution, strict=True)
+        self._axes = [(k, r, step) for k, (r, step) in enumerate(limits) if r or step]
 
     def apply(self, values: Array) -> None:
         """Saturate and round values (3, n) in place."""
-        for row, limit, step in zip(values, self._range, self._resolution, strict=True):
+        for k, limit, step in self._axes:
+            row = values[k]
             if step:
                 row /= step
                 np.rint(row, out=row)
                 if limit:
-                    largest = np.floor(limit / step * _WHOLE)
-                    np.clip(row, -largest, largest, out=row)
+                    _clip(row, float(np.floor(limit / step * _WHOLE)))
                 row *= step
-            elif limit:
-                np.clip(row, -limit, limit, out=row)
+            else:
+                _clip(row, limit)
+
+
+def _clip(values: Array, limit: float) -> None:
+    """Limit values to +-limit in place."""
+    np.minimum(np.maximum(values, -limit, out=values), limit, out=values)
 
 
 class IncrementRounding:
@@ -105,6 +146,7 @@ class IncrementRounding:
         """
         self._interval = interval
         self._step = [0.0] * 3
+        self._active = False
         self._sum = [0.0] * 3
 
     def configure(self, parameters: TriadParameters) -> None:
@@ -113,10 +155,12 @@ class IncrementRounding:
         for k, (old, new) in enumerate(zip(self._step, step, strict=True)):
             if old != new:
                 self._sum[k] = 0.0
-        self._step = step
+        self._step, self._active = step, any(step)
 
     def apply(self, values: Array) -> None:
         """Round the increments of mean readings (3, n) in place."""
+        if not self._active:
+            return
         for k, (row, step) in enumerate(zip(values, self._step, strict=True)):
             if not (step and len(row)):
                 continue

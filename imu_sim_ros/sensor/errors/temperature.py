@@ -62,7 +62,7 @@ class TemperatureProfile:
     def at(self, t: Array) -> Array:
         """Return the sensor's temperature (n,) [degC] at times t (n,) [s] since the start."""
         if self.constant:
-            return np.broadcast_to(self._ambient[0], t.shape)
+            return np.full(t.shape, self._ambient[0])
         temperature = self._following(t)
         for rise, tau in self._warm_up:
             temperature += rise if tau == 0.0 else -rise * np.expm1(-t / tau)

@@ -121,10 +121,12 @@ class Triad:
             )
         if vibration is not None:
             reading += vibration
-        faults.saturate(self._triad, first, reading)
+        if faults.any:
+            faults.saturate(self._triad, first, reading)
         self._digitiser.apply(reading)
         self._increments.apply(reading)
-        faults.hold(self._triad, first, reading, self._last)
+        if faults.any:
+            faults.hold(self._triad, first, reading, self._last)
         if reading.shape[1]:
             self._last = reading[:, -1].copy()
         return Reading(reading, bias, scale)
@@ -156,6 +158,8 @@ class Triad:
             term.add_to(bias)
         for board_term in self._board_terms:
             board_term.add_to(bias, surroundings)
+        if not faults.any:
+            return bias
         jumps = bias if self._ratio == 1 else np.zeros((3, bias.shape[1] // self._ratio))
         faults.add_bias(self._triad, first, jumps)
         if jumps is not bias:

@@ -5,11 +5,9 @@
 
 import math
 
-import numpy as np
-
 from imu_sim_ros.config import HarmonicParameters
-from imu_sim_ros.trajectory.euler import attitude
-from imu_sim_ros.trajectory.motion import Array, Motion
+from imu_sim_ros.trajectory.euler import attitude, attitude_and_rate
+from imu_sim_ros.trajectory.motion import Array, Felt, Motion
 from imu_sim_ros.trajectory.series import SeriesSet
 
 
@@ -34,10 +32,12 @@ class Harmonic:
 
     def sample(self, t: Array) -> Motion:
         """Return the motion at times t (n,) [s]."""
-        n = len(t)
-        *position, roll, pitch, yaw = self._coordinates.sample(t)
-        p, v, a = np.empty((3, 3, n))  # components first: each row is contiguous
-        for k, coordinate in enumerate(position):
-            p[k], v[k], a[k] = coordinate
-        q_wb, omega, alpha = attitude(roll, pitch, yaw, n)
-        return Motion(p.T, v.T, a.T, q_wb, omega, alpha)
+        table, (*_, roll, pitch, yaw) = self._coordinates.sample(t)
+        position, velocity, acceleration = table[:, :3]
+        attitudes = attitude(roll, pitch, yaw, len(t))
+        return Motion(position.T, velocity.T, acceleration.T, *attitudes)
+
+    def felt(self, t: Array) -> Felt:
+        """Return what is felt of the motion at times t (n,) [s], at two thirds of the cost."""
+        acceleration, (roll, pitch, yaw) = self._coordinates.felt(t)
+        return Felt(acceleration.T, *attitude_and_rate(roll, pitch, yaw, len(t)))
