@@ -75,13 +75,13 @@ def log_values(axes: Axes) -> None:
     axes.set_yscale("log")
     of_powers = axes.yaxis.get_major_formatter()
 
-    def label(value: float, place: int | None = None) -> str:
+    def label(value: float, place: float) -> str:
         low, high = axes.yaxis.get_view_interval()
         is_power = bool(np.isclose(value, 10.0 ** np.round(np.log10(value))))
         if high < 100.0 * low:
             first = round(value / 10.0 ** np.floor(np.log10(value) + 1e-9))
             return f"{value:g}" if first in (1, 2, 5) else ""
-        return of_powers(value, place) if is_power else ""
+        return of_powers(value, int(place or 0)) if is_power else ""
 
     axes.yaxis.set_major_formatter(label)
     axes.yaxis.set_minor_formatter(label)
