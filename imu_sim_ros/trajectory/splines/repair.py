@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from imu_sim_ros import rotation
 from imu_sim_ros.trajectory.motion import Array
 from imu_sim_ros.trajectory.splines.arrival import even_times
-from imu_sim_ros.trajectory.splines.residuals import REACH, residuals
+from imu_sim_ros.trajectory.splines.residuals import REACH, residuals, smallest_distance
 
 _LEAST_POSES: Final = 30
 _OFF: Final = 10.0
@@ -89,8 +89,9 @@ def mended(t: Array, position: Array, q_wb: Array) -> Mended:
     single: list[int] = []
     jumps: list[Jump] = []
     p, q = position.copy(), q_wb.copy()
+    smallest = smallest_distance(taken, position)
     for _ in range(_ROUNDS):
-        found = residuals(taken[rows], p[rows], q[rows])
+        found = residuals(taken[rows], p[rows], q[rows], smallest)
         off = found.largest
         if np.max(off) <= _OFF:
             break

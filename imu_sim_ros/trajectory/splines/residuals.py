@@ -51,7 +51,20 @@ class Residuals(NamedTuple):
         return result
 
 
-def residuals(t: Array, position: Array, q_wb: Array) -> Residuals:
+def smallest_distance(t: Array, position: Array) -> float:
+    """Return the deviation [m] below which nothing stands out of poses (n, 3) at times (n,).
+
+    Half a digit where the file has whole millimetres.
+    """
+    step = float(np.median(np.diff(t)))
+    if np.allclose(position, np.round(position, 3), rtol=0.0, atol=1e-7):
+        return _SMALLEST_DISTANCE[1]
+    return float(np.clip(_BEND * step**2, *_SMALLEST_DISTANCE))
+
+
+def residuals(
+    t: Array, position: Array, q_wb: Array, smallest: float = _SMALLEST_DISTANCE[1]
+) -> Residuals:
     """Return the distance of each pose from a cubic through its six neighbours.
 
     Least squares without the pose itself, over ``sqrt(1 + leverage)``, so that a pose at an end is
@@ -61,6 +74,7 @@ def residuals(t: Array, position: Array, q_wb: Array) -> Residuals:
     :param t: (n,) times [s], increasing; n >= 8.
     :param position: (n, 3) [m].
     :param q_wb: (n, 4) without jumps of sign.
+    :param smallest: [m] taken as deviation of the positions at least.
     """
     n, step = len(t), float(np.median(np.diff(t)))
     parts = [
@@ -68,9 +82,9 @@ def residuals(t: Array, position: Array, q_wb: Array) -> Residuals:
         for first in range(0, n, _PART)
     ]
     lengths = [np.concatenate(part) for part in zip(*parts, strict=True)]
-    smallest = (float(np.clip(_BEND * step**2, *_SMALLEST_DISTANCE)), _SMALLEST)
+    limits = (smallest, _SMALLEST)
     usual = np.column_stack(
-        [_usual(length, least) for length, least in zip(lengths, smallest, strict=True)]
+        [_usual(length, least) for length, least in zip(lengths, limits, strict=True)]
     )
     return Residuals(
         lengths[0] / usual[:, 0], lengths[1] / usual[:, 1], usual, float(np.median(lengths[0]))

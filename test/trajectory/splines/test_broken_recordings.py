@@ -196,6 +196,15 @@ def test_noise_alone_is_no_outlier(follow):
     assert not follow(t, p, q).warnings
 
 
+def test_the_last_digit_of_a_file_is_no_outlier(follow):
+    """Millimetres at 200 Hz, nearly at rest: now and then all three coordinates change by one."""
+    t = np.arange(4000) / 200.0
+    p = np.round(np.repeat(3.7e-4 * t[:, None], 3, axis=1), 3)
+    q = np.tile([1.0, 0.0, 0.0, 0.0], (4000, 1))
+    assert len(np.unique(p)) == 8
+    assert not follow(t, p, q).warnings
+
+
 def test_generate_warns_even_when_quiet_and_mends_on_request(tmp_path, capsys):
     t, p, q = motion()
     p[700:] += [5.0, 0.0, 0.0]
