@@ -40,7 +40,8 @@ class ImageFolders:
         """Make the folders.
 
         :param folder: that exists.
-        :param form: euroc, tum_vi, which has no descriptions of sensors, or csv.
+        :param form: euroc; tum_vi, which has grey values of 16 bits and no descriptions of sensors;
+            or csv.
         :param jobs: threads.
         :param comment: for the sensors' descriptions.
         :raises ConfigurationError: for a scene without surfaces.
@@ -52,7 +53,7 @@ class ImageFolders:
         self.cameras = [CameraProgress(rig, name) for name in rig.views]
         self._imagers = list(made.values())
         self._frames: list[list[tuple[int, int]]] = [[] for _ in self.cameras]
-        self._folder, self._tables = folder, form != "csv"
+        self._folder, self._tables, self._deep = folder, form != "csv", form == "tum_vi"
         self._pool = ThreadPoolExecutor(jobs, thread_name_prefix="images")
         self._waiting: deque[Future[None]] = deque()
         self._most = _AHEAD * jobs
@@ -83,6 +84,10 @@ class ImageFolders:
         for number, t_ns in self._frames[camera]:
             yield t_ns, self._imagers[camera].exposure(number)
 
+    def vignette(self, camera: int) -> NDArray[np.float32]:
+        """Return the share of the light that each pixel of a camera gets (h, w)."""
+        return self._imagers[camera].vignette
+
     def _has_depth(self, camera: CameraProgress) -> bool:
         return self._tables and camera.view.parameters.depth
 
@@ -103,7 +108,8 @@ class ImageFolders:
         self._waiting.append(self._pool.submit(self._make, camera, number, path))
 
     def _make(self, camera: int, number: int, path: Path) -> None:
-        write_png(path, self._imagers[camera].image(number))
+        image: NDArray[Any] = self._imagers[camera].image(number)
+        write_png(path, in_16_bits(image) if self._deep and image.ndim == 2 else image)
         if self._has_depth(self.cameras[camera]):
             depth = self._imagers[camera].depth(number)
             write_png(path.parents[1] / DEPTH_FOLDER / path.name, millimetres(depth))
@@ -144,6 +150,12 @@ def millimetres(depth: NDArray[np.float32]) -> NDArray[np.uint16]:
     """Return depths (h, w) [m] as REP 118 has them in 16 bits; 0 for what is beyond 65.5 m."""
     rounded = np.rint(depth * np.float32(_MILLIMETRES))
     return np.where(rounded <= np.iinfo(np.uint16).max, rounded, 0.0).astype(np.uint16)
+
+
+def in_16_bits(image: NDArray[np.uint8]) -> NDArray[np.uint16]:
+    """Return grey values (h, w) in 16 bits; what reads 8 of them gets the same values."""
+    deep: NDArray[np.uint16] = image.astype(np.uint16) * np.uint16(256)
+    return deep
 
 
 def write_png(path: Path, image: NDArray[Any]) -> None:

@@ -4,11 +4,11 @@
 """The folder of a TUM VI sequence, as exported for EuRoC's and DSO's readers.
 
 Schubert et al., The TUM VI Benchmark (IROS 2018): ``mav0/camN`` and ``mav0/imu0`` as in EuRoC,
-``mav0/mocap0/data.csv`` the poses of the IMU, no sensor.yaml; ``dso/imu.txt``, ``dso/gt_imu.csv``
-(the same poses), and ``dso/camN`` with ``times.txt`` (name, seconds, exposure in ms) and the
-images. The original has 16-bit images, and rows in imu.txt that are interpolated at the images'
-times; here images have 8 bits, and readings are at the times of images where ``camera.trigger`` is
-synchronised.
+``mav0/mocap0/data.csv`` the poses of the IMU, no sensor.yaml; ``dso/imu.txt`` with the readings and
+one more, interpolated, at the time of each image, which DM-VIO requires; ``dso/gt_imu.csv`` (the
+same poses), and ``dso/camN`` with ``times.txt`` (name, seconds, exposure in ms), the images,
+``camera.txt`` (DSO's form of the lens) and ``vignette.png``. Images have 16 bits, of which the
+upper 8 are the simulated camera's.
 """
 
 from collections.abc import Mapping
@@ -20,16 +20,20 @@ from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
 from imu_sim_ros.bags import OutputFile, amount, make_folder
-from imu_sim_ros.bags.text import decimals
+from imu_sim_ros.bags.text import decimal, decimals
+from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text.writer import EUROC_IMU_HEADER
 from imu_sim_ros.camera import Rig
 from imu_sim_ros.config import ImuParameters
+from imu_sim_ros.config.cameras import CameraParameters
 from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
-from imu_sim_ros.datasets.images import ImageFolders
+from imu_sim_ros.datasets.images import ImageFolders, write_png
+from imu_sim_ros.errors import system_error
 from imu_sim_ros.sensor import ImuBlock
 from imu_sim_ros.topics import delivered
 
 Array = NDArray[np.float64]
+Times = NDArray[np.int64]
 
 _POSES: Final = (
     "#timestamp [ns], p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y [], "
@@ -63,7 +67,6 @@ class TumVi:
             name: self._file(name, header)
             for name, header in (
                 ("mav0/imu0/data.csv", EUROC_IMU_HEADER),
-                ("dso/imu.txt", _DSO_IMU),
                 ("mav0/mocap0/data.csv", _POSES),
                 ("dso/gt_imu.csv", _DSO_POSES),
             )
@@ -73,6 +76,19 @@ class TumVi:
             place = folder / "dso" / camera
             place.mkdir()
             (place / "images").symlink_to(f"../../mav0/{camera}/data")
+        self._describe_lenses()
+
+    def _describe_lenses(self) -> None:
+        for number, camera in enumerate(self._images.cameras):
+            place = self.path / "dso" / camera.name
+            share = np.rint(self._images.vignette(number) * np.float32(0xFFFF))
+            write_png(place / "vignette.png", share.astype(np.uint16))
+            text = dso_lens(camera.view.parameters)
+            if text:
+                try:
+                    (place / "camera.txt").write_text(text, encoding="utf-8")
+                except OSError as error:
+                    raise system_error(place / "camera.txt", error) from None
 
     def _file(self, name: str, header: str) -> OutputFile:
         file = OutputFile(self.path / name)
@@ -103,7 +119,6 @@ class TumVi:
         t_ns, gyro, accel = delivered(block)
         readings = [t_ns, np.concatenate([gyro, accel], axis=1)]
         self._open["mav0/imu0/data.csv"].write(decimals.lines(readings))
-        self._open["dso/imu.txt"].write(decimals.lines(readings, " "))
         motion = block.motion
         position = motion.position + rotation.rotate(motion.q_wb, self._p_bi)
         q_wi = rotation.multiply(motion.q_wb, self._q_bi)
@@ -133,6 +148,8 @@ class TumVi:
                     file.abandon(empty=not self.rows["imu"])
         if whole:
             self._write_times()
+            if self.rows["imu"]:
+                self._write_dso_imu()
 
     def _write_times(self) -> None:
         for number, camera in enumerate(self._images.cameras):
@@ -142,3 +159,48 @@ class TumVi:
             exposure = np.array([1e3 * seconds for _, seconds in found])
             file.write(decimals.lines([t_ns, decimals.seconds(t_ns), exposure], " "))
             file.finish()
+
+    def _write_dso_imu(self) -> None:
+        """Write the readings again, with interpolated ones between them at the images' times."""
+        found = [t for k in range(len(self._images.cameras)) for t, _ in self._images.exposures(k)]
+        stamps = np.unique(np.array(found, dtype=np.int64))
+        file = self._file("dso/imu.txt", _DSO_IMU)
+        known = (np.empty(0, dtype=np.int64), np.empty((0, 6)))
+        readings = self.path / "mav0" / "imu0" / "data.csv"
+        for t_ns, gyro, accel in text_reader.imu_blocks(readings, skipped=lambda _: None):
+            values = np.concatenate([gyro, accel], axis=1)
+            after = known[0][-1] + 1 if len(known[0]) else t_ns[0]
+            t_known = np.concatenate([known[0], t_ns])
+            wanted = stamps[(stamps >= after) & (stamps <= t_ns[-1])]
+            wanted = wanted[~np.isin(wanted, t_ns)]
+            all_known = np.concatenate([known[1], values])
+            between = interpolated(wanted, t_known, all_known)
+            order = np.argsort(np.concatenate([t_ns, wanted]), kind="stable")
+            rows = [np.concatenate([t_ns, wanted])[order], np.concatenate([values, between])[order]]
+            file.write(decimals.lines(rows, " "))
+            known = (t_ns[-1:], values[-1:])
+        file.finish()
+
+
+def interpolated(t_ns: Times, known_ns: Times, values: Array) -> Array:
+    """Return values (m, k) at times (m,) between those (n, k) that are known at times (n,)."""
+    start = known_ns[0]
+    columns = [np.interp(t_ns - start, known_ns - start, column) for column in values.T]
+    return np.stack(columns, axis=1)
+
+
+def dso_lens(camera: CameraParameters) -> str | None:
+    """Return a camera in DSO's form (util/Undistort.cpp); None for a sphere, which it has not.
+
+    Focal lengths and centre as shares of the image's size, whose first pixel's centre is at half a
+    pixel; then the image's size, what is done at its borders, and the size of the result.
+    """
+    if camera.model != "pinhole":
+        return None
+    fx, fy, cx, cy = camera.intrinsics
+    width, height = camera.width, camera.height
+    shares = (fx / width, fy / height, (cx + 0.5) / width, (cy + 0.5) / height)
+    name = "EquiDistant" if camera.distortion_model == "equidistant" else "RadTan"
+    four = (*camera.distortion, 0.0, 0.0, 0.0, 0.0)[:4]
+    size = f"{width} {height}"
+    return f"{name} {' '.join(decimal(x) for x in (*shares, *four))}\n{size}\ncrop\n{size}\n"

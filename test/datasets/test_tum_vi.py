@@ -12,6 +12,8 @@ import yaml
 
 from imu_sim_ros import rotation
 from imu_sim_ros.commands import generate
+from imu_sim_ros.config.cameras import load_rig
+from imu_sim_ros.datasets.tum_vi import dso_lens
 
 TURN = [0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]
 SETTINGS = {
@@ -51,8 +53,14 @@ def test_images_and_readings_are_those_of_euroc(place):
     for name in ("cam0/data.csv", "cam1/data.csv", "imu0/data.csv"):
         assert (seq / name).read_text() == (euroc / name).read_text()
     for camera in ("cam0", "cam1"):
-        for image in (euroc / camera / "data").iterdir():
-            assert (seq / camera / "data" / image.name).read_bytes() == image.read_bytes()
+        for path in (euroc / camera / "data").iterdir():
+            deep = cv2.imread(str(seq / camera / "data" / path.name), cv2.IMREAD_UNCHANGED)
+            image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+            assert deep.dtype == np.uint16
+            assert np.array_equal(deep, image.astype(np.uint16) * 256)
+            # ORB_SLAM3 asks for 8 bits.
+            grey = cv2.imread(str(seq / camera / "data" / path.name), cv2.IMREAD_GRAYSCALE)
+            assert np.array_equal(grey, image)
     assert not list(seq.rglob("sensor.yaml"))  # the original has none
     readings = table(place / "seq" / "dso" / "imu.txt", " ")
     assert np.array_equal(readings, table(seq / "imu0" / "data.csv"))
@@ -93,6 +101,57 @@ def test_the_calibration_is_kalibrs(place):
     np.testing.assert_allclose(chain["cam1"]["T_cam_imu"], expected, atol=1e-9)
     noise = yaml.safe_load((place / "seq" / "dso" / "imu_config.yaml").read_text())
     assert noise["gyroscope_noise_density"] == pytest.approx(1.6968e-4)
+
+
+def test_the_lens_in_dsos_form(place):
+    """Its reader takes centres as (cx + 0.5) / width, and the vignette as 16-bit shares."""
+    dso = place / "seq" / "dso"
+    for camera in ("cam0", "cam1"):
+        sensor = yaml.safe_load((place / "mav0" / camera / "sensor.yaml").read_text())
+        lens, *rest = (dso / camera / "camera.txt").read_text().splitlines()
+        name, *numbers = lens.split()
+        assert (name, rest) == ("RadTan", ["94 60", "crop", "94 60"])
+        fx, fy, cx, cy = np.array(numbers[:4], float) * [94, 60, 94, 60] - [0, 0, 0.5, 0.5]
+        np.testing.assert_allclose([fx, fy, cx, cy], sensor["intrinsics"], rtol=1e-11)
+        assert [float(x) for x in numbers[4:]] == sensor["distortion_coefficients"]
+        vignette = cv2.imread(str(dso / camera / "vignette.png"), cv2.IMREAD_UNCHANGED)
+        assert vignette.dtype == np.uint16
+        assert vignette.shape == (60, 94)
+        assert (vignette == 65535).all()
+
+
+def test_the_form_of_the_original_lens():
+    """Of dso/cam0/camera.txt of a 512 x 512 sequence, as it was published."""
+    name = "EquiDistant"
+    shares = [0.373004838186, 0.372994740336, 0.498890050897, 0.502729380663]
+    distortion = [0.00348238940225, 0.000715034845216, -0.00205323614187, 0.000202936735918]
+    rig = load_rig({"cameras": ["cam0"], "cam0.camera.preset": "tum_vi_cam0"})
+    ours = dso_lens(rig.camera("cam0")).splitlines()
+    assert ours[0].split()[0] == name
+    found = np.array(ours[0].split()[1:], float)
+    np.testing.assert_allclose(found, [*shares, *distortion], atol=1e-12)
+    assert ours[1:] == ["512 512", "crop", "512 512"]
+
+
+def test_a_free_camera_has_readings_at_its_times(tmp_path):
+    """DM-VIO looks for a reading with the stamp of each image: interpolated ones are added."""
+    words = ["--set", "camera.trigger=free", "--set", "camera.phase=0.0031", "--quiet"]
+    sequence = tmp_path / "seq"
+    assert generate.main(["-o", str(sequence), "--format", "tum_vi", *FLIGHT, *words]) == 0
+    readings = table(sequence / "mav0" / "imu0" / "data.csv")
+    rows = table(sequence / "dso" / "imu.txt", " ")
+    stamps = table(sequence / "dso" / "cam0" / "times.txt", " ")[:, 0]
+    inside = stamps[(stamps >= readings[0, 0]) & (stamps <= readings[-1, 0])]
+    assert len(inside) >= 9
+    assert not np.isin(inside, readings[:, 0]).any()
+    assert len(rows) == len(readings) + len(inside)
+    assert (np.diff(rows[:, 0]) > 0).all()
+    added = np.isin(rows[:, 0], inside)
+    assert np.array_equal(rows[~added], readings)
+    start = readings[0, 0]
+    for column in range(1, 7):
+        line = np.interp(inside - start, readings[:, 0] - start, readings[:, column])
+        np.testing.assert_allclose(rows[added, column], line, rtol=1e-12)
 
 
 def test_what_it_cannot_hold_is_refused(tmp_path, capsys):

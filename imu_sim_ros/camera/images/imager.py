@@ -101,6 +101,14 @@ class Imager:
         times = self._row_times(t, renderer.rows)
         return renderer.depth(self.view.poses(self._trajectory, times))
 
+    @property
+    def vignette(self) -> Single:
+        """(h, w) share of the light that each pixel gets."""
+        p = self.view.parameters
+        if self._vignette is None:
+            return np.ones((p.height, p.width), np.float32)
+        return self._vignette.reshape(p.height, p.width)
+
     def exposure(self, number: int) -> float:
         """Return how long the shutter was open for what a frame shows [s]."""
         p = self.view.parameters
