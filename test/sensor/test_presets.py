@@ -108,6 +108,19 @@ def test_every_noise_density_names_its_convention(preset: str) -> None:
         assert one_sided or re.search(two_sided, words), words
 
 
+@pytest.mark.parametrize("preset", [n for n in PRESETS if n not in ("perfect", "lecture")])
+def test_every_tolerance_becomes_a_deviation_by_the_rule_its_file_states(preset: str) -> None:
+    """A tolerance, or a limit, is three standard deviations; or the source's values are one."""
+    text = files.find("imus", preset).read_text(encoding="utf-8")
+    three = "taken as three standard deviations, x / 3" in text
+    one = "The source's values are one standard deviation each." in text
+    for _, words, expression, name, _ in ENTRY.findall(text):
+        if name.endswith("_sigma"):
+            assert three != one
+            limit = re.search(r"\bat most\b|^\S+ to \S+ LSB", words) is not None
+            assert (three or limit) == (re.search(r"/ 3\b|/ 135\b", expression) is not None), name
+
+
 IN_BANDWIDTH = [
     ("mpu6000", "gyroscope", math.radians(0.005), math.radians(0.05), 100.0),
     ("mpu9250", "gyroscope", math.radians(0.01), math.radians(0.1), 92.0),
