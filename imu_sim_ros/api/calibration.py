@@ -192,6 +192,8 @@ def calibrate_magnetometer(
     >>> ((found.hard_iron.value * 1e6).round(6) + 0.0).tolist()
     [10.0, 0.0, -20.0]
     """
+    if strength is not None and not 0.0 < strength < 1.0:
+        raise InputError(f"strength = {strength:g}: must be above 0 and below 1 T")
     if isinstance(readings, Flight):
         values = readings.magnetic_field.field
     elif isinstance(readings, str | Path):
@@ -200,6 +202,8 @@ def calibrate_magnetometer(
         _, values = read_magnetic_field(readings)
     else:
         values = np.asarray(readings, dtype=np.float64)
+        if values.ndim != 2 or values.shape[1] != 3:
+            raise InputError(f"readings: have the shape {values.shape}; must be (n, 3)")
     return _calibration(correction.magnetometer_parameters(ellipsoid(values, strength)))
 
 

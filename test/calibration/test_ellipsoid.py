@@ -10,6 +10,7 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.stats import binom, chi2
 
+import imu_sim_ros as ims
 from imu_sim_ros.calibration.deterministic import calibrate_magnetometer, symmetric_root
 from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.errors import InputError
@@ -123,3 +124,17 @@ def test_a_tumbling_board_gives_its_iron_back() -> None:
 def test_readings_that_do_not_determine_it_are_refused(given: np.ndarray, words: str) -> None:
     with pytest.raises(InputError, match=words):
         calibrate_magnetometer(given * 1e-5)
+
+
+@pytest.mark.parametrize(
+    ("given", "strength", "words"),
+    [
+        (np.ones((20, 2)), None, r"have the shape \(20, 2\); must be \(n, 3\)"),
+        (np.ones(20), None, "have the shape"),
+        (np.ones((20, 3)), -1.0, "strength = -1: must be above 0"),
+        (np.ones((20, 3)), np.nan, "strength = nan: must be above 0"),
+    ],
+)
+def test_the_front_door_says_what_cannot_be_a_record(given, strength, words):
+    with pytest.raises(InputError, match=words):
+        ims.calibrate_magnetometer(given, strength=strength)

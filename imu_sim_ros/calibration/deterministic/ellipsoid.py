@@ -4,8 +4,8 @@
 """Calibration of a magnetometer that is turned all around: its readings lie on an ellipsoid.
 
 ``y = S B + b + n`` with ``|B| = F`` wherever the sensor points: ``|S^-1 (y - b)| = F``. A rotation
-of all axes changes no norm, so S is chosen symmetric: it is the root of ``M M^T``, M being what
-soft iron, scales and axes make of a field together. Nine parameters, by least squares of the norms
+of all axes changes no norm, so S is chosen symmetric: it is the root of ``M M^T``, M being soft
+iron, scales and misalignment together. Nine parameters, by least squares of the norms
 weighted with their standard errors (P. D. Groves, "Principles of GNSS, Inertial, and Multisensor
 Integrated Navigation Systems", 2nd ed., section 6.1.2; D. Gebre-Egziabher et al., "Calibration of
 Strapdown Magnetometers in Magnetic Field Domain", J. Aerosp. Eng. 19 (2006) 87).
@@ -25,6 +25,8 @@ _ROWS: Final = np.array([0, 0, 0, 1, 1, 2])
 _COLUMNS: Final = np.array([0, 1, 2, 1, 2, 2])
 _STEPS: Final = 50
 _CONVERGED: Final = 1e-13
+_ROUNDING: Final = 1e-6
+"""A last step that is larger is not one of rounding."""
 _DEPENDENT: Final = 1e-3
 """Ratio of singular values below which directions do not determine the parameters."""
 
@@ -77,6 +79,8 @@ def calibrate_magnetometer(readings: Array, field: float | None = None) -> Ellip
         variance, before = fit.variance, variance
         if fit.change < _CONVERGED and abs(variance - before) <= 1e-9 * variance + 1e-30:
             break
+    if not fit.change < _ROUNDING:
+        raise InputError("magnetometer: the fit of an ellipsoid does not converge")
     return _summary(y, inverse, bias, variance, size, field)
 
 

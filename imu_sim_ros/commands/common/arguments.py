@@ -97,7 +97,7 @@ def parameter_layers(arguments: argparse.Namespace, node: str) -> list[Mapping[s
 
 
 def simulation_layers(arguments: argparse.Namespace) -> list[Mapping[str, object]]:
-    """Return the layers of a simulation: short arguments lie below the files and ``--set``."""
+    """Return the layers of a simulation: short arguments are above the files, below ``--set``."""
     short: dict[str, object] = {}
     if arguments.imu is not None:
         short["imu.preset"] = arguments.imu
