@@ -13,7 +13,16 @@ from numpy.typing import NDArray
 
 from imu_sim_ros import rotation, timebase
 from imu_sim_ros.api.twin.recording import Recorded, moving
-from imu_sim_ros.calibration.twin import Errors, Fit, Recording, clock, comparison, model
+from imu_sim_ros.calibration.twin import (
+    Analysis,
+    Errors,
+    Fit,
+    Recording,
+    comparison,
+    intensity,
+    model,
+    truth,
+)
 from imu_sim_ros.config import Value, load_simulation
 from imu_sim_ros.navigation import NavigationState, dead_reckon
 from imu_sim_ros.simulation import Simulation
@@ -27,7 +36,8 @@ _EVERY: Final = 0.5
 """[s] between two starts."""
 SEEDS: Final = 5
 """Twins that are flown."""
-_ALIGNMENTS: Final = 2
+_TRUTH_FROM: Final = 1.0
+"""[Hz] from which on a residual follows the truth's noise."""
 
 
 class Flown(NamedTuple):
@@ -61,6 +71,8 @@ class Check:
     """(3,) median position error of the real IMU after 1, 2 and 5 s [m]."""
     simulated_drift: Array
     """(3,) the twin's."""
+    truth_noise: Array
+    """(6,) RMS noise of the truth on this part, over that where the twin was fitted."""
     told_apart: float
     """Share of windows of half a second that a classifier assigns right; 0.5: it cannot."""
     flown: tuple[Flown, Flown]
@@ -85,6 +97,7 @@ class Check:
             "windows_s": list(WINDOWS),
             "real_drift_m": _plain(self.real_drift),
             "simulated_drift_m": _plain(self.simulated_drift),
+            "truth_noise_ratio": _plain(self.truth_noise),
             "told_apart": self.told_apart,
         }
 
@@ -93,16 +106,21 @@ def _plain(values: Array) -> Any:
     return np.where(np.isfinite(values), values.astype(object), None).tolist()  # type: ignore[call-overload]
 
 
-def check(source: Recorded, part: Recording, fit: Fit, parameters: dict[str, Value]) -> Check:
+def check(
+    source: Recorded, part: Recording, analysis: Analysis, parameters: dict[str, Value]
+) -> Check:
     """Compare a twin with a part of the recording.
 
-    The truth's clock is laid on this part again: where it wanders, that is not the sensor's doing.
-    Nothing else is fitted.
+    The truth's clock and smoothing are found again on this part, and the twins get as much noise
+    of the truth as its poses show here: none of these is the sensor's doing. All else stays.
     """
-    real = _real(source, part, fit)
+    fit = analysis.fit
+    real = _laid(source, part, fit)
     parts = _parts(source, real.t, part)
     rate = part.rate
     twins = [_simulated(source, real.t, fit.errors, parameters, seed) for seed in range(SEEDS)]
+    noise = _truth_noise(source, fit, analysis.parts, twins[0].t)
+    twins = [_with_truth_noise(twin, noise, rate, source.cutoff) for twin in twins]
     flown = [slice(0, len(twins[0].t))]
     levels = comparison.levels(real.residuals, parts, rate)
     others = [comparison.levels(twin.residuals, flown, rate) for twin in twins]
@@ -112,14 +130,15 @@ def check(source: Recorded, part: Recording, fit: Fit, parameters: dict[str, Val
         comparison.told_apart(seen, comparison.features(twin.residuals, flown, rate), seed)
         for seed, twin in enumerate(twins)
     ]
-    drifts = [_drift(source, twin, fit.errors) for twin in twins]
+    drifts = [_drift(source, twin, fit.errors, np.zeros(3)) for twin in twins]
     return Check(
         float(real.t[-1] - real.t[0]),
         levels,
         simulated,
         comparison.decibels(simulated, levels),
-        _median(_drift(source, real, fit.errors)),
+        _median(_drift(source, real, fit.errors, fit.errors.world)),
         np.array([_median([np.concatenate(d) for d in zip(*drifts, strict=True)])])[0],
+        np.sqrt(np.mean(noise**2, axis=0)),
         float(np.mean(shares)),
         (real, twins[0]),
     )
@@ -129,16 +148,38 @@ def _median(errors: list[Array]) -> Array:
     return np.array([np.median(e) if len(e) else np.nan for e in errors])
 
 
-def _real(source: Recorded, part: Recording, fit: Fit) -> Flown:
-    course = np.zeros(len(part.stamps))
-    for _ in range(_ALIGNMENTS):
-        t = model.true_times(fit.errors, part.stamps, fit.reference, course)
-        residuals = part.readings - model.readings(fit.errors, source.body_motion(t))
-        slope = model.slope_at(fit.errors, source.body_motion, t)
-        course = course + clock.wander(part.stamps, residuals, slope, part.rate, steady=False)
-    t = model.true_times(fit.errors, part.stamps, fit.reference, course)
-    residuals = part.readings - model.readings(fit.errors, source.body_motion(t))
-    return Flown(t, part.readings, residuals)
+def _laid(source: Recorded, part: Recording, fit: Fit) -> Flown:
+    """Return readings on the truth, whose clock and smoothing are found again on this part."""
+    again = truth.laid_on(part, source.body_motion, fit, source.cutoff)
+    t = model.true_times(again.errors, part.stamps, again.reference, again.wander)
+    return Flown(t, part.readings, again.residuals)
+
+
+def _truth_noise(source: Recorded, fit: Fit, parts: tuple[slice, ...], t: Array) -> Array:
+    """Return the truth's noise at times (n,) [s] over that where the twin was fitted (n, 6).
+
+    :param parts: rows of the recording whose residual is simulated.
+    """
+    poses = source.poses
+    times, noise = truth.pose_noise(
+        timebase.seconds_since(poses.t_ns, source.t0_ns), poses.position, poses.q_wb
+    )
+    noise = np.concatenate([noise[:, k : k + 3] @ fit.errors.r_ib.T for k in (0, 3)], axis=1)
+    stamps = source.recording.stamps[parts[0].start : parts[-1].stop]
+    return truth.noise_over(times, noise, (float(stamps[0]), float(stamps[-1])), t)
+
+
+def _with_truth_noise(flown: Flown, size: Array, rate: float, cutoff: float) -> Flown:
+    """Return a twin's readings whose residual from 1 Hz to half the cut-off follows the truth's.
+
+    There, above its slow errors and below vibration, a residual is mostly the truth's noise.
+
+    :param size: (n, 6) of that noise over the one that the twin simulates.
+    """
+    whole = [slice(0, len(flown.t))]
+    noise = intensity.in_range(flown.residuals, whole, rate, _TRUTH_FROM, 0.5 * cutoff)
+    extra = (size - 1.0) * noise
+    return Flown(flown.t, flown.readings + extra, flown.residuals + extra)
 
 
 def _parts(source: Recorded, t: Array, part: Recording) -> list[slice]:
@@ -182,9 +223,9 @@ def _simulated(
     return Flown(times, readings, residuals)
 
 
-def _drift(source: Recorded, flown: Flown, errors: Errors) -> list[Array]:
+def _drift(source: Recorded, flown: Flown, errors: Errors, world: Array) -> list[Array]:
     """Return the position errors [m] after each length of window, from the true state."""
-    motion = _imu_motion(source, flown.t, errors)
+    motion = _imu_motion(source, flown.t, errors, world)
     t_ns = np.round(flown.t * 1e9).astype(np.int64)
     x = flown.readings - errors.bias
     result = []
@@ -206,9 +247,13 @@ def _drift(source: Recorded, flown: Flown, errors: Errors) -> list[Array]:
     return result
 
 
-def _imu_motion(source: Recorded, t: Array, errors: Errors) -> Motion:
-    """Return the motion of the IMU itself, at its lever arm and in its mounting."""
+def _imu_motion(source: Recorded, t: Array, errors: Errors, world: Array) -> Motion:
+    """Return the motion of the IMU itself, at its lever arm and in its mounting.
+
+    :param world: (3,) turn of the attitudes' world to that of positions and gravity [rad].
+    """
     motion = source.motion(t)
+    motion = motion._replace(q_wb=rotation.multiply(rotation.exp(world), motion.q_wb))
     arm = errors.lever_arm
     sweep = np.cross(motion.angular_velocity, arm)
     q_bi = rotation.from_matrix(errors.r_ib.T)

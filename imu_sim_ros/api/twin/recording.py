@@ -20,7 +20,7 @@ from imu_sim_ros.config import PosesParameters
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.poses import PoseSequence
-from imu_sim_ros.rotation import rotate_inverse
+from imu_sim_ros.rotation import to_matrix
 from imu_sim_ros.trajectory import Motion, Trajectory, build_trajectory
 
 Array = NDArray[np.float64]
@@ -49,6 +49,7 @@ class Recorded(NamedTuple):
     """A recording on the spline of its truth."""
 
     recording: Recording
+    poses: PoseSequence
     trajectory: Trajectory
     duration: float
     cutoff: float
@@ -73,9 +74,9 @@ class Recorded(NamedTuple):
 def body_motion(motion: Motion, gravity: float) -> BodyMotion:
     """Return what an IMU in the body's origin is moved by."""
     up = motion.acceleration + np.array([0.0, 0.0, gravity])
-    return BodyMotion(
-        motion.angular_velocity, rotate_inverse(motion.q_wb, up), motion.angular_acceleration
-    )
+    r_bw = np.swapaxes(to_matrix(motion.q_wb), -1, -2)
+    force = np.einsum("nij,nj->ni", r_bw, up)
+    return BodyMotion(motion.angular_velocity, force, motion.angular_acceleration, r_bw)
 
 
 def moving(motion: Motion) -> NDArray[np.bool_]:
@@ -116,7 +117,7 @@ def recorded(
         )
     empty = Recording(np.zeros(0), np.zeros((0, 6)), (), 1.0)
     half = Recorded(
-        empty, trajectory, duration, cutoff, gravity, 0.0, np.eye(3), t0_ns, readings.name
+        empty, poses, trajectory, duration, cutoff, gravity, 0.0, np.eye(3), t0_ns, readings.name
     )
     return _placed(half, readings, stamps, near, max_offset, name)
 

@@ -62,7 +62,9 @@ class Twin:
 
     errors: dict[str, Calibrated]
     """Constant errors by parameter, with standard errors; ``mounting`` is the rotation vector of
-    R_ib [rad], ``stamp_offset`` that at the truth's first pose."""
+    R_ib [rad], ``stamp_offset`` that at the truth's first pose. Two belong to the truth:
+    ``truth_curvature`` [s^2] is ``-s^2 / 2`` where its attitudes are smoothed over s, and
+    ``truth_turn`` [rad] the rotation vector from their world to that of positions and gravity."""
     undetermined: tuple[str, ...]
     """Numbers that this motion does not determine; they are a perfect IMU's but for their prior."""
     parameters: dict[str, Value]
@@ -175,8 +177,9 @@ def twin(
 
     The recording is compared with what a perfect IMU reads along a spline through the truth. Time
     offset and skew, mounting, lever arm, biases, scale and misalignment and g-sensitivity are found
-    by one weighted least squares; what they leave is described by lines, bands and a white floor on
-    six axes, and by how they follow the motion.
+    by one weighted least squares, and with them how the truth is smoothed and aligned; what they
+    leave is described by lines, bands and a white floor on six axes, and by how they follow the
+    motion.
 
     :param recording: a flight, readings, or a file that :func:`imu_sim_ros.read_imu` reads.
     :param truth: poses of the body, from motion capture for instance: arrays or a file.
@@ -222,7 +225,7 @@ def _found(source: Recorded, fit: float | None) -> Twin:
     if source.gravity != -GRAVITY[2]:
         parameters["gravity"] = (0.0, 0.0, -source.gravity)
     errors, undetermined = _errors(found)
-    checked = None if held_out is None else check(source, held_out, found, parameters)
+    checked = None if held_out is None else check(source, held_out, analysis, parameters)
     return Twin(errors, undetermined, parameters, analysis, checked, source)
 
 
@@ -323,6 +326,8 @@ def _errors(found: Fit) -> tuple[dict[str, Calibrated], tuple[str, ...]]:
         "gyroscope_g_sensitivity": of(errors.g_sensitivity, sigma[model.G_SENSITIVITY]),
         "accelerometer_bias": of(errors.bias[3:], sigma[model.BIAS][3:]),
         "accelerometer_scale_misalignment": of(errors.accelerometer, upper),
+        "truth_curvature": of([errors.curvature], sigma[model.CURVATURE]),
+        "truth_turn": of(errors.world, sigma[model.WORLD]),
     }
     weak = sigma > _UNDETERMINED * PRIOR
     places = {

@@ -8,7 +8,7 @@ a white floor, and how they follow the motion. Works on arrays and on a function
 body's motion at any time, so it knows neither splines nor simulations. Imports the leaves.
 """
 
-from imu_sim_ros.calibration.twin import clock, comparison, model
+from imu_sim_ros.calibration.twin import comparison, intensity, model, truth
 from imu_sim_ros.calibration.twin.alignment import coarse_offset, mounting
 from imu_sim_ros.calibration.twin.analysis import Analysis, analyse, constant_errors, foreseen
 from imu_sim_ros.calibration.twin.fit import PRIOR, Fit, Recording
@@ -31,16 +31,17 @@ __all__ = [
     "Fit",
     "Recording",
     "analyse",
-    "clock",
     "clock_offset",
     "clock_skew",
     "coarse_offset",
     "comparison",
     "constant_errors",
     "foreseen",
+    "intensity",
     "model",
     "mounting",
     "perfect",
     "readings",
     "simulator_parameters",
+    "truth",
 ]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from imu_sim_ros.calibration.twin import clock, intensity, spectrum
 from imu_sim_ros.calibration.twin.fit import Fit, Recording, fit
 from imu_sim_ros.calibration.twin.lines import Lines, find_lines
-from imu_sim_ros.calibration.twin.model import Errors, MotionAt, readings, true_times
+from imu_sim_ros.calibration.twin.model import Errors, MotionAt, predicted, true_times
 from imu_sim_ros.calibration.twin.spectrum import Bands, White
 
 Array = NDArray[np.float64]
@@ -84,7 +84,9 @@ def foreseen(recording: Recording, motion_at: MotionAt, found: Fit, cutoff: floa
         t = true_times(
             other.errors, recording.stamps[first:last], other.reference, found.wander[first:last]
         )
-        result[first:last] = recording.readings[first:last] - readings(other.errors, motion_at(t))
+        result[first:last] = (
+            recording.readings[first:last] - predicted(other.errors, motion_at, t)[0]
+        )
     return result
 
 

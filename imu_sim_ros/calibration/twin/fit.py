@@ -12,7 +12,8 @@ stay: feasible generalised least squares, Whittle's likelihood at its maximum.
 
 Standard errors are those of the "sandwich" ``A^-1 B A^-1`` (White 1980): A the weighted normal
 matrix, B the sum of the outer products of each sample's part of the gradient, all six axes
-together. They hold where the noise grows with the motion, and where its axes belong together.
+together. They hold where the noise grows with the motion, and where its axes belong together. The
+residuals in B are those before the parameters took their share, bin by bin.
 
 Each parameter has a weak normal prior (``PRIOR``), so that a motion that does not determine one
 leaves it at the perfect IMU's value with the prior's standard deviation, and none is undefined.
@@ -28,7 +29,10 @@ from imu_sim_ros.calibration.twin import model
 from imu_sim_ros.calibration.twin.model import COUNT, Errors, MotionAt
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
+EVERY: Final = np.arange(COUNT)
+"""All parameters."""
 _SEGMENT: Final = 1 << 14
 """Samples transformed together at most."""
 _HIGHEST: Final = 2.0
@@ -50,9 +54,11 @@ _PRIOR_OF: Final = (
     (model.G_SENSITIVITY, 5e-4),
     (model.LEVER_ARM, 0.5),
     (model.BIAS, 10.0),
+    (model.CURVATURE, 1e-4),
+    (model.WORLD, 0.03),
 )
 PRIOR: Final = np.concatenate([np.full(part.stop - part.start, s) for part, s in _PRIOR_OF])
-"""(38,) standard deviations of the priors around a perfect IMU, in each parameter's unit."""
+"""(42,) standard deviations of the priors around a perfect IMU, in each parameter's unit."""
 
 
 class Recording(NamedTuple):
@@ -84,7 +90,7 @@ class Fit(NamedTuple):
 
     errors: Errors
     covariance: Array
-    """(38, 38)"""
+    """(42, 42)"""
     residuals: Array
     """(n, 6) reading minus model."""
     reference: float
@@ -96,7 +102,7 @@ class Fit(NamedTuple):
 
     @property
     def sigma(self) -> Array:
-        """(38,) standard errors."""
+        """(42,) standard errors."""
         result: Array = np.sqrt(np.diag(self.covariance))
         return result
 
@@ -107,8 +113,8 @@ class _Sums:
     Bin 0 holds the mean of each segment, which is the bias' and says nothing of a density.
     """
 
-    def __init__(self, segments: list[slice], rate: float, highest: float) -> None:
-        self.segments = segments
+    def __init__(self, segments: list[slice], rate: float, highest: float, parameters: int) -> None:
+        self.segments, self._parameters = segments, parameters
         longest = max(s.stop - s.start for s in segments)
         edges = [0.5]
         while edges[-1] < longest:
@@ -126,18 +132,20 @@ class _Sums:
 
     def clear(self) -> None:
         """Forget all sums."""
-        count = len(self.middle)
+        count, p = len(self.middle), self._parameters
         self.count = np.zeros(count)
         self.square = np.zeros((count, 6))
-        self.product = np.zeros((count, 6, COUNT))
-        self.matrix = np.zeros((count, 6, COUNT, COUNT))
+        self.product = np.zeros((count, 6, p))
+        self.matrix = np.zeros((count, 6, p, p))
+        self.left = np.ones((count, 6))
+        """Share of the residual's squares that the parameters have left, on average."""
 
     def bins_of(self, segment: int) -> NDArray[np.int64]:
         """Return the bins (m,) of a segment's coefficients."""
         return self._bins[segment]
 
     def add(self, segment: int, residuals: Array, jacobian: Array) -> None:
-        """Add residuals (n, 6) and Jacobian (n, 6, 38) of a segment."""
+        """Add residuals (n, 6) and Jacobian (n, 6, 42) of a segment."""
         bins = self._bins[segment]
         c, j = (_transformed(values, len(bins)) for values in (residuals, jacobian))
         starts = np.flatnonzero(np.diff(bins, prepend=-1))
@@ -153,13 +161,14 @@ class _Sums:
     def density(self, step: Array, inverse: Array, before: Array) -> Array:
         """Return the densities (bins, 6) of the residuals after a step.
 
-        :param inverse: (38, 38) covariance of the parameters.
+        :param inverse: (42, 42) covariance of the parameters.
         :param before: (bins, 6) densities with which it was found.
         """
         power = self.square - 2.0 * self.product @ step + (self.matrix @ step) @ step
         taken = np.einsum("kaij,ji->ka", self.matrix, inverse) / before
         count = self.count[:, None]
         freedom = np.maximum(count - taken, 0.1 * count)
+        self.left = np.where(count > 0.0, freedom / np.maximum(count, 1.0), 1.0)
         floor = 1e-12 * np.maximum(power[1:].sum(axis=0) / count[1:].sum(), 1e-30)
         result = np.maximum(power / np.maximum(freedom, 1e-9), floor)
         known = 1 + np.flatnonzero(self.count[1:])
@@ -174,6 +183,7 @@ def fit(
     cutoff: float,
     wander: Array | None = None,
     prior: Array = PRIOR,
+    free: Indices = EVERY,
 ) -> Fit:
     """Return the errors of an IMU.
 
@@ -181,12 +191,13 @@ def fit(
     :param start: a first guess: mounting and offset.
     :param cutoff: highest frequency of the truth [Hz]; only the first step needs it.
     :param wander: (n,) of the truth's clock [s]; None: 0.
-    :param prior: (38,) standard deviations.
+    :param prior: (42,) standard deviations.
+    :param free: (p,) parameters that are found; the others stay as they start.
     """
     stamps, errors = recording.stamps, start
     wander = np.zeros(len(stamps)) if wander is None else wander
     reference = float(stamps[0] + stamps[-1]) / 2.0
-    sums = _Sums(_segments(recording.pieces), recording.rate, _HIGHEST * cutoff)
+    sums = _Sums(_segments(recording.pieces), recording.rate, _HIGHEST * cutoff, len(free))
     size = np.std(recording.readings, axis=0) + 1e-9
     density = np.where(sums.middle[:, None] < cutoff, 1.0, 100.0) * size**2
     for count in range(_STEPS):
@@ -195,22 +206,29 @@ def fit(
             predicted, jacobian, _ = model.linearised(
                 errors, motion_at, stamps[rows], reference, wander[rows]
             )
-            sums.add(k, recording.readings[rows] - predicted, jacobian)
+            sums.add(k, recording.readings[rows] - predicted, jacobian[:, :, free])
         for _ in range(_WEIGHTINGS if count else 1):
-            step, inverse = _step(sums, density, errors, prior)
+            step, inverse = _step(sums, density, errors.deviation()[free], prior[free])
             density = sums.density(step, inverse, density)
-        errors = errors.moved(step)
+        errors = errors.moved(_placed(step, free))
         if count > 1 and np.max(np.abs(step) / np.sqrt(np.diag(inverse))) < _CLOSE:
             break
-    return _summary(recording, motion_at, errors, sums, density, (reference, wander, prior))
+    return _summary(recording, motion_at, errors, sums, density, (reference, wander, prior, free))
 
 
-def _step(sums: _Sums, density: Array, errors: Errors, prior: Array) -> tuple[Array, Array]:
-    """Return the Gauss-Newton step (38,) and the covariance (38, 38) that the weights give."""
+def _step(sums: _Sums, density: Array, deviation: Array, prior: Array) -> tuple[Array, Array]:
+    """Return the Gauss-Newton step (p,) and the covariance (p, p) that the weights give."""
     normal = np.diag(prior**-2) + np.einsum("kaij,ka->ij", sums.matrix, 1.0 / density)
-    gradient = np.einsum("kai,ka->i", sums.product, 1.0 / density) - errors.deviation() / prior**2
+    gradient = np.einsum("kai,ka->i", sums.product, 1.0 / density) - deviation / prior**2
     inverse = np.linalg.inv(normal)
     return np.asarray(inverse @ gradient), inverse
+
+
+def _placed(step: Array, free: Indices) -> Array:
+    """Return a step (42,) of all parameters."""
+    result = np.zeros(COUNT)
+    result[free] = step
+    return result
 
 
 def _summary(
@@ -219,17 +237,17 @@ def _summary(
     errors: Errors,
     sums: _Sums,
     density: Array,
-    rest: tuple[float, Array, Array],
+    rest: tuple[float, Array, Array, Indices],
 ) -> Fit:
     """Return the fit with residuals and covariance.
 
-    :param rest: reference, wander and prior.
+    :param rest: reference, wander, prior and free parameters.
     """
     from scipy.fft import idct
 
-    reference, wander, prior = rest
+    reference, wander, prior, free = rest
     residuals, slopes = np.zeros((2, len(recording.stamps), 6))
-    normal, middle = np.diag(prior**-2), np.diag(prior**-2)
+    normal, middle = np.diag(prior[free] ** -2), np.diag(prior[free] ** -2)
     for k, rows in enumerate(sums.segments):
         predicted, jacobian, slopes[rows] = model.linearised(
             errors, motion_at, recording.stamps[rows], reference, wander[rows]
@@ -237,14 +255,17 @@ def _summary(
         residuals[rows] = recording.readings[rows] - predicted
         bins = sums.bins_of(k)
         root = 1.0 / np.sqrt(density[bins])
-        j = _transformed(jacobian, len(bins)) * root[:, :, None]
-        flat = j.reshape(-1, COUNT)
+        j = _transformed(jacobian[:, :, free], len(bins)) * root[:, :, None]
+        flat = j.reshape(-1, len(free))
         normal += flat.T @ flat
-        white = idct(_transformed(residuals[rows], len(bins)) * root, norm="ortho", axis=0)
+        full = root / np.sqrt(sums.left[bins])
+        white = idct(_transformed(residuals[rows], len(bins)) * full, norm="ortho", axis=0)
         parts = np.einsum("nai,na->ni", idct(j, norm="ortho", axis=0), white)
         middle += parts.T @ parts
     inverse = np.linalg.inv(normal)
-    return Fit(errors, inverse @ middle @ inverse, residuals, reference, wander, slopes)
+    covariance = np.zeros((COUNT, COUNT))
+    covariance[np.ix_(free, free)] = inverse @ middle @ inverse
+    return Fit(errors, covariance, residuals, reference, wander, slopes)
 
 
 def _segments(pieces: tuple[slice, ...]) -> list[slice]:

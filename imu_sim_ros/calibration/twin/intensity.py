@@ -18,8 +18,8 @@ _WINDOW: Final = 1.0
 """[s] at least, over which an intensity is taken."""
 _SLOWEST: Final = 0.2
 """[Hz] what is slower has too few periods in a window."""
-_SIGNIFICANT: Final = 2.0
-"""Standard errors from which on an exponent counts."""
+_PRIOR: Final = 0.5
+"""Standard deviation of an exponent before the data: in proportion at most, as a rule."""
 _DISTURBED: Final = 4.0
 """Energy over the usual one of a window that is disturbed."""
 _FEWEST: Final = 8
@@ -31,9 +31,9 @@ class Exponents(NamedTuple):
     """Powers to which a triad's residual follows rate, acceleration and speed."""
 
     value: Array
-    """(ranges, 2, 3); 0 where the recording shows none."""
+    """(ranges, 2, 3); 0 where a record is too short for any."""
     sigma: Array
-    """(ranges, 2, 3) standard errors; 0 where the value is left out."""
+    """(ranges, 2, 3) standard errors; 0 where there is none."""
 
 
 def range_edges(rate: float) -> Array:
@@ -58,8 +58,8 @@ def follow(values: Array, parts: Sequence[slice], rate: float, logs: Array) -> E
     """Return the exponents of a residual (n, 6).
 
     In windows the logarithm of each triad's energy, axes weighted alike, against the mean
-    logarithms of the motion's size: least squares, the least significant exponent left out until
-    all are significant.
+    logarithms of the motion's size: least squares with a prior around 0, as far as a record shows
+    more. None is negative: nothing gets quieter by moving.
 
     :param parts: rows that belong together.
     :param logs: (3, n) of rate, acceleration, speed, relative to a reference.
@@ -85,23 +85,23 @@ def follow(values: Array, parts: Sequence[slice], rate: float, logs: Array) -> E
 
 
 def _regressed(log: Array, sizes: Array) -> tuple[Array, Array]:
-    value, sigma = np.zeros((2, 3))
-    used = [k for k in range(3) if np.ptp(sizes[:, k]) > 1e-6]
-    while used:
-        columns = np.column_stack([np.ones(len(log)), sizes[:, used]])
-        inverse = np.linalg.pinv(columns.T @ columns)
-        solution = inverse @ (columns.T @ log)
-        rest = log - columns @ solution
-        variance = float(rest @ rest) / max(len(log) - len(solution), 1)
-        errors = np.sqrt(variance * np.diag(inverse))[1:]
-        strength = np.abs(solution[1:]) / np.maximum(errors, 1e-12)
-        weakest = int(np.argmin(strength))
-        if strength[weakest] >= _SIGNIFICANT:
-            value[used] = np.clip(solution[1:], -_LARGEST, _LARGEST)
-            sigma[used] = errors
-            break
-        used.pop(weakest)
-    return value, sigma
+    """Return exponents (3,), none below 0, and their standard errors; 0 for those that are 0."""
+    from scipy.optimize import nnls
+
+    columns = np.column_stack([np.ones(len(log)), sizes])
+    rest = log - columns @ np.linalg.lstsq(columns, log, rcond=None)[0]
+    deviation = np.sqrt(float(rest @ rest) / (len(log) - columns.shape[1]))
+    if deviation == 0.0:
+        return np.zeros(3), np.zeros(3)
+    # The prior is one more observation of each exponent: 0 with its deviation.
+    ridge = np.eye(3) * deviation / _PRIOR
+    centred = np.concatenate([sizes - sizes.mean(axis=0), ridge])
+    value = nnls(centred, np.append(log - log.mean(), np.zeros(3)))[0]
+    used = value > 0.0
+    sigma = np.zeros(3)
+    own = centred[:, used]
+    sigma[used] = deviation * np.sqrt(np.diag(np.linalg.inv(own.T @ own)))
+    return np.minimum(value, _LARGEST), sigma
 
 
 def calmed(
@@ -110,8 +110,8 @@ def calmed(
     """Return a residual (n, 6) without its disturbances in a range, and how many there were.
 
     A jump of the truth or a touch of the ground is no vibration: in windows of a second in which an
-    axis has more than four times its usual energy, what it has in this range is scaled down to the
-    usual.
+    axis has more than four times its usual energy, what it has in this range is scaled down to
+    these four times.
     """
     band = in_range(values, parts, rate, low, high)
     size = max(round(_WINDOW * rate), 2)
@@ -132,7 +132,8 @@ def calmed(
             loud = energy > _DISTURBED * usual
             if loud.any():
                 count += 1
-                share = np.where(loud, 1.0 - np.sqrt(usual / np.maximum(energy, 1e-300)), 0.0)
+                allowed = np.sqrt(_DISTURBED * usual / np.maximum(energy, 1e-300))
+                share = np.where(loud, 1.0 - allowed, 0.0)
                 result[rows] -= share * band[rows]
     return result, count
 

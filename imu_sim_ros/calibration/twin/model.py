@@ -25,7 +25,7 @@ from imu_sim_ros import rotation
 
 Array = NDArray[np.float64]
 
-COUNT: Final = 38
+COUNT: Final = 42
 OFFSET, SKEW = slice(0, 1), slice(1, 2)
 MOUNTING: Final = slice(2, 5)
 GYROSCOPE: Final = slice(5, 14)
@@ -33,9 +33,11 @@ ACCELEROMETER: Final = slice(14, 20)
 G_SENSITIVITY: Final = slice(20, 29)
 LEVER_ARM: Final = slice(29, 32)
 BIAS: Final = slice(32, 38)
+CURVATURE: Final = slice(38, 39)
+WORLD: Final = slice(39, 42)
 UPPER: Final = np.triu_indices(3)
 _STEP: Final = 5e-4
-"""[s] for the derivative in time."""
+"""[s] for the derivatives in time."""
 
 
 class BodyMotion(NamedTuple):
@@ -47,6 +49,8 @@ class BodyMotion(NamedTuple):
     """(n, 3) specific force at the body's origin [m/s^2]."""
     angular_acceleration: Array
     """(n, 3) alpha_b [rad/s^2]."""
+    r_bw: Array | None = None
+    """(n, 3, 3) R_wb.T of the truth; None: not known."""
 
 
 MotionAt = Callable[[Array], BodyMotion]
@@ -72,9 +76,14 @@ class Errors(NamedTuple):
     """tau_0: true time minus stamp at the reference [s]."""
     skew: float
     """tau_1."""
+    curvature: float
+    """Of the truth's attitude [s^2]; below 0: it is smoother than the motion."""
+    world: Array
+    """(3,) rotation vector from the world of the truth's attitudes to that of its positions and of
+    gravity [rad]."""
 
     def moved(self, step: Array) -> "Errors":
-        """Return the errors after a step (38,) of the parameters."""
+        """Return the errors after a step (42,) of the parameters."""
         accelerometer = self.accelerometer.copy()
         accelerometer[UPPER] += step[ACCELEROMETER]
         turn = rotation.to_matrix(rotation.exp(step[MOUNTING]))
@@ -87,10 +96,12 @@ class Errors(NamedTuple):
             self.bias + step[BIAS],
             self.offset + float(step[0]),
             self.skew + float(step[1]),
+            self.curvature + float(step[38]),
+            self.world + step[WORLD],
         )
 
     def deviation(self) -> Array:
-        """Return the parameters' distance from a perfect IMU (38,); 0 for the mounting."""
+        """Return the parameters' distance from a perfect IMU (42,); 0 for the mounting."""
         result = np.zeros(COUNT)
         result[0], result[1] = self.offset, self.skew
         result[GYROSCOPE] = (self.gyroscope - np.eye(3)).ravel()
@@ -98,13 +109,14 @@ class Errors(NamedTuple):
         result[G_SENSITIVITY] = self.g_sensitivity.ravel()
         result[LEVER_ARM] = self.lever_arm
         result[BIAS] = self.bias
+        result[CURVATURE], result[WORLD] = self.curvature, self.world
         return result
 
 
 def perfect(r_ib: Array, offset: float = 0.0) -> Errors:
     """Return an IMU without errors at a mounting."""
-    zero = np.zeros((3, 3))
-    return Errors(r_ib, np.eye(3), np.eye(3), zero, np.zeros(3), np.zeros(6), offset, 0.0)
+    none, eye = np.zeros(3), np.eye(3)
+    return Errors(r_ib, eye, eye, np.zeros((3, 3)), none, np.zeros(6), offset, 0.0, 0.0, none)
 
 
 def readings(errors: Errors, motion: BodyMotion) -> Array:
@@ -122,6 +134,16 @@ def _ideal(errors: Errors, motion: BodyMotion) -> tuple[Array, Array]:
     return rate @ errors.r_ib.T, force @ errors.r_ib.T
 
 
+def _with_arm(change: BodyMotion, rate: Array, arm: Array) -> tuple[Array, Array]:
+    """Return small changes (n, 3) of rate and of the force at the lever arm.
+
+    :param rate: (n, 3) to which the change of the rate is added.
+    """
+    force = change.force + np.cross(change.angular_acceleration, arm)
+    force += np.cross(change.rate, np.cross(rate, arm)) + np.cross(rate, np.cross(change.rate, arm))
+    return change.rate, force
+
+
 def true_times(errors: Errors, stamps: Array, reference: float, wander: Array) -> Array:
     """Return the true times (n,) [s] of stamps (n,) [s].
 
@@ -132,21 +154,60 @@ def true_times(errors: Errors, stamps: Array, reference: float, wander: Array) -
     return result
 
 
-def slope_at(errors: Errors, motion_at: MotionAt, t: Array) -> Array:
-    """Return the rate of change (n, 6) of the readings at true times (n,) [s]."""
-    ahead, behind = (readings(errors, motion_at(t + h)) for h in (_STEP, -_STEP))
-    result: Array = (ahead - behind) / (2.0 * _STEP)
-    return result
+class _Seen(NamedTuple):
+    """What moves an IMU according to a truth whose own errors are taken out."""
+
+    motion: BodyMotion
+    slope: Array
+    """(n, 6) rate of change of the readings [1/s]."""
+    by_curvature: BodyMotion
+    """Changes of rate, force and angular acceleration with the curvature."""
+    by_world: Array
+    """(n, 3, 3) change of the force with the world's turn."""
+
+
+def _seen(errors: Errors, motion_at: MotionAt, t: Array) -> _Seen:
+    """Return the motion at true times (n,) [s].
+
+    A symmetric filter turns attitudes that vary slowly by ``-c alpha``, c < 0, so that rate and
+    force lack (to first order in c) what is added here; and where the attitudes' world is turned
+    by E = exp(psi) against that of positions and gravity, ``R_wb`` is ``E R_wb``::
+
+        omega + c (alpha' + omega x alpha)     R_wb.T E.T R_wb f + c f x alpha     alpha + c alpha''
+    """
+    behind, here, ahead = (motion_at(t + h) for h in (-_STEP, 0.0, _STEP))
+    slope = (readings(errors, ahead) - readings(errors, behind)) / (2.0 * _STEP)
+    omega, f, alpha, r_bw = here
+    before, after = behind.angular_acceleration, ahead.angular_acceleration
+    bend = BodyMotion(
+        (after - before) / (2.0 * _STEP) + np.cross(omega, alpha),
+        np.cross(f, alpha),
+        (after - 2.0 * alpha + before) / _STEP**2,
+    )
+    by_world = np.zeros((len(t), 3, 3))
+    if r_bw is not None:
+        turn = rotation.to_matrix(rotation.exp(errors.world))
+        f_w = np.einsum("nji,nj->ni", r_bw, f)
+        f = np.einsum("nij,nj->ni", r_bw, f_w @ turn)
+        by_world = r_bw @ (turn.T @ rotation.skew(f_w))
+    c = errors.curvature
+    omega, f, alpha = (x + c * by for x, by in zip((omega, f, alpha), bend[:3], strict=True))
+    return _Seen(BodyMotion(omega, f, alpha, r_bw), slope, bend, by_world)
+
+
+def predicted(errors: Errors, motion_at: MotionAt, t: Array) -> tuple[Array, Array]:
+    """Return readings (n, 6) at true times (n,) [s] and their slope, without the truth's errors."""
+    seen = _seen(errors, motion_at, t)
+    return readings(errors, seen.motion), seen.slope
 
 
 def linearised(
     errors: Errors, motion_at: MotionAt, stamps: Array, reference: float, wander: Array
 ) -> tuple[Array, Array, Array]:
-    """Return readings (n, 6), their Jacobian (n, 6, 38), and their rate of change (n, 6)."""
+    """Return readings (n, 6), their Jacobian (n, 6, 40), and their rate of change (n, 6)."""
     t = true_times(errors, stamps, reference, wander)
-    motion = motion_at(t)
+    motion, slope, by_curvature, by_world = _seen(errors, motion_at, t)
     rate, force = _ideal(errors, motion)
-    slope = slope_at(errors, motion_at, t)
     jacobian = np.zeros((len(stamps), 6, COUNT))
     jacobian[:, :, 0] = slope
     jacobian[:, :, 1] = slope * (stamps - reference)[:, None]
@@ -167,4 +228,10 @@ def linearised(
     for k, (i, j) in enumerate(zip(*UPPER, strict=True)):
         jacobian[:, 3 + i, ACCELEROMETER.start + k] = force[:, j]
     jacobian[:, np.arange(6), BIAS.start + np.arange(6)] = 1.0
+    bent_rate, bent_force = _with_arm(by_curvature, motion.rate, errors.lever_arm)
+    bent_rate, bent_force = bent_rate @ errors.r_ib.T, bent_force @ errors.r_ib.T
+    jacobian[:, :3, CURVATURE.start] = bent_rate @ s_g.T + bent_force @ g.T
+    jacobian[:, 3:, CURVATURE.start] = bent_force @ s_a.T
+    jacobian[:, :3, WORLD] = g @ errors.r_ib @ by_world
+    jacobian[:, 3:, WORLD] = s_a @ errors.r_ib @ by_world
     return readings(errors, motion), jacobian, slope

@@ -20,6 +20,8 @@ _UNITS: Final = {
     "gyroscope_bias": "rad/s",
     "gyroscope_g_sensitivity": "(rad/s)/(m/s^2)",
     "accelerometer_bias": "m/s^2",
+    "truth_curvature": "s^2",
+    "truth_turn": "rad",
 }
 
 
@@ -115,4 +117,6 @@ def _print_check(check: Check) -> None:
             f"dead-reckoned for {seconds} s: median error {simulated:.3g} m, the real sensor's "
             f"{real:.3g} m ({100.0 * (simulated / real - 1.0):+.0f} %)"
         )
+    louder = ", ".join(f"{20.0 * np.log10(r):+.1f}" for r in check.truth_noise)
+    print(f"noise of the truth itself on this part over that of the fitted one: {louder} dB")
     print(f"a classifier tells windows apart in {100.0 * check.told_apart:.0f} % (50 %: it cannot)")
