@@ -229,11 +229,10 @@ def _restricted(columns: Array, readings: Array, log_determinant: float) -> floa
 
 def _whitener(data: Observations, shape: Array, walk: float) -> tuple[Array, float]:
     """Return the inverse Cholesky factor of the covariance and the covariance's log-determinant."""
-    from scipy.linalg import solve_triangular
-
     covariance = walk * shape + np.diag(data.sigma**2)
     factor = np.linalg.cholesky(covariance)
-    inverse: Array = solve_triangular(factor, np.eye(len(factor)), lower=True)
+    # Not SciPy's solve_triangular: OpenBLAS starts its threads for it, however small the matrix.
+    inverse: Array = np.linalg.solve(factor, np.eye(len(factor)))
     return inverse, 2.0 * float(np.sum(np.log(np.diag(factor))))
 
 
