@@ -19,8 +19,7 @@ class OwnRateParameters:
         100.0,
         "samples per second of this sensor, on a grid of its own",
         unit="Hz",
-        minimum=0.0,
-        above_minimum=True,
+        minimum=1e-6,
         maximum=LARGEST_RATE,
     )
     time_offset: float = number(

@@ -141,9 +141,7 @@ class CameraMountParameters:
 class CameraTimingParameters:
     """When frames are taken, and what their stamps say."""
 
-    rate: float = number(
-        20.0, "frames per second", unit="Hz", minimum=0.0, above_minimum=True, maximum=1000.0
-    )
+    rate: float = number(20.0, "frames per second", unit="Hz", minimum=1e-6, maximum=1000.0)
     trigger: str = choice(
         "free",
         ("free", "synchronised"),

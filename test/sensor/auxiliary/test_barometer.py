@@ -216,7 +216,10 @@ def test_a_board_s_file_may_name_its_barometer(tmp_path: Any) -> None:
 @pytest.mark.parametrize(
     ("values", "line"),
     [
-        ({"imu.barometer_rate": -1.0}, "imu.barometer_rate = -1.0: must be a finite number above"),
+        (
+            {"imu.barometer_rate": -1.0},
+            "imu.barometer_rate = -1.0: must be a finite number at least",
+        ),
         ({"imu.barometer_gauss_markov_sigma": 1.0}, "imu.barometer_correlation_time = 0.0: must"),
         (
             {"imu.barometer_gust_rate": 1.0},

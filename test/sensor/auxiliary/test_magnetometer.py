@@ -291,7 +291,7 @@ def test_several_boards_have_a_magnetometer_each() -> None:
     [
         (
             {"imu.magnetometer_rate": 0.0},
-            "imu.magnetometer_rate = 0.0: must be a finite number above 0",
+            "imu.magnetometer_rate = 0.0: must be a finite number at least 1e-06",
         ),
         ({"imu.magnetometer_time_offset": 0.01}, "must be below 1 / imu.magnetometer_rate, 0.01 s"),
         (
