@@ -153,7 +153,8 @@ def _generated(
         shared.write_tum_vi_calibration(output / "dso", simulated[""], asked.rig)
     if arguments.with_configs:
         folder = written.where(shared.configs(arguments.output))
-        shared.write_configs(folder, imus, names, asked.rig)
+        topics = shared.bagcreater_topics(imus) if arguments.format == "csv" else names
+        shared.write_configs(folder, imus, topics, asked.rig)
         camera_output.write_parameters(folder, arguments.output.name, asked)
     return {
         "output": str(arguments.output),

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.commands.shared.pose_arguments import PoseReader as PoseReader
     from imu_sim_ros.commands.shared.pose_arguments import add_skip_bad_rows as add_skip_bad_rows
     from imu_sim_ros.commands.shared.pose_arguments import skipped_rows as skipped_rows
+    from imu_sim_ros.commands.shared.side_files import bagcreater_topics as bagcreater_topics
     from imu_sim_ros.commands.shared.side_files import configs as configs
     from imu_sim_ros.commands.shared.side_files import describe as describe
     from imu_sim_ros.commands.shared.side_files import new_truths as new_truths
@@ -47,6 +48,7 @@ else:
             "output_arguments": ["PICTURES", "add_force", "output_and_plot", "outputs"],
             "pose_arguments": ["PoseReader", "add_skip_bad_rows", "skipped_rows"],
             "side_files": [
+                "bagcreater_topics",
                 "configs",
                 "describe",
                 "new_truths",

@@ -133,6 +133,14 @@ def write_configs(
         write_all(folder / name, values, seen)
 
 
+def bagcreater_topics(imus: Iterable[str]) -> dict[str, str]:
+    """Return the topics that kalibr_bagcreater makes of a folder's files, by our names of them.
+
+    It names them after the files: imu0.csv becomes /imu0. Those of cameras have our names.
+    """
+    return {f"{imu}/{IMU_TOPIC}".lstrip("/"): f"imu{k}" for k, imu in enumerate(imus)}
+
+
 def write_tum_vi_calibration(
     folder: Path, parameters: SimulationParameters, rig: "RigParameters | None"
 ) -> None:

@@ -111,6 +111,16 @@ def test_topics_and_their_names(tmp_path, capsys):
         assert {topic.name for topic in bag.topics} == set(counts)
 
 
+def test_configurations_beside_kalibr_bagcreaters_folder_have_its_topics(tmp_path):
+    """It names topics after the files; imu.yaml named /imu/data_raw, which its bag has not."""
+    output = tmp_path / "x"
+    words = [*ARGUMENTS, "--format", "csv", "--with-configs", "--quiet"]
+    assert main(["-o", str(output), *words]) == 0
+    assert (output / "imu0.csv").exists()
+    kalibr = yaml.safe_load((tmp_path / "x_configs" / "imu.yaml").read_text())
+    assert kalibr["rostopic"] == "/imu0"
+
+
 def test_configurations_of_the_consumers(tmp_path):
     output = tmp_path / "x.bag"
     assert main(["-o", str(output), *ARGUMENTS, "--imu-only", "--with-configs", "--quiet"]) == 0
