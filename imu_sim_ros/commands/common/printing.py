@@ -6,6 +6,7 @@
 import json
 import shutil
 import sys
+from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,6 +15,8 @@ from typing import Any, Final
 _UNKNOWN_TIME: Final = "-:--:--"
 _LONGEST_TIME: Final = 3.6e7
 """[s]; ten thousand hours."""
+_BURST: Final = 1.1
+"""What comes until this multiple of the first part's time is counted as one burst."""
 
 
 def print_json(result: Mapping[str, Any] | Sequence[Any]) -> None:
@@ -114,6 +117,7 @@ def progress(
         TextColumn("{task.fields[left]}"),
     )
     with Progress(*columns, console=Console(stderr=True), transient=True, expand=True) as bar:
+        pace = Pace()
         task = bar.add_task(text, total=total, completed=done, speed="", left=_UNKNOWN_TIME)
 
         def advance(count: int, now: str = "") -> None:
@@ -121,26 +125,41 @@ def progress(
             words = f"{text}: {now}" if now else text
             bar.update(task, advance=count, description=words)
             now_done = bar.tasks[0].completed
-            speed, left = pace(now_done - done, total - now_done, bar.tasks[0].elapsed or 0.0)
+            speed, left = pace.after(now_done - done, total - now_done, bar.tasks[0].elapsed or 0)
             bar.update(task, speed=speed, left=left)
 
         yield advance
 
 
-def pace(done: float, rest: float, elapsed: float) -> tuple[str, str]:
-    """Return speed and time left in words.
+class Pace:
+    """Speed and time left of something that is done in parts, perhaps by several processes.
 
-    They are those of the whole time since the start: what several processes deliver arrives in
-    bursts, the first only after the processes have started.
-
-    :param done: since the start.
-    :param rest: what is still to be done.
-    :param elapsed: since the start [s].
+    What they deliver arrives in bursts, the first only after the processes have started: neither a
+    moment nor the time since the start tells the speed. It is taken over the second half of the
+    time so far, and not before as much time has passed after the first burst as until then.
     """
-    if not (done > 0.0 and elapsed > 0.0):
-        return "", _UNKNOWN_TIME
-    minutes, seconds = divmod(round(min(max(rest, 0.0) * elapsed / done, _LONGEST_TIME)), 60)
-    return speed_in_words(done / elapsed), f"{minutes // 60}:{minutes % 60:02}:{seconds:02}"
+
+    def __init__(self) -> None:
+        self._times, self._done = [0.0], [0.0]
+
+    def after(self, done: float, rest: float, elapsed: float) -> tuple[str, str]:
+        """Return speed and time left in words.
+
+        :param done: since the start.
+        :param rest: what is still to be done.
+        :param elapsed: since the start [s].
+        """
+        if done > self._done[-1] and elapsed > self._times[-1]:
+            self._times.append(elapsed)
+            self._done.append(done)
+        first = _BURST * self._times[min(1, len(self._times) - 1)]
+        base = bisect_right(self._times, max(0.5 * elapsed, first)) - 1
+        gone, took = done - self._done[base], elapsed - max(self._times[base], first)
+        if elapsed < 2.0 * first or not (gone > 0.0 and took > 0.0):
+            return "", _UNKNOWN_TIME
+        speed = gone / took
+        minutes, seconds = divmod(round(min(max(rest, 0.0) / speed, _LONGEST_TIME)), 60)
+        return speed_in_words(speed), f"{minutes // 60}:{minutes % 60:02}:{seconds:02}"
 
 
 def speed_in_words(speed: float | None) -> str:
