@@ -129,6 +129,18 @@ def _level(level: Integers, atlas: Atlas, m: int) -> Level:
     return Level(atlas.size[m][:, None, None] * _FACTOR[level], corner[:, level])
 
 
+def in_atlas(places: Single, level: Level) -> Single:
+    """Return where places s and r (2, h, w) in cells (2, a, b) lie in the atlas [texels]."""
+    _, height, width = places.shape
+    scale, offset = (cells.repeat(CELL, axis=2)[..., :width] for cells in level)
+    if height % CELL:  # of the last cells a part
+        scale, offset = (rows.repeat(CELL, axis=1)[:, :height] for rows in (scale, offset))
+        return np.asarray(places * scale + offset)
+    texels = places.reshape(2, -1, CELL, width) * scale[:, :, None]
+    texels += offset[:, :, None]
+    return np.asarray(texels.reshape(places.shape))
+
+
 def in_pixels(cells: NDArray[_T], height: int, width: int) -> NDArray[_T]:
     """Return what cells (..., a, b) have for each of their pixels (..., h, w)."""
     return cells.repeat(CELL, axis=-1)[..., :width].repeat(CELL, axis=-2)[..., :height, :]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
 from imu_sim_ros.camera.images.cover import Corners, covered, regions
-from imu_sim_ros.camera.images.mip import CELL, SHARES, Levels, Probes, in_pixels, levels
+from imu_sim_ros.camera.images.mip import CELL, SHARES, Levels, Probes, in_atlas, in_pixels, levels
 from imu_sim_ros.camera.images.plane import Planes, within
 from imu_sim_ros.camera.images.texture import Atlas
 from imu_sim_ros.camera.model import CameraModel
@@ -29,7 +29,7 @@ Bytes = NDArray[np.uint8]
 
 _GRID: Final = 2.0**30
 """Poses are rounded to steps of 1e-9, so that the last bits of a sine decide nothing."""
-_BAND: Final = 6
+_BAND: Final = 10
 """Rows of cells whose rays are processed at once: their arrays stay in a processor's cache."""
 
 
@@ -203,9 +203,7 @@ class Renderer:
         if found.share is not None and drawn.share is not None:
             np.copyto(drawn.share[here], in_pixels(found.share, *shown.shape), where=shown)
         for level, target in zip(found.each, drawn.places, strict=True):
-            texels = places * in_pixels(level.scale, *shown.shape)
-            texels += in_pixels(level.offset, *shown.shape)
-            np.copyto(target[:, below, columns], texels, where=shown)
+            np.copyto(target[:, below, columns], in_atlas(places, level), where=shown)
 
 
 def _pixels(cells: slice, length: int) -> slice:
