@@ -252,11 +252,8 @@ def test_every_simulated_term_is_in_the_file_or_named_in_it(tmp_path, name):
         assert {key for key in active if key in named} == active - expressed, file
 
 
-def test_a_sensor_that_mirrors_or_is_dead_is_said_and_does_not_fail(tmp_path):
-    for k, first in enumerate((-1.0, 0.0)):
-        loaded, _ = simulated(
-            **{"imu.gyroscope_scale_misalignment": [first, 0, 0, 0, 1, 0, 0, 0, 1]}
-        )
-        found = files(tmp_path / str(k), loaded)
-        for name in ("kalibr_imu_chain.yaml", "basalt_calibration.json"):
-            assert "gyroscope_scale_misalignment" in found[name]
+def test_a_sensor_that_mirrors_is_said_and_does_not_fail(tmp_path):
+    loaded, _ = simulated(**{"imu.gyroscope_scale_misalignment": [-1.0, 0, 0, 0, 1, 0, 0, 0, 1]})
+    found = files(tmp_path / "mirrored", loaded)
+    for name in ("kalibr_imu_chain.yaml", "basalt_calibration.json"):
+        assert "gyroscope_scale_misalignment" in found[name]
