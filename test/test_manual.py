@@ -28,3 +28,10 @@ def test_links_lead_to_files_and_headings(page):
         assert other.exists(), target
         if anchor and other.suffix == ".md":
             assert anchor in anchors(other), target
+
+
+def test_every_chapter_is_in_the_table_of_contents():
+    listed = re.findall(r"^([a-z0-9_]+)$", (ROOT / "docs/index.md").read_text(), re.M)
+    assert sorted(listed) == sorted(
+        page.stem for page in PAGES if page.stem not in ("README", "index")
+    )
