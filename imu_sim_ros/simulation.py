@@ -33,13 +33,7 @@ from imu_sim_ros.conventions import AUXILIARY
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.poses import read_poses
 from imu_sim_ros.sensor import Fault, Imu, ImuBlock
-from imu_sim_ros.trajectory import (
-    PoseReader,
-    Trajectory,
-    build_trajectory,
-    implausible,
-    recorded_in,
-)
+from imu_sim_ros.trajectory import PoseReader, Trajectory, build_trajectory
 
 BLOCK_SIZE: Final = 8192
 """Large enough that Python's part is small, small enough for a processor's cache."""
@@ -96,6 +90,8 @@ class Simulation:
         The parameters' own warnings, implausible recorded poses, and a motion that the
         sensor's range does not cover.
         """
+        from imu_sim_ros.trajectory import implausible, recorded_in  # with all of the splines
+
         imu = self.parameters.imu
         recorded = recorded_in(self.trajectory)
         of_poses = recorded.warnings if recorded is not None else []
@@ -113,6 +109,8 @@ class Simulation:
 
     def notes(self) -> list[str]:
         """Return the repairs of recorded poses, and how well the spline fits them."""
+        from imu_sim_ros.trajectory import recorded_in
+
         recorded = recorded_in(self.trajectory)
         return recorded.repairs + recorded.report.lines() if recorded is not None else []
 

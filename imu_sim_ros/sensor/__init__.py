@@ -25,36 +25,44 @@ the scale (4), the bias (5 and 6), the temperature, the true times. So without 2
 
 Samples are generated in blocks with carried state. Every random source has its own stream for each
 axis (:mod:`imu_sim_ros.random_streams`), and a sample does not depend, not in a single bit, on
-the size of the block in which it is generated.
+the size of the block in which it is generated. What it exports is imported when first used.
 """
 
-from imu_sim_ros.sensor import catalogue
-from imu_sim_ros.sensor.block import ImuBlock, MagneticBlock, OrientationBlock, PressureBlock
-from imu_sim_ros.sensor.curved_earth import CurvedEarth
-from imu_sim_ros.sensor.errors import (
-    accel_variance_discrete,
-    field_variance_discrete,
-    gyro_variance_discrete,
-    pressure_variance_discrete,
-)
-from imu_sim_ros.sensor.faults import Fault
-from imu_sim_ros.sensor.imu import Imu
-from imu_sim_ros.sensor.realised import realised_imu
-from imu_sim_ros.sensor.vehicle import MotionSize
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "CurvedEarth",
-    "Fault",
-    "Imu",
-    "ImuBlock",
-    "MagneticBlock",
-    "MotionSize",
-    "OrientationBlock",
-    "PressureBlock",
-    "accel_variance_discrete",
-    "catalogue",
-    "field_variance_discrete",
-    "gyro_variance_discrete",
-    "pressure_variance_discrete",
-    "realised_imu",
-]
+from imu_sim_ros.lazy import exported
+
+if TYPE_CHECKING:
+    from imu_sim_ros.sensor import catalogue as catalogue
+    from imu_sim_ros.sensor.block import ImuBlock as ImuBlock
+    from imu_sim_ros.sensor.block import MagneticBlock as MagneticBlock
+    from imu_sim_ros.sensor.block import OrientationBlock as OrientationBlock
+    from imu_sim_ros.sensor.block import PressureBlock as PressureBlock
+    from imu_sim_ros.sensor.curved_earth import CurvedEarth as CurvedEarth
+    from imu_sim_ros.sensor.errors import accel_variance_discrete as accel_variance_discrete
+    from imu_sim_ros.sensor.errors import field_variance_discrete as field_variance_discrete
+    from imu_sim_ros.sensor.errors import gyro_variance_discrete as gyro_variance_discrete
+    from imu_sim_ros.sensor.errors import pressure_variance_discrete as pressure_variance_discrete
+    from imu_sim_ros.sensor.faults import Fault as Fault
+    from imu_sim_ros.sensor.imu import Imu as Imu
+    from imu_sim_ros.sensor.realised import realised_imu as realised_imu
+    from imu_sim_ros.sensor.vehicle import MotionSize as MotionSize
+else:
+    __getattr__, __dir__, __all__ = exported(
+        __name__,
+        {
+            "": ["catalogue"],
+            "block": ["ImuBlock", "MagneticBlock", "OrientationBlock", "PressureBlock"],
+            "curved_earth": ["CurvedEarth"],
+            "errors": [
+                "accel_variance_discrete",
+                "field_variance_discrete",
+                "gyro_variance_discrete",
+                "pressure_variance_discrete",
+            ],
+            "faults": ["Fault"],
+            "imu": ["Imu"],
+            "realised": ["realised_imu"],
+            "vehicle": ["MotionSize"],
+        },
+    )

@@ -4,7 +4,7 @@
 """The ideal reading: specific force and angular rate of a perfect IMU."""
 
 from functools import lru_cache
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 from imu_sim_ros.config import SimulationParameters
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.rotation.components import cross, rotate_inverse, transform
-from imu_sim_ros.sensor.curved_earth import CurvedEarth
 from imu_sim_ros.sensor.gravity import earth_rate_vector, gravity_vector
 from imu_sim_ros.trajectory import Felt, Motion, Trajectory, felt
+
+if TYPE_CHECKING:
+    from imu_sim_ros.sensor.curved_earth import CurvedEarth
 
 Array = NDArray[np.float64]
 
@@ -68,7 +70,7 @@ class IdealImu:
     """An IMU without errors at its mounting position on the body."""
 
     def __init__(self, parameters: SimulationParameters) -> None:
-        self._curved_earth = CurvedEarth(parameters) if parameters.curved_earth else None
+        self._curved_earth = _curved_earth(parameters) if parameters.curved_earth else None
         self._gravity_w = gravity_vector(parameters)[:, None]
         self._earth_rate_w = earth_rate_vector(parameters)[:, None]
         self._lever_arm_b = np.reshape(parameters.imu.lever_arm, (3, 1))
@@ -160,6 +162,12 @@ class IdealImu:
 
     def _motion(self, trajectory: Trajectory, t: Array) -> Felt | Motion:
         return felt(trajectory, t) if self._only_feels else trajectory.sample(t)
+
+
+def _curved_earth(parameters: SimulationParameters) -> "CurvedEarth":
+    from imu_sim_ros.sensor.curved_earth import CurvedEarth  # most worlds are flat
+
+    return CurvedEarth(parameters)
 
 
 def size_effect(positions: Array, omega: Array, alpha: Array) -> Array:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.config import TriadParameters
+from imu_sim_ros.config import TriadParameters, Vector
 from imu_sim_ros.random_streams import axis_generators
 from imu_sim_ros.rotation.components import transform
 
@@ -81,11 +81,14 @@ class TurnOn:
     """Bias and scale that differ from run to run, drawn from the seed."""
 
     def __init__(self, seed: int, triad: str, parameters: TriadParameters) -> None:
-        self.bias = _normal(seed, f"{triad}.turn_on_bias") * parameters.turn_on_bias_sigma
+        self.bias = _drawn(seed, f"{triad}.turn_on_bias", parameters.turn_on_bias_sigma)
         """(3,)"""
-        self.scale = _normal(seed, f"{triad}.turn_on_scale") * parameters.turn_on_scale_sigma
+        self.scale = _drawn(seed, f"{triad}.turn_on_scale", parameters.turn_on_scale_sigma)
         """(3,) relative."""
 
 
-def _normal(seed: int, name: str) -> Array:
-    return np.array([stream.standard_normal() for stream in axis_generators(seed, name)])
+def _drawn(seed: int, name: str, sigma: Vector) -> Array:
+    if not any(sigma):
+        return np.zeros(3)
+    numbers = [stream.standard_normal() for stream in axis_generators(seed, name)]
+    return np.array(numbers) * sigma
