@@ -250,6 +250,10 @@ SWAPPED = [0, 1, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
         ),
         ({"image": lambda data: data[:-20]}, ["1000000000.png: a PNG that is cut off after"]),
         ({"image": lambda data: b"not an image"}, ["1000000000.png: 12 bytes that OpenCV cannot"]),
+        (
+            {"image": lambda data: data[:8] + data[-12:]},
+            ["1000000000.png: a PNG without its header"],
+        ),
         ({"image": lambda data: b""}, ["1000000000.png: 0 bytes that OpenCV cannot decode"]),
         (
             {"sensor": {**SENSOR, "intrinsics": [1, 2, 3], "resolution": [8, -6]}},

@@ -37,7 +37,6 @@ _STAMP: Final = re.compile(r"[0-9]{1,19}")
 _IMAGE: Final = re.compile(r"[0-9]{1,19}\.(png|jpe?g|bmp|pgm|tiff?)", re.IGNORECASE)
 _PNG: Final = b"\x89PNG\r\n\x1a\n"
 _PNG_END: Final = b"\0\0\0\0IEND\xaeB`\x82"
-_PNG_HEADER: Final = 26
 _JPEG: Final = b"\xff\xd8\xff"
 _PIXELS: Final = {
     (1, 1): "mono8",
@@ -176,16 +175,19 @@ def _described(path: Path, folder: Path) -> tuple[Description, str]:
 def read_image(path: Path) -> bytes:
     """Return the bytes of an image's file.
 
-    :raises InputError: for what is no file, or a PNG that is cut off, of which OpenCV would
-        return the part that is there.
+    :raises InputError: for what is no file, or a PNG without its header or its end; of one that is
+        cut off OpenCV would return the part that is there.
     """
     with open_regular(path) as file:
         try:
             data = file.read()
         except OSError as error:
             raise system_error(path, error) from None
-    if data.startswith(_PNG) and not data.endswith(_PNG_END):
-        raise InputError(f"{path}: a PNG that is cut off after {len(data)} bytes")
+    if data.startswith(_PNG):
+        if not data.endswith(_PNG_END):
+            raise InputError(f"{path}: a PNG that is cut off after {len(data)} bytes")
+        if data[12:16] != b"IHDR":
+            raise InputError(f"{path}: a PNG without its header")
     return data
 
 
@@ -209,7 +211,7 @@ def as_sent(data: bytes) -> tuple[str, str, bytes]:
 
     PNG and JPEG stay as they are.
     """
-    if data.startswith(_PNG) and len(data) > _PNG_HEADER:
+    if data.startswith(_PNG):
         size = (_PNG_CHANNELS.get(data[25], 0), 2 if data[24] > 8 else 1)
         if size in _PIXELS:
             return "png", _PIXELS[size], data
