@@ -29,8 +29,8 @@ Bytes = NDArray[np.uint8]
 
 _GRID: Final = 2.0**30
 """Poses are rounded to steps of 1e-9, so that the last bits of a sine decide nothing."""
-_BAND: Final = 10
-"""Rows of cells whose rays are processed at once: their arrays stay in a processor's cache."""
+_BAND: Final = 64_000
+"""Rays that are processed at once, about: their arrays stay in a processor's cache."""
 
 
 class Maps(NamedTuple):
@@ -130,8 +130,8 @@ class Renderer:
 
     def _bands(self) -> list[slice]:
         """Return the rows of cells of the image in pieces."""
-        count = -(-self.height // CELL)
-        return [slice(k, min(k + _BAND, count)) for k in range(0, count, _BAND)]
+        count, size = -(-self.height // CELL), max(1, _BAND // (CELL * self.width))
+        return [slice(k, min(k + size, count)) for k in range(0, count, size)]
 
     def _visible(self, poses: Poses) -> _Visible:
         """Return the surfaces that may be in the image, and where."""
