@@ -15,6 +15,8 @@ from imu_sim_ros.errors import ConfigurationError
 
 NANOSECONDS_PER_SECOND: Final = 1_000_000_000
 _RATE_DENOMINATOR: Final = 1_000_000
+LOWEST_RATE: Final = 1.0 / _RATE_DENOMINATOR
+"""[Hz] that this denominator can state."""
 
 
 def sample_times_ns(first: int, count: int, rate: float, t0_ns: int = 0) -> NDArray[np.int64]:
@@ -74,7 +76,7 @@ def exact_rate(rate: float) -> Fraction:
         raise ConfigurationError(f"rate = {rate}: must be a finite number above 0 Hz")
     found = Fraction(repr(float(rate))).limit_denominator(_RATE_DENOMINATOR)
     if not found:
-        raise ConfigurationError(f"rate = {rate:g}: must be at least {1 / _RATE_DENOMINATOR:g} Hz")
+        raise ConfigurationError(f"rate = {rate:g}: must be at least {LOWEST_RATE:g} Hz")
     return found
 
 

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from imu_sim_ros import timebase
 from imu_sim_ros.config import files
 from imu_sim_ros.config.files import build_layered
 from imu_sim_ros.config.imu import LARGEST_LATENCY, LONGEST, ImuParameters
@@ -174,6 +175,13 @@ class SimulatorParameters(SimulationParameters):
     def problems(self, prefix: str) -> Iterator[str]:
         """Yield problems that involve several parameters, one line each."""
         yield from super().problems(prefix)
+        for name in ("clock_rate", "tf_rate"):
+            rate = getattr(self.publish, name)
+            if 0.0 < rate < timebase.LOWEST_RATE:
+                yield (
+                    f"{prefix}publish.{name} = {rate:g}: "
+                    f"must be 0 or at least {timebase.LOWEST_RATE:g} Hz"
+                )
         if self.wait_for_truth_subscribers and not self.publish.ground_truth:
             yield (
                 f"{prefix}wait_for_truth_subscribers = {self.wait_for_truth_subscribers}: "

@@ -177,3 +177,11 @@ def test_a_help_that_cannot_be_printed_is_one_line(words):
         )
     assert result.returncode == 1
     assert result.stderr == f"{words[0]}: No space left on device\n"
+
+
+def test_a_parameter_set_to_nothing_is_an_empty_string(tmp_path, capsys):
+    output = str(tmp_path / "a.bag")
+    assert generate.main(["-o", output, "--duration", "1s", "--set", "rate="]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0].startswith("generate: rate = '': must be a finite number above 0")
+    assert not (tmp_path / "a.bag").exists()

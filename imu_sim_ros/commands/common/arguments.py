@@ -20,12 +20,12 @@ def duration(words: str) -> float:
 
 
 def assignment(words: str) -> tuple[str, object]:
-    """Return name and value of ``key=value``; the value is read as YAML."""
+    """Return name and value of ``key=value``; the value is YAML, none an empty string."""
     name, equals, value = words.partition("=")
     if not equals or not name.strip():
         raise argparse.ArgumentTypeError(f"{words!r} is not of the form key=value")
     try:
-        return name.strip(), files.parse_yaml(value)
+        return name.strip(), files.parse_yaml(value) if value.strip() else ""
     except ValueError as error:
         raise argparse.ArgumentTypeError(f"{name}: {error}") from None
 

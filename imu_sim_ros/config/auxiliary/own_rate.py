@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from imu_sim_ros.config.parameter import number
+from imu_sim_ros.timebase import LOWEST_RATE
 
 LARGEST_RATE = 20000.0
 
@@ -19,7 +20,7 @@ class OwnRateParameters:
         100.0,
         "samples per second of this sensor, on a grid of its own",
         unit="Hz",
-        minimum=1e-6,
+        minimum=LOWEST_RATE,
         maximum=LARGEST_RATE,
     )
     time_offset: float = number(

@@ -24,6 +24,7 @@ from imu_sim_ros.config.parameter import (
     text,
     vector,
 )
+from imu_sim_ros.timebase import LOWEST_RATE
 
 MODELS = ("pinhole", "unified", "double_sphere")
 LARGEST_IMAGE = 16384
@@ -141,7 +142,7 @@ class CameraMountParameters:
 class CameraTimingParameters:
     """When frames are taken, and what their stamps say."""
 
-    rate: float = number(20.0, "frames per second", unit="Hz", minimum=1e-6, maximum=1000.0)
+    rate: float = number(20.0, "frames per second", unit="Hz", minimum=LOWEST_RATE, maximum=1000.0)
     trigger: str = choice(
         "free",
         ("free", "synchronised"),

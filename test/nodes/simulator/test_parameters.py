@@ -37,6 +37,7 @@ pytestmark = pytest.mark.ros
         ),
         (["-p", "trajectory.type:=warp"], ["trajectory.type = 'warp': must be one of"]),
         (["--nonsense"], ["--ros-args: ['--nonsense']"]),
+        (["-p", "publish.tf_rate:=1e-9"], ["publish.tf_rate = 1e-09: must be 0 or at least 1e-06"]),
         (["-p", "imus:=[a, a]"], ["imus = ['a', 'a']: names must differ"]),
         (["-p", "imus:=[a]", "-p", "a.duration:=1"], ["a.duration: unknown parameter"]),
         (["-p", "use_sim_time:=true", "-p", "real_time_factor:=2"], ["real_time_factor = 2: must"]),
