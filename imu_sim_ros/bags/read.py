@@ -61,7 +61,7 @@ _MAGIC_BYTES = 16
 _LEAST = 1000
 """Messages in a block."""
 _IMU_FIELDS = ("angular_velocity", "linear_acceleration")
-_T = TypeVar("_T", bound=tuple[object, ...])
+_T = TypeVar("_T", bound=tuple[Any, ...])
 
 
 class ImuMessages(NamedTuple):
@@ -318,7 +318,7 @@ def _merged(blocks: Iterator[_T]) -> Iterator[_T]:
     count = 0
     for block in blocks:
         waiting.append(block)
-        count += len(block[0])  # type: ignore[arg-type]
+        count += len(block[0])
         if count >= _LEAST:
             yield _joined(waiting, block)
             waiting, count = [], 0

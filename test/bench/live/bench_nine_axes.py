@@ -24,6 +24,8 @@ HERE = Path(__file__).resolve()
 _TICKS = os.sysconf("SC_CLK_TCK")
 _WARM_UP = 5.0
 """[s] After the first messages: what a process imports when it starts is not meant."""
+_TAIL = 10.0
+"""[s] Of a round that are not measured: the simulators end in them."""
 _DOMAIN = 90
 ALL = [
     *("--publish.magnetic_field", "true", "--publish.pressure", "true"),
@@ -107,7 +109,7 @@ def measure(rate: int, duration: float) -> list[list[str]]:
     time.sleep(_WARM_UP)
     before = [cpu_seconds(simulator.pid) for _, simulator in pairs]
     begin = time.monotonic()
-    time.sleep(duration - 10.0)
+    time.sleep(duration - _TAIL)
     after = [cpu_seconds(simulator.pid) for _, simulator in pairs]
     passed = time.monotonic() - begin
     percent = [100.0 * (b - a) / passed for a, b in zip(before, after, strict=True)]
@@ -132,6 +134,8 @@ def main() -> None:
     parser.add_argument("--rate", type=int, default=200)
     parser.add_argument("--listen", action="store_true", help=argparse.SUPPRESS)
     arguments = parser.parse_args()
+    if not arguments.duration > _TAIL:
+        parser.error(f"--duration {arguments.duration:g}: must be above {_TAIL:g} s")
     if arguments.listen:
         subscribe()
         return
