@@ -185,3 +185,25 @@ def test_a_parameter_set_to_nothing_is_an_empty_string(tmp_path, capsys):
     lines = capsys.readouterr().err.splitlines()
     assert lines[0].startswith("generate: rate = '': must be a finite number above 0")
     assert not (tmp_path / "a.bag").exists()
+
+
+@pytest.mark.parametrize("value", ["-1s", "-.5s", "-2h"])
+def test_a_negative_time_is_a_value_and_not_an_option(tmp_path, capsys, value):
+    with pytest.raises(SystemExit, match="2"):
+        generate.main(["-o", str(tmp_path / "x.mcap"), "--duration", value])
+    assert f"'{value}' is not a duration such as 20s" in capsys.readouterr().err
+
+
+def test_values_of_a_file_that_outlive_a_named_sensor_are_said(tmp_path, capsys):
+    path = tmp_path / "own.yaml"
+    path.write_text(
+        "/**:\n  ros__parameters:\n    imu: {preset: lecture, accelerometer_range: 10.0}\n"
+    )
+    output = ["-o", str(tmp_path / "x.mcap"), "--duration", "0.1s", "--force"]
+    common_part = [*output, "--params-file", str(path)]
+    assert generate.main([*common_part, "--imu", "mpu6000"]) == 0
+    error = capsys.readouterr().err
+    assert "note: --imu mpu6000 is what the parameter file starts from" in error
+    assert "count: imu.accelerometer_range\n" in error
+    assert generate.main(common_part) == 0
+    assert "note" not in capsys.readouterr().err

@@ -5,6 +5,7 @@
 
 import argparse
 import os
+import re
 import sys
 import traceback
 from collections.abc import Callable, Sequence
@@ -46,6 +47,8 @@ class Parser(argparse.ArgumentParser):
         if options.get("description"):
             options["description"] = options["description"].replace("``", "")
         super().__init__(prog, **options)
+        # `-1s` and `-5%` are values, not options: each is refused with its own line.
+        self._negative_number_matcher = re.compile(r"-\.?\d")
         self.add_argument(
             "--debug",
             action="store_true",

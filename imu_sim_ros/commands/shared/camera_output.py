@@ -6,7 +6,7 @@
 import argparse
 import os
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
@@ -88,15 +88,15 @@ def parameters(arguments: argparse.Namespace) -> Asked:
 
     :raises ConfigurationError: with one line per problem with either.
     """
-    layers = common.simulation_layers(arguments)
-    # Short arguments lie below the files and --set, as all of them do.
-    given: dict[str, object] = {**_short(arguments)}
-    for values in layers:
+    *below, last = common.simulation_layers(arguments)
+    given: dict[str, object] = {}
+    for values in below:
         given.update(values)
-    node = of_the_node(given)
-    if node and not (arguments.quiet or arguments.json):
-        shown = dict.fromkeys(name.partition("./")[0] for name in node)  # one for all topics
-        print(f"generate: note: no effect in a file: {', '.join(shown)}", file=sys.stderr)
+    _put_short(given, _short(arguments), len(arguments.camera))
+    given.update(last)
+    if not (arguments.quiet or arguments.json):
+        for note in _notes(arguments, below[:-1], of_the_node(given)):
+            print(f"generate: note: {note}", file=sys.stderr)
     given = {name: value for name, value in given.items() if not files.is_of_ros(name)}
     if not has_cameras(given):
         return Asked(load_simulator(given), None)
@@ -115,6 +115,42 @@ def parameters(arguments: argparse.Namespace) -> Asked:
     if problems:
         raise ConfigurationError(problems)
     return Asked(*loaded)
+
+
+def _notes(
+    arguments: argparse.Namespace,
+    in_files: Iterable[Mapping[str, object]],
+    node: Iterable[str],
+) -> Iterator[str]:
+    """Yield what a user may not expect of parameters that are allowed.
+
+    :param in_files: the parameters that stand in files.
+    :param node: names of parameters that only a node has.
+    """
+    shown = dict.fromkeys(name.partition("./")[0] for name in node)  # one for all topics
+    if shown:
+        yield f"no effect in a file: {', '.join(shown)}"
+    every = dict.fromkeys(name for values in in_files for name in values)
+    above = [name for name in every if name.startswith("imu.") and name != "imu.preset"]
+    if arguments.imu is not None and above:
+        others = f" and {len(above) - 3} more" if len(above) > 3 else ""
+        yield (
+            f"--imu {arguments.imu} is what the parameter file starts from; "
+            f"the file's own values count: {', '.join(above[:3])}{others}"
+        )
+
+
+def _put_short(given: dict[str, object], short: Mapping[str, object], cameras: int) -> None:
+    """Put short arguments above the files', whose further cameras do not count beside ``--camera``.
+
+    :param cameras: how many ``--camera`` there are.
+    """
+    named = given.get("cameras")
+    if cameras and isinstance(named, list):
+        gone = set(map(str, named)) - {f"cam{k}" for k in range(cameras)}
+        for name in [name for name in given if name.partition(".")[0] in gone]:
+            del given[name]
+    given.update(short)
 
 
 def _short(arguments: argparse.Namespace) -> dict[str, object]:

@@ -174,3 +174,17 @@ def test_problems_of_imu_and_cameras_are_told_together(tmp_path, capsys):
     ]
     assert generate.main(["-o", str(tmp_path / "x"), "--format", "tracks", *words]) == 2
     assert len(capsys.readouterr().err.splitlines()) == 2
+
+
+def test_cameras_of_the_command_line_are_above_those_of_a_file(tmp_path, capsys):
+    path = tmp_path / "rig.yaml"
+    path.write_text(
+        "/**:\n  ros__parameters:\n    cameras: [cam0, cam1]\n"
+        "    cam0: {camera: {preset: euroc_cam0}}\n    cam1: {camera: {preset: euroc_cam1}}\n"
+    )
+    words = ["--format", "tracks", "--params-file", str(path), "--duration", "1s", "--quiet"]
+    found = []
+    for name, more in (("file", []), ("both", ["--camera", "tum_vi_cam0"])):
+        assert generate.main(["-o", str(tmp_path / name), *words, *more]) == 0
+        found.append(set(np.load(tmp_path / name / "tracks.npz")["camera"]))
+    assert found == [{0, 1}, {0}]
