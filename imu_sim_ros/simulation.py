@@ -24,16 +24,19 @@ import math
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from fractions import Fraction
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from imu_sim_ros import timebase
-from imu_sim_ros.config import SimulationParameters, flatten
+from imu_sim_ros.config import PosesParameters, SimulationParameters, flatten
 from imu_sim_ros.config import parameters as described
 from imu_sim_ros.conventions import AUXILIARY
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.poses import read_poses
 from imu_sim_ros.sensor import Fault, Imu, ImuBlock
 from imu_sim_ros.trajectory import PoseReader, Trajectory, build_trajectory
+
+if TYPE_CHECKING:
+    from imu_sim_ros.trajectory import Recorded
 
 BLOCK_SIZE: Final = 8192
 """Large enough that Python's part is small, small enough for a processor's cache."""
@@ -90,10 +93,9 @@ class Simulation:
         The parameters' own warnings, implausible recorded poses, and a motion that the
         sensor's range does not cover.
         """
-        from imu_sim_ros.trajectory import implausible, recorded_in  # with all of the splines
+        from imu_sim_ros.trajectory import implausible
 
-        imu = self.parameters.imu
-        recorded = recorded_in(self.trajectory)
+        imu, recorded = self.parameters.imu, self._recorded()
         of_poses = recorded.warnings if recorded is not None else []
         return (
             self.parameters.warnings()
@@ -109,10 +111,16 @@ class Simulation:
 
     def notes(self) -> list[str]:
         """Return the repairs of recorded poses, and how well the spline fits them."""
+        recorded = self._recorded()
+        return recorded.repairs + recorded.report.lines() if recorded is not None else []
+
+    def _recorded(self) -> "Recorded | None":
+        """Return the recorded motion, where there is one; only then the splines are imported."""
+        if not isinstance(self.parameters.trajectory, PosesParameters):
+            return None
         from imu_sim_ros.trajectory import recorded_in
 
-        recorded = recorded_in(self.trajectory)
-        return recorded.repairs + recorded.report.lines() if recorded is not None else []
+        return recorded_in(self.trajectory)
 
     def reset(self) -> None:
         """Go back to the first sample: the same samples follow again."""

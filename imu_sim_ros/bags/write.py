@@ -6,11 +6,9 @@
 from pathlib import Path
 from typing import Final
 
+from imu_sim_ros.bags import mcap, ros1, rosbag2
 from imu_sim_ros.bags.atomic_file import refuse_existing
-from imu_sim_ros.bags.mcap import McapWriter
 from imu_sim_ros.bags.messages import Qos
-from imu_sim_ros.bags.ros1 import Rosbag1Writer
-from imu_sim_ros.bags.rosbag2 import SqliteWriter
 from imu_sim_ros.bags.split import PartsWriter, Rosbag2Writer
 from imu_sim_ros.bags.writer import Block, Topic, Writer
 from imu_sim_ros.errors import InputError
@@ -57,10 +55,10 @@ def open_writer(
     def open_file(file: Path) -> Writer:
         single = path.suffix in (".mcap", ".bag") or storage == "ros1"
         if storage == "ros1":
-            return Rosbag1Writer(file, compression)
+            return ros1.Rosbag1Writer(file, compression)
         if storage == "sqlite3":
-            return SqliteWriter(file)
-        return McapWriter(file, compression, renamed=single)
+            return rosbag2.SqliteWriter(file)
+        return mcap.McapWriter(file, compression, renamed=single)
 
     if storage == "ros1" or path.suffix == ".mcap":
         if not (split_ns or split_size):

@@ -9,7 +9,7 @@ import os
 import sys
 from typing import Final
 
-from imu_sim_ros.commands.common import signals
+from imu_sim_ros.commands.common import loading, signals
 
 PROGRAMS: Final = {
     "generate": "parameters in, a bag or a dataset out",
@@ -33,7 +33,8 @@ NODES: Final = {
 def _run(name: str) -> int:
     signals.end_at_once(name)
     try:
-        status: int = importlib.import_module(f"imu_sim_ros.commands.{name}").main()
+        loading.leave_at_once()
+        status: int = loading.load(f"imu_sim_ros.commands.{name}").main()
     finally:
         signals.ignore()
     return status

@@ -11,9 +11,22 @@ or a fragment to paste, and which simulated terms its format cannot express.
 May import the leaves and bags (folders and decimal numbers).
 """
 
-from imu_sim_ros.consumers import kalibr
-from imu_sim_ros.consumers.folder import write_all
-from imu_sim_ros.consumers.rig import RigValues
-from imu_sim_ros.consumers.values import ImuValues
+from typing import TYPE_CHECKING
 
-__all__ = ["ImuValues", "RigValues", "kalibr", "write_all"]
+from imu_sim_ros.lazy import exported
+
+if TYPE_CHECKING:
+    from imu_sim_ros.consumers import kalibr as kalibr
+    from imu_sim_ros.consumers.folder import write_all as write_all
+    from imu_sim_ros.consumers.rig import RigValues as RigValues
+    from imu_sim_ros.consumers.values import ImuValues as ImuValues
+else:
+    __getattr__, __dir__, __all__ = exported(
+        __name__,
+        {
+            "": ["kalibr"],
+            "folder": ["write_all"],
+            "rig": ["RigValues"],
+            "values": ["ImuValues"],
+        },
+    )

@@ -3,16 +3,14 @@
 
 """Where the nodes' executables begin: signals are watched before anything slow is imported."""
 
-import importlib
-
-from imu_sim_ros.commands.common import open_standard_streams
+from imu_sim_ros.commands.common import loading, open_standard_streams
 from imu_sim_ros.nodes import signals
 
 
 def _run(name: str) -> int:
     open_standard_streams()  # otherwise the watch's pipe would take the place of a closed output
     signals.watch(last=True)
-    status: int = importlib.import_module(f"imu_sim_ros.nodes.{name}.node").main()
+    status: int = loading.load(f"imu_sim_ros.nodes.{name}.node").main()
     return status
 
 

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.trajectory.motion import highest_frequency as highest_frequency
     from imu_sim_ros.trajectory.plausible import implausible as implausible
     from imu_sim_ros.trajectory.remembered import RememberedTrajectory as RememberedTrajectory
+    from imu_sim_ros.trajectory.splines import Recorded as Recorded
     from imu_sim_ros.trajectory.splines import fit_report as fit_report
     from imu_sim_ros.trajectory.splines import recorded_in as recorded_in
 else:
@@ -32,6 +33,6 @@ else:
             "motion": ["Felt", "Motion", "Trajectory", "felt", "highest_frequency"],
             "plausible": ["implausible"],
             "remembered": ["RememberedTrajectory"],
-            "splines": ["fit_report", "recorded_in"],
+            "splines": ["Recorded", "fit_report", "recorded_in"],
         },
     )

@@ -3,7 +3,18 @@
 
 """MCAP files, read and written. Imports bags and its messages."""
 
-from imu_sim_ros.bags.mcap.reader import McapBag
-from imu_sim_ros.bags.mcap.writer import McapWriter
+from typing import TYPE_CHECKING
 
-__all__ = ["McapBag", "McapWriter"]
+from imu_sim_ros.lazy import exported
+
+if TYPE_CHECKING:
+    from imu_sim_ros.bags.mcap.reader import McapBag as McapBag
+    from imu_sim_ros.bags.mcap.writer import McapWriter as McapWriter
+else:
+    __getattr__, __dir__, __all__ = exported(
+        __name__,
+        {
+            "reader": ["McapBag"],
+            "writer": ["McapWriter"],
+        },
+    )

@@ -3,21 +3,29 @@
 
 """Text forms: EuRoC, CSV, TUM. Imports bags and its messages."""
 
-from imu_sim_ros.bags.text import decimals, reader, writer
-from imu_sim_ros.bags.text.decimals import decimal
-from imu_sim_ros.bags.text.reader import Skipped, imu_names, is_text, state_file
-from imu_sim_ros.bags.text.writer import BESIDE, Dataset, States
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "BESIDE",
-    "Dataset",
-    "Skipped",
-    "States",
-    "decimal",
-    "decimals",
-    "imu_names",
-    "is_text",
-    "reader",
-    "state_file",
-    "writer",
-]
+from imu_sim_ros.lazy import exported
+
+if TYPE_CHECKING:
+    from imu_sim_ros.bags.text import decimals as decimals
+    from imu_sim_ros.bags.text import reader as reader
+    from imu_sim_ros.bags.text import writer as writer
+    from imu_sim_ros.bags.text.decimals import decimal as decimal
+    from imu_sim_ros.bags.text.reader import Skipped as Skipped
+    from imu_sim_ros.bags.text.reader import imu_names as imu_names
+    from imu_sim_ros.bags.text.reader import is_text as is_text
+    from imu_sim_ros.bags.text.reader import state_file as state_file
+    from imu_sim_ros.bags.text.writer import BESIDE as BESIDE
+    from imu_sim_ros.bags.text.writer import Dataset as Dataset
+    from imu_sim_ros.bags.text.writer import States as States
+else:
+    __getattr__, __dir__, __all__ = exported(
+        __name__,
+        {
+            "": ["decimals", "reader", "writer"],
+            "decimals": ["decimal"],
+            "reader": ["Skipped", "imu_names", "is_text", "state_file"],
+            "writer": ["BESIDE", "Dataset", "States"],
+        },
+    )

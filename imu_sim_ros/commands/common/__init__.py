@@ -12,6 +12,7 @@ from imu_sim_ros.lazy import exported
 
 if TYPE_CHECKING:
     from imu_sim_ros.commands.common import completion as completion
+    from imu_sim_ros.commands.common import loading as loading
     from imu_sim_ros.commands.common import signals as signals
     from imu_sim_ros.commands.common.arguments import add_output_arguments as add_output_arguments
     from imu_sim_ros.commands.common.arguments import (
@@ -38,7 +39,7 @@ else:
     __getattr__, __dir__, __all__ = exported(
         __name__,
         {
-            "": ["completion", "signals"],
+            "": ["completion", "loading", "signals"],
             "arguments": [
                 "add_output_arguments",
                 "add_parameter_arguments",

@@ -3,7 +3,6 @@
 
 """Results as tables and JSON, and progress."""
 
-import json
 import shutil
 import sys
 from bisect import bisect_right
@@ -21,6 +20,8 @@ _BURST: Final = 1.1
 
 def print_json(result: Mapping[str, Any] | Sequence[Any]) -> None:
     """Print a result as one JSON object; not-a-number does not exist in JSON and is refused."""
+    import json
+
     print(json.dumps(result, allow_nan=False, default=_plain))
 
 

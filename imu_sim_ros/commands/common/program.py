@@ -7,7 +7,6 @@ import argparse
 import os
 import re
 import sys
-import traceback
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Any, Final, NoReturn
@@ -139,6 +138,8 @@ def run(program: str, command: Callable[[], None], debug: bool = False) -> int:
 def _told(program: str, error: Exception, debug: bool) -> int:
     """Print what an error means; return the exit status."""
     if debug:
+        import traceback
+
         traceback.print_exception(error)
     lines, status = explain(error)
     for line in lines:

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from imu_sim_ros.bags import read_poses
+from imu_sim_ros import bags
 from imu_sim_ros.poses import PoseSequence
 
 
@@ -43,7 +43,7 @@ class PoseReader:
         self, path: str | Path, topic: str | None = None, covariance: bool = False
     ) -> PoseSequence:
         """Return the poses of a text file or a topic, on request with the file's covariances."""
-        poses = read_poses(path, topic, self._skip, covariance)
+        poses = bags.read_poses(path, topic, self._skip, covariance)
         if poses.skipped:
             print(f"{self._program}: {path}: {poses.skipped} bad rows skipped", file=sys.stderr)
         return poses

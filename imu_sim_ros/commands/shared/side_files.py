@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from imu_sim_ros import consumers
 from imu_sim_ros.bags import make_folder
 from imu_sim_ros.bags.text import writer as text_writer
 from imu_sim_ros.config import SimulationParameters, files, flatten
-from imu_sim_ros.consumers import ImuValues, RigValues, kalibr, write_all
 from imu_sim_ros.conventions import IMAGE_TOPIC, IMU_TOPIC
 from imu_sim_ros.datasets import imus_of, resolved
 from imu_sim_ros.errors import InputError
@@ -129,8 +129,8 @@ def write_configs(
             from imu_sim_ros.datasets import image_topic
 
             topics = {camera: image_topic(camera, names) for camera in rig.cameras}
-            seen = RigValues(values, rig.each(), topics, rig.scene)
-        write_all(folder / name, values, seen)
+            seen = consumers.RigValues(values, rig.each(), topics, rig.scene)
+        consumers.write_all(folder / name, values, seen)
 
 
 def bagcreater_topics(imus: Iterable[str]) -> dict[str, str]:
@@ -149,9 +149,9 @@ def write_tum_vi_calibration(
         return
     values = _values(parameters, "/imu0")
     topics = {camera: f"/{camera}/{IMAGE_TOPIC}" for camera in rig.cameras}
-    chain = kalibr.camchain(RigValues(values, rig.each(), topics, rig.scene))
+    chain = consumers.kalibr.camchain(consumers.RigValues(values, rig.each(), topics, rig.scene))
     (folder / "camchain.yaml").write_text(chain, encoding="utf-8")
-    (folder / "imu_config.yaml").write_text(kalibr.imu_yaml(values), encoding="utf-8")
+    (folder / "imu_config.yaml").write_text(consumers.kalibr.imu_yaml(values), encoding="utf-8")
 
 
 def describe(
@@ -191,8 +191,10 @@ def describe(
     )
 
 
-def _values(parameters: SimulationParameters, topic: str, duration: float = 0.0) -> ImuValues:
-    return ImuValues(
+def _values(
+    parameters: SimulationParameters, topic: str, duration: float = 0.0
+) -> "consumers.ImuValues":
+    return consumers.ImuValues(
         realised_imu(parameters),
         parameters.rate,
         float(np.linalg.norm(parameters.gravity)),

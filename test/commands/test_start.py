@@ -1,0 +1,64 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A program's start: what it loads, and in which state it leaves the interpreter."""
+
+import gc
+import os
+import subprocess
+import sys
+import textwrap
+
+import pytest
+
+from imu_sim_ros.commands.common import loading
+
+NOT_NEEDED = {
+    "importlib.metadata",
+    "json",
+    "sqlite3",
+    "tempfile",
+    "traceback",
+    "scipy",
+    "matplotlib",
+    "rosbags",
+    "rich",
+    "imu_sim_ros.bags.read",
+    "imu_sim_ros.camera",
+    "imu_sim_ros.config.cameras",
+    "imu_sim_ros.consumers.kalibr",
+    "imu_sim_ros.trajectory.splines",
+}
+"""By one that writes the readings of one IMU into a bag."""
+
+
+def test_a_short_run_loads_what_it_needs_and_collects_garbage_again(tmp_path):
+    code = textwrap.dedent(
+        """
+        import gc, os, sys
+        from imu_sim_ros.commands import start
+        start.generate()
+        print(gc.isenabled(), os.environ["OPENBLAS_NUM_THREADS"], *sys.modules)
+        """
+    )
+    environment = {name: v for name, v in os.environ.items() if name != "OPENBLAS_NUM_THREADS"}
+    words = ["--duration", "1s", "-o", str(tmp_path / "x.mcap"), "--quiet"]
+    done = subprocess.run(
+        [sys.executable, "-c", code, *words],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    collecting, threads, *modules = done.stdout.split()
+    assert (collecting, threads) == ("True", "1")
+    assert not NOT_NEEDED & set(modules)
+
+
+def test_a_module_that_cannot_be_loaded_leaves_the_collector_on(monkeypatch):
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "3")
+    with pytest.raises(ModuleNotFoundError):
+        loading.load("imu_sim_ros.commands.no_such_program")
+    assert gc.isenabled()
+    assert os.environ["OPENBLAS_NUM_THREADS"] == "3"  # what the user chose stays
+    gc.unfreeze()
