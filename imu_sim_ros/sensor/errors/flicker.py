@@ -86,6 +86,8 @@ class _Rows(NamedTuple):
     """(C, p)."""
     decay: Array
     """(p,) of the states over a row."""
+    decays: list[Array]
+    """(R - k, p) of the states over k = 1, 2, 4, ... rows, the same in every row."""
     root: Array
     """(p, p) root of the stationary covariance of the states."""
 
@@ -101,11 +103,16 @@ def _rows(dt: float) -> _Rows:
     own = np.where(lag >= 0, impulse[np.abs(lag)], 0.0)
     # Covariance of recursions that see the same unit noise: 1 / (1 - phi_i phi_j).
     covariance = 1.0 / (1.0 - np.outer(poles, poles))
+    decay, step, decays = poles**_COLUMNS, 1, []
+    while step < _ROWS:
+        decays.append(np.tile(decay, (_ROWS - step, 1)))
+        decay, step = decay * decay, 2 * step
     return _Rows(
         np.ascontiguousarray(own.T),
         np.ascontiguousarray((powers[1:] * gains).T),
         np.ascontiguousarray(powers[:-1][::-1]),
         poles**_COLUMNS,
+        decays,
         np.asarray(np.linalg.cholesky(covariance), dtype=np.float64),
     )
 
@@ -136,10 +143,11 @@ class FlickerNoise(ChunkedProcess):
             stream.standard_normal(out=numbers)
         ends = self._noise @ self._rows.to_state  # (axes, R, p), of rows that start at 0
         ends[:, 0] += self._rows.decay * self._state
-        decay, step = self._rows.decay, 1
-        while step < _ROWS:  # a scan by doubling
-            ends[:, step:] += decay * ends[:, :-step].copy()
-            decay, step = decay * decay, 2 * step
+        carried = np.empty_like(ends)
+        for decay in self._rows.decays:  # a scan by doubling
+            step = _ROWS - len(decay)
+            np.multiply(decay, ends[:, :-step], out=carried[:, step:])
+            ends[:, step:] += carried[:, step:]
         starts = np.concatenate([self._state[:, None], ends[:, :-1]], axis=1)
         np.matmul(self._noise, self._rows.from_noise, out=values)
         values += starts @ self._rows.from_state
