@@ -3,16 +3,15 @@
 
 """The ideal reading: specific force and angular rate of a perfect IMU."""
 
-from functools import lru_cache
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.config import SimulationParameters
-from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.rotation.components import cross, rotate_inverse, transform
 from imu_sim_ros.sensor.gravity import earth_rate_vector, gravity_vector
+from imu_sim_ros.sensor.quadrature import Quadrature
 from imu_sim_ros.trajectory import Felt, Motion, Trajectory, felt
 
 if TYPE_CHECKING:
@@ -20,50 +19,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-# Gauss-Legendre nodes and weights on [0, 1]: exact up to the fifth power of time.
-_NODES = 0.5 + 0.5 * np.sqrt(0.6) * np.array([-1.0, 0.0, 1.0])
-_WEIGHTS = np.array([5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0])
-_MOST_PERIODS: Final = 50.0
-"""Of the highest frequency in the interval; they take 170 nodes."""
 _TOGETHER: Final = 4096
 """Times at which a motion is sampled at once, for the processor's cache; a short block has all its
 nodes in one call."""
-_ACCURACY: Final = 1e-6
-"""Error of the mean of a sinusoid, over its amplitude."""
-
-
-Quadrature = tuple[Array, Array]
-"""Nodes and weights (m,) on [0, 1]."""
-
-
-@lru_cache(maxsize=16)
-def quadrature(frequency: float, interval: float) -> Quadrature:
-    """Return Gauss-Legendre nodes that average motions up to a frequency to 1e-6 of their size.
-
-    Twice the frequency is assumed: turning and shaking at once gives products of both. Three
-    nodes do up to 0.08 of a period in the interval, 6 for half a period, 13 for two.
-
-    :param frequency: highest frequency of the motion [Hz].
-    :param interval: averaged over [s].
-    :raises ConfigurationError: where there are more than 50 periods in the interval.
-    """
-    # In terms of the half interval, sin and cos of up to c x, x in [-1, 1]; the mean of cos(c x)
-    # is sin(c) / c, and its error grows with c until the nodes are too few for it.
-    periods = frequency * interval
-    if periods > _MOST_PERIODS:
-        raise ConfigurationError(
-            f"imu.sampling = averaged: the motion has frequencies up to {frequency:g} Hz, "
-            f"{periods:.3g} times the rate; at most {_MOST_PERIODS:g} times can be averaged"
-        )
-    c = 2.0 * np.pi * periods
-    trials = np.append(np.arange(1.0, 9.0) / 8.0 * c, 1e-12)
-    count = max(3, int(0.5 * c))
-    while True:
-        nodes, weights = np.polynomial.legendre.leggauss(count)
-        means = 0.5 * weights @ np.cos(np.outer(nodes, trials))
-        if np.max(np.abs(means - np.sinc(trials / np.pi))) < _ACCURACY:
-            return (_NODES, _WEIGHTS) if count == 3 else (0.5 + 0.5 * nodes, 0.5 * weights)
-        count += max(1, count // 16)
 
 
 class IdealImu:
@@ -121,43 +79,48 @@ class IdealImu:
         if isinstance(motion, Felt):
             return rate, force
         arm = self._lever_arm_b
+        swing = cross(rate, arm)
         if self._has_lever_arm:
             force += cross(motion.angular_acceleration.T, arm)
-            force += cross(rate, cross(rate, arm))
+            force += cross(rate, swing)
         if self._earth_turns:
             earth_rate = rotate_inverse(q_wb, self._earth_rate_w)
-            velocity = rotate_inverse(q_wb, motion.velocity.T) + cross(rate, arm)
-            force += 2.0 * cross(earth_rate, velocity)
-            rate = rate + earth_rate
+            swing += rotate_inverse(q_wb, motion.velocity.T)
+            coriolis = cross(earth_rate, swing)
+            coriolis *= 2.0
+            force += coriolis
+            rate = np.add(rate, earth_rate, out=earth_rate)
         return rate, force
 
     def read_mean(
-        self, trajectory: Trajectory, start: Array, end: Array, quadrature: Quadrature
+        self, trajectory: Trajectory, t: Array, at_ends: tuple[Array, Array], quadrature: Quadrature
     ) -> tuple[Array, Array]:
-        """Return the mean readings over intervals (lecture eq. 11), both (3, n).
+        """Return the mean readings between consecutive times (lecture eq. 11), both (3, n).
 
-        Times the interval's length they are the delta angle and the delta velocity. Gauss-Legendre
-        quadrature; with three points the error falls with the sixth power of the interval.
+        Times the interval's length they are the delta angle and the delta velocity. Gauss-Lobatto
+        quadrature; with two nodes between the ends the error falls with the sixth power of the
+        interval, with three with the eighth.
 
-        :param start: (n,) seconds.
-        :param end: (n,) seconds, not before start.
+        :param t: (n + 1,) ends of the intervals [s], not decreasing.
+        :param at_ends: what :meth:`read` returns at these times, two arrays (3, n + 1).
         :param quadrature: nodes and weights on [0, 1], see :func:`quadrature`.
         """
-        n, (nodes, weights) = len(start), quadrature
-        rate, force = np.zeros((2, 3, n))
-        length = end - start
-        piece, together = min(n, _TOGETHER), max(1, _TOGETHER // max(n, 1))
-        for begin in range(0, n, max(piece, 1)):
-            rows = slice(begin, min(begin + piece, n))
-            own = rows.stop - rows.start
+        nodes, weights = (values[1:-1] for values in quadrature)
+        of_ends = quadrature[1][0]
+        rate, force = (of_ends * (ends[:, :-1] + ends[:, 1:]) for ends in at_ends)
+        start, length = t[:-1], np.diff(t)
+        n = len(start)
+        piece, together = max(1, min(n, _TOGETHER)), max(1, _TOGETHER // max(n, 1))
+        for begin in range(0, n, piece):
+            rows = slice(begin, begin + piece)
             for first in range(0, len(nodes), together):
-                part = nodes[first : first + together]
-                times = start[rows, None] + part * length[rows, None]
-                omega, f = self.read(self._motion(trajectory, times.ravel()))
-                omega, f = (x.reshape(3, own, len(part)) for x in (omega, f))
-                for k, weight in enumerate(weights[first : first + together]):
-                    rate[:, rows] += weight * omega[:, :, k]
-                    force[:, rows] += weight * f[:, :, k]
+                part = slice(first, first + together)
+                times = start[rows] + nodes[part, None] * length[rows]
+                readings = self.read(self._motion(trajectory, times.ravel()))
+                omega, f = (values.reshape(3, *times.shape) for values in readings)
+                for k, weight in enumerate(weights[part]):
+                    rate[:, rows] += weight * omega[:, k]
+                    force[:, rows] += weight * f[:, k]
         return rate, force
 
     def _motion(self, trajectory: Trajectory, t: Array) -> Felt | Motion:

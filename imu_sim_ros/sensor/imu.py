@@ -15,7 +15,8 @@ from imu_sim_ros.conventions import AUXILIARY, TRIADS
 from imu_sim_ros.sensor.block import ImuBlock
 from imu_sim_ros.sensor.errors import Reading, TemperatureProfile, Triad
 from imu_sim_ros.sensor.faults import Fault, FaultSchedule
-from imu_sim_ros.sensor.ideal import IdealImu, Quadrature, quadrature
+from imu_sim_ros.sensor.ideal import IdealImu
+from imu_sim_ros.sensor.quadrature import Quadrature, quadrature
 from imu_sim_ros.sensor.timing import Clock, Transport
 from imu_sim_ros.trajectory import Motion, Trajectory, highest_frequency
 
@@ -87,8 +88,7 @@ class Imu:
         """Return samples ``first .. first + count - 1``; ``first`` follows the last call's."""
         true_t_ns = timebase.sample_times_ns(first, count, self._rate, self._t0_ns)
         t = timebase.seconds_since(true_t_ns, self._t0_ns)
-        motion = trajectory.sample(t)
-        ideal_gyro, ideal_accel = self._ideal_readings(first, t, motion, trajectory)
+        motion, ideal_gyro, ideal_accel = self._ideal_readings(first, t, trajectory)
         temperature = self._temperature.at(t)
         vibration = self._vibration.read(first, motion) if self._vibration else None
         if self._ratio == 1:
@@ -164,18 +164,22 @@ class Imu:
         return gyro, accel
 
     def _ideal_readings(
-        self, first: int, t: Array, motion: Motion, trajectory: Trajectory
-    ) -> tuple[Array, Array]:
+        self, first: int, t: Array, trajectory: Trajectory
+    ) -> tuple[Motion, Array, Array]:
+        """Return the motion at times t (n,) and what a perfect IMU reads, (3, n) twice."""
         if not self._averaged:
-            return self._ideal.read(motion)
-        before = timebase.sample_times_ns(max(first - 1, 0), len(t), self._rate)
-        if first == 0 and len(t):  # nothing lies before the first sample: its interval is empty
-            before = np.concatenate([before[:1], before[:-1]])
+            motion = trajectory.sample(t)
+            return motion, *self._ideal.read(motion)
         if self._quadrature is None:
             self.prepare(trajectory)
             assert self._quadrature is not None
-        start = timebase.seconds_since(before, 0)
-        return self._ideal.read_mean(trajectory, start, t, self._quadrature)
+        # Nothing lies before the first sample: its interval is empty.
+        before = timebase.sample_times_ns(max(first - 1, 0), 1, self._rate)
+        ends = np.concatenate([timebase.seconds_since(before, 0), t])
+        motion = trajectory.sample(ends)
+        at_ends = self._ideal.read(motion)
+        means = self._ideal.read_mean(trajectory, ends, at_ends, self._quadrature)
+        return Motion(*(values[1:] for values in motion)), *means
 
 
 def _beside(parameters: SimulationParameters, t0_ns: int, sensors: Collection[str]) -> "Auxiliary":

@@ -9,7 +9,6 @@ import pytest
 from imu_sim_ros.config import load_simulation
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.sensor import accel_variance_discrete
-from imu_sim_ros.sensor.ideal import quadrature
 from imu_sim_ros.simulation import Simulation
 
 RATE = 200.0
@@ -72,12 +71,6 @@ def test_frequencies_that_cannot_be_averaged_over_are_refused_at_once():
             trajectory__vibration__frequency=[20000.0],
             trajectory__vibration__acceleration=[1.0, 0.0, 0.0],
         )
-
-
-def test_three_nodes_where_three_do():
-    assert [len(quadrature(f, 0.005)[0]) for f in (0.0, 0.5, 15.0, 100.0, 390.0)] == [
-        3, 3, 3, 6, 13,
-    ]  # fmt: skip
 
 
 OVERSAMPLED = {

@@ -214,33 +214,6 @@ def test_normal_gravity_agrees_with_pyins() -> None:
             )
 
 
-def mean_by_brute_force(rate: float, k: int) -> tuple[np.ndarray, np.ndarray]:
-    """Mean of the ideal readings over ((k - 1) dt, k dt) by Simpson's rule on 2000 pieces."""
-    t = (k - 1 + np.linspace(0.0, 1.0, 2001)) / rate
-    motion = LECTURE.sample(t)
-    weights = np.ones(2001)
-    weights[1:-1:2], weights[2:-1:2] = 4.0, 2.0
-    weights /= weights.sum()
-    force = rotation.rotate_inverse(motion.q_wb, motion.acceleration - [0, 0, -G])
-    return weights @ motion.angular_velocity, weights @ force
-
-
-def test_averaged_sampling_is_the_mean_and_of_sixth_order() -> None:
-    errors = []
-    for rate in (8.0, 16.0, 32.0):  # three nodes; slower readings of this motion take more
-        _, gyro, accel = read(LECTURE, 129, rate=rate, **{"imu.sampling": "averaged"})
-        error = 0.0
-        for k in range(1, int(4 * rate)):
-            mean_rate, mean_force = mean_by_brute_force(rate, k)
-            error = max(error, np.abs(gyro[k] - mean_rate).max())
-            error = max(error, np.abs(accel[k] - mean_force).max())
-        errors.append(error)
-    orders = np.log2(np.divide(errors[:-1], errors[1:]))
-    assert (orders > 5.5).all(), errors
-    _, gyro, _ = read(LECTURE, 81, rate=200.0, **{"imu.sampling": "averaged"})
-    assert np.abs(gyro[80] - mean_by_brute_force(200.0, 80)[0]).max() < 1e-12
-
-
 def test_averaged_sampling_sums_to_the_change_of_velocity() -> None:
     """Without rotation the delta velocities are those of the trajectory, free of gravity."""
 
