@@ -5,7 +5,6 @@
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from imu_sim_ros.config.files import load, sensor_layer
@@ -22,6 +21,7 @@ from imu_sim_ros.config.parameter import (
     number,
     parameters,
     section,
+    section_class,
     text,
     vector,
 )
@@ -45,7 +45,7 @@ def _of_the_imu(name: str, words: str = "") -> Any:
     )
 
 
-@dataclass(frozen=True)
+@section_class(frozen=True)
 class TriadNoiseParameters:
     """Errors of a triad as the covariance of the odometry takes them; each as in the simulator."""
 
@@ -73,7 +73,7 @@ class TriadNoiseParameters:
     resolution: Vector = _of_the_imu("resolution")
 
 
-@dataclass(frozen=True)
+@section_class(frozen=True)
 class IntegratorNoiseParameters:
     """The IMU's errors as the covariance of the odometry takes them; each as in the simulator."""
 
@@ -86,7 +86,7 @@ class IntegratorNoiseParameters:
     accelerometer: TriadNoiseParameters = triad(TriadNoiseParameters, "accelerometer")
 
 
-@dataclass(frozen=True)
+@section_class(frozen=True)
 class IntegratorParameters:
     """How readings become a pose."""
 

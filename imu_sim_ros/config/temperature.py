@@ -4,15 +4,14 @@
 """Parameters of the temperature around the IMU over time."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import pairwise
 
-from imu_sim_ros.config.parameter import choice, number, numbers
+from imu_sim_ros.config.parameter import choice, number, numbers, section_class
 
 ABSOLUTE_ZERO = -273.15
 
 
-@dataclass(frozen=True)
+@section_class(frozen=True)
 class TemperatureParameters:
     """Ambient temperature over time, and how the sensor follows it."""
 

@@ -10,7 +10,6 @@ else.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -24,6 +23,7 @@ from imu_sim_ros.config.parameter import (
     matrix,
     numbers,
     section,
+    section_class,
     vector,
 )
 from imu_sim_ros.conventions import Measured, Triad
@@ -63,7 +63,7 @@ def triad(cls: type, name: Triad) -> Any:
     return section(cls, joint="_", words=_WORDS[name], without=without)
 
 
-@dataclass(frozen=True)
+@section_class(frozen=True)
 class TriadParameters:
     """Errors of a gyroscope or an accelerometer."""
 
@@ -339,7 +339,7 @@ def _lost(m: Iterable[float]) -> bool:
     )
 
 
-@dataclass(frozen=True)
+@section_class(frozen=True)
 class TriadsParameters:
     """Errors of both triads."""
 

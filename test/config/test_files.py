@@ -4,8 +4,11 @@
 """Parameter files: ROS 2's form, kalibr's form, layering, and everything that can be wrong."""
 
 import os
+import random
+import string
 
 import pytest
+import yaml
 
 from imu_sim_ros.config import files
 from imu_sim_ros.config.integrator import layer_integrator
@@ -220,3 +223,42 @@ def test_devices_pipes_and_floods_are_refused(tmp_path):
     latin.write_bytes(b"a: \xe9")
     with pytest.raises(ConfigurationError, match="not a text file in UTF-8"):
         files.load(latin)
+
+
+def test_the_text_does_not_depend_on_libyaml(monkeypatch):
+    generator = random.Random(1)
+    strings = [
+        "yes",
+        "~",
+        "1e5",
+        "-",
+        "%x",
+        "a: b",
+        "a #b",
+        "it's",
+        '"q"',
+        "",
+        " x ",
+        "a\tb",
+        "\u00e4",
+    ]
+    strings += ["word " * 40, "x" * 200, "C:\\temp", "# no comment", "[a]", "1:30", "a\nb", "\x85"]
+    letters = string.printable[:95] + "\u00e4\u20ac"
+    strings += ["".join(generator.choices(letters, k=120)) for _ in range(9)]
+    numbers = [0.0, -0.0, 1e22, 5e-324, 0.1, -17, 2**70, True, 1.0e16, 123456.789]
+    many = {
+        f"{'abc'[k % 3]}.n{k}": generator.choice(
+            [
+                generator.choice(strings),
+                generator.choice(numbers),
+                tuple(generator.choices(numbers, k=9)),
+                tuple(generator.choices(strings, k=3)),
+            ]
+        )
+        for k in range(60)
+    }
+    for values in ({name: value} for name, value in many.items()):
+        fast = files.text(values)
+        with monkeypatch.context() as changed:
+            changed.delattr(yaml, "CSafeDumper", raising=False)
+            assert files.text(values) == fast

@@ -7,11 +7,10 @@ Where an error is one that gyroscopes and accelerometers have as well, its name 
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any, Final
 
 from imu_sim_ros.config.auxiliary.own_rate import OwnRateParameters
-from imu_sim_ros.config.parameter import number, numbers, text
+from imu_sim_ros.config.parameter import number, numbers, section_class, text
 from imu_sim_ros.config.triads import TriadParameters
 
 _AS_IN_TRIADS: Final = (
@@ -27,7 +26,7 @@ _AS_IN_TRIADS: Final = (
 )
 
 
-@dataclass(frozen=True)
+@section_class(frozen=True)
 class BarometerParameters(OwnRateParameters):
     """One barometer; every error is off at zero."""
 

@@ -7,7 +7,6 @@ Where an error is one that gyroscopes and accelerometers have as well, its name 
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
 
@@ -22,6 +21,7 @@ from imu_sim_ros.config.parameter import (
     Vector,
     matrix,
     numbers,
+    section_class,
     vector,
 )
 from imu_sim_ros.config.triads import TriadParameters, invertible_problems
@@ -40,7 +40,7 @@ _AS_IN_TRIADS: Final = (
 )
 
 
-@dataclass(frozen=True)
+@section_class(frozen=True)
 class MagnetometerParameters(OwnRateParameters):
     """One magnetometer; every error is off at zero."""
 

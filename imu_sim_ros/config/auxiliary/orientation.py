@@ -4,14 +4,13 @@
 """Parameters of the orientation that a board states: ``imu.orientation_...``."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
-from imu_sim_ros.config.parameter import Vector, choice, flag, number, vector
+from imu_sim_ros.config.parameter import Vector, choice, flag, number, section_class, vector
 
 _AXES = "about the world's east, north and up"
 
 
-@dataclass(frozen=True)
+@section_class(frozen=True)
 class OrientationParameters:
     """The orientation in imu/data: the truth with an error model, or a filter's."""
 

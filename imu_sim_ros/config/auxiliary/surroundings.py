@@ -4,15 +4,14 @@
 """Parameters of the world around the body that magnetometer and barometer measure."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
-from imu_sim_ros.config.parameter import Vector, choice, number, numbers, vector
+from imu_sim_ros.config.parameter import Vector, choice, number, numbers, section_class, vector
 
 FIELD: Vector = (0.0, 2.0e-5, -4.5e-5)
 """[T] Of mid northern latitudes, without declination: 20 uT to the north, 45 uT down."""
 
 
-@dataclass(frozen=True)
+@section_class(frozen=True)
 class AtmosphereParameters:
     """The air of the standard atmosphere, as warm and heavy as the day is."""
 
@@ -24,7 +23,7 @@ class AtmosphereParameters:
     )
 
 
-@dataclass(frozen=True)
+@section_class(frozen=True)
 class MagneticFieldParameters:
     """The magnetic field of the world: the Earth's, and what disturbs it in place and time."""
 

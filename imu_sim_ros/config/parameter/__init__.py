@@ -29,6 +29,7 @@ from imu_sim_ros.config.parameter.kinds import (
     texts,
     vector,
 )
+from imu_sim_ros.config.parameter.section_classes import section_class
 from imu_sim_ros.config.parameter.sections import (
     build,
     flatten,
@@ -62,6 +63,7 @@ __all__ = [
     "parameters",
     "parse",
     "section",
+    "section_class",
     "section_names",
     "shown",
     "text",
