@@ -18,7 +18,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.bags.atomic_file import OutputFile
+from imu_sim_ros.bags.files import OutputFile, Pace
 from imu_sim_ros.bags.messages import (
     Bytes,
     Pattern,
@@ -82,7 +82,7 @@ class ChunkWriter(Writer):
     def __init__(self, path: Path, compression: str, renamed: bool) -> None:
         super().__init__(path)
         self._compression = compression
-        self.file = OutputFile(path, renamed)
+        self.file = OutputFile(path, renamed, Pace())
         self._pending: list[Block] = []
         self._pending_bytes = 0
         self._raw: list[tuple[Topic, int, bytes]] = []
@@ -169,15 +169,19 @@ class ChunkWriter(Writer):
 
     def flush(self, durable: bool = False) -> None:
         """Write the messages in memory as a chunk of their own."""
-        self._collect_raw()
-        self._emit()
-        self._wait()
+        self._write_rest()
+        self.file.stay_cached()
         if durable:
             self.file.sync()
 
+    def _write_rest(self) -> None:
+        self._collect_raw()
+        self._emit()
+        self._wait()
+
     def close(self) -> None:
         """Write the last chunk and the index; give the file its name."""
-        self.flush()
+        self._write_rest()
         self._end_threads()
         self._finishing = self.file.position
         self._finish()

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags.atomic_file import unfinished
+from imu_sim_ros.bags.files import unfinished
 from imu_sim_ros.bags.mcap import McapBag
 from imu_sim_ros.bags.messages import (
     IMU,
