@@ -68,17 +68,21 @@ class GaussMarkovBank(ChunkedProcess):
 
         Both are (axis, process, chunk, row); the state goes on to the end of the last chunk.
         """
-        reached = ends.copy()
-        step = 1
+        reached, carried, step = ends.copy(), np.empty_like(ends), 1
         while step < _ROWS:  # a scan by doubling: five passes instead of 32 steps
             decay = self._row_decay[..., step, None]
-            reached[..., step:] += decay * reached[..., :-step].copy()
+            np.multiply(decay, reached[..., :-step], out=carried[..., step:])
+            after = reached[..., step:]
+            np.add(after, carried[..., step:], out=after)
             step *= 2
-        starts = np.empty_like(ends)
+        # The states between the chunks, one after the other: a few numbers each.
         over_row, over_rows = self._column_decay[-1, ..., 0, 0], self._row_decay[..., 0, :]
+        states = np.empty(ends.shape[:3])
         for chunk in range(ends.shape[2]):
-            own = starts[:, :, chunk]
-            np.multiply(over_rows, self._state[..., None], out=own)
-            own[..., 1:] += reached[:, :, chunk, :-1]
-            self._state = ends[:, :, chunk, -1] + over_row * own[..., -1]
+            states[..., chunk] = self._state
+            last = over_rows[..., -1] * self._state
+            last += reached[:, :, chunk, -2]
+            self._state = ends[:, :, chunk, -1] + over_row * last
+        starts: Array = self._row_decay * states[..., None]
+        starts[..., 1:] += reached[..., :-1]
         return starts

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_TOGETHER: Final = 8
-"""Chunks generated at once at most."""
+_TOGETHER: Final = 8192
+"""Values of a row generated at once, as far as whole chunks allow: they stay in the cache."""
 
 
 class ChunkedProcess(ABC):
@@ -44,7 +44,7 @@ class ChunkedProcess(ABC):
             return taken
         parts, done = [left], left.shape[1]
         while done < count:
-            chunks = min(-((done - count) // self._length), _TOGETHER)
+            chunks = min(-((done - count) // self._length), max(1, _TOGETHER // self._length))
             parts.append(self._make_chunks(chunks))
             done += chunks * self._length
         last = parts[-1]

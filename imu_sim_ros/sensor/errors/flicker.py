@@ -129,26 +129,28 @@ class FlickerNoise(ChunkedProcess):
         super().__init__(streams, CHUNK)
         self._rows = rows = _rows(dt)
         self._state = np.stack([rows.root @ s.standard_normal(len(rows.root)) for s in streams])
-        self._noise = np.empty((len(streams), _ROWS, _COLUMNS))
 
     def _make_chunks(self, count: int) -> Array:
-        values = np.empty((len(self._streams), count, _ROWS, _COLUMNS))
+        rows = self._rows
+        noise = np.empty((len(self._streams), count, _ROWS, _COLUMNS))
+        for stream, numbers in zip(self._streams, noise, strict=True):
+            stream.standard_normal(out=numbers)
+        ends = noise @ rows.to_state  # (axes, chunk, R, p), of rows that start at 0
+        starts = np.empty_like(ends)
         for chunk in range(count):
-            self._fill(values[:, chunk])
+            starts[:, chunk, 0] = self._state
+            self._state = self._scan(ends[:, chunk])
+        starts[:, :, 1:] = ends[:, :, :-1]
+        values = noise @ rows.from_noise
+        values += starts @ rows.from_state
         return values.reshape(len(self._streams), count * CHUNK)
 
-    def _fill(self, values: Array) -> None:
-        """Generate one chunk (axes, R, C)."""
-        for stream, numbers in zip(self._streams, self._noise, strict=True):
-            stream.standard_normal(out=numbers)
-        ends = self._noise @ self._rows.to_state  # (axes, R, p), of rows that start at 0
+    def _scan(self, ends: Array) -> Array:
+        """Add to the ends of a chunk's rows (axes, R, p) what came before; return the last."""
         ends[:, 0] += self._rows.decay * self._state
         carried = np.empty_like(ends)
-        for decay in self._rows.decays:  # a scan by doubling
-            step = _ROWS - len(decay)
-            np.multiply(decay, ends[:, :-step], out=carried[:, step:])
-            ends[:, step:] += carried[:, step:]
-        starts = np.concatenate([self._state[:, None], ends[:, :-1]], axis=1)
-        np.matmul(self._noise, self._rows.from_noise, out=values)
-        values += starts @ self._rows.from_state
-        self._state = ends[:, -1].copy()
+        for decay in self._rows.decays:  # by doubling
+            after, before = ends[:, -len(decay) :], carried[:, -len(decay) :]
+            np.multiply(decay, ends[:, : len(decay)], out=before)
+            np.add(after, before, out=after)
+        return ends[:, -1].copy()
