@@ -12,7 +12,7 @@ from imu_sim_ros.config import SimulationParameters
 from imu_sim_ros.rotation.components import cross, rotate_inverse, transform
 from imu_sim_ros.sensor.gravity import earth_rate_vector, gravity_vector
 from imu_sim_ros.sensor.quadrature import Quadrature
-from imu_sim_ros.trajectory import Felt, Motion, Trajectory, felt
+from imu_sim_ros.trajectory import Felt, Later, Motion, Trajectory, delayed, felt
 
 if TYPE_CHECKING:
     from imu_sim_ros.sensor.curved_earth import CurvedEarth
@@ -93,38 +93,55 @@ class IdealImu:
         return rate, force
 
     def read_mean(
-        self, trajectory: Trajectory, t: Array, at_ends: tuple[Array, Array], quadrature: Quadrature
-    ) -> tuple[Array, Array]:
-        """Return the mean readings between consecutive times (lecture eq. 11), both (3, n).
+        self,
+        trajectory: Trajectory,
+        t: Array,
+        quadrature: Quadrature,
+        interval: float | None = None,
+    ) -> tuple[Motion, Array, Array]:
+        """Return the motion at n + 1 times, and the mean readings between them (lecture eq. 11).
 
-        Times the interval's length they are the delta angle and the delta velocity. Gauss-Lobatto
-        quadrature; with two nodes between the ends the error falls with the sixth power of the
-        interval, with three with the eighth.
+        Times the interval's length the means (3, n) are the delta angle and the delta velocity.
+        Gauss-Lobatto quadrature; with two nodes between the ends the error falls with the sixth
+        power of the interval, with three with the eighth.
 
         :param t: (n + 1,) ends of the intervals [s], not decreasing.
-        :param at_ends: what :meth:`read` returns at these times, two arrays (3, n + 1).
         :param quadrature: nodes and weights on [0, 1], see :func:`quadrature`.
+        :param interval: [s] where all intervals have the same length, but for rounding.
         """
         nodes, weights = (values[1:-1] for values in quadrature)
+        motion, between = self._sampled(trajectory, t, nodes, interval)
         of_ends = quadrature[1][0]
-        rate, force = (of_ends * (ends[:, :-1] + ends[:, 1:]) for ends in at_ends)
-        start, length = t[:-1], np.diff(t)
-        n = len(start)
+        means = [of_ends * (ends[:, :-1] + ends[:, 1:]) for ends in self.read(motion)]
+        n = len(t) - 1
         piece, together = max(1, min(n, _TOGETHER)), max(1, _TOGETHER // max(n, 1))
         for begin in range(0, n, piece):
-            rows = slice(begin, begin + piece)
+            rows = slice(begin, min(begin + piece, n))
             for first in range(0, len(nodes), together):
-                part = slice(first, first + together)
-                times = start[rows] + nodes[part, None] * length[rows]
-                readings = self.read(self._motion(trajectory, times.ravel()))
-                omega, f = (values.reshape(3, *times.shape) for values in readings)
-                for k, weight in enumerate(weights[part]):
-                    rate[:, rows] += weight * omega[:, k]
-                    force[:, rows] += weight * f[:, k]
-        return rate, force
+                part = slice(first, min(first + together, len(nodes)))
+                readings = self.read(between(rows, part, self._only_feels))
+                for mean, values in zip(means, readings, strict=True):
+                    apart = values.reshape(3, part.stop - part.start, -1)
+                    for k, weight in enumerate(weights[part]):
+                        mean[:, rows] += weight * apart[:, k]
+        rate, force = means
+        return motion, rate, force
 
-    def _motion(self, trajectory: Trajectory, t: Array) -> Felt | Motion:
-        return felt(trajectory, t) if self._only_feels else trajectory.sample(t)
+    def _sampled(
+        self, trajectory: Trajectory, t: Array, nodes: Array, interval: float | None
+    ) -> tuple[Motion, Later]:
+        """Return the motion at times t and, for each but the last, at the nodes before the next."""
+        if interval is not None:
+            found = delayed(trajectory, t, nodes * interval)
+            if found is not None:
+                return found
+        start, length = t[:-1], np.diff(t)
+
+        def later(rows: slice, which: slice, only_felt: bool) -> Felt | Motion:
+            times = (start[rows] + nodes[which, None] * length[rows]).ravel()
+            return felt(trajectory, times) if only_felt else trajectory.sample(times)
+
+        return trajectory.sample(t), later
 
 
 def _curved_earth(parameters: SimulationParameters) -> "CurvedEarth":

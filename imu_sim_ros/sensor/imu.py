@@ -173,13 +173,15 @@ class Imu:
         if self._quadrature is None:
             self.prepare(trajectory)
             assert self._quadrature is not None
-        # Nothing lies before the first sample: its interval is empty.
         before = timebase.sample_times_ns(max(first - 1, 0), 1, self._rate)
         ends = np.concatenate([timebase.seconds_since(before, 0), t])
-        motion = trajectory.sample(ends)
-        at_ends = self._ideal.read(motion)
-        means = self._ideal.read_mean(trajectory, ends, at_ends, self._quadrature)
-        return Motion(*(values[1:] for values in motion)), *means
+        steady = timebase.steady_interval(self._rate)
+        motion, rate, force = self._ideal.read_mean(trajectory, ends, self._quadrature, steady)
+        motion = Motion(*(values[1:] for values in motion))
+        if first == 0:  # nothing lies before the first sample: it is the value at its time
+            at_once = self._ideal.read(Motion(*(values[:1] for values in motion)))
+            rate[:, :1], force[:, :1] = at_once
+        return motion, rate, force
 
 
 def _beside(parameters: SimulationParameters, t0_ns: int, sensors: Collection[str]) -> "Auxiliary":

@@ -16,8 +16,10 @@ if TYPE_CHECKING:
     from imu_sim_ros.trajectory.build import PoseReader as PoseReader
     from imu_sim_ros.trajectory.build import build_trajectory as build_trajectory
     from imu_sim_ros.trajectory.motion import Felt as Felt
+    from imu_sim_ros.trajectory.motion import Later as Later
     from imu_sim_ros.trajectory.motion import Motion as Motion
     from imu_sim_ros.trajectory.motion import Trajectory as Trajectory
+    from imu_sim_ros.trajectory.motion import delayed as delayed
     from imu_sim_ros.trajectory.motion import felt as felt
     from imu_sim_ros.trajectory.motion import highest_frequency as highest_frequency
     from imu_sim_ros.trajectory.plausible import implausible as implausible
@@ -30,7 +32,15 @@ else:
         __name__,
         {
             "build": ["PoseReader", "build_trajectory"],
-            "motion": ["Felt", "Motion", "Trajectory", "felt", "highest_frequency"],
+            "motion": [
+                "Felt",
+                "Later",
+                "Motion",
+                "Trajectory",
+                "delayed",
+                "felt",
+                "highest_frequency",
+            ],
             "plausible": ["implausible"],
             "remembered": ["RememberedTrajectory"],
             "splines": ["Recorded", "fit_report", "recorded_in"],

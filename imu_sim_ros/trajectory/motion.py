@@ -31,8 +31,8 @@ class Motion(NamedTuple):
 class Trajectory(Protocol):
     """An exact motion, known at any time.
 
-    It may also have ``highest_frequency`` [Hz], see :func:`highest_frequency`, and ``felt``, see
-    :func:`felt`.
+    It may also have ``highest_frequency`` [Hz], see :func:`highest_frequency`, ``felt``, see
+    :func:`felt`, and ``delayed``, see :func:`delayed`.
     """
 
     @property
@@ -61,6 +61,29 @@ def felt(trajectory: Trajectory, t: Array) -> Felt | Motion:
     as its ``sample(t)``; most do not.
     """
     found: Felt | Motion = getattr(trajectory, "felt", trajectory.sample)(t)
+    return found
+
+
+class Later(Protocol):
+    """What follows after constant delays."""
+
+    def __call__(self, rows: slice, which: slice, only_felt: bool) -> Felt | Motion:
+        """Return the motion after some of the times, after each of some of the delays in turn.
+
+        :param rows: of the n times.
+        :param which: of the m delays.
+        :param only_felt: whether :class:`Felt` is all that is needed.
+        """
+
+
+def delayed(trajectory: Trajectory, t: Array, delays: Array) -> tuple[Motion, Later] | None:
+    """Return the motion at times t (n,) [s], and what follows after constant delays (m,) [s].
+
+    The motion is that of ``sample(t)``, bit for bit; what follows may differ by rounding from
+    ``sample(t + delay)``. None where the trajectory has nothing that is faster than that.
+    """
+    own = getattr(trajectory, "delayed", None)
+    found: tuple[Motion, Later] | None = own(t, delays) if own is not None else None
     return found
 
 

@@ -8,7 +8,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.trajectory.motion import Motion, Trajectory, highest_frequency
+from imu_sim_ros.trajectory.motion import (
+    Felt,
+    Later,
+    Motion,
+    Trajectory,
+    delayed,
+    highest_frequency,
+)
 
 Array = NDArray[np.float64]
 
@@ -27,6 +34,7 @@ class RememberedTrajectory:
         self.highest_frequency = highest_frequency(trajectory)
         self._trajectory = trajectory
         self._kept: list[tuple[Array, Motion]] = []
+        self._kept_later: list[tuple[Array, Array, Motion, Later]] = []
         self._count = 0
 
     def sample(self, t: Array) -> Motion:
@@ -35,9 +43,46 @@ class RememberedTrajectory:
             if np.array_equal(times, t):
                 return motion
         motion = self._trajectory.sample(t)
-        if self._count + len(t) <= _MOST:
-            self._count += len(t)
-            for values in motion:
-                values.flags.writeable = False
+        if self._has_room(len(t)):
+            _freeze(motion)
             self._kept.append((t.copy(), motion))
         return motion
+
+    def delayed(self, t: Array, delays: Array) -> tuple[Motion, Later] | None:
+        """Return the motion at times t and after constant delays, where the motion offers that."""
+        for times, own, motion, later in self._kept_later:
+            if np.array_equal(times, t) and np.array_equal(own, delays):
+                return motion, later
+        found = delayed(self._trajectory, t, delays)
+        if found is None or not self._has_room(len(t) * (1 + len(delays))):
+            return found
+        motion, later = found[0], _remembered(found[1])
+        _freeze(motion)
+        self._kept_later.append((t.copy(), delays.copy(), motion, later))
+        return motion, later
+
+    def _has_room(self, count: int) -> bool:
+        """Return whether so many more times can be kept, and count them."""
+        if self._count + count > _MOST:
+            return False
+        self._count += count
+        return True
+
+
+def _remembered(later: Later) -> Later:
+    """Return a function that works out each of its motions once."""
+    kept: dict[tuple[int, int, int, int, bool], Felt | Motion] = {}
+
+    def again(rows: slice, which: slice, only_felt: bool) -> Felt | Motion:
+        key = (rows.start, rows.stop, which.start, which.stop, only_felt)
+        if key not in kept:
+            kept[key] = later(rows, which, only_felt)
+            _freeze(kept[key])
+        return kept[key]
+
+    return again
+
+
+def _freeze(motion: Felt | Motion) -> None:
+    for values in motion:
+        values.flags.writeable = False

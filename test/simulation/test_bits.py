@@ -58,6 +58,17 @@ def test_no_trajectory_depends_on_the_block_size(name: str) -> None:
         assert np.array_equal(a, b), k
 
 
+@pytest.mark.parametrize("rate", [200.0, 190.0])  # at 190 Hz intervals differ by 1 ns
+@pytest.mark.parametrize("board", [{}, {"imu.lever_arm": [0.1, 0.2, -0.3]}], ids=["", "board"])
+def test_no_mean_depends_on_the_block_size(rate: float, board: dict[str, object]) -> None:
+    values = {"imu.preset": "perfect", "rate": rate, "imu.sampling": "averaged", **board}
+    whole = joined(Simulation(load_simulation(values)), 9000, 9000)
+    for size, count in ((1, 50), (37, 400), (5000, 9000)):
+        pieces = joined(Simulation(load_simulation(values)), size, count)
+        for k, (a, b) in enumerate(zip(whole, pieces, strict=True)):
+            assert np.array_equal(a[:count], b), (size, k)
+
+
 def test_irregular_pieces_are_the_whole() -> None:
     run = perfect(EVERY_TERM)
     sizes = [1, 2, 0, 500, 1023, 3, 471, 1000]

@@ -153,4 +153,5 @@ class FlickerNoise(ChunkedProcess):
             after, before = ends[:, -len(decay) :], carried[:, -len(decay) :]
             np.multiply(decay, ends[:, : len(decay)], out=before)
             np.add(after, before, out=after)
-        return ends[:, -1].copy()
+        last: Array = ends[:, -1].copy()
+        return last

@@ -7,8 +7,8 @@ import math
 
 from imu_sim_ros.config import HarmonicParameters
 from imu_sim_ros.trajectory.euler import attitude, attitude_and_rate
-from imu_sim_ros.trajectory.motion import Array, Felt, Motion
-from imu_sim_ros.trajectory.series import SeriesSet
+from imu_sim_ros.trajectory.motion import Array, Felt, Later, Motion
+from imu_sim_ros.trajectory.series import SeriesSet, Waves
 
 
 class Harmonic:
@@ -32,12 +32,32 @@ class Harmonic:
 
     def sample(self, t: Array) -> Motion:
         """Return the motion at times t (n,) [s]."""
-        table, (*_, roll, pitch, yaw) = self._coordinates.sample(t)
+        return self._motion(t, self._coordinates.waves(t))
+
+    def felt(self, t: Array) -> Felt:
+        """Return what is felt of the motion at times t (n,) [s], at two thirds of the cost."""
+        return self._felt(t, self._coordinates.waves(t))
+
+    def delayed(self, t: Array, delays: Array) -> tuple[Motion, Later]:
+        """Return the motion at times t (n,) [s], and that after constant delays (m,) [s].
+
+        The sines at t serve for all of them; see :class:`Later`.
+        """
+        waves = self._coordinates.waves(t)
+
+        def later(rows: slice, which: slice, only_felt: bool) -> Felt | Motion:
+            times = (delays[which, None] + t[rows]).ravel()
+            own = self._coordinates.turned(waves.at(rows), delays[which])
+            return self._felt(times, own) if only_felt else self._motion(times, own)
+
+        return self._motion(t, waves), later
+
+    def _motion(self, t: Array, waves: Waves) -> Motion:
+        table, (*_, roll, pitch, yaw) = self._coordinates.sample(t, waves)
         position, velocity, acceleration = table[:, :3]
         attitudes = attitude(roll, pitch, yaw, len(t))
         return Motion(position.T, velocity.T, acceleration.T, *attitudes)
 
-    def felt(self, t: Array) -> Felt:
-        """Return what is felt of the motion at times t (n,) [s], at two thirds of the cost."""
-        acceleration, (roll, pitch, yaw) = self._coordinates.felt(t)
+    def _felt(self, t: Array, waves: Waves) -> Felt:
+        acceleration, (roll, pitch, yaw) = self._coordinates.felt(t, waves)
         return Felt(acceleration.T, *attitude_and_rate(roll, pitch, yaw, len(t)))

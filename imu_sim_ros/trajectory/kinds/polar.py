@@ -39,7 +39,7 @@ class Polar:
     def sample(self, t: Array) -> Motion:
         """Return the motion at times t (n,) [s]."""
         n = len(t)
-        _, (r, angle) = self._coordinates.sample(t)
+        _, (r, angle) = self._coordinates.sample(t, self._coordinates.waves(t))
         along, across = (
             r.second - r.value * angle.first * angle.first,
             2.0 * r.first * angle.first + r.value * angle.second,

@@ -25,6 +25,7 @@ class Case(NamedTuple):
     imu: IdealImu
     t: Array
     """(n + 1,) ends of the intervals."""
+    interval: float | None = None
 
     def finely(self, rule: Quadrature) -> Array:
         """Return means of rate and force (6, n) by a rule without shared nodes."""
@@ -43,8 +44,7 @@ class Case(NamedTuple):
 
     def error(self, rule: Quadrature) -> Array:
         """Return the largest errors of rate and force (2,)."""
-        ends = self.imu.read(self.trajectory.sample(self.t))
-        means = self.imu.read_mean(self.trajectory, self.t, ends, rule)
+        _, *means = self.imu.read_mean(self.trajectory, self.t, rule, self.interval)
         difference = np.abs(np.concatenate(means) - self.exact())
         return difference.reshape(2, -1).max(axis=1)
 
