@@ -4,7 +4,9 @@
 """Decompression of complete and truncated chunks, of a bounded size, in steps."""
 
 from collections.abc import Iterator
-from typing import Any, Final
+from typing import Any, Final, TypeVar
+
+_Data = TypeVar("_Data", bytes, memoryview)
 
 LARGEST_CHUNK: Final = 1 << 30
 """[bytes] A larger chunk is refused; those of rosbag2 and roscpp have about 1 MB."""
@@ -19,8 +21,8 @@ def allowed(compressed: int) -> int:
     return min(LARGEST_CHUNK, max(_ALWAYS_ALLOWED, _LARGEST_RATIO * compressed))
 
 
-def decompress(data: bytes, compression: str, size: int, torn: bool = False) -> bytes:
-    """Return the content of a chunk.
+def decompress(data: _Data, compression: str, size: int, torn: bool = False) -> bytes | _Data:
+    """Return the content of a chunk; the data themselves where they are not compressed.
 
     :param compression: none or empty, lz4, zstd or bz2.
     :param size: stated size of the content [bytes].
@@ -35,7 +37,7 @@ def decompress(data: bytes, compression: str, size: int, torn: bool = False) -> 
     return content
 
 
-def _decompressed(data: bytes, compression: str, size: int, torn: bool) -> bytes:
+def _decompressed(data: bytes | memoryview, compression: str, size: int, torn: bool) -> bytes:
     """Return the content, or a little more than its size where it is larger than stated."""
     content = bytearray()
     try:
@@ -49,7 +51,7 @@ def _decompressed(data: bytes, compression: str, size: int, torn: bool) -> bytes
     return bytes(content)
 
 
-def _stepwise(data: bytes, compression: str) -> Iterator[bytes]:
+def _stepwise(data: bytes | memoryview, compression: str) -> Iterator[bytes]:
     """Yield the content in steps of a bounded size, of one stream."""
     if compression == "zstd":
         yield from _zstd_steps(data)
@@ -57,7 +59,7 @@ def _stepwise(data: bytes, compression: str) -> Iterator[bytes]:
     stream = _stream(compression)
     position = 0
     while not stream.eof:
-        part = b""
+        part: bytes | memoryview = b""
         if stream.needs_input:
             part = data[position : position + _STEP]
             position += len(part)
@@ -66,7 +68,7 @@ def _stepwise(data: bytes, compression: str) -> Iterator[bytes]:
         yield stream.decompress(part, _STEP)
 
 
-def _zstd_steps(data: bytes) -> Iterator[bytes]:
+def _zstd_steps(data: bytes | memoryview) -> Iterator[bytes]:
     import zstandard
 
     stream = zstandard.ZstdDecompressor().stream_reader(data)

@@ -242,7 +242,7 @@ class McapBag(Bag):
                 by_topic.setdefault(topic, []).append(_block(topic, channel, data, places))
         return [in_order(blocks) for blocks in by_topic.values()]
 
-    def _chunk_data(self, chunk: _Chunk) -> bytes:
+    def _chunk_data(self, chunk: _Chunk) -> bytes | memoryview:
         """Return the verified content of a chunk, or as much as there is of a truncated one."""
         record = self._bytes(chunk.offset, chunk.length)
         if record[:1] == bytes([MESSAGE]):
@@ -251,7 +251,7 @@ class McapBag(Bag):
         _, _, size, crc = struct.unpack_from("<QQQI", record, _HEADER_BYTES)
         (name_length,) = struct.unpack_from("<I", record, start)
         compression = record[start + 4 : start + 4 + name_length].decode()
-        data = record[start + 4 + name_length + 8 :]
+        data = memoryview(record)[start + 4 + name_length + 8 :]
         content = decompress(data, compression, size, chunk.torn)
         if not chunk.torn and crc and zlib.crc32(content) != crc:
             raise ValueError("the checksum is wrong")

@@ -119,11 +119,9 @@ class Layout(NamedTuple):
         """Return whether all payloads (n, size) have this layout's texts and header."""
         if payloads.shape[1] != self.size:
             return False
-        template = np.frombuffer(self.template, np.uint8)
-        return all(
-            bool(np.all(payloads[:, start:stop] == template[start:stop]))
-            for start, stop in self.fixed
-        )
+        words = _words(self.size, self.fixed)
+        rows, template = payloads.view(words)[:, 0], np.frombuffer(self.template, words)
+        return all(bool(np.all(rows[name] == template[name])) for name in words.names or ())
 
     def offset(self, name: str) -> int:
         """Return where a field begins."""
@@ -212,6 +210,25 @@ class Builder:
                 "itemsize": len(self.template),
             }
         )
+
+
+@lru_cache(maxsize=64)
+def _words(size: int, spans: Sequence[tuple[int, int]]) -> np.dtype[np.void]:
+    """Return spans of bytes as a structured type of long integers: few comparisons for each.
+
+    :param size: of the whole.
+    :param spans: (start, stop); a tuple.
+    """
+    formats, offsets = [], []
+    for begin, stop in spans:
+        start = begin
+        while start < stop:
+            width = min(8, 1 << (stop - start).bit_length() - 1)
+            formats.append(f"<u{width}")
+            offsets.append(start)
+            start += width
+    names = [f"at_{offset}" for offset in offsets]
+    return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": size})
 
 
 @lru_cache(maxsize=64)

@@ -12,6 +12,7 @@ from imu_sim_ros.bags.messages import (
     MessageDecoder,
     TransformsEncoder,
     encode,
+    layouts,
 )
 from imu_sim_ros.errors import InputError
 
@@ -218,3 +219,19 @@ def test_one_odometry_message_refuses_a_stamp_as_a_block_does(t_ns):
     zero = (0.0, 0.0, 0.0)
     with pytest.raises(InputError, match="a message holds 0 to"):
         encoder.message(t_ns, zero, (1.0, *zero), zero, zero)
+
+
+@pytest.mark.parametrize("frame", FRAMES)
+@pytest.mark.parametrize("encoding", STORES)
+def test_one_other_byte_where_all_are_alike_is_noticed(frame, encoding):
+    """And none elsewhere: numbers and padding differ from message to message."""
+    rng = np.random.default_rng(3)
+    _, rows, _ = _messages(encode.ODOMETRY, encoding, frame, rng)
+    texts = layouts.texts_of(encode.ODOMETRY, encoding, rows[0].tobytes())
+    form = layouts.layout(encode.ODOMETRY, encoding, texts)
+    alike = {k for start, stop in form.fixed for k in range(start, stop)}
+    assert form.matches(rows)
+    for k in range(form.size):
+        other = rows.copy()
+        other[-1, k] ^= 1
+        assert form.matches(other) == (k not in alike), k
