@@ -111,8 +111,7 @@ class Record:
         t_ns, y = self._in_order(t_ns, y)
         if not len(y):  # nothing but repetitions of the message before
             return
-        self._look(t_ns, y)
-        yield from self._pieces(t_ns, np.where(np.isfinite(y), y, 0.0))
+        yield from self._pieces(t_ns, self._looked_at(t_ns, y))
         self._last_ns = int(t_ns[-1])
 
     def at_rest(self, y: Array | None) -> Iterator[Array | None]:
@@ -134,16 +133,19 @@ class Record:
                 f"stamps run backwards by {-steps[k] * 1e-9:.6f} s at sample {self.samples + k}: "
                 "sort the bag by stamp first"
             )
-        self._duplicates += int(np.count_nonzero(steps == 0))
-        return t_ns[steps > 0], y[steps > 0]
+        new = steps > 0
+        repeated = int(np.count_nonzero(~new))
+        self._duplicates += repeated
+        return (t_ns[new], y[new]) if repeated else (t_ns, y)
 
-    def _look(self, t_ns: Times, y: Array) -> None:
-        bad = ~np.isfinite(y)
-        new = bad.any(axis=0) & (self.bad == 0)
-        self.first_bad[new] = (t_ns[bad.argmax(axis=0)][new] - self.start_ns) * 1e-9
-        self.bad += bad.sum(axis=0)
+    def _looked_at(self, t_ns: Times, y: Array) -> Array:
+        """Return readings with zeros for those that are not finite."""
+        finite = np.isfinite(y)
+        if not finite.all():
+            self._note_bad(t_ns, ~finite)
+            y = np.where(finite, y, 0.0)
         self.samples += len(y)
-        columns = np.ascontiguousarray(np.where(bad, 0.0, y).T)
+        columns = np.ascontiguousarray(y.T)
         self._sum += columns.sum(axis=1)
         self._square += np.einsum("an,an->a", columns, columns)
         self._lowest.take(columns)
@@ -151,6 +153,13 @@ class Record:
         self._steps.look(columns)
         if self.rest is not None:
             self.rest.step = self._steps.step
+        return y
+
+    def _note_bad(self, t_ns: Times, bad: NDArray[np.bool_]) -> None:
+        """Count the readings (n, 6) that are not finite."""
+        new = bad.any(axis=0) & (self.bad == 0)
+        self.first_bad[new] = (t_ns[bad.argmax(axis=0)][new] - self.start_ns) * 1e-9
+        self.bad += bad.sum(axis=0)
 
     @property
     def minimum(self) -> Array:
@@ -170,9 +179,10 @@ class Record:
     def _pieces(self, t_ns: Times, y: Array) -> Iterator[Array | None]:
         before = t_ns[:1] if self._last_ns is None else np.array([self._last_ns])
         steps = np.diff(t_ns, prepend=before) / self._interval
-        regular = steps[(steps > 0.0) & (steps < self._threshold(steps))]
+        threshold = self._threshold(steps)
+        regular = steps[(steps > 0.0) & (steps < threshold)]
         self._intervals += [len(regular), (regular - 1.0).sum(), ((regular - 1.0) ** 2).sum()]
-        missing = np.where(steps > self._threshold(steps), np.round(steps) - 1.0, 0.0)
+        missing = np.where(steps > threshold, np.round(steps) - 1.0, 0.0)
         start = 0
         for k in np.flatnonzero(missing >= 1.0):
             lost = int(missing[k])
@@ -260,14 +270,19 @@ class _Extreme:
         if columns.shape[1] == 0:
             return
         first = self._find.reduce(columns, axis=1)
-        at_first = columns == first[:, None]
-        rest = np.where(at_first, self._none, columns)
-        second = self._find.reduce(rest, axis=1)
-        at_second = np.count_nonzero(rest == second[:, None], axis=1)
-        values = np.stack([self.value, self.next_value, first, second])
-        hits = np.stack([self.hits, self.next_hits, np.count_nonzero(at_first, axis=1), at_second])
-        self.value = self._find.reduce(values, axis=0)
-        self.hits = np.sum(np.where(values == self.value, hits, 0), axis=0)
-        beyond = np.where(values == self.value, self._none, values)
-        self.next_value = self._find.reduce(beyond, axis=0)
-        self.next_hits = np.sum(np.where(beyond == self.next_value, hits, 0), axis=0)
+        for k in np.flatnonzero(self._find(first, self.next_value) == first):
+            self._take_axis(int(k), columns[k], first[k])
+
+    def _take_axis(self, k: int, column: Array, first: float) -> None:
+        """Take the next readings (n,) of an axis which reach the value next to the extreme one."""
+        at_first = column == first
+        rest = np.where(at_first, self._none, column)
+        second = self._find.reduce(rest)
+        at_second = np.count_nonzero(rest == second)
+        values = np.array([self.value[k], self.next_value[k], first, second])
+        hits = np.array([self.hits[k], self.next_hits[k], np.count_nonzero(at_first), at_second])
+        self.value[k] = self._find.reduce(values)
+        self.hits[k] = np.sum(hits[values == self.value[k]])
+        beyond = np.where(values == self.value[k], self._none, values)
+        self.next_value[k] = self._find.reduce(beyond)
+        self.next_hits[k] = np.sum(hits[beyond == self.next_value[k]])

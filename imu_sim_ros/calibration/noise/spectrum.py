@@ -10,6 +10,7 @@ second difference matrix with free ends, whose eigenvectors are the DCT-II's; St
 cosine transform", SIAM Review 41, 1999.) No window, no differencing and no leakage.
 """
 
+from functools import partial
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -76,6 +77,9 @@ class SpectrumAccumulator:
     """Takes a record block by block, in pieces that are treated as independent."""
 
     def __init__(self, rate: float, axes: int) -> None:
+        from scipy.fft import dct  # now, for a second process may be starting meanwhile
+
+        self._dct = partial(dct, norm="ortho", axis=1, overwrite_x=True)
         self._dt = 1.0 / rate
         self._axes = axes
         count = int(np.ceil(np.log(0.5 / _SPLIT) / _WIDTH))
@@ -87,6 +91,7 @@ class SpectrumAccumulator:
         self._whole = self._bins(_SEGMENT)
         self._low: list[Spectrum] = []
         self._segment = np.empty((axes, _SEGMENT))
+        self._workspace = np.empty((axes, _SEGMENT))
         self._begin()
 
     def _begin(self) -> None:
@@ -114,8 +119,6 @@ class SpectrumAccumulator:
 
     def _flush(self) -> None:
         """Transform the samples of the segment, add them to the bins, and keep their averages."""
-        from scipy.fft import dct
-
         count, self._filled = self._filled, 0
         if count < _SHORTEST:
             return
@@ -124,7 +127,8 @@ class SpectrumAccumulator:
         self._clusters.append(y[:, :whole].reshape(self._axes, -1, CLUSTER).mean(axis=2))
         if self._offset is None:
             self._offset = y.mean(axis=1, keepdims=True)
-        coefficient = dct(y - self._offset, norm="ortho", axis=1)
+        centred = np.subtract(y, self._offset, out=self._workspace[:, :count])
+        coefficient = self._dct(centred)
         bins = self._whole if count == _SEGMENT else self._bins(count)
         squares = self._sums_of_squares(coefficient[:, bins.first : bins.last], bins.starts)
         self._sums[bins.used] += squares.T
@@ -133,8 +137,12 @@ class SpectrumAccumulator:
 
     @staticmethod
     def _sums_of_squares(coefficients: Array, starts: NDArray[np.int64]) -> Array:
-        """Return (axes, bins) of coefficients (axes, n), from each start to before the next."""
-        result: Array = np.add.reduceat(coefficients**2, starts, axis=1)
+        """Return (axes, bins) of coefficients (axes, n), from each start to before the next.
+
+        :param coefficients: are overwritten.
+        """
+        squares = np.square(coefficients, out=coefficients)
+        result: Array = np.add.reduceat(squares, starts, axis=1)
         return result
 
     def _bins(self, count: int) -> _Bins:
@@ -151,18 +159,16 @@ class SpectrumAccumulator:
         return _Bins(first, last, starts, bins[starts], freedom, log_frequency)
 
     def _low_part(self, clusters: Array) -> Spectrum:
-        from scipy.fft import dct
-
         n = clusters.shape[1]
         interval = CLUSTER * self._dt
         last = int(np.ceil(2.0 * n * _SPLIT * CLUSTER))  # the first coefficient at the split
         centred = clusters - clusters.mean(axis=1, keepdims=True)
-        amplitude = dct(centred, norm="ortho", axis=1)[:, 1:last].T * np.sqrt(interval)
+        amplitude = self._dct(centred)[:, 1:last].T * np.sqrt(interval)
         order = np.arange(1, last)
         single = min(_SINGLE, last - 1)
         edges = _single_then_bins(order, single)
         freedom = np.diff(np.append(edges, len(order))).astype(np.float64)
-        power = self._sums_of_squares(amplitude.T, edges).T / freedom[:, None]
+        power = self._sums_of_squares(amplitude.T.copy(), edges).T / freedom[:, None]
         mean_order = np.exp(np.add.reduceat(np.log(order), edges) / freedom)
         alone = freedom == 1
         return Spectrum(
