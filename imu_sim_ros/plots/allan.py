@@ -70,7 +70,7 @@ def _draw_triad(result: AllanResult, triad: int, axes: Axes) -> None:
     positive = curves[curves > 0.0]
     if len(positive):
         axes.set_ylim(positive.min() / 3.0, positive.max() * 2.0)
-    axes.grid(True, which="minor", color="#EEEEEE", linewidth=0.4)
+    style.small_ticks(axes)
     axes.set_xlabel("cluster time [s]")
     axes.set_ylabel(f"Allan deviation [{_SHORT_UNITS[TRIADS[triad]]}]")
     axes.set_title(TRIADS[triad])

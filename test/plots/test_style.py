@@ -3,6 +3,7 @@
 
 """What all pictures have in common."""
 
+import numpy as np
 import pytest
 
 from imu_sim_ros.plots import style
@@ -29,3 +30,37 @@ def test_numbers_of_a_narrow_logarithmic_axis_are_plain(values, expected):
         if low <= tick.get_loc() <= high and tick.label1.get_text()
     )
     assert [text for _, text in shown] == expected
+
+
+def pixels(own_ticks: bool, top: float) -> np.ndarray:
+    figure, (axes,) = style.panels(1, 1)
+    axes.loglog([0.005, 3000.0], [1e-4, top])
+    if own_ticks:
+        axes.grid(True, which="minor", color="#EEEEEE", linewidth=0.4)
+    else:
+        style.small_ticks(axes)
+    figure.canvas.draw()
+    return np.asarray(figure.canvas.buffer_rgba()).astype(int)
+
+
+@pytest.mark.parametrize("top", [2e-4, 3e-1])
+def test_small_ticks_look_like_those_of_matplotlib(top):
+    """Below a decade they are; above, lines of a few grey levels cross in another order."""
+    difference = np.abs(pixels(True, top) - pixels(False, top)).max(axis=2)
+    assert difference.max() <= 16
+    assert np.count_nonzero(difference) < 0.01 * difference.size
+
+
+def test_a_saved_picture_is_as_savefig_writes_it(tmp_path):
+    paths = tmp_path / "own.png", tmp_path / "theirs.png"
+    for path in paths:
+        figure, (axes,) = style.panels(1, 1)
+        axes.plot([1.0, 2.0], label="line")
+        axes.legend()
+        if path is paths[0]:
+            style.save(figure, path)
+            assert figure.dpi == 100.0
+        else:
+            figure.savefig(path, dpi=130)
+    own, theirs = (path.read_bytes() for path in paths)
+    assert own == theirs
