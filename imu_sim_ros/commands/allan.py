@@ -9,11 +9,13 @@ Allan curve; see imu_sim_ros.calibration.
 
 import argparse
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext, suppress
 from pathlib import Path
 from typing import Any, Final
 
 from imu_sim_ros.bags import ImuMessages, imu_blocks, open_bag
+from imu_sim_ros.calibration import SecondProcess, cores
 from imu_sim_ros.calibration.noise import (
     MODELS,
     AllanResult,
@@ -37,6 +39,10 @@ _FILES = (
     "allan.png",
 )
 _OPTIONAL = ("quantisation", "rate_ramp")
+_ONE_PROCESS: Final = 32 << 20
+"""[bytes] Below it starting another process takes longer than its work."""
+_READINGS: Final = (".mcap", ".db3", ".csv", ".txt")
+"""Endings of the files in a folder that hold an IMU's readings."""
 
 EXAMPLES: Final = """
 allan rest.mcap -o allan
@@ -106,17 +112,43 @@ def _analysed(
     """Analyse, and write the files into a folder."""
     true_imu = truth.load_truth(arguments.truth) if arguments.truth else None
     count = sum(_count(bag, arguments.topic) for bag in arguments.bags)
-    with common.progress("read", count, arguments.quiet or arguments.json) as advance:
+    with (
+        _second_process(arguments.bags) as second,
+        common.progress("read", count, arguments.quiet or arguments.json) as advance,
+    ):
         result = analyse(
             _blocks(arguments),
             model=arguments.model,
             force=arguments.skip_checks,
             advance=advance,
+            second=second,
+            meanwhile=(lambda: None) if folder is None else _load_pictures,
         )
     comparisons = [] if true_imu is None else truth.compare(result, true_imu)
     if folder is not None:
         _write(result, folder, arguments)
     return result, comparisons
+
+
+def _second_process(bags: Iterable[Path]) -> AbstractContextManager[SecondProcess | None]:
+    """Return a process for half of the work, where there is a core for it and enough to do."""
+    if cores() > 1 and sum(_size(bag) for bag in bags) > _ONE_PROCESS:
+        with suppress(OSError):  # no more processes allowed: this one does all the work
+            return SecondProcess()
+    return nullcontext()
+
+
+def _size(path: Path) -> int:
+    """Return the bytes of a file, or of a folder's files with readings; 0 where it is missing."""
+    with suppress(OSError):
+        if path.is_file():
+            return path.stat().st_size
+        return sum(file.stat().st_size for file in path.rglob("*") if file.suffix in _READINGS)
+    return 0
+
+
+def _load_pictures() -> None:
+    """Import what draws: a third of a second."""
 
 
 def _count(path: Path, topic: str | None) -> int:

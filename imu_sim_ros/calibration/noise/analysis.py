@@ -12,7 +12,11 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.calibration import resolution
 from imu_sim_ros.calibration.noise.band import Band, explains_wander, usable_band
-from imu_sim_ros.calibration.noise.deviation import Deviation, DeviationAccumulator
+from imu_sim_ros.calibration.noise.deviation import (
+    Deviation,
+    DeviationAccumulator,
+    DeviationElsewhere,
+)
 from imu_sim_ros.calibration.noise.estimate import KEYS, RAMP, AxisNoise, Estimate, estimate
 from imu_sim_ros.calibration.noise.gauss_markov import GAUSS_MARKOV_KEYS, estimate_gauss_markov
 from imu_sim_ros.calibration.noise.spectrum import Spectrum, SpectrumAccumulator
@@ -24,6 +28,7 @@ from imu_sim_ros.calibration.noise.terms import (
     WHITE,
 )
 from imu_sim_ros.calibration.record import AXES, Record, Timing
+from imu_sim_ros.calibration.second_process import SecondProcess
 from imu_sim_ros.errors import InputError
 
 Array = NDArray[np.float64]
@@ -93,7 +98,7 @@ class AllanResult(NamedTuple):
 class _Sinks:
     """The consumers of the pieces; created when the rate is known."""
 
-    deviation: DeviationAccumulator
+    deviation: DeviationAccumulator | DeviationElsewhere
     spectrum: SpectrumAccumulator
     samples: int = 0
     longest: int = 0
@@ -121,6 +126,8 @@ def analyse(
     model: str = "standard",
     force: bool = False,
     advance: Callable[[int], None] = lambda count: None,
+    second: SecondProcess | None = None,
+    meanwhile: Callable[[], None] = lambda: None,
 ) -> AllanResult:
     """Return the Allan deviation and the noise parameters of one IMU at rest.
 
@@ -128,10 +135,12 @@ def analyse(
     :param model: ``standard`` (Q, N, B, K, R) or ``gauss_markov`` (N and a Gauss-Markov process).
     :param force: continue where a check finds that the result would be meaningless.
     :param advance: called with the number of messages read.
+    :param second: computes the Allan deviation; None: this process does.
+    :param meanwhile: called when all is done but what the second process does.
     :raises InputError: with a line for each check that fails.
     """
     record = Record()
-    sinks = _read(record, bags, advance)
+    sinks = _read(record, bags, advance, second)
     if sinks is None or sinks.longest < SHORTEST * record.rate:
         raise InputError(_judge(record, sinks, None)[0])
     spectrum = sinks.spectrum.result()
@@ -145,6 +154,7 @@ def analyse(
         for k, band in enumerate(bands)
     ]
     warnings += problems + list(_band_warnings(bands, record.rate))
+    meanwhile()
     return AllanResult(
         record.timing(),
         sinks.samples / record.rate,
@@ -192,7 +202,10 @@ def _rounded(noise: AxisNoise, record: Record, axis: int) -> AxisNoise:
 
 
 def _read(
-    record: Record, bags: Iterable[Iterable[Readings]], advance: Callable[[int], None]
+    record: Record,
+    bags: Iterable[Iterable[Readings]],
+    advance: Callable[[int], None],
+    second: SecondProcess | None,
 ) -> _Sinks | None:
     """Pass all messages through the checks into the sinks."""
     sinks: _Sinks | None = None
@@ -200,8 +213,7 @@ def _read(
         for block in bag:
             for piece in record.add(block.t_ns, block.gyro, block.accel):
                 if sinks is None:
-                    rate = record.rate
-                    sinks = _Sinks(DeviationAccumulator(rate, 6), SpectrumAccumulator(rate, 6))
+                    sinks = _sinks(record.rate, second)
                 for part in record.at_rest(piece):
                     sinks.take(part)
             advance(len(block.t_ns))
@@ -210,6 +222,11 @@ def _read(
             for part in record.at_rest(None):
                 sinks.take(part)
     return sinks
+
+
+def _sinks(rate: float, second: SecondProcess | None) -> _Sinks:
+    deviation = DeviationElsewhere(second, rate, 6) if second else DeviationAccumulator(rate, 6)
+    return _Sinks(deviation, SpectrumAccumulator(rate, 6))
 
 
 def _judge(

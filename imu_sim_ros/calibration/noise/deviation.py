@@ -4,19 +4,26 @@
 """Overlapping Allan deviation of records of any length, in bounded memory."""
 
 from collections.abc import Iterable
+from functools import partial
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.calibration.second_process import SecondProcess
+
 Array = NDArray[np.float64]
 
 _CHUNK: Final = 1 << 13
 """Terms handled at once: they stay in the processor's cache, and BLAS starts no threads."""
+_PART: Final = 4 * _CHUNK
+"""Readings that go to another process at once; whole chunks, so that sums are of the same terms."""
 _SHORT: Final = 1024
 """Clusters up to this size see every sample as it comes; longer ones the stored phase."""
 _PHASES: Final = 1 << 21
 """Phases stored per axis; of longer records every second, fourth, ... one is kept."""
+_PADDING: Final = 520
+"""Axes a power of two apart would share the same lines of the cache."""
 
 
 class Deviation(NamedTuple):
@@ -70,8 +77,8 @@ def overlapping_deviation(y: Array, rate: float, sizes: Iterable[int]) -> Array:
     phase = _phases(columns.reshape(len(columns), -1).T, rate)
     rows = []
     for m in sizes:
-        total = np.array([_second_differences(axis, m)[0] for axis in phase])
-        rows.append(_deviation(total, m / rate, phase.shape[1] - 2 * m))
+        total, terms = _second_differences(phase, m)
+        rows.append(_deviation(total, m / rate, terms))
     result = np.array(rows).reshape(-1, len(phase))
     return result[:, 0] if flat else result
 
@@ -89,24 +96,30 @@ def _deviation(total: Array, tau: float, terms: int) -> Array:
     return result
 
 
-def _second_differences(x: Array, m: int, first: int = 0) -> tuple[float, int]:
-    """Return the sum of squared second differences at lag m and their number.
+def _second_differences(x: Array, m: int, first: int = 0) -> tuple[Array, int]:
+    """Return the sums (axes,) of squared second differences at lag m and their number.
 
+    :param x: (axes, n) phases.
     :param first: index in x of the first end point ``j + 2m`` that counts.
     """
     begin = max(first - 2 * m, 0)
-    end = len(x) - 2 * m
-    total = 0.0
-    buffer = np.empty(min(_CHUNK, max(end - begin, 0)))
+    end = x.shape[1] - 2 * m
+    total = np.zeros(len(x))
+    _add_squares(total, x, m, begin, end)
+    return total, max(end - begin, 0)
+
+
+def _add_squares(total: Array, x: Array, m: int, begin: int, end: int) -> None:
+    """Add the squares of the second differences with ``begin <= j < end`` to total (axes,)."""
+    buffer = np.empty((len(x), min(_CHUNK, max(end - begin, 0))))
     for j in range(begin, end, _CHUNK):
         stop = min(j + _CHUNK, end)
-        d = buffer[: stop - j]
-        middle = x[j + m : stop + m]
-        np.subtract(x[j + 2 * m : stop + 2 * m], middle, out=d)
+        d = buffer[:, : stop - j]
+        middle = x[:, j + m : stop + m]
+        np.subtract(x[:, j + 2 * m : stop + 2 * m], middle, out=d)
         np.subtract(d, middle, out=d)
-        np.add(d, x[j:stop], out=d)
-        total += float(np.dot(d, d))
-    return total, max(end - begin, 0)
+        np.add(d, x[:, j:stop], out=d)
+        total += [np.dot(row, row) for row in d]
 
 
 class DeviationAccumulator:
@@ -117,13 +130,20 @@ class DeviationAccumulator:
     ... sample only, which costs no precision: neighbours at such lags are nearly equal.
     """
 
-    def __init__(self, rate: float, axes: int) -> None:
+    def __init__(self, rate: float, axes: int, *, early: bool = False) -> None:
+        """Set up for a record.
+
+        :param early: sum up long clusters, too, while readings come: for a process that would wait
+            for them. In vain where a piece is longer than the stored phases.
+        """
         self._rate = rate
         self._axes = axes
         self._totals: dict[int, Array] = {}
         self._terms: dict[int, int] = {}
         self._longest = 0
+        self._early = early
         self._short = [int(m) for m in cluster_sizes(3 * _SHORT)]
+        self._stored = np.empty((axes, _PHASES + _CHUNK + _PADDING))
         self._begin()
 
     def _begin(self) -> None:
@@ -131,8 +151,10 @@ class DeviationAccumulator:
         self._offset: Array | None = None
         self._stride = 1
         self._tail = np.zeros((self._axes, 1))
-        self._stored = [np.zeros((self._axes, 1))]
+        self._stored[:, 0] = 0.0
         self._stored_count = 1
+        self._sums: dict[int, tuple[int, Array]] = {}
+        """By size of long clusters: first j that is not yet in the sums (axes,), and these."""
 
     def add(self, y: Array) -> None:
         """Take the next readings (n, axes) of the piece."""
@@ -145,11 +167,13 @@ class DeviationAccumulator:
         phase = np.cumsum(y - self._offset, axis=1) / self._rate + self._tail[:, -1:]
         window = np.concatenate([self._tail, phase], axis=1)
         for m in self._short:
-            sums = [_second_differences(axis, m, self._tail.shape[1]) for axis in window]
-            self._note(m, np.array([total for total, _ in sums]), sums[0][1])
+            self._note(m, *_second_differences(window, m, self._tail.shape[1]))
         self._tail = window[:, -2 * _SHORT :].copy()
         self._store(phase)
         self._count += y.shape[1]
+        if self._early and self._stride == 1:
+            for m in self._long_sizes():
+                self._sum_up(m, _CHUNK)
 
     def _note(self, m: int, total: Array, terms: int) -> None:
         if terms > 0:
@@ -158,20 +182,37 @@ class DeviationAccumulator:
 
     def _store(self, phase: Array) -> None:
         skip = -(self._count + 1) % self._stride
-        self._stored.append(phase[:, skip :: self._stride].copy())
-        self._stored_count += self._stored[-1].shape[1]
-        if self._stored_count > _PHASES:
-            self._stored = [np.concatenate(self._stored, axis=1)[:, ::2].copy()]
-            self._stored_count = self._stored[0].shape[1]
+        kept = phase[:, skip :: self._stride]
+        end = self._stored_count + kept.shape[1]
+        self._stored[:, self._stored_count : end] = kept
+        if end > _PHASES:
+            thinned = self._stored[:, :end:2].copy()
+            end = thinned.shape[1]
+            self._stored[:, :end] = thinned
             self._stride *= 2
+            self._sums.clear()
+        self._stored_count = end
+
+    def _long_sizes(self) -> list[int]:
+        return [int(m) for m in cluster_sizes(self._count) if m > self._short[-1]]
+
+    def _sum_up(self, size: int, multiple: int) -> tuple[int, Array]:
+        """Return how many second differences of the stored phases are summed up, and their sums.
+
+        :param multiple: leaves out the last ones, down to a multiple of this.
+        """
+        m = size // self._stride
+        begin, total = self._sums.get(size, (0, np.zeros(self._axes)))
+        end = max(self._stored_count - 2 * m, 0) // multiple * multiple
+        _add_squares(total, self._stored, m, begin, end)
+        self._sums[size] = end, total
+        return end, total
 
     def end_piece(self) -> None:
         """Close the piece: what follows is not connected to it."""
-        x = np.concatenate(self._stored, axis=1)
-        for m in cluster_sizes(self._count):
-            if m > self._short[-1]:
-                sums = [_second_differences(axis, int(m) // self._stride) for axis in x]
-                self._note(int(m), np.array([total for total, _ in sums]), sums[0][1])
+        for size in self._long_sizes():
+            terms, total = self._sum_up(size, 1)
+            self._note(size, total, terms)
         self._longest = max(self._longest, self._count)
         self._begin()
 
@@ -185,6 +226,28 @@ class DeviationAccumulator:
         deviation = np.sqrt(total / (2.0 * tau**2 * terms)[:, None])
         low, high = confidence_factors(self._longest, size)
         return Deviation(size, tau, deviation, deviation * low, deviation * high, terms)
+
+
+class DeviationElsewhere:
+    """A :class:`DeviationAccumulator` in a second process, used in the same way."""
+
+    def __init__(self, process: SecondProcess, rate: float, axes: int) -> None:
+        self._process = process
+        process.make(partial(DeviationAccumulator, early=True), rate, axes)
+
+    def add(self, y: Array) -> None:
+        """Take the next readings (n, axes) of the piece; they must not change any more."""
+        for first in range(0, len(y), _PART):
+            self._process.call("add", y[first : first + _PART])
+
+    def end_piece(self) -> None:
+        """Close the piece."""
+        self._process.call("end_piece")
+
+    def result(self) -> Deviation:
+        """Return the deviation, to the last bit that of one process; waits for it."""
+        found: Deviation = self._process.result("result")
+        return found
 
 
 def degrees_of_freedom(samples: int, size: NDArray[np.int64]) -> Array:
