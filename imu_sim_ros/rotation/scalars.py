@@ -89,6 +89,22 @@ def transform(m: M9, v: V3) -> V3:
     )
 
 
+def to_matrix(q: Q4) -> M9:
+    """Return R, whose columns are the body's axes in the world (Sola eq. 115)."""
+    w, x, y, z = q
+    return (
+        1.0 - 2.0 * (y * y + z * z),
+        2.0 * (x * y - w * z),
+        2.0 * (x * z + w * y),
+        2.0 * (x * y + w * z),
+        1.0 - 2.0 * (x * x + z * z),
+        2.0 * (y * z - w * x),
+        2.0 * (x * z - w * y),
+        2.0 * (y * z + w * x),
+        1.0 - 2.0 * (x * x + y * y),
+    )
+
+
 def to_euler(q: Q4) -> V3:
     """Return roll, pitch and yaw [rad]."""
     w, x, y, z = q

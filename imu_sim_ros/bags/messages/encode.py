@@ -38,9 +38,9 @@ _GPS: Final = 1
 """sensor_msgs/NavSatStatus.SERVICE_GPS"""
 _COVARIANCE_TYPE_KNOWN: Final = 3
 """sensor_msgs/NavSatFix"""
-_STAMP: Final = struct.Struct("<II")
-_POSE: Final = struct.Struct("<7d")
-_TWIST: Final = struct.Struct("<6d")
+_STAMP_SIZE: Final = 8
+_UNKNOWN: Final = bytes(36 * 8)
+"""A (6, 6) covariance of zeros."""
 ROS_ORDER: Final = [1, 2, 3, 0]
 """Where (x, y, z, w) stand in (w, x, y, z)."""
 
@@ -175,8 +175,14 @@ class OdometryEncoder(Encoder):
 
     def __init__(self, frame_id: str, child_frame_id: str, encoding: str = "cdr") -> None:
         super().__init__((frame_id, child_frame_id), encoding)
-        names = ("sec", "position", "linear", "pose_covariance", "twist_covariance")
-        self._places = [self.layout.offset(name) for name in names]
+        template = self.layout.template
+        stamp, pose = self.layout.offset("sec"), self.layout.offset("position")
+        self._header = template[:stamp]
+        self._texts = template[stamp + _STAMP_SIZE : pose]
+        covariance = f"{len(_UNKNOWN)}s"
+        self._message = struct.Struct(
+            f"<{len(self._header)}sII{len(self._texts)}s7d{covariance}6d{covariance}"
+        )
 
     def pattern(
         self,
@@ -247,17 +253,14 @@ class OdometryEncoder(Encoder):
         second, nanosecond = divmod(t_ns, NANOSECONDS_PER_SECOND)
         if not 0 <= second <= _LAST_SECOND[self.layout.encoding]:
             seconds(np.array([t_ns]), self.layout.encoding)  # raises
-        result = bytearray(self.layout.template)
-        stamp, pose, twist, of_pose, of_twist = self._places
         w, x, y, z = q_wb
-        _STAMP.pack_into(result, stamp, second, nanosecond)
-        _POSE.pack_into(result, pose, *position, x, y, z, w)
-        _TWIST.pack_into(result, twist, *velocity_b, *angular_velocity_b)
-        for place, covariance in ((of_pose, pose_covariance), (of_twist, twist_covariance)):
-            if covariance is not None:
-                content = covariance.tobytes()
-                result[place : place + len(content)] = content
-        return bytes(result)
+        return self._message.pack(
+            self._header, second, nanosecond, self._texts,
+            *position, x, y, z, w,
+            _UNKNOWN if pose_covariance is None else pose_covariance.tobytes(),
+            *velocity_b, *angular_velocity_b,
+            _UNKNOWN if twist_covariance is None else twist_covariance.tobytes(),
+        )  # fmt: skip
 
 
 class PoseStampedEncoder(_OfFrame):

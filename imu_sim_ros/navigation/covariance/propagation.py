@@ -23,6 +23,7 @@ What a tilt adds to second order, :mod:`imu_sim_ros.navigation.covariance.second
 Not in it: temperature, range, bandwidth and losses, and what steps of the integration leave out.
 """
 
+import struct
 from collections.abc import Sequence
 from typing import Final
 
@@ -34,6 +35,7 @@ from imu_sim_ros.navigation.covariance.second_order import SecondOrder, regressi
 from imu_sim_ros.navigation.covariance.slow_errors import SlowErrors
 from imu_sim_ros.navigation.noise import ImuErrors
 from imu_sim_ros.navigation.state import NavigationStates
+from imu_sim_ros.rotation.scalars import M9
 
 Array = NDArray[np.float64]
 
@@ -45,26 +47,32 @@ _POSE = np.r_[POSITION, ATTITUDE]
 _POSE_ENTRIES: Final = np.ravel_multi_index(np.ix_(_POSE, _POSE), (SIZE, SIZE))
 
 
-def _places(rows: slice, columns: slice) -> NDArray[np.intp]:
-    """Return the nine places of a block of a flat (15, 15) matrix."""
-    return np.arange(SIZE * SIZE, dtype=np.intp).reshape(SIZE, SIZE)[rows, columns].ravel()
+def _row_format(*filled: tuple[int, int]) -> str:
+    """Return how a row of a (15, 15) matrix is packed, zero but for runs (column, length)."""
+    words, at = [], 0
+    for column, length in filled:
+        words.append(f"{8 * (column - at)}x{length}d")
+        at = column + length
+    return "".join([*words, f"{8 * (SIZE - at)}x"])
 
 
-_ACROSS: Final = [1, 2, 3, 5, 6, 7]
-"""Places off the diagonal of a (3, 3) block: a tilt has no others."""
-_TRANSITION_ENTRIES: Final = np.concatenate(
-    [
-        _places(ATTITUDE, GYRO_BIAS),
-        _places(VELOCITY, ACCEL_BIAS),
-        _places(POSITION, ACCEL_BIAS),
-        _places(VELOCITY, ATTITUDE)[_ACROSS],
-        _places(POSITION, ATTITUDE)[_ACROSS],
-        _places(POSITION, VELOCITY)[[0, 4, 8]],
-    ]
+_ROWS: Final = struct.Struct(
+    "".join(
+        [
+            "=",
+            *(_row_format((axis, 1), (9, 3)) for axis in range(3)),
+            *(_row_format((0, 3), (3 + axis, 1), (12, 3)) for axis in range(3)),
+            *(_row_format((0, 3), (3 + axis, 1), (6 + axis, 1), (12, 3)) for axis in range(3)),
+        ]
+    )
 )
-"""(42,) places of a flat transition that a step changes, in the order of `_transition_values`."""
-_BIAS_ENTRIES: Final = 27
-"""The first of them are what a bias does."""
+"""The rows of attitude, velocity and position of a transition; those of the biases are constant."""
+_ANGULAR: Final = ([3, 4, 5], [3, 4, 5])
+"""The angular half of a twist's diagonal."""
+_JACOBIAN: Final = struct.Struct(
+    "=" + 3 * _row_format((0, 6)) + "".join(_row_format((9 + axis, 1)) for axis in range(3))
+)
+"""The (6, 15) derivative of the twist's error by the state's."""
 _UNCHANGED: Final = np.eye(3)
 _SECOND_ORDER_INTERVAL: Final = 0.1
 """[s] at which the second order is brought up to date; it grows slowly and costs 50 us."""
@@ -112,14 +120,9 @@ class Covariance:
             )
         )
         self._added_h, self._added = 0.0, np.zeros((SIZE, SIZE))
-        self._transition = np.eye(SIZE)
-        # views
-        self._entries, self._transposed = self._transition.ravel(), self._transition.T
-        self._turned = self._transition[ATTITUDE, GYRO_BIAS]
-        self._by_bias = np.zeros((SIZE, SIZE))
-        self._bias_entries = self._by_bias.ravel()
-        self._jacobian = np.zeros((6, SIZE))
-        self._jacobian[3:, GYRO_BIAS] = -np.eye(3)
+        self._transition, self._half = np.eye(SIZE), np.empty((SIZE, SIZE))
+        self._by_bias, self._jacobian = np.zeros((SIZE, SIZE)), np.empty((6, SIZE))
+        self._white_rate, self._white = -1.0, np.zeros((6, 6))
         self.slow = SlowErrors(noise, SIZE)
         if cross is not None:
             self.slow.cross = np.array(cross)
@@ -128,47 +131,47 @@ class Covariance:
 
     def _begin_interval(self) -> None:
         """Begin to collect what the second order needs."""
-        self._before = self.matrix[ATTITUDE, ATTITUDE]
+        self._before = self.matrix[ATTITUDE, ATTITUDE].copy()
         """(3, 3) covariance of the attitude's error"""
-        self._gyro_before = self.matrix[GYRO_BIAS, ATTITUDE]
+        self._gyro_before = self.matrix[GYRO_BIAS, ATTITUDE].copy()
         """(3, 3) covariance of the gyroscope's bias and slow errors with the attitude's error"""
         if self.slow:
             self._gyro_before = self._gyro_before + self.slow.bias()[ATTITUDE, GYRO_BIAS].T
         self._length = 0.0
-        self._passed = np.zeros(len(_TRANSITION_ENTRIES))
-        """The sum of the entries of the steps' transitions."""
+        self._passed = np.zeros((SIZE, SIZE))
+        """The sum of the steps' transitions."""
 
     def step(
         self,
         h: float,
-        r_wb: Array,
+        r_wb: Array | M9,
         force_b: Array | Sequence[float],
         rate_b: Array | Sequence[float] = (0.0, 0.0, 0.0),
     ) -> None:
         """Propagate over an interval.
 
         :param h: its length [s].
-        :param r_wb: (3, 3) attitude in the interval, its start's or its middle's.
+        :param r_wb: (3, 3) attitude in the interval, its start's or its middle's; or its nine
+            numbers, row by row.
         :param force_b: (3,) corrected specific force in the interval, in the body [m/s^2].
         :param rate_b: (3,) corrected rate in the interval [rad/s]; an unknown scale acts on it.
         """
-        values = np.array(_transition_values(h, r_wb.tolist(), force_b))
-        self._entries[_TRANSITION_ENTRIES] = values
-        # half the call of the operator @
-        p: Array = self._transition.dot(self.matrix).dot(self._transposed)
+        transition, p = self._transition, self.matrix
+        _ROWS.pack_into(transition.data, 0, *_rows(h, _flat(r_wb), force_b))
+        # F P F^T in its own place; half the call of the operator @
+        transition.dot(p, self._half).dot(transition.T, p)
         if h != self._added_h:
             self._added_h, self._added = h, np.diag(self._diagonal(h))
         p += self._added
         if not self._equal_axes:
-            self._add_white(p, h, self._turned)
+            self._add_white(p, h, transition[ATTITUDE, GYRO_BIAS])
         if self.slow:
-            self._bias_entries[_TRANSITION_ENTRIES[:_BIAS_ENTRIES]] = values[:_BIAS_ENTRIES]
-            half = self.slow.step(h, self._transition, self._by_bias, rate_b, force_b)
+            self._by_bias[:9, 9:] = transition[:9, 9:]
+            half = self.slow.step(h, transition, self._by_bias, rate_b, force_b)
             p += half
             p += half.T
-        self.matrix = p
         self._length += h
-        self._passed += values
+        self._passed += transition
         if self._length >= _SECOND_ORDER_INTERVAL:
             self._update_second_order()
 
@@ -190,9 +193,9 @@ class Covariance:
 
     def _update_second_order(self) -> None:
         before = self._before
-        turned = self._passed[:9].reshape(3, 3)
+        turned, tilt = self._passed[ATTITUDE, GYRO_BIAS], self._passed[VELOCITY, ATTITUDE]
         # The velocity's entries of a tilt are 0 z -y, -z 0 x, y -x 0.
-        acceleration = self._passed[[30, 31, 27]] / self._length
+        acceleration = tilt[[1, 2, 0], [2, 0, 1]] / self._length
         # The error of the attitude at the end, as far as that at the start predicts it.
         by_bias = turned @ self._gyro_before
         kept = _UNCHANGED + regression(by_bias, before)
@@ -221,17 +224,17 @@ class Covariance:
         result: Array = self.mean_square().take(_POSE_ENTRIES)
         return result
 
-    def twist(self, r_wb: Array, velocity: Array | Sequence[float], rate_hz: float) -> Array:
+    def twist(self, r_wb: Array | M9, velocity: Array | Sequence[float], rate_hz: float) -> Array:
         """Return the (6, 6) covariance of a message's twist: linear, then angular, in the body.
 
-        :param r_wb: (3, 3) attitude.
+        :param r_wb: (3, 3) attitude; or its nine numbers, row by row.
         :param velocity: (3,) of the body in the world [m/s].
         :param rate_hz: readings per second; it decides the white noise of one of them.
         """
         return self._twist(self.mean_square(), r_wb, velocity, rate_hz)
 
     def message(
-        self, r_wb: Array, velocity: Array | Sequence[float], rate_hz: float
+        self, r_wb: Array | M9, velocity: Array | Sequence[float], rate_hz: float
     ) -> tuple[Array, Array]:
         """Return :meth:`pose` and :meth:`twist`, in less time than one after the other."""
         mean_square = self.mean_square()
@@ -239,41 +242,64 @@ class Covariance:
         return pose, self._twist(mean_square, r_wb, velocity, rate_hz)
 
     def _twist(
-        self, mean_square: Array, r_wb: Array, velocity: Array | Sequence[float], rate_hz: float
+        self,
+        mean_square: Array,
+        r_wb: Array | M9,
+        velocity: Array | Sequence[float],
+        rate_hz: float,
     ) -> Array:
-        # v_b = R^T v: turning the attitude turns the velocity the other way. R^T [v]x = [v_b]x R^T
-        jacobian, r_bw = self._jacobian, r_wb.T
-        vx, vy, vz = velocity
-        cross = np.array([0.0, -vz, vy, vz, 0.0, -vx, -vy, vx, 0.0])
-        jacobian[:3, :3] = r_bw.dot(cross.reshape(3, 3))
-        jacobian[:3, 3:6] = r_bw
+        # v_b = R^T v: turning the attitude turns the velocity the other way: each row of
+        # R^T [v]x is a column of R times v.
+        a, b, c, d, e, g, i, j, k = _flat(r_wb)
+        x, y, z = velocity
+        jacobian = self._jacobian
+        _JACOBIAN.pack_into(
+            jacobian.data, 0,
+            d * z - i * y, i * x - a * z, a * y - d * x, a, d, i,
+            e * z - j * y, j * x - b * z, b * y - e * x, b, e, j,
+            g * z - k * y, k * x - c * z, c * y - g * x, c, g, k,
+            -1.0, -1.0, -1.0,
+        )  # fmt: skip
         result: Array = jacobian.dot(mean_square).dot(jacobian.T)
-        result.ravel()[21::7] += self._gyro_white * rate_hz + self._gyro_rounding
+        if rate_hz != self._white_rate:
+            self._white_rate = rate_hz
+            self._white[_ANGULAR] = self._gyro_white * rate_hz + self._gyro_rounding
+        result += self._white
         return result
 
 
-def _transition_values(
-    h: float, r_wb: list[list[float]], force_b: Array | Sequence[float]
-) -> list[float]:
-    """Return the entries of a transition that depend on the step, see `_TRANSITION_ENTRIES`."""
-    (a, b, c), (d, e, g), (i, j, k) = r_wb
+def _flat(r_wb: Array | M9) -> M9:
+    """Return the nine numbers of a matrix, row by row."""
+    if not isinstance(r_wb, np.ndarray):
+        return r_wb
+    a, b, c, d, e, g, i, j, k = r_wb.ravel().tolist()
+    return (a, b, c, d, e, g, i, j, k)
+
+
+def _rows(h: float, r_wb: M9, force_b: Array | Sequence[float]) -> tuple[float, ...]:
+    """Return what `_ROWS` packs: the rows of a transition that depend on the step."""
+    a, b, c, d, e, g, i, j, k = r_wb
     fx, fy, fz = force_b.tolist() if isinstance(force_b, np.ndarray) else force_b
     fx, fy, fz = fx * h, fy * h, fz * h
     # The velocity that the step gains, in the world; a tilt turns it by its cross product.
     x, y, z = a * fx + b * fy + c * fz, d * fx + e * fy + g * fz, i * fx + j * fy + k * fz
-    turned = [-h * a, -h * b, -h * c, -h * d, -h * e, -h * g, -h * i, -h * j, -h * k]
-    half = 0.5 * h
-    tilt = [z, -y, -z, x, y, -x]
-    return [
-        *turned,
-        *turned,
-        *(half * entry for entry in turned),
-        *tilt,
-        *(half * entry for entry in tilt),
-        h,
-        h,
-        h,
-    ]
+    # -R h, which a bias passes through, and for the position half of all times h
+    a, b, c = -h * a, -h * b, -h * c
+    d, e, g = -h * d, -h * e, -h * g
+    i, j, k = -h * i, -h * j, -h * k
+    s = 0.5 * h
+    sx, sy, sz = s * x, s * y, s * z
+    return (
+        1.0, a, b, c,
+        1.0, d, e, g,
+        1.0, i, j, k,
+        0.0, z, -y, 1.0, a, b, c,
+        -z, 0.0, x, 1.0, d, e, g,
+        y, -x, 0.0, 1.0, i, j, k,
+        0.0, sz, -sy, h, 1.0, s * a, s * b, s * c,
+        -sz, 0.0, sx, h, 1.0, s * d, s * e, s * g,
+        sy, -sx, 0.0, h, 1.0, s * i, s * j, s * k,
+    )  # fmt: skip
 
 
 def propagate(

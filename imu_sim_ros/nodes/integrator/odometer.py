@@ -4,7 +4,7 @@
 """Readings in, rows of odometry out: the integrator without its topics."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -16,7 +16,7 @@ from imu_sim_ros.navigation import Counts, Stepper, correction_of
 from imu_sim_ros.navigation.covariance import Covariance
 from imu_sim_ros.nodes.integrator.initialiser import Start, initialiser
 from imu_sim_ros.nodes.topics import ImuReading, Truth
-from imu_sim_ros.rotation.scalars import Q4, V3
+from imu_sim_ros.rotation.scalars import M9, Q4, V3, to_matrix
 
 RESTART_NS = 1_000_000_000
 """A step back by more than this means that the source was restarted, not a message out of order."""
@@ -69,7 +69,7 @@ class Odometer:
         self._initialiser = initialiser(self.parameters, self._complain)
         self._stepper: Stepper | None = None
         self._covariance: Covariance | None = None
-        self._r_wb = np.eye(3)
+        self._r_wb: M9 = to_matrix((1.0, 0.0, 0.0, 0.0))
         """Attitude at the last reading."""
         self._interval = 0.0
         self._uncertain = False
@@ -92,33 +92,32 @@ class Odometer:
         else:
             self._stepper.correction = correction_of(parameters)
 
-    def add_truth(self, truth: Truth) -> Iterator[Row]:
-        """Take a true state; yields the rows of readings that were waiting for it."""
+    def add_truth(self, truth: Truth) -> list[Row]:
+        """Take a true state; return the rows of readings that were waiting for it."""
         if self._stepper is None:
-            yield from self._begin_at(self._initialiser.add_truth(truth))
+            return self._begin_at(self._initialiser.add_truth(truth))
+        return []
 
-    def add_reading(self, reading: ImuReading) -> Iterator[Row]:
-        """Take a reading; yields one row, none while waiting, or many after it."""
+    def add_reading(self, reading: ImuReading) -> list[Row]:
+        """Take a reading; return one row, none while waiting, or many after it."""
         self.totals.readings += 1
-        if self._stepper is not None and self._began_again(reading.t_ns):
-            self._complain("the source restarted; integration restarts too")
-            self.begin()
-        if self._stepper is None:
-            yield from self._begin_at(self._initialiser.add_reading(reading))
-        else:
-            yield from self._step(self._stepper, reading)
+        stepper = self._stepper
+        if stepper is not None and stepper.t_ns is not None:
+            step_ns = reading.t_ns - stepper.t_ns
+            if step_ns < -RESTART_NS or (
+                step_ns >= self.parameters.max_gap * 1e9 and self._is_new_source()
+            ):
+                self._complain("the source restarted; integration restarts too")
+                self.begin()
+                stepper = None
+        if stepper is None:
+            return self._begin_at(self._initialiser.add_reading(reading))
+        row = self._step(stepper, reading)
+        return [] if row is None else [row]
 
-    def _began_again(self, t_ns: int) -> bool:
-        before = self._stepper.t_ns if self._stepper else None
-        if before is None:
-            return False
-        if t_ns - before < -RESTART_NS:
-            return True
-        return t_ns - before >= self.parameters.max_gap * 1e9 and self._is_new_source()
-
-    def _begin_at(self, start: Start | None) -> Iterator[Row]:
+    def _begin_at(self, start: Start | None) -> list[Row]:
         if start is None:
-            return
+            return []
         parameters = self.parameters
         self.totals.starts += 1
         self._is_new_source()
@@ -134,10 +133,10 @@ class Odometer:
         stepper.counts = self.totals.steps
         if parameters.covariance:
             self._covariance = start.initial.covariance
-        for reading in start.readings:
-            yield from self._step(stepper, reading)
+        rows = (self._step(stepper, reading) for reading in start.readings)
+        return [row for row in rows if row is not None]
 
-    def _step(self, stepper: Stepper, reading: ImuReading) -> Iterator[Row]:
+    def _step(self, stepper: Stepper, reading: ImuReading) -> Row | None:
         before = stepper.t_ns
         force, rate = stepper.specific_force, stepper.angular_velocity
         if stepper.add(*reading):
@@ -147,8 +146,8 @@ class Odometer:
             if self._covariance is not None:
                 self._covariance.step(h, self._r_wb, force, rate)
         elif before is not None and not self._is_usable(before, reading):
-            return
-        yield self._row(stepper, reading.t_ns)
+            return None
+        return self._row(stepper, reading.t_ns)
 
     def _is_usable(self, before: int, reading: ImuReading) -> bool:
         """Report a reading that made no step; return whether its stamp is new."""
@@ -181,7 +180,7 @@ class Odometer:
     def _row(self, stepper: Stepper, t_ns: int) -> Row:
         pose = twist = None
         if self._covariance is not None:
-            self._r_wb = _matrix(stepper.q_wb)
+            self._r_wb = to_matrix(stepper.q_wb)
             pose, twist = self._covariance.message(self._r_wb, stepper.velocity, self.rate)
             self._complain_about_attitude(pose)
         return Row(
@@ -193,15 +192,3 @@ class Odometer:
             pose,
             twist,
         )
-
-
-def _matrix(q_wb: Q4) -> NDArray[np.float64]:
-    """Return R_wb, whose columns are the body's axes in the world (Sola eq. 115)."""
-    w, x, y, z = q_wb
-    return np.array(
-        [
-            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
-            [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
-            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
-        ]
-    )

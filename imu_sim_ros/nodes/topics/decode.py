@@ -7,6 +7,7 @@ from typing import Final, NamedTuple
 
 from imu_sim_ros.bags.messages import IMU, ODOMETRY, MessageDecoder
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -48,7 +49,10 @@ def imu_reading(payload: bytes) -> ImuReading:
     :raises InputError: for bytes that are not such a message in little-endian CDR.
     """
     second, nanosecond, gx, gy, gz, ax, ay, az = _imu.numbers(payload)
-    return ImuReading(_nanoseconds(second, nanosecond), (gx, gy, gz), (ax, ay, az))
+    if second < 0:
+        raise _before_epoch(second)
+    t_ns = second * NANOSECONDS_PER_SECOND + nanosecond
+    return ImuReading(t_ns, (gx, gy, gz), (ax, ay, az))
 
 
 def truth(payload: bytes) -> Truth:
@@ -58,11 +62,11 @@ def truth(payload: bytes) -> Truth:
     """
     values = _odometry.numbers(payload)
     x, y, z, w = values[5:9]
-    t_ns = _nanoseconds(values[0], values[1])
+    if values[0] < 0:
+        raise _before_epoch(values[0])
+    t_ns = values[0] * NANOSECONDS_PER_SECOND + values[1]
     return Truth(t_ns, values[2:5], (w, x, y, z), values[9:12], values[12:])
 
 
-def _nanoseconds(second: int, nanosecond: int) -> int:
-    if second < 0:
-        raise InputError(f"negative timestamp: {second} s")
-    return second * 1_000_000_000 + nanosecond
+def _before_epoch(second: int) -> InputError:
+    return InputError(f"negative timestamp: {second} s")
