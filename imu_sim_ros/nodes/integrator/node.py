@@ -5,7 +5,7 @@
 
 import sys
 import threading
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -42,7 +42,14 @@ from imu_sim_ros.nodes.integrator.path import PathPublisher
 from imu_sim_ros.nodes.integrator.sensor import Sensor
 from imu_sim_ros.nodes.integrator.truth_comparison import ErrorAt, Estimate, TruthComparison
 from imu_sim_ros.nodes.parameters import ConfiguredNode
-from imu_sim_ros.nodes.topics import Message, RawSubscriptions, decode, is_weaker, matching_qos
+from imu_sim_ros.nodes.topics import (
+    Counter,
+    RawSubscriptions,
+    Taken,
+    decode,
+    is_weaker,
+    matching_qos,
+)
 from imu_sim_ros.rotation.scalars import to_euler
 
 TEXT = """Integrates imu/data_raw and publishes dead_reckoned/odom for every reading.
@@ -56,7 +63,7 @@ The service ~/reset starts again at initial_state."""
 
 _DEPTH = 2000
 _READ_PERIOD = 0.002
-"""[s] Polling period, the longest that a reading waits; polling costs 1 % of a core."""
+"""[s] How long readings wait for each other, and about the longest that one waits."""
 _MATCHING_PERIOD = 0.5
 _COMPLAINT_PERIOD = 1.0
 _ACKNOWLEDGEMENT = Duration(nanoseconds=300_000_000)
@@ -76,13 +83,12 @@ class Integrator(ConfiguredNode):
         """Integrate readings in the reader's thread; everything else runs in the executor's."""
         self._qos: dict[str, QoSProfile] = {}
         self._received = {IMU_TOPIC: 0, TRUTH_TOPIC: 0}
-        self._published = 0
         self._add_publishers(parameters)
         self.sensor = Sensor(self, self._adopt, self._integrate, self._lock)
         if self.sensor.settled:
             self._tell_what_is_left_out()
         self.create_service(Trigger, "~/reset", self._reset)
-        self.reader = RawSubscriptions(self, self._take, self.ending.fail, _READ_PERIOD)
+        self.reader = RawSubscriptions(self, self._take, self.ending.fail, _READ_PERIOD, IMU_TOPIC)
         for topic in self._inputs():
             self._subscribe(topic, QoSProfile(depth=_DEPTH))
         # On the steady clock: with use_sim_time and a silent /clock, the node's own stops.
@@ -98,15 +104,16 @@ class Integrator(ConfiguredNode):
         """Process what has arrived, wait for the subscribers, and print the counts."""
         self.reader.close()
         self.sensor.settle()
-        self._odometry_out.wait_for_all_acked(_ACKNOWLEDGEMENT)
+        self._odometry_out.publisher.wait_for_all_acked(_ACKNOWLEDGEMENT)
         for topic, count in self._received.items():
             print(f"integrator: received {topic} {count}", flush=True)
-        print(f"integrator: counted {DEAD_RECKONED_TOPIC} {self._published}", flush=True)
+        print(f"integrator: counted {DEAD_RECKONED_TOPIC} {self._odometry_out.count}", flush=True)
 
     def _add_publishers(self, parameters: IntegratorParameters) -> None:
         world, body = parameters.world_frame, parameters.body_frame
         self._odometry = OdometryEncoder(world, body)
-        self._odometry_out = self._publisher(Odometry, DEAD_RECKONED_TOPIC)
+        odometry_out = self._publisher(Odometry, DEAD_RECKONED_TOPIC)
+        self._odometry_out = Counter(DEAD_RECKONED_TOPIC, odometry_out)
         self._angles_out = self._position_error_out = None
         self._path = None
         if parameters.roll_pitch_yaw:
@@ -136,7 +143,7 @@ class Integrator(ConfiguredNode):
 
     def _subscribe(self, topic: str, qos: QoSProfile) -> None:
         self._qos[topic] = qos
-        self.reader.subscribe(topic, Imu if topic == IMU_TOPIC else Odometry, qos, stamp_offset=4)
+        self.reader.subscribe(topic, Imu if topic == IMU_TOPIC else Odometry, qos)
 
     def _match_publishers(self) -> None:
         """Request best effort where a driver offers no more: otherwise nothing would arrive."""
@@ -147,27 +154,30 @@ class Integrator(ConfiguredNode):
                 self.get_logger().info(f"{topic} is offered as best effort; subscribing likewise")
                 self._subscribe(topic, offered)
 
-    def _take(self, messages: list[Message]) -> None:
-        """Take the messages of one topic, as they are delivered."""
-        self._received[messages[0].topic] += len(messages)
+    def _take(self, topic: str, taken: list[Taken]) -> None:
+        """Take messages of one topic, as they are delivered."""
+        self._received[topic] += len(taken)
         with self._lock:
-            if not self.sensor.hold(messages):
-                self._integrate(messages)
+            if not self.sensor.hold(topic, taken):
+                self._integrate(topic, taken)
 
-    def _integrate(self, messages: list[Message]) -> None:
-        """Integrate messages of any topic and publish the results; the lock is held."""
+    def _integrate(self, topic: str, taken: list[Taken]) -> None:
+        """Integrate messages of one topic and publish the results; the lock is held."""
+        is_reading = topic == IMU_TOPIC
         rows: list[Row] = []
         errors: list[ErrorAt] = []
-        for message in messages:
+        for payload, _ in taken:
             try:
-                if message.topic == IMU_TOPIC:
-                    rows += self.odometer.add_reading(decode.imu_reading(message.payload))
+                if is_reading:
+                    rows += self.odometer.add_reading(decode.imu_reading(payload))
                 else:
-                    self._take_truth(decode.truth(message.payload), rows, errors)
+                    self._take_truth(decode.truth(payload), rows, errors)
             except InputError as error:
                 self._complain(str(error))
-        self._publish(rows)
-        self._publish_errors(errors)
+        if rows:
+            self._publish(rows)
+        if errors:
+            self._publish_errors(errors)
 
     def _adopt(self, sensor: Mapping[str, object]) -> None:
         """Take the noise of the sensor that the readings come from.
@@ -200,11 +210,8 @@ class Integrator(ConfiguredNode):
 
     # ----------------------------------------------------------------------------- results
     def _publish(self, rows: list[Row]) -> None:
-        if not rows:
-            return
         for row in rows:
-            self._odometry_out.publish(self._odometry.message(*row))
-        self._published += len(rows)
+            self._odometry_out.send(self._odometry.message(*row))
         if self._angles_out is not None:
             t_ns = np.array([row.t_ns for row in rows])
             angles = np.degrees([to_euler(row.q_wb) for row in rows])
@@ -214,14 +221,11 @@ class Integrator(ConfiguredNode):
                 self._path.add(row)
         if self.comparison is not None:
             estimates = [Estimate(row.t_ns, row.position, row.q_wb) for row in rows]
-            self._publish_errors(
-                error for each in estimates for error in self.comparison.add_estimate(each)
-            )
+            errors = [error for each in estimates for error in self.comparison.add_estimate(each)]
+            if errors:
+                self._publish_errors(errors)
 
-    def _publish_errors(self, errors: Iterable[ErrorAt]) -> None:
-        errors = list(errors)
-        if not errors:
-            return
+    def _publish_errors(self, errors: Sequence[ErrorAt]) -> None:
         t_ns = np.array([error.t_ns for error in errors])
         position = self._position_error.encode(t_ns, [error.position for error in errors])
         attitude = self._attitude_error.encode(t_ns, [error.attitude for error in errors])

@@ -13,7 +13,7 @@ from std_msgs.msg import String
 
 from imu_sim_ros.errors import ImuSimError
 from imu_sim_ros.nodes.parameters import ConfiguredNode
-from imu_sim_ros.nodes.topics import Message, sensor_description
+from imu_sim_ros.nodes.topics import Taken, sensor_description
 
 _PATIENCE: Final = 0.5
 """[s] After the first reading; a description that somebody publishes arrives by then."""
@@ -30,7 +30,7 @@ class Sensor:
     Where the user gives the noise, or no covariance is requested, nothing waits.
 
     :param adopt: takes the description's parameters, by dotted name.
-    :param release: receives the messages that have waited; ``lock`` is held.
+    :param release: receives a topic and messages of it that have waited; ``lock`` is held.
     :param lock: is held while messages are processed.
     """
 
@@ -38,11 +38,11 @@ class Sensor:
         self,
         node: ConfiguredNode,
         adopt: Callable[[Mapping[str, object]], None],
-        release: Callable[[list[Message]], None],
+        release: Callable[[str, list[Taken]], None],
         lock: threading.Lock,
     ) -> None:
         self._node, self._adopt, self._release, self._lock = node, adopt, release, lock
-        self._held: list[Message] = []
+        self._held: list[tuple[str, list[Taken]]] = []
         self._first = 0.0
         own = any(name.startswith("imu.") for name in node.given)
         self.settled = own or not node.parameters.covariance
@@ -56,12 +56,12 @@ class Sensor:
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = node.create_timer(_LOOK_PERIOD, self._look, clock=steady)
 
-    def hold(self, messages: list[Message]) -> bool:
-        """Keep messages back; False where they need not wait. The lock is held."""
+    def hold(self, topic: str, taken: list[Taken]) -> bool:
+        """Keep messages of a topic back; False where they need not wait. The lock is held."""
         if self.settled:
             return False
         self._first = self._first or time.monotonic()
-        self._held += messages
+        self._held.append((topic, taken))
         return True
 
     def settle(self) -> None:
@@ -72,7 +72,8 @@ class Sensor:
         with self._lock:
             self.settled = True
             held, self._held = self._held, []
-            self._release(held)
+            for topic, taken in held:
+                self._release(topic, taken)
 
     def _hear(self, message: Any) -> None:
         try:
@@ -88,9 +89,10 @@ class Sensor:
         """Give up where no description arrives."""
         if not self._held:
             return
+        waiting = sum(len(taken) for _, taken in self._held)
         known = self._node.count_publishers(self.topic)
         patience = _LONGER_PATIENCE if known else _PATIENCE
-        if time.monotonic() - self._first > patience or len(self._held) > _KEPT:
+        if time.monotonic() - self._first > patience or waiting > _KEPT:
             self.warn()
             self.settle()
 

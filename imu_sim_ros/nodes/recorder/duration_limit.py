@@ -6,7 +6,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from imu_sim_ros.nodes.topics import Message
+from imu_sim_ros.nodes.recorder.messages import Message
 
 _QUIET = 1.0
 """[s] A topic that has been silent for this long is not waited for."""

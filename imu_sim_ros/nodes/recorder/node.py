@@ -21,11 +21,12 @@ from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.nodes import run
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.recorder.duration_limit import DurationLimit
+from imu_sim_ros.nodes.recorder.messages import Timestamps
 from imu_sim_ros.nodes.recorder.recording import Recording, Topic
 from imu_sim_ros.nodes.recorder.stamp_statistics import StampStatistics
 from imu_sim_ros.nodes.topics import (
-    Message,
     RawSubscriptions,
+    Taken,
     definition,
     is_weaker,
     matching_qos,
@@ -76,12 +77,12 @@ class Recorder(ConfiguredNode):
             parameters.buffer_size * MEGABYTE,
         )
         self._limit = DurationLimit(parameters.duration)
+        self._timestamps = Timestamps(self, parameters.record_time == "reception")
         self.reader = RawSubscriptions(
             self,
             self._put,
             self.ending.fail,
             _READ_PERIOD,
-            by_reception=parameters.record_time == "reception",
         )
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(_DISCOVERY_PERIOD, self._discover, clock=steady)
@@ -173,7 +174,8 @@ class Recorder(ConfiguredNode):
         else:
             self.get_logger().warning(f"{name}: a publisher offers a weaker QoS; subscribing again")
         self._qos[name] = qos
-        self.reader.subscribe(name, message, qos, offset)
+        self._timestamps.add_topic(name, offset)
+        self.reader.subscribe(name, message, qos)
 
     def _report_waiting(self) -> None:
         missing = [name for name in self._wanted if name not in {*self._qos, *self._refused}]
@@ -184,8 +186,9 @@ class Recorder(ConfiguredNode):
             names = ", ".join(missing) or "any topic"
             self.get_logger().warning(f"waiting for a publisher of {names}")
 
-    def _put(self, messages: list[Message]) -> None:
+    def _put(self, topic: str, taken: list[Taken]) -> None:
         """Pass messages of one topic on to be written, in the reader's thread."""
+        messages = self._timestamps.messages(topic, taken)
         within = self._limit.take(messages, time.monotonic())
         if within:
             self.recording.put(within)

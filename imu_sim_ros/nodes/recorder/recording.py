@@ -16,9 +16,9 @@ import numpy as np
 from imu_sim_ros.bags import Writer, active_path
 from imu_sim_ros.bags.messages import BrokenMessageError, Qos, recorded_type
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.nodes.recorder.messages import Message
 from imu_sim_ros.nodes.recorder.stamp_statistics import StampStatistics
 from imu_sim_ros.nodes.supervised_thread import Fail, SupervisedThread
-from imu_sim_ros.nodes.topics import Message
 
 FLUSH_PERIOD = 0.5
 """[s] Period of flushing: older data survive the process. Half of the second that is promised."""

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from imu_sim_ros.nodes.topics.publishing import Counter as Counter
     from imu_sim_ros.nodes.topics.publishing import check_overrides as check_overrides
     from imu_sim_ros.nodes.topics.publishing import create as create
-    from imu_sim_ros.nodes.topics.raw_subscription import Message as Message
     from imu_sim_ros.nodes.topics.raw_subscription import RawSubscriptions as RawSubscriptions
+    from imu_sim_ros.nodes.topics.raw_subscription import Taken as Taken
     from imu_sim_ros.nodes.topics.raw_subscription import is_weaker as is_weaker
     from imu_sim_ros.nodes.topics.raw_subscription import matching_qos as matching_qos
     from imu_sim_ros.nodes.topics.raw_subscription import offered_qos as offered_qos
@@ -39,8 +39,8 @@ else:
             "message_types": ["definition", "message_class", "stamp_offset", "type_hash"],
             "publishing": ["Counter", "check_overrides", "create"],
             "raw_subscription": [
-                "Message",
                 "RawSubscriptions",
+                "Taken",
                 "is_weaker",
                 "matching_qos",
                 "offered_qos",

@@ -8,35 +8,24 @@ thread that takes whatever has accumulated every few milliseconds needs a few mi
 middleware's queue holds the messages meanwhile.
 """
 
-import struct
 import threading
 import time
 from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 from rclpy.callback_groups import CallbackGroup
-from rclpy.clock import ROSClock
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from imu_sim_ros.bags.messages import Qos
 from imu_sim_ros.nodes.supervised_thread import Fail, SupervisedThread
+from imu_sim_ros.nodes.topics.pace import Pace
 
 DEPTH = 5000
 """Messages that wait in the middleware: 2.5 s at 2 kHz, while the machine does other things."""
 
-_STAMPS = {0: struct.Struct(">iI"), 1: struct.Struct("<iI")}
-
-
-class Message(NamedTuple):
-    """One message as received."""
-
-    topic: str
-    t_ns: int
-    """The time that a bag records: that of the stamp or of the reception."""
-    payload: bytes
-    stamp_ns: int | None = None
-    """The stamp; None where there is none or it was never set."""
+Taken = tuple[bytes, dict[str, int]]
+"""A message's bytes, and what the middleware says about it: ``received_timestamp`` and so on."""
 
 
 class _OutsideTheExecutor(CallbackGroup):
@@ -55,30 +44,30 @@ class _OutsideTheExecutor(CallbackGroup):
 class _Source(NamedTuple):
     name: str
     subscription: Any
-    stamp_offset: int | None
 
 
 class RawSubscriptions:
     """Takes the messages of all subscribed topics and delivers them in batches.
 
-    :param deliver: receives the messages of one topic, in the reader's thread.
+    :param deliver: receives a topic and messages of it, in the reader's thread.
     :param fail: receives the error that this raised; no more messages are taken.
-    :param period: polling period [s].
-    :param by_reception: a message's time is that of its reception, stamp or not.
+    :param period: between looks for messages [s].
+    :param leading: a topic in step with which messages are looked for where they arrive regularly,
+        see :class:`~imu_sim_ros.nodes.topics.pace.Pace`; None: none.
     """
 
     def __init__(
         self,
         node: Node,
-        deliver: Callable[[list[Message]], None],
+        deliver: Callable[[str, list[Taken]], None],
         fail: Fail,
         period: float,
-        by_reception: bool = False,
+        leading: str | None = None,
     ) -> None:
         self.first_at = 0.0
         """When the first message was taken, on the steady clock [s]; 0 before."""
         self._node, self._deliver, self._period = node, deliver, period
-        self._by_reception = by_reception
+        self._leading, self._pace = leading, Pace(period)
         self._group = _OutsideTheExecutor()
         self._sources: dict[str, _Source] = {}
         self._lock = threading.Lock()
@@ -86,11 +75,8 @@ class RawSubscriptions:
         self._thread = SupervisedThread("reader", self._run, fail)
         self._thread.start()
 
-    def subscribe(self, name: str, message: Any, qos: QoSProfile, stamp_offset: int | None) -> None:
-        """Subscribe to a topic; an older subscription of it is emptied and replaced.
-
-        :param stamp_offset: where the stamp is in the bytes; None: the time of reception counts.
-        """
+    def subscribe(self, name: str, message: Any, qos: QoSProfile) -> None:
+        """Subscribe to a topic; an older subscription of it is emptied and replaced."""
         with self._lock:
             old = self._sources.pop(name, None)
             if old is not None:
@@ -99,7 +85,7 @@ class RawSubscriptions:
             subscription = self._node.create_subscription(
                 message, name, _never, qos, raw=True, callback_group=self._group
             )
-            self._sources[name] = _Source(name, subscription, stamp_offset)
+            self._sources[name] = _Source(name, subscription)
 
     def close(self) -> None:
         """Take what has arrived and end the thread."""
@@ -107,54 +93,43 @@ class RawSubscriptions:
         self._thread.join()
 
     def _run(self) -> None:
-        while not self._ended.wait(self._period):
-            self._look()
+        delay = self._period
+        while not self._ended.is_set():
+            # Waiting for the event would take longer; the end waits for this instead.
+            time.sleep(delay)
+            leading = self._look()
+            if self._leading is not None:
+                last_ns = leading[-1][1]["received_timestamp"] if leading else 0
+                delay = self._pace.wait(len(leading), last_ns, time.time_ns())
         self._look()
 
-    def _look(self) -> None:
+    def _look(self) -> list[Taken]:
+        """Pass on what has arrived; return what has of the leading topic."""
+        leading: list[Taken] = []
         with self._lock:
             for source in self._sources.values():
-                self._pass_on(source)
+                taken = self._pass_on(source)
+                if source.name == self._leading:
+                    leading = taken
+        return leading
 
-    def _pass_on(self, source: _Source) -> None:
-        messages = self._take(source)
-        if messages:
+    def _pass_on(self, source: _Source) -> list[Taken]:
+        taken = self._take(source)
+        if taken:
             self.first_at = self.first_at or time.monotonic()
-            self._deliver(messages)
+            self._deliver(source.name, taken)
+        return taken
 
-    def _take(self, source: _Source) -> list[Message]:
+    def _take(self, source: _Source) -> list[Taken]:
         take, message = source.subscription.handle.take_message, source.subscription.msg_type
-        result: list[Message] = []
+        result: list[Taken] = []
         while len(result) < DEPTH and (taken := take(message, True)) is not None:
-            payload, info = taken
-            stamp_ns = _stamp_ns(payload, source.stamp_offset)
-            t_ns = stamp_ns
-            if t_ns is None or self._by_reception:
-                t_ns = self._now(info)
-            result.append(Message(source.name, t_ns, payload, stamp_ns))
+            result.append(taken)
         return result
-
-    def _now(self, info: dict[str, int]) -> int:
-        clock = self._node.get_clock()
-        if isinstance(clock, ROSClock) and clock.ros_time_is_active:
-            return clock.now().nanoseconds
-        return info["received_timestamp"] or time.time_ns()
 
 
 def _never(message: bytes) -> None:
     raise AssertionError("the reader takes messages itself")
-
-
-def _stamp_ns(payload: bytes, offset: int | None) -> int | None:
-    """Return the stamp [ns] in a message's bytes; None where there is none that a bag can hold.
-
-    A stamp of zero, the header's default, was never set.
-    """
-    if offset is None or len(payload) < offset + 8:  # a TFMessage may be empty
-        return None
-    second, nanosecond = _STAMPS[payload[1] & 1].unpack_from(payload, offset)
-    t_ns: int = second * 1_000_000_000 + nanosecond
-    return t_ns if t_ns > 0 else None
 
 
 def offered_qos(publishers: Iterable[Any]) -> tuple[Qos, ...]:

@@ -7,6 +7,9 @@ The simulator publishes Imu and Odometry, reliable, and starts when its subscrib
 every message counts. CPU is that of the whole recording (or integrating) process while messages
 flow, of one core, its start not counted; lost is what was published and is not in the bag, or has
 no odometry. ``--duration`` is the time of each row.
+
+Beside them stands the least that a Python process can do: a loop that sleeps for 2 ms, takes the
+readings that have arrived and publishes the same Odometry for each of them, nothing computed.
 """
 
 import argparse
@@ -15,11 +18,13 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from pathlib import Path
 
 from imu_sim_ros.commands.common import print_table
 
+HERE = Path(__file__).resolve()
 RATES = (1000, 2000)
 ROWS = (
     ("recorder", "mcap", "bag", []),
@@ -29,6 +34,7 @@ ROWS = (
     ("integrator", "midpoint, covariance", "", []),
     ("integrator", "midpoint", "", ["--covariance", "false"]),
     ("integrator", "rk4, covariance", "", ["--method", "rk4"]),
+    ("loop", "same bytes", "", []),
 )
 _TICKS = os.sysconf("SC_CLK_TCK")
 _START = 2.5
@@ -39,7 +45,12 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--duration", type=float, default=10.0)
-    duration = parser.parse_args().duration
+    parser.add_argument("--loop", action="store_true", help=argparse.SUPPRESS)
+    arguments = parser.parse_args()
+    if arguments.loop:
+        loop()
+        return
+    duration = arguments.duration
     rows = [
         measure(node, label, output, options, rate, duration)
         for rate in RATES
@@ -78,10 +89,40 @@ def measure(
     )
 
 
+def loop() -> None:
+    """Sleep, take, and publish, until a signal comes."""
+    import rclpy
+    from nav_msgs.msg import Odometry
+    from rclpy.qos import QoSProfile
+    from rclpy.serialization import serialize_message
+    from sensor_msgs.msg import Imu
+
+    from imu_sim_ros.nodes.run import set_profile
+
+    folder = tempfile.TemporaryDirectory()
+    set_profile(Path(folder.name))
+    rclpy.init(signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
+    node = rclpy.create_node("loop")
+    depth = QoSProfile(depth=2000)
+    take = node.create_subscription(Imu, "imu/data_raw", print, depth, raw=True).handle.take_message
+    publish = node.create_publisher(Odometry, "dead_reckoned/odom", depth).handle.publish_raw
+    content, count, ended = serialize_message(Odometry()), 0, threading.Event()
+    signal.signal(signal.SIGINT, lambda *_: ended.set())
+    while not ended.is_set():
+        time.sleep(0.002)
+        while take(Imu, True) is not None:
+            publish(content)
+            count += 1
+    print(f"loop: counted dead_reckoned/odom {count}", flush=True)
+    rclpy.try_shutdown()
+
+
 def start(node: str, arguments: list[str], folder: str) -> subprocess.Popen[str]:
     """Start a node on a domain of its own."""
+    module = ["-m", f"imu_sim_ros.nodes.{node}.node"]
+    program = [str(HERE), "--loop"] if node == "loop" else module
     return subprocess.Popen(
-        [sys.executable, "-m", f"imu_sim_ros.nodes.{node}.node", *arguments],
+        [sys.executable, *program, *arguments],
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         text=True,

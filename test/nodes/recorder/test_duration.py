@@ -6,7 +6,7 @@
 import pytest
 
 from imu_sim_ros.nodes.recorder.duration_limit import DurationLimit
-from imu_sim_ros.nodes.topics import Message
+from imu_sim_ros.nodes.recorder.messages import Message
 
 pytestmark = pytest.mark.ros
 

@@ -17,11 +17,11 @@ from imu_sim_ros.bags.write import open_writer
 from imu_sim_ros.config import RecorderParameters
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.nodes.arguments import ros_arguments
+from imu_sim_ros.nodes.recorder.messages import Message
 from imu_sim_ros.nodes.recorder.node import _left, plain_arguments
 from imu_sim_ros.nodes.recorder.recording import Recording, Topic
 from imu_sim_ros.nodes.recorder.stamp_statistics import StampStatistics
 from imu_sim_ros.nodes.topics import message_types
-from imu_sim_ros.nodes.topics.raw_subscription import Message
 
 pytestmark = pytest.mark.ros
 
