@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,7 +28,7 @@ from imu_sim_ros.api.readings import (
 from imu_sim_ros.config import IntegratorParameters, build_layered, layer_integrator
 from imu_sim_ros.conventions import TRUTH_TOPIC
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.navigation import Initial, NavigationState, initialisation
+from imu_sim_ros.navigation import Correction, NavigationState, correction_of, initialisation
 from imu_sim_ros.navigation import dead_reckon as integrate
 from imu_sim_ros.navigation.comparison import (
     AbsoluteErrors,
@@ -145,20 +146,29 @@ def dead_reckon(
     if initial is None:
         initial = "truth" if truth is not None else "level"
     name = initial if isinstance(initial, str) else "parameters"
-    given = {"method": method, "attitude_update": attitude_update, "initial_state": name}
-    settings = build_layered(
-        IntegratorParameters, layer_integrator, {**_plain(parameters), **given}
+    usual = not parameters and isinstance(method, str) and isinstance(attitude_update, str)
+    settings = (_usual_settings if usual else _settings)(
+        method, attitude_update, name, **_plain(parameters)
     )
     if isinstance(initial, NavigationState):
-        start = initialisation.from_state(settings, initial)
+        start, correction = initial, correction_of(settings)
     else:
-        track, start = _start(settings, track, truth)
-    way = (settings.method, settings.attitude_update, settings.gravity)
+        track, start, correction = _start(settings, track, truth)
+    way = (settings.method, settings.attitude_update, settings.gravity, correction)
     limits = (settings.max_gap, settings.earth_rate)
-    states = integrate(
-        track.t_ns, track.gyro, track.accel, start.state, *way, start.correction, *limits
-    )
+    states = integrate(track.t_ns, track.gyro, track.accel, start, *way, *limits)
     return Track(*states, settings.method, settings.attitude_update, truth, track.name)
+
+
+def _settings(
+    method: str, attitude_update: str, initial: str, **parameters: object
+) -> IntegratorParameters:
+    given = {"method": method, "attitude_update": attitude_update, "initial_state": initial}
+    return build_layered(IntegratorParameters, layer_integrator, {**parameters, **given})
+
+
+_usual_settings = cache(_settings)
+"""Without parameters: many short records are integrated alike."""
 
 
 def _source(
@@ -177,19 +187,21 @@ def _source(
 
 def _start(
     settings: IntegratorParameters, readings: Readings, truth: Odometry | None
-) -> tuple[Readings, Initial]:
-    """Return the readings from the start on, and what integration starts with."""
+) -> tuple[Readings, NavigationState, Correction]:
+    """Return the readings from the start on, the state there and the readings' correction."""
     if settings.initial_state == "parameters":
-        return readings, initialisation.from_parameters(settings)
+        state = initialisation.given_state(settings)
+        return readings, state, correction_of(settings)
     if settings.initial_state == "truth":
         if truth is None:
             raise InputError("initial = 'truth': there is no truth beside these readings")
         rows = readings.t_ns >= truth.t_ns[0]
-        readings = _rows(readings, rows)
-        return readings, initialisation.from_state(settings, _state(truth, readings.t_ns[:1]))
+        if not rows.all():
+            readings = _rows(readings, rows)
+        return readings, _state(truth, readings.t_ns[:1]), correction_of(settings)
     rest = initialisation.rest_rows(settings, readings.t_ns)
     found = initialisation.from_rest(settings, readings.gyro[rest], readings.accel[rest])
-    return _rows(readings, slice(rest.stop - 1, None)), found
+    return _rows(readings, slice(rest.stop - 1, None)), found.state, found.correction
 
 
 def _state(truth: Odometry, at_ns: Times) -> NavigationState:

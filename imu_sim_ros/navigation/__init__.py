@@ -8,7 +8,7 @@ and knows neither bags nor nodes. Imports the leaves.
 """
 
 from imu_sim_ros.navigation import initialisation
-from imu_sim_ros.navigation.correction import correction_of
+from imu_sim_ros.navigation.correction import Correction, correction_of
 from imu_sim_ros.navigation.initialisation import Initial
 from imu_sim_ros.navigation.noise import noise_of
 from imu_sim_ros.navigation.preintegration import Preintegration
@@ -16,6 +16,7 @@ from imu_sim_ros.navigation.state import NavigationState, NavigationStates
 from imu_sim_ros.navigation.strapdown import Counts, Stepper, dead_reckon
 
 __all__ = [
+    "Correction",
     "Counts",
     "Initial",
     "NavigationState",

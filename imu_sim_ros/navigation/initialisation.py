@@ -39,13 +39,17 @@ class Initial(NamedTuple):
 
 
 def from_parameters(parameters: IntegratorParameters) -> Initial:
-    """Return the start at ``initial_position``, ``initial_velocity``, ``initial_orientation``."""
-    state = NavigationState(
+    """Return the start at :func:`given_state`."""
+    return from_state(parameters, given_state(parameters))
+
+
+def given_state(parameters: IntegratorParameters) -> NavigationState:
+    """Return ``initial_position``, ``initial_velocity`` and ``initial_orientation``."""
+    return NavigationState(
         np.array(parameters.initial_position),
         np.array(parameters.initial_velocity),
         rotation.from_euler(parameters.initial_orientation),
     )
-    return from_state(parameters, state)
 
 
 def from_state(parameters: IntegratorParameters, state: NavigationState) -> Initial:

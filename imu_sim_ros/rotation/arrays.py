@@ -240,47 +240,7 @@ def body_rates_to_euler_rates(roll_pitch_yaw: ArrayLike) -> Array:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
-_FACTORS = np.array([[0, 1, 2, 3], [1, 0, 3, 2], [2, 3, 0, 1], [3, 2, 1, 0]])
-_SIGNS = np.array([[1, -1, -1, -1], [1, 1, 1, -1], [1, -1, 1, 1], [1, 1, -1, 1]], dtype=np.float64)
-"""``(p q)_i = sum_k p_k sign_ik q_factor_ik``, in the order of :func:`.components.multiply`."""
-
-
 def cumulative_product(q: ArrayLike) -> Array:
-    """Return the running products ``q_0, q_0 q_1, q_0 q_1 q_2, ...`` of a sequence (n, 4).
-
-    A blocked scan: the sequence is laid out as about sqrt(n) rows; all rows advance together, one
-    column at a time, then each row is multiplied by the product of the rows before it. Some
-    2 sqrt(n) vectorised products instead of n small ones, and rounding that grows with sqrt(n).
-    """
-    q = np.asarray(q, dtype=np.float64)
-    n = len(q)
-    if n == 0:
-        return q.reshape(0, 4)
-    columns = int(np.ceil(np.sqrt(n)))
-    rows = -(-n // columns)
-    padded = np.concatenate([q, np.broadcast_to(IDENTITY, (rows * columns - n, 4))])
-    table = np.ascontiguousarray(padded.reshape(rows, columns, 4).transpose(1, 2, 0))
-    right = _SIGNS[:, :, None] * table[:, _FACTORS]  # (columns, 4, 4, rows)
-    terms = np.empty((4, 4, rows))
-    for before, factors, product in zip(table[:-1], right[1:], table[1:], strict=True):
-        # Two calls a column, and the same rounding as components.multiply has.
-        np.multiply(before, factors, out=terms)
-        np.add.reduce(terms, axis=1, out=product)
-    starts = _running(table[-1].T.tolist())
-    result = components.multiply(starts.T[:, None], table.transpose(1, 0, 2))
-    return np.ascontiguousarray(result.transpose(2, 1, 0).reshape(-1, 4)[:n])
-
-
-def _running(products: list[list[float]]) -> Array:
-    """Return the product of the rows before each row (m, 4): m is small, plain numbers are fast."""
-    pw, px, py, pz = 1.0, 0.0, 0.0, 0.0
-    starts = []
-    for qw, qx, qy, qz in products:
-        starts.append((pw, px, py, pz))
-        pw, px, py, pz = (
-            pw * qw - px * qx - py * qy - pz * qz,
-            pw * qx + px * qw + py * qz - pz * qy,
-            pw * qy - px * qz + py * qw + pz * qx,
-            pw * qz + px * qy - py * qx + pz * qw,
-        )
-    return np.array(starts)
+    """Return the running products ``q_0, q_0 q_1, q_0 q_1 q_2, ...`` of a sequence (n, 4)."""
+    product = components.cumulative_product(np.asarray(q, dtype=np.float64).T)
+    return np.ascontiguousarray(product.T)

@@ -178,9 +178,8 @@ class _States:
         """Append the states at the ends of intervals of lengths h (n,)."""
         first, self._last = self._last, self._last + len(h)
         rows = slice(first, self._last + 1)
-        start = self._q[first]
-        chain = np.concatenate([start[None], increment.dq.T])
-        q = components.normalise(np.ascontiguousarray(rotation.cumulative_product(chain).T))
+        chain = np.concatenate([self._q[first][:, None], increment.dq], axis=1)
+        q = components.normalise(components.cumulative_product(chain))
         velocity = np.empty((3, len(h) + 1))
         velocity[:, 0] = self._velocity[first]
         if self._earth_rate.any():

@@ -32,10 +32,11 @@ def check_readings(
         )
     if n < 2:
         raise InputError(f"{n} reading{'' if n == 1 else 's'}: integration needs at least two")
-    problems = [*_order_problems(t_ns), *_gap_problems(t_ns, max_gap)]
+    steps = np.diff(t_ns)
+    problems = [*_order_problems(t_ns, steps), *_gap_problems(t_ns, steps, max_gap)]
     for name, values in (("gyroscope", gyro), ("accelerometer", accel)):
-        bad = ~np.isfinite(values).all(axis=1)
-        if bad.any():
+        if not np.isfinite(values).all():
+            bad = ~np.isfinite(values).all(axis=1)
             first = int(np.argmax(bad))
             problems.append(
                 f"{np.count_nonzero(bad)} {name} readings are not finite, "
@@ -45,9 +46,10 @@ def check_readings(
         raise InputError(problems)
 
 
-def _order_problems(t_ns: NDArray[np.int64]) -> list[str]:
-    steps = np.diff(t_ns)
-    problems = []
+def _order_problems(t_ns: NDArray[np.int64], steps: NDArray[np.int64]) -> list[str]:
+    problems: list[str] = []
+    if steps.min() > 0:
+        return problems
     for what, bad in (("repeated", steps == 0), ("earlier than the one before them", steps < 0)):
         if bad.any():
             first = int(np.argmax(bad)) + 1
@@ -58,11 +60,13 @@ def _order_problems(t_ns: NDArray[np.int64]) -> list[str]:
     return problems
 
 
-def _gap_problems(t_ns: NDArray[np.int64], max_gap: float) -> list[str]:
-    steps = np.diff(t_ns) * 1e-9
-    gaps = steps > max_gap
-    if not gaps.any():
+def _gap_problems(
+    t_ns: NDArray[np.int64], steps_ns: NDArray[np.int64], max_gap: float
+) -> list[str]:
+    if steps_ns.max() * 1e-9 <= max_gap:
         return []
+    steps = steps_ns * 1e-9
+    gaps = steps > max_gap
     first = int(np.argmax(gaps))
     return [
         f"{np.count_nonzero(gaps)} gaps are longer than max_gap = {max_gap:g} s, the first is "
