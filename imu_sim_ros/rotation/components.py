@@ -160,4 +160,5 @@ def _running(products: list[list[float]]) -> Array:
             pw * qy - px * qz + py * qw + pz * qx,
             pw * qz + px * qy - py * qx + pz * qw,
         )
-    return np.array(starts).T
+    result: Array = np.array(starts).T
+    return result
