@@ -254,6 +254,7 @@ class ChunkWriter(Writer):
             cores = min(len(os.sched_getaffinity(0)), _MOST_WORKERS)
             workers = cores if self._compression not in ("", "none") else 0
             self._pipeline = Pipeline(self._packed_job, self._store_job, workers)
+            _keep_memory()
         self._emit()
 
     def _wait(self) -> None:
@@ -375,6 +376,16 @@ class ChunkWriter(Writer):
                 for k, (time, payload) in enumerate(zip(t_ns.tolist(), payloads, strict=True))
             ]
         return as_list(self._records(topic, first, t_ns, as_pattern(payloads)))
+
+
+def _keep_memory() -> None:
+    """Have the memory of one chunk serve the next.
+
+    glibc maps memory for large blocks and returns it block by block, and the kernel finds the pages
+    again each time, until a larger block than those has been returned (mallopt(3),
+    M_MMAP_THRESHOLD). This one is, unused.
+    """
+    np.empty(4 * CHUNK_BYTES, np.uint8)
 
 
 def _bytes(payloads: Payloads | Pattern) -> int:
