@@ -7,6 +7,7 @@ The format is that of ROS 2: node names (or the wildcards ``/**`` and ``/*``) ab
 ``ros__parameters``, nested or dotted names below. A kalibr ``imu.yaml`` is understood as well.
 """
 
+import os
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from pathlib import Path
@@ -61,7 +62,9 @@ def config_folder() -> Path:
 
 def names(kind: str) -> list[str]:
     """Return the names of the files of one kind: ``imus``, ``trajectories``, ``cameras``, ..."""
-    return sorted(path.stem for path in (config_folder() / kind).glob("*.yaml"))
+    folder = config_folder() / kind
+    files = os.listdir(folder) if folder.is_dir() else []
+    return sorted(name.removesuffix(".yaml") for name in files if name.endswith(".yaml"))
 
 
 def find(kind: str, name_or_file: str, option: str = "") -> Path:

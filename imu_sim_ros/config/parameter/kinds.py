@@ -7,6 +7,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -61,6 +62,11 @@ class Parameter:
         :raises ValueError: where it is not allowed; :meth:`allowed` says what is.
         """
         return _PARSERS[self.kind](self, value)
+
+    @cached_property
+    def parsed_default(self) -> Value:
+        """The default in the parameter's own type."""
+        return self.parse(self.default)
 
     def allowed(self) -> str:
         """Return in words which values are allowed."""

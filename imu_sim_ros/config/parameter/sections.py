@@ -124,8 +124,11 @@ def build(cls: type[_T], values: Mapping[str, object]) -> _T:
     problems += [unknown(name, known) for name in values if name not in known]
     parsed: dict[str, Value] = {}
     for name, parameter in known.items():
+        if name not in values:
+            parsed[name] = parameter.parsed_default
+            continue
         try:
-            parsed[name] = parse(name, parameter, values.get(name, parameter.default))
+            parsed[name] = parse(name, parameter, values[name])
         except ConfigurationError as error:
             problems += error.problems
     if problems:
