@@ -185,9 +185,7 @@ def speed() -> None:
 
 def _run(command: str, *arguments: str) -> float:
     begin = time.perf_counter()
-    subprocess.run(
-        [sys.executable, "-m", f"imu_sim_ros.commands.{command}", *arguments], check=True
-    )
+    subprocess.run([str(Path(sys.executable).with_name(command)), *arguments], check=True)
     return time.perf_counter() - begin
 
 

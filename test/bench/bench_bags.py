@@ -7,9 +7,7 @@ MESSAGES sets the number of messages of the main rows (default 2,880,000: 4 h at
 adds 24 h at 400 Hz. Every row is a process of its own; the peak memory is that of the process.
 """
 
-import json
 import os
-import resource
 import shutil
 import statistics
 import subprocess
@@ -25,7 +23,6 @@ from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
 from imu_sim_ros.bags.messages.schemas import known_types
 from imu_sim_ros.bags.read import imu_blocks
 from imu_sim_ros.commands.common import print_table
-from imu_sim_ros.commands.generate import main as generate
 
 MESSAGES = int(os.environ.get("MESSAGES", "2880000"))
 SLOW = max(MESSAGES // 10, 1)
@@ -50,11 +47,20 @@ GENERATE = {
 }
 
 
-def run_generate(name: str, folder: Path) -> None:
-    """Generate one form; what is timed is the whole process."""
+PROGRAM = str(Path(sys.executable).with_name("generate"))
+
+
+def generated(name: str, folder: Path) -> list[str]:
+    """Return the command line that generates one form."""
     output, arguments, share = GENERATE[name]
     duration = f"{MESSAGES // share / RATE}s"
-    generate(["-o", str(folder / output), *STATIC, *arguments, "--duration", duration])
+    return [PROGRAM, "-o", str(folder / output), *STATIC, *arguments, "--duration", duration]
+
+
+def day(_: str, folder: Path) -> list[str]:
+    """Return the command line that generates 24 h at 400 Hz."""
+    arguments = ["--imu-only", "--trajectory", "static", "--rate", "400", "--duration", "24h"]
+    return [PROGRAM, "-o", str(folder / "x.mcap"), *arguments, "--compression", "lz4", "--quiet"]
 
 
 def messages(count: int, encoding: str) -> np.ndarray:
@@ -121,28 +127,15 @@ def read_back(name: str, folder: Path) -> None:
     assert count == MESSAGES
 
 
-def day(_: str, folder: Path) -> None:
-    """Generate 24 h at 400 Hz."""
-    arguments = ["--imu-only", "--trajectory", "static", "--rate", "400", "--duration", "24h"]
-    generate(["-o", str(folder / "x.mcap"), *arguments, "--compression", "lz4", "--quiet"])
-
-
-TASKS = {
-    "generate": run_generate,
-    "rosbags": rosbags_loop,
-    "raw": raw_write,
-    "read": read_back,
-    "day": day,
-}
+PROGRAMS = {"generate": generated, "day": day}
+TASKS = {"rosbags": rosbags_loop, "raw": raw_write, "read": read_back}
 
 
 def child(task: str, name: str, folder: str) -> None:
-    """Run one task in this process and print its peak memory."""
+    """Run one task in this process and print its seconds."""
     started = time.perf_counter()
     TASKS[task](name, Path(folder))
-    seconds = time.perf_counter() - started
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    print(json.dumps({"peak_mib": peak, "seconds": seconds}))
+    print(time.perf_counter() - started)
 
 
 class Measured(NamedTuple):
@@ -171,15 +164,20 @@ def measure(task: str, name: str, folder: Path) -> tuple[float, float, float]:
     Generating counts as a whole process, the start of the interpreter included; for the shorter
     runs of the others (peers, raw writing, reading) that start is left out, in their favour.
     """
-    before, started = os.times(), time.perf_counter()
+    started = time.perf_counter()
     command = [sys.executable, __file__, "--child", task, name, str(folder)]
-    output = subprocess.run(command, check=True, capture_output=True, text=True).stdout
-    wall, after = time.perf_counter() - started, os.times()
-    cpu = after.children_user + after.children_system
-    cpu -= before.children_user + before.children_system
-    result = json.loads(output)
-    wall = wall if task in ("generate", "day") else result["seconds"]
-    return wall, cpu, result["peak_mib"]
+    if task in PROGRAMS:
+        command = PROGRAMS[task](name, folder)
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        output = process.stdout.read()
+        _, status, used = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+    wall = time.perf_counter() - started
+    if process.returncode:
+        raise subprocess.CalledProcessError(process.returncode, command)
+    seconds = wall if task in PROGRAMS else float(output)
+    return seconds, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024
 
 
 def speed(task: str, name: str, count: int, folder: Path, repeat: int = 3) -> Measured:

@@ -37,7 +37,7 @@ def rates(form: str, minutes: float, cores: int, folder: Path) -> list[float]:
     """Return messages per second of some runs on so many cores, the lowest first."""
     name, compression = FORMS[form]
     allowed = sorted(os.sched_getaffinity(0))[:cores]
-    command = [sys.executable, "-m", "imu_sim_ros.commands.generate", "-o", str(folder / name)]
+    command = [str(Path(sys.executable).with_name("generate")), "-o", str(folder / name)]
     command += ["--compression", compression, "--imu-only", "--trajectory", "static"]
     command += ["--imu", "lecture", "--rate", str(RATE), "--duration", f"{minutes}min", "--quiet"]
     found = []

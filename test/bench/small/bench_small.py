@@ -64,7 +64,7 @@ def run(command: Sequence[str], folder: str) -> tuple[float, float]:
     words = [word.replace("{}", folder) for word in command]
     before, started = getrusage(RUSAGE_CHILDREN), time.perf_counter()
     subprocess.run(
-        [sys.executable, "-m", f"imu_sim_ros.commands.{words[0]}", *words[1:]],
+        [str(Path(sys.executable).with_name(words[0])), *words[1:]],
         check=True,
         stdout=subprocess.DEVNULL,
     )
