@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_TOGETHER: Final = 4096
+_TOGETHER: Final = 8192
 """Times at which a motion is sampled at once, for the processor's cache; a short block has all its
 nodes in one call."""
 
