@@ -18,8 +18,12 @@ from typing import IO, Any, Final
 
 from imu_sim_ros.errors import MachineError
 
-_CALLS_AHEAD: Final = 8
+_CALLS_AHEAD: Final = 12
 """Calls that may wait for the process; the next one waits for a place."""
+_PIPE: Final = 1 << 20
+"""[bytes] As much as Linux allows: the process finds its next call there."""
+_KEPT: Final = 24 << 20
+"""[bytes] Below the largest threshold that glibc learns by itself, 32 MiB."""
 _CODE: Final = """
 import sys
 sys.path[:] = {path!r}
@@ -52,6 +56,7 @@ class SecondProcess:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+            pipesize=_PIPE,
             start_new_session=True,
         )
         assert self._process.stdin is not None
@@ -135,6 +140,7 @@ def serve() -> None:
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what is printed must not get into the result
     found, failure = None, None
+    bytearray(_KEPT)  # once freed, the C library returns no smaller memory to the system
     try:
         make, arguments = pickle.load(sys.stdin.buffer)
         subject = make(*arguments)

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 _CHUNK: Final = 1 << 13
 """Terms handled at once: they stay in the processor's cache, and BLAS starts no threads."""
-_PART: Final = 4 * _CHUNK
+_PART: Final = 2 * _CHUNK
 """Readings that go to another process at once; whole chunks, so that sums are of the same terms."""
 _SHORT: Final = 1024
 """Clusters up to this size see every sample as it comes; longer ones the stored phase."""
