@@ -87,11 +87,10 @@ def exp(v: Array) -> Array:
 
 def cross(a: Array, b: Array) -> Array:
     """Return ``a x b`` (3, n) of (3, n) or (3, 1)."""
-    n = b.shape[1] if a.shape[1] == 1 else a.shape[1]
-    result, product = np.empty((3, n)), np.empty(n)
+    result = np.empty((3, b.shape[1] if a.shape[1] == 1 else a.shape[1]))
     for row, (i, j) in zip(result, ((1, 2), (2, 0), (0, 1)), strict=True):
         np.multiply(a[i], b[j], out=row)
-        row -= np.multiply(a[j], b[i], out=product)
+        row -= a[j] * b[i]
     return result
 
 

@@ -76,7 +76,7 @@ class IdealImu:
         q_wb = motion.q_wb.T
         rate = motion.angular_velocity.T
         force = rotate_inverse(q_wb, motion.acceleration.T - self._gravity_w)
-        if isinstance(motion, Felt):
+        if isinstance(motion, Felt) or not (self._has_lever_arm or self._earth_turns):
             return rate, force
         arm = self._lever_arm_b
         swing = cross(rate, arm)

@@ -4,11 +4,17 @@
 """Motions in closed form: every coordinate is a polynomial and a sum of sinusoids."""
 
 import math
+from typing import Final
+
+import numpy as np
 
 from imu_sim_ros.config import HarmonicParameters
 from imu_sim_ros.trajectory.euler import attitude, attitude_and_rate
 from imu_sim_ros.trajectory.motion import Array, Felt, Later, Motion
 from imu_sim_ros.trajectory.series import SeriesSet, Waves
+
+_FEW: Final = 1000
+"""Times and delays together up to which all are evaluated at once."""
 
 
 class Harmonic:
@@ -44,6 +50,8 @@ class Harmonic:
         The sines at t serve for all of them; see :class:`Later`.
         """
         waves = self._coordinates.waves(t)
+        if len(t) * len(delays) <= _FEW:
+            return self._at_once(t, delays, waves)
 
         def later(rows: slice, which: slice, only_felt: bool) -> Felt | Motion:
             times = (delays[which, None] + t[rows]).ravel()
@@ -51,6 +59,21 @@ class Harmonic:
             return self._felt(times, own) if only_felt else self._motion(times, own)
 
         return self._motion(t, waves), later
+
+    def _at_once(self, t: Array, delays: Array, waves: Waves) -> tuple[Motion, Later]:
+        """Return the same of few times, with one evaluation: its calls are what takes time."""
+        n = len(t)
+        turned = self._coordinates.turned(waves, delays)
+        every = Waves(*(np.concatenate(pair, axis=1) for pair in zip(waves, turned, strict=True)))
+        times = np.concatenate([t, (delays[:, None] + t).ravel()])
+        motion = self._motion(times, every)
+
+        def later(rows: slice, which: slice, only_felt: bool) -> Felt | Motion:
+            of_delays = (values[n:].reshape(len(delays), n, -1)[which, rows] for values in motion)
+            found = Motion(*(values.reshape(-1, values.shape[-1]) for values in of_delays))
+            return Felt(*found[2:5]) if only_felt else found
+
+        return Motion(*(values[:n] for values in motion)), later
 
     def _motion(self, t: Array, waves: Waves) -> Motion:
         table, (*_, roll, pitch, yaw) = self._coordinates.sample(t, waves)
