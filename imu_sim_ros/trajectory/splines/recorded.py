@@ -11,7 +11,7 @@ from imu_sim_ros import rotation, timebase
 from imu_sim_ros.config import PosesParameters
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.poses import PoseSequence
-from imu_sim_ros.trajectory.motion import Array, Motion, Trajectory
+from imu_sim_ros.trajectory.motion import Array, Felt, Motion, Trajectory
 from imu_sim_ros.trajectory.splines.bspline import PoseSpline, UniformKnots
 from imu_sim_ros.trajectory.splines.repair import mended
 from imu_sim_ros.trajectory.splines.spline_fit import fit
@@ -111,6 +111,10 @@ class Recorded:
     def sample(self, t: Array) -> Motion:
         """Return the motion at times t (n,) [s]."""
         return self._spline.sample(t)
+
+    def felt(self, t: Array) -> Felt:
+        """Return what is felt of the motion at times t (n,) [s]."""
+        return self._spline.felt(t)
 
 
 def recorded_in(trajectory: Trajectory) -> Recorded | None:
