@@ -89,9 +89,10 @@ class ConfiguredNode(Node):
 
     def replace(self, new: Any) -> None:
         """Set parameters that the node has determined itself, read-only ones as well."""
+        old = flatten(self.parameters)
         self.parameters = new
         for name, value in flatten(new).items():
-            if name in self._known:
+            if name in self._known and value != old[name]:
                 self._parameters[name] = RosParameter(name, value=_to_ros(value))
 
     def _take_overrides(self) -> dict[str, object]:
