@@ -174,8 +174,8 @@ def speed() -> None:
             _run("generate", "--imu", "lecture", "--trajectory", "static", "--rate", "200",
                  "--duration", f"{hours}h", "--imu-only", "--quiet", "-o", str(bag))  # fmt: skip
             times = [
-                _run("allan", str(bag), "-o", f"{folder}/allan", "--quiet")
-                for _ in range(3 if hours < 10 else 1)
+                _run("allan", str(bag), "-o", f"{folder}/allan_{k}", "--quiet")
+                for k in range(3 if hours < 10 else 1)
             ]
         memory = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024.0
         rows.append([f"{hours} h at 200 Hz, {name}", f"{np.median(times):.2f} s", f"{memory:.0f}"])
