@@ -24,16 +24,14 @@ import math
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from fractions import Fraction
-from functools import cache
 from typing import TYPE_CHECKING, Final
-
-import numpy as np
 
 from imu_sim_ros import timebase
 from imu_sim_ros.config import PosesParameters, SimulationParameters, flatten
 from imu_sim_ros.config import parameters as described
 from imu_sim_ros.conventions import AUXILIARY
 from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.machine import keep_freed_memory
 from imu_sim_ros.poses import read_poses
 from imu_sim_ros.sensor import Fault, Imu, ImuBlock
 from imu_sim_ros.trajectory import PoseReader, Trajectory, build_trajectory
@@ -44,19 +42,6 @@ if TYPE_CHECKING:
 BLOCK_SIZE: Final = 8192
 """Large enough that Python's part is small, small enough for a processor's cache."""
 DEFAULT_START_NS: Final = timebase.NANOSECONDS_PER_SECOND
-_KEPT: Final = 16 * 2**20
-"""Bytes."""
-
-
-@cache
-def keep_freed_memory() -> None:
-    """Let the C library keep what a block frees for the next block, once in a process.
-
-    glibc gives memory back to the system where more than twice the largest array freed so far is
-    free (``M_TRIM_THRESHOLD`` in mallopt(3)): with arrays of 200 kB that may be after every
-    block, and fresh pages cost a sixth of white noise at rest. Elsewhere this does nothing.
-    """
-    np.empty(_KEPT, dtype=np.uint8)
 
 
 class Simulation:

@@ -22,6 +22,7 @@ LEAVES = {
     "inputs",
     "conventions",
     "lazy",
+    "machine",
     "random_streams",
     "rotation",
     "timebase",

@@ -8,7 +8,6 @@ round, and only what differs is written to them. Where there is more than one ch
 checksums and compression are computed in threads, and another one writes.
 """
 
-import os
 from abc import abstractmethod
 from collections.abc import Sequence
 from contextlib import suppress
@@ -32,6 +31,7 @@ from imu_sim_ros.bags.messages import (
 from imu_sim_ros.bags.threads import Pipeline
 from imu_sim_ros.bags.writer import Block, Topic, Writer, simultaneous, tally, time_order
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.machine import cores, keep_freed_memory
 
 CHUNK_BYTES: Final = 1 << 20
 _MOST_WORKERS: Final = 4
@@ -251,10 +251,9 @@ class ChunkWriter(Writer):
         """
         if self._pipeline is None:
             # A checksum alone is quick, and quickest where the records are still in the cache.
-            cores = min(len(os.sched_getaffinity(0)), _MOST_WORKERS)
-            workers = cores if self._compression not in ("", "none") else 0
+            workers = min(cores(), _MOST_WORKERS) if self._compression not in ("", "none") else 0
             self._pipeline = Pipeline(self._packed_job, self._store_job, workers)
-            _keep_memory()
+            keep_freed_memory()
         self._emit()
 
     def _wait(self) -> None:
@@ -376,16 +375,6 @@ class ChunkWriter(Writer):
                 for k, (time, payload) in enumerate(zip(t_ns.tolist(), payloads, strict=True))
             ]
         return as_list(self._records(topic, first, t_ns, as_pattern(payloads)))
-
-
-def _keep_memory() -> None:
-    """Have the memory of one chunk serve the next.
-
-    glibc maps memory for large blocks and returns it block by block, and the kernel finds the pages
-    again each time, until a larger block than those has been returned (mallopt(3),
-    M_MMAP_THRESHOLD). This one is, unused.
-    """
-    np.empty(4 * CHUNK_BYTES, np.uint8)
 
 
 def _bytes(payloads: Payloads | Pattern) -> int:

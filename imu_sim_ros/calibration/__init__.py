@@ -4,6 +4,6 @@
 """What is recovered about a sensor from its readings: noise and deterministic errors."""
 
 from imu_sim_ros.calibration.resolution import StepFinder
-from imu_sim_ros.calibration.second_process import SecondProcess, cores
+from imu_sim_ros.calibration.second_process import SecondProcess
 
-__all__ = ["SecondProcess", "StepFinder", "cores"]
+__all__ = ["SecondProcess", "StepFinder"]

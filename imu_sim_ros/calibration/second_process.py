@@ -17,26 +17,18 @@ from queue import SimpleQueue
 from typing import IO, Any, Final
 
 from imu_sim_ros.errors import MachineError
+from imu_sim_ros.machine import keep_freed_memory
 
 _CALLS_AHEAD: Final = 12
 """Calls that may wait for the process; the next one waits for a place."""
 _PIPE: Final = 1 << 20
 """[bytes] As much as Linux allows: the process finds its next call there."""
-_KEPT: Final = 24 << 20
-"""[bytes] Below the largest threshold that glibc learns by itself, 32 MiB."""
 _CODE: Final = """
 import sys
 sys.path[:] = {path!r}
 from imu_sim_ros.calibration.second_process import serve
 serve()
 """
-
-
-def cores() -> int:
-    """Return how many processor cores this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 class SecondProcess:
@@ -140,7 +132,7 @@ def serve() -> None:
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what is printed must not get into the result
     found, failure = None, None
-    bytearray(_KEPT)  # once freed, the C library returns no smaller memory to the system
+    keep_freed_memory()
     try:
         make, arguments = pickle.load(sys.stdin.buffer)
         subject = make(*arguments)

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from imu_sim_ros.bags import ImuMessages, imu_blocks, open_bag
-from imu_sim_ros.calibration import SecondProcess, cores
+from imu_sim_ros.calibration import SecondProcess
 from imu_sim_ros.calibration.noise import (
     MODELS,
     AllanResult,
@@ -29,6 +29,7 @@ from imu_sim_ros.commands import common
 from imu_sim_ros.commands.shared import add_force, add_skip_bad_rows, outputs, skipped_rows
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.machine import cores
 
 _FILES = (
     "allan.csv",

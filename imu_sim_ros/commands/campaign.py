@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from imu_sim_ros.commands import common, shared
 from imu_sim_ros.errors import InputError, system_error
+from imu_sim_ros.machine import cores
 
 if TYPE_CHECKING:
     from imu_sim_ros.campaign import Engine, Group, Outcome, Plan, Row, Store
@@ -78,7 +79,7 @@ def _add_engine_arguments(result: argparse.ArgumentParser) -> None:
         "--workers",
         type=int,
         metavar="N",
-        default=os.cpu_count() or 1,
+        default=cores(),
         help="processes on this machine; default: one for each core (%(default)s); 1 starts no "
         "further one",
     )

@@ -4,7 +4,6 @@
 """What ``generate`` does with cameras: their arguments, and the datasets of what they see."""
 
 import argparse
-import os
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -27,6 +26,7 @@ from imu_sim_ros.config import (
 from imu_sim_ros.conventions import TRUTH_TOPIC
 from imu_sim_ros.datasets import BagTarget, DatasetTarget, body_of, imus_of
 from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.machine import cores
 from imu_sim_ros.sensor import ImuBlock
 from imu_sim_ros.simulation import Simulation
 
@@ -72,7 +72,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--jobs",
         metavar="N",
         type=int,
-        default=os.cpu_count() or 1,
+        default=cores(),
         help="threads that render images (default: one per processor)",
     )
     group.add_argument(

@@ -6,7 +6,6 @@
 The description of a camera is what the bag says: model from CameraInfo, place from /tf_static.
 """
 
-import os
 import re
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -38,6 +37,7 @@ from imu_sim_ros.datasets.images import DEPTH_FOLDER, millimetres, write_table
 from imu_sim_ros.datasets.recorded.description import Description, sensor_yaml
 from imu_sim_ros.datasets.recorded.files import as_png
 from imu_sim_ros.errors import InputError, system_error
+from imu_sim_ros.machine import cores
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
 
 Transforms = dict[str, tuple[str, NDArray[np.float64]]]
@@ -158,7 +158,7 @@ class RecordedImages:
         :raises InputError: for messages that are no images, with the topic.
         """
         waiting: deque[Future[None]] = deque()
-        jobs = os.cpu_count() or 1
+        jobs = cores()
         pool = ThreadPoolExecutor(jobs, thread_name_prefix="images")
         try:
             for topic, message in decoded_messages(self._bag, self._wanted()):

@@ -9,7 +9,6 @@ EuRoC's and TUM VI's ``cam0/data.csv`` and ``cam0/data``, or kalibr_bagcreater's
 depend on the length of the dataset.
 """
 
-import os
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -54,6 +53,7 @@ from imu_sim_ros.datasets.recorded.files import (
     read_image,
 )
 from imu_sim_ros.errors import InputError, system_error
+from imu_sim_ros.machine import cores
 
 KINDS: Final = {
     "raw": (IMAGE_TOPIC,),
@@ -87,7 +87,7 @@ class FolderImages:
         :raises InputError: with a line for each row and each description that cannot be used.
         """
         self.cameras = folder_cameras(path, skipped)
-        jobs = os.cpu_count() or 1
+        jobs = cores()
         self._ahead = _BATCH + _AHEAD * jobs
         self._pool = ThreadPoolExecutor(jobs, thread_name_prefix="images")
 
