@@ -1,11 +1,12 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What others wrote, read safely: regular files of bounded size, YAML without traps.
+"""What others wrote, read safely: regular files of bounded size, YAML without traps, a gate.
 
 Imports errors; a leaf to all others.
 """
 
+from imu_sim_ros.inputs import gate
 from imu_sim_ros.inputs.regular import open_regular, read_text
 from imu_sim_ros.inputs.rows import (
     COLUMNS,
@@ -27,6 +28,7 @@ __all__ = [
     "VALUES",
     "BadRows",
     "Row",
+    "gate",
     "number_of",
     "open_regular",
     "parse_yaml",

@@ -70,10 +70,14 @@ def shortened(word: str) -> str:
 
 
 class BadRows:
-    """What is wrong with the rows of one file: the first lines of every class, and the count."""
+    """What is wrong with the rows of one source: the first of every class, and the count.
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
+    :param source: what a line of the report begins with: a file, and perhaps a topic of it.
+    :param item: what its rows are, in the singular.
+    """
+
+    def __init__(self, source: str | Path, item: str = "line") -> None:
+        self._source, self._item = source, item
         self._found: dict[str, list[tuple[int, str]]] = {}
         self.count = 0
         """Problems so far; a row may have several."""
@@ -86,7 +90,7 @@ class BadRows:
         """Note a problem.
 
         :param kind: its class.
-        :param number: of the line.
+        :param number: of the row.
         """
         self.count += 1
         shown = self._found.setdefault(kind, [])
@@ -106,17 +110,17 @@ class BadRows:
     def complain(self) -> None:
         """Raise where something is wrong.
 
-        :raises InputError: with the first lines of every class, in the order of the file.
+        :raises InputError: with the first of every class, in the order of the source.
         """
         if self.count:
             self._raise("")
 
     def _raise(self, last: str) -> None:
         shown = sorted(line for lines in self._found.values() for line in lines)
-        problems = [f"{self._path}: line {number}: {words}" for number, words in shown]
+        problems = [f"{self._source}: {self._item} {number}: {words}" for number, words in shown]
         more = self.count - len(shown)
         if more:
-            problems.append(f"{self._path}: and {more} more such lines")
+            problems.append(f"{self._source}: and {more} more such {self._item}s")
         if last:
-            problems.append(f"{self._path}: {last}")
+            problems.append(f"{self._source}: {last}")
         raise InputError(problems)
