@@ -139,7 +139,10 @@ class TriadParameters:
         minimum=0.0,
     )
     scale_misalignment: Matrix = matrix(
-        IDENTITY_MATRIX, "scale and misalignment S of the {triad}: reading = S x + b", live=True
+        IDENTITY_MATRIX,
+        "scale and misalignment S of the {triad}: reading = S x + b",
+        live=True,
+        turn_on_scale="multiplies",
     )
     scale_error_percent: Vector = vector(
         0.0,
@@ -155,13 +158,18 @@ class TriadParameters:
         live=True,
     )
     quadratic: Vector = vector(
-        0.0, "second-order non-linearity of the {triad}: q x^2", unit="1/({unit})", live=True
+        0.0,
+        "second-order non-linearity of the {triad}: q x^2",
+        unit="1/({unit})",
+        live=True,
+        turn_on_scale="multiplies",
     )
     g_sensitivity: Matrix = matrix(
         ZERO_MATRIX,
         "what one m/s^2 of specific force adds to the {triad}'s reading",
         unit="({unit})/(m/s^2)",
         live=True,
+        turn_on_scale="multiplies",
     )
     g_squared_sensitivity: Matrix = matrix(
         ZERO_MATRIX,
@@ -169,6 +177,7 @@ class TriadParameters:
         "(vibration rectification); the accelerometer has `quadratic` for it",
         unit="({unit})/(m/s^2)^2",
         live=True,
+        turn_on_scale="multiplies",
     )
     temperature_bias: tuple[float, ...] = numbers(
         (),
@@ -183,6 +192,7 @@ class TriadParameters:
         unit="1/K^(k+1)",
         group=3,
         live=True,
+        turn_on_scale="divides",
     )
     temperature_bias_sigma: Vector = vector(
         0.0,
@@ -209,7 +219,10 @@ class TriadParameters:
         unit="{unit}",
     )
     ageing_scale: Vector = vector(
-        0.0, "drift of the {triad}'s scale with age: ageing_scale * log10(1 + days)", unit="1"
+        0.0,
+        "drift of the {triad}'s scale with age: ageing_scale * log10(1 + days)",
+        unit="1",
+        turn_on_scale="divides",
     )
     stress_step_sigma: Vector = vector(
         0.0,

@@ -4,19 +4,11 @@
 """The sensor of one run: the constants drawn from its seed, in place of the parameters."""
 
 import dataclasses
-from typing import Any
 
-import numpy as np
-
-from imu_sim_ros.config import (
-    ZERO_VECTOR,
-    ImuParameters,
-    SimulationParameters,
-    TriadParameters,
-)
-from imu_sim_ros.config.auxiliary import MagnetometerParameters
+from imu_sim_ros.config import ImuParameters, SimulationParameters, TriadParameters
+from imu_sim_ros.config.auxiliary import BarometerParameters, MagnetometerParameters
 from imu_sim_ros.conventions import TRIADS
-from imu_sim_ros.sensor.errors import TurnOn, as_matrix, unit_of_seed
+from imu_sim_ros.sensor.errors import TurnOn, as_matrix, unit_of_seed, with_turn_on
 
 
 def realised_imu(parameters: SimulationParameters) -> ImuParameters:
@@ -24,37 +16,40 @@ def realised_imu(parameters: SimulationParameters) -> ImuParameters:
 
     Constants that differ from unit to unit are drawn. A turn-on bias is added to the constant one.
     A turn-on scale s, drawn per axis, multiplies the whole response of its axis,
-    ``(1 + s + c) (S x + q x^2 + G f + H f^2)`` with the parts c of temperature and age: it goes
-    into S, q, G and H, and c becomes ``c / (1 + s)``. Readings of the result differ from those of
-    the seed by rounding only.
+    ``(1 + s + c) (S x + q x^2 + G f + H f^2)`` with the parts c of temperature and age: which
+    parameters it multiplies and which it divides, their declarations say (``turn_on_scale``).
+    Readings of the result differ from those of the seed by rounding only.
     """
-    imu = parameters.imu
-    gyroscope, accelerometer = (
-        _realised(imu.triad(name), name, parameters.seed) for name in TRIADS
-    )
+    imu, seed = parameters.imu, parameters.seed
+    gyroscope, accelerometer = (_realised(imu.triad(name), name, seed) for name in TRIADS)
     magnetometer = imu.magnetometer
     if magnetometer != MagnetometerParameters():
         from imu_sim_ros.sensor.auxiliary import realised_magnetometer  # most boards have none
 
-        magnetometer = realised_magnetometer(magnetometer, parameters.seed)
+        magnetometer = realised_magnetometer(magnetometer, seed)
     return dataclasses.replace(
-        imu, gyroscope=gyroscope, accelerometer=accelerometer, magnetometer=magnetometer
+        imu,
+        gyroscope=gyroscope,
+        accelerometer=accelerometer,
+        magnetometer=magnetometer,
+        barometer=_realised_barometer(imu.barometer, seed),
     )
 
 
 def _realised(parameters: TriadParameters, triad: str, seed: int) -> TriadParameters:
     p = unit_of_seed(parameters, triad, seed)
-    drawn = TurnOn(seed, triad, p)
-    gain = 1.0 + drawn.scale
-    values = {
-        "bias": np.asarray(p.bias) + drawn.bias,
-        "quadratic": gain * p.quadratic,
-        "g_sensitivity": gain[:, None] * np.reshape(p.g_sensitivity, (3, 3)),
-        "g_squared_sensitivity": gain[:, None] * np.reshape(p.g_squared_sensitivity, (3, 3)),
-        "temperature_scale": np.reshape(p.temperature_scale, (-1, 3)) / gain,
-        "ageing_scale": np.asarray(p.ageing_scale) / gain,
-    }
-    changed: dict[str, Any] = {name: tuple(np.ravel(v).tolist()) for name, v in values.items()}
-    changed |= as_matrix(gain[:, None] * p.response())
-    changed |= {"turn_on_bias_sigma": ZERO_VECTOR, "turn_on_scale_sigma": ZERO_VECTOR}
-    return dataclasses.replace(p, **changed)
+    p = dataclasses.replace(p, **as_matrix(p.response()))
+    result: TriadParameters = with_turn_on(p, TurnOn(seed, triad, p))
+    return result
+
+
+def _realised_barometer(own: BarometerParameters, seed: int) -> BarometerParameters:
+    """Return the barometer, whose errors are those of a triad's first axis."""
+    p = _realised(own.as_triad(), "barometer", seed)
+    return dataclasses.replace(
+        own,
+        bias=p.bias[0],
+        turn_on_bias_sigma=0.0,
+        temperature_bias=p.temperature_bias[::3],
+        temperature_bias_sigma=0.0,
+    )

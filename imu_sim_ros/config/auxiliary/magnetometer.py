@@ -45,7 +45,10 @@ class MagnetometerParameters(OwnRateParameters):
     """One magnetometer; every error is off at zero."""
 
     hard_iron: Vector = vector(
-        0.0, "constant field of magnetised parts of the board and body, in the IMU's axes", unit="T"
+        0.0,
+        "constant field of magnetised parts of the board and body, in the IMU's axes",
+        unit="T",
+        turn_on_scale="multiplies",
     )
     hard_iron_sigma: Vector = vector(
         0.0,
@@ -54,7 +57,10 @@ class MagnetometerParameters(OwnRateParameters):
         minimum=0.0,
     )
     soft_iron: Matrix = matrix(
-        IDENTITY_MATRIX, "matrix by which soft iron changes a field, in the IMU's axes", unit="1"
+        IDENTITY_MATRIX,
+        "matrix by which soft iron changes a field, in the IMU's axes",
+        unit="1",
+        turn_on_scale="multiplies",
     )
     soft_iron_sigma: Vector = vector(
         0.0,
@@ -75,7 +81,10 @@ class MagnetometerParameters(OwnRateParameters):
         minimum=0.0,
     )
     current_coupling: Vector = vector(
-        0.0, "field of one ampere in the wires near the sensor, in the IMU's axes", unit="T/A"
+        0.0,
+        "field of one ampere in the wires near the sensor, in the IMU's axes",
+        unit="T/A",
+        turn_on_scale="multiplies",
     )
     current_profile: tuple[float, ...] = numbers(
         (),
@@ -131,6 +140,7 @@ class MagnetometerParameters(OwnRateParameters):
         unit="1/K^(k+1)",
         group=3,
         live=True,
+        turn_on_scale="divides",
     )
     range: Vector = vector(0.0, "largest field; 0: no limit", unit="T", minimum=0.0, live=True)
     resolution: Vector = vector(

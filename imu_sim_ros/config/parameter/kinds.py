@@ -41,7 +41,10 @@ class Parameter:
 
     ``kind`` is one of number, integer, flag, text, choice, vector (three numbers, or one that
     stands for all), matrix (nine numbers, row by row), numbers (any count, in groups of
-    ``group``), texts. ``live`` says that a node takes a new value while it runs.
+    ``group``), texts. ``live`` says that a node takes a new value while it runs. ``turn_on_scale``
+    says what a sensor's turn-on scale s does to an error in the realised unit: ``multiplies`` each
+    row of a coefficient of its response by 1 + s of the row's axis, ``divides`` a part of the scale
+    by it, and nothing else.
     """
 
     kind: str
@@ -54,6 +57,7 @@ class Parameter:
     choices: tuple[str, ...] = ()
     group: int = 1
     live: bool = False
+    turn_on_scale: str = ""
 
     def parse(self, value: object) -> Value:
         """Return the value in the parameter's own type.

@@ -13,21 +13,25 @@
 ``reading = scale * (R_im.T A B) + bias + n`` where the bias is all that does not depend on B.
 """
 
-import dataclasses
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
-from imu_sim_ros.config import ZERO_VECTOR, SimulationParameters
+from imu_sim_ros.config import SimulationParameters
 from imu_sim_ros.config.auxiliary import MagnetometerParameters
-from imu_sim_ros.random_streams import axis_generators
 from imu_sim_ros.rotation.components import rotate, rotate_inverse, transform
 from imu_sim_ros.sensor.auxiliary.magnetic_field import MagneticField
 from imu_sim_ros.sensor.auxiliary.own_rate import OwnRate, Sampled, instantaneous
 from imu_sim_ros.sensor.block import ImuBlock, MagneticBlock
-from imu_sim_ros.sensor.errors import TemperatureProfile, Triad, TurnOn
+from imu_sim_ros.sensor.errors import (
+    TemperatureProfile,
+    Triad,
+    TurnOn,
+    with_constants,
+    with_turn_on,
+)
 from imu_sim_ros.sensor.faults import Fault
 from imu_sim_ros.trajectory import Trajectory
 
@@ -36,42 +40,17 @@ Array = NDArray[np.float64]
 NAME: Final = "magnetometer"
 
 
-def unit_of_seed(parameters: MagnetometerParameters, seed: int) -> MagnetometerParameters:
-    """Return the magnetometer with iron and misalignment of this seed.
-
-    Offset and scale that differ from run to run are drawn with the sensor's other errors.
-    """
-    p = parameters
-    changed: dict[str, Any] = {}
-    for name, count in (("hard_iron", 1), ("soft_iron", 3), ("misalignment", 1)):
-        sigma = np.array(getattr(p, f"{name}_sigma"))
-        if sigma.any():
-            streams = axis_generators(seed, f"{NAME}.{name}")
-            drawn = np.array([s.standard_normal(count) for s in streams]) * sigma[:, None]
-            value = np.asarray(getattr(p, name)) + drawn.ravel()
-            changed |= {name: tuple(value.tolist()), f"{name}_sigma": ZERO_VECTOR}
-    return dataclasses.replace(p, **changed) if changed else p
-
-
 def realised_magnetometer(parameters: MagnetometerParameters, seed: int) -> MagnetometerParameters:
     """Return the magnetometer of this seed with nothing left to draw but the noise.
 
     A turn-on scale s multiplies all that the sensor's axes see: iron and currents take it.
     """
-    p = unit_of_seed(parameters, seed)
+    p = with_constants(parameters, NAME, seed)
     drawn = TurnOn(seed, NAME, p.as_triad())
     r_im = rotation.to_matrix(rotation.exp(p.misalignment))
     gain = r_im @ np.diag(1.0 + drawn.scale) @ r_im.T
-    values = {
-        "soft_iron": gain @ np.reshape(p.soft_iron, (3, 3)),
-        "hard_iron": gain @ p.hard_iron,
-        "current_coupling": gain @ p.current_coupling,
-        "bias": p.bias + drawn.bias,
-        "temperature_scale": np.reshape(p.temperature_scale, (-1, 3)) / (1.0 + drawn.scale),
-    }
-    changed: dict[str, Any] = {name: tuple(np.ravel(v).tolist()) for name, v in values.items()}
-    changed |= {"turn_on_bias_sigma": ZERO_VECTOR, "turn_on_scale_sigma": ZERO_VECTOR}
-    return dataclasses.replace(p, **changed)
+    result: MagnetometerParameters = with_turn_on(p, drawn, gain)
+    return result
 
 
 class Magnetometer:
@@ -87,7 +66,7 @@ class Magnetometer:
         self._field = MagneticField(parameters)
         self._lever_arm_b = np.reshape(imu.lever_arm, (3, 1))
         self._r_ib = np.reshape(imu.mounting, (3, 3)).T
-        unit = unit_of_seed(imu.magnetometer, parameters.seed)
+        unit = with_constants(imu.magnetometer, NAME, parameters.seed)
         # Misalignment and soft iron in one matrix: exactly the identity where there is neither.
         self._r_mi = rotation.to_matrix(rotation.exp(unit.misalignment)).T
         self._iron = self._r_mi @ np.reshape(unit.soft_iron, (3, 3))

@@ -9,7 +9,12 @@ Imports the leaves, and faults and random streams from the package above.
 from imu_sim_ros.sensor.errors.autoregressive import GaussMarkovBank
 from imu_sim_ros.sensor.errors.chunked import ChunkedProcess
 from imu_sim_ros.sensor.errors.deterministic import TurnOn
-from imu_sim_ros.sensor.errors.drawn import as_matrix, unit_of_seed
+from imu_sim_ros.sensor.errors.drawn import (
+    as_matrix,
+    unit_of_seed,
+    with_constants,
+    with_turn_on,
+)
 from imu_sim_ros.sensor.errors.temperature import TemperatureProfile
 from imu_sim_ros.sensor.errors.triad import Reading, Triad
 from imu_sim_ros.sensor.errors.variance import (
@@ -32,4 +37,6 @@ __all__ = [
     "gyro_variance_discrete",
     "pressure_variance_discrete",
     "unit_of_seed",
+    "with_constants",
+    "with_turn_on",
 ]
