@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 #
-# make build | demo | demo-vio | test | lint | bench | docs | clean
+# make build | demo | demo-vio | test | lint | bench | same | fuzz | docs | clean
 #
 # Nothing is needed but Python 3.10-3.13 with venv: ROS 2 Jazzy comes from wheels into .venv. On a
 # machine with ROS 2 Jazzy the package is an ordinary ament_python one: colcon build.
@@ -11,7 +11,7 @@ SHELL := /bin/bash
 .DEFAULT_GOAL := build
 .ONESHELL:
 .NOTPARALLEL:
-.PHONY: build demo demo-vio test lint bench fuzz docs clean test-floor
+.PHONY: build demo demo-vio test lint bench same fuzz docs clean test-floor
 
 PYTHON ?= python3
 TRAJECTORY ?= lecture
@@ -117,6 +117,11 @@ docs: build .venv/test-installed
 
 bench: build .venv/test-installed
 	@$(CLEAN) $(BIN)/python test/bench/run.py
+
+# Whether samples, files, results and public names are those of the revision BASE.
+BASE ?= HEAD
+same: build .venv/test-installed
+	@$(CLEAN) $(BIN)/python test/golden/compare.py $(BASE)
 
 # Hostile inputs for every command; COUNT cases from the number FIRST on, reported by kind.
 COUNT ?= 3000
