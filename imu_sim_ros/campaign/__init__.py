@@ -4,8 +4,8 @@
 """Many runs of an estimator over sensors, motions, faults and seeds, and their statistics.
 
 :mod:`~imu_sim_ros.campaign.plan` reads the plan, :mod:`~imu_sim_ros.campaign.cells` makes the
-grid's cells, :mod:`~imu_sim_ros.campaign.runs` makes one run, the engines spread the runs over
-processes (:mod:`~imu_sim_ros.campaign.engine`) or a Dask cluster, and
+grid's cells, :mod:`~imu_sim_ros.campaign.runs` makes one run,
+:mod:`~imu_sim_ros.campaign.engine` spreads the runs over processes or a Dask cluster, and
 :mod:`~imu_sim_ros.campaign.statistics` and :mod:`~imu_sim_ros.campaign.gate` tell what is
 significant. A run depends on the plan alone: the same numbers in any order, on any engine.
 """
@@ -16,12 +16,12 @@ from imu_sim_ros.lazy import exported
 
 if TYPE_CHECKING:
     from imu_sim_ros.campaign import campaign as campaign
-    from imu_sim_ros.campaign import dask_engine as dask_engine
-    from imu_sim_ros.campaign.campaign import Engine as Engine
+    from imu_sim_ros.campaign import engine as engine
     from imu_sim_ros.campaign.campaign import Outcome as Outcome
     from imu_sim_ros.campaign.campaign import counts as counts
     from imu_sim_ros.campaign.cells import Cell as Cell
     from imu_sim_ros.campaign.cells import cell_count as cell_count
+    from imu_sim_ros.campaign.engine import Engine as Engine
     from imu_sim_ros.campaign.engine import Task as Task
     from imu_sim_ros.campaign.plan import Plan as Plan
     from imu_sim_ros.campaign.plan import check_plan as check_plan
@@ -50,10 +50,10 @@ else:
     __getattr__, __dir__, __all__ = exported(
         __name__,
         {
-            "": ["campaign", "dask_engine"],
-            "campaign": ["Engine", "Outcome", "counts"],
+            "": ["campaign", "engine"],
+            "campaign": ["Outcome", "counts"],
             "cells": ["Cell", "cell_count"],
-            "engine": ["Task"],
+            "engine": ["Engine", "Task"],
             "plan": ["Plan", "check_plan", "find_plan", "load_plan"],
             "results": ["LOG", "TABLE", "Row", "Store", "read_results", "replaced", "write_tables"],
             "runs": ["CellRuns"],

@@ -9,16 +9,15 @@ import platform
 import re
 import time
 from collections import Counter
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, suppress
 from importlib import metadata
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import imu_sim_ros
-from imu_sim_ros.campaign import engine
 from imu_sim_ros.campaign.cells import Cell, cell_count
-from imu_sim_ros.campaign.engine import Task
+from imu_sim_ros.campaign.engine import Engine, Task
 from imu_sim_ros.campaign.plan import Plan
 from imu_sim_ros.campaign.results import (
     SUMMARY,
@@ -39,7 +38,6 @@ _BUILT_IN_BATCH: Final = 50
 _RECORDS: Final = 5
 """Seeds in a task of calibrations, whose records are long."""
 
-Engine = Callable[[Plan, Iterable[Task], Path], Generator[list[Row], None, None]]
 Progress = Callable[[Sequence[Row]], None]
 Digests = Callable[[Cell], Mapping[str, str]]
 
@@ -145,12 +143,13 @@ def run(
         raise
     finally:
         rows = collect(plan, store, digests_of)
-        write_tables(store.folder, rows, columns(plan), plan.metrics, not interrupted)
+        if rows or not interrupted:  # without a run there is nothing to continue from
+            write_tables(store.folder, rows, columns(plan), plan.metrics, not interrupted)
+            write_versions(store.folder)
         if interrupted:  # nobody waits for the statistics of a part; earlier ones are out of date
             (store.folder / SUMMARY).unlink(missing_ok=True)
         else:
             write_summary(store.folder, plan, rows)
-        write_versions(store.folder)
     return Outcome(rows, new, len(rows) == plan.run_count)
 
 
@@ -272,15 +271,6 @@ def seconds_of_all_runs(plan: Plan) -> float | None:
     run(runs)
     one = time.process_time() - began - first
     return cell_count(plan.axes) * (max(first - one, 0.0) + len(plan.seeds) * one)
-
-
-def embedded(workers: int) -> Engine:
-    """Return the engine of this machine."""
-
-    def start(plan: Plan, todo: Iterable[Task], folder: Path) -> Generator[list[Row], None, None]:
-        return engine.run(plan, todo, folder, workers)
-
-    return start
 
 
 def result(outcome: Outcome, wall_s: float, folder: Path) -> dict[str, Any]:

@@ -1,22 +1,27 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The embedded engine: the runs of a campaign over the processes of one machine.
+"""The engine of a campaign: its tasks over an executor of ``concurrent.futures``.
 
-A task is some seeds of one cell with all their estimators. A worker that dies breaks the pool; the
-tasks that were under way then run one at a time, so that only the one that kills its worker is
-blamed.
+A task is some seeds of one cell with all their estimators. The executor is this process itself
+(:class:`Inline`), processes of this machine (:class:`Processes`) or a Dask cluster's
+(``dask.distributed``, an extra). Seeds whose worker died run again, each in a task of its own, so
+that only the one that kills its worker is blamed.
 """
 
 import contextlib
+import functools
+import logging
 import multiprocessing
 import os
 import signal
+import socket
 import sys
 from collections import deque
-from collections.abc import Generator, Iterable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor
+from collections.abc import Callable, Generator, Iterable, Iterator
+from concurrent.futures import CancelledError, Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from queue import SimpleQueue
@@ -26,16 +31,21 @@ import imu_sim_ros
 from imu_sim_ros.campaign.cells import Cell
 from imu_sim_ros.campaign.plan import Plan
 from imu_sim_ros.config import CommandEstimator
-from imu_sim_ros.errors import ImuSimError
+from imu_sim_ros.errors import ImuSimError, InputError, MachineError, MissingDependencyError
 
 if TYPE_CHECKING:
+    from distributed import Client, LocalCluster
+
     from imu_sim_ros.campaign.runs import CellRuns
 
 Row = dict[str, Any]
 
 _THREADS: Final = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-_WAITING: Final = 2
-"""Tasks queued for each process."""
+_AT_HAND: Final = 4
+"""Tasks that a cluster's scheduler holds for each thread: enough that none waits, and few enough
+that its memory does not grow with the campaign."""
+_CONNECT_S: Final = 5.0
+_DASHBOARD_PORT: Final = 8787
 
 
 @dataclass(frozen=True)
@@ -46,7 +56,11 @@ class Task:
     seeds: tuple[int, ...]
     estimators: tuple[str, ...]
     deaths: int = 0
-    """Number of workers that died while executing it."""
+    """Workers that died while they had it."""
+
+
+Engine = Callable[[Plan, Iterable[Task], Path], Generator[list[Row], None, None]]
+"""Yields the rows of each task as they come."""
 
 
 _last: "list[CellRuns]" = []
@@ -88,16 +102,171 @@ def failed(plan: Plan, task: Task, status: str) -> list[Row]:
     ]
 
 
-_plan: Plan
-_folder: Path
+def local(workers: int) -> Engine:
+    """Return the engine of this machine.
+
+    One worker with built-in estimators is this process: no other is started. Programs always run
+    under a worker of their own, which inherits all processes that they leave behind.
+    """
+
+    def start(plan: Plan, todo: Iterable[Task], folder: Path) -> Generator[list[Row], None, None]:
+        programs = any(isinstance(one, CommandEstimator) for one in plan.estimators.values())
+        executor = Processes() if programs or workers > 1 else Inline()
+        with contextlib.closing(executor):
+            yield from _run(
+                plan,
+                todo,
+                folder,
+                executor,
+                lambda: workers,
+                BrokenProcessPool,
+                plan.options.retries,
+            )
+
+    return start
 
 
-def _begin(plan: Plan, folder: Path) -> None:
+def dask(client: "Client") -> Engine:
+    """Return the engine of a cluster."""
+
+    def start(plan: Plan, todo: Iterable[Task], folder: Path) -> Generator[list[Row], None, None]:
+        from distributed.comm.core import CommClosedError
+        from distributed.scheduler import KilledWorker
+
+        def width() -> int:
+            return _AT_HAND * (sum(client.nthreads().values()) or 1)
+
+        executor = client.get_executor(pure=False, retries=plan.options.retries)
+        try:
+            # The scheduler has made its own attempts, and blames all tasks that the worker had.
+            yield from _run(plan, todo, folder, executor, width, KilledWorker, 1, True)
+        except (CommClosedError, CancelledError):
+            raise MachineError(
+                "the connection to the scheduler was lost; continue with --resume"
+            ) from None
+
+    return start
+
+
+def _run(
+    plan: Plan,
+    todo: Iterable[Task],
+    folder: Path,
+    executor: Executor,
+    width: Callable[[], int],
+    death: type[Exception],
+    restarts: int,
+    suspects_alone: bool = False,
+) -> Generator[list[Row], None, None]:
+    """Yield the rows of each task as they come.
+
+    :param width: how many tasks the executor shall have.
+    :param death: raised by the result of a task whose worker died.
+    :param restarts: how many times a seed is restarted after its worker died.
+    :param suspects_alone: the tasks of a worker that died run again while no other does: the
+        executor does not tell which of several killed it.
+    """
+    # A plan goes with each task: one that lies on the workers is lost with them.
+    small = replace(plan, seeds=plan.seeds[:1])
+    remaining, suspects = iter(todo), deque[Task]()
+    upcoming = next(remaining, None)
+    running: dict[Future[list[Row]], Task] = {}
+    done: SimpleQueue[Future[list[Row]]] = SimpleQueue()
+
+    def submit(task: Task) -> None:
+        future = executor.submit(work, small, task, folder)
+        running[future] = task
+        future.add_done_callback(done.put)
+
+    while True:
+        wanted = width()
+        while suspects and (not running if suspects_alone else len(running) < wanted):
+            submit(suspects.popleft())
+        while upcoming is not None and len(running) < wanted and not (suspects_alone and suspects):
+            submit(upcoming)
+            upcoming = next(remaining, None)
+        if not running:
+            return
+        future = done.get()
+        task = running.pop(future)
+        try:
+            rows = future.result()
+        except death:
+            if len(task.seeds) == 1 and task.deaths >= restarts:
+                yield failed(plan, task, "failed: the worker process died")
+            else:
+                deaths = task.deaths + 1
+                suspects.extend(replace(task, seeds=(k,), deaths=deaths) for k in task.seeds)
+        else:
+            yield rows
+
+
+class Inline(Executor):
+    """This process: a task is executed when it is submitted."""
+
+    def submit(self, function: Callable[..., Any], /, *args: Any, **names: Any) -> Future[Any]:
+        """Return the result; errors are raised at once."""
+        future: Future[Any] = Future()
+        future.set_result(function(*args, **names))
+        return future
+
+    def close(self) -> None:
+        """Do nothing: nothing runs."""
+
+
+class Processes(Executor):
+    """Worker processes of this machine, each a pool of its own, as many as tasks at a time.
+
+    A worker that dies breaks its pool, and with it the one task that it executed.
+    """
+
+    def __init__(self) -> None:
+        """Start nothing yet."""
+        self._idle: deque[ProcessPoolExecutor] = deque()
+        self._pools: set[ProcessPoolExecutor] = set()
+
+    def submit(self, function: Callable[..., Any], /, *args: Any, **names: Any) -> Future[Any]:
+        """Have an idle worker, or a new one, call a function."""
+        while True:
+            pool = self._idle.popleft() if self._idle else self._new()
+            try:
+                with _environment():
+                    future = pool.submit(function, *args, **names)
+            except BrokenProcessPool:  # it died while it was idle
+                self._pools.discard(pool)
+                continue
+            future.add_done_callback(functools.partial(self._finished, pool))
+            return future
+
+    def _new(self) -> ProcessPoolExecutor:
+        pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), _begin)
+        self._pools.add(pool)
+        return pool
+
+    def _finished(self, pool: ProcessPoolExecutor, future: Future[Any]) -> None:
+        if future.cancelled() or isinstance(future.exception(), BrokenProcessPool):
+            self._pools.discard(pool)
+        else:
+            self._idle.append(pool)
+
+    def close(self) -> None:
+        """End the workers at once, with the programs that they run."""
+        pools = list(self._pools)
+        processes = [one for pool in pools for one in (pool._processes or {}).values()]
+        for pool in pools:
+            pool.shutdown(wait=False, cancel_futures=True)
+        for process in processes:
+            with contextlib.suppress(OSError, ValueError):
+                process.terminate()
+        for process in processes:
+            process.join(2.0)
+
+
+def _begin() -> None:
     """Prepare a worker: Ctrl-C is handled by the main process."""
-    global _plan, _folder
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     signal.signal(signal.SIGTERM, _end)
-    _plan, _folder = plan, folder
 
 
 def _end(number: int, frame: object) -> None:
@@ -108,119 +277,11 @@ def _end(number: int, frame: object) -> None:
     os._exit(128 + number)
 
 
-def _work(task: Task) -> list[Row]:
-    """Make the runs of a task in a worker of the pool."""
-    return work(_plan, task, _folder)
-
-
-def run(
-    plan: Plan,
-    tasks: Iterable[Task],
-    folder: Path,
-    workers: int,
-) -> Generator[list[Row], None, None]:
-    """Yield the rows of each task as they come.
-
-    One worker with built-in estimators is this process: no other is started. Programs always run
-    under a worker of their own, which inherits all processes that they leave behind.
-    """
-    built_in = not any(isinstance(one, CommandEstimator) for one in plan.estimators.values())
-    if workers == 1 and built_in:
-        for task in tasks:
-            yield work(plan, task, folder)
-        return
-    yield from _Pool(plan, folder, workers).run(iter(tasks))
-
-
-class _Pool:
-    """A process pool that is recreated when one of its processes dies."""
-
-    def __init__(self, plan: Plan, folder: Path, workers: int) -> None:
-        self._plan, self._folder, self._workers = plan, folder, workers
-        self._suspects: deque[Task] = deque()
-        self._running: dict[Future[list[Row]], Task] = {}
-        # Waiting for it is interrupted at once by a signal; a lock of Python's would be held on to.
-        self._done: SimpleQueue[Future[list[Row]]] = SimpleQueue()
-        self._pool: ProcessPoolExecutor | None = None
-
-    def run(self, tasks: Iterator[Task]) -> Generator[list[Row], None, None]:
-        try:
-            while self._fill(tasks):
-                done = self._done.get()
-                if done in self._running:  # else it belongs to a pool that has broken
-                    yield from self._collect(done)
-        finally:
-            self._end()
-
-    def _fill(self, tasks: Iterator[Task]) -> bool:
-        """Keep the processes busy; one task at a time while suspects wait."""
-        if self._suspects:
-            if not self._running:
-                self._submit(self._suspects.popleft())
-            return True
-        while len(self._running) < self._workers * _WAITING:
-            task = next(tasks, None)
-            if task is None:
-                break
-            self._submit(task)
-        return bool(self._running)
-
-    def _submit(self, task: Task) -> None:
-        if self._pool is None:
-            with _environment():
-                self._pool = ProcessPoolExecutor(
-                    self._workers,
-                    multiprocessing.get_context("spawn"),
-                    _begin,
-                    (self._plan, self._folder),
-                )
-                future = self._pool.submit(_work, task)
-        else:
-            with _environment():
-                future = self._pool.submit(_work, task)
-        self._running[future] = task
-        future.add_done_callback(self._done.put)
-
-    def _collect(self, done: Future[list[Row]]) -> Generator[list[Row], None, None]:
-        task = self._running.pop(done)
-        try:
-            rows = done.result()
-        except BrokenProcessPool:
-            yield from self._died([task, *self._running.values()])
-        else:
-            yield rows
-
-    def _died(self, tasks: list[Task]) -> Generator[list[Row], None, None]:
-        alone = len(tasks) == 1
-        self._running.clear()
-        self._end()
-        for task in tasks:
-            # Only a task that was alone is known to have killed its worker.
-            task = replace(task, deaths=task.deaths + alone)
-            if task.deaths > self._plan.options.retries:
-                yield failed(self._plan, task, "failed: the worker process died")
-            elif alone and len(task.seeds) > 1:
-                self._suspects.extend(replace(task, seeds=(seed,), deaths=0) for seed in task.seeds)
-            else:
-                self._suspects.append(task)
-
-    def _end(self) -> None:
-        if self._pool is None:
-            return
-        processes = list((getattr(self._pool, "_processes", None) or {}).values())
-        self._pool.shutdown(wait=False, cancel_futures=True)
-        for process in processes:
-            with contextlib.suppress(OSError, ValueError):
-                process.terminate()
-        for process in processes:
-            process.join(2.0)
-        self._pool = None
-
-
-@contextlib.contextmanager
+@contextmanager
 def _environment() -> Iterator[None]:
-    """Have the processes that are started here use one thread each."""
+    """Have the processes that are started here use one thread each, and never see a Ctrl-C."""
     before = {name: os.environ.get(name) for name in _THREADS}
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     os.environ.update(dict.fromkeys(_THREADS, "1"))
     try:
         yield
@@ -230,3 +291,64 @@ def _environment() -> Iterator[None]:
                 del os.environ[name]
             else:
                 os.environ[name] = value
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+
+
+@contextmanager
+def client(scheduler: str | None, workers: int) -> Iterator["Client"]:
+    """Connect to a scheduler, or start a cluster of processes on this machine.
+
+    :param scheduler: ``tcp://host:port``; None: a local cluster with its dashboard.
+    :raises MissingDependencyError: where dask.distributed is not installed.
+    :raises InputError: where no scheduler answers.
+    """
+    try:
+        from distributed import Client, LocalCluster
+    except ImportError:
+        raise MissingDependencyError(
+            "Dask is not installed: pip install 'distributed', or apt install python3-distributed"
+        ) from None
+    for name in [
+        name for name in logging.root.manager.loggerDict if name.startswith("distributed")
+    ]:
+        # Its tracebacks of lost connections; what they cost is in the results.
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+    if scheduler is None:
+        os.environ.update(dict.fromkeys(_THREADS, "1"))
+        with (
+            LocalCluster(
+                n_workers=workers, threads_per_worker=1, dashboard_address=_dashboard()
+            ) as cluster,
+            Client(cluster) as found,
+        ):
+            try:
+                yield found
+            except KeyboardInterrupt:
+                _kill(cluster)
+                raise
+        return
+    try:
+        found = Client(scheduler, timeout=_CONNECT_S)
+    except (OSError, ValueError) as error:
+        raise InputError(f"--scheduler {scheduler}: {error}") from None
+    with found:
+        yield found
+
+
+def _dashboard() -> str:
+    """Return where Dask's dashboard is known to be, or a free port beside another cluster's."""
+    with socket.socket() as probe:
+        try:
+            probe.bind(("127.0.0.1", _DASHBOARD_PORT))
+        except OSError:
+            return "127.0.0.1:0"
+    return f"127.0.0.1:{_DASHBOARD_PORT}"
+
+
+def _kill(cluster: "LocalCluster") -> None:
+    """Kill the worker processes: a regular end takes seconds, and nothing of theirs is kept."""
+    for nanny in cluster.workers.values():
+        nanny.auto_restart = False
+        if nanny.pid:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(nanny.pid, signal.SIGKILL)

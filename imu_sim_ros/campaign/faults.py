@@ -50,7 +50,7 @@ def _fault(where: str, entry: object) -> TimedFault:
         )
     unknown = set(entry) - {"at", "kind", "duration", "value", "triad"}
     if unknown:
-        raise ConfigurationError(f"{', '.join(map(str, sorted(unknown)))}: unknown")
+        raise ConfigurationError(f"{', '.join(sorted(map(str, unknown)))}: unknown")
     at = entry.get("at", 0.0)
     if isinstance(at, bool) or not isinstance(at, int | float) or not 0.0 <= at < 1e9:
         raise ConfigurationError(f"at = {shown(at)}: must be a time of at least 0 s")

@@ -314,7 +314,7 @@ def _estimators(content: object) -> tuple[dict[str, Estimator], dict[str, dict[s
     if content is None:
         return {"dead_reckon": DeadReckonEstimator()}, {}
     if isinstance(content, list):
-        content = {name: {} if name == "dead_reckon" else _template(name) for name in content}
+        content = {str(name): {} if name == "dead_reckon" else _template(name) for name in content}
     if not isinstance(content, Mapping) or not content:
         raise ConfigurationError(
             f"estimators = {shown(content)}: must hold a name and parameters for each"
@@ -339,9 +339,9 @@ def _estimators(content: object) -> tuple[dict[str, Estimator], dict[str, dict[s
     return found, environment
 
 
-def _template(name: object) -> object:
+def _template(name: object) -> dict[Any, Any]:
     """Return the content of a file in config/estimators."""
-    return files.read_tree(files.find("estimators", str(name)))
+    return dict(files.read_tree(files.find("estimators", str(name))))
 
 
 def _estimator(entry: object) -> tuple[Estimator, dict[str, str]]:
@@ -349,10 +349,11 @@ def _estimator(entry: object) -> tuple[Estimator, dict[str, str]]:
         entry = {}
     if not isinstance(entry, Mapping):
         raise ConfigurationError(f"{shown(entry)}: must hold names and values")
-    values = {str(key): value for key, value in entry.items()}
-    template = values.pop("template", None)
+    given = dict(entry)
+    template = given.pop("template", None)
     if template is not None:
-        values = {**dict(_template(template)), **values}  # type: ignore[call-overload]
+        given = {**_template(template), **given}
+    values = {str(key): value for key, value in given.items()}
     variables = values.pop("environment", {})
     if not isinstance(variables, Mapping) or any(
         not isinstance(key, str) or not key or "=" in key or "\0" in f"{key}{value}"

@@ -38,6 +38,8 @@ _REPORT: Final = "report.html"
 _RUNS: Final = "runs"
 _LOCK: Final = ".lock"
 _RESULTS: Final = (LOG, TABLE, PARQUET, SUMMARY, VERSIONS, _REPORT, _RUNS)
+_IDENTITY: Final = ("cell", "estimator", "status", "digest", "version")
+"""Columns that are strings, whatever they look like; with the seed they identify a run."""
 _OWN: Final = frozenset((*_RESULTS, PLAN, _LOCK))
 _PART: Final = re.compile(r"plan\.\d+\.yaml|\.[a-z.]+\.part")
 """Earlier plans, and the incomplete tables of a killed program."""
@@ -207,8 +209,9 @@ def read_log(path: Path) -> Iterator[Row]:
         for line in file:
             try:
                 row = json.loads(line)
-                key_of(row)
-            except (ValueError, KeyError, TypeError):
+            except (ValueError, RecursionError):
+                continue
+            if not _is_row(row):
                 continue
             yield {
                 words.setdefault(name, name): words.setdefault(value, value)
@@ -216,6 +219,23 @@ def read_log(path: Path) -> Iterator[Row]:
                 else value
                 for name, value in row.items()
             }
+
+
+def _is_row(row: object) -> bool:
+    """Return whether a line of a log is a run's: plain values, finite numbers, and its identity."""
+    return (
+        isinstance(row, dict)
+        and all(isinstance(row.get(name), str) for name in _IDENTITY)
+        and type(row.get("seed")) is int
+        and all(
+            value is None or isinstance(value, str | int) or _is_finite(value)
+            for value in row.values()
+        )
+    )
+
+
+def _is_finite(value: object) -> bool:
+    return isinstance(value, float) and math.isfinite(value)
 
 
 def write_tables(
@@ -299,6 +319,9 @@ def read_results(path: Path) -> list[Row]:
     for name in ("cell", "seed", "estimator", "status"):
         if rows and name not in rows[0]:
             raise InputError(f"{path}: has no column {name}: not the results of a campaign")
+    for number, row in enumerate(rows, 1):
+        if type(row["seed"]) is not int:
+            raise InputError(f"{path}: run {number}: seed = {row['seed']!r}: must be an integer")
     return rows
 
 
@@ -324,7 +347,7 @@ def _read_csv(path: Path) -> list[Row]:
 def _value(name: str, word: str | None) -> object:
     if word is None or word == "":
         return None
-    if name in ("cell", "estimator", "status", "digest", "version"):
+    if name in _IDENTITY:
         return word
     try:
         number = float(word)

@@ -17,7 +17,7 @@ from imu_sim_ros.campaign.estimators import run_calibration, run_command
 from imu_sim_ros.campaign.metrics import Metrics, pose_metrics
 from imu_sim_ros.campaign.plan import Plan
 from imu_sim_ros.config import CalibrationEstimator, CommandEstimator, DeadReckonEstimator
-from imu_sim_ros.errors import ConfigurationError, ImuSimError
+from imu_sim_ros.errors import ConfigurationError, ImuSimError, InputError
 from imu_sim_ros.navigation import NavigationStates, dead_reckon, noise_of
 from imu_sim_ros.navigation.comparison import Truth, attitude_errors, drift_from, nees
 from imu_sim_ros.navigation.covariance import (
@@ -45,10 +45,6 @@ class Readings(NamedTuple):
     t_ns: NDArray[np.int64]
     gyro: Array
     accel: Array
-
-
-class Failure(Exception):  # noqa: N818 - a result of a run, not an error of the program
-    """A run without a usable trajectory, with the reason."""
 
 
 class CellRuns:
@@ -92,10 +88,8 @@ class CellRuns:
                         block = self.block(seed) if block is None else block
                         metrics = self._navigated(estimator, name, seed, block, folder)
                     _check(metrics, self.plan.options.diverged_above)
-                except Failure as failure:
-                    yield self._row(seed, name, f"failed: {failure}", {})
-                except ImuSimError as error:
-                    yield self._row(seed, name, f"failed: {error.problems[0]}", {})
+                except Exception as error:  # an estimator may write anything
+                    yield self._row(seed, name, f"failed: {_reason(error)}", {})
                 else:
                     yield self._row(seed, name, DONE, metrics)
 
@@ -150,7 +144,7 @@ class CellRuns:
     def _dead_reckon(self, estimator: DeadReckonEstimator, block: ImuBlock) -> Metrics:
         readings, truth = self.readings(block), self.truth(block)
         if len(readings.t_ns) < 2:
-            raise Failure(f"{len(readings.t_ns)} readings were delivered")
+            raise InputError(f"{len(readings.t_ns)} readings were delivered")
         at_stamps = len(readings.t_ns) == len(truth.t_ns) and bool(
             np.array_equal(readings.t_ns, truth.t_ns)
         )
@@ -224,14 +218,20 @@ class CellRuns:
         return found
 
 
+def _reason(error: Exception) -> str:
+    if isinstance(error, ImuSimError):
+        return error.problems[0]
+    return f"unexpected: {type(error).__name__}: {error}"
+
+
 def _check(metrics: Metrics, diverged_above: float) -> None:
-    """Raise a Failure for numbers that are not finite, and for an error above the limit."""
+    """Refuse numbers that are not finite, and an error above the limit."""
     for name, value in metrics.items():
         if value is not None and not np.isfinite(value):
-            raise Failure(f"{name} is not finite")
+            raise InputError(f"{name} is not finite")
     final = metrics.get("final_position_error_m")
     if diverged_above and final is not None and final > diverged_above:
-        raise Failure(f"diverged: {final:.4g} m at the end")
+        raise InputError(f"diverged: {final:.4g} m at the end")
 
 
 def _plain(value: object) -> object:

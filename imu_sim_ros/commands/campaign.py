@@ -234,17 +234,15 @@ def _is_output(path: Path, folder: Path) -> bool:
 
 @contextlib.contextmanager
 def _engine(arguments: argparse.Namespace) -> Iterator["Engine"]:
-    from imu_sim_ros.campaign import campaign
+    from imu_sim_ros.campaign import engine
 
     if not (arguments.dask or arguments.scheduler):
-        yield campaign.embedded(arguments.workers)
+        yield engine.local(arguments.workers)
         return
-    from imu_sim_ros.campaign import dask_engine
-
-    with dask_engine.client(arguments.scheduler, arguments.workers) as client:
+    with engine.client(arguments.scheduler, arguments.workers) as client:
         if not (arguments.quiet or arguments.json):
             print(f"dashboard: {client.dashboard_link}")
-        yield dask_engine.engine(client)
+        yield engine.dask(client)
 
 
 def _described(plan: "Plan") -> str:

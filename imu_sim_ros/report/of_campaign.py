@@ -271,5 +271,7 @@ def _repeat(folder: Path, rows: Sequence[Row]) -> Section:
     ]
     environment = folder / "versions.json"
     if environment.is_file():
-        items.append({"kind": "code", "text": environment.read_text(encoding="utf-8")})
+        items.append(
+            {"kind": "code", "text": environment.read_text(encoding="utf-8", errors="replace")}
+        )
     return Section("How to repeat it", items, "Repeat")

@@ -218,7 +218,8 @@ def test_a_signal_interrupts_the_wait_for_a_run(plan_file, tmp_path, monkeypatch
     (tmp_path / "out").mkdir()
     other = threading.Thread(target=interrupt)
     rows = []
-    with closing(engine.run(plan, driver.tasks(plan, set(), 1), tmp_path / "out", 1)) as batches:
+    todo = driver.tasks(plan, set(), 1)
+    with closing(engine.local(1)(plan, todo, tmp_path / "out")) as batches:
         other.start()
         with pytest.raises(signals.Interrupted), signals.raised():
             rows.extend(batches)

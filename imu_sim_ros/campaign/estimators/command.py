@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from imu_sim_ros.campaign.metrics import Metrics
 from imu_sim_ros.config import CommandEstimator, files
-from imu_sim_ros.errors import ImuSimError
+from imu_sim_ros.errors import ImuSimError, InputError
 from imu_sim_ros.sensor import ImuBlock
 
 if TYPE_CHECKING:
@@ -66,10 +66,8 @@ def run_command(
     """Write the dataset, run the program, and compare its trajectory with the truth.
 
     :param folder: of the campaign; the run's own folder is made in it.
-    :raises Failure: where there is no usable trajectory, with the reason.
+    :raises InputError: where there is no usable trajectory, with the reason.
     """
-    from imu_sim_ros.campaign.runs import Failure
-
     # Absolute: the program works in its own folder, where a relative name would lead elsewhere.
     place = folder.absolute() / "runs" / f"{runs.cell.number:06d}" / str(seed) / name
     shutil.rmtree(place, ignore_errors=True)
@@ -80,9 +78,9 @@ def run_command(
         words = _words(runs, estimator, seed, block, place)
         outcome = _run(words, estimator, runs.plan.environment.get(name, {}), place)
         if outcome.reason:
-            raise Failure(outcome.reason)
+            raise InputError(outcome.reason)
         if outcome.status != 0:
-            raise Failure(f"{_ended(outcome.status)}{_last_line(place)}")
+            raise InputError(f"{_ended(outcome.status)}{_last_line(place)}")
         metrics = _compare(runs, estimator, block, place)
         metrics["wall_s"] = outcome.wall_s
         metrics["real_time_factor"] = _duration(block) / max(outcome.wall_s, 1e-9)
@@ -90,7 +88,7 @@ def run_command(
         failed = False
         return metrics
     except OSError as error:
-        raise Failure(f"{error.strerror or error}") from None
+        raise InputError(f"{error.strerror or error}") from None
     finally:
         if keep == "none" or (keep == "failed" and not failed):
             shutil.rmtree(place, ignore_errors=True)
@@ -146,8 +144,6 @@ def _run(
 def _run_alone(
     words: Sequence[str], estimator: CommandEstimator, variables: dict[str, str], place: Path
 ) -> Outcome:
-    from imu_sim_ros.campaign.runs import Failure
-
     libc, others, worker = _libc(), _children(), os.getpid()
     libc.prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
     started = time.monotonic()
@@ -164,7 +160,7 @@ def _run_alone(
                 preexec_fn=lambda: _begin_program(estimator, libc, worker),
             )
         except (OSError, ValueError, subprocess.SubprocessError) as error:
-            raise Failure(f"{words[0] if words else ''}: cannot be started: {error}") from None
+            raise InputError(f"{words[0] if words else ''}: cannot be started: {error}") from None
     try:
         status, reason, peak = _wait(process, estimator, place, started)
     finally:
@@ -308,16 +304,15 @@ def _compare(
 ) -> Metrics:
     """Return the metrics of the trajectory that the program wrote."""
     from imu_sim_ros.campaign.estimators.estimate import estimate_metrics, read_estimate
-    from imu_sim_ros.campaign.runs import Failure
 
     path = place / _ESTIMATE[estimator.estimate]
     if estimator.estimate == "bag":
         found = [p for p in place.glob("estimate*") if p.is_dir() or p.suffix in (".mcap", ".bag")]
         path = found[0] if found else path
     if not path.exists():
-        raise Failure("no estimate was written")
+        raise InputError("no estimate was written")
     try:
         estimate = read_estimate(path, estimator.estimate_topic or None)
         return estimate_metrics(estimate, block, estimator.align, runs.plan.relative)
     except ImuSimError as error:
-        raise Failure(f"estimate: {error.problems[0]}") from None
+        raise InputError(f"estimate: {error.problems[0]}") from None
