@@ -12,6 +12,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from imu_sim_ros.campaign.estimators import command
@@ -154,6 +155,16 @@ open(sys.argv[2], "w").write("1 0 0 0 0 0 0 1\\n2 0 0 0 0 0 0 1\\n")
             "failed: estimate: ",
         ),
         (
+            "open('estimate.txt', 'w').write('1 1e300 0 0 0 0 0 1\\n2 1e300 0 0 0 0 0 1\\n')",
+            "failed: estimate: pose 0: position [1e+300, 0, 0]: at most 1e+10 m is possible",
+        ),
+        (
+            "open('estimate.txt', 'w').write('1 0 0 0 0 0 0 0\\n2 0 0 0 0 0 0 1\\n')",
+            "failed: estimate: line 1: a quaternion of length 0 instead of 1",
+        ),
+        ("import os; os.mkfifo('estimate.txt')", "failed: estimate: is a device or a pipe"),
+        ("open('estimate.txt', 'w').write('1 ' * 10**6)", "failed: estimate: not a text file"),
+        (
             "open('estimate.txt', 'w').write('91 0 0 0 0 0 0 1\\n92 0 0 0 0 0 0 1\\n')",
             "failed: estimate: estimate and truth do not overlap",
         ),
@@ -164,6 +175,19 @@ open(sys.argv[2], "w").write("1 0 0 0 0 0 0 1\\n2 0 0 0 0 0 0 1\\n")
 )
 def test_what_goes_wrong_is_a_result(run, program, status):
     assert run(program, "{dataset}")["status"].startswith(status)
+
+
+def test_an_error_that_nobody_foresaw_is_the_status_of_its_own_run(
+    plan_file, tmp_path, monkeypatch
+):
+    def broken(*_):
+        raise np.linalg.LinAlgError("SVD did not converge")
+
+    plan = load_plan(plan_file(estimators={"a": {"command": "true"}, "dead_reckon": {}}))
+    monkeypatch.setattr("imu_sim_ros.campaign.runs.run_command", broken)
+    first, second = CellRuns(plan, next(plan.cells())).rows([1], plan.estimators, tmp_path)
+    assert first["status"] == "failed: unexpected: LinAlgError: SVD did not converge"
+    assert second["status"] == "done"
 
 
 def test_a_program_that_cannot_be_started(run, plan_file, tmp_path):

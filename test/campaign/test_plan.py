@@ -164,6 +164,24 @@ def test_every_template_is_a_command_that_a_shell_can_read(plan_file, name):
     subprocess.run(["/bin/sh", "-n", "-c", command], check=True)
 
 
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("2020-01-01: 1\ncommand: 'true'\n", "estimators.one: 2020-01-01: unknown parameter"),
+        ("1.5: 1\ncommand: 'true'\n", "estimators.one: 1.5: unknown parameter"),
+        ("command: 2020-01-01\n", "estimators.one: command = "),
+        ("[a]: 1\n", "estimators.one: "),
+    ],
+)
+def test_a_template_with_keys_that_are_no_names_is_told_in_a_line(plan_file, tmp_path, text, words):
+    template = tmp_path / "template.yaml"
+    template.write_text(text)
+    with pytest.raises(ConfigurationError) as caught:
+        load_plan(plan_file(estimators={"one": {"template": str(template)}}))
+    (line,) = caught.value.problems
+    assert words in line
+
+
 @pytest.mark.parametrize("name", files.names("campaigns"))
 def test_every_plan_of_the_package_is_sound(name):
     path = find_plan(name)

@@ -240,6 +240,55 @@ def process_group_is_empty(group):
     return False
 
 
+def test_a_campaign_that_was_interrupted_before_its_first_run_resumes(
+    plan_file, campaign, tmp_path, monkeypatch
+):
+    """Its folder holds the plan, and no tables of no runs."""
+    path, folder = plan_file(), tmp_path / "out"
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr(engine, "work", interrupted)
+        status, _, (line,) = campaign(path, "-o", folder)
+    assert status == 130
+    assert line.endswith(f"{folder} holds what is done; continue with --resume")
+    assert sorted(one.name for one in folder.iterdir()) == [".lock", "plan.yaml"]
+    status, result, lines = campaign(path, "-o", folder, "--resume")
+    assert (status, result["done"], lines) == (0, 3, [])
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "[" * 100_000,
+        '{"a":' * 100_000,
+        "[1, 2]",
+        "null",
+        '{"cell": "all", "seed": "0", "estimator": "a", "status": "done", "digest": ""}',
+        '{"cell": "all", "seed": 0, "estimator": "a", "digest": "x", "version": "0"}',
+        '{"cell": {}, "seed": 0, "estimator": "a", "status": "done", "digest": "x", "version": ""}',
+        "\x00\xff",
+    ],
+)
+def test_a_line_of_the_log_that_is_no_run_is_made_again(plan_file, campaign, tmp_path, line):
+    path, folder = plan_file(), tmp_path / "out"
+    assert campaign(path, "-o", folder)[0] == 0
+    whole = (folder / "results.csv").read_bytes()
+    log = folder / "runs.jsonl"
+    first, *others = log.read_text().splitlines()
+    log.write_text("\n".join([line, *others, ""]), encoding="latin-1")
+    status, result, lines = campaign(path, "-o", folder, "--resume")
+    assert (status, result["done"], lines) == (0, 3, [])
+    assert (folder / "results.csv").read_bytes() == whole
+    for number in ("NaN", "Infinity", "1e999", "[1]"):
+        log.write_text(
+            "\n".join([first.replace('"seed": 0', f'"seed": 0, "x": {number}'), *others, ""])
+        )
+        assert len(list(read_log(log))) == 2
+
+
 KILLER = """{python} -c '
 import os, signal
 if {seed} == 7:

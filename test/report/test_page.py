@@ -7,6 +7,7 @@ import csv
 import itertools
 import json
 import re
+import shutil
 
 import numpy as np
 import pytest
@@ -205,6 +206,15 @@ def test_bad_inputs_are_one_line_each(results, bag, tmp_path, capsys):
         assert said in lines[0]
         assert all(line.startswith("report: ") for line in lines)
     assert not list(tmp_path.glob("*.html"))
+
+
+def test_versions_that_are_not_text_are_shown_as_far_as_they_can(results, tmp_path):
+    """A half-written versions.json shall not cost the page."""
+    folder = tmp_path / "copy"
+    shutil.copytree(results, folder)
+    (folder / "versions.json").write_bytes(b"\x80\xff{")
+    page = page_of(folder, tmp_path)
+    assert any("\ufffd" in item["text"] for item in items(page, "code"))
 
 
 def test_a_page_lies_in_its_campaign_and_is_not_overwritten(results, capsys):

@@ -315,4 +315,6 @@ def _compare(
         estimate = read_estimate(path, estimator.estimate_topic or None)
         return estimate_metrics(estimate, block, estimator.align, runs.plan.relative)
     except ImuSimError as error:
-        raise InputError(f"estimate: {error.problems[0]}") from None
+        # Without the run's own folder, so that the same failure of many runs reads the same.
+        words = error.problems[0].removeprefix(f"{path}: ").replace(f"{place}/", "")
+        raise InputError(f"estimate: {words}") from None

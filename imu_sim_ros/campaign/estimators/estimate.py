@@ -15,6 +15,7 @@ from imu_sim_ros.bags.messages import ODOMETRY
 from imu_sim_ros.bags.text import is_text
 from imu_sim_ros.campaign.metrics import Metrics, Relative, pose_metrics
 from imu_sim_ros.errors import ImuSimError, InputError
+from imu_sim_ros.inputs import gate
 from imu_sim_ros.navigation.comparison import (
     Alignment,
     absolute_errors,
@@ -61,8 +62,10 @@ def read_estimate(path: Path, topic: str | None) -> Estimate:
     t_ns, position, q_wb, *_ = found.poses
     if len(t_ns) < 2:
         raise InputError(f"{len(t_ns)} poses; a trajectory needs two or more")
-    if not (np.isfinite(position).all() and np.isfinite(q_wb).all()):
-        raise InputError("holds numbers that are not finite")
+    passed = gate.poses(t_ns, position, q_wb)
+    if len(passed.bad):
+        first = int(passed.bad[0])
+        raise InputError(f"pose {first}: {passed.why(first)}")
     if np.any(np.diff(t_ns) <= 0):
         raise InputError("stamps do not increase")
     return found
