@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from imu_sim_ros import rotation
-from imu_sim_ros.camera.images import Imager, atlas, look_up, png
+from imu_sim_ros.camera.images import Imager, atlas, look_up, png, renderer
 from imu_sim_ros.camera.images.texture import LEVELS
 from imu_sim_ros.config.cameras import CloudParameters
 from imu_sim_ros.errors import ConfigurationError, MissingDependencyError
@@ -149,17 +149,48 @@ def test_the_look_up_is_integer_arithmetic(make_rig, case):
     rig, imager = make_imager(make_rig, **CASES[case])
     view = rig.views["cam0"]
     times = imager._row_times(np.array([1.3]), imager._renderer.rows)
-    maps = imager._renderer.maps(view.poses(rig.trajectory, times))
-    image = imager.atlas.image
-    assert np.array_equal(look_up(image, maps), plainly_looked_up(image, maps))
-    if maps.share is not None:
-        assert maps.share.max() > 128 > maps.share.min()
+    image, rows = imager.atlas.image, []
+    for band, maps in imager._renderer.maps(view.poses(rig.trajectory, times)):
+        assert np.array_equal(look_up(image, maps), plainly_looked_up(image, maps))
+        rows += range(band.start, band.stop)
+        if maps.share is not None:
+            assert maps.share.max() > 128 > maps.share.min()
+    assert rows == list(range(view.model.height))
+
+
+@pytest.mark.parametrize("scale", [3, 4, 5])
+def test_the_image_does_not_depend_on_its_bands(make_rig, monkeypatch, scale):
+    """A band has few rows of cells, or all: the values are the same, and so is every pixel."""
+    many = make_imager(make_rig, camera__supersampling=scale)[1]
+    assert len(many._renderer._bands()) > 2
+    expected = many.image(3)
+    monkeypatch.setattr(renderer, "_BAND", 10**9)
+    one = make_imager(make_rig, camera__supersampling=scale)[1]
+    assert len(one._renderer._bands()) == 1
+    assert np.array_equal(one.image(3), expected)
+
+
+def test_sixteen_rays_a_pixel_of_a_stereo_pair_fit_into_300_mb():
+    """The rays of EuRoC's two cameras alone are 139 MB; all maps at once were 1.4 GB."""
+    code = (
+        "from pathlib import Path\nfrom imu_sim_ros.camera import build_rig\n"
+        "from imu_sim_ros.camera.images import imagers\n"
+        "rig = build_rig({'cameras': ['cam0', 'cam1'], 'cam0.camera.preset': 'euroc_cam0',\n"
+        "  'cam1.camera.preset': 'euroc_cam1', 'camera.body_axes': 'flu', 'duration': 1.0,\n"
+        "  'camera.supersampling': 4, 'trajectory.type': 'figure_eight'})\n"
+        "made = imagers(rig.views, rig.scene, rig.parameters.scene, rig.trajectory)\n"
+        "for each in made.values():\n"
+        "  assert each.image(1).shape == (480, 752)\n"
+        "print(Path('/proc/self/status').read_text().partition('VmHWM:')[2].split()[0])"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert int(out.stdout) < 300_000  # kB
 
 
 def test_two_mip_levels_are_those_next_to_the_step_of_a_pixel(make_rig):
     """The share of the coarser one grows with the step: none at 2^k texels, all at 2^(k + 1)."""
     rig, imager = make_imager(make_rig, camera__mip_levels="trilinear")
-    maps = imager._renderer.maps(rig.views["cam0"].poses(rig.trajectory, np.array([1.0])))
+    [(_, maps)] = imager._renderer.maps(rig.views["cam0"].poses(rig.trajectory, np.array([1.0])))
     stream, checked = np.random.default_rng(5), 0
     for u, v in zip(stream.integers(0, 187, 150), stream.integers(0, 119, 150), strict=True):
         found = [
@@ -276,7 +307,7 @@ def traced(rig, t, pixel):
 def test_every_pixel_looks_at_the_nearest_surface(make_rig):
     rig, imager = make_imager(make_rig, scene__boxes=8)
     depth = imager.depth(20)
-    maps = imager._renderer.maps(rig.views["cam0"].poses(rig.trajectory, np.array([1.0])))
+    [(_, maps)] = imager._renderer.maps(rig.views["cam0"].poses(rig.trajectory, np.array([1.0])))
     x = maps.whole[..., 0] + (maps.part & 31) / 32.0
     y = maps.whole[..., 1] + (maps.part >> 5) / 32.0
     stream, checked, levels = np.random.default_rng(0), 0, set()

@@ -47,23 +47,25 @@ class Corners(NamedTuple):
 def covered(planes: Planes, corners: Corners) -> Mask:
     """Return in which cells (m, a, b) of the image each of m rectangles may be seen."""
     rows = corners.rows if planes.start.shape[2] > 1 else slice(None)
-    vectors = planes.vectors[..., rows, None]
     x, y, z = corners.rays
-    n, s, r = np.moveaxis(vectors[:, :, 0] * x + vectors[:, :, 1] * y + vectors[:, :, 2] * z, 1, 0)
-    start = planes.start[..., rows, None]
-    s += start[:, 0] * n
-    r += start[:, 1] * n
-    possible = _any_corner(n > 0.0)
-    for value in (s, r):
-        possible &= _any_corner(value >= 0.0)
-        possible &= _any_corner(value <= n)
-    return _with_neighbours(possible)
+    count, (height, width) = len(planes.start), x.shape
+    result = np.empty((count, height - 1, width - 1), np.bool_)
+    for m in range(count):  # one at a time: those of all take a hundred times the image's memory
+        vectors = planes.vectors[m][..., rows, None]
+        n, s, r = vectors[:, 0] * x + vectors[:, 1] * y + vectors[:, 2] * z
+        start = planes.start[m][..., rows, None]
+        possible = _any_corner(n > 0.0)
+        for value in (s + start[0] * n, r + start[1] * n):
+            possible &= _any_corner(value >= 0.0)
+            possible &= _any_corner(value <= n)
+        result[m] = possible
+    return _with_neighbours(result)
 
 
 def _any_corner(holds: Mask) -> Mask:
-    """Return where any of a cell's corners (m, a + 1, b + 1) fulfils a condition: (m, a, b)."""
-    rows = holds[:, :-1] | holds[:, 1:]
-    return np.asarray(rows[..., :-1] | rows[..., 1:])
+    """Return where any of a cell's corners (a + 1, b + 1) fulfils a condition: (a, b)."""
+    rows = holds[:-1] | holds[1:]
+    return np.asarray(rows[:, :-1] | rows[:, 1:])
 
 
 def _with_neighbours(cells: Mask) -> Mask:

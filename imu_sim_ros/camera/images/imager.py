@@ -139,22 +139,17 @@ class Imager:
         middle = np.array([self._seconds(number)])
         exposure = p.exposure_time * _wave(p.exposure_change, p.exposure_period, float(middle[0]))
         pictures = p.blur_samples if p.exposure_time > 0.0 else 1
-        n = p.supersampling
-        if pictures * n * n == 1:
-            return self._picture(middle), 1
-        total = np.zeros((p.height, p.width, *self._colours), np.uint32)
+        n, count = p.supersampling, pictures * p.supersampling**2
+        kind = np.uint32 if count > 1 else np.uint8
+        total = np.zeros((p.height, p.width, *self._colours), kind)
         for k in range(pictures):
-            picture = self._picture(middle + exposure * ((k + 0.5) / pictures - 0.5))
-            for row in range(n):
-                for column in range(n):
-                    total += picture[row::n, column::n]
-        return total, pictures * n * n
-
-    def _picture(self, t: Array) -> Bytes:
-        """Return the values of all rays at a time (1,) [s], (n h, n w[, 3])."""
-        times = self._row_times(t, self._renderer.rows)
-        poses = self.view.poses(self._trajectory, times)
-        return look_up(self.atlas.image, self._renderer.maps(poses))
+            t = middle + exposure * ((k + 0.5) / pictures - 0.5)
+            poses = self.view.poses(self._trajectory, self._row_times(t, self._renderer.rows))
+            for rows, maps in self._renderer.maps(poses):
+                picture = look_up(self.atlas.image, maps)
+                for row, column in np.ndindex(n, n):
+                    total[rows] += picture[row::n, column::n]
+        return total, count
 
     def _row_times(self, t: Array, rows: Array) -> Array:
         """Return the time of each row of rays with a rolling shutter, else the one time."""

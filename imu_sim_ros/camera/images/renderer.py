@@ -8,6 +8,8 @@ fusing, so results do not depend on the processor. The look-up has integer coord
 1/32 texel: OpenCV's remap with fixed-point maps does it exactly, in every version.
 """
 
+import math
+from collections.abc import Iterator
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -31,6 +33,11 @@ _GRID: Final = 2.0**30
 """Poses are rounded to steps of 1e-9, so that the last bits of a sine decide nothing."""
 _BAND: Final = 64_000
 """Rays that are processed at once, about: their arrays stay in a processor's cache."""
+
+_SIDEWAYS: Final = 0.05
+"""Least cosine between the axis and a ray of a lens whose rays are in one cone."""
+_SLACK: Final = 1e-3
+"""By which the cone of all rays is wider."""
 
 
 class Maps(NamedTuple):
@@ -86,39 +93,41 @@ class Renderer:
         self._trilinear = trilinear
         self.model, self.surfaces, self.atlas, self.scale = model, surfaces, atlas, scale
         self.height, self.width = model.height * scale, model.width * scale
-        rows = (np.arange(self.height) + 0.5) / scale - 0.5
-        columns = (np.arange(self.width) + 0.5) / scale - 0.5
-        grid = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
-        rays = model.unproject(grid)
-        # A pixel without a direction looks backwards through nothing.
-        direction = np.where(rays.valid[:, None], rays.direction, 0.0).astype(np.float32)
-        self._rays = np.ascontiguousarray(direction.T.reshape(3, self.height, self.width))
+        self.rows = (np.arange(self.height) + 0.5) / scale - 0.5
+        """Row of the image of each row of rays."""
+        self._rays = self._directions()
         self._corners_of_cells = Corners.of(self._rays, CELL)
         self._probes = Probes.of(self._rays)
-        self._cone = _cone(direction)
-        self.rows = rows
-        """Row of the image of each row of rays."""
+        self._cone = self._cone_of_rays()
 
-    def maps(self, poses: Poses) -> Maps:
-        """Return the look-up for one pose, or one pose for each row of rays."""
+    def _directions(self) -> Single:
+        """Return the directions (3, h, w) of all rays in the camera's frame."""
+        result = np.empty((3, self.height, self.width), np.float32)
+        columns = (np.arange(self.width) + 0.5) / self.scale - 0.5
+        for band in self._bands():
+            rows = _pixels(band, self.height)
+            grid = np.stack(np.meshgrid(columns, self.rows[rows]), axis=-1).reshape(-1, 2)
+            rays = self.model.unproject(grid)
+            # A pixel without a direction looks backwards through nothing.
+            direction = np.where(rays.valid[:, None], rays.direction, 0.0)
+            result[:, rows] = direction.T.reshape(3, -1, self.width)
+        return result
+
+    def maps(self, poses: Poses) -> Iterator[tuple[slice, Maps]]:
+        """Yield the look-up for one pose, or one pose for each row of rays, a band at a time.
+
+        :returns: rows of the image, and the maps (h, w) of all their rays.
+        """
         cv2 = opencv()
-        shape = (self.height, self.width)
-        fixed = [
-            (np.empty((*shape, 2), np.int16), np.empty(shape, np.uint16))
-            for _ in range(1 + self._trilinear)
-        ]
-        share = np.empty(shape, np.uint16) if self._trilinear else None
         visible = self._visible(poses)
         for band in self._bands():
             rows = _pixels(band, self.height)
             drawn = self._drawn(visible, band)
-            for (x, y), (whole, part) in zip(drawn.places, fixed, strict=True):
-                # The nearest steps of 1/32 texel, of two the even one.
-                cv2.convertMaps(x, y, cv2.CV_16SC2, whole[rows], part[rows])
-            if share is not None and drawn.share is not None:
-                share[rows] = drawn.share
-        coarse = Maps(*fixed[1]) if self._trilinear else None
-        return Maps(*fixed[0], coarse, share)
+            # The nearest steps of 1/32 texel, of two the even one.
+            fixed = [cv2.convertMaps(x, y, cv2.CV_16SC2) for x, y in drawn.places]
+            fine, *coarse = (Maps(*each) for each in fixed)
+            image = slice(rows.start // self.scale, rows.stop // self.scale)
+            yield image, fine._replace(coarse=coarse[0] if coarse else None, share=drawn.share)
 
     def depth(self, poses: Poses) -> Single:
         """Return the distance along the axis (h, w) [m] of what each pixel sees; 0: nothing."""
@@ -129,8 +138,9 @@ class Renderer:
         return result
 
     def _bands(self) -> list[slice]:
-        """Return the rows of cells of the image in pieces."""
-        count, size = -(-self.height // CELL), max(1, _BAND // (CELL * self.width))
+        """Return the rows of cells of the image in pieces, each of whole pixels."""
+        count, least = -(-self.height // CELL), self.scale // math.gcd(self.scale, CELL)
+        size = least * max(1, _BAND // (least * CELL * self.width))
         return [slice(k, min(k + size, count)) for k in range(0, count, size)]
 
     def _visible(self, poses: Poses) -> _Visible:
@@ -152,6 +162,28 @@ class Renderer:
             corner = rows.start, columns.start
             found[m] = levels(places, self.atlas, int(facing[m]), self._trilinear, corner)
         return _Visible(planes, cells, found)
+
+    def _cone_of_rays(self) -> Array | None:
+        """Return the normals (3, 4) of planes through the camera that have all rays on one side.
+
+        None where a ray looks sideways or backwards.
+        """
+        bounds = []
+        for band in self._bands():
+            rays = self._rays[:, _pixels(band, self.height)]
+            x, y, z = rays[:, rays.any(axis=0)].astype(np.float64)
+            if not len(z):
+                continue
+            if z.min() <= _SIDEWAYS:
+                return None
+            u, v = x / z, y / z
+            bounds.append((u.max(), -u.min(), v.max(), -v.min()))
+        if not bounds:
+            return None
+        right, left, below, above = np.max(bounds, axis=0) + _SLACK
+        return np.array(
+            [[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0], [-right, -left, -below, -above]]
+        )
 
     def _corners(self, surfaces: NDArray[np.int64]) -> Array:
         """Return the corners (n, 4, 3) of surfaces."""
@@ -209,29 +241,6 @@ class Renderer:
 def _pixels(cells: slice, length: int) -> slice:
     """Return the pixels of a range of cells along one side of an image."""
     return slice(cells.start * CELL, min(cells.stop * CELL, length))
-
-
-def _cone(directions: NDArray[Any]) -> Array | None:
-    """Return the normals (3, 4) of planes through the camera that have all rays on one side.
-
-    :param directions: (n, 3), zero where there is none.
-    :returns: None where a ray looks sideways or backwards.
-    """
-    x, y, z = directions[directions.any(axis=1)].astype(np.float64).T
-    if not len(z) or z.min() <= 0.05:
-        return None
-    u, v = x / z, y / z
-    slack = 1e-3
-    normals = np.array(
-        [
-            [1.0, 0.0, -(u.max() + slack)],
-            [-1.0, 0.0, u.min() - slack],
-            [0.0, 1.0, -(v.max() + slack)],
-            [0.0, -1.0, v.min() - slack],
-        ]
-    )
-    result: Array = normals.transpose()
-    return result
 
 
 def look_up(atlas: Bytes, maps: Maps) -> Bytes:

@@ -8,6 +8,7 @@ integers and seeded: the same parameters give the same bytes everywhere.
 """
 
 import math
+from collections.abc import Iterator
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -45,6 +46,10 @@ _TINT: Final = 40
 _TINT_CELLS: Final = (16, 64)
 _TAG_CELL: Final = 8
 """Texels of a tag's cell at least; edges lie between texels."""
+_SQUARE: Final = 64
+"""Texels along the edge of a checkerboard's square."""
+_ROWS: Final = 128
+"""Rows of a texture that are made at once: a multiple of the largest cell."""
 
 
 class Atlas(NamedTuple):
@@ -69,22 +74,24 @@ def atlas(surfaces: Surfaces, parameters: SceneParameters, colour: bool = False)
             f"scene.type = {parameters.type!r}: has points and lines only, nothing to make images "
             "of; room, planes, aprilgrid and checkerboard have surfaces"
         )
-    textures = [_texture(surfaces, m, parameters) for m in range(len(surfaces.origin))]
-    size = np.array([texture.shape[::-1] for texture in textures], dtype=np.float32)
-    if colour:
-        textures = [_coloured(parameters, m, texture) for m, texture in enumerate(textures)]
-    levels = [_levels(texture) for texture in textures]
-    around = [(_EDGE, _EDGE), (_EDGE, _EDGE), *[(0, 0)] * colour]
-    padded = [[np.pad(level, around, mode="edge") for level in each] for each in levels]
-    flat = [level for each in padded for level in each]
-    corners, height = _packed([level.shape[:2] for level in flat])
-    width = max(_WIDTH, *(level.shape[1] for level in flat))
-    image = np.zeros((height, width, *flat[0].shape[2:]), np.uint8)
+    shapes = [_shape(surfaces, m, parameters) for m in range(len(surfaces.origin))]
+    of_levels = [shape for height, width in shapes for shape in _shapes_of_levels(height, width)]
+    corners, height = _packed([(rows + 2 * _EDGE, cols + 2 * _EDGE) for rows, cols in of_levels])
+    width = max(_WIDTH, *(columns + 2 * _EDGE for _, columns in of_levels))
+    image = np.zeros((height, width, *(3,) * colour), np.uint8)
     image[:_BLANK, :_BLANK] = BACKGROUND
-    for level, (row, column) in zip(flat, corners, strict=True):
-        image[row : row + level.shape[0], column : column + level.shape[1]] = level
-    place = np.array(corners, dtype=np.float32).reshape(len(textures), LEVELS, 2)[..., ::-1]
-    return Atlas(image, size.reshape(-1, 2), place + np.float32(_EDGE))
+    around = [(_EDGE, _EDGE), (_EDGE, _EDGE), *[(0, 0)] * colour]
+    for m in range(len(shapes)):
+        level = _texture(surfaces, m, parameters)
+        if colour:
+            level = _coloured(parameters, m, level)
+        for k, (row, column) in enumerate(corners[m * LEVELS : (m + 1) * LEVELS]):
+            level = _next_level(level) if k else level
+            padded = np.pad(level, around, mode="edge")
+            image[row : row + padded.shape[0], column : column + padded.shape[1]] = padded
+    size = np.array(shapes, dtype=np.float32).reshape(-1, 2)[:, ::-1]
+    place = np.array(corners, dtype=np.float32).reshape(len(shapes), LEVELS, 2)[..., ::-1]
+    return Atlas(image, size, place + np.float32(_EDGE))
 
 
 _BLANK: Final = 4
@@ -104,17 +111,37 @@ def _packed(shapes: list[tuple[int, int]]) -> tuple[list[tuple[int, int]], int]:
     return corners, row + shelf
 
 
-def _levels(texture: Bytes) -> list[Bytes]:
-    """Return a texture and its mip levels: each texel the rounded mean of four."""
-    result = [texture]
-    for _ in range(LEVELS - 1):
-        above = result[-1]
-        odd = [(0, above.shape[0] % 2), (0, above.shape[1] % 2), *[(0, 0)] * (above.ndim - 2)]
-        even = np.pad(above, odd, mode="edge")
-        wide = even.astype(np.uint16)
-        four = wide[::2, ::2] + wide[1::2, ::2] + wide[::2, 1::2] + wide[1::2, 1::2]
-        result.append(((four + 2) >> 2).astype(np.uint8))
-    return result
+def _shapes_of_levels(height: int, width: int) -> Iterator[tuple[int, int]]:
+    """Yield the shapes of a texture and its mip levels."""
+    for _ in range(LEVELS):
+        yield height, width
+        height, width = -(-height // 2), -(-width // 2)
+
+
+def _next_level(above: Bytes) -> Bytes:
+    """Return the mip level after one: each texel the rounded mean of four."""
+    odd = [(0, above.shape[0] % 2), (0, above.shape[1] % 2), *[(0, 0)] * (above.ndim - 2)]
+    even = np.pad(above, odd, mode="edge")
+    four = even[::2, ::2].astype(np.uint16)
+    for part in (even[1::2, ::2], even[::2, 1::2], even[1::2, 1::2]):
+        four += part
+    four += 2
+    four >>= 2
+    return four.astype(np.uint8)
+
+
+def _shape(surfaces: Surfaces, m: int, parameters: SceneParameters) -> tuple[int, int]:
+    """Return rows and columns of a surface's texture."""
+    match parameters:
+        case AprilgridParameters() if surfaces.texture[m] == "aprilgrid":
+            pitch, gap = _tag_texels(parameters)
+            return parameters.rows * pitch + gap, parameters.columns * pitch + gap
+        case CheckerboardParameters() if surfaces.texture[m] == "checkerboard":
+            return (parameters.rows + 1) * _SQUARE, (parameters.columns + 1) * _SQUARE
+    sides = [np.sqrt((side * side).sum(axis=1)) for side in (surfaces.across, surfaces.up)]
+    texel = max(SMALLEST_TEXEL, math.sqrt(float((sides[0] * sides[1]).sum()) / MOST_TEXELS))
+    width, height = (max(4, round(float(side[m]) / texel)) for side in sides)
+    return min(height, _WIDTH - 8), min(width, _WIDTH - 8)
 
 
 def _texture(surfaces: Surfaces, m: int, parameters: SceneParameters) -> Bytes:
@@ -124,21 +151,28 @@ def _texture(surfaces: Surfaces, m: int, parameters: SceneParameters) -> Bytes:
             return _aprilgrid(parameters)
         case CheckerboardParameters() if surfaces.texture[m] == "checkerboard":
             return _checkerboard(parameters)
-    sides = [np.sqrt((side * side).sum(axis=1)) for side in (surfaces.across, surfaces.up)]
-    texel = max(SMALLEST_TEXEL, math.sqrt(float((sides[0] * sides[1]).sum()) / MOST_TEXELS))
-    width, height = (max(4, round(float(side[m]) / texel)) for side in sides)
-    return _blocks(parameters.seed, m, min(height, _WIDTH - 8), min(width, _WIDTH - 8))
+    return _blocks(parameters.seed, m, *_shape(surfaces, m, parameters))
 
 
 def _blocks(seed: int, number: int, height: int, width: int) -> Bytes:
     """Return squares of random grey values, octave upon octave: corners at every scale."""
-    total = np.zeros((height, width), np.int32)
+    grids = []
     for cell, weight in _CELLS:
         stream = generator_at(seed, f"scene.texture.{cell}", number)
-        grid = stream.integers(0, 256, (-(-height // cell), -(-width // cell)), dtype=np.int32)
-        total += weight * grid.repeat(cell, axis=0).repeat(cell, axis=1)[:height, :width]
-    mean = total // sum(weight for _, weight in _CELLS) - 128
-    return np.clip(128 + mean * _CONTRAST // 5, 0, 255).astype(np.uint8)
+        shape = -(-height // cell), -(-width // cell)
+        grids.append(weight * stream.integers(0, 256, shape, dtype=np.int32))
+    everything = sum(weight for _, weight in _CELLS)
+    result = np.empty((height, width), np.uint8)
+    for top in range(0, height, _ROWS):
+        part = result[top : top + _ROWS]
+        total = np.zeros(part.shape, np.int32)
+        for (cell, _), grid in zip(_CELLS, grids, strict=True):
+            cells = grid[top // cell : (top + _ROWS) // cell]
+            total += cells.repeat(cell, axis=0).repeat(cell, axis=1)[: len(part), :width]
+        total //= everything
+        total -= 128
+        part[:] = np.clip(128 + total * _CONTRAST // 5, 0, 255)
+    return result
 
 
 def _coloured(parameters: SceneParameters, number: int, texture: Bytes) -> Bytes:
@@ -155,14 +189,19 @@ def _coloured(parameters: SceneParameters, number: int, texture: Bytes) -> Bytes
     return np.clip(total, 0, 255).astype(np.uint8)
 
 
+def _tag_texels(p: AprilgridParameters) -> tuple[int, int]:
+    """Return the distance between tags, and the gap that is a part of it [texels]."""
+    gap = max(1, round(p.tag_spacing * 10 * _TAG_CELL))
+    return 10 * _TAG_CELL + gap, gap
+
+
 def _aprilgrid(p: AprilgridParameters) -> Bytes:
     """Return kalibr's grid: tags of ten cells, a black square in each corner between them.
 
     Texels divide cells and gaps alike where the spacing is a multiple of 1/80 of a tag.
     """
-    tag_texels = 10 * _TAG_CELL
-    gap = max(1, round(p.tag_spacing * tag_texels))
-    pitch = tag_texels + gap
+    pitch, gap = _tag_texels(p)
+    tag_texels = pitch - gap
     image = np.full((p.rows * pitch + gap, p.columns * pitch + gap), 255, np.uint8)
     for number in range(p.rows * p.columns):
         row, column = divmod(number, p.columns)
@@ -180,4 +219,4 @@ def _checkerboard(p: CheckerboardParameters) -> Bytes:
     """Return (columns + 1) x (rows + 1) squares, black in the lower left."""
     row, column = np.indices((p.rows + 1, p.columns + 1))
     squares = np.where((row + column) % 2, 255, 0).astype(np.uint8)
-    return squares.repeat(64, axis=0).repeat(64, axis=1)
+    return squares.repeat(_SQUARE, axis=0).repeat(_SQUARE, axis=1)
