@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.errors import InputError, system_error
+from imu_sim_ros.inputs import open_regular
 
 Array = NDArray[np.float64]
 
@@ -41,7 +42,8 @@ def read_points(path: str | Path) -> Array:
     """
     path = Path(path)
     try:
-        content = path.read_bytes()
+        with open_regular(path) as file:
+            content = file.read()
     except OSError as error:
         raise system_error(path, error) from None
     points = _ply(path, content) if content[:3] == b"ply" else _csv(path, content)

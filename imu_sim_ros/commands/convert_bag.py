@@ -320,7 +320,8 @@ def _folder_images(
 ) -> "contextlib.AbstractContextManager[FolderImages | None]":
     """Return the images of a folder; None where it has none, or they are not wanted."""
     places = text_reader.places(arguments.input) if arguments.input.is_dir() else ()
-    if arguments.images == "none" or not any(any(place.glob("cam*")) for place in places):
+    cameras = [name for place in places for name in text_reader.sensor_folders(place, "cam")]
+    if arguments.images == "none" or not cameras:
         return contextlib.nullcontext()
     from imu_sim_ros.datasets import FolderImages  # with the cameras' modules
 

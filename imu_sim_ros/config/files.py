@@ -16,8 +16,8 @@ from typing import Any, Final, TypeVar
 from imu_sim_ros.config.parameter import Value, build, flatten
 from imu_sim_ros.config.trajectory import find_trajectory
 from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.inputs import is_present, read_text
 from imu_sim_ros.inputs import parse_yaml as parse_yaml
-from imu_sim_ros.inputs import read_text
 
 _T = TypeVar("_T")
 
@@ -77,8 +77,11 @@ def find(kind: str, name_or_file: str, option: str = "") -> Path:
     named = config_folder() / kind / f"{name_or_file}.yaml"
     if "/" not in name_or_file and named.is_file():
         return named
-    if Path(name_or_file).is_file():
-        return Path(name_or_file)
+    try:
+        if name_or_file and is_present(name_or_file):
+            return Path(name_or_file)
+    except InputError as error:
+        raise ConfigurationError(error.problems) from None
     known = ", ".join(names(kind))
     option = option or _OPTIONS[kind]
     raise ConfigurationError(f"{option} {name_or_file}: neither a file nor one of {known}")

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from imu_sim_ros.camera import read_points
 from imu_sim_ros.config import files
 from imu_sim_ros.config.cameras import CameraParameters, load_rig
-from imu_sim_ros.errors import InputError, system_error
+from imu_sim_ros.errors import ImuSimError, InputError, system_error
+from imu_sim_ros.inputs import open_regular
 
 Array = NDArray[np.float64]
 
@@ -63,8 +64,10 @@ def read_track_folder(folder: Path) -> TrackFolder:
 
 def _arrays(path: Path) -> dict[str, Any]:
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        with open_regular(path) as file, np.load(file, allow_pickle=False) as archive:
             found = {name: archive[name] for name in _COLUMNS}
+    except ImuSimError:
+        raise
     except OSError as error:
         raise system_error(path, error) from None
     except Exception as error:  # zipfile and NumPy have many words for a broken file

@@ -7,7 +7,7 @@ Imports errors; a leaf to all others.
 """
 
 from imu_sim_ros.inputs import gate
-from imu_sim_ros.inputs.regular import open_regular, read_text
+from imu_sim_ros.inputs.regular import is_present, names_in, open_regular, read_text
 from imu_sim_ros.inputs.rows import (
     COLUMNS,
     NUMBERS,
@@ -29,6 +29,8 @@ __all__ = [
     "BadRows",
     "Row",
     "gate",
+    "is_present",
+    "names_in",
     "number_of",
     "open_regular",
     "parse_yaml",

@@ -27,12 +27,70 @@ def open_regular(path: str | Path) -> BinaryIO:
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     except OSError as error:
         raise system_error(path, error) from None
-    mode = os.fstat(descriptor).st_mode
-    if not stat.S_ISREG(mode):
+    try:
+        _check_kind(path, os.fstat(descriptor).st_mode, stat.S_IFREG)
+    except InputError:
         os.close(descriptor)
-        what = "Is a directory" if stat.S_ISDIR(mode) else "is a device or a pipe, not a file"
-        raise InputError(f"{path}: {what}")
+        raise
     return os.fdopen(descriptor, "rb")
+
+
+def is_present(path: str | Path) -> bool:
+    """Return whether a file exists that another file, or the form of a folder, names.
+
+    Only what does not exist is absent. What is there and cannot be that file is an error, so that
+    nothing a dataset has is left out without a word.
+
+    :raises InputError: for a broken link, a loop of links, a folder, a device or a pipe.
+    :raises MachineError: where the system cannot read it.
+    """
+    return _is_present(Path(path), stat.S_IFREG)
+
+
+def names_in(folder: str | Path) -> list[str]:
+    """Return the sorted names in a folder of a dataset; none where it is absent.
+
+    :raises InputError: as for :func:`is_present`, for what is no folder.
+    """
+    if not _is_present(Path(folder), stat.S_IFDIR):
+        return []
+    try:
+        return sorted(os.listdir(folder))
+    except OSError as error:
+        raise system_error(folder, error) from None
+
+
+def _is_present(path: Path, kind: int) -> bool:
+    try:
+        mode = os.stat(path).st_mode
+    except FileNotFoundError:
+        for place in (path, *path.parents):
+            if os.path.lexists(place):
+                if not place.exists():
+                    raise InputError(f"{place}: a broken link to {os.readlink(place)}") from None
+                break
+        return False
+    except OSError as error:
+        raise system_error(path, error) from None
+    except ValueError:
+        raise InputError(f"{str(path)!r}: is not a file name") from None
+    _check_kind(path, mode, kind)
+    return True
+
+
+def _check_kind(path: str | Path, mode: int, kind: int) -> None:
+    """Refuse what is not of a kind.
+
+    :param kind: ``S_IFREG`` or ``S_IFDIR``.
+    """
+    found = stat.S_IFMT(mode)
+    if found == kind:
+        return
+    if kind == stat.S_IFDIR:
+        raise InputError(f"{path}: Not a directory")
+    if found == stat.S_IFDIR:
+        raise InputError(f"{path}: Is a directory")
+    raise InputError(f"{path}: is a device or a pipe, not a file")
 
 
 def read_text(path: str | Path) -> str:

@@ -13,9 +13,9 @@ if TYPE_CHECKING:
     from imu_sim_ros.bags.text import writer as writer
     from imu_sim_ros.bags.text.decimals import decimal as decimal
     from imu_sim_ros.bags.text.reader import Skipped as Skipped
+    from imu_sim_ros.bags.text.reader import has_states as has_states
     from imu_sim_ros.bags.text.reader import imu_names as imu_names
     from imu_sim_ros.bags.text.reader import is_text as is_text
-    from imu_sim_ros.bags.text.reader import state_file as state_file
     from imu_sim_ros.bags.text.writer import BESIDE as BESIDE
     from imu_sim_ros.bags.text.writer import Dataset as Dataset
     from imu_sim_ros.bags.text.writer import States as States
@@ -25,7 +25,7 @@ else:
         {
             "": ["decimals", "reader", "writer"],
             "decimals": ["decimal"],
-            "reader": ["Skipped", "imu_names", "is_text", "state_file"],
+            "reader": ["Skipped", "has_states", "imu_names", "is_text"],
             "writer": ["BESIDE", "Dataset", "States"],
         },
     )

@@ -20,6 +20,8 @@ from imu_sim_ros.inputs import (
     VALUES,
     BadRows,
     Row,
+    is_present,
+    names_in,
     number_of,
     row_blocks,
     shortened,
@@ -160,9 +162,22 @@ def _tables(folder: Path, kind: str) -> dict[str, Path]:
     """Return tables of a kind by name: imu0/data.csv (EuRoC) or imu0.csv (kalibr)."""
     found: dict[str, Path] = {}
     for place in places(folder):
-        for file in sorted([*place.glob(f"{kind}*/data.csv"), *place.glob(f"{kind}*.csv")]):
-            found.setdefault(file.stem if file.parent == place else file.parent.name, file)
+        files = [(name, place / name / "data.csv") for name in sensor_folders(place, kind)]
+        plain = (place / name for name in names_in(place) if name.endswith(".csv"))
+        files += [(file.stem, file) for file in plain if file.name.startswith(kind)]
+        for name, file in files:
+            if name not in found and is_present(file):
+                found[name] = file
     return found
+
+
+def sensor_folders(place: Path, kind: str) -> list[str]:
+    """Return the names of sensors' folders of a kind: cam0, cam1.
+
+    What is called like a sensor is one, also where it is no folder, which is an error later.
+    """
+    names = [name for name in names_in(place) if name.startswith(kind)]
+    return [n for n in names if n.removeprefix(kind).isdigit() or (place / n).is_dir()]
 
 
 def _state_path(folder: Path) -> Path | None:
@@ -172,7 +187,7 @@ def _state_path(folder: Path) -> Path | None:
 def _table(folder: Path, name: str) -> Path | None:
     for place in places(folder):
         file = place / name / "data.csv"
-        if file.is_file():
+        if is_present(file):
             return file
     return None
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.bags import odometry_blocks, open_bag, read_poses
 from imu_sim_ros.bags.messages import ODOMETRY
-from imu_sim_ros.bags.text import is_text, state_file
+from imu_sim_ros.bags.text import has_states, is_text
 from imu_sim_ros.conventions import TRUTH_TOPIC
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.navigation import NavigationStates
@@ -52,10 +52,7 @@ def has_truth(path: Path) -> bool:
     """Return whether a bag has Odometry, or a folder EuRoC's states."""
     if not is_text(path):
         return bool(odometry_topics(path))
-    try:
-        return path.is_dir() and state_file(path).is_file()
-    except InputError:
-        return False
+    return has_states(path)
 
 
 def read_track(

@@ -26,6 +26,8 @@ from imu_sim_ros.inputs import (
     STAMPS,
     VALUES,
     BadRows,
+    is_present,
+    names_in,
     open_regular,
     read_text,
     row_blocks,
@@ -82,27 +84,26 @@ def folder_cameras(path: Path, skipped: Skipped | None = None) -> list[FolderCam
     """
     found: dict[str, FolderCamera] = {}
     for place in text_reader.places(path):
-        for folder in sorted(place.glob("cam*")):
-            if folder.name not in found and folder.is_dir():
+        for name in text_reader.sensor_folders(place, "cam"):
+            folder = place / name
+            if name not in found:
                 images = _images(folder, skipped)
                 if images is not None:
                     depth = _listed(folder / DEPTH_FOLDER)
                     described, text = _described(path, folder)
-                    camera = FolderCamera(folder.name, images, depth, described, text)
-                    found[folder.name] = camera
+                    camera = FolderCamera(name, images, depth, described, text)
+                    found[name] = camera
     return list(found.values())
 
 
 def _images(folder: Path, skipped: Skipped | None) -> Frames | None:
     table = folder / "data.csv"
-    return _tabled(table, skipped) if table.is_file() else _listed(folder)
+    return _tabled(table, skipped) if is_present(table) else _listed(folder)
 
 
 def _listed(folder: Path) -> Frames | None:
     """Return the images of a folder that are named by their stamps [ns]; None without any."""
-    if not folder.is_dir():
-        return None
-    found = (p.name for p in folder.iterdir() if _IMAGE.fullmatch(p.name))
+    found = filter(_IMAGE.fullmatch, names_in(folder))
     names = sorted(found, key=lambda name: int(name.partition(".")[0]))
     stamps = [int(name.partition(".")[0]) for name in names]
     if stamps and stamps[-1] >= 1 << 63:
@@ -113,7 +114,7 @@ def _listed(folder: Path) -> Frames | None:
 def _tabled(table: Path, skipped: Skipped | None) -> Frames:
     """Return the images that a data.csv lists, all of which exist."""
     folder = table.parent / "data"
-    there = {path.name for path in folder.iterdir()} if folder.is_dir() else set()
+    there = set(names_in(folder))
     bad = BadRows(table)
     stamps: list[int] = []
     names: list[str] = []
@@ -163,11 +164,11 @@ def _problem(fields: list[str], there: set[str], last_ns: int) -> tuple[str, str
 def _described(path: Path, folder: Path) -> tuple[Description, str]:
     """Return what a dataset says about a camera, and the text of its sensor.yaml."""
     file = folder / "sensor.yaml"
-    if file.is_file():
+    if is_present(file):
         return read_sensor_yaml(file), read_text(file)
     for root in (path, path.parent) if path.name == "mav0" else (path,):
         chain = root / "dso" / "camchain.yaml"
-        if chain.is_file():
+        if is_present(chain):
             return read_camchain(chain, folder.name), ""
     return Description(), ""
 
