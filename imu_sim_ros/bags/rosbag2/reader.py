@@ -19,7 +19,7 @@ from imu_sim_ros.bags.messages import Bytes, MessageBlock, Schema, TopicInfo, pa
 from imu_sim_ros.bags.reader import Bag, Timed
 from imu_sim_ros.bags.rosbag2 import metadata as rosbag2_metadata
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs import parse_yaml, read_text
+from imu_sim_ros.inputs import is_present, parse_yaml, read_text
 
 _END_NS: Final = 2**63 - 1
 _ROWS: Final = 4096
@@ -210,7 +210,7 @@ class Rosbag2Folder(Bag):
         files = [self.path / Path(name).name for name in content["relative_file_paths"]]
         if len(set(files)) != len(files):
             raise InputError(f"{self.path}: metadata.yaml lists a file twice")
-        missing = [file for file in files if not file.is_file()]
+        missing = [file for file in files if not is_present(file)]
         if missing:
             raise InputError(f"{missing[0]}: missing; metadata.yaml lists it")
         return files
@@ -236,17 +236,19 @@ def read_metadata(folder: Path) -> dict[str, Any]:
     :raises InputError: where it is missing or has another form.
     """
     file = folder / rosbag2_metadata.FILE_NAME
-    if not file.is_file():
+    if not is_present(file):
         hint = "; --recover salvages what is there" if _files_found(folder) else ""
         raise InputError(f"{folder}: no metadata.yaml, so not a whole rosbag2 bag{hint}")
     try:
-        content = parse_yaml(read_text(file))["rosbag2_bagfile_information"]
-        names = content["relative_file_paths"]
-        if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-            raise TypeError
-    except (InputError, ValueError, KeyError, TypeError):
-        raise InputError(f"{file}: not the metadata of a rosbag2 bag") from None
-    return dict(content)
+        content = parse_yaml(read_text(file))
+    except ValueError as error:
+        raise InputError(f"{file}: not the metadata of a rosbag2 bag: {error}") from None
+    content = content.get("rosbag2_bagfile_information") if isinstance(content, dict) else None
+    content = content if isinstance(content, dict) else {}
+    names = content.get("relative_file_paths")
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise InputError(f"{file}: not the metadata of a rosbag2 bag")
+    return content
 
 
 def _files_found(folder: Path) -> list[Path]:
