@@ -31,7 +31,6 @@ from imu_sim_ros.config import PosesParameters, SimulationParameters, flatten
 from imu_sim_ros.config import parameters as described
 from imu_sim_ros.conventions import AUXILIARY
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.machine import keep_freed_memory
 from imu_sim_ros.poses import read_poses
 from imu_sim_ros.sensor import Fault, Imu, ImuBlock
 from imu_sim_ros.trajectory import PoseReader, Trajectory, build_trajectory
@@ -65,7 +64,6 @@ class Simulation:
         :raises ConfigurationError: for inconsistent parameters.
         :raises InputError: for a file of poses that cannot be used.
         """
-        keep_freed_memory()
         self.parameters, self._sensors = parameters, frozenset(sensors)
         if trajectory is None:
             trajectory = build_trajectory(parameters.trajectory, pose_reader)

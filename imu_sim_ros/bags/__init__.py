@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from imu_sim_ros.bags.beside import Beside as Beside
     from imu_sim_ros.bags.beside import read_beside as read_beside
     from imu_sim_ros.bags.beside import read_magnetic_field as read_magnetic_field
-    from imu_sim_ros.bags.files import OutputFile as OutputFile
-    from imu_sim_ros.bags.files import active_path as active_path
-    from imu_sim_ros.bags.files import make_folder as make_folder
+    from imu_sim_ros.bags.output_file import OutputFile as OutputFile
+    from imu_sim_ros.bags.output_file import active_path as active_path
+    from imu_sim_ros.bags.output_file import make_folder as make_folder
     from imu_sim_ros.bags.outputs import Outputs as Outputs
     from imu_sim_ros.bags.read import ImuMessages as ImuMessages
     from imu_sim_ros.bags.read import OdometryMessages as OdometryMessages
@@ -49,7 +49,7 @@ else:
         __name__,
         {
             "": ["beside", "convert"],
-            "files": ["OutputFile", "active_path", "make_folder"],
+            "output_file": ["OutputFile", "active_path", "make_folder"],
             "beside": ["Beside", "read_beside", "read_magnetic_field"],
             "outputs": ["Outputs"],
             "read": [

@@ -17,7 +17,6 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.bags.files import OutputFile, Pace
 from imu_sim_ros.bags.messages import (
     Bytes,
     Pattern,
@@ -28,10 +27,11 @@ from imu_sim_ros.bags.messages import (
     as_pattern,
     side_by_side,
 )
+from imu_sim_ros.bags.output_file import OutputFile
 from imu_sim_ros.bags.threads import Pipeline
 from imu_sim_ros.bags.writer import Block, Topic, Writer, simultaneous, tally, time_order
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.machine import cores, keep_freed_memory
+from imu_sim_ros.machine import cores
 
 CHUNK_BYTES: Final = 1 << 20
 _MOST_WORKERS: Final = 4
@@ -82,7 +82,7 @@ class ChunkWriter(Writer):
     def __init__(self, path: Path, compression: str, renamed: bool) -> None:
         super().__init__(path)
         self._compression = compression
-        self.file = OutputFile(path, renamed, Pace())
+        self.file = OutputFile(path, renamed)
         self._pending: list[Block] = []
         self._pending_bytes = 0
         self._raw: list[tuple[Topic, int, bytes]] = []
@@ -170,7 +170,6 @@ class ChunkWriter(Writer):
     def flush(self, durable: bool = False) -> None:
         """Write the messages in memory as a chunk of their own."""
         self._write_rest()
-        self.file.stay_cached()
         if durable:
             self.file.sync()
 
@@ -253,7 +252,6 @@ class ChunkWriter(Writer):
             # A checksum alone is quick, and quickest where the records are still in the cache.
             workers = min(cores(), _MOST_WORKERS) if self._compression not in ("", "none") else 0
             self._pipeline = Pipeline(self._packed_job, self._store_job, workers)
-            keep_freed_memory()
         self._emit()
 
     def _wait(self) -> None:

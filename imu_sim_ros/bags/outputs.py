@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from imu_sim_ros.bags.files import ACTIVE_SUFFIX, active_path
+from imu_sim_ros.bags.output_file import ACTIVE_SUFFIX, active_path
 from imu_sim_ros.errors import ImuSimError, InputError, system_error
 
 PARTIAL: Final = "partial"

@@ -10,7 +10,6 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags.files import unfinished
 from imu_sim_ros.bags.mcap import McapBag
 from imu_sim_ros.bags.messages import (
     IMU,
@@ -26,6 +25,7 @@ from imu_sim_ros.bags.messages import (
     inside_order,
     schemas,
 )
+from imu_sim_ros.bags.output_file import unfinished
 from imu_sim_ros.bags.reader import Bag, told
 from imu_sim_ros.bags.ros1 import Rosbag1Bag
 from imu_sim_ros.bags.rosbag2 import Rosbag2Folder, SqliteBag

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Final
 
 from imu_sim_ros.bags import mcap, ros1, rosbag2
-from imu_sim_ros.bags.files import refuse_existing
 from imu_sim_ros.bags.messages import Qos
+from imu_sim_ros.bags.output_file import refuse_existing
 from imu_sim_ros.bags.split import PartsWriter, Rosbag2Writer
 from imu_sim_ros.bags.writer import Block, Topic, Writer
 from imu_sim_ros.errors import InputError

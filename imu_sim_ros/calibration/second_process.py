@@ -17,7 +17,6 @@ from queue import SimpleQueue
 from typing import IO, Any, Final
 
 from imu_sim_ros.errors import MachineError
-from imu_sim_ros.machine import keep_freed_memory
 
 _CALLS_AHEAD: Final = 12
 """Calls that may wait for the process; the next one waits for a place."""
@@ -132,7 +131,6 @@ def serve() -> None:
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what is printed must not get into the result
     found, failure = None, None
-    keep_freed_memory()
     try:
         make, arguments = pickle.load(sys.stdin.buffer)
         subject = make(*arguments)

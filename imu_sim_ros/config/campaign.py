@@ -4,9 +4,10 @@
 """Parameters of a campaign and of its estimators."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 from imu_sim_ros.config.integrator import ATTITUDE_UPDATES, METHODS
-from imu_sim_ros.config.parameter import choice, flag, integer, number, section_class, text
+from imu_sim_ros.config.parameter import choice, flag, integer, number, text
 from imu_sim_ros.errors import ConfigurationError
 
 ALIGNMENTS = ("none", "yaw", "se3", "sim3")
@@ -19,7 +20,7 @@ PLACES = ("dataset", "config", "estimate", "folder", "seed", "python", "share")
 """What a command may name in braces."""
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class CampaignParameters:
     """What holds for all runs of a campaign."""
 
@@ -39,7 +40,7 @@ class CampaignParameters:
     keep: str = choice("none", KEEP, "which run folders of commands are kept")
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class DeadReckonEstimator:
     """Dead reckoning from the true initial state."""
 
@@ -48,7 +49,7 @@ class DeadReckonEstimator:
     attitude_update: str = choice("so3", ATTITUDE_UPDATES, "how the attitude is integrated")
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class CommandEstimator:
     """A program of any kind that reads a dataset and writes a trajectory."""
 
@@ -82,7 +83,7 @@ class CommandEstimator:
             yield f"{prefix}command = {self.command!r}: must name a program"
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class CalibrationEstimator:
     """What ``allan`` or ``calibrate`` makes of a record, beside the sensor that made it."""
 

@@ -7,6 +7,7 @@ The order in which the errors act is in :mod:`imu_sim_ros.sensor`.
 """
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
@@ -27,7 +28,6 @@ from imu_sim_ros.config.parameter import (
     matrix,
     number,
     section,
-    section_class,
     text,
     vector,
 )
@@ -47,7 +47,7 @@ _CAUSES = {"stress_step_sigma": "stress_step_rate", "shock_bias_sigma": "shock_t
 """Errors of a triad, and the parameter of the board that makes them happen."""
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class TimingParameters:
     """Errors of stamps and transport. The samples themselves are taken at the true times."""
 
@@ -127,7 +127,7 @@ class TimingParameters:
     )
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class BoardParameters:
     """What the triads of a board have in common: its age, its shocks, where its elements sit."""
 
@@ -174,7 +174,7 @@ class BoardParameters:
     )
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class ImuParameters(TimingParameters, BoardParameters, TriadsParameters):
     """One IMU."""
 

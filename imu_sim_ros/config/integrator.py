@@ -5,6 +5,7 @@
 
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from imu_sim_ros.config.files import load, sensor_layer
@@ -21,7 +22,6 @@ from imu_sim_ros.config.parameter import (
     number,
     parameters,
     section,
-    section_class,
     text,
     vector,
 )
@@ -45,7 +45,7 @@ def _of_the_imu(name: str, words: str = "") -> Any:
     )
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class TriadNoiseParameters:
     """Errors of a triad as the covariance of the odometry takes them; each as in the simulator."""
 
@@ -73,7 +73,7 @@ class TriadNoiseParameters:
     resolution: Vector = _of_the_imu("resolution")
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class IntegratorNoiseParameters:
     """The IMU's errors as the covariance of the odometry takes them; each as in the simulator."""
 
@@ -86,7 +86,7 @@ class IntegratorNoiseParameters:
     accelerometer: TriadNoiseParameters = triad(TriadNoiseParameters, "accelerometer")
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class IntegratorParameters:
     """How readings become a pose."""
 

@@ -4,15 +4,16 @@
 """Parameters of the recorder node."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
-from imu_sim_ros.config.parameter import choice, flag, number, section_class, text, texts
+from imu_sim_ros.config.parameter import choice, flag, number, text, texts
 
 STORAGES = ("auto", "mcap", "sqlite3", "ros1")
 RECORD_TIMES = ("stamp", "reception")
 COMPRESSIONS = ("none", "lz4", "zstd", "bz2")
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class RecorderParameters:
     """What is recorded, where and for how long."""
 

@@ -5,6 +5,7 @@
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 
 from imu_sim_ros.config.auxiliary import AtmosphereParameters, MagneticFieldParameters
 from imu_sim_ros.config.files import build_layered, layer
@@ -16,7 +17,6 @@ from imu_sim_ros.config.parameter import (
     integer,
     number,
     section,
-    section_class,
     text,
     variant,
     vector,
@@ -38,7 +38,7 @@ LARGEST_LATITUDE = 85.0
 """[deg] of the origin of a curved world; at the pole longitudes meet."""
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class SimulationParameters:
     """Everything that decides the samples."""
 

@@ -5,6 +5,7 @@
 
 import dataclasses
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from imu_sim_ros import timebase
@@ -19,7 +20,6 @@ from imu_sim_ros.config.parameter import (
     integer,
     number,
     section,
-    section_class,
     section_names,
     text,
     texts,
@@ -35,7 +35,7 @@ BODY = "/body"
 """Name of the simulation that only tells the truth; no IMU can have it."""
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class PublishParameters:
     """Which topics are published besides ``imu/data_raw``."""
 
@@ -84,7 +84,7 @@ class PublishParameters:
     )
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class InjectParameters:
     """A fault that begins when ``kind`` is set; each setting of it injects another one."""
 
@@ -128,7 +128,7 @@ class InjectParameters:
     imu: str = text("", "which of `imus` is affected; empty: all", live=True)
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class SimulatorParameters(SimulationParameters):
     """Everything that the simulator node takes."""
 
@@ -207,7 +207,7 @@ class SimulatorParameters(SimulationParameters):
             yield from _rig().rig_problems(self, self)
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class OneImuParameters:
     """What an IMU of several has of its own."""
 

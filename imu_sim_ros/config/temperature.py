@@ -4,14 +4,15 @@
 """Parameters of the temperature around the IMU over time."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from itertools import pairwise
 
-from imu_sim_ros.config.parameter import choice, number, numbers, section_class
+from imu_sim_ros.config.parameter import choice, number, numbers
 
 ABSOLUTE_ZERO = -273.15
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class TemperatureParameters:
     """Ambient temperature over time, and how the sensor follows it."""
 

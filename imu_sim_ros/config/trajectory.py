@@ -4,6 +4,7 @@
 """Parameters of the trajectories, one section for each ``trajectory.type``."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 from imu_sim_ros.config.parameter import (
     ZERO_VECTOR,
@@ -12,7 +13,6 @@ from imu_sim_ros.config.parameter import (
     number,
     numbers,
     section,
-    section_class,
     text,
     vector,
 )
@@ -50,7 +50,7 @@ LEAST_KNOTS = 0.02
 """Least product of knot spacing and cut-off; below it the fit of a spline loses digits."""
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class StaticParameters(TrajectoryParameters):
     """A body at rest."""
 
@@ -59,7 +59,7 @@ class StaticParameters(TrajectoryParameters):
     roll_pitch_yaw: Vector = vector(ZERO_VECTOR, "attitude", unit="rad")
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class HarmonicParameters(TrajectoryParameters):
     """Position and Euler angles, each a polynomial and a sum of sinusoids."""
 
@@ -72,7 +72,7 @@ class HarmonicParameters(TrajectoryParameters):
     yaw: SeriesParameters = section(SeriesParameters)
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class PolarParameters(TrajectoryParameters):
     """A motion along a radius that turns about z; the body turns with it."""
 
@@ -82,7 +82,7 @@ class PolarParameters(TrajectoryParameters):
     height: float = number(0.0, "of the plane in the world", unit="m")
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class FreeFallParameters(TrajectoryParameters):
     """A body thrown and falling, tumbling at a constant rate."""
 
@@ -98,7 +98,7 @@ class FreeFallParameters(TrajectoryParameters):
     )
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class WaypointsParameters(TrajectoryParameters):
     """A smooth path through given waypoints, at rest at both ends."""
 
@@ -160,7 +160,7 @@ class WaypointsParameters(TrajectoryParameters):
                 )
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class SixPositionParameters(TrajectoryParameters):
     """Rest with each body axis up and down (z, x, y), turned over in between; closed."""
 
@@ -182,7 +182,7 @@ class SixPositionParameters(TrajectoryParameters):
     )
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class TurntableParameters(SixPositionParameters):
     """Each body axis up in turn, spun about it at several rates in both directions; closed."""
 
@@ -211,7 +211,7 @@ class TurntableParameters(SixPositionParameters):
             yield f"{prefix}rates = []: must have at least one entry [rad/s]"
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class PosesParameters(TrajectoryParameters):
     """Recorded poses, followed by a B-spline."""
 

@@ -4,6 +4,7 @@
 """Parameters that trajectories share, and the pieces that several of them are made of."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 from imu_sim_ros.config.parameter import (
     ZERO_VECTOR,
@@ -13,7 +14,6 @@ from imu_sim_ros.config.parameter import (
     number,
     numbers,
     section,
-    section_class,
     text,
     vector,
 )
@@ -21,7 +21,7 @@ from imu_sim_ros.config.parameter import (
 TYPE_TEXT = "kind of trajectory, or the name of a file in config/trajectories"
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class VibrationParameters:
     """Vibration of the body along and about its own axes, on top of any motion or rest."""
 
@@ -83,7 +83,7 @@ class VibrationParameters:
             )
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class LeadInParameters:
     """Rest and a jerk before any motion: what visual-inertial estimators initialise from."""
 
@@ -101,7 +101,7 @@ class LeadInParameters:
         return self.rest + self.jerk_time if self.rest > 0.0 else 0.0
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class TrajectoryParameters:
     """What every trajectory has; applied in the order length, repeat, time scale and rests."""
 
@@ -133,7 +133,7 @@ class TrajectoryParameters:
     vibration: VibrationParameters = section(VibrationParameters)
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class SeriesParameters:
     """One coordinate as a function of time: a polynomial and a sum of sinusoids.
 

@@ -10,6 +10,7 @@ else.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -23,7 +24,6 @@ from imu_sim_ros.config.parameter import (
     matrix,
     numbers,
     section,
-    section_class,
     vector,
 )
 from imu_sim_ros.conventions import Measured, Triad
@@ -63,7 +63,7 @@ def triad(cls: type, name: Triad) -> Any:
     return section(cls, joint="_", words=_WORDS[name], without=without)
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class TriadParameters:
     """Errors of a gyroscope or an accelerometer."""
 
@@ -352,7 +352,7 @@ def _lost(m: Iterable[float]) -> bool:
     )
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class TriadsParameters:
     """Errors of both triads."""
 

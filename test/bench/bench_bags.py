@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from imu_sim_ros.bags.output_file.direct import DirectAppender
 
-from imu_sim_ros.bags.files.direct import DirectAppender
 from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
 from imu_sim_ros.bags.messages.schemas import known_types
 from imu_sim_ros.bags.read import imu_blocks

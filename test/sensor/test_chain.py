@@ -14,7 +14,7 @@ from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.config.temperature import TemperatureParameters
 from imu_sim_ros.sensor import accel_variance_discrete, gyro_variance_discrete
 from imu_sim_ros.sensor.block import ImuBlock
-from imu_sim_ros.sensor.errors.output import checked_sections, noise_gain, sections_in_place
+from imu_sim_ros.sensor.errors.output import noise_gain
 from imu_sim_ros.sensor.errors.temperature import TemperatureProfile, polynomial
 from imu_sim_ros.simulation import Simulation
 
@@ -241,18 +241,3 @@ def test_perfect_sensor_has_no_error_at_all() -> None:
     assert not block.accel_bias.any()
     assert (block.gyro_scale == 1.0).all()
     assert (block.accel_scale == 1.0).all()
-
-
-def test_compiled_low_pass_is_the_public_one() -> None:
-    """Bit for bit, the carried state too; where SciPy moves it, the public one takes its place."""
-    values = np.random.default_rng(3).standard_normal((3, 500))
-    sections = signal.butter(5, 40.0, fs=200.0, output="sos")
-    states = [np.ones((3, len(sections), 2)) for _ in range(2)]
-    filtered = [values.copy() for _ in range(2)]
-    for x, state, run in zip(
-        filtered, states, (sections_in_place(), checked_sections), strict=True
-    ):
-        run(sections, x, state)
-    assert np.array_equal(*filtered)
-    assert np.array_equal(*states)
-    assert not np.array_equal(filtered[0], values)

@@ -13,8 +13,8 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros.bags.files import refuse_existing
 from imu_sim_ros.bags.messages import as_list, as_pattern, qos_text, side_by_side
+from imu_sim_ros.bags.output_file import refuse_existing
 from imu_sim_ros.bags.rosbag2 import metadata as rosbag2_metadata
 from imu_sim_ros.bags.writer import Block, Topic, Writer, simultaneous, tally, time_order
 from imu_sim_ros.errors import MachineError

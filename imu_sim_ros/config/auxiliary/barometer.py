@@ -7,10 +7,11 @@ Where an error is one that gyroscopes and accelerometers have as well, its name 
 """
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any, Final
 
 from imu_sim_ros.config.auxiliary.own_rate import OwnRateParameters
-from imu_sim_ros.config.parameter import number, numbers, section_class, text
+from imu_sim_ros.config.parameter import number, numbers, text
 from imu_sim_ros.config.triads import TriadParameters
 
 _AS_IN_TRIADS: Final = (
@@ -26,7 +27,7 @@ _AS_IN_TRIADS: Final = (
 )
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class BarometerParameters(OwnRateParameters):
     """One barometer; every error is off at zero."""
 

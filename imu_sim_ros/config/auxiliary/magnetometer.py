@@ -7,6 +7,7 @@ Where an error is one that gyroscopes and accelerometers have as well, its name 
 """
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
 
@@ -21,7 +22,6 @@ from imu_sim_ros.config.parameter import (
     Vector,
     matrix,
     numbers,
-    section_class,
     vector,
 )
 from imu_sim_ros.config.triads import TriadParameters, invertible_problems
@@ -40,7 +40,7 @@ _AS_IN_TRIADS: Final = (
 )
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class MagnetometerParameters(OwnRateParameters):
     """One magnetometer; every error is off at zero."""
 

@@ -4,13 +4,14 @@
 """Parameters of the orientation that a board states: ``imu.orientation_...``."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
-from imu_sim_ros.config.parameter import Vector, choice, flag, number, section_class, vector
+from imu_sim_ros.config.parameter import Vector, choice, flag, number, vector
 
 _AXES = "about the world's east, north and up"
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class OrientationParameters:
     """The orientation in imu/data: the truth with an error model, or a filter's."""
 

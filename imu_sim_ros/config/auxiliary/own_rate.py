@@ -4,14 +4,15 @@
 """Rate and stamp grid of a sensor beside the IMU."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
-from imu_sim_ros.config.parameter import number, section_class
+from imu_sim_ros.config.parameter import number
 from imu_sim_ros.timebase import LOWEST_RATE
 
 LARGEST_RATE = 20000.0
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class OwnRateParameters:
     """Rate and stamp grid of a sensor beside the IMU."""
 

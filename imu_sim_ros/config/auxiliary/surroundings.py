@@ -4,14 +4,15 @@
 """Parameters of the world around the body that magnetometer and barometer measure."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
-from imu_sim_ros.config.parameter import Vector, choice, number, numbers, section_class, vector
+from imu_sim_ros.config.parameter import Vector, choice, number, numbers, vector
 
 FIELD: Vector = (0.0, 2.0e-5, -4.5e-5)
 """[T] Of mid northern latitudes, without declination: 20 uT to the north, 45 uT down."""
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class AtmosphereParameters:
     """The air of the standard atmosphere, as warm and heavy as the day is."""
 
@@ -23,7 +24,7 @@ class AtmosphereParameters:
     )
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class MagneticFieldParameters:
     """The magnetic field of the world: the Earth's, and what disturbs it in place and time."""
 

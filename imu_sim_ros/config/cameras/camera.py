@@ -5,6 +5,7 @@
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,7 +21,6 @@ from imu_sim_ros.config.parameter import (
     matrix,
     number,
     numbers,
-    section_class,
     text,
     vector,
 )
@@ -33,7 +33,7 @@ FARTHEST = 1e6
 """[m] of what is seen."""
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class CameraModelParameters:
     """How a direction becomes a pixel. The centre of the first pixel is at (0, 0)."""
 
@@ -107,7 +107,7 @@ class CameraModelParameters:
             )
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class CameraMountParameters:
     """Where the camera is on the body. Its axes: x to the right, y down, z along the view."""
 
@@ -138,7 +138,7 @@ class CameraMountParameters:
         return turn @ r, turn @ p
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class CameraTimingParameters:
     """When frames are taken, and what their stamps say."""
 
@@ -186,7 +186,7 @@ class CameraTimingParameters:
     )
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class TrackParameters:
     """Feature tracks: which landmarks are seen, and their errors."""
 
@@ -247,7 +247,7 @@ class TrackParameters:
     )
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class CameraParameters(
     ImageParameters,
     TrackParameters,

@@ -4,16 +4,17 @@
 """Parameters of a camera's images: exposure, optics and noise."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 from imu_sim_ros.config.imu import LONGEST
-from imu_sim_ros.config.parameter import choice, flag, integer, number, section_class, text
+from imu_sim_ros.config.parameter import choice, flag, integer, number, text
 
 IMAGES = ("raw", "compressed", "both", "none")
 ENCODINGS = ("mono8", "rgb8")
 MIP_LEVELS = ("nearest", "trilinear")
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class ImageParameters:
     """How an image comes about; grey values are 0 to 255."""
 

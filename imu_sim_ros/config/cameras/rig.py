@@ -10,6 +10,7 @@ file that a camera's ``preset`` names, and below the scene's parameters the file
 import dataclasses
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 from typing import Any, Final
 
 from imu_sim_ros.config import files
@@ -20,7 +21,6 @@ from imu_sim_ros.config.parameter import (
     choice,
     entries,
     section,
-    section_class,
     section_names,
     texts,
     variant,
@@ -36,14 +36,14 @@ _OF_ALL: Final = ("camera", "scene", "features")
 _TAKEN: Final = {*_OF_ALL, "cameras", "imus", "imu", "trajectory", "publish", "inject"}
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class OneCameraParameters:
     """What a camera has of its own."""
 
     camera: CameraParameters = section(CameraParameters)
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class FeatureParameters:
     """The topic of tracked features, feature_tracker/feature."""
 
@@ -55,7 +55,7 @@ class FeatureParameters:
     )
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class RigParameters:
     """All cameras of a body; each has a section of its own name."""
 

@@ -4,6 +4,7 @@
 """Parameters of what cameras see, one section for each ``scene.type``."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 from imu_sim_ros.config.imu import rotation_problems
 from imu_sim_ros.config.parameter import (
@@ -15,7 +16,6 @@ from imu_sim_ros.config.parameter import (
     matrix,
     number,
     numbers,
-    section_class,
     text,
     vector,
 )
@@ -24,7 +24,7 @@ from imu_sim_ros.errors import ConfigurationError
 TYPE_TEXT = "kind of scene, or the name of a file in config/scenes"
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class SceneParameters:
     """What every scene has."""
 
@@ -32,7 +32,7 @@ class SceneParameters:
     seed: int = integer(0, "of places and textures", minimum=0, maximum=2**63 - 1)
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class RoomParameters(SceneParameters):
     """A box around the path, with boxes that stand in it; landmarks on all surfaces."""
 
@@ -62,7 +62,7 @@ class RoomParameters(SceneParameters):
             yield f"{prefix}size = {list(self.size)}: must be 0 or above 0 m on all axes"
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class HouseParameters(SceneParameters):
     """A frame house of lines and their end points, seen from outside."""
 
@@ -78,7 +78,7 @@ class HouseParameters(SceneParameters):
             yield f"{prefix}lines = []: must hold at least one line; the scene house has some"
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class CloudParameters(SceneParameters):
     """Random points along the path, so many that every frame sees enough of them."""
 
@@ -110,7 +110,7 @@ class CloudParameters(SceneParameters):
             yield f"{prefix}far = {self.far:g}: must be above {prefix}near, {self.near:g} m"
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class PlanesParameters(SceneParameters):
     """Rectangles anywhere, seen from both sides, with landmarks on them."""
 
@@ -138,7 +138,7 @@ class PlanesParameters(SceneParameters):
                 yield f"{name} has no right angle at its first corner"
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class TargetParameters(SceneParameters):
     """What calibration targets share: the target's x to the right and y up, seen from its +z."""
 
@@ -152,7 +152,7 @@ class TargetParameters(SceneParameters):
         yield from rotation_problems(self.orientation, f"{prefix}orientation")
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class AprilgridParameters(TargetParameters):
     """kalibr's AprilGrid of 36h11 tags; the origin is the lower left corner of tag 0."""
 
@@ -176,7 +176,7 @@ class AprilgridParameters(TargetParameters):
             )
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class CheckerboardParameters(TargetParameters):
     """A checkerboard; the origin is its lower left inner corner."""
 
@@ -188,7 +188,7 @@ class CheckerboardParameters(TargetParameters):
     )
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class PointFileParameters(SceneParameters):
     """Points of a file: CSV with x, y, z (or id, x, y, z), or PLY."""
 

@@ -29,7 +29,6 @@ from imu_sim_ros.config.parameter.kinds import (
     texts,
     vector,
 )
-from imu_sim_ros.config.parameter.section_classes import section_class
 from imu_sim_ros.config.parameter.sections import (
     build,
     flatten,
@@ -63,7 +62,6 @@ __all__ = [
     "parameters",
     "parse",
     "section",
-    "section_class",
     "section_names",
     "shown",
     "text",

@@ -4,12 +4,13 @@
 """Parameters of the vehicle's vibration as one board reads it; ``twin`` finds them."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.config.parameter import Vector, number, numbers, section_class, vector
+from imu_sim_ros.config.parameter import Vector, number, numbers, vector
 
 AXES_READ = 6
 """Gyroscope x, y, z, accelerometer x, y, z."""
@@ -19,7 +20,7 @@ ROUNDING = 0.01
 """By how much rounded coherence may miss the nearest possible one (the least eigenvalue)."""
 
 
-@section_class(frozen=True)
+@dataclass(frozen=True)
 class BoardVibrationParameters:
     """Vibration of the vehicle in the readings: lines and bands, coherent between the six axes.
 

@@ -40,7 +40,6 @@ from imu_sim_ros.errors import explain
 from imu_sim_ros.nodes import run
 from imu_sim_ros.nodes.simulator.cameras import MARKERS, TOKEN
 from imu_sim_ros.nodes.simulator.markers import markers
-from imu_sim_ros.nodes.simulator.scheduling import stand_back
 from imu_sim_ros.nodes.topics import Counter, create
 from imu_sim_ros.trajectory import build_trajectory
 
@@ -235,7 +234,7 @@ def _report_connected(node: CameraNode, reports: Reports, begun: threading.Event
 
 def _run(node: CameraNode, reports: Reports) -> None:
     def work() -> None:
-        stand_back(_RENDERING_NICE)
+        os.nice(_RENDERING_NICE)  # of this thread alone on Linux; readings go first
         try:
             node.frames.work()
         except BaseException as error:

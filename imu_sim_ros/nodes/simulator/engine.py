@@ -11,7 +11,6 @@ from typing import Final, NamedTuple
 
 from imu_sim_ros.nodes.simulator.pacing import Pacer, Verdict
 from imu_sim_ros.nodes.simulator.publish_queue import Group, PublishQueue
-from imu_sim_ros.nodes.simulator.scheduling import wake_up_at_once
 from imu_sim_ros.nodes.supervised_thread import Fail, SupervisedThread
 
 _LEAD_NS: Final = 10_000_000
@@ -168,7 +167,6 @@ class Engine:
     # The publishing thread.
 
     def _publish(self) -> None:
-        wake_up_at_once()
         anchored = -1
         while (block := self._blocks.get()) is not None:
             self._room.release()

@@ -12,7 +12,6 @@ driver that streams once it runs, and ``autostart: false`` with ``~/pause`` give
 over the first sample without five more services at every start.
 """
 
-import gc
 import sys
 import time
 from collections.abc import Iterator
@@ -114,8 +113,6 @@ class Simulator(ConfiguredNode):
             self.get_logger().info(line)
         self.get_logger().info(self._summary(parameters))
         sys.setswitchinterval(_SWITCH_INTERVAL)
-        gc.collect()
-        gc.freeze()  # permanent objects need not be examined again and again
         self.engine.start()
 
     def close(self) -> None:

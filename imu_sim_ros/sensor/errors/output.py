@@ -3,9 +3,8 @@
 
 """The end of a triad's chain: low-pass, saturation, quantisation."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,7 +50,7 @@ class LowPass:
         if cutoffs.any():
             from scipy import signal  # half a second of import that only a low-pass costs
 
-            self._filter = sections_in_place()
+            self._filter = signal.sosfilt
             for cutoff in np.unique(cutoffs[cutoffs > 0.0]):
                 sections = signal.butter(order, cutoff, fs=rate, output="sos")
                 axes = np.flatnonzero(cutoffs == cutoff)
@@ -63,38 +62,12 @@ class LowPass:
             return
         for group in self._groups:
             rows = group.rows
-            x = np.ascontiguousarray(values[rows])
+            x = values[rows]
             if group.state is None:
                 group.state = group.settled * x[:, :1, None]
-            self._filter(group.sections, x, group.state)
-            if not np.may_share_memory(x, values):
-                values[rows] = x
-
-
-SectionsFilter = Callable[[Array, Array, Array], Any]
-"""Filters x (axes, n) by sections (s, 6) with state (axes, s, 2), x and state in place."""
-
-
-def sections_in_place() -> SectionsFilter:
-    """Return ``scipy.signal.sosfilt`` without the 90 us that its checks take, a block's half.
-
-    The compiled function inside it, which has been the same since SciPy 1.0; where a release has
-    moved it, the public one.
-    """
-    try:
-        from scipy.signal._sosfilt import _sosfilt
-    except ImportError:
-        return checked_sections
-    filtered: SectionsFilter = _sosfilt
-    return filtered
-
-
-def checked_sections(sections: Array, x: Array, state: Array) -> None:
-    """Filter as :func:`sections_in_place`, by SciPy's public function."""
-    from scipy import signal
-
-    x[:], after = signal.sosfilt(sections, x, zi=state.transpose(1, 0, 2))
-    state[:] = after.transpose(1, 0, 2)
+            zi = group.state.transpose(1, 0, 2)
+            values[rows], after = self._filter(group.sections, x, zi=zi)
+            group.state = after.transpose(1, 0, 2)
 
 
 _WHOLE: Final = 1.0 + 1e-6

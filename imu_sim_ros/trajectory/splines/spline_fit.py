@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
 from imu_sim_ros.trajectory.motion import Array
-from imu_sim_ros.trajectory.splines import banded
 from imu_sim_ros.trajectory.splines.bspline import (
     BASIS,
     ORDER,
@@ -54,7 +53,9 @@ class LeastSquares:
         self._basis: Array = powers @ BASIS.T
         self._weighted = self._basis if trust is None else self._basis * trust[:, None]
         self._penalty = self._penalty_rows(t, segment, cutoff)
-        self._factor = banded.factored(self._normal_matrix())
+        from scipy.linalg import cholesky_banded  # most trajectories fit nothing
+
+        self._factor = cholesky_banded(self._normal_matrix(), lower=True)
 
     def _penalty_rows(self, t: Array, segment: NDArray[np.int64], cutoff: float) -> Array:
         """Return lambda (c - 3,) of each third difference; more where there are no data.
@@ -99,7 +100,10 @@ class LeastSquares:
         if bend is not None:
             for i, a in enumerate(_DIFFERENCE):
                 right[i : i + c - 3] -= a * self._penalty[:, None] * bend
-        return banded.solved(self._factor, right)
+        from scipy.linalg import cho_solve_banded
+
+        points: Array = cho_solve_banded((self._factor, True), right)
+        return points
 
     def fitted(self, points: Array) -> Array:
         """Return the spline (n, 3) of control points (c, 3) at the times."""

@@ -4,12 +4,9 @@
 """Output files that cannot be mistaken for complete ones before they are."""
 
 import os
-import time
-from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from imu_sim_ros.bags.files.direct import DirectAppender, Pace
 from imu_sim_ros.errors import InputError, MachineError, system_error
 
 ACTIVE_SUFFIX = ".active"
@@ -69,12 +66,11 @@ def make_folder(path: Path) -> None:
 class OutputFile:
     """A file that grows by whole records and gets its name when it is complete."""
 
-    def __init__(self, path: Path, renamed: bool = True, pace: Pace | None = None) -> None:
+    def __init__(self, path: Path, renamed: bool = True) -> None:
         """Open a new file.
 
         :param renamed: write under the name with ``.active``; files of a rosbag2 folder do not
             need it, because a missing metadata.yaml marks the bag as incomplete.
-        :param pace: of a file that may be written past the system's cache; it decides on that.
         """
         refuse_existing(path)
         self.path = path
@@ -84,36 +80,12 @@ class OutputFile:
         except OSError as error:
             raise system_error(path, error) from None
         self.position = 0
-        self._pace = pace
-        self._direct: DirectAppender | None = None
 
     def write(self, *parts: bytes | memoryview) -> None:
         """Append parts; where not all of them fit on the disk, none is kept.
 
         :raises MachineError: with the system's reason, for instance that no space is left.
         """
-        size, started = sum(map(len, parts)), time.perf_counter()
-        if not self._written_directly(parts):
-            self._write_through_cache(parts)
-        # Only now: if the lines above are interrupted, position stays at the end of a record.
-        self.position += size
-        if self._pace is not None:
-            self._pace.add(size, time.perf_counter() - started)
-
-    def _written_directly(self, parts: Sequence[bytes | memoryview]) -> bool:
-        if self._pace is None or not self._pace.direct:
-            return False
-        try:
-            if self._direct is None:
-                self._direct = DirectAppender(self._file.fileno())
-            self._direct.append(self.position, parts)
-        except OSError:  # of a file system without it, or of a full disk, which the cache tells
-            self.stay_cached()
-            return False
-        return True
-
-    def _write_through_cache(self, parts: Sequence[bytes | memoryview]) -> None:
-        self._forget()
         position = self.position
         try:
             for part in parts:
@@ -124,29 +96,17 @@ class OutputFile:
         except OSError as error:
             self.cut(self.position)
             raise MachineError(f"{self.path}: {error.strerror or error}") from None
-
-    def stay_cached(self) -> None:
-        """Write through the system's cache from now on: others see the file's true end at once."""
-        self._pace = None
-        if self._direct is not None:
-            self._direct = None
-            self.cut(self.position)
-
-    def _forget(self) -> None:
-        """Make the next direct write begin with what is in the file."""
-        if self._direct is not None:
-            self._direct.forget()
+        # Only now: if the lines above are interrupted, position stays at the end of a record.
+        self.position = position
 
     def cut(self, position: int) -> None:
         """Truncate the file at a position."""
         self.position = position
-        self._forget()
         with suppress(OSError):
             self._file.truncate(position)
 
     def rewrite(self, position: int, part: bytes) -> None:
         """Overwrite existing bytes."""
-        self._forget()
         os.pwrite(self._file.fileno(), part, position)
 
     def sync(self) -> None:
