@@ -26,7 +26,13 @@ POSE: Final = (
     "final_attitude_error_rad",
     "drift_percent",
 )
-STATE: Final = ("final_velocity_error_m_s", "nees_position", "nees_attitude", "nees_velocity")
+STATE: Final = (
+    "final_velocity_error_m_s",
+    "nees_position",
+    "nees_attitude",
+    "nees_velocity",
+    "attitude_sigma_rad",
+)
 COMMAND: Final = ("scale_error", "initialisation_s", "wall_s", "real_time_factor", "peak_memory_mb")
 """Metrics of programs that describe the execution and are not reproducible."""
 

@@ -19,11 +19,18 @@ from imu_sim_ros.campaign.plan import Plan
 from imu_sim_ros.config import CalibrationEstimator, CommandEstimator, DeadReckonEstimator
 from imu_sim_ros.errors import ConfigurationError, ImuSimError, InputError
 from imu_sim_ros.navigation import NavigationStates, dead_reckon, noise_of
-from imu_sim_ros.navigation.comparison import Truth, attitude_errors, drift_from, nees
+from imu_sim_ros.navigation.comparison import (
+    LARGEST_SIGMA,
+    Truth,
+    attitude_errors,
+    drift_from,
+    nees,
+)
 from imu_sim_ros.navigation.covariance import (
     ATTITUDE,
     POSITION,
     VELOCITY,
+    Covariance,
     initial_covariance,
     propagate,
 )
@@ -70,7 +77,7 @@ class CellRuns:
         self.digests = {
             name: plan.digest(self.parameters, self.rig, name) for name in plan.estimators
         }
-        self._inverse_covariance: dict[str, Array | None] | None = None
+        self._covariances: tuple[dict[str, Array | None], float] | None = None
 
     def rows(
         self, seeds: Sequence[int], estimators: Sequence[str], folder: Path
@@ -189,33 +196,38 @@ class CellRuns:
 
         It is the same for all seeds of a cell, so it is propagated only once.
         """
-        if self._inverse_covariance is None:
-            self._inverse_covariance = self._final_covariances(truth, block)
+        if self._covariances is None:
+            self._covariances = self._final_covariances(truth, block)
+        covariances, sigma = self._covariances
         errors = {
             "position": truth.position[-1] - states.position[-1],
             "velocity": truth.velocity[-1] - states.velocity[-1],
             "attitude": attitude_errors(states.q_wb[-1:], truth.q_wb[-1:])[0],
         }
-        return {
+        found: Metrics = {
             f"nees_{name}": None if matrix is None else float(nees(errors[name][None], matrix)[0])
-            for name, matrix in self._inverse_covariance.items()
+            for name, matrix in covariances.items()
         }
+        return {**found, "attitude_sigma_rad": sigma}
 
     def _final_covariances(
         self, truth: NavigationStates, block: ImuBlock
-    ) -> dict[str, Array | None]:
+    ) -> tuple[dict[str, Array | None], float]:
+        """Return those of the final state that are valid, and the attitude's largest sigma."""
         imu = self.parameters.imu
         initial = initial_covariance(
             gyroscope_bias=imu.gyroscope.turn_on_bias_sigma,
             accelerometer_bias=imu.accelerometer.turn_on_bias_sigma,
         )
-        matrix = propagate(truth, block.ideal_accel, noise_of(imu), initial)[0]
+        covariance = Covariance(noise_of(imu), initial)
+        matrix = propagate(truth, block.ideal_accel, noise_of(imu), covariance)[0]
+        valid = covariance.largest_attitude_sigma <= LARGEST_SIGMA
         found: dict[str, Array | None] = {}
         for name, place in _NEES.items():
             part = matrix[place, place]
-            regular = np.linalg.matrix_rank(part, hermitian=True) == 3
+            regular = valid and np.linalg.matrix_rank(part, hermitian=True) == 3
             found[name] = part if regular else None
-        return found
+        return found, covariance.largest_attitude_sigma
 
 
 def _reason(error: Exception) -> str:

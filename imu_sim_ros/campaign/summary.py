@@ -24,6 +24,7 @@ from imu_sim_ros.campaign.statistics import (
     statistic,
     success,
 )
+from imu_sim_ros.navigation.comparison import LARGEST_SIGMA
 
 SIGNIFICANT: Final = 0.05
 _KEYS: Final = ("cell", "estimator")
@@ -55,6 +56,12 @@ class Group(NamedTuple):
     def values(self, metric: str) -> Any:
         """Return a metric (n,) of the runs that have it."""
         return np.array(numbers(self.rows, metric))
+
+    def not_valid(self, metric: str) -> bool:
+        """Whether no run has a NEES since the attitude is known too badly for a covariance."""
+        if not metric.startswith("nees_") or len(self.values(metric)):
+            return False
+        return bool(np.any(self.values("attitude_sigma_rad") > LARGEST_SIGMA))
 
 
 def groups(rows: Iterable[Row], grid: Sequence[str]) -> list[Group]:

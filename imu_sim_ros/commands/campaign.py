@@ -12,7 +12,7 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 from imu_sim_ros.commands import common, shared
 from imu_sim_ros.errors import InputError, system_error
@@ -318,7 +318,6 @@ def _row(group: "Group", metric: str) -> list[str]:
     values = group.values(metric)
     median, p95 = quantile(values, 0.5), quantile(values, 0.95)
     ends = [_number(end) for end in (median.low, median.high)]
-    nees = group.values("nees_position")
     return [
         group.cell,
         group.estimator,
@@ -326,14 +325,15 @@ def _row(group: "Group", metric: str) -> list[str]:
         _number(median.value),
         " - ".join(ends),
         _number(p95.value),
-        _consistency(nees),
+        _consistency(group),
     ]
 
 
-def _consistency(nees: Any) -> str:
-    """Return the mean NEES (n,) with the band that it lies in if the covariance is right."""
+def _consistency(group: "Group") -> str:
+    """Return the mean NEES with the band that it lies in if the covariance is right."""
+    nees = group.values("nees_position")
     if not len(nees):
-        return "-"
+        return "not valid" if group.not_valid("nees_position") else "-"
     from imu_sim_ros.navigation import comparison
 
     low, high = comparison.anees_band(3, len(nees))

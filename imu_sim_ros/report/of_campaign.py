@@ -26,7 +26,7 @@ from imu_sim_ros.campaign import (
 )
 from imu_sim_ros.config import flatten
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.navigation.comparison import anees_band
+from imu_sim_ros.navigation.comparison import LARGEST_SIGMA, anees_band
 from imu_sim_ros.report.page import Item, Section, column, table
 
 PLAN: Final = "plan.yaml"
@@ -188,9 +188,15 @@ def _cells(plan: Plan, found: Sequence[Group], metrics: Sequence[str]) -> Sectio
         row += [group.done, len(group.rows)]
         for name in shown:
             values = group.values(name)
-            row += [*quantile(values, 0.5), quantile(values, 0.95).value]
+            if group.not_valid(name):
+                row += ["not valid", None, None, None]
+            else:
+                row += [*quantile(values, 0.5), quantile(values, 0.95).value]
         rows.append(row)
-    text = "Medians with their exact 95 % intervals; summary.csv has more."
+    text = (
+        "Medians with their exact 95 % intervals; summary.csv has more. A NEES is not valid where "
+    )
+    text += f"the attitude is known to no better than {LARGEST_SIGMA:g} rad."
     items: list[Item] = [{"kind": "text", "text": text, "faint": True}]
     return Section("Cells", [*items, table("cells", header, rows, search=True)])
 

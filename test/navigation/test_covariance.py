@@ -336,3 +336,42 @@ def test_propagate_gives_the_rows_that_are_asked_for(record, at):
     found = propagate(states, motion.accel, noise, at=at)
     whole = propagate(states, motion.accel, noise, at=range(401))
     np.testing.assert_array_equal(found, whole[list(at)])
+
+
+def areas(sigma, turn_rate, duration, runs=4000):
+    """Errors of attitude of a body that turns about z with a constant bias, exactly: (runs, 3)."""
+    rng, rate = np.random.default_rng(7), np.array([0.0, 0.0, turn_rate])
+    bias = sigma * rng.standard_normal((runs, 3))
+    turn = rotation.exp(rate * duration)
+    estimate = rotation.exp((rate + bias) * duration)
+    return rotation.log(rotation.multiply(turn, rotation.conjugate(estimate)))
+
+
+@pytest.mark.parametrize("turns", [0.5, 1.0, 2.0])
+def test_second_order_of_the_attitude_of_a_turning_body(turns):
+    """A bias leads the attitude's error round a circle; after whole turns its area is left.
+
+    Turned by an angle phi about z at the rate w, a bias (b_x, b_y) sweeps (b_x^2 + b_y^2) / (2 w^2)
+    (phi - sin phi) about z. The exact errors of 4000 constant biases: a mean of e^2 of products of
+    normal numbers has a relative standard error of sqrt(20 / 4000), 7 %; three of these.
+    """
+    sigma, rate = 5e-3, np.pi / 5
+    duration = turns * 2.0 * np.pi / rate
+    result = Covariance(SILENT, initial_covariance(gyroscope_bias=[sigma, sigma, 0.0]))
+    for k in range(round(duration / 0.005)):
+        middle = rotation.to_matrix(rotation.exp([0.0, 0.0, rate * (k + 0.5) * 0.005]))
+        result.step(0.005, middle, np.zeros(3))
+    swept = (duration * rate - np.sin(duration * rate)) / (2.0 * rate**2)
+    predicted = result.mean_square()[2, 2]
+    # E[(b_x^2 + b_y^2)^2] = 8 sigma^4; intervals of 0.1 s are chords of the circle.
+    assert predicted == pytest.approx(8.0 * sigma**4 * swept**2, rel=0.02)
+    exact = areas(np.array([sigma, sigma, 0.0]), rate, duration)
+    assert np.mean(exact[:, 2] ** 2) == pytest.approx(predicted, rel=0.21)
+
+
+def test_an_attitude_known_too_badly_is_said():
+    """Above 0.5 rad, along the worst axis, at any time so far: errors are no longer linear."""
+    result = Covariance(SILENT, initial_covariance(gyroscope_bias=[0.06, 0.0, 0.0]))
+    for _ in range(1600):
+        result.step(0.005, np.eye(3), np.array([0.0, 0.0, 9.81]))
+    assert result.largest_attitude_sigma == pytest.approx(0.06 * 8.0, rel=1e-6)

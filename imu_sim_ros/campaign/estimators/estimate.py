@@ -17,9 +17,11 @@ from imu_sim_ros.campaign.metrics import Metrics, Relative, pose_metrics
 from imu_sim_ros.errors import ImuSimError, InputError
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.navigation.comparison import (
+    LARGEST_SIGMA,
     Alignment,
     absolute_errors,
     align,
+    attitude_sigma,
     common_rows,
     interpolate_poses,
     interpolate_vectors,
@@ -134,6 +136,11 @@ def _consistency(
     estimate = _at_rows(found.poses, row)
     if found.poses.covariance is not None:
         errors, covariance = absolute_errors(estimate, truth), found.poses.covariance[row]
+        if np.isfinite(covariance).all():
+            sigma = float(attitude_sigma(covariance[:, 3:, 3:])[0])
+            result["attitude_sigma_rad"] = sigma
+            if sigma > LARGEST_SIGMA:
+                return result
         result["nees_position"] = _nees(errors.position, covariance[:, :3, :3])
         result["nees_attitude"] = _nees(errors.attitude, covariance[:, 3:, 3:])
     velocities, covariances = found.velocity, found.velocity_covariance

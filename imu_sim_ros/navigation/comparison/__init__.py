@@ -12,7 +12,14 @@ from imu_sim_ros.navigation.comparison.association import (
     interpolate_poses,
     interpolate_vectors,
 )
-from imu_sim_ros.navigation.comparison.consistency import Band, anees_band, invertible, nees
+from imu_sim_ros.navigation.comparison.consistency import (
+    LARGEST_SIGMA,
+    Band,
+    anees_band,
+    attitude_sigma,
+    invertible,
+    nees,
+)
 from imu_sim_ros.navigation.comparison.drift import Drift, Truth, drift_from
 from imu_sim_ros.navigation.comparison.evaluation import (
     AbsoluteErrors,
@@ -29,6 +36,7 @@ from imu_sim_ros.navigation.comparison.timing import time_offset
 
 __all__ = [
     "ALIGNMENTS",
+    "LARGEST_SIGMA",
     "AbsoluteErrors",
     "Alignment",
     "Band",
@@ -39,6 +47,7 @@ __all__ = [
     "align",
     "anees_band",
     "attitude_errors",
+    "attitude_sigma",
     "common_rows",
     "distances",
     "drift_from",

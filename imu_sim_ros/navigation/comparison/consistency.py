@@ -17,7 +17,7 @@ Barrau, Chauchat and Bonnabel, "Associating uncertainty to extended poses for on
 preintegration with rotating Earth", T-RO 2022): :func:`straightened`.
 """
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,9 @@ from numpy.typing import NDArray
 from imu_sim_ros import rotation
 
 Array = NDArray[np.float64]
+
+LARGEST_SIGMA: Final = 0.5
+"""[rad] of an attitude, along its worst axis: beyond, no covariance is right, nor any NEES."""
 
 
 def straightened(attitude: Array, error: Array) -> Array:
@@ -39,6 +42,16 @@ def straightened(attitude: Array, error: Array) -> Array:
     """
     # Jl(v) is Jr(-v).
     result: Array = (rotation.right_jacobian_inverse(-attitude) @ error[..., None])[..., 0]
+    return result
+
+
+def attitude_sigma(covariances: Array) -> Array:
+    """Return the standard deviation (n,) along the worst axis [rad].
+
+    :param covariances: (n, 3, 3) of attitudes, finite.
+    """
+    largest = np.linalg.eigvalsh(covariances)[..., -1]
+    result: Array = np.sqrt(np.maximum(largest, 0.0))
     return result
 
 

@@ -17,8 +17,8 @@ each, in the world), bias of the gyroscope and of the accelerometer (3 each, in 
 section 14.2, for a world that does not turn), integrated to first order over each step. The white
 noise of a reading counts once, for one step: midpoint's halves of it in two neighbouring steps add
 up to the same; rounding to steps of LSB is white noise of ``LSB^2 / 12`` per reading (Widrow 1956).
-What a tilt adds to second order, :mod:`imu_sim_ros.navigation.covariance.second_order` says, what
-1/f noise, Gauss-Markov biases and unknown scales add, :mod:`~.slow_errors`.
+The second order of the first three is in :mod:`imu_sim_ros.navigation.covariance.second_order`, 1/f
+noise, Gauss-Markov biases and unknown scales are in :mod:`~.slow_errors`.
 
 Not in it: temperature, range, bandwidth and losses, and what steps of the integration leave out.
 """
@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from imu_sim_ros import rotation
-from imu_sim_ros.navigation.covariance.second_order import SecondOrder, regression
+from imu_sim_ros.navigation.covariance.second_order import SecondOrder
 from imu_sim_ros.navigation.covariance.slow_errors import SlowErrors
 from imu_sim_ros.navigation.noise import ImuErrors
 from imu_sim_ros.navigation.state import NavigationStates
@@ -73,9 +73,8 @@ _JACOBIAN: Final = struct.Struct(
     "=" + 3 * _row_format((0, 6)) + "".join(_row_format((9 + axis, 1)) for axis in range(3))
 )
 """The (6, 15) derivative of the twist's error by the state's."""
-_UNCHANGED: Final = np.eye(3)
 _SECOND_ORDER_INTERVAL: Final = 0.1
-"""[s] at which the second order is brought up to date; it grows slowly and costs 50 us."""
+"""[s] at which the second order is brought up to date; it grows slowly and costs 0.3 ms."""
 
 
 def initial_covariance(
@@ -126,20 +125,30 @@ class Covariance:
         self.slow = SlowErrors(noise, SIZE)
         if cross is not None:
             self.slow.cross = np.array(cross)
-        self._second_order = SecondOrder(SIZE)
+        self._second_order = SecondOrder(3 + len(self.slow.of_rate))
         self._begin_interval()
 
     def _begin_interval(self) -> None:
         """Begin to collect what the second order needs."""
-        self._before = self.matrix[ATTITUDE, ATTITUDE].copy()
-        """(3, 3) covariance of the attitude's error"""
-        self._gyro_before = self.matrix[GYRO_BIAS, ATTITUDE].copy()
-        """(3, 3) covariance of the gyroscope's bias and slow errors with the attitude's error"""
-        if self.slow:
-            self._gyro_before = self._gyro_before + self.slow.bias()[ATTITUDE, GYRO_BIAS].T
+        self._before = self._attitude_and_rates()
         self._length = 0.0
         self._passed = np.zeros((SIZE, SIZE))
         """The sum of the steps' transitions."""
+        self._passed_slow = np.zeros((3, self.slow.count))
+        """(3, m) what the slow errors add to the attitude, each of unit size."""
+
+    def _attitude_and_rates(self) -> Array:
+        """Return the (n, n) covariance of the attitude with all errors of the gyroscope."""
+        p, cross = self.matrix, self.slow.cross.take(self.slow.of_rate, axis=1)
+        attitude, bias = p[ATTITUDE, ATTITUDE], p[ATTITUDE, GYRO_BIAS]
+        result: Array = np.block(
+            [
+                [attitude, bias, cross[ATTITUDE]],
+                [bias.T, p[GYRO_BIAS, GYRO_BIAS], cross[GYRO_BIAS]],
+                [cross[ATTITUDE].T, cross[GYRO_BIAS].T, np.eye(cross.shape[1])],
+            ]
+        )
+        return result
 
     def step(
         self,
@@ -170,6 +179,7 @@ class Covariance:
             half = self.slow.step(h, transition, self._by_bias, rate_b, force_b)
             p += half
             p += half.T
+            self._passed_slow += self.slow.gain[ATTITUDE]
         self._length += h
         self._passed += transition
         if self._length >= _SECOND_ORDER_INTERVAL:
@@ -192,23 +202,32 @@ class Covariance:
         p[VELOCITY, VELOCITY] += (turned * white) @ turned.T
 
     def _update_second_order(self) -> None:
-        before = self._before
+        slow, rates = self.slow, self.slow.of_rate
         turned, tilt = self._passed[ATTITUDE, GYRO_BIAS], self._passed[VELOCITY, ATTITUDE]
         # The velocity's entries of a tilt are 0 z -y, -z 0 x, y -x 0.
         acceleration = tilt[[1, 2, 0], [2, 0, 1]] / self._length
-        # The error of the attitude at the end, as far as that at the start predicts it.
-        by_bias = turned @ self._gyro_before
-        kept = _UNCHANGED + regression(by_bias, before)
-        after = self.matrix[ATTITUDE, ATTITUDE]
-        self._second_order.step(self._length, acceleration, before, after, kept)
+        by_slow = self._passed_slow * slow.over(self._length)[1]
+        by_rates = np.concatenate([turned, by_slow.take(rates, axis=1)], axis=1)
+        decay = np.concatenate([np.ones(3), slow.decay(self._length).take(rates)])
+        after = self._attitude_and_rates()
+        self._second_order.step(self._length, acceleration, self._before, after, by_rates, decay)
         self._begin_interval()
 
+    @property
+    def largest_attitude_sigma(self) -> float:
+        """The largest standard deviation of the attitude so far, along its worst axis [rad].
+
+        Above 0.5 rad the orders that are left out matter: what is stated is too small or too large.
+        """
+        return self._second_order.largest_sigma
+
     def mean_square(self) -> Array:
-        """Return the (15, 15) mean square of the error, with the second order of a tilt.
+        """Return the (15, 15) mean square of the error, the second order included.
 
         The biases are here all that the latest reading is off by, white noise apart.
         """
-        result = self.matrix + self._second_order.mean_square()
+        result: Array = self.matrix.copy()
+        result[:9, :9] += self._second_order.mean_square()
         if self.slow:
             half = self.slow.bias()
             result += half
@@ -317,7 +336,7 @@ def propagate(
     :param initial: (15, 15) covariance at the first row, or one such as
         :func:`~imu_sim_ros.navigation.covariance.after_rest` gives; None is no error.
     :param at: the m rows to return, increasing; -1 is the last.
-    :returns: (m, 15, 15) mean squares of the error, the second order of a tilt included.
+    :returns: (m, 15, 15) mean squares of the error, the second order included.
     """
     covariance = initial if isinstance(initial, Covariance) else Covariance(noise, initial)
     steps = (np.diff(states.t_ns) * 1e-9).tolist()

@@ -1,18 +1,33 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The contribution of a tilt that is no longer small to the errors of velocity and position.
+"""The second order of a dead-reckoned state's errors, where a tilt is no longer small.
 
-To first order a tilt theta turns the specific force a by ``theta x a``, across it; along it nothing
-changes, and the first-order covariance knows there but the accelerometer's own noise. To second
-order the force is shortened by ``theta x (theta x a) / 2``: with 2.7 degrees of tilt per axis, as
-the lecture's gyroscope has after 10 s, by 2 cm/s^2, and integrated this is more than the first
-order's sigma of the vertical. Mean and covariance of it follow from the covariance of the tilt.
+With u the error of the rate and a the specific force, both in the world, the attitude's error theta
+obeys ``theta' = Jr(theta)^-1 u`` along the estimate. Its first order is the integral of u. To
+second order
 
-With ``Z = theta theta^T`` and its mean ``S``, the covariance of theta, the second-order
-acceleration is ``(Z - tr(Z) I) a / 2``. The six entries of ``Z - S`` are kept as a state z of their
-own. For a Gaussian theta, ``Cov(Z_ij, Z_kl) = S_ik S_jl + S_il S_jk`` (Isserlis 1918), and z passes
-on as theta does, ``theta' = G theta + noise``.
+    theta2' = theta x u / 2
+    v2'     = theta2 x a + theta x (theta x a) / 2 = theta2 x a + (Z - tr(Z) I) a / 2
+    p2'     = v2                                     with Z = theta theta^T
+
+(Sola, arXiv:1711.02508, eq. 144; the second term of Magnus' series). Along the truth all three
+change sign, which no mean square shows. theta2 is the area that theta sweeps: where the body turns,
+a constant bias leads theta round a circle and back to zero, and the area is what is left. v2 is the
+force that a tilt shortens: with 2.7 degrees of tilt per axis, as the lecture's gyroscope has after
+10 s, by 2 cm/s^2, and integrated this is more than the first order's sigma of the vertical.
+
+All are integrals of quadratic forms of a normal state x: theta and the errors of the rate, of
+covariance P. So mean m and covariance Y of ``y = (theta2, v2, p2)`` follow without approximation
+from those of x, if ``C_k = Cov(y_k, x x^T)`` is carried as well. Over an interval, in which x
+becomes ``F x + noise`` and y becomes ``L y + M q``, with quadratic forms ``q_i = g^T A_i g`` of
+``g = (theta at the start, theta at the end)`` and ``G = E[g g^T]``, ``U = dg/dx``,
+``K = E[x g^T]`` for the x of the end,
+
+    Cov(q_i, q_j) = 2 tr(A_i G A_j G),   Cov(y_k, q_i) = tr(A_i U C_k U^T),
+    C_k <- sum_l L_kl F C_l F^T + sum_i M_ki 2 K A_i K^T
+
+(moments of normal variables: Isserlis 1918).
 """
 
 from typing import Final
@@ -20,107 +35,103 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros import rotation
+from imu_sim_ros.navigation.comparison import attitude_sigma
+
 Array = NDArray[np.float64]
 
-_ROWS: Final = np.array([0, 0, 0, 1, 1, 2])
-_COLUMNS: Final = np.array([0, 1, 2, 1, 2, 2])
-_Z, _VELOCITY, _POSITION = slice(0, 6), slice(6, 9), slice(9, 12)
-_MOVED: Final = slice(6, 12)
-_IN_STATE: Final = slice(3, 9)
-"""Velocity and position in the error of the state."""
-_POSITION_ROWS, _VELOCITY_COLUMNS = np.arange(9, 12), np.arange(6, 9)
-
-
-def _place(first: NDArray[np.int64], second: NDArray[np.int64]) -> NDArray[np.intp]:
-    """Return the places (6, 6) of entries (first, second) in a flat (3, 3) matrix."""
-    return (3 * first[:, None] + second).astype(np.intp)
-
-
-_IK, _JM = _place(_ROWS, _ROWS), _place(_COLUMNS, _COLUMNS)
-_IM, _JK = _place(_ROWS, _COLUMNS), _place(_COLUMNS, _ROWS)
-"""Places for entries ij and km of a symmetric matrix."""
-_COUNTED: Final = np.where(_ROWS == _COLUMNS, 0.5, 1.0)
-"""On the diagonal ij and ji are the same entry."""
-_SMALLEST: Final = 1e-15
-"""Eigenvalues below this share of the largest are rounding."""
-_BY_Z: Final = 0.5 * np.array(
-    [
-        [[0, 0, 0], [0, 1, 0], [0, 0, 1], [-1, 0, 0], [0, 0, 0], [-1, 0, 0]],
-        [[0, -1, 0], [1, 0, 0], [0, 0, 0], [0, 0, 0], [0, 0, 1], [0, -1, 0]],
-        [[0, 0, -1], [0, 0, 0], [1, 0, 0], [0, 0, -1], [0, 1, 0], [0, 0, 0]],
-    ]
-)
-"""(3, 6, 3): ``(Z - tr(Z) I) a / 2`` is ``_BY_Z @ a`` on Z's xx, xy, xz, yy, yz and zz."""
+_SIZE: Final = 9
+_EYE: Final = np.eye(3)
+_CROSS: Final = 0.5 * rotation.skew(_EYE)
+"""(3, 3, 3): row k of ``theta x theta' / 2`` is ``-theta^T _CROSS[k] theta'``."""
 
 
 class SecondOrder:
-    """Mean and covariance of the second-order errors of velocity and position, in the world."""
+    """Mean and covariance of the second-order errors of attitude, velocity and position."""
 
-    def __init__(self, size: int) -> None:
-        """Start with no tilt.
+    def __init__(self, rates: int) -> None:
+        """Start with no error.
 
-        :param size: n, how many numbers the error of the state has: attitude, velocity, position,
-            and more.
+        :param rates: r, how many errors of the rate the state x has beside theta.
         """
-        self._velocity, self._position = np.zeros(3), np.zeros(3)
-        # z, velocity, position, each less its mean
-        self._covariance = np.zeros((12, 12))
-        self._mean_square = np.zeros((size, size))
-        self._f, self._g = np.eye(12), np.eye(12, 6)
+        n = 3 + rates
+        self.largest_sigma = 0.0
+        """[rad] of the attitude, along its worst axis, so far."""
+        self._mean, self._covariance = np.zeros(_SIZE), np.zeros((_SIZE, _SIZE))
+        self._with_state = np.zeros((_SIZE, n, n))
+        self._forms = np.zeros((_SIZE, 6, 6))
+        self._forms[:3, :3, 3:] = -0.5 * _CROSS
+        self._forms[:3, 3:, :3] = 0.5 * _CROSS
 
-    def step(self, h: float, acceleration: Array, before: Array, after: Array, kept: Array) -> None:
+    def step(
+        self,
+        h: float,
+        acceleration: Array,
+        before: Array,
+        after: Array,
+        by_rates: Array,
+        decay: Array,
+    ) -> None:
         """Propagate over an interval.
 
         :param h: its length [s].
         :param acceleration: (3,) mean specific force, in the world [m/s^2].
-        :param before: (3, 3) covariance of the attitude's error at the start, S.
-        :param after: (3, 3) at the end.
-        :param kept: (3, 3) G, the regression of the error at the end on that at the start.
+        :param before: (n, n) covariance of x at the start.
+        :param after: (n, n) at the end.
+        :param by_rates: (3, r) how theta at the end depends on the errors of the rate at the start.
+        :param decay: (r,) what is left at the end of the errors of the rate at the start.
         """
-        mean = 0.25 * (before + after)
-        gained = (mean.dot(acceleration) - mean.trace() * acceleration) * h
-        self._position += (self._velocity + 0.5 * gained) * h
-        self._velocity += gained
-        passed = _pairs(kept)
-        f, g = self._f, self._g
-        g[_VELOCITY] = by_z = _BY_Z.dot(0.5 * h * acceleration)
-        f[_Z, _Z] = passed
-        f[_VELOCITY, _Z] = gain = by_z + by_z.dot(passed)
-        f[_POSITION, _Z] = 0.5 * h * gain
-        f[_POSITION_ROWS, _VELOCITY_COLUMNS] = h
-        new = _products(after) - passed.dot(_products(before)).dot(passed.T)
-        self._covariance = f.dot(self._covariance).dot(f.T) + g.dot(new).dot(g.T)
-        average = np.concatenate([self._velocity, self._position])
-        self._mean_square[_IN_STATE, _IN_STATE] = self._covariance[_MOVED, _MOVED] + (
-            average[:, None] * average
+        theta = slice(0, 3)
+        self.largest_sigma = max(self.largest_sigma, float(attitude_sigma(after[theta, theta])))
+        forms = self._forms
+        forms[3:6, theta, theta] = forms[6:, 3:, 3:] = _shortening(acceleration)
+        at_end = _carried(before[:, theta], by_rates, decay)  # E[x theta^T], x at the end
+        k = np.concatenate([at_end, after[:, theta]], axis=1)
+        g = np.block(
+            [[before[theta, theta], at_end[theta].T], [at_end[theta], after[theta, theta]]]
         )
+        weighed = forms @ g
+        own = 2.0 * np.einsum("iab,jba->ij", weighed, weighed)
+        keep, gain = _transition(h, acceleration)
+        c = self._with_state
+        u = np.concatenate([np.eye(len(before))[theta], np.eye(len(before))[theta]])
+        u[3:, 3:] = by_rates
+        shared = np.einsum("iab,kab->ki", forms, u @ c @ u.T)
+        crossed = keep @ shared @ gain.T
+        y = keep @ self._covariance @ keep.T + crossed + crossed.T + gain @ own @ gain.T
+        self._covariance = y
+        self._mean = keep @ self._mean + gain @ weighed.trace(axis1=1, axis2=2)
+        c = _carried(_carried(c, by_rates, decay).swapaxes(1, 2), by_rates, decay)
+        c = np.tensordot(keep, c, 1) + np.tensordot(gain, 2.0 * (k @ forms @ k.T), 1)
+        self._with_state = c
 
     def mean_square(self) -> Array:
-        """Return (n, n): the mean square of the errors of velocity and position, zero elsewhere."""
-        return self._mean_square
+        """Return (9, 9): the mean square of the errors of attitude, velocity and position."""
+        result: Array = self._covariance + np.outer(self._mean, self._mean)
+        return result
 
 
-def regression(cross: Array, covariance: Array) -> Array:
-    """Return ``cross covariance^+``: the mean of what is correlated, for each unit of the other.
+def _shortening(a: Array) -> Array:
+    """Return (3, 3, 3): row k of ``(Z - tr(Z) I) a / 2`` is ``theta^T _[k] theta``."""
+    along = _EYE[:, :, None] * a
+    result: Array = 0.25 * (along + along.swapaxes(1, 2)) - 0.5 * a[:, None, None] * _EYE
+    return result
 
-    :param cross: (n, 3) covariance with it.
-    :param covariance: (3, 3) of the other; what is known without error explains nothing.
+
+def _transition(h: float, a: Array) -> tuple[Array, Array]:
+    """Return L and M (9, 9) of an interval, by the trapezoid of its ends.
+
+    The forms are: what theta2 gains, and what shortens the force at the start and at the end.
     """
-    size, axes = np.linalg.eigh(covariance)
-    sizes = size.tolist()
-    least = _SMALLEST * max(map(abs, sizes))
-    inverse = np.array([1.0 / value if abs(value) > least else 0.0 for value in sizes])
-    result: Array = (cross.dot(axes) * inverse).dot(axes.T)
-    return result
+    tilted = -h * rotation.skew(a)  # theta2 x a h
+    keep, gain = np.eye(_SIZE), np.zeros((_SIZE, _SIZE))
+    keep[3:6, :3], gain[:3, :3], gain[3:6, :3] = tilted, _EYE, 0.5 * tilted
+    gain[3:6, 3:6] = gain[3:6, 6:] = 0.5 * h * _EYE
+    keep[6:, :3], keep[6:, 3:6], gain[6:] = 0.5 * h * tilted, h * _EYE, 0.5 * h * gain[3:6]
+    return keep, gain
 
 
-def _products(s: Array) -> Array:
-    """Covariance (6, 6) of the entries of Z."""
-    s = s.ravel()
-    result: Array = s.take(_IK) * s.take(_JM) + s.take(_IM) * s.take(_JK)
-    return result
-
-
-def _pairs(g: Array) -> Array:
-    """Return the matrix (6, 6) of ``Z -> G Z G^T`` on the entries of a symmetric Z."""
-    return _products(g) * _COUNTED
+def _carried(rows: Array, by_rates: Array, decay: Array) -> Array:
+    """Return ``F rows`` for rows (..., n, k): theta gains from the rates, the rates decay."""
+    theta, rates = rows[..., :3, :], rows[..., 3:, :]
+    return np.concatenate([theta + by_rates @ rates, decay[:, None] * rates], axis=-2)

@@ -65,6 +65,10 @@ class SlowErrors:
         )
         self._scale_inputs = np.array([source for _, source, _ in scales], dtype=np.intp)
         self._scale_sigmas = np.array([sigma for _, _, sigma in scales])
+        self.of_rate = np.flatnonzero(np.array(axes, dtype=np.intp) < 3)
+        """Places in a of the gyroscope's errors."""
+        self.gain = self._in_state
+        """(n, m) G H of the latest step."""
         self._h, self._decay = 0.0, np.ones(self.count)
 
     def __bool__(self) -> bool:
@@ -88,9 +92,9 @@ class SlowErrors:
         :returns: (n, n); with its transpose it is the whole.
         """
         if h != self._h:
-            self._h, self._decay = h, np.exp(self._decay_rate * h)
+            self._h, self._decay = h, self.decay(h)
         self.act_on(rate_b, force_b)
-        gain = by_bias.dot(self._in_state)
+        self.gain = gain = by_bias.dot(self._in_state)
         half = 0.5 * gain
         passed: Array = transition.dot(self.cross)
         passed += half
@@ -108,6 +112,10 @@ class SlowErrors:
         u = np.maximum(-self._decay_rate * time, 1e-6)  # below, both are 1 to 1e-6
         gone = -np.expm1(-u)
         return 2.0 * (u - gone) / u**2, gone / u
+
+    def decay(self, time: float) -> Array:
+        """Return what is left of each after a time [s] (m,)."""
+        return np.exp(self._decay_rate * time)
 
     def act_on(self, rate_b: Array | Sequence[float], force_b: Array | Sequence[float]) -> None:
         """Let the scales act on a reading."""
