@@ -20,6 +20,7 @@ PACKAGE = ROOT / "imu_sim_ros"
 LEAVES = {
     "errors",
     "inputs",
+    "json_text",
     "conventions",
     "lazy",
     "machine",
@@ -193,6 +194,24 @@ def test_no_heavy_import_at_the_top_of_what_a_node_starts_with(path):
     if room_of(path) == "bags":
         names -= {"rosbags", "mcap"}
     assert not names & HEAVY
+
+
+NOT_FOR_OTHERS = {"campaign/plan.py"}  # the text of which a digest is made
+
+
+@pytest.mark.parametrize("path", modules(), ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_json_is_written_in_one_place(path):
+    """JSON has no NaN; what does not pass json_text.py would have to see to that by itself."""
+    name = str(path.relative_to(PACKAGE))
+    calls = {
+        node.func.attr
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call)
+        and isinstance(node.func, ast.Attribute)
+        and isinstance(node.func.value, ast.Name)
+        and node.func.value.id == "json"
+    }
+    assert name in {"json_text.py", *NOT_FOR_OTHERS} or not calls & {"dump", "dumps"}
 
 
 def manifest():

@@ -112,8 +112,19 @@ def test_every_problem_of_a_kind_is_named_with_its_line(read):
 @pytest.mark.parametrize(
     ("bad", "problem"),
     [
-        ("1.1 nan 2 3 0 0 0 1", "line 2: a value that is not finite"),
-        ("1.1 1 2 3 0 0 inf 1", "line 2: a value that is not finite"),
+        ("1.1 nan 2 3 0 0 0 1", "line 2: a value that is not finite: position [nan, 2, 3]"),
+        (
+            "1.1 1 2 3 0 0 inf 1",
+            "line 2: a value that is not finite: orientation [1, 0, 0, inf]",
+        ),
+        (
+            "1.1 1e300 2 3 0 0 0 1",
+            "line 2: position [1e+300, 2, 3]: at most 1e+10 m is possible",
+        ),
+        (
+            "9e9 1 2 3 0 0 0 1",
+            "line 2: the stamp 9000000000000000000 ns is outside the years 1901 to 2038",
+        ),
         ("nan 1 2 3 0 0 0 1", "line 2: 'nan' is not a stamp in seconds"),
         ("inf 1 2 3 0 0 0 1", "line 2: 'inf' is not a stamp in seconds"),
         ("1e300 1 2 3 0 0 0 1", "line 2: '1e300' is not a stamp in seconds"),
@@ -166,7 +177,7 @@ def test_all_classes_of_bad_rows_stand_in_one_report(read):
     assert wrong(read, *rows) == [
         "line 5: 7 columns; the TUM form has 8, 14 or 20",
         "line 6: 'x' is not a number",
-        "line 7: a value that is not finite",
+        "line 7: a value that is not finite: position [1, 2, nan]",
         "line 8: a quaternion of length 2 instead of 1",
         "line 9: the stamp is 0.25 s before that of line 4",
         "line 11: 'later' is not a stamp in seconds",

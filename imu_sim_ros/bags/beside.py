@@ -24,7 +24,6 @@ from imu_sim_ros.bags.messages import (
     inside_order,
 )
 from imu_sim_ros.bags.read import decoded_blocks, open_bag, vector_blocks
-from imu_sim_ros.bags.text import Skipped
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.writer import Block, Topic, Writer
 from imu_sim_ros.conventions import (
@@ -39,6 +38,7 @@ from imu_sim_ros.conventions import (
     PRESSURE_TOPIC,
 )
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs import Skipped, Warned
 
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
@@ -77,14 +77,19 @@ _TRUTH: Final = "ground_truth/"
 
 
 def blocks(
-    path: Path, kind: str, topic: str | None, recover: bool = False, skipped: Skipped | None = None
+    path: Path,
+    kind: str,
+    topic: str | None,
+    recover: bool = False,
+    skipped: Skipped | None = None,
+    warned: Warned | None = None,
 ) -> Iterator[Beside]:
     """Yield measurements in blocks of bounded size; messages without an orientation are left out.
 
     :param kind: a key of ``bags.text.BESIDE``.
     :param topic: of a bag, None: the only one; of a folder: a table, mag0.
     :param recover: as for :func:`imu_sim_ros.bags.open_bag`.
-    :param skipped: as for :func:`imu_sim_ros.bags.imu_blocks`.
+    :param skipped, warned: as for :func:`imu_sim_ros.bags.imu_blocks`.
     :raises InputError: for an input that cannot be used.
     """
     of = _KINDS[kind]
@@ -93,7 +98,7 @@ def blocks(
         for t_ns, values in text_reader.beside_blocks(path, topic or f"{kind}0", skipped):
             yield Beside(t_ns, values, np.zeros((len(t_ns), size, size)))
         return
-    for _, decoded in decoded_blocks(path, of.type, topic, of.fields, recover):
+    for _, decoded in decoded_blocks(path, of.type, topic, of.fields, recover, skipped, warned):
         values, covariance = decoded.numbers.values()
         values = values.reshape(-1, of.columns)
         covariance = covariance.reshape(-1, size, size)
@@ -117,9 +122,11 @@ def stamps(folder: Path, table: str) -> Iterator[Times]:
     return (block[0] for block in read(folder, table))
 
 
-def read_beside(path: str | Path, kind: str, topic: str | None = None) -> Beside:
+def read_beside(
+    path: str | Path, kind: str, topic: str | None = None, skipped: Skipped | None = None
+) -> Beside:
     """Return all measurements; arguments as for :func:`blocks`."""
-    parts = list(blocks(Path(path), kind, topic))
+    parts = list(blocks(Path(path), kind, topic, skipped=skipped))
     if not parts:
         columns = _KINDS[kind].columns
         none = Beside(np.empty(0, np.int64), np.empty((0, columns)), np.empty((0, 3, 3)))
@@ -127,7 +134,9 @@ def read_beside(path: str | Path, kind: str, topic: str | None = None) -> Beside
     return Beside(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
-def read_magnetic_field(path: str | Path, topic: str | None = None) -> tuple[Times, Array]:
+def read_magnetic_field(
+    path: str | Path, topic: str | None = None, skipped: Skipped | None = None
+) -> tuple[Times, Array]:
     """Return stamps (n,) and fields (n, 3) [T] of a MagneticField topic, or of a folder's table.
 
     Where a bag has the true field as well, the readings are meant.
@@ -137,7 +146,7 @@ def read_magnetic_field(path: str | Path, topic: str | None = None) -> tuple[Tim
             names = [info.name for info in bag.topics if info.type == MAGNETIC_FIELD]
         measured = [name for name in names if _TRUTH not in name]
         topic = measured[0] if len(measured) == 1 else None
-    return read_beside(path, "mag", topic)[:2]
+    return read_beside(path, "mag", topic, skipped)[:2]
 
 
 def kind_of(path: Path, topic: str) -> str | None:

@@ -18,6 +18,7 @@ from imu_sim_ros.bags.messages import (
     VECTOR3_STAMPED,
     ImuEncoder,
     MessageBlock,
+    MessageGate,
     OdometryEncoder,
     Payloads,
     PoseStampedEncoder,
@@ -29,7 +30,7 @@ from imu_sim_ros.bags.messages import (
 )
 from imu_sim_ros.bags.read import imu_blocks, odometry_blocks, open_bag, vector_blocks
 from imu_sim_ros.bags.reader import Bag, listed, told
-from imu_sim_ros.bags.text import Dataset, Skipped, States
+from imu_sim_ros.bags.text import Dataset, States
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.writer import Block, Topic, Writer
 from imu_sim_ros.conventions import (
@@ -43,6 +44,7 @@ from imu_sim_ros.conventions import (
     WORLD_FRAME,
 )
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs import Skipped, Warned
 from imu_sim_ros.poses import PoseSequence, read_poses
 from imu_sim_ros.rotation import rotate, rotate_inverse
 
@@ -77,11 +79,14 @@ def bag_to_bag(
     topics: Sequence[TopicInfo],
     renamed: Mapping[str, str],
     advance: Callable[[int], object],
+    skipped: Skipped | None = None,
+    warned: Warned | None = None,
 ) -> None:
     """Copy topics of any type; the bytes stay as they are where the encoding does.
 
     :param renamed: new names by old ones.
     :param advance: receives the number of messages copied.
+    :param skipped, warned: as for :func:`imu_sim_ros.bags.imu_blocks`.
     """
     with told(bag.path):
         translate = _translator(bag, writer, topics)
@@ -92,14 +97,18 @@ def bag_to_bag(
         handles[info] = writer.add_topic(
             name, info.type, info.qos, translate.schema(info), keeps_seq
         )
+    gates = {info: MessageGate(bag.path, info.name, warned is not None) for info in topics}
     for group in bag.groups({info.name for info in topics}):
+        passed = [gates[b.topic].passed(b, bag.encoding) for b in group if b.topic in handles]
         blocks = [
             Block(handles[block.topic], block.t_ns, translate.payloads(block))
-            for block in group
-            if block.topic in handles
+            for block in passed
+            if len(block.t_ns)
         ]
         writer.write_blocks(blocks)
         advance(sum(len(block.t_ns) for block in blocks))
+    for gate in gates.values():
+        gate.settle(skipped, warned)
 
 
 class _Translator:
@@ -278,37 +287,43 @@ def to_dataset(
     recover: bool = False,
     skipped: Skipped | None = None,
     tables: Mapping[str, str] | None = None,
+    warned: Warned | None = None,
 ) -> None:
     """Copy readings, what is beside them, and truth of a bag or a dataset into text.
 
     :param tables: of the dataset, by kind: a topic, or a table of the dataset that is read.
-    :param skipped: as for :func:`imu_sim_ros.bags.imu_blocks`.
+    :param skipped, warned: as for :func:`imu_sim_ros.bags.imu_blocks`.
     :param topics: name of the topic for each of the types Imu and Odometry that is to be copied;
         None: the only one.
     """
     if dataset.imu is not None and IMU in topics:
-        for readings in imu_blocks(path, topics[IMU], recover, skipped):
+        for readings in imu_blocks(path, topics[IMU], recover, skipped, warned):
             dataset.write_imu(readings.t_ns, readings.gyro, readings.accel)
             advance(len(readings.t_ns))
     for kind, name in (tables or {}).items():
-        for measured in beside.blocks(path, kind, name, recover, skipped):
+        for measured in beside.blocks(path, kind, name, recover, skipped, warned):
             dataset.write_beside(kind, 0, measured.t_ns, measured.values)
             advance(len(measured.t_ns))
     if dataset.truth is not None and ODOMETRY in topics:
-        for states in _states(path, topics[ODOMETRY], recover, skipped):
+        for states in _states(path, topics[ODOMETRY], recover, skipped, warned):
             dataset.write_states(states)
             advance(len(states.t_ns))
 
 
 def _states(
-    path: Path, topic: str | None, recover: bool, skipped: Skipped | None
+    path: Path,
+    topic: str | None,
+    recover: bool,
+    skipped: Skipped | None,
+    warned: Warned | None,
 ) -> Iterator[States]:
     if text_reader.is_text(path):
         yield from text_reader.state_blocks(path, skipped=skipped)
         return
     biases = [BiasTopicReader(path, name, topic, recover) for name in (GYRO_BIAS, ACCEL_BIAS)]
-    for message in odometry_blocks(path, topic, recover):
-        velocity_w = rotate(message.q_wb, message.velocity_b)
+    for message in odometry_blocks(path, topic, recover, skipped, warned):
+        with np.errstate(over="ignore", invalid="ignore"):  # what is passed on with a warning
+            velocity_w = rotate(message.q_wb, message.velocity_b)
         gyro, accel = (reel.at(message.t_ns) for reel in biases)
         yield States(message.t_ns, message.position, message.q_wb, velocity_w, gyro, accel)
 
@@ -321,25 +336,36 @@ class BiasTopicReader:
             counts = {topic.name: topic.count for topic in bag.topics if topic.name == name}
             truth = bag.topic(ODOMETRY, beside).count
         there = counts.get(name, -1) == truth
-        self._blocks = vector_blocks(path, name, recover) if there else None
+        self._blocks = vector_blocks(path, name, recover, gated=False) if there else None
         self._t_ns, self._vectors = np.empty(0, dtype=np.int64), np.empty((0, 3))
 
     def at(self, t_ns: Times) -> Array:
-        """Return the vectors (n, 3) of the next times.
+        """Return the vectors (n, 3) of the next times; there may be others between them.
 
         :raises InputError: where the topic has different times.
         """
         if self._blocks is None:
             return np.zeros((len(t_ns), 3))
-        while len(self._t_ns) < len(t_ns):
+        while not np.isin(t_ns[-1:], self._t_ns).all():
             block = next(self._blocks, None)
             if block is None:
                 break
             self._t_ns = np.concatenate([self._t_ns, block[0]])
             self._vectors = np.concatenate([self._vectors, block[1]])
-        count = len(t_ns)
-        if not np.array_equal(self._t_ns[:count], t_ns):
-            raise InputError("the biases have different stamps from the truth")
-        vectors = self._vectors[:count]
-        self._t_ns, self._vectors = self._t_ns[count:], self._vectors[count:]
+        rows = _rows_of(t_ns, self._t_ns)
+        vectors = self._vectors[rows]
+        self._t_ns, self._vectors = self._t_ns[rows[-1] + 1 :], self._vectors[rows[-1] + 1 :]
         return vectors
+
+
+def _rows_of(t_ns: Times, among: Times) -> NDArray[np.intp]:
+    """Return where times (n,) stand among others, in their order.
+
+    :raises InputError: where one of them does not.
+    """
+    if len(among) >= len(t_ns) and np.array_equal(among[: len(t_ns)], t_ns):
+        return np.arange(len(t_ns))
+    rows = np.flatnonzero(np.isin(among, t_ns))
+    if not np.array_equal(among[rows], t_ns):
+        raise InputError("the biases have different stamps from the truth")
+    return rows

@@ -18,7 +18,7 @@ from imu_sim_ros.bags.messages import (
     TEMPERATURE,
     VECTOR3_STAMPED,
     Decoded,
-    MessageBlock,
+    MessageGate,
     TopicInfo,
     as_list,
     decode_block,
@@ -29,10 +29,9 @@ from imu_sim_ros.bags.output_file import unfinished
 from imu_sim_ros.bags.reader import Bag, told
 from imu_sim_ros.bags.ros1 import Rosbag1Bag
 from imu_sim_ros.bags.rosbag2 import Rosbag2Folder, SqliteBag
-from imu_sim_ros.bags.text import Skipped
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs import open_regular
+from imu_sim_ros.inputs import Skipped, Warned, open_regular
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.poses import read_poses as read_pose_file
 from imu_sim_ros.rotation import rotate_inverse
@@ -61,6 +60,12 @@ _MAGIC_BYTES = 16
 _LEAST = 1000
 """Messages in a block."""
 _IMU_FIELDS = ("angular_velocity", "linear_acceleration")
+_ODOMETRY_FIELDS = (
+    *("position", "orientation", "linear", "angular"),
+    *("pose_covariance", "twist_covariance"),
+)
+_ROUNDING = 1e-12
+"""Of the length of a quaternion that was written as a unit one."""
 _T = TypeVar("_T", bound=tuple[Any, ...])
 
 
@@ -165,26 +170,33 @@ def imu_blocks(
     topic: str | None = None,
     recover: bool = False,
     skipped: Skipped | None = None,
+    warned: Warned | None = None,
 ) -> Iterator[ImuMessages]:
     """Yield the messages of an Imu topic in blocks of bounded size, in the order of record times.
 
     :param path: a bag, a EuRoC folder, or a CSV file in the form of EuRoC or kalibr.
     :param topic: None: the only one.
     :param recover: as for :func:`open_bag`.
-    :param skipped: of text: receives the number of bad rows skipped; None: they are errors.
+    :param skipped: receives the number of bad rows or messages skipped; None: they are errors.
+    :param warned: receives what is wrong with messages, which are not skipped then; text, which
+        always can be mended, has no such way.
     :raises InputError: for an input that cannot be used; of several topics all are listed.
     """
     if text_reader.is_text(Path(path)):
         for t_ns, gyro, accel in text_reader.imu_blocks(Path(path), topic, skipped):
             yield ImuMessages(t_ns, gyro, accel, t_ns, "")
         return
-    yield from _merged(_imu_messages(path, topic, recover))
-
-
-def _imu_messages(path: str | Path, topic: str | None, recover: bool) -> Iterator[ImuMessages]:
-    for block, fields in decoded_blocks(path, IMU, topic, _IMU_FIELDS, recover):
-        gyro, accel = fields.numbers.values()
-        yield ImuMessages(fields.t_ns, gyro, accel, block.t_ns, fields.texts[0])
+    found = decoded_blocks(path, IMU, topic, _IMU_FIELDS, recover, skipped, warned)
+    yield from _merged(
+        ImuMessages(
+            fields.t_ns,
+            fields.numbers["angular_velocity"],
+            fields.numbers["linear_acceleration"],
+            record_t_ns,
+            fields.texts[0],
+        )
+        for record_t_ns, fields in found
+    )
 
 
 def read_imu(
@@ -200,6 +212,7 @@ def odometry_blocks(
     topic: str | None = None,
     recover: bool = False,
     skipped: Skipped | None = None,
+    warned: Warned | None = None,
 ) -> Iterator[OdometryMessages]:
     """Yield the messages of an Odometry topic in blocks; arguments as for :func:`imu_blocks`."""
     if text_reader.is_text(Path(path)):
@@ -209,26 +222,23 @@ def odometry_blocks(
             truth = (states.position, states.q_wb, velocity_b, rates)  # EuRoC's have no rates
             yield OdometryMessages(states.t_ns, *truth, square, square, "", "")
         return
-    yield from _merged(_odometry_messages(path, topic, recover))
+    found = decoded_blocks(path, ODOMETRY, topic, _ODOMETRY_FIELDS, recover, skipped, warned)
+    yield from _merged(_odometry_messages(fields, warned is None) for _, fields in found)
 
 
-def _odometry_messages(
-    path: str | Path, topic: str | None, recover: bool
-) -> Iterator[OdometryMessages]:
-    names = ("position", "orientation", "linear", "angular", "pose_covariance", "twist_covariance")
-    for _, fields in decoded_blocks(path, ODOMETRY, topic, names, recover):
-        position, orientation, linear, angular, pose, twist = fields.numbers.values()
-        yield OdometryMessages(
-            fields.t_ns,
-            position,
-            inside_order(orientation),
-            linear,
-            angular,
-            pose.reshape(-1, 6, 6),
-            twist.reshape(-1, 6, 6),
-            fields.texts[0],
-            fields.texts[1],
-        )
+def _odometry_messages(fields: Decoded, gated: bool) -> OdometryMessages:
+    position, orientation, linear, angular, pose, twist = fields.numbers.values()
+    q_wb = inside_order(orientation)
+    return OdometryMessages(
+        fields.t_ns,
+        position,
+        _unit(q_wb) if gated else q_wb,
+        linear,
+        angular,
+        pose.reshape(-1, 6, 6),
+        twist.reshape(-1, 6, 6),
+        *fields.texts,
+    )
 
 
 def read_odometry(
@@ -247,12 +257,14 @@ def read_poses(
     topic: str | None = None,
     skip_bad_rows: bool = False,
     covariance: bool = False,
+    warned: Warned | None = None,
 ) -> PoseSequence:
     """Return poses: of a text file (TUM, EuRoC), or a bag's Odometry or PoseStamped topic.
 
     :param topic: None: the only topic of Odometry, else of PoseStamped.
-    :param skip_bad_rows: of a text file: skip bad rows and count them.
+    :param skip_bad_rows: skip bad rows or messages and count them.
     :param covariance: of a text file: read the covariances too, where every row has them.
+    :param warned: as for :func:`imu_blocks`.
     """
     path = Path(path)
     if text_reader.is_text(path):
@@ -261,27 +273,38 @@ def read_poses(
     with open_bag(path) as bag:
         types = {info.type for info in bag.topics if topic is None or _same(info.name, topic)}
     type_name = POSE_STAMPED if POSE_STAMPED in types and ODOMETRY not in types else ODOMETRY
-    parts = [
-        fields for _, fields in decoded_blocks(path, type_name, topic, ("position", "orientation"))
-    ]
+    counts: list[int] = []
+    skipped = counts.append if skip_bad_rows else None
+    names = ("position", "orientation")
+    parts = [f for _, f in decoded_blocks(path, type_name, topic, names, False, skipped, warned)]
+    q_wb = inside_order(np.concatenate([_rows(4), *(p.numbers["orientation"] for p in parts)]))
     return PoseSequence(
         np.concatenate([_times(), *(part.t_ns for part in parts)]),
         np.concatenate([_rows(3), *(part.numbers["position"] for part in parts)]),
-        inside_order(np.concatenate([_rows(4), *(p.numbers["orientation"] for p in parts)])),
+        _unit(q_wb) if warned is None else q_wb,
+        skipped=sum(counts),
     )
 
 
 def vector_blocks(
-    path: str | Path, topic: str, recover: bool = False
+    path: str | Path, topic: str, recover: bool = False, gated: bool = True
 ) -> Iterator[tuple[Times, Array]]:
-    """Yield stamps (n,) and vectors (n, 3) of a Vector3Stamped topic in blocks."""
-    for _, fields in decoded_blocks(path, VECTOR3_STAMPED, topic, ("vector",), recover):
+    """Yield stamps (n,) and vectors (n, 3) of a Vector3Stamped topic in blocks.
+
+    :param gated: False: whatever the vectors are.
+    """
+    warned = None if gated else bool
+    names = ("vector",)
+    for _, fields in decoded_blocks(path, VECTOR3_STAMPED, topic, names, recover, None, warned):
         yield fields.t_ns, fields.numbers["vector"]
 
 
-def read_temperature(path: str | Path, topic: str | None = None) -> TemperatureMessages:
-    """Return all messages of a Temperature topic."""
-    parts = [fields for _, fields in decoded_blocks(path, TEMPERATURE, topic, ("temperature",))]
+def read_temperature(
+    path: str | Path, topic: str | None = None, skipped: Skipped | None = None
+) -> TemperatureMessages:
+    """Return all messages of a Temperature topic; arguments as for :func:`imu_blocks`."""
+    found = decoded_blocks(path, TEMPERATURE, topic, ("temperature",), False, skipped)
+    parts = [fields for _, fields in found]
     return TemperatureMessages(
         np.concatenate([_times(), *(part.t_ns for part in parts)]),
         np.concatenate([np.empty(0), *(part.numbers["temperature"] for part in parts)]),
@@ -294,18 +317,37 @@ def decoded_blocks(
     topic: str | None,
     names: tuple[str, ...],
     recover: bool = False,
-) -> Iterator[tuple[MessageBlock, Decoded]]:
-    """Yield the messages of a topic in blocks, with some of their fields.
+    skipped: Skipped | None = None,
+    warned: Warned | None = None,
+) -> Iterator[tuple[Times, Decoded]]:
+    """Yield when messages of a topic were recorded (n,), and some of their fields, in blocks.
 
     :param topic: None: the only one of the type.
     :param names: of the fields, as for :func:`imu_sim_ros.bags.messages.decode_block`.
+    :param skipped, warned: as for :func:`imu_blocks`.
+    :raises InputError: at the end, with the first messages that the gate refused.
     """
     with open_bag(path, recover) as bag:
         chosen = bag.topic(type_name, topic)
+        gate = MessageGate(path, chosen.name, warned is not None)
         for group in bag.groups({chosen.name}):
             for block in group:
-                if block.topic.type == type_name:
-                    yield block, decode_block(block, bag.encoding, names)
+                if block.topic.type != type_name:
+                    continue
+                fields = decode_block(block, bag.encoding, names)
+                good = gate.good(fields)
+                if good is None:
+                    yield block.t_ns, fields
+                elif good.any():
+                    yield block.t_ns[good], fields.at(good)
+    gate.settle(skipped, warned)
+
+
+def _unit(q: Array) -> Array:
+    """Return quaternions (n, 4) that the gate has passed with their lengths made 1."""
+    length = np.linalg.norm(q, axis=1, keepdims=True)
+    off = np.abs(length - 1.0) > _ROUNDING
+    return np.where(off, q / length, q) if off.any() else q
 
 
 def _merged(blocks: Iterator[_T]) -> Iterator[_T]:

@@ -18,6 +18,7 @@ from imu_sim_ros.calibration.resolution import StepFinder
 from imu_sim_ros.calibration.rest import RestCheck
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs import BadRows, gate
 
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
@@ -76,8 +77,7 @@ class Record:
     def __init__(self) -> None:
         self.samples = 0
         self.start_ns = 0
-        self.bad = np.zeros(6, dtype=np.int64)
-        self.first_bad = np.zeros(6)
+        self.bad = BadRows("readings", "number")
         self._lowest = _Extreme(np.minimum)
         self._highest = _Extreme(np.maximum)
         self._steps = StepFinder(6)
@@ -139,11 +139,12 @@ class Record:
         return (t_ns[new], y[new]) if repeated else (t_ns, y)
 
     def _looked_at(self, t_ns: Times, y: Array) -> Array:
-        """Return readings with zeros for those that are not finite."""
-        finite = np.isfinite(y)
-        if not finite.all():
-            self._note_bad(t_ns, ~finite)
-            y = np.where(finite, y, 0.0)
+        """Return readings with zeros for those that the gate refuses."""
+        verdict = gate.readings(t_ns, y[:, :3], y[:, 3:])
+        if not verdict.good.all():
+            numbers = np.arange(self.samples, self.samples + len(y))
+            verdict.note(self.bad, numbers, stamps=True)
+            y = np.where(verdict.good[:, None], y, 0.0)
         self.samples += len(y)
         columns = np.ascontiguousarray(y.T)
         self._sum += columns.sum(axis=1)
@@ -154,12 +155,6 @@ class Record:
         if self.rest is not None:
             self.rest.step = self._steps.step
         return y
-
-    def _note_bad(self, t_ns: Times, bad: NDArray[np.bool_]) -> None:
-        """Count the readings (n, 6) that are not finite."""
-        new = bad.any(axis=0) & (self.bad == 0)
-        self.first_bad[new] = (t_ns[bad.argmax(axis=0)][new] - self.start_ns) * 1e-9
-        self.bad += bad.sum(axis=0)
 
     @property
     def minimum(self) -> Array:

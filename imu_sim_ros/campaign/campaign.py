@@ -4,7 +4,6 @@
 """A campaign from its plan to its results."""
 
 import csv
-import json
 import platform
 import re
 import time
@@ -31,6 +30,7 @@ from imu_sim_ros.campaign.results import (
 )
 from imu_sim_ros.campaign.summary import groups, summary_rows
 from imu_sim_ros.config import CalibrationEstimator, CommandEstimator
+from imu_sim_ros.json_text import as_json
 
 _NUMBER: Final = re.compile(r"(?<![\w.])\d+(\.\d+)?(e[-+]?\d+)?\b")
 _BUILT_IN_BATCH: Final = 50
@@ -201,7 +201,7 @@ def write_versions(folder: Path) -> Path:
         with suppress(metadata.PackageNotFoundError):
             versions[name] = metadata.version(name)
     path = folder / VERSIONS
-    text = json.dumps({**versions, "imu_sim_ros": imu_sim_ros.__version__}, indent=1)
+    text = as_json({**versions, "imu_sim_ros": imu_sim_ros.__version__}, indent=1)
     with replaced(path) as part:
         part.write_text(text, encoding="utf-8")
     return path

@@ -23,6 +23,7 @@ from typing import Any, Final, TextIO
 
 from imu_sim_ros.errors import InputError, system_error
 from imu_sim_ros.inputs import open_regular
+from imu_sim_ros.json_text import as_json
 
 Row = dict[str, Any]
 Key = tuple[str, int, str, str]
@@ -128,7 +129,7 @@ class Store:
         """Append rows; they are on the disk when this returns."""
         if self._file is None:
             self._file = self._open()
-        self._file.write("".join(json.dumps(row, allow_nan=False) + "\n" for row in rows))
+        self._file.write("".join(as_json(row) + "\n" for row in rows))
         self._file.flush()
         os.fsync(self._file.fileno())
 

@@ -50,6 +50,7 @@ from imu_sim_ros.commands.shared import (
 from imu_sim_ros.config import IntegratorParameters, build, files
 from imu_sim_ros.conventions import GRAVITY
 from imu_sim_ros.errors import InputError, naming
+from imu_sim_ros.inputs import Skipped
 from imu_sim_ros.navigation import correction_of
 
 Array = NDArray[np.float64]
@@ -195,8 +196,11 @@ Result = tuple[correction.Parameters, dict[str, Any], Callable[[Path], None]]
 
 
 def _imu(arguments: argparse.Namespace) -> ImuMessages:
-    left_out = skipped_rows(arguments, "calibrate", arguments.bag)
-    return read_imu(arguments.bag, arguments.topic, left_out)
+    return read_imu(arguments.bag, arguments.topic, _left_out(arguments))
+
+
+def _left_out(arguments: argparse.Namespace) -> Skipped | None:
+    return skipped_rows(arguments, "calibrate", arguments.bag)
 
 
 def _six_position(arguments: argparse.Namespace) -> Result:
@@ -252,7 +256,8 @@ def _corrected(imu: ImuMessages, path: Path) -> Array:
 def _temperature(arguments: argparse.Namespace) -> Result:
     imu = _imu(arguments)
     steady, rate = _rates(arguments, imu, needed=False)
-    messages = read_temperature(arguments.bag, arguments.temperature_topic)
+    left_out = _left_out(arguments)
+    messages = read_temperature(arguments.bag, arguments.temperature_topic, left_out)
     at = temperatures_at(steady, messages.t_ns, messages.temperature)
     force = specific_force(steady, arguments.gravity)
     found = calibrate_temperature(steady, at, rate, force, arguments.reference)
@@ -280,7 +285,7 @@ def _temperature(arguments: argparse.Namespace) -> Result:
 
 
 def _magnetometer(arguments: argparse.Namespace) -> Result:
-    _, readings = read_magnetic_field(arguments.bag, arguments.topic)
+    _, readings = read_magnetic_field(arguments.bag, arguments.topic, _left_out(arguments))
     found = calibrate_magnetometer(readings, arguments.field)
     facts = {
         "readings": len(readings),

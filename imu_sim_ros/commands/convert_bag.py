@@ -29,6 +29,7 @@ from imu_sim_ros.bags.text import writer as text_writer
 from imu_sim_ros.commands import common, shared
 from imu_sim_ros.commands.shared import bag_output
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs import Skipped
 from imu_sim_ros.poses import PoseSequence
 
 if TYPE_CHECKING:
@@ -156,7 +157,9 @@ def _bag_to_bag(
         _writer(arguments, written) as writer,
         _progress(arguments, total) as advance,
     ):
-        convert.bag_to_bag(bag, writer, topics, _renamed(arguments), advance)
+        renamed = _renamed(arguments)
+        refused = shared.refused_messages(arguments, "convert_bag", arguments.input)
+        convert.bag_to_bag(bag, writer, topics, renamed, advance, *refused)
     return _tally(writer)
 
 
@@ -181,7 +184,10 @@ def _bag_to_dataset(
         images = _images(bag, topics, form, arguments)
         total += sum(topic.count for topic in images.topics) if images else 0
         with _progress(arguments, total) as advance:
-            convert.to_dataset(bag.path, dataset, chosen, advance, arguments.recover, None, names)
+            skipped, warned = shared.refused_messages(arguments, "convert_bag", arguments.input)
+            convert.to_dataset(
+                bag.path, dataset, chosen, advance, arguments.recover, skipped, names, warned
+            )
             if images:
                 images.write(advance, _comment(arguments))
     if form == "euroc":
@@ -243,7 +249,10 @@ def _bag_to_tum(
     bag: Bag, topics: Sequence[Any], arguments: argparse.Namespace
 ) -> tuple[dict[str, int], int]:
     named = topics[0].name if arguments.topics and len(topics) == 1 else None
-    poses = read_poses(bag.path, named)
+    skipped, warned = shared.refused_messages(arguments, "convert_bag", arguments.input)
+    poses = read_poses(bag.path, named, skipped is not None, warned=warned)
+    if skipped is not None and poses.skipped:
+        skipped(poses.skipped)
     return _write_tum(poses, named or convert.TRUTH, arguments)
 
 
@@ -263,7 +272,7 @@ def _poses(arguments: argparse.Namespace) -> PoseSequence:
     return shared.PoseReader(arguments, "convert_bag")(arguments.input)
 
 
-def _skipped(arguments: argparse.Namespace) -> Any:
+def _skipped(arguments: argparse.Namespace) -> Skipped | None:
     return shared.skipped_rows(arguments, "convert_bag", arguments.input)
 
 
@@ -333,7 +342,9 @@ def _describe(arguments: argparse.Namespace, states: bool, tables: Collection[st
     import numpy as np
 
     def rate(name: str) -> float:
-        first = next(beside.stamps(arguments.staged, name), np.empty(0))
+        first = np.empty(0, np.int64)
+        with contextlib.suppress(InputError):  # no usable row
+            first = next(beside.stamps(arguments.staged, name), first)
         period = float(np.median(np.diff(first))) if len(first) > 1 else 0.0
         return round(1e9 / period, 3) if period else 0.0
 

@@ -20,6 +20,7 @@ from imu_sim_ros.commands.shared import (
     odometry_topics,
     outputs,
     read_track,
+    skipped_rows,
     truth_topic,
 )
 from imu_sim_ros.errors import InputError
@@ -158,7 +159,8 @@ def _bag(arguments: argparse.Namespace, path: Path, files: Sequence[Path]) -> li
     reader = PoseReader(arguments, "report")
 
     def read(source: Path, topic: str | None, name: str) -> Estimate:
-        track = read_track(source, topic, True, reader)
+        left_out = skipped_rows(arguments, "report", source)
+        track = read_track(source, topic, True, reader, left_out)
         return Estimate(name, track.poses, track.pose_covariance)
 
     truth, estimates = None, []
@@ -174,7 +176,7 @@ def _bag(arguments: argparse.Namespace, path: Path, files: Sequence[Path]) -> li
         if arguments.truth_topic and truth is None:
             raise InputError(f"{path}: --truth-topic {arguments.truth_topic}: no such Odometry")
     estimates += [read(file, None, file.name) for file in files]
-    return bag_sections(path, truth, estimates)
+    return bag_sections(path, truth, estimates, skipped_rows(arguments, "report", path))
 
 
 if __name__ == "__main__":

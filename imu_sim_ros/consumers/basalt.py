@@ -3,7 +3,6 @@
 
 """Basalt: the calibration JSON (basalt-headers, calibration.hpp, calib_bias.hpp)."""
 
-import json
 from typing import Any, Final
 
 import numpy as np
@@ -13,6 +12,7 @@ from imu_sim_ros import rotation
 from imu_sim_ros.config.cameras import CameraParameters
 from imu_sim_ros.consumers.rig import RigValues, four, kind
 from imu_sim_ros.consumers.values import SMALLEST, ImuValues, remarks
+from imu_sim_ros.json_text import as_json
 
 Array = NDArray[np.float64]
 
@@ -67,7 +67,7 @@ def calibration(values: ImuValues, rig: RigValues | None = None) -> str:
         # Members that Basalt does not know are passed over, as those of its own files are.
         "comment": notes,
     }
-    return json.dumps({"value0": content}, indent=2) + "\n"
+    return as_json({"value0": content}, indent=2) + "\n"
 
 
 def _pose(matrix: Array) -> dict[str, float]:

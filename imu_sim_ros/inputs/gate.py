@@ -14,6 +14,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import STAMPS, VALUES, BadRows
 
 Array = NDArray[np.float64]
@@ -50,15 +51,16 @@ OTHER: Final = Quantity("value", 1e100, "")
 class Verdict:
     """What the gate says of n rows."""
 
-    def __init__(self, t_ns: Times, columns: Sequence[tuple[Quantity, Array]]) -> None:
+    def __init__(self, t_ns: Times | None, columns: Sequence[tuple[Quantity, Array]]) -> None:
         """Look at rows.
 
-        :param t_ns: (n,) stamps [ns].
+        :param t_ns: (n,) stamps [ns]; None: the rows have none.
         :param columns: what each column measures, and its values, (n,) or (n, m); quaternions
             (n, 4) of any order are ``ORIENTATION``.
         """
-        self._t_ns, self._columns = t_ns, columns
-        self.good: NDArray[np.bool_] = (t_ns >= FIRST_STAMP) & (t_ns <= LAST_STAMP)
+        self._stamped, self._columns = t_ns is not None, columns
+        self._t_ns = np.zeros(len(columns[0][1]), dtype=np.int64) if t_ns is None else t_ns
+        self.good: NDArray[np.bool_] = (self._t_ns >= FIRST_STAMP) & (self._t_ns <= LAST_STAMP)
         """(n,) whether a row may pass."""
         for quantity, values in columns:
             good = _good(quantity, values)
@@ -99,16 +101,22 @@ class Verdict:
             bad.note(kind, number, f"{stamp_words(t_ns)}: " * stamps + self.why(int(row)))
         bad.rows += len(self.bad)
 
+    def problems(self, name: str) -> list[str]:
+        """Return what is wrong with the first rows that may not pass, and the count of the others.
+
+        :param name: of the arrays, or of where they come from.
+        """
+        bad = BadRows(name, "number")
+        self.note(bad, stamps=self._stamped)
+        return bad.problems
+
     def complain(self, name: str) -> None:
         """Raise where a row may not pass.
 
-        :param name: of the arrays, or of where they come from.
-        :raises InputError: with the first rows, and the count of the others.
+        :raises InputError: with the problems.
         """
         if not self.good.all():
-            bad = BadRows(name, "number")
-            self.note(bad, stamps=True)
-            bad.complain()
+            raise InputError(self.problems(name))
 
 
 def readings(t_ns: Times, gyro: Array, accel: Array) -> Verdict:
@@ -133,29 +141,29 @@ def poses(t_ns: Times, position: Array, q_wb: Array) -> Verdict:
 
 def is_reading(t_ns: int, gyro: Scalars, accel: Scalars) -> bool:
     """Return whether one reading may pass, in plain floats; arguments as for :func:`readings`."""
-    stamped = FIRST_STAMP <= t_ns <= LAST_STAMP
-    return stamped and _within(gyro, RATE.largest) and _within(accel, FORCE.largest)
+    return FIRST_STAMP <= t_ns <= LAST_STAMP and within(gyro, RATE) and within(accel, FORCE)
 
 
 def is_pose(t_ns: int, position: Scalars, q_wb: Scalars) -> bool:
     """Return whether one pose may pass, in plain floats; arguments as for :func:`poses`."""
-    if not (FIRST_STAMP <= t_ns <= LAST_STAMP and _within(position, POSITION.largest)):
+    if not (FIRST_STAMP <= t_ns <= LAST_STAMP and within(position, POSITION)):
         return False
     w, x, y, z = q_wb
     least, most = (1.0 - UNIT_TOLERANCE) ** 2, (1.0 + UNIT_TOLERANCE) ** 2
     return least <= w * w + x * x + y * y + z * z <= most
 
 
+def within(values: Scalars, quantity: Quantity) -> bool:
+    """Return whether a vector is of possible size, in plain floats; NaN never is."""
+    x, y, z = values
+    most = quantity.largest
+    return -most <= x <= most and -most <= y <= most and -most <= z <= most
+
+
 def stamp_words(t_ns: int) -> str:
     """Return a stamp as messages say it: ``stamp 12.005000000 s``."""
     whole, part = divmod(abs(t_ns), 1_000_000_000)
     return f"stamp {'-' * (t_ns < 0)}{whole}.{part:09d} s"
-
-
-def _within(values: Scalars, largest: float) -> bool:
-    """Return whether three numbers are in range; NaN never is."""
-    x, y, z = values
-    return -largest <= x <= largest and -largest <= y <= largest and -largest <= z <= largest
 
 
 def _good(quantity: Quantity, values: Array) -> NDArray[np.bool_] | None:

@@ -3,7 +3,7 @@
 
 """Rows of text files, in blocks, and what is wrong with them, all of it in one report."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Final
 
@@ -77,7 +77,8 @@ class BadRows:
     """
 
     def __init__(self, source: str | Path, item: str = "line") -> None:
-        self._source, self._item = source, item
+        self.source = source
+        self._item = item
         self._found: dict[str, list[tuple[int, str]]] = {}
         self.count = 0
         """Problems so far; a row may have several."""
@@ -105,7 +106,14 @@ class BadRows:
         :raises InputError: as :meth:`complain` does.
         """
         if self.rows > max(_VERY_MANY, self.good):
-            self._raise(f"most of the first {self.rows + self.good} rows are wrong")
+            last = f"{self.source}: most of the first {self.rows + self.good} rows are wrong"
+            raise InputError([*self.problems, last])
+
+    @property
+    def first(self) -> str:
+        """The first of what is wrong; there must be one."""
+        number, words = min(line for lines in self._found.values() for line in lines)
+        return f"{self._item} {number}: {words}"
 
     def complain(self) -> None:
         """Raise where something is wrong.
@@ -113,14 +121,20 @@ class BadRows:
         :raises InputError: with the first of every class, in the order of the source.
         """
         if self.count:
-            self._raise("")
+            raise InputError(self.problems)
 
-    def _raise(self, last: str) -> None:
+    @property
+    def problems(self) -> list[str]:
+        """The first of every class, in the order of the source, and the count of the rest."""
         shown = sorted(line for lines in self._found.values() for line in lines)
-        problems = [f"{self._source}: {self._item} {number}: {words}" for number, words in shown]
+        problems = [f"{self.source}: {self._item} {number}: {words}" for number, words in shown]
         more = self.count - len(shown)
         if more:
-            problems.append(f"{self._source}: and {more} more such {self._item}s")
-        if last:
-            problems.append(f"{self._source}: {last}")
-        raise InputError(problems)
+            problems.append(f"{self.source}: and {more} more such {self._item}s")
+        return problems
+
+
+Skipped = Callable[[int], object]
+"""Receives the number of bad rows or messages that were left out."""
+Warned = Callable[[BadRows], object]
+"""Receives what is wrong with those that were not."""

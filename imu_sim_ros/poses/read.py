@@ -20,9 +20,9 @@ from imu_sim_ros.inputs import (
     COLUMNS,
     NUMBERS,
     STAMPS,
-    VALUES,
     BadRows,
     Row,
+    gate,
     number_of,
     row_blocks,
     shortened,
@@ -39,7 +39,6 @@ _EUROC_PLAIN: Final = (_POSE_COLUMNS, 11, 17)  # pose; and velocity; and both bi
 _EUROC_COLUMNS: Final = (*_EUROC_PLAIN, *(count + _TRIANGLES for count in _EUROC_PLAIN))
 _TUM_COLUMNS: Final = (_POSE_COLUMNS, 14, _POSE_COLUMNS + _TRIANGLES)  # pose; OpenVINS: and more
 _WITH_COVARIANCE: Final = frozenset(count + _TRIANGLES for count in _EUROC_PLAIN)
-_NORM_TOLERANCE: Final = 0.05  # a quaternion of text is rounded; one of another length is a mix-up
 _FEW: Final = 8
 """So few lines are looked at one by one."""
 _SAME: Final = 1.0 - 1e-15
@@ -235,19 +234,11 @@ class _Reading:
                     self._bad.note(NUMBERS, number, words)
 
     def _valid(self, poses: _Poses) -> _Poses:
-        """Return the poses with finite values and unit quaternions, which are made exact."""
-        norms: Array = np.linalg.norm(poses.q_wb, axis=-1)
-        values = np.concatenate([poses.position, poses.q_wb], axis=1)
-        finite = np.asarray(np.isfinite(values).all(axis=1))
-        good = finite & (np.abs(norms - 1.0) <= _NORM_TOLERANCE)
-        for k in np.flatnonzero(~good):
-            what = "a value that is not finite"
-            if finite[k]:
-                what = f"a quaternion of length {norms[k]:.3g} instead of 1"
-            self._bad.note(VALUES, int(poses.number[k]), what)
-        self._bad.rows += int(np.count_nonzero(~good))
-        kept = poses.at(good)
-        return kept._replace(q_wb=kept.q_wb / norms[good, None])
+        """Return the poses that the gate passes, their quaternions made exact."""
+        verdict = gate.poses(poses.t_ns, poses.position, poses.q_wb)
+        verdict.note(self._bad, poses.number)
+        kept = poses.at(verdict.good)
+        return kept._replace(q_wb=rotation.normalise(kept.q_wb))
 
     def _in_order(self, poses: _Poses) -> _Poses:
         """Return the poses whose stamps are after the one before; those that occur twice once."""

@@ -14,6 +14,7 @@ from imu_sim_ros.bags import imu_blocks, open_bag
 from imu_sim_ros.bags.messages import IMU
 from imu_sim_ros.bags.text import imu_names, is_text
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs import Skipped
 from imu_sim_ros.navigation.comparison import (
     absolute_errors,
     anees_band,
@@ -43,19 +44,23 @@ class Estimate(NamedTuple):
 
 
 def bag_sections(
-    path: Path, truth: Estimate | None, estimates: Sequence[Estimate]
+    path: Path,
+    truth: Estimate | None,
+    estimates: Sequence[Estimate],
+    skipped: Skipped | None = None,
 ) -> list[Section]:
     """Return the sections of a bag, a EuRoC folder or a file of readings.
 
     :param truth: None: nothing is compared.
+    :param skipped: receives the number of bad readings skipped; None: they are errors.
     :raises InputError: for what cannot be read.
     """
     topics = _topics(path)
     items: list[Item] = []
     if topics:
         items.append(table("topics", ["topic", "type", "messages"], topics, search=False))
-    for name, count in _imus(path, topics):
-        stream = analyse(imu_blocks(path, name or None), count)
+    for name, count in _imus(path, topics, skipped):
+        stream = analyse(imu_blocks(path, name or None, skipped=skipped), count)
         if stream is not None:
             items += _stream_items(name or path.name, stream, f"{path} {name}")
     sections = [Section(f"{path.name}: readings", items)] if items else []
@@ -71,7 +76,9 @@ def _topics(path: Path) -> list[tuple[str, str, int]]:
         return [(info.name, info.type, info.count) for info in bag.topics]
 
 
-def _imus(path: Path, topics: Sequence[tuple[str, str, int]]) -> list[tuple[str, int]]:
+def _imus(
+    path: Path, topics: Sequence[tuple[str, str, int]], skipped: Skipped | None
+) -> list[tuple[str, int]]:
     """Return the name of every IMU, empty of a file's only one, and how many readings it has.
 
     :raises InputError: for a text file that holds no readings, or bad ones.
@@ -79,9 +86,9 @@ def _imus(path: Path, topics: Sequence[tuple[str, str, int]]) -> list[tuple[str,
     if not is_text(path):
         return [(name, count) for name, kind, count in topics if kind == IMU]
     names = imu_names(path) if path.is_dir() else [""]
-    return [
-        (name, sum(len(block.t_ns) for block in imu_blocks(path, name or None))) for name in names
-    ]
+    uncounted = None if skipped is None else bool  # they are counted when they are analysed
+    blocks = ((name, imu_blocks(path, name or None, skipped=uncounted)) for name in names)
+    return [(name, sum(len(block.t_ns) for block in found)) for name, found in blocks]
 
 
 def _stream_items(name: str, stream: Stream, link: str) -> list[Item]:

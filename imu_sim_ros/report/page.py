@@ -12,11 +12,11 @@ the page's own script, by its hash, and fetch nothing.
 import base64
 import hashlib
 import html as markup
-import json
-import math
 from collections.abc import Iterable, Sequence
 from importlib import resources
 from typing import Any, Final, NamedTuple
+
+from imu_sim_ros.json_text import as_json as to_json
 
 _SCRIPTS: Final = ("base.js", "plot.js", "path.js", "table.js", "runs.js", "main.js")
 _STYLE: Final = "page.css"
@@ -64,30 +64,14 @@ def html(title: str, lines: Sequence[str], sections: Sequence[Section]) -> str:
 
 def as_json(content: object) -> str:
     """Return content as JSON that is safe in a script element."""
-    text = json.dumps(plain(content), allow_nan=False, separators=(",", ":"))
+    text = to_json(content, _shortened, separators=(",", ":"))
     for letter in "<>&":
         text = text.replace(letter, f"\\u{ord(letter):04x}")
     return text
 
 
-def plain(value: Any) -> Any:
-    """Return a value for JSON: numbers with six digits, None for those not finite."""
-    if isinstance(value, str | bool | int) or value is None:
-        return value
-    if isinstance(value, float):
-        return _shortened(value)
-    if isinstance(value, dict):
-        return {str(key): plain(entry) for key, entry in value.items()}
-    if hasattr(value, "tolist"):
-        return plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [_shortened(one) if type(one) is float else plain(one) for one in value]
-    return str(value)
-
-
-def _shortened(value: float) -> float | int | None:
-    if not math.isfinite(value):
-        return None
+def _shortened(value: float) -> float | int:
+    """Return a number with six digits, a whole one where it is."""
     short = float(f"{value:.{_DIGITS}g}")
     return int(short) if short.is_integer() and abs(short) < 1e15 else short
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
+from imu_sim_ros.inputs.gate import stamp_words
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.rotation import conjugate, exp, log, multiply, to_matrix
 
@@ -148,7 +149,8 @@ def test_bad_input_is_reported_in_a_line_each(flight):
     with pytest.raises(ims.InputError) as caught:
         ims.twin(ims.Readings(readings.t_ns, gyro, stuck, "bad"), flight.truth)
     assert list(caught.value.problems) == [
-        "bad: gyroscope: 1 readings are not finite numbers of an IMU, the first is sample 7",
+        f"bad: number 7: {stamp_words(int(readings.t_ns[7]))}: a value that is not finite: "
+        "angular velocity [nan, nan, nan]",
         "bad: accelerometer x: all readings are equal",
     ]
     later = ims.Readings(readings.t_ns + 10**12, readings.gyro, readings.accel, "later")

@@ -42,7 +42,8 @@ class Content:
         self.t_ns = 10**9 + 5_000_000 * np.arange(count)
         self.truth_t_ns = self.t_ns + 2_500_000
         self.gyro, self.accel, self.position = rng.standard_normal((3, count, 3))
-        self.q_wb = rng.standard_normal((count, 4))
+        q_wb = rng.standard_normal((count, 4))
+        self.q_wb = q_wb / np.linalg.norm(q_wb, axis=1, keepdims=True)
         self.temperature = rng.uniform(-20.0, 60.0, count)
 
     def write(self, writer, block_size: int = 2500) -> None:

@@ -113,7 +113,7 @@ def test_a_tumbling_board_gives_its_iron_back() -> None:
     [
         (np.ones((5, 3)), "5 readings"),
         (np.ones((50, 3)), "all the same"),
-        (np.full((50, 3), np.nan), "not all readings are finite"),
+        (np.full((50, 3), np.nan), "number 9: a value that is not finite"),
         (
             np.column_stack([np.cos(np.arange(50)), np.sin(np.arange(50)), np.zeros(50)]),
             "all around",

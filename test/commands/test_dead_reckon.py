@@ -247,7 +247,7 @@ def test_not_a_number(tmp_path, capsys):
     block = block_of()
     block.gyro[7] = np.nan
     (line,) = complain(capsys, write(tmp_path / "nan", block))
-    assert "1 gyroscope readings are not finite, the first is number 7" in line
+    assert "message 7: stamp 1.035000000 s: a value that is not finite: angular velocity" in line
 
 
 @pytest.mark.parametrize(

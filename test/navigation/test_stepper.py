@@ -1,7 +1,6 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-import math
 
 import numpy as np
 import pytest
@@ -36,16 +35,6 @@ def test_duplicates_steps_back_and_gaps_are_counted_and_passed_over():
     # Four steps of 10 ms; an interval of exactly max_gap is a gap, as in 0 < dt < max_gap.
     assert stepper.velocity[0] == pytest.approx(0.04)
     assert stepper.t_ns == 335 * MS
-
-
-def test_a_reading_that_is_not_finite_is_passed_over():
-    stepper = Stepper(AT_REST)
-    stepper.add(0, STILL, (1.0, 0.0, 9.81))
-    assert not stepper.add(10 * MS, (math.nan, 0.0, 0.0), LEVEL)
-    assert not stepper.add(12 * MS, STILL, (0.0, -math.inf, 9.81))
-    assert stepper.add(20 * MS, STILL, (1.0, 0.0, 9.81))
-    assert stepper.counts.not_finite == 2
-    assert stepper.velocity[0] == pytest.approx(0.02)
 
 
 def test_reset_keeps_counts_and_forgets_the_clock():

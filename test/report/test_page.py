@@ -17,7 +17,7 @@ from imu_sim_ros.bags import read_imu
 from imu_sim_ros.campaign import read_results
 from imu_sim_ros.commands.report import main
 from imu_sim_ros.report import Section, html, streams
-from imu_sim_ros.report.page import column, plain, table
+from imu_sim_ros.report.page import as_json, column, table
 
 from .conftest import GAP_AT, HOSTILE, RATE, SAMPLES, START
 
@@ -50,8 +50,12 @@ def test_no_text_ends_its_element_and_nothing_is_fetched():
     assert set(re.findall(r"https?://[^\"'\s]*", page)) == {"http://www.w3.org/2000/svg"}
 
 
+def plain_numbers(values):
+    return json.loads(as_json(values))
+
+
 def test_numbers_are_short_and_finite():
-    assert plain([1.23456789, np.nan, np.inf, 2.0, True, None, np.float64(3e-7)]) == [
+    assert plain_numbers([1.23456789, np.nan, np.inf, 2.0, True, None, np.float64(3e-7)]) == [
         *(1.23457, None, None, 2, True, None, 3e-7)
     ]
     assert column("a", ["x", "x", "y", "x", None]) == {
@@ -67,7 +71,7 @@ def test_a_campaigns_runs_are_in_its_page(results, tmp_path):
     (campaign,) = items(page, "campaign")
     columns = {one["name"]: one for one in campaign["columns"]}
     shown = columns["ate_rmse_m"]["values"]
-    assert shown == [plain(row["ate_rmse_m"]) for row in rows]
+    assert shown == plain_numbers([row["ate_rmse_m"] for row in rows])
     assert campaign["curves"] == ["imu.gyroscope_bias"]
     assert {one["name"] for one in campaign["sensors"]} >= {"gyroscope_noise_density"}
     euler = [row["ate_rmse_m"] for row in rows if row["estimator"] == "euler"][6:12]

@@ -24,6 +24,7 @@ from imu_sim_ros.calibration.twin import (
     truth,
 )
 from imu_sim_ros.config import Value, load_simulation
+from imu_sim_ros.json_text import plain
 from imu_sim_ros.navigation import NavigationState, dead_reckon
 from imu_sim_ros.simulation import Simulation
 from imu_sim_ros.trajectory import Motion
@@ -86,24 +87,22 @@ class Check:
             f"{drift:.2g} %, told apart {100.0 * self.told_apart:.0f} %>"
         )
 
-    def as_json(self) -> dict[str, Any]:
+    def as_json(self) -> Any:
         """Return the numbers by name; null where there is none."""
-        return {
-            "seconds": self.seconds,
-            "bands_hz": [list(band) for band in comparison.BANDS],
-            "real_density": _plain(self.real),
-            "simulated_density": _plain(self.simulated),
-            "decibels": _plain(self.decibels),
-            "windows_s": list(WINDOWS),
-            "real_drift_m": _plain(self.real_drift),
-            "simulated_drift_m": _plain(self.simulated_drift),
-            "truth_noise_ratio": _plain(self.truth_noise),
-            "told_apart": self.told_apart,
-        }
-
-
-def _plain(values: Array) -> Any:
-    return np.where(np.isfinite(values), values.astype(object), None).tolist()  # type: ignore[call-overload]
+        return plain(
+            {
+                "seconds": self.seconds,
+                "bands_hz": [list(band) for band in comparison.BANDS],
+                "real_density": self.real,
+                "simulated_density": self.simulated,
+                "decibels": self.decibels,
+                "windows_s": list(WINDOWS),
+                "real_drift_m": self.real_drift,
+                "simulated_drift_m": self.simulated_drift,
+                "truth_noise_ratio": self.truth_noise,
+                "told_apart": self.told_apart,
+            }
+        )
 
 
 def check(

@@ -38,6 +38,7 @@ from imu_sim_ros.calibration.twin import (
 from imu_sim_ros.config import Value, files
 from imu_sim_ros.conventions import GRAVITY
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.json_text import plain
 from imu_sim_ros.rotation import from_matrix, log
 from imu_sim_ros.sensor import MotionSize
 
@@ -82,44 +83,45 @@ class Twin:
             f"{len(self.analysis.lines.frequency)} lines, {len(self.analysis.vibration.low)} bands>"
         )
 
-    def as_json(self) -> dict[str, Any]:
-        """Return all numbers by name."""
+    def as_json(self) -> Any:
+        """Return all numbers by name, in plain types; null where one is not finite."""
         found = self.analysis
         white, bands, lines = found.white, found.bands, found.lines
-        return {
-            "rate_hz": self.source.recording.rate,
-            "seconds": float(np.ptp(found.bias_t)) if len(found.bias_t) else 0.0,
-            "errors": {
-                name: {"value": v.value.tolist(), "sigma": v.sigma.tolist()}
-                for name, v in self.errors.items()
-            },
-            "undetermined": list(self.undetermined),
-            "clock_wander_s": self.clock_wander,
-            "white_floor": {
-                "value": white.density.tolist(),
-                "low": white.low.tolist(),
-                "high": white.high.tolist(),
-            },
-            "lines": {name: values.tolist() for name, values in lines._asdict().items()},
-            "bands": {
-                "low_hz": bands.low.tolist(),
-                "high_hz": bands.high.tolist(),
-                "density": bands.density.tolist(),
-                "density_low": (bands.density * bands.interval[:, :1]).tolist(),
-                "density_high": (bands.density * bands.interval[:, 1:]).tolist(),
-            },
-            "ranges_hz": found.range_edges.tolist(),
-            "exponents": {
-                "value": found.exponents.value.tolist(),
-                "sigma": found.exponents.sigma.tolist(),
-            },
-            "bias_over_time": {
-                "t_s": found.bias_t.tolist(),
-                "value": found.bias.tolist(),
-                "sigma": found.bias_sigma.tolist(),
-            },
-            "check": None if self.check is None else self.check.as_json(),
-        }
+        return plain(
+            {
+                "rate_hz": self.source.recording.rate,
+                "seconds": float(np.ptp(found.bias_t)) if len(found.bias_t) else 0.0,
+                "errors": {
+                    name: {"value": v.value, "sigma": v.sigma} for name, v in self.errors.items()
+                },
+                "undetermined": list(self.undetermined),
+                "clock_wander_s": self.clock_wander,
+                "white_floor": {
+                    "value": white.density,
+                    "low": white.low,
+                    "high": white.high,
+                },
+                "lines": lines._asdict(),
+                "bands": {
+                    "low_hz": bands.low,
+                    "high_hz": bands.high,
+                    "density": bands.density,
+                    "density_low": (bands.density * bands.interval[:, :1]),
+                    "density_high": (bands.density * bands.interval[:, 1:]),
+                },
+                "ranges_hz": found.range_edges,
+                "exponents": {
+                    "value": found.exponents.value,
+                    "sigma": found.exponents.sigma,
+                },
+                "bias_over_time": {
+                    "t_s": found.bias_t,
+                    "value": found.bias,
+                    "sigma": found.bias_sigma,
+                },
+                "check": None if self.check is None else self.check.as_json(),
+            }
+        )
 
     @property
     def clock_wander(self) -> float:

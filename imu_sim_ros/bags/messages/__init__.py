@@ -46,6 +46,7 @@ from imu_sim_ros.bags.messages.encode import (
     Vector3StampedEncoder,
     divided,
 )
+from imu_sim_ros.bags.messages.gated import MessageGate
 from imu_sim_ros.bags.messages.images import (
     CAMERA_INFO,
     COMPRESSED_IMAGE,
@@ -99,6 +100,7 @@ __all__ = [
     "MagneticFieldEncoder",
     "MessageBlock",
     "MessageDecoder",
+    "MessageGate",
     "NavSatFixEncoder",
     "OdometryEncoder",
     "Pattern",

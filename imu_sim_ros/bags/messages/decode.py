@@ -39,6 +39,11 @@ class Decoded(NamedTuple):
     numbers: dict[str, Array]
     """(n, count) by field, or (n,) for a single number."""
 
+    def at(self, rows: NDArray[np.bool_]) -> "Decoded":
+        """Return some of the messages."""
+        numbers = {name: values[rows] for name, values in self.numbers.items()}
+        return Decoded(self.texts, self.t_ns[rows], numbers)
+
 
 def decode_block(block: MessageBlock, encoding: str, names: Sequence[str]) -> Decoded:
     """Return fields of a block's messages.

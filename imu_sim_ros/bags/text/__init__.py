@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from imu_sim_ros.bags.text import reader as reader
     from imu_sim_ros.bags.text import writer as writer
     from imu_sim_ros.bags.text.decimals import decimal as decimal
-    from imu_sim_ros.bags.text.reader import Skipped as Skipped
     from imu_sim_ros.bags.text.reader import has_states as has_states
     from imu_sim_ros.bags.text.reader import imu_names as imu_names
     from imu_sim_ros.bags.text.reader import is_text as is_text
@@ -25,7 +24,7 @@ else:
         {
             "": ["decimals", "reader", "writer"],
             "decimals": ["decimal"],
-            "reader": ["Skipped", "has_states", "imu_names", "is_text"],
+            "reader": ["has_states", "imu_names", "is_text"],
             "writer": ["BESIDE", "Dataset", "States"],
         },
     )

@@ -4,7 +4,7 @@
 """IMU readings and states of text: EuRoC folders, and CSV in the forms of EuRoC and kalibr."""
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -17,9 +17,10 @@ from imu_sim_ros.inputs import (
     COLUMNS,
     NUMBERS,
     STAMPS,
-    VALUES,
     BadRows,
     Row,
+    Skipped,
+    gate,
     is_present,
     names_in,
     number_of,
@@ -31,14 +32,19 @@ from imu_sim_ros.rotation import normalise
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
 
-Skipped = Callable[[int], object]
-"""Receives the number of bad rows skipped in a file."""
-
 _WHAT: Final = "a table of numbers"
 _STAMP: Final = re.compile(r"[+-]?[0-9]{1,19}")
 _EARLIEST: Final = -(2**63) + 1
-_IMU_COLUMNS: Final = 6
-_STATE_COLUMNS: Final = 16
+_READING: Final = ((gate.RATE, 3), (gate.FORCE, 3))
+_STATE: Final = (
+    *((gate.POSITION, 3), (gate.ORIENTATION, 4), (gate.VELOCITY, 3)),
+    *((gate.RATE, 3), (gate.FORCE, 3)),  # the biases
+)
+_BESIDE: Final = {
+    "mag": ((gate.FIELD, 3),),
+    "pressure": ((gate.PRESSURE, 1),),
+    "orientation": ((gate.ORIENTATION, 4),),
+}
 _STATE_FOLDER: Final = "state_groundtruth_estimate0"
 _POSE_FOLDER: Final = "mocap0"
 _SUFFIXES: Final = (".csv", ".txt", ".tum")
@@ -60,7 +66,7 @@ def imu_blocks(
     :param skipped: receives the number of bad rows skipped; None: they are errors.
     :raises InputError: with the first lines of every class of bad rows, at the end of the file.
     """
-    for t_ns, numbers in _blocks(_imu_file(path, name), _IMU_COLUMNS, skipped):
+    for t_ns, numbers in _blocks(_imu_file(path, name), _READING, skipped):
         yield t_ns, numbers[:, :3], numbers[:, 3:]
 
 
@@ -77,7 +83,7 @@ def beside_blocks(
     if name not in found:
         raise InputError(f"{path}: has no table {name}")
     kind, file = found[name]
-    yield from _blocks(file, BESIDE["euroc"][kind].count(","), skipped)
+    yield from _blocks(file, _BESIDE[kind], skipped)
 
 
 def beside_names(path: Path) -> dict[str, str]:
@@ -108,7 +114,7 @@ def state_blocks(
     """
     if topic is not None:
         raise InputError(f"{path}: text has no topic {topic}")
-    for t_ns, numbers in _blocks(state_file(path), _STATE_COLUMNS, skipped):
+    for t_ns, numbers in _blocks(state_file(path), _STATE, skipped):
         q_wb = normalise(numbers[:, 3:7])
         biases = numbers[:, 10:13], numbers[:, 13:16]
         yield States(t_ns, numbers[:, :3], q_wb, numbers[:, 7:10], *biases)
@@ -197,9 +203,15 @@ def places(folder: Path) -> tuple[Path, Path]:
     return folder, folder / "mav0"
 
 
-def _blocks(path: Path, columns: int, skipped: Skipped | None) -> Iterator[tuple[Times, Array]]:
-    """Yield stamps (n,) and numbers (n, columns) of a CSV file.
+_Columns = Sequence[tuple[gate.Quantity, int]]
 
+
+def _blocks(
+    path: Path, columns: _Columns, skipped: Skipped | None
+) -> Iterator[tuple[Times, Array]]:
+    """Yield stamps (n,) and numbers (n, m) of a CSV file.
+
+    :param columns: what stands in the file, and in how many columns.
     :param skipped: receives the number of bad rows skipped; None: they are errors.
     :raises InputError: for a file of another form, and at its end with the first lines of every
         class of bad rows.
@@ -221,10 +233,12 @@ def _blocks(path: Path, columns: int, skipped: Skipped | None) -> Iterator[tuple
 class _Table:
     """A CSV file of stamps and numbers that is being read, and its bad rows so far."""
 
-    def __init__(self, path: Path, columns: int) -> None:
+    def __init__(self, path: Path, columns: _Columns) -> None:
         self.bad = BadRows(path)
-        self._columns = columns
-        self._row = np.dtype([("t_ns", "<i8"), ("numbers", "<f8", (columns,))])
+        self._quantities = [quantity for quantity, _ in columns]
+        self._cuts = np.cumsum([count for _, count in columns])
+        self._columns = int(self._cuts[-1])
+        self._row = np.dtype([("t_ns", "<i8"), ("numbers", "<f8", (self._columns,))])
         self._begun = False
         self._last_ns = _EARLIEST
 
@@ -295,22 +309,22 @@ class _Table:
             self.bad.note(NUMBERS, line, "cannot be read as numbers")
 
     def _good(self, lines: Times, found: NDArray[np.void]) -> NDArray[np.bool_]:
-        """Return which rows are finite and not earlier than a previous one; record the others.
+        """Return which rows the gate passes that are not before an earlier one; note the others.
 
         Readings that the transport duplicated occur twice: equal stamps are valid.
         """
-        finite: NDArray[np.bool_] = np.isfinite(found["numbers"]).all(axis=1)
-        for k in np.flatnonzero(~finite):
-            self.bad.note(VALUES, int(lines[k]), "a value that is not finite")
-        t_ns = np.where(finite, found["t_ns"], _EARLIEST)
+        parts = np.split(found["numbers"], self._cuts[:-1], axis=1)
+        verdict = gate.Verdict(found["t_ns"], list(zip(self._quantities, parts, strict=True)))
+        verdict.note(self.bad, lines)
+        t_ns = np.where(verdict.good, found["t_ns"], _EARLIEST)
         latest = np.maximum(np.maximum.accumulate(t_ns), self._last_ns)
-        back = finite & (t_ns < latest)
+        back = verdict.good & (t_ns < latest)
         for k in np.flatnonzero(back):
             step = (int(latest[k]) - int(t_ns[k])) * 1e-9
             words = f"the stamp is {step:.9g} s before that of an earlier line"
             self.bad.note(STAMPS, int(lines[k]), words)
         self._last_ns = int(latest[-1])
-        good: NDArray[np.bool_] = finite & ~back
+        good: NDArray[np.bool_] = verdict.good & ~back
         self.bad.good += int(np.count_nonzero(good))
-        self.bad.rows += int(np.count_nonzero(~good))
+        self.bad.rows += int(np.count_nonzero(back))
         return good

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs import gate
 
 Array = NDArray[np.float64]
 
@@ -60,8 +61,7 @@ def calibrate_magnetometer(readings: Array, field: float | None = None) -> Ellip
     """
     if len(readings) <= PARAMETERS:
         raise InputError(f"{len(readings)} readings of the magnetometer: needs more than 9")
-    if not np.isfinite(readings).all():
-        raise InputError("magnetometer: not all readings are finite")
+    gate.Verdict(None, [(gate.FIELD, readings)]).complain("magnetometer")
     size = float(np.sqrt(np.mean(np.square(readings - readings.mean(axis=0)).sum(axis=1))))
     if size <= 1e-12 * float(np.abs(readings).max()):
         raise InputError("magnetometer: the readings are all the same")

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.record import sampling_interval
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs import gate
 
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
@@ -85,11 +86,10 @@ def find_steady(
 
     :param shortest: of a stretch, with its margins [s].
     :param rotating: look at the gyroscope alone: on a tilted table gravity turns in the body.
-    :raises InputError: for readings that are not finite, or a record without steady stretches.
+    :raises InputError: for readings that the gate refuses, or a record without steady stretches.
     """
+    gate.readings(t_ns, gyro, accel).complain("readings")
     y = np.concatenate([gyro, accel], axis=1)
-    if not np.isfinite(y).all():
-        raise InputError(f"{int((~np.isfinite(y)).any(axis=1).sum())} readings are not finite")
     interval = sampling_interval(t_ns) * 1e-9
     size = max(round(WINDOW / interval), _FEWEST)
     count = len(y) // size

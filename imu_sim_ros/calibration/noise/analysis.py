@@ -235,16 +235,11 @@ def _judge(
     """Return what prevents an analysis, and what a user should know about it."""
     if sinks is None or record.rest is None:
         return ["no Imu messages"], []
-    problems = [
-        f"{AXES[k]}: {record.bad[k]} of {record.samples} readings are not finite numbers, "
-        f"the first {record.first_bad[k]:.3f} s after the start: repair or cut the record"
-        for k in np.flatnonzero(record.bad)
-    ]
+    problems = record.bad.problems
     problems += [
         f"{AXES[k]}: always {record.minimum[k] + 0.0:g}: a missing or dead axis, or no noise at "
         "all; all six axes must be measured (--skip-checks leaves it out)"
         for k in _dead_axes(record)
-        if record.bad[k] == 0
     ]
     problems += _motion_problems(record, spectrum)
     longest = sinks.longest / record.rate

@@ -8,8 +8,9 @@ import sys
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any, Final
+
+from imu_sim_ros.json_text import as_json
 
 _UNKNOWN_TIME: Final = "-:--:--"
 _LONGEST_TIME: Final = 3.6e7
@@ -19,18 +20,8 @@ _BURST: Final = 1.1
 
 
 def print_json(result: Mapping[str, Any] | Sequence[Any]) -> None:
-    """Print a result as one JSON object; not-a-number does not exist in JSON and is refused."""
-    import json
-
-    print(json.dumps(result, allow_nan=False, default=_plain))
-
-
-def _plain(value: Any) -> Any:
-    if hasattr(value, "tolist"):
-        return value.tolist()
-    if isinstance(value, Path):
-        return str(value)
-    raise TypeError(f"{type(value).__name__} has no JSON form")
+    """Print a result as one JSON object; what is not finite is null."""
+    print(as_json(result))
 
 
 def print_table(header: Sequence[str], rows: Sequence[Sequence[str]], title: str = "") -> None:

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.commands.shared.output_arguments import outputs as outputs
     from imu_sim_ros.commands.shared.pose_arguments import PoseReader as PoseReader
     from imu_sim_ros.commands.shared.pose_arguments import add_skip_bad_rows as add_skip_bad_rows
+    from imu_sim_ros.commands.shared.pose_arguments import refused_messages as refused_messages
     from imu_sim_ros.commands.shared.pose_arguments import skipped_rows as skipped_rows
     from imu_sim_ros.commands.shared.side_files import bagcreater_topics as bagcreater_topics
     from imu_sim_ros.commands.shared.side_files import configs as configs
@@ -46,7 +47,12 @@ else:
         {
             "": ["bag_output", "calibration_table", "camera_output", "measured", "reprojection"],
             "output_arguments": ["PICTURES", "add_force", "output_and_plot", "outputs"],
-            "pose_arguments": ["PoseReader", "add_skip_bad_rows", "skipped_rows"],
+            "pose_arguments": [
+                "PoseReader",
+                "add_skip_bad_rows",
+                "refused_messages",
+                "skipped_rows",
+            ],
             "side_files": [
                 "bagcreater_topics",
                 "configs",

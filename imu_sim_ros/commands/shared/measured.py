@@ -13,6 +13,7 @@ from imu_sim_ros import rotation
 from imu_sim_ros.bags import Beside, beside, open_bag, read_beside
 from imu_sim_ros.bags.text import is_text
 from imu_sim_ros.commands import common
+from imu_sim_ros.commands.shared.pose_arguments import skipped_rows
 from imu_sim_ros.commands.shared.tracks import read_track, truth_topic
 from imu_sim_ros.config import load_simulation
 from imu_sim_ros.errors import InputError
@@ -32,8 +33,6 @@ Array = NDArray[np.float64]
 
 _UNFIT: Final = ("align", "rpe", "time_offset", "tracks", "output", "plot")
 _UNITS: Final = {"mag": "T", "pressure": "Pa"}
-_NORM: Final = 1e-3
-"""Single-precision quaternions are off by 1e-7; what is off by more than this is none."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -66,20 +65,15 @@ def kind_of(arguments: argparse.Namespace) -> str | None:
 
 def evaluate(arguments: argparse.Namespace, kind: str) -> None:
     """Read, compare, and say what came out."""
-    measured = read_beside(arguments.estimate, kind, arguments.estimate_topic)
+    skipped = skipped_rows(arguments, "evaluate", arguments.estimate)
+    measured = read_beside(arguments.estimate, kind, arguments.estimate_topic, skipped)
     where = f"{arguments.estimate}, {arguments.estimate_topic}"
     if kind == "orientation" and not len(measured.t_ns):
         raise InputError(f"{where}: no message has an orientation: orientation_covariance[0] is -1")
-    finite = np.isfinite(measured.values).all(axis=1)
-    if not finite.all():
-        raise InputError(
-            f"{where}: {np.count_nonzero(~finite)} values are not finite, the first is number "
-            f"{int(np.argmin(finite))}"
-        )
     if len(measured.t_ns) < 2:
         raise InputError(f"{where}: {len(measured.t_ns)} values; two or more are needed")
     if kind == "orientation":
-        result = _orientation(arguments, measured, where)
+        result = _orientation(arguments, measured)
     else:
         result = _readings(arguments, measured, kind)
     if arguments.json:
@@ -88,16 +82,11 @@ def evaluate(arguments: argparse.Namespace, kind: str) -> None:
         _print(result)
 
 
-def _orientation(arguments: argparse.Namespace, measured: Beside, where: str) -> dict[str, Any]:
+def _orientation(arguments: argparse.Namespace, measured: Beside) -> dict[str, Any]:
     """Compare orientations of the IMU with the truth of the body and the IMU's mounting."""
-    off = np.abs(np.linalg.norm(measured.values, axis=1) - 1.0) > _NORM
-    if off.any():
-        raise InputError(
-            f"{where}: {np.count_nonzero(off)} orientations are not unit quaternions, the first is "
-            f"number {int(np.argmax(off))}"
-        )
     topic = truth_topic(arguments.truth, arguments.truth_topic)
-    truth = read_track(arguments.truth, topic).poses
+    skipped = skipped_rows(arguments, "evaluate", arguments.truth)
+    truth = read_track(arguments.truth, topic, skipped=skipped).poses
     rows = common_rows(measured.t_ns, truth.t_ns, arguments.max_gap)
     q_wi = rotation.normalise(measured.values[rows])
     q_wb = interpolate_poses(truth, measured.t_ns[rows]).q_wb
@@ -128,7 +117,8 @@ def _readings(arguments: argparse.Namespace, measured: Beside, kind: str) -> dic
     ideal_topic = arguments.truth_topic or truths.ideal
     if is_text(arguments.truth):
         raise InputError(f"{arguments.truth}: has no {ideal_topic}; a bag that has it is needed")
-    truth = read_beside(arguments.truth, kind, ideal_topic)
+    skipped = skipped_rows(arguments, "evaluate", arguments.truth)
+    truth = read_beside(arguments.truth, kind, ideal_topic, skipped)
     rows = common_rows(measured.t_ns, truth.t_ns, arguments.max_gap)
     t_ns = measured.t_ns[rows]
     errors = measured.values[rows] - interpolate_vectors(truth.t_ns, truth.values, t_ns)

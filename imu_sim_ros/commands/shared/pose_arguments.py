@@ -1,15 +1,15 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``--skip-bad-rows``, for every command that reads text: poses, and tables of readings."""
+"""``--skip-bad-rows``, for every command that reads poses or readings."""
 
 import argparse
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from imu_sim_ros import bags
+from imu_sim_ros.inputs import BadRows, Skipped, Warned
 from imu_sim_ros.poses import PoseSequence
 
 
@@ -18,19 +18,38 @@ def add_skip_bad_rows(parser: Any) -> None:
     parser.add_argument(
         "--skip-bad-rows",
         action="store_true",
-        help="skip the bad rows of a text file (poses, readings), and count them",
+        help="skip bad rows of text and bad messages of bags (poses, readings), and count them",
     )
 
 
-def skipped_rows(
-    arguments: argparse.Namespace, program: str, path: str | Path
-) -> Callable[[int], None] | None:
-    """Return what reports how many rows of a table were skipped; None: bad rows are errors."""
+def skipped_rows(arguments: argparse.Namespace, program: str, path: str | Path) -> Skipped | None:
+    """Return what reports how many rows or messages were skipped; None: they are errors."""
 
     def say(count: int) -> None:
         print(f"{program}: {path}: {count} bad rows skipped", file=sys.stderr)
 
     return say if arguments.skip_bad_rows else None
+
+
+def refused_messages(
+    arguments: argparse.Namespace, program: str, path: str | Path
+) -> tuple[Skipped | None, Warned | None]:
+    """Return what becomes of a bag's readings and poses that the gate refuses, in a conversion.
+
+    They are skipped on request; otherwise they are passed on with a warning, for a conversion is
+    the way to look at them.
+    """
+
+    def warn(bad: BadRows) -> None:
+        print(
+            f"{program}: warning: {bad.source}: {bad.rows} of {bad.rows + bad.good} messages "
+            f"are not finite or not possible, the first is {bad.first}; they are passed on, "
+            "--skip-bad-rows leaves them out",
+            file=sys.stderr,
+        )
+
+    skipped = skipped_rows(arguments, program, path)
+    return skipped, None if skipped else warn
 
 
 class PoseReader:

@@ -15,6 +15,7 @@ from imu_sim_ros.bags.messages import ODOMETRY
 from imu_sim_ros.bags.text import has_states, is_text
 from imu_sim_ros.conventions import TRUTH_TOPIC
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs import Skipped
 from imu_sim_ros.navigation import NavigationStates
 from imu_sim_ros.poses import PoseSequence, write_tum
 from imu_sim_ros.rotation import rotate
@@ -60,17 +61,17 @@ def read_track(
     topic: str | None = None,
     covariance: bool = False,
     reader: Callable[..., PoseSequence] = read_poses,
-    skipped: Callable[[int], None] | None = None,
+    skipped: Skipped | None = None,
 ) -> Track:
     """Return a trajectory.
 
     :param topic: of a bag; None: the only one of Odometry, else of PoseStamped.
     :param covariance: read the covariances as well, which need five times the memory of all else.
     :param reader: of a text file of poses.
-    :param skipped: of a EuRoC folder's states: receives the number of bad rows skipped; None:
-        they are errors.
+    :param skipped: of Odometry and of a EuRoC folder's states: receives the number of bad ones
+        that are skipped; None: they are errors.
     :raises InputError: for what cannot be read or is not a trajectory: stamps that do not increase,
-        numbers that are not finite, fewer than two poses.
+        poses that the gate refuses, fewer than two poses.
     """
     if path.is_file() if is_text(path) else not odometry_topics(path):
         poses = reader(path, topic, covariance=covariance)
@@ -85,7 +86,7 @@ def _odometry(
     path: Path,
     topic: str | None,
     covariance: bool,
-    skipped: Callable[[int], None] | None,
+    skipped: Skipped | None,
 ) -> Track:
     parts: list[tuple[Array | NDArray[np.int64], ...]] = []
     for block in odometry_blocks(path, topic, skipped=skipped):
@@ -101,22 +102,13 @@ def _odometry(
 def _check(name: str, poses: PoseSequence) -> None:
     if len(poses.t_ns) < 2:
         raise InputError(f"{name}: {len(poses.t_ns)} poses; a trajectory needs two or more")
-    problems = []
     bad = np.diff(poses.t_ns) <= 0
     if bad.any():
         first = int(np.argmax(bad)) + 1
-        problems.append(
+        raise InputError(
             f"{name}: {np.count_nonzero(bad)} stamps do not increase, the first is "
             f"number {first} ({poses.t_ns[first]} ns)"
         )
-    finite = np.isfinite(poses.position).all(axis=1) & np.isfinite(poses.q_wb).all(axis=1)
-    if not finite.all():
-        problems.append(
-            f"{name}: {np.count_nonzero(~finite)} poses are not finite, the first is number "
-            f"{int(np.argmin(finite))}"
-        )
-    if problems:
-        raise InputError(problems)
 
 
 def write_states(path: Path, states: NavigationStates) -> None:

@@ -11,7 +11,6 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags.text import Skipped
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.camera.images import decoded, png
 from imu_sim_ros.datasets.images import DEPTH_FOLDER
@@ -26,6 +25,7 @@ from imu_sim_ros.inputs import (
     STAMPS,
     VALUES,
     BadRows,
+    Skipped,
     is_present,
     names_in,
     open_regular,

@@ -30,7 +30,6 @@ from imu_sim_ros.bags.messages import (
     ImageEncoder,
     TransformsEncoder,
 )
-from imu_sim_ros.bags.text import Skipped
 from imu_sim_ros.camera.images import decoded
 from imu_sim_ros.conventions import (
     BODY_FRAME,
@@ -53,6 +52,7 @@ from imu_sim_ros.datasets.recorded.files import (
     read_image,
 )
 from imu_sim_ros.errors import InputError, system_error
+from imu_sim_ros.inputs import Skipped
 from imu_sim_ros.machine import cores
 
 KINDS: Final = {

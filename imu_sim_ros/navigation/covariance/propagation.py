@@ -23,6 +23,7 @@ noise, Gauss-Markov biases and unknown scales are in :mod:`~.slow_errors`.
 Not in it: temperature, range, bandwidth and losses, and what steps of the integration leave out.
 """
 
+import math
 import struct
 from collections.abc import Sequence
 from typing import Final
@@ -127,6 +128,11 @@ class Covariance:
             self.slow.cross = np.array(cross)
         self._second_order = SecondOrder(3 + len(self.slow.of_rate))
         self._begin_interval()
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether the covariance is one; an entry can be no larger than those of the diagonal."""
+        return math.isfinite(self.matrix.trace())
 
     def _begin_interval(self) -> None:
         """Begin to collect what the second order needs."""

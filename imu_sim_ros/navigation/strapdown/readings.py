@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs import gate
 
 Array = NDArray[np.float64]
 
@@ -34,14 +35,7 @@ def check_readings(
         raise InputError(f"{n} reading{'' if n == 1 else 's'}: integration needs at least two")
     steps = np.diff(t_ns)
     problems = [*_order_problems(t_ns, steps), *_gap_problems(t_ns, steps, max_gap)]
-    for name, values in (("gyroscope", gyro), ("accelerometer", accel)):
-        if not np.isfinite(values).all():
-            bad = ~np.isfinite(values).all(axis=1)
-            first = int(np.argmax(bad))
-            problems.append(
-                f"{np.count_nonzero(bad)} {name} readings are not finite, "
-                f"the first is number {first} ({values[first].tolist()})"
-            )
+    problems += gate.readings(t_ns, gyro, accel).problems("readings")
     if problems:
         raise InputError(problems)
 

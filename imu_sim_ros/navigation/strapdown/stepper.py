@@ -49,8 +49,6 @@ class Counts:
     """readings with a stamp before that of the reading before"""
     gaps: int = 0
     """intervals of max_gap or more"""
-    not_finite: int = 0
-    """readings that are infinite or not a number; they are skipped"""
     gimbal_lock: int = 0
     """steps near the gimbal lock, taken with the so3 update in place of Euler angles"""
 
@@ -180,16 +178,12 @@ class Stepper:
         )
 
     def add(self, t_ns: int, gyro: V3, accel: V3) -> bool:
-        """Take a reading; return whether it was a step.
+        """Take a reading that the gate of ``inputs`` passes; return whether it was a step.
 
         :param t_ns: its stamp [ns].
         :param gyro: angular rate as read [rad/s].
         :param accel: specific force as read [m/s^2].
         """
-        # One not-a-number or infinity makes every sum with it one.
-        if not math.isfinite(sum(gyro) + sum(accel)):
-            self.counts.not_finite += 1
-            return False
         rate, force = self._corrected(gyro, accel)
         step_ns = t_ns - self._t_ns if self._t_ns is not None else None
         stepped = step_ns is not None and 0 < step_ns < self._max_gap_ns

@@ -18,7 +18,7 @@ class IntegratorDiagnostics:
 
     def __init__(self, node: Any) -> None:
         self._node = node
-        self._before = (0, 0)
+        self._before = (0, 0, 0)
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 1)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         node.create_timer(_PERIOD, self._publish, clock=steady)
@@ -34,8 +34,11 @@ class IntegratorDiagnostics:
         counts = dataclasses.asdict(totals.steps)
         irregular = sum(counts.values())
         new, new_irregular = totals.readings - self._before[0], irregular - self._before[1]
-        self._before = (totals.readings, irregular)
-        if not new:
+        refused = totals.refused - self._before[2]
+        self._before = (totals.readings, irregular, totals.refused)
+        if refused:
+            level, message = DiagnosticStatus.WARN, f"{refused} messages refused"
+        elif not new:
             level, message = DiagnosticStatus.STALE, "no readings arrive"
         elif odometer.waiting:
             level, message = DiagnosticStatus.WARN, "waiting for the initial state"
@@ -46,6 +49,7 @@ class IntegratorDiagnostics:
         values = {
             "readings": totals.readings,
             "readings per second": f"{new / _PERIOD:.1f}",
+            "refused messages": totals.refused,
             "starts": totals.starts,
             "imu.preset": self._node.parameters.imu.preset,
             **{name.replace("_", " "): count for name, count in counts.items()},

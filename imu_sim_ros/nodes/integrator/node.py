@@ -66,6 +66,7 @@ _READ_PERIOD = 0.002
 """[s] How long readings wait for each other, and about the longest that one waits."""
 _MATCHING_PERIOD = 0.5
 _COMPLAINT_PERIOD = 1.0
+_REFUSAL_PERIOD = 10.0
 _ACKNOWLEDGEMENT = Duration(nanoseconds=300_000_000)
 """How long shutdown waits for subscribers; a signal must end the node within a second."""
 
@@ -173,7 +174,7 @@ class Integrator(ConfiguredNode):
                 else:
                     self._take_truth(decode.truth(payload), rows, errors)
             except InputError as error:
-                self._complain(str(error))
+                self._refuse(topic, error)
         if rows:
             self._publish(rows)
         if errors:
@@ -251,6 +252,14 @@ class Integrator(ConfiguredNode):
 
     def _complain(self, words: str) -> None:
         self.get_logger().warning(words, throttle_duration_sec=_COMPLAINT_PERIOD)
+
+    def _refuse(self, topic: str, error: InputError) -> None:
+        """Count a message that cannot be used; the first of many says why, with its stamp."""
+        self.odometer.totals.refused += 1
+        self.get_logger().warning(
+            f"{topic}: refused: {error} ({self.odometer.totals.refused} refused so far)",
+            throttle_duration_sec=_REFUSAL_PERIOD,
+        )
 
     def _is_new_source(self) -> bool:
         """Return whether a publisher of readings has appeared since the last call."""

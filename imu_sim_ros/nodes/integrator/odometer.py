@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.config import IntegratorParameters
+from imu_sim_ros.inputs import gate
 from imu_sim_ros.navigation import Counts, Stepper, correction_of
 from imu_sim_ros.navigation.covariance import Covariance
 from imu_sim_ros.nodes.integrator.initialiser import Start, initialiser
@@ -42,6 +43,8 @@ class Totals:
     """What was counted since the node started."""
 
     readings: int = 0
+    refused: int = 0
+    """Messages that the gate did not pass, of readings and of the truth."""
     starts: int = 0
     steps: Counts = field(default_factory=Counts)
 
@@ -147,14 +150,22 @@ class Odometer:
                 self._covariance.step(h, self._r_wb, force, rate)
         elif before is not None and not self._is_usable(before, reading):
             return None
+        if not self._is_sound(stepper, reading.t_ns):
+            self._complain("the state has grown beyond any possible one; integration restarts")
+            self.begin()
+            return None
         return self._row(stepper, reading.t_ns)
+
+    def _is_sound(self, stepper: Stepper, t_ns: int) -> bool:
+        """Return whether the state may leave: it is finite, and of possible size."""
+        sound = gate.is_pose(t_ns, stepper.position, stepper.q_wb)
+        if self._covariance is not None and sound:
+            sound = self._covariance.is_finite
+        return sound and gate.within(stepper.velocity, gate.VELOCITY)
 
     def _is_usable(self, before: int, reading: ImuReading) -> bool:
         """Report a reading that made no step; return whether its stamp is new."""
         counts, step = self.totals.steps, (reading.t_ns - before) * 1e-9
-        if not np.isfinite(reading.gyro + reading.accel).all():
-            self._complain(f"non-finite reading skipped ({counts.not_finite})")
-            return False
         if step == 0:
             self._complain(f"reading with the same stamp as the previous one ({counts.repeated})")
             return False

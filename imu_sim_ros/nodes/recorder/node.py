@@ -4,7 +4,6 @@
 """The recorder node: topics into a bag that survives the recorder's sudden end."""
 
 import argparse
-import json
 import sys
 import time
 from collections.abc import Sequence
@@ -18,6 +17,7 @@ from imu_sim_ros.bags import Writer, open_writer
 from imu_sim_ros.commands import common
 from imu_sim_ros.config import RecorderParameters
 from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.json_text import as_json
 from imu_sim_ros.nodes import run
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.recorder.duration_limit import DurationLimit
@@ -303,7 +303,7 @@ def plain_arguments(arguments: Sequence[str]) -> list[str]:
                 value = _seconds(name, value)
             result += [name, value]
     if topics:
-        result += ["--topics", json.dumps(topics)]
+        result += ["--topics", as_json(topics)]
     return [*result, *arguments[end:]]
 
 

@@ -37,6 +37,7 @@ from imu_sim_ros.datasets import (
     landmarks,
 )
 from imu_sim_ros.errors import explain
+from imu_sim_ros.json_text import as_json
 from imu_sim_ros.nodes import run
 from imu_sim_ros.nodes.simulator.cameras import MARKERS, TOKEN
 from imu_sim_ros.nodes.simulator.markers import markers
@@ -196,7 +197,7 @@ class Reports:
     def say(self, **said: Any) -> None:
         """Write a line."""
         with self._lock:
-            self._file.write(json.dumps(said).encode() + b"\n")
+            self._file.write(as_json(said).encode() + b"\n")
 
 
 def main() -> int:

@@ -28,6 +28,7 @@ from imu_sim_ros.config.cameras import CameraParameters, RigParameters
 from imu_sim_ros.conventions import MARKERS_TOPIC
 from imu_sim_ros.datasets import camera_topics
 from imu_sim_ros.errors import ConfigurationError, MachineError
+from imu_sim_ros.json_text import as_json
 from imu_sim_ros.nodes import run
 from imu_sim_ros.nodes.simulator.publish_queue import Piece
 from imu_sim_ros.nodes.simulator.transforms import Mount
@@ -96,7 +97,7 @@ class CameraProcess:
         assert self._process.stdout is not None
         self._input: IO[bytes] = self._process.stdin
         self._output: IO[bytes] = self._process.stdout
-        self._input.write(json.dumps(start).encode() + b"\n")
+        self._input.write(as_json(start).encode() + b"\n")
         self._input.flush()
         os.set_blocking(self._input.fileno(), False)  # the thread of the IMU never waits for it
         self._watcher = SupervisedThread(f"watch_{name}", self._watch, fail)

@@ -5,8 +5,12 @@
 
 from typing import Final, NamedTuple
 
+import numpy as np
+
 from imu_sim_ros.bags.messages import IMU, ODOMETRY, MessageDecoder
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs import gate
+from imu_sim_ros.rotation.scalars import normalise
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
 
 Vector = tuple[float, float, float]
@@ -46,27 +50,41 @@ _odometry = MessageDecoder(ODOMETRY, _STATES)
 def imu_reading(payload: bytes) -> ImuReading:
     """Return the reading in a sensor_msgs/Imu.
 
-    :raises InputError: for bytes that are not such a message in little-endian CDR.
+    :raises InputError: for bytes that are not such a message in little-endian CDR, and for a
+        reading that the gate refuses.
     """
     second, nanosecond, gx, gy, gz, ax, ay, az = _imu.numbers(payload)
-    if second < 0:
-        raise _before_epoch(second)
-    t_ns = second * NANOSECONDS_PER_SECOND + nanosecond
-    return ImuReading(t_ns, (gx, gy, gz), (ax, ay, az))
+    t_ns = _stamp(second, nanosecond)
+    result = ImuReading(t_ns, (gx, gy, gz), (ax, ay, az))
+    if not gate.is_reading(*result):
+        raise _refused(t_ns, (gate.RATE, result.gyro), (gate.FORCE, result.accel))
+    return result
 
 
 def truth(payload: bytes) -> Truth:
     """Return the state in a nav_msgs/Odometry.
 
-    :raises InputError: for bytes that are not such a message in little-endian CDR.
+    :raises InputError: for bytes that are not such a message in little-endian CDR, and for a
+        state that the gate refuses.
     """
-    values = _odometry.numbers(payload)
-    x, y, z, w = values[5:9]
-    if values[0] < 0:
-        raise _before_epoch(values[0])
-    t_ns = values[0] * NANOSECONDS_PER_SECOND + values[1]
-    return Truth(t_ns, values[2:5], (w, x, y, z), values[9:12], values[12:])
+    second, nanosecond, *values = _odometry.numbers(payload)
+    t_ns = _stamp(second, nanosecond)
+    px, py, pz, x, y, z, w, vx, vy, vz, rx, ry, rz = values
+    position, q_wb, velocity, rate = (px, py, pz), (w, x, y, z), (vx, vy, vz), (rx, ry, rz)
+    sound = gate.is_pose(t_ns, position, q_wb)
+    if not (sound and gate.within(velocity, gate.VELOCITY) and gate.within(rate, gate.RATE)):
+        pose = (gate.POSITION, position), (gate.ORIENTATION, q_wb)
+        raise _refused(t_ns, *pose, (gate.VELOCITY, velocity), (gate.RATE, rate))
+    return Truth(t_ns, position, normalise(q_wb), velocity, rate)
 
 
-def _before_epoch(second: int) -> InputError:
-    return InputError(f"negative timestamp: {second} s")
+def _stamp(second: int, nanosecond: int) -> int:
+    if second < 0:
+        raise InputError(f"negative timestamp: {second} s")
+    return second * NANOSECONDS_PER_SECOND + nanosecond
+
+
+def _refused(t_ns: int, *columns: tuple[gate.Quantity, tuple[float, ...]]) -> InputError:
+    rows = [(quantity, np.array([values])) for quantity, values in columns]
+    words = gate.Verdict(np.array([t_ns]), rows).why(0)
+    return InputError(f"{gate.stamp_words(t_ns)}: {words}")

@@ -18,6 +18,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from imu_sim_ros.config import SimulationParameters, flatten
 from imu_sim_ros.conventions import IMU_TOPIC, SENSOR_SUFFIX
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.json_text import as_json
 
 QOS: Final = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 TYPE: Final = "std_msgs/msg/String"
@@ -35,7 +36,7 @@ def topic(node: Node, prefix: str = "") -> str:
 def encode(parameters: SimulationParameters) -> str:
     """Return the text that describes the sensor of a simulation."""
     imu = flatten(parameters.imu)
-    return json.dumps({"/**": {_PARAMETERS: {"rate": parameters.rate, "imu": imu}}})
+    return as_json({"/**": {_PARAMETERS: {"rate": parameters.rate, "imu": imu}}})
 
 
 def decode(text: str) -> dict[str, object]:

@@ -1,0 +1,41 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""JSON for others to read: the one place that writes it, and JSON knows neither NaN nor infinity.
+
+A leaf.
+"""
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+
+def as_json(value: Any, number: Callable[[float], object] = float, **options: Any) -> str:
+    """Return a value as JSON; a number that is not finite becomes null.
+
+    :param value: of plain types, arrays, paths, and what holds them; keys become strings.
+    :param number: shortens finite numbers.
+    :param options: of ``json.dumps``.
+    :raises TypeError: for anything else.
+    """
+    return json.dumps(plain(value, number), allow_nan=False, **options)
+
+
+def plain(value: Any, number: Callable[[float], object] = float) -> Any:
+    """Return a value in plain types; arguments as for :func:`as_json`."""
+    if isinstance(value, str | bool | int) or value is None:
+        return value
+    if isinstance(value, float):
+        return number(value) if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {str(key): plain(entry, number) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(entry, number) for entry in value]
+    if hasattr(value, "tolist"):
+        return plain(value.tolist(), number)
+    if isinstance(value, Path):
+        return str(value)
+    raise TypeError(f"{type(value).__name__} has no JSON form")
