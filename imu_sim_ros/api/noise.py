@@ -33,16 +33,23 @@ class Estimated:
     low: Array
     """(3,) lower ends of the intervals; 0 where there is no value."""
     high: Array
-    """(3,) upper ends of the intervals; where there is no value, its upper bound."""
+    """(3,) upper ends of the intervals; where there is no value, its upper bound; infinite for an
+    axis that is not analysed."""
     unit: str
 
     def __repr__(self) -> str:
         axes = [
-            f"< {high:.3g}" if np.isnan(value) else f"{value:.3g} [{low:.3g}, {high:.3g}]"
+            _in_words(value, low, high)
             for value, low, high in zip(self.value, self.low, self.high, strict=True)
         ]
         named = (f"{axis} {words}" for axis, words in zip(AXES, axes, strict=True))
         return f"<Estimated {', '.join(named)} {self.unit}>"
+
+
+def _in_words(value: float, low: float, high: float) -> str:
+    if np.isinf(high):
+        return "not analysed"
+    return f"< {high:.3g}" if np.isnan(value) else f"{value:.3g} [{low:.3g}, {high:.3g}]"
 
 
 @dataclass(frozen=True, repr=False)
@@ -102,7 +109,8 @@ class Noise:
         :param path: ``.csv``: the Allan deviation; ``.yaml``: kalibr's imu.yaml.
         :param topic: of kalibr's file.
         :param force: replace what exists.
-        :raises InputError: for a path that cannot be used or exists.
+        :raises InputError: for a path that cannot be used or exists, and for kalibr's file where
+            an axis is not analysed.
         """
         path = Path(path)
         with saved(path, force) as place:

@@ -4,10 +4,11 @@
 """Checks of a record at rest before anything is computed from it.
 
 A :class:`Record` receives the messages as they come; it passes on gap-free pieces and keeps what
-it noticed. Short losses are filled, long ones and disturbances end a piece.
+it noticed. Short losses are rows of NaN in a piece, long ones and disturbances end it.
 """
 
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from imu_sim_ros import conventions
 from imu_sim_ros.calibration.resolution import StepFinder
 from imu_sim_ros.calibration.rest import RestCheck
+from imu_sim_ros.calibration.stamps import SampleClock, sampling_interval
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import BadRows, gate
@@ -24,8 +26,6 @@ Array = NDArray[np.float64]
 Times = NDArray[np.int64]
 
 AXES: Final = tuple(f"{triad} {axis}" for triad in TRIADS for axis in conventions.AXES)
-_FILLED_AT_MOST: Final = 10
-"""Samples: a longer loss ends the piece."""
 _SATURATED: Final = 1e-4
 """Share of samples at the very same extreme value."""
 _PILED_UP: Final = 4
@@ -36,7 +36,7 @@ class Timing(NamedTuple):
     """What the stamps of a record show."""
 
     rate: float
-    """[Hz]"""
+    """Samples over the time that they take, gaps apart [Hz]."""
     jitter: float
     """Standard deviation of the intervals between neighbours, losses apart [s]."""
     lost: int
@@ -49,22 +49,6 @@ class Timing(NamedTuple):
     """[s]"""
     duplicates: int
     """Messages with the stamp of the one before; the second was dropped."""
-
-
-def sampling_interval(t_ns: Times) -> float:
-    """Return the interval [ns] at which a sensor takes its samples, losses apart.
-
-    :raises InputError: for fewer than two different stamps.
-    """
-    steps = np.diff(t_ns)
-    steps = steps[steps > 0]
-    if len(steps) == 0:
-        raise InputError("fewer than two different stamps: no rate")
-    median = float(np.median(steps))
-    regular = steps[steps < 1.5 * median]
-    mean = float(np.mean(steps))
-    # Drivers that deliver in bursts have a median far below the mean; then only the mean is right.
-    return float(np.mean(regular)) if mean < 1.5 * median else mean
 
 
 _ROUNDING: Final = 16.0 * float(np.finfo(np.float64).eps)
@@ -84,17 +68,22 @@ class Record:
         self._sum = np.zeros(6)
         self._square = np.zeros(6)
         self.rest: RestCheck | None = None
-        self._interval = 0.0
+        self._clock: SampleClock | None = None
         self._last_ns: int | None = None
-        self._history = np.empty((0, 6))
         self._lost = self._filled = self._gaps = self._duplicates = 0
         self._longest_gap = 0
         self._intervals = np.zeros(3)  # count, sum and sum of squares, relative to the nominal
+        self._span = np.zeros(2)  # time and count of intervals, gaps apart
 
     @property
     def rate(self) -> float:
         """Samples per second [Hz], known from the first block on."""
         return 1e9 / self._interval
+
+    @property
+    def _interval(self) -> float:
+        """Nominal sampling interval [ns]."""
+        return self._clock.interval if self._clock else np.inf
 
     def add(self, t_ns: Times, gyro: Array, accel: Array) -> Iterator[Array | None]:
         """Take a block of messages; yield readings (n, 6), and None where a piece ends.
@@ -104,14 +93,14 @@ class Record:
         y = np.concatenate([gyro, accel], axis=1)
         if len(y) == 0:
             return
-        if self._interval == 0.0:
-            self._interval = sampling_interval(t_ns)
+        if self._clock is None:
+            self._clock = SampleClock(sampling_interval(t_ns))
             self.start_ns = int(t_ns[0])
             self.rest = RestCheck(self.rate)
         t_ns, y = self._in_order(t_ns, y)
         if not len(y):  # nothing but repetitions of the message before
             return
-        yield from self._pieces(t_ns, self._looked_at(t_ns, y))
+        yield from self._pieces(self._clock, t_ns, self._looked_at(t_ns, y))
         self._last_ns = int(t_ns[-1])
 
     def at_rest(self, y: Array | None) -> Iterator[Array | None]:
@@ -122,7 +111,8 @@ class Record:
     def end_bag(self) -> None:
         """Announce that the next block is from another bag."""
         self._last_ns = None
-        self._history = np.empty((0, 6))
+        if self._clock is not None:
+            self._clock.restart()
 
     def _in_order(self, t_ns: Times, y: Array) -> tuple[Times, Array]:
         before = t_ns[0] - 1 if self._last_ns is None else self._last_ns
@@ -171,47 +161,38 @@ class Record:
         """(6,) digital steps of the readings; 0 where there are none."""
         return self._steps.step
 
-    def _pieces(self, t_ns: Times, y: Array) -> Iterator[Array | None]:
-        before = t_ns[:1] if self._last_ns is None else np.array([self._last_ns])
-        steps = np.diff(t_ns, prepend=before) / self._interval
-        threshold = self._threshold(steps)
-        regular = steps[(steps > 0.0) & (steps < threshold)]
-        self._intervals += [len(regular), (regular - 1.0).sum(), ((regular - 1.0) ** 2).sum()]
-        missing = np.where(steps > threshold, np.round(steps) - 1.0, 0.0)
-        start = 0
-        for k in np.flatnonzero(missing >= 1.0):
-            lost = int(missing[k])
-            self._lost += lost
-            yield from self._hand_on(y[start:k])
-            if lost <= _FILLED_AT_MOST and len(self._history) >= lost:
-                self._filled += lost
-                # The readings before the loss, mirrored: noise of the same size and slope.
-                yield from self._hand_on(self._history[: -lost - 1 : -1])
-            else:
-                self._gaps += 1
-                self._longest_gap = max(self._longest_gap, lost + 1)
-                yield None
-            start = int(k)
-        yield from self._hand_on(y[start:])
-
-    def _threshold(self, steps: Array) -> float:
-        """Return the step [intervals] that means a loss: the stamp jitter must not make one."""
-        spread = float(np.median(np.abs(steps - 1.0))) if len(steps) else 0.0
-        return 1.5 + 8.0 * spread
-
-    def _hand_on(self, y: Array) -> Iterator[Array]:
-        if len(y):
-            self._history = np.concatenate([self._history, y[-_FILLED_AT_MOST:]])
-            self._history = self._history[-_FILLED_AT_MOST:]
+    def _pieces(self, clock: SampleClock, t_ns: Times, y: Array) -> Iterator[Array | None]:
+        missing = clock.missing(t_ns)
+        steps = np.diff(t_ns, prepend=t_ns[0] if self._last_ns is None else self._last_ns)
+        lost = int(missing.sum())
+        near = missing <= clock.longest
+        connected = near & (steps > 0)
+        self._span += steps[connected].sum(), (1 + missing[connected]).sum()
+        regular = steps[connected & (missing == 0)] / clock.interval - 1.0
+        self._intervals += [len(regular), regular.sum(), (regular**2).sum()]
+        self._lost += lost
+        if not lost:
             yield y
+            return
+        self._filled += int(missing[near].sum())
+        starts = np.concatenate([[0], np.flatnonzero(~near), [len(y)]])
+        for start, stop in pairwise(starts):
+            if start < len(y) and not near[start]:
+                self._gaps += 1
+                self._longest_gap = max(self._longest_gap, int(missing[start]) + 1)
+                missing[start] = 0
+                yield None
+            if stop > start:
+                yield _with_gaps(y[start:stop], missing[start:stop])
 
     def timing(self) -> Timing:
         """Return what the stamps showed."""
         count, total, squares = self._intervals
         mean = total / max(count, 1.0)
         jitter = np.sqrt(max(squares / max(count, 1.0) - mean**2, 0.0)) * self._interval * 1e-9
+        span, steps = self._span
         return Timing(
-            self.rate,
+            float(1e9 * steps / span) if steps else self.rate,
             float(jitter),
             self._lost,
             self._filled,
@@ -247,6 +228,16 @@ class Record:
                 share = float(end.hits[k] / self.samples)
                 result.append((int(k), float(end.value[k]), share))
         return result
+
+
+def _with_gaps(y: Array, missing: NDArray[np.int64]) -> Array:
+    """Return readings with rows of NaN for those missing before each."""
+    if not missing.any():
+        return y
+    places = np.cumsum(missing + 1) - 1
+    result = np.full((int(places[-1]) + 1, y.shape[1]), np.nan)
+    result[places] = y
+    return result
 
 
 class _Extreme:

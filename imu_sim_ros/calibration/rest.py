@@ -72,11 +72,11 @@ class RestCheck:
             yield None
             return
         size = _WINDOWS * self._window
-        for first in range(0, len(y), size):
-            part = y[first : first + size]
+        while len(y):
+            part, y = y[: size - self._buffered], y[size - self._buffered :]
             self._buffer.append(part)
             self._buffered += len(part)
-            if self._buffered >= size:
+            if self._buffered == size:
                 yield from self._judge()
 
     def _judge(self) -> Iterator[Array | None]:
@@ -91,12 +91,32 @@ class RestCheck:
             yield y
             return
         mean, variance = _by_window(y[: count * self._window].reshape(count, self._window, 6))
+        if np.isnan(mean[:, 0]).any():
+            mean, variance = self._with_losses(y[: count * self._window], count)
         typical = np.median(variance, axis=0)
         self._note_motion(mean, typical, begin)
         bad = self._disturbances(mean, variance, typical, begin)
         self._variance += variance[~bad].sum(axis=0)
         self._windows_seen += int(np.count_nonzero(~bad))
         yield from self._without(y, bad)
+
+    def _with_losses(self, y: Array, count: int) -> tuple[Array, Array]:
+        """Return means and variances (windows, 6) of the readings that are there.
+
+        A window without half of its readings has the mean of the last one before it and the
+        typical variance: nothing is known of it.
+        """
+        windows = y.reshape(count, self._window, 6)
+        known = np.count_nonzero(~np.isnan(windows[:, :, 0]), axis=1)
+        centre = np.nanmean(y, axis=0)
+        there = np.where(np.isnan(windows), 0.0, windows - centre)
+        number = np.maximum(known, 1)[:, None]
+        mean = there.sum(axis=1) / number
+        variance = np.maximum((there**2).sum(axis=1) / number - mean**2, 0.0)
+        half = known >= 0.5 * self._window
+        last = np.maximum.accumulate(np.where(half, np.arange(count), 0))
+        variance[~half] = np.median(variance[half], axis=0) if half.any() else 0.0
+        return centre + mean[last], variance
 
     def _note_motion(self, mean: Array, typical: Array, begin: float) -> None:
         # A single shock or shift of level is a disturbance; without it the rest must be at rest.

@@ -14,6 +14,8 @@ from contextlib import AbstractContextManager, nullcontext, suppress
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
+
 from imu_sim_ros.bags import ImuMessages, imu_blocks, open_bag
 from imu_sim_ros.calibration import SecondProcess
 from imu_sim_ros.calibration.noise import (
@@ -31,14 +33,8 @@ from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.machine import cores
 
-_FILES = (
-    "allan.csv",
-    "kalibr_imu.yaml",
-    "imu_utils.yaml",
-    "imu_utils_continuous.yaml",
-    "imu.yaml",
-    "allan.png",
-)
+_CONFIGURATIONS = ("kalibr_imu.yaml", "imu_utils.yaml", "imu_utils_continuous.yaml", "imu.yaml")
+_FILES = ("allan.csv", *_CONFIGURATIONS, "allan.png")
 _OPTIONAL = ("quantisation", "rate_ramp")
 _ONE_PROCESS: Final = 32 << 20
 """[bytes] Below it starting another process takes longer than its work."""
@@ -100,11 +96,14 @@ def allan(arguments: argparse.Namespace) -> None:
     staging = None if arguments.no_files else written.add_files(folder, _FILES)
     with written:
         result, comparisons = _analysed(arguments, staging)
+    if staging is not None:
+        for name in set(_FILES) - _written(result):  # replaced by nothing: of an earlier record
+            (folder / name).unlink(missing_ok=True)
     if arguments.json:
         common.print_json(_json(result, comparisons))
     elif not arguments.quiet:
-        files = [] if arguments.no_files else [folder / name for name in _FILES]
-        _print(result, comparisons, sorted(files))
+        files = [] if arguments.no_files else [folder / name for name in sorted(_written(result))]
+        _print(result, comparisons, files)
 
 
 def _analysed(
@@ -129,6 +128,11 @@ def _analysed(
     if folder is not None:
         _write(result, folder, arguments)
     return result, comparisons
+
+
+def _written(result: AllanResult) -> set[str]:
+    """Return the files that a result has: configurations need a number for every axis."""
+    return set(_FILES) - set(_CONFIGURATIONS if result.reasons else ())
 
 
 def _second_process(bags: Iterable[Path]) -> AbstractContextManager[SecondProcess | None]:
@@ -174,16 +178,18 @@ def _blocks(arguments: argparse.Namespace) -> Iterator[Iterator[ImuMessages]]:
 
 
 def _write(result: AllanResult, output: Path, arguments: argparse.Namespace) -> None:
-    """Write the files of ``_FILES``."""
+    """Write the files of ``_FILES``; no configurations where an axis is not analysed."""
     from imu_sim_ros.plots import allan as picture
 
     source = ", ".join(str(bag) for bag in arguments.bags)
     noise_files.write_csv(result, output / "allan.csv")
+    picture.draw(result, output / "allan.png", ", ".join(bag.name for bag in arguments.bags))
+    if result.reasons:
+        return
     noise_files.write_kalibr(result, output / "kalibr_imu.yaml", arguments.topic or "/imu0")
     for name, continuous in (("imu_utils.yaml", False), ("imu_utils_continuous.yaml", True)):
         noise_files.write_imu_utils(result, output / name, continuous=continuous)
     noise_files.write_parameters(result, output / "imu.yaml", source)
-    picture.draw(result, output / "allan.png", ", ".join(bag.name for bag in arguments.bags))
 
 
 def _json(result: AllanResult, comparisons: Sequence[truth.Comparison]) -> Mapping[str, Any]:
@@ -195,6 +201,7 @@ def _json(result: AllanResult, comparisons: Sequence[truth.Comparison]) -> Mappi
             name: {key: _json_term(result, k, key) for key in result.keys}
             for k, name in enumerate(TRIADS)
         },
+        "not_analysed": result.reasons,
         "model": result.model,
         "jitter_s": timing.jitter,
         "lost": timing.lost,
@@ -217,10 +224,11 @@ def _json(result: AllanResult, comparisons: Sequence[truth.Comparison]) -> Mappi
 
 def _json_term(result: AllanResult, triad: int, key: str) -> Mapping[str, Any]:
     found = [result.estimate(3 * triad + k, key) for k in range(3)]
+    known = [result.noise[3 * triad + k] is not None for k in range(3)]
     return {
         "value": [e.value for e in found],
-        "low": [e.low for e in found],
-        "high": [e.high for e in found],
+        "low": [e.low if there else None for e, there in zip(found, known, strict=True)],
+        "high": [e.high if there else None for e, there in zip(found, known, strict=True)],
     }
 
 
@@ -239,6 +247,8 @@ def _print(
         print(f"{covered} of {len(comparisons)} intervals contain the truth")
     for path in files:
         print(path)
+    if files and result.reasons:
+        print(f"no configuration files: {', '.join(result.reasons)} not analysed")
 
 
 def _print_triad(
@@ -267,6 +277,8 @@ def _print_triad(
 
 
 def _value_and_interval(found: Estimate, factor: float = 1.0) -> list[str]:
+    if np.isinf(found.high):
+        return ["not analysed", ""]
     if found.value is None:
         return [f"< {found.high * factor:.3g}", ""]
     interval = f"{found.low * factor:.4g} .. {found.high * factor:.4g}"

@@ -245,3 +245,34 @@ def test_perfect_readings_have_nothing_to_analyse(tmp_path, capsys):
     generate.main(["--imu", "perfect", "--trajectory", "static", "--duration", "100s", "--rate",
                    "100", "--quiet", "--imu-only", "-o", str(path)])  # fmt: skip
     assert refused(capsys, str(path), "--no-files").count("always") == 6
+
+
+def test_an_axis_that_is_not_analysed_is_null_and_makes_no_configuration(tmp_path, capsys):
+    path = make(tmp_path / "dead.mcap", "--set", "imu.gyroscope_resolution=100.0",
+                "--set", "imu.accelerometer_resolution=1.0")  # fmt: skip
+    folder = tmp_path / "out"
+    arguments = [str(path), "-o", str(folder), "--skip-checks"]
+    result = analysed(capsys, *arguments)
+    assert list(result["not_analysed"]) == [f"gyroscope {axis}" for axis in "xyz"]
+    assert all("always 0" in reason for reason in result["not_analysed"].values())
+    for found in result["gyroscope"].values():
+        assert found == {"value": [None] * 3, "low": [None] * 3, "high": [None] * 3}
+    assert all(high > 0.0 for high in result["accelerometer"]["noise_density"]["high"])
+    assert sorted(file.name for file in folder.iterdir()) == ["allan.csv", "allan.png"]
+    (folder / "imu.yaml").write_text("of an earlier record")
+    assert allan.main([*arguments, "--force"]) == 0
+    printed = capsys.readouterr().out
+    assert "not analysed" in printed
+    assert "no configuration files: gyroscope x" in printed
+    assert not (folder / "imu.yaml").exists()
+
+
+def test_noise_that_the_resolution_hides_is_written_as_its_bound(tmp_path):
+    """0.15 rad/s per sample in steps of 0.5, around a code's edge: a bound stands in the file."""
+    path = make(tmp_path / "coarse.mcap", "--set", "imu.gyroscope_resolution=0.5",
+                "--set", "imu.gyroscope_bias=[0.25,0.25,0.25]")  # fmt: skip
+    assert allan.main([str(path), "-o", str(tmp_path / "out"), "--quiet"]) == 0
+    text = (tmp_path / "out" / "imu.yaml").read_text()
+    assert "White noise of gyroscope x, gyroscope y, gyroscope z: an upper bound" in text
+    imu = load_simulation(files.load(tmp_path / "out" / "imu.yaml")).imu
+    assert min(imu.gyroscope.noise_density) > 0.015

@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.calibration.record import sampling_interval
+from imu_sim_ros.calibration.stamps import sampling_interval
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import gate
 

@@ -19,6 +19,8 @@ from imu_sim_ros.calibration.noise.deviation import (
 )
 from imu_sim_ros.calibration.noise.estimate import KEYS, RAMP, AxisNoise, Estimate, estimate
 from imu_sim_ros.calibration.noise.gauss_markov import GAUSS_MARKOV_KEYS, estimate_gauss_markov
+from imu_sim_ros.calibration.noise.losses import LossFiller
+from imu_sim_ros.calibration.noise.slow_lines import Line
 from imu_sim_ros.calibration.noise.spectrum import Spectrum, SpectrumAccumulator
 from imu_sim_ros.calibration.noise.terms import (
     FLICKER,
@@ -69,12 +71,14 @@ class AllanResult(NamedTuple):
     """Seconds at rest that were used."""
     deviation: Deviation
     noise: tuple[AxisNoise | None, ...]
-    """By axis; None for one whose readings never change."""
+    """By axis; None for one that is not analysed."""
     bands: tuple[Band | None, ...]
     mean: Array
     """(6,) mean readings."""
     model: str
     warnings: tuple[str, ...]
+    reasons: dict[str, str]
+    """By axis that is not analysed: why."""
 
     @property
     def keys(self) -> tuple[str, ...]:
@@ -89,9 +93,9 @@ class AllanResult(NamedTuple):
         return f"{self.duration / size:.3g} {unit} at {self.timing.rate:.6g} Hz"
 
     def estimate(self, axis: int, key: str) -> Estimate:
-        """Return a parameter of one axis; for a constant axis nothing but zero is known."""
+        """Return a parameter of one axis; of one that is not analysed nothing is known."""
         noise = self.noise[axis]
-        return Estimate(None, 0.0, 0.0) if noise is None else noise.estimates[key]
+        return Estimate(None, 0.0, np.inf) if noise is None else noise.estimates[key]
 
 
 @dataclass
@@ -100,14 +104,16 @@ class _Sinks:
 
     deviation: DeviationAccumulator | DeviationElsewhere
     spectrum: SpectrumAccumulator
+    losses: LossFiller
     samples: int = 0
     longest: int = 0
     piece: int = 0
 
     def take(self, y: Array | None) -> None:
-        if y is None:
+        if y is None or np.isnan(y[:, 0]).all():
             self.end_piece()
             return
+        y = self.losses.fill(y)
         self.deviation.add(y)
         self.spectrum.add(y)
         self.samples += len(y)
@@ -143,28 +149,42 @@ def analyse(
     sinks = _read(record, bags, advance, second)
     if sinks is None or sinks.longest < SHORTEST * record.rate:
         raise InputError(_judge(record, sinks, None)[0])
-    spectrum = sinks.spectrum.result()
+    timing = record.timing()
+    lost = sinks.losses.samples / sinks.samples
+    spectrum = sinks.spectrum.result().at_rate(timing.rate).with_losses(lost)
     problems, warnings = _judge(record, sinks, spectrum)
     if problems and not force:
         raise InputError(problems)
-    constant = record.constant_axes()
-    bands = [None if k in constant else usable_band(spectrum, k) for k in range(6)]
+    reasons = _not_analysed(record)
+    bands = [None if k in reasons else usable_band(spectrum, k) for k in range(6)]
     noise = [
         None if band is None else _rounded(_noise(spectrum, k, band, model), record, k)
         for k, band in enumerate(bands)
     ]
-    warnings += problems + list(_band_warnings(bands, record.rate))
+    warnings += problems + list(_band_warnings(bands, timing.rate))
+    warnings += _line_warnings(sinks.spectrum.lines, timing.rate)
     meanwhile()
+    deviation = sinks.deviation.result()
     return AllanResult(
-        record.timing(),
-        sinks.samples / record.rate,
-        sinks.deviation.result(),
+        timing,
+        sinks.samples / timing.rate,
+        deviation._replace(tau=deviation.size / timing.rate),
         tuple(noise),
         tuple(bands),
         record.mean,
         model,
         tuple(warnings),
+        {AXES[k]: reason for k, reason in reasons.items()},
     )
+
+
+def _not_analysed(record: Record) -> dict[int, str]:
+    """Return by axis why it is not analysed: what never changes bounds no noise."""
+    return {
+        axis: f"always {record.minimum[axis] + 0.0:g}: a dead axis, or noise far below the "
+        "resolution"
+        for axis in record.constant_axes()
+    }
 
 
 def _noise(spectrum: Spectrum, axis: int, band: Band, model: str) -> AxisNoise:
@@ -226,7 +246,7 @@ def _read(
 
 def _sinks(rate: float, second: SecondProcess | None) -> _Sinks:
     deviation = DeviationElsewhere(second, rate, 6) if second else DeviationAccumulator(rate, 6)
-    return _Sinks(deviation, SpectrumAccumulator(rate, 6))
+    return _Sinks(deviation, SpectrumAccumulator(rate, 6), LossFiller(6))
 
 
 def _judge(
@@ -310,14 +330,12 @@ def _reading_warnings(record: Record) -> Iterable[str]:
     saturated: dict[int, list[tuple[float, float]]] = {}
     for axis, value, share in record.saturated_axes():
         saturated.setdefault(axis, []).append((value, share))
-    constant, dead = record.constant_axes(), _dead_axes(record)
+    dead = _dead_axes(record)
+    reasons = _not_analysed(record)
     for axis, step in enumerate(record.step):
-        if axis in constant:
+        if axis in reasons:
             if axis not in dead:
-                yield (
-                    f"{AXES[axis]}: always {record.minimum[axis] + 0.0:g}: a dead axis, or noise "
-                    "far below the resolution; it is not analysed"
-                )
+                yield f"{AXES[axis]}: {reasons[axis]}; it is not analysed"
         elif step > 0.0 and noise[axis] < resolution.COARSE * step:
             yield (f"{AXES[axis]}: the resolution of {step:.3g} hides the noise: upper bounds only")
         for value, share in saturated.get(axis, ()):
@@ -327,7 +345,10 @@ def _reading_warnings(record: Record) -> Iterable[str]:
 def _warnings(record: Record, longest: float) -> Iterable[str]:
     timing = record.timing()
     if timing.filled:
-        yield f"{timing.filled} lost samples in short losses were filled with their neighbours"
+        yield (
+            f"{timing.filled} samples lost in short losses were replaced by draws from the noise "
+            "of the record, given all around them"
+        )
     if timing.gaps:
         yield (
             f"{timing.gaps} gaps, the longest {timing.longest_gap:.3f} s: "
@@ -366,3 +387,12 @@ def _band_warnings(bands: Iterable[Band | None], rate: float) -> Iterable[str]:
         if band.lines:
             shown = ", ".join(f"{f:.3g}" for f in band.lines[:5])
             yield f"{AXES[axis]}: vibration at {shown} Hz was left out"
+
+
+def _line_warnings(lines: Iterable[Line], rate: float) -> list[str]:
+    """Report the slow lines that were taken out."""
+    return [
+        f"{AXES[line.axis]}: a sinusoid of {line.amplitude:.3g} {UNITS[line.axis // 3]} with a "
+        f"period of {1.0 / (line.frequency * rate):.4g} s was taken out"
+        for line in lines
+    ]

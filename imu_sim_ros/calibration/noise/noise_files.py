@@ -3,6 +3,7 @@
 
 """Files for other programs: CSV, kalibr, imu_utils, and the simulator's own parameters."""
 
+from itertools import product
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -10,8 +11,10 @@ import numpy as np
 
 from imu_sim_ros.calibration.noise.analysis import AllanResult
 from imu_sim_ros.calibration.noise.gauss_markov import CORRELATION_TIME, SIGMA
+from imu_sim_ros.calibration.noise.terms import WHITE
 from imu_sim_ros.config import Value, files
 from imu_sim_ros.conventions import AXES, TRIADS
+from imu_sim_ros.errors import InputError
 
 KALIBR_NAMES: Final = tuple(
     f"{triad}_{key}" for triad in TRIADS[::-1] for key in ("noise_density", "random_walk")
@@ -52,7 +55,11 @@ def _one_for_three(result: AllanResult, triad: int, key: str) -> tuple[float, bo
 
 
 def write_kalibr(result: AllanResult, path: Path, topic: str) -> None:
-    """Write kalibr's imu.yaml: continuous-time densities, one value for three axes."""
+    """Write kalibr's imu.yaml: continuous-time densities, one value for three axes.
+
+    :raises InputError: where an axis is not analysed.
+    """
+    check_complete(result)
     lines = ["# kalibr imu.yaml: continuous-time noise, root mean square of the three axes"]
     for name in KALIBR_NAMES:
         triad, _, key = name.partition("_")
@@ -69,7 +76,9 @@ def write_imu_utils(result: AllanResult, path: Path, *, continuous: bool) -> Non
     :param continuous: densities, N and K, as kalibr's documentation and filters take the names;
         else what the program itself writes: ``*_n`` is the noise of a single sample,
         N * sqrt(rate), and ``*_w`` the minimum of the Allan deviation, which is not a random walk.
+    :raises InputError: where an axis is not analysed.
     """
+    check_complete(result)
     meaning = (
         "*_n: noise density N; *_w: random walk K; both continuous-time (kalibr's meaning)"
         if continuous
@@ -115,14 +124,37 @@ def _imu_utils_pair(result: AllanResult, axis: int, continuous: bool) -> tuple[_
     return noise._replace(value=noise.value * result.timing.rate**0.5), _Number(lowest, False)
 
 
+def check_complete(result: AllanResult) -> None:
+    """Check that there is a number for every axis.
+
+    :raises InputError: with a line for each axis that is not analysed: a configuration would take
+        it for noiseless.
+    """
+    if result.reasons:
+        raise InputError(
+            [
+                f"{axis} is not analysed ({reason}): no configuration file can be written"
+                for axis, reason in result.reasons.items()
+            ]
+        )
+
+
 def simulator_parameters(result: AllanResult) -> dict[str, Value]:
-    """Return simulator parameters that reproduce this noise; terms not found stay zero."""
+    """Return simulator parameters that reproduce this noise.
+
+    White noise that the resolution hides has its upper bound; other terms not found stay zero.
+
+    :raises InputError: where an axis is not analysed.
+    """
+    check_complete(result)
     values: dict[str, Value] = {"rate": round(result.timing.rate, 6), "imu.preset": "perfect"}
     for triad, name in enumerate(TRIADS):
         for key in result.keys:
             if key == "quantisation":
                 continue
-            entries = [result.estimate(3 * triad + k, key).value or 0.0 for k in range(3)]
+            found = [result.estimate(3 * triad + k, key) for k in range(3)]
+            hidden = key == WHITE.key
+            entries = [(e.high if hidden else 0.0) if e.value is None else e.value for e in found]
             if key == "rate_ramp":
                 signs = [_sign(result, 3 * triad + k) for k in range(3)]
                 entries = [s * e for s, e in zip(signs, entries, strict=True)]
@@ -148,9 +180,15 @@ def _complete_process(values: dict[str, Value], prefix: str) -> None:
 def write_parameters(result: AllanResult, path: Path, source: str) -> None:
     """Write a parameter file for ``simulator`` and ``generate --imu``: a twin of this IMU."""
     mean = ", ".join(f"{value:.6g}" for value in result.mean)
+    hidden = [
+        f"{triad} {axis}"
+        for k, (triad, axis) in enumerate(product(TRIADS, AXES))
+        if result.estimate(k, WHITE.key).value is None
+    ]
+    bounds = f"White noise of {', '.join(hidden)}: an upper bound.\n" if hidden else ""
     comment = (
         f"Noise of the IMU in {source}: {result.record}.\n"
-        "Terms that the record cannot distinguish from zero are left out.\n"
+        f"Terms that the record cannot distinguish from zero are left out.\n{bounds}"
         f"Mean readings (gyroscope x y z, accelerometer x y z): {mean}"
     )
     files.write(simulator_parameters(result), path, comment=comment)

@@ -16,6 +16,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.calibration.noise.slow_lines import Line, without_lines
+
 Array = NDArray[np.float64]
 
 CLUSTER: Final = 16
@@ -56,6 +58,27 @@ class Spectrum(NamedTuple):
         """Return some of the rows."""
         return concatenate([self], chosen)
 
+    def at_rate(self, rate: float) -> "Spectrum":
+        """Return the spectrum of the same samples, taken at another rate [Hz]."""
+        longer = 1.0 / (rate * self.sample_interval)
+        return self._replace(
+            frequency=self.frequency / longer,
+            power=self.power * longer,
+            interval=self.interval * longer,
+            duration=self.duration * longer,
+            amplitude=self.amplitude * longer**0.5,
+            sample_interval=self.sample_interval * longer,
+        )
+
+    def with_losses(self, share: float) -> "Spectrum":
+        """Return the spectrum where a share of the samples are draws, given the others.
+
+        An average of p draws in each n samples has the relative variance
+        ``2 / n (1 / (1 - p) + p)``: that of the others, and the draws' own.
+        """
+        known = 1.0 / (1.0 / (1.0 - share) + share)
+        return self._replace(freedom=np.where(self.order > 0, 1.0, self.freedom * known))
+
 
 class _Bins(NamedTuple):
     """Where the coefficients of a segment go; the same for all segments of one length."""
@@ -90,6 +113,8 @@ class SpectrumAccumulator:
         self._log_frequency = np.zeros(count)
         self._whole = self._bins(_SEGMENT)
         self._low: list[Spectrum] = []
+        self.lines: list[Line] = []
+        """Slow sinusoids that were taken out; their frequencies in cycles per sample."""
         self._segment = np.empty((axes, _SEGMENT))
         self._workspace = np.empty((axes, _SEGMENT))
         self._begin()
@@ -162,6 +187,8 @@ class SpectrumAccumulator:
         n = clusters.shape[1]
         interval = CLUSTER * self._dt
         last = int(np.ceil(2.0 * n * _SPLIT * CLUSTER))  # the first coefficient at the split
+        clusters, lines = without_lines(clusters, _SPLIT * CLUSTER)
+        self.lines += [line._replace(frequency=line.frequency / CLUSTER) for line in lines]
         centred = clusters - clusters.mean(axis=1, keepdims=True)
         amplitude = self._dct(centred)[:, 1:last].T * np.sqrt(interval)
         order = np.arange(1, last)

@@ -73,7 +73,7 @@ def compare(result: AllanResult, imu: ImuParameters) -> list[Comparison]:
     """
     truth = true_noise(imu, result.timing.rate)
     comparisons = []
-    for axis in range(6):
+    for axis in (k for k in range(6) if result.noise[k] is not None):
         stranger = SIGMA not in result.keys and truth[SIGMA][axis] > 0.0
         for key in ("noise_density",) if stranger else result.keys:
             absent = key == QUANTISATION.key and truth[key][axis] == 0.0

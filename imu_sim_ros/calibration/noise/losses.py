@@ -1,0 +1,188 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Lost samples are filled by draws from the noise of the record itself, given all around them.
+
+The cosine transform D takes a stretch of n readings to coefficients of variances S, nearly
+independent (:mod:`imu_sim_ros.calibration.noise.spectrum`). With the precision
+``P = D' S^-1 D``, the lost samples m given the observed ones o are normal with the mean
+``-P_mm^-1 P_mo x_o`` and the covariance ``P_mm^-1``; both at once are the solution of
+
+    P_mm x_m = R D' (S^-1/2 e - S^-1 D x_o),
+
+R picking the lost samples, e independent and of unit variance, which conjugate gradients find with
+nothing but cosine transforms. So filled, a stretch has the spectrum S, whatever the losses: no
+sample counts twice and none is missing. S is that of all stretches filled before, the first of
+which is filled several times ("data augmentation", Tanner and Wong, JASA 82, 1987); what is wrong
+with S shrinks by the share of lost samples each time.
+"""
+
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.calibration.noise.likelihood import Data, fit
+
+Array = NDArray[np.float64]
+
+_WIDTH: Final = 0.1
+"""Relative width of the bins in which squared coefficients are averaged."""
+_LOWEST: Final = 1e-8
+"""Cycles per sample at the first bin."""
+_ENOUGH: Final = 64
+"""Coefficients in a bin that give its level themselves; below, it is that of a fitted model."""
+_DEEPEST: Final = 0.003
+"""Least share of the model's power that a filter is taken to leave: the gradients need steps as
+many as the root of its inverse, and what lies above the filter is not used."""
+_NEAR: Final = 4.0
+_ROUNDS: Final = 4
+"""Fillings of the first stretch."""
+_ITERATIONS: Final = 200
+_TOLERANCE: Final = 1e-3
+_SEED: Final = 20261122
+
+
+class LossFiller:
+    """Fills the lost samples of one record, stretch by stretch."""
+
+    def __init__(self, axes: int) -> None:
+        count = int(np.ceil(np.log(0.5 / _LOWEST) / _WIDTH))
+        self._squares = np.zeros((count, axes))
+        self._counts = np.zeros(count)
+        self._logs = np.zeros(count)
+        self._level: Array | None = None
+        self._random = np.random.default_rng(_SEED)
+        self.samples = 0
+        """Filled so far."""
+        self.seen = 0
+        """Samples so far, filled ones included."""
+
+    def fill(self, y: Array) -> Array:
+        """Return readings (n, axes), some of them not NaN, with draws in place of NaN."""
+        lost = np.isnan(y[:, 0])
+        self.seen += len(y)
+        self._note_level(y[~lost], len(y))
+        if not lost.any():
+            return y
+        self.samples += int(np.count_nonzero(lost))
+        places = np.flatnonzero(lost)
+        filled = _interpolated(y, lost)
+        moving = np.ptp(filled, axis=0) > 0.0
+        own = _Spectrum(self._squares, self._counts, self._logs)
+        for _ in range(1 if self._counts.any() else _ROUNDS):
+            power = own if self._counts.any() else own.plus(filled)
+            draws = self._drawn(filled, places, power.at(len(y)))
+            filled[places] = np.where(moving, draws, filled[places])
+        added = own.plus(filled)
+        self._squares, self._counts, self._logs = added.squares, added.counts, added.logs
+        return filled
+
+    def _note_level(self, y: Array, count: int) -> None:
+        mean = y.mean(axis=0)
+        if self._level is None:
+            self._level = mean
+        else:
+            self._level = self._level + (mean - self._level) * count / self.seen
+
+    def _drawn(self, y: Array, places: NDArray[np.int64], variance: Array) -> Array:
+        """Return draws (m, axes) for the lost samples.
+
+        :param variance: (axes, n) of the coefficients.
+        """
+        from scipy.fft import dct, idct
+
+        assert self._level is not None
+        observed = (y - self._level).T.copy()
+        observed[:, places] = 0.0
+
+        def precision(x: Array) -> Array:
+            spread = np.zeros_like(observed)
+            spread[:, places] = x
+            weighted = dct(spread, norm="ortho", axis=1, overwrite_x=True) / variance
+            result: Array = idct(weighted, norm="ortho", axis=1, overwrite_x=True)[:, places]
+            return result
+
+        unit = self._random.standard_normal(observed.shape)
+        right = unit / np.sqrt(variance) - dct(observed, norm="ortho", axis=1) / variance
+        right = idct(right, norm="ortho", axis=1, overwrite_x=True)[:, places]
+        result: Array = self._level + _solution(precision, right).T
+        return result
+
+
+class _Spectrum:
+    """Sums of squared coefficients in bins of frequency."""
+
+    def __init__(self, squares: Array, counts: Array, logs: Array) -> None:
+        self.squares, self.counts, self.logs = squares, counts, logs
+
+    def plus(self, y: Array) -> "_Spectrum":
+        """Return the sums with those of one more stretch (n, axes)."""
+        from scipy.fft import dct
+
+        squares = dct(y, norm="ortho", axis=0)[1:] ** 2
+        frequency = np.arange(1, len(y)) / (2.0 * len(y))
+        bins = (np.log(frequency / _LOWEST) / _WIDTH).astype(np.int64)
+        starts = np.flatnonzero(np.diff(bins, prepend=-1))
+        result = _Spectrum(self.squares.copy(), self.counts.copy(), self.logs.copy())
+        result.squares[bins[starts]] += np.add.reduceat(squares, starts, axis=0)
+        result.counts[bins[starts]] += np.diff(np.append(starts, len(bins)))
+        result.logs[bins[starts]] += np.add.reduceat(np.log(frequency), starts)
+        return result
+
+    def at(self, n: int) -> Array:
+        """Return (axes, n) the variances of the coefficients of a stretch of n samples.
+
+        Their averages; where those are of few coefficients, white noise, flicker and walk fitted
+        there and up to ``_NEAR`` times as far. The mean has the variance of the slowest cosine.
+        """
+        used = self.counts > 0
+        counts = self.counts[used]
+        power = np.maximum(self.squares[used] / counts[:, None], 1e-60)
+        logs = self.logs[used] / counts
+        wanted = np.log(np.maximum(np.arange(n), 1.0) / (2.0 * n))
+        many = counts >= _ENOUGH
+        border = logs[many][0] if many.any() else 0.0
+        near = logs < border + np.log(_NEAR)
+        few = wanted < border
+        zeros = np.zeros(np.count_nonzero(near))
+        result = np.empty((power.shape[1], n))
+        for axis, row in enumerate(power.T):
+            best = fit(Data(row[near], counts[near], zeros, zeros), _terms(logs[near]))
+            floor = _DEEPEST * _terms(logs[many]) @ best.components[0]
+            level = np.log(np.maximum(row[many], floor))
+            result[axis, few] = _terms(wanted[few]) @ best.components[0]
+            if many.any():
+                result[axis, ~few] = np.exp(np.interp(wanted[~few], logs[many], level))
+        return result
+
+
+def _terms(log_frequency: Array) -> Array:
+    """Return (m, 3) white noise, flicker and walk."""
+    result: Array = np.exp(-np.outer(log_frequency, [0.0, 1.0, 2.0]))
+    return result
+
+
+def _interpolated(y: Array, lost: NDArray[np.bool_]) -> Array:
+    rows, known = np.arange(len(y)), np.flatnonzero(~lost)
+    return np.stack([np.interp(rows, known, column[known]) for column in y.T], axis=1)
+
+
+def _solution(matrix: Callable[[Array], Array], right: Array) -> Array:
+    """Return x with ``matrix(x) = right``, each row (m,) by conjugate gradients."""
+    x = np.zeros_like(right)
+    rest, way = right.copy(), right.copy()
+    size = np.sum(rest**2, axis=1)
+    enough = _TOLERANCE**2 * size
+    for _ in range(_ITERATIONS):
+        if np.all(size <= enough):
+            break
+        turned = matrix(way)
+        step = size / np.maximum(np.sum(way * turned, axis=1), 1e-300)
+        x += step[:, None] * way
+        rest -= step[:, None] * turned
+        new = np.sum(rest**2, axis=1)
+        way = rest + (new / np.maximum(size, 1e-300))[:, None] * way
+        size = new
+    return x
