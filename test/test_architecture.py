@@ -24,6 +24,7 @@ LEAVES = {
     "conventions",
     "lazy",
     "machine",
+    "names",
     "random_streams",
     "rotation",
     "timebase",

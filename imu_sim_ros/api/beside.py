@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from imu_sim_ros.api.readings import span
 from imu_sim_ros.conventions import BESIDE
 from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.names import suggestion
 from imu_sim_ros.sensor import ImuBlock
 
 Array = NDArray[np.float64]
@@ -89,9 +90,7 @@ def checked_sensors(names: Collection[str]) -> frozenset[str]:
     """
     given = (names,) if isinstance(names, str) else tuple(names)
     unknown = [
-        f"sensors: {name!r}: must be one of {', '.join(BESIDE)}"
-        for name in given
-        if name not in BESIDE
+        f"sensors: {name!r}: {suggestion(name, BESIDE)}" for name in given if name not in BESIDE
     ]
     if unknown:
         raise ConfigurationError(unknown)

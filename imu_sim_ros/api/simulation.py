@@ -14,11 +14,15 @@ from imu_sim_ros.api.beside import checked_sensors
 from imu_sim_ros.api.flight import Flight
 from imu_sim_ros.config import (
     EMPTY_LIST,
+    OF_EVERY_NODE,
     SimulationParameters,
+    SimulatorParameters,
+    bad_values,
     files,
     load_simulation,
     of_the_node,
 )
+from imu_sim_ros.config import parameters as described
 from imu_sim_ros.conventions import BESIDE
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.poses import PoseSequence
@@ -115,6 +119,10 @@ def _simulation(
         if sensors is None:
             beside = frozenset(name for name in BESIDE if given.get(f"publish.{name}") is True)
         of_node = of_the_node(given)
+        known = {**OF_EVERY_NODE, **described(SimulatorParameters)}
+        problems = list(bad_values(known, {name: given[name] for name in of_node}))
+        if problems:
+            raise ConfigurationError([f"{params_file}: {line}" for line in problems])
         unset = [name for name in ("imus", "cameras") if given.get(name) in ((), [], EMPTY_LIST)]
         layers = [{n: value for n, value in given.items() if n not in (*of_node, *unset)}]
     own: dict[str, object] = {**_imu(imu), **_flat(parameters)}

@@ -29,7 +29,7 @@ from imu_sim_ros.bags.messages import (
     transcode,
 )
 from imu_sim_ros.bags.read import imu_blocks, odometry_blocks, open_bag, vector_blocks
-from imu_sim_ros.bags.reader import Bag, listed, told
+from imu_sim_ros.bags.reader import Bag, missing, told
 from imu_sim_ros.bags.text import Dataset, States
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.writer import Block, Topic, Writer
@@ -65,10 +65,10 @@ def chosen(bag: Bag, names: Collection[str]) -> list[TopicInfo]:
     """
     wanted = ["/" + name.lstrip("/") for name in names]
     have = {"/" + topic.name.lstrip("/"): topic for topic in bag.topics}
-    missing = [name for name in wanted if name not in have]
-    if missing:
+    lacking = [name for name in wanted if name not in have]
+    if lacking:
         raise InputError(
-            [f"{bag.path}: has no topic {name}; it has {listed(bag.topics)}" for name in missing]
+            [f"{bag.path}: has no topic {name}; {missing(name, bag.topics)}" for name in lacking]
         )
     return [have[name] for name in wanted] if wanted else list(bag.topics)
 

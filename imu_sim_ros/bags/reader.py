@@ -17,6 +17,7 @@ from numpy.lib.stride_tricks import as_strided, sliding_window_view
 from imu_sim_ros.bags.messages import Bytes, MessageBlock, Payloads, Times, TopicInfo, as_list
 from imu_sim_ros.bags.threads import ahead
 from imu_sim_ros.errors import ImuSimError, InputError, system_error
+from imu_sim_ros.names import suggestion
 
 DAMAGE: Final = (
     ArithmeticError,
@@ -120,9 +121,8 @@ class Bag(ABC):
             named = [topic for topic in fitting if topic.name.lstrip("/") == name.lstrip("/")]
             if named:
                 return named[0]
-            raise InputError(
-                f"{self.path}: has no topic {name} of {type_name}; it has {listed(self.topics)}"
-            )
+            hint = missing(name, self.topics, fitting)
+            raise InputError(f"{self.path}: has no topic {name} of {type_name}; {hint}")
         names = {topic.name for topic in fitting}
         once = [topic for topic in fitting if f"{topic.name}_raw" not in names]
         if len(once) == 1:
@@ -134,6 +134,14 @@ class Bag(ABC):
         raise InputError(
             f"{self.path}: has several topics of {type_name}, name one of {listed(fitting)}"
         )
+
+
+def missing(
+    name: str, topics: Iterable[TopicInfo], fitting: Iterable[TopicInfo] | None = None
+) -> str:
+    """Return what is said of a topic that a bag lacks: the nearest one that fits, or all."""
+    near = topics if fitting is None else fitting
+    return suggestion(name, (topic.name for topic in near), f"it has {listed(topics)}")
 
 
 def listed(topics: Iterable[TopicInfo]) -> str:

@@ -12,6 +12,7 @@ from imu_sim_ros.bags.output_file import refuse_existing
 from imu_sim_ros.bags.split import PartsWriter, Rosbag2Writer
 from imu_sim_ros.bags.writer import Block, Topic, Writer
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.names import suggestion
 
 __all__ = ["COMPRESSIONS", "STORAGES", "Block", "Qos", "Topic", "Writer", "open_writer"]
 
@@ -80,7 +81,7 @@ def check_writer(path: Path, storage: str | None, compression: str | None) -> No
     """
     storage, compression = storage or storage_of(path), compression or "none"
     if storage not in STORAGES:
-        raise InputError(f"storage {storage!r}: must be one of {', '.join(STORAGES)}")
+        raise InputError(f"storage {storage!r}: {suggestion(storage, STORAGES)}")
     if compression not in COMPRESSIONS[storage]:
         raise InputError(
             f"compression {compression!r}: {storage} takes {', '.join(COMPRESSIONS[storage])}"

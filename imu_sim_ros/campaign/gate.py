@@ -18,6 +18,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Final, NamedTuple
 
 from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.names import suggestion
 
 STATISTICS: Final = ("median", "mean", "p5", "p25", "p75", "p90", "p95", "p99", "min", "max")
 SUCCESS: Final = "success"
@@ -91,13 +92,12 @@ def _requirement(line: str, metrics: Sequence[str], names: set[str]) -> Requirem
     metric, _, statistic = match["value"].partition(".")
     problems = []
     if metric != SUCCESS and metric not in metrics:
-        problems.append(f"require: {metric}: must be success or one of {', '.join(metrics)}")
+        problems.append(f"require: {metric}: {suggestion(metric, [SUCCESS, *metrics])}")
     if metric == SUCCESS and statistic:
         problems.append(f"require: {match['value']}: success has no statistics")
     if metric != SUCCESS and statistic not in STATISTICS:
-        problems.append(
-            f"require: {match['value']}: the statistic must be one of {', '.join(STATISTICS)}"
-        )
+        hint = suggestion(statistic, STATISTICS)
+        problems.append(f"require: {match['value']}: the statistic {statistic!r}: {hint}")
     filters = []
     for part in (match["filters"] or "").split(",") if match["filters"] else []:
         name, equals, value = (word.strip() for word in part.partition("="))

@@ -48,6 +48,7 @@ from imu_sim_ros.config import (
     shown,
 )
 from imu_sim_ros.errors import ConfigurationError, naming
+from imu_sim_ros.names import suggestion
 
 if TYPE_CHECKING:
     from imu_sim_ros.config.cameras import RigParameters
@@ -365,8 +366,6 @@ def _estimator(entry: object) -> tuple[Estimator, dict[str, str]]:
     if isinstance(estimator, CommandEstimator):
         unknown = [p for p in re.findall(r"{(\w*)}", estimator.command) if p not in PLACES]
         if unknown:
-            raise ConfigurationError(
-                f"command: {{{unknown[0]}}}: must be one of "
-                + ", ".join(f"{{{place}}}" for place in PLACES)
-            )
+            hint = suggestion(f"{{{unknown[0]}}}", (f"{{{place}}}" for place in PLACES))
+            raise ConfigurationError(f"command: {{{unknown[0]}}}: {hint}")
     return estimator, {key: str(value) for key, value in variables.items()}

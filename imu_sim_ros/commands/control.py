@@ -117,9 +117,7 @@ def control(arguments: argparse.Namespace) -> None:
     try:
         from imu_sim_ros.nodes import Control
     except ImportError as error:
-        raise ConfigurationError(
-            f"needs ROS 2, but {error.name} is not installed here (source its setup.bash)"
-        ) from None
+        raise ConfigurationError(common.loading.needs_ros(error)) from None
     with Control(arguments.node, arguments.timeout) as simulator:
         if arguments.action == "watch":
             _watch(simulator, arguments)

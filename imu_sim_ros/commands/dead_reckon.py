@@ -36,7 +36,6 @@ from imu_sim_ros.config import (
     METHODS,
     IntegratorParameters,
     build_layered,
-    files,
     layer_integrator,
 )
 from imu_sim_ros.conventions import TRUTH_TOPIC
@@ -163,7 +162,7 @@ def _parameters(arguments: argparse.Namespace) -> IntegratorParameters:
     layers = common.parameter_layers(arguments, "integrator")
     merged: dict[str, object] = {"initial_state": "truth"}
     for values in (*layers[:-1], chosen, layers[-1]):
-        merged.update((n, v) for n, v in values.items() if not files.is_of_ros(n))
+        merged.update(values)
     return build_layered(IntegratorParameters, layer_integrator, merged)
 
 

@@ -132,6 +132,7 @@ def imu_sim() -> int:
     if name in NODES:
         status: int = getattr(importlib.import_module("imu_sim_ros.nodes.start"), name)()
         return status
-    known = ", ".join(PROGRAMS | NODES)
-    print(f"imu_sim: {name[:100]!r} is not a program; the programs are {known}", file=sys.stderr)
+    from imu_sim_ros.names import unknown
+
+    print(f"imu_sim: {unknown('program', name, PROGRAMS | NODES)}", file=sys.stderr)
     return 2

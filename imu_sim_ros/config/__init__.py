@@ -35,12 +35,14 @@ if TYPE_CHECKING:
     from imu_sim_ros.config.integrator import outside_covariance as outside_covariance
     from imu_sim_ros.config.parameter import EMPTY_LIST as EMPTY_LIST
     from imu_sim_ros.config.parameter import IDENTITY_MATRIX as IDENTITY_MATRIX
+    from imu_sim_ros.config.parameter import OF_EVERY_NODE as OF_EVERY_NODE
     from imu_sim_ros.config.parameter import ZERO_MATRIX as ZERO_MATRIX
     from imu_sim_ros.config.parameter import ZERO_VECTOR as ZERO_VECTOR
     from imu_sim_ros.config.parameter import Matrix as Matrix
     from imu_sim_ros.config.parameter import Parameter as Parameter
     from imu_sim_ros.config.parameter import Value as Value
     from imu_sim_ros.config.parameter import Vector as Vector
+    from imu_sim_ros.config.parameter import bad_values as bad_values
     from imu_sim_ros.config.parameter import build as build
     from imu_sim_ros.config.parameter import flatten as flatten
     from imu_sim_ros.config.parameter import parameters as parameters
@@ -119,8 +121,10 @@ else:
                 "Parameter",
                 "Value",
                 "Vector",
+                "OF_EVERY_NODE",
                 "ZERO_MATRIX",
                 "ZERO_VECTOR",
+                "bad_values",
                 "build",
                 "flatten",
                 "parameters",

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from imu_sim_ros.config.integrator import ATTITUDE_UPDATES, METHODS
 from imu_sim_ros.config.parameter import choice, flag, integer, number, text
 from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.names import suggestion
 
 ALIGNMENTS = ("none", "yaw", "se3", "sim3")
 DATASETS = ("euroc", "tracks", "rosbag2", "ros1", "mcap")
@@ -102,5 +103,5 @@ def find_estimator(kind: str) -> type:
         **dict.fromkeys(CALIBRATIONS, CalibrationEstimator),
     }
     if kind not in kinds:
-        raise ConfigurationError(f"type = {kind!r}: must be one of {', '.join(kinds)}")
+        raise ConfigurationError(f"type = {kind!r}: {suggestion(kind, kinds)}")
     return kinds[kind]

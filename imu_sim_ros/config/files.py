@@ -7,17 +7,19 @@ The format is that of ROS 2: node names (or the wildcards ``/**`` and ``/*``) ab
 ``ros__parameters``, nested or dotted names below. A kalibr ``imu.yaml`` is understood as well.
 """
 
-import os
 from collections.abc import Callable, Iterable, Mapping
-from functools import cache
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
+from imu_sim_ros.config.included import config_folder as config_folder
+from imu_sim_ros.config.included import find as find
+from imu_sim_ros.config.included import names as names
 from imu_sim_ros.config.parameter import Value, build, flatten
+from imu_sim_ros.config.parameter import is_of_ros as is_of_ros
 from imu_sim_ros.config.trajectory import find_trajectory
 from imu_sim_ros.errors import ConfigurationError, InputError
-from imu_sim_ros.inputs import is_present, read_text
 from imu_sim_ros.inputs import parse_yaml as parse_yaml
+from imu_sim_ros.inputs import read_text
 
 _T = TypeVar("_T")
 
@@ -27,64 +29,13 @@ Layering = Callable[[Mapping[str, object]], Mapping[str, object]]
 BAROMETER_PRESET: Final = "imu.barometer_preset"
 
 _NAMES_OF_FILES: Final = ("preset", "barometer_preset", "calibration")
-_OPTIONS: Final = {
-    "imus": "imu",
-    "trajectories": "trajectory",
-    "cameras": "camera",
-    "scenes": "scene",
-    "campaigns": "campaign",
-    "estimators": "estimator",
-    "barometers": "imu.barometer_preset",
-}
 _PARAMETERS = "ros__parameters"
-_OF_EVERY_NODE: Final = ("use_sim_time", "start_type_description_service")
-_QOS: Final = "qos_overrides."
 _KALIBR_NOISE = (
     "accelerometer_noise_density",
     "accelerometer_random_walk",
     "gyroscope_noise_density",
     "gyroscope_random_walk",
 )
-
-
-@cache
-def config_folder() -> Path:
-    """Return the folder that holds the package's own parameter files.
-
-    It is ``share/imu_sim_ros/config`` beside the installed package, or ``config`` of a source tree.
-    """
-    for parent in Path(__file__).resolve().parents:
-        for folder in (parent / "share" / "imu_sim_ros" / "config", parent / "config"):
-            if (folder / "imus").is_dir():
-                return folder
-    raise ConfigurationError("the package's config folder is missing: reinstall imu_sim_ros")
-
-
-def names(kind: str) -> list[str]:
-    """Return the names of the files of one kind: ``imus``, ``trajectories``, ``cameras``, ..."""
-    folder = config_folder() / kind
-    files = os.listdir(folder) if folder.is_dir() else []
-    return sorted(name.removesuffix(".yaml") for name in files if name.endswith(".yaml"))
-
-
-def find(kind: str, name_or_file: str, option: str = "") -> Path:
-    """Return the parameter file of a name in config/, or the given file.
-
-    :param kind: a folder in config/, for instance ``imus`` or ``trajectories``.
-    :param option: who asks, for the message; empty: what chooses a file of this kind.
-    :raises ConfigurationError: where there is neither; all names are listed.
-    """
-    named = config_folder() / kind / f"{name_or_file}.yaml"
-    if "/" not in name_or_file and named.is_file():
-        return named
-    try:
-        if name_or_file and is_present(name_or_file):
-            return Path(name_or_file)
-    except InputError as error:
-        raise ConfigurationError(error.problems) from None
-    known = ", ".join(names(kind))
-    option = option or _OPTIONS[kind]
-    raise ConfigurationError(f"{option} {name_or_file}: neither a file nor one of {known}")
 
 
 def load(path: str | Path, node: str = "simulator") -> dict[str, object]:
@@ -267,11 +218,6 @@ def _is_kind(name: str) -> bool:
     except ConfigurationError:
         return False
     return True
-
-
-def is_of_ros(name: str) -> bool:
-    """Return whether a parameter is one of ROS' own; ``ros2 param dump`` writes them."""
-    return name in _OF_EVERY_NODE or name.startswith(_QOS)
 
 
 def dump(instance: object, path: Path, node: str = "/**", comment: str = "") -> None:

@@ -15,6 +15,7 @@ from imu_sim_ros.config.parameter import (
     ZERO_MATRIX,
     ZERO_VECTOR,
     Matrix,
+    Parameter,
     Vector,
     choice,
     flag,
@@ -160,6 +161,11 @@ class IntegratorParameters:
         "/diagnostics",
     )
 
+    @staticmethod
+    def passed_over() -> dict[str, Parameter]:
+        """Return what a file made for the simulator says of the same IMU, and has no use here."""
+        return {f"imu.{name}": parameter for name, parameter in parameters(ImuParameters).items()}
+
     def problems(self, prefix: str) -> Iterator[str]:
         """Yield problems that involve several parameters."""
         if max(self.gravity) == min(self.gravity) != 0:
@@ -180,9 +186,6 @@ def layer_integrator(
 ) -> dict[str, object]:
     """Return parameters above those of the IMU preset and of the calibration that they name.
 
-    A parameter file made for the simulator describes the same IMU: what it says below ``imu.`` and
-    the integrator has no use for is passed over.
-
     :param given: by dotted name.
     :param sensor: what is known of the sensor, in the place of a preset.
     :raises ConfigurationError: for a preset or a calibration that cannot be read.
@@ -197,9 +200,7 @@ def layer_integrator(
         for name, value in load(str(given["calibration"])).items():
             short = name.removeprefix("imu.")
             result.update({key: value for key in (name, short) if key in own})
-    of_the_simulator = {f"imu.{name}" for name in parameters(ImuParameters)} - set(own)
-    result.update({key: value for key, value in given.items() if key not in of_the_simulator})
-    return result
+    return {**result, **given}
 
 
 def outside_covariance(

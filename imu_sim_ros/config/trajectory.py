@@ -6,6 +6,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from imu_sim_ros.config.included import names
 from imu_sim_ros.config.parameter import (
     ZERO_VECTOR,
     Vector,
@@ -25,6 +26,7 @@ from imu_sim_ros.config.trajectory_common import (
 )
 from imu_sim_ros.conventions import GRAVITY
 from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.names import suggestion
 
 __all__ = [
     "ENTRY_POINTS",
@@ -282,8 +284,10 @@ def find_trajectory(name: str) -> type[TrajectoryParameters]:
 
     offered = {point.name: point for point in entry_points(group=ENTRY_POINTS)}
     if name not in offered:
-        known = ", ".join([*TYPES, *sorted(offered)])
-        raise ConfigurationError(f"trajectory.type = {name!r}: must be one of {known}")
+        known = [*TYPES, *sorted(offered)]
+        otherwise = f"must be one of {', '.join(known)}, or a name in config/trajectories"
+        hint = suggestion(name, [*known, *names("trajectories")], otherwise)
+        raise ConfigurationError(f"trajectory.type = {name!r}: {hint}")
     point = offered[name]
     try:
         found = point.load()

@@ -24,6 +24,7 @@ from imu_sim_ros.conventions import (
     TRUTH_TOPIC,
 )
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.names import unknown
 from imu_sim_ros.sensor import ImuBlock
 from imu_sim_ros.topics import OF_THE_BODY, TYPES, Encode, delivered, encoder, sensors_of
 
@@ -274,7 +275,7 @@ def _topic_problems(
 ) -> Iterator[str]:
     for name in [*names, *renamed]:
         if name not in known:
-            yield f"topic {name}: must be one of {', '.join(known)}"
+            yield unknown("topic", name, known)
     for name in set(names):
         if names.count(name) > 1:
             yield f"topic {name}: given twice"

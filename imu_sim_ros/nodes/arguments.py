@@ -14,7 +14,15 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from imu_sim_ros.config import EMPTY_LIST, Parameter, files, parameters, shown
+from imu_sim_ros.config import (
+    EMPTY_LIST,
+    OF_EVERY_NODE,
+    Parameter,
+    bad_values,
+    files,
+    parameters,
+    shown,
+)
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.inputs import read_text
 
@@ -25,15 +33,12 @@ SHORT = {"imu": "imu.preset", "trajectory": "trajectory.type"}
 _OF_ROS = ("-p", "--param", "--params-file", "-r", "--remap")
 
 
-def ros_arguments(
-    arguments: Sequence[str], section: type, values: Mapping[str, object], folder: Path
-) -> list[str]:
+def ros_arguments(arguments: Sequence[str], section: type, folder: Path) -> list[str]:
     """Return the arguments for ``rclpy.init``.
 
     :param arguments: without the program's name: ``--ros-args`` as ROS defines them, and every
         parameter of the section as ``--name value`` (dashes may stand for underscores).
     :param section: the node's section of parameters.
-    :param values: chosen values, where they decide which parameters exist.
     :param folder: where rewritten parameter files are put.
     :raises ConfigurationError: with a line for each problem.
     """
@@ -41,7 +46,7 @@ def ros_arguments(
     if problems:
         raise ConfigurationError(problems)
     own, ros = _split(arguments)
-    plain = _plain(own, parameters(section, values), problems)
+    plain = _plain(own, parameters(section), problems)
     result = ["--ros-args"]
     position = 0
     while position < len(ros):
@@ -116,7 +121,8 @@ def _rule(rule: str, _: Path) -> str:
     match = _RULE.fullmatch(rule)
     if match is None or not match["value"].strip():
         raise ConfigurationError(f"-p {rule}: must be name:=value")
-    if not match["value"].lstrip().startswith(("[", "{")):
+    is_list = match["value"].lstrip().startswith(("[", "{"))
+    if not is_list and match["name"].rpartition(":")[2] not in OF_EVERY_NODE:
         return rule
     try:
         value = files.parse_yaml(match["value"])
@@ -126,6 +132,8 @@ def _rule(rule: str, _: Path) -> str:
     uniform = _uniform(match["name"], value, problems)
     if problems:
         raise ConfigurationError(problems)
+    if not is_list:
+        return rule
     quoted = f'"{uniform}"' if uniform == EMPTY_LIST else uniform
     return f"{match['name']}:={quoted}"
 
@@ -192,7 +200,8 @@ def _uniform(name: str, value: Any, problems: list[str]) -> Any:
             key: _uniform(f"{name}.{key}" if name else str(key), entry, problems)
             for key, entry in value.items()
         }
-    short = name.rpartition(f"{_PARAMETERS}.")[2]
+    short = name.rpartition(f"{_PARAMETERS}.")[2].rpartition(":")[2]
+    problems += bad_values(OF_EVERY_NODE, {short: value})
     if value is None:
         problems.append(f"{short}: a value is missing")
     if value == []:

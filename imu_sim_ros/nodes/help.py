@@ -1,28 +1,70 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The help of a node: every parameter, wrapped to the terminal, and examples at the end."""
+"""What a node says of itself: its help, its version, its tab completion. Needs no ROS."""
 
 import argparse
-from collections.abc import Mapping
-from typing import Final
+from typing import Final, NamedTuple
 
-from imu_sim_ros.config import Parameter, parameters
+from imu_sim_ros import __version__
+from imu_sim_ros.commands import common
+from imu_sim_ros.commands.common import completion
+from imu_sim_ros.config import (
+    IntegratorParameters,
+    Parameter,
+    RecorderParameters,
+    SimulatorParameters,
+    parameters,
+)
 
-EXAMPLES: Final = {
-    "simulator": (
-        "simulator --imu mpu6000 --trajectory figure_eight --rate 400",
-        "simulator --trajectory flight.csv --ros-args -r imu/data_raw:=/imu0",
-        "simulator --ros-args --params-file run.yaml -p seed:=7",
+
+class Program(NamedTuple):
+    """A node as its user sees it."""
+
+    text: str
+    section: type
+    """Its parameters."""
+    examples: tuple[str, ...]
+
+
+PROGRAMS: Final = {
+    "simulator": Program(
+        "Publish the readings of a simulated IMU, and the truth beside them.",
+        SimulatorParameters,
+        (
+            "simulator --imu mpu6000 --trajectory figure_eight --rate 400",
+            "simulator --trajectory flight.csv --ros-args -r imu/data_raw:=/imu0",
+            "simulator --ros-args --params-file run.yaml -p seed:=7",
+        ),
     ),
-    "integrator": (
-        "integrator --initial_state truth --error true",
-        "integrator --method rk4 --path-rate 5 --ros-args -r imu/data_raw:=/imu0",
+    "integrator": Program(
+        """Integrates imu/data_raw and publishes dead_reckoned/odom for every reading.
+
+On request it also publishes dead_reckoned/path, dead_reckoned/roll_pitch_yaw (degrees) and, against
+ground_truth/odom, dead_reckoned/position_error and dead_reckoned/attitude_error.
+The noise for the covariance is that of imu.*, or else what the simulator publishes about its sensor
+on imu/data_raw/parameters.
+The service ~/reset starts again at initial_state.""",
+        IntegratorParameters,
+        (
+            "integrator --initial_state truth --error true",
+            "integrator --method rk4 --path-rate 5 --ros-args -r imu/data_raw:=/imu0",
+        ),
     ),
-    "recorder": (
-        "recorder",
-        "recorder -o flight imu/data_raw /ground_truth/odom",
-        "recorder -o flight.bag --duration 20s",
+    "recorder": Program(
+        """Records topics into a bag: rosbag2 in MCAP or SQLite form, or ROS 1.
+
+Plain arguments are topics (none: all), -o is --output (none: a folder named after the time;
+NAME.bag is ROS 1), -d is --duration and takes units such as 20s and 10min.
+
+Whatever kills it, the bag holds all but the last second; convert_bag --recover opens it again.
+Ends with status 0 after Ctrl-C, SIGTERM, duration or max_size; 1 where writing failed.""",
+        RecorderParameters,
+        (
+            "recorder",
+            "recorder -o flight imu/data_raw /ground_truth/odom",
+            "recorder -o flight.bag --duration 20s",
+        ),
     ),
 }
 
@@ -37,29 +79,40 @@ class Formatter(argparse.HelpFormatter):
         return "\n\n".join(super(Formatter, self)._fill_text(p, width, indent) for p in paragraphs)
 
 
-def help_text(program: str, text: str, section: type, values: Mapping[str, object]) -> str:
-    """Return the help of a node: every parameter with its default, unit, range and text."""
-    return parser(program, text, section, values).format_help()
+def answer(name: str, arguments: list[str]) -> int | None:
+    """Answer what a node can be asked without running: help, version, what tab completes.
+
+    :returns: the exit status; None: the node is to run.
+    """
+    if completion.is_asked():
+        completion.complete(parser(name))
+    own = arguments[: arguments.index("--ros-args")] if "--ros-args" in arguments else arguments
+    if "--help" in own or "-h" in own:
+        return common.run(name, lambda: print(parser(name).format_help(), end=""))
+    if "--version" in own:
+        return common.run(name, lambda: print(f"imu_sim_ros {__version__}"))
+    return None
 
 
-def parser(
-    program: str, text: str, section: type, values: Mapping[str, object]
-) -> argparse.ArgumentParser:
-    """Return a parser that knows the parameters, for the help and for tab completion."""
-    examples = "".join(f"\n  {line}" for line in EXAMPLES[program])
+def parser(name: str) -> argparse.ArgumentParser:
+    """Return a parser that knows a node's parameters, for its help and for tab completion."""
+    program = PROGRAMS[name]
+    examples = "".join(f"\n  {line}" for line in program.examples)
     result = argparse.ArgumentParser(
-        prog=program,
-        usage=f"{program} [--PARAMETER VALUE ...] [--ros-args ...]",
-        description=text,
+        prog=name,
+        usage=f"{name} [--PARAMETER VALUE ...] [--ros-args ...]",
+        description=program.text,
         epilog=f"examples:{examples}",
         formatter_class=Formatter,
+        allow_abbrev=False,
     )
     result.add_argument("--debug", action="store_true", help="show the traceback of an error")
+    result.add_argument("--version", action="store_true", help="print the package's version")
     group = result.add_argument_group("parameters (* changes while the node runs)")
-    for name, parameter in parameters(section, values).items():
+    for key, parameter in parameters(program.section).items():
         mark = " *" if parameter.live else ""
         words = f"{parameter.text}{mark} ({parameter.allowed()}; default {_plainly(parameter)})"
-        group.add_argument(f"--{name}", metavar="VALUE", help=words.replace("%", "%%"))
+        group.add_argument(f"--{key}", metavar="VALUE", help=words.replace("%", "%%"))
     return result
 
 

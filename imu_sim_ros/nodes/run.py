@@ -12,12 +12,9 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, Protocol
 
-from imu_sim_ros.commands import common
-from imu_sim_ros.commands.common import completion
 from imu_sim_ros.errors import ConfigurationError, explain
-from imu_sim_ros.nodes import shared_memory, signals
+from imu_sim_ros.nodes import help, shared_memory, signals
 from imu_sim_ros.nodes.arguments import ros_arguments
-from imu_sim_ros.nodes.help import help_text, parser
 
 _HEARTBEAT_NS: Final = 50_000_000
 """A reader learns of a lost packet from the next heartbeat: Fast DDS's own period is 3 s."""
@@ -72,31 +69,19 @@ class Program(Protocol):
         """As rclpy defines it."""
 
 
-def main(
-    name: str,
-    text: str,
-    section: type,
-    create: Callable[[], Program],
-    values: Mapping[str, object] | None = None,
-    arguments: Sequence[str] | None = None,
-) -> int:
+def main(name: str, create: Callable[[], Program], arguments: Sequence[str] | None = None) -> int:
     """Run a node until its ending is reached or a signal ends it.
 
     :param name: the executable's name.
-    :param text: what it does, for ``--help``.
-    :param section: its parameters.
     :param create: makes the node; rclpy is initialised by then.
-    :param values: chosen values that decide which parameters exist.
     :param arguments: the command line without the program's name.
     :returns: exit status: the node's own; 0 after SIGINT, SIGTERM or SIGHUP; 2 after printing one
         line for each problem with the parameters; 1 after any other error.
     """
     arguments = sys.argv[1:] if arguments is None else arguments
-    if completion.is_asked():
-        completion.complete(parser(name, text, section, values or {}))
-    if "--help" in arguments or "-h" in arguments:
-        words = help_text(name, text, section, values or {})
-        return common.run(name, lambda: print(words, end=""))
+    status = help.answer(name, list(arguments))
+    if status is not None:
+        return status
     arguments, debug = debugging(arguments)
     watch = signals.watch()
     try:
@@ -109,7 +94,8 @@ def main(
                     "nodes of its ROS domain may hang until it is removed",
                     file=sys.stderr,
                 )
-            program = _start(ros_arguments(arguments, section, values or {}, Path(folder)), create)
+            section = help.PROGRAMS[name].section
+            program = _start(ros_arguments(arguments, section, Path(folder)), create)
         _spin(program, watch)
         error = program.ending.failure
         if error is not None:

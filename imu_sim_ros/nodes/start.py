@@ -3,6 +3,8 @@
 
 """Where the nodes' executables begin: signals are watched before anything slow is imported."""
 
+import sys
+
 from imu_sim_ros.commands.common import loading, open_standard_streams
 from imu_sim_ros.nodes import signals
 
@@ -10,8 +12,15 @@ from imu_sim_ros.nodes import signals
 def _run(name: str) -> int:
     open_standard_streams()  # otherwise the watch's pipe would take the place of a closed output
     signals.watch(last=True)
-    status: int = loading.load(f"imu_sim_ros.nodes.{name}.node").main()
-    return status
+    status: int | None = loading.load("imu_sim_ros.nodes.help").answer(name, sys.argv[1:])
+    if status is not None:
+        return status
+    try:
+        node = loading.load(f"imu_sim_ros.nodes.{name}.node")
+    except ModuleNotFoundError as error:
+        print(f"{name}: {loading.needs_ros(error)}", file=sys.stderr)
+        return 2
+    return int(node.main())
 
 
 def simulator() -> int:

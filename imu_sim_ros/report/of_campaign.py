@@ -26,6 +26,7 @@ from imu_sim_ros.campaign import (
 )
 from imu_sim_ros.config import flatten
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.names import unknown
 from imu_sim_ros.navigation.comparison import LARGEST_SIGMA, anees_band
 from imu_sim_ros.report.page import Item, Section, column, table
 
@@ -60,8 +61,8 @@ def campaign_sections(folder: Path, metric: str = "") -> tuple[str, list[Section
         raise InputError(f"{folder}: holds no run yet")
     present = [name for name in plan.metrics if any(row.get(name) is not None for row in rows)]
     if metric and metric not in present:
-        known = ", ".join(present) or "none: no run is done"
-        raise InputError(f"--metric {metric}: must be one of {known}")
+        none = None if present else "no run is done"
+        raise InputError(unknown("--metric", metric, present, none))
     found = groups(rows, plan.grid_names)
     chosen = metric or ("ate_rmse_m" if "ate_rmse_m" in present or not present else present[0])
     sections = [_results(plan, rows, found, present, chosen)] if present else []

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from imu_sim_ros.config import LARGEST_LATENCY, Vector
 from imu_sim_ros.conventions import AUXILIARY, TRIADS
 from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.names import suggestion
 from imu_sim_ros.random_streams import generator
 
 Array = NDArray[np.float64]
@@ -58,7 +59,7 @@ class Fault:
 
     def _problems(self) -> Iterator[str]:
         if self.kind not in KINDS:
-            yield f"fault kind = {self.kind!r}: must be one of {', '.join(KINDS)}"
+            yield f"fault kind = {self.kind!r}: {suggestion(self.kind, KINDS)}"
         if not self.duration > 0.0:
             yield f"fault duration = {self.duration}: must be above 0 s"
         values = np.atleast_1d(self.value)
@@ -72,7 +73,7 @@ class Fault:
             yield f"fault value = {self.value}: must be a latency of at most {LARGEST_LATENCY:g} s"
         sensors = (*TRIADS, *AUXILIARY)
         if self.kind in _OF_A_TRIAD and self.triad not in sensors:
-            yield f"fault triad = {self.triad!r}: must be one of {', '.join(sensors)}"
+            yield f"fault triad = {self.triad!r}: {suggestion(self.triad, sensors)}"
 
     def axis_values(self) -> Array:
         """Return the value per axis (3,)."""

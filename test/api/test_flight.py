@@ -99,7 +99,7 @@ def test_poses_are_a_trajectory():
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ({"imu": "mpu600"}, "mpu600: neither a file nor one of"),
+        ({"imu": "mpu600"}, "unknown IMU 'mpu600'; did you mean mpu6000?"),
         ({"rate": -1}, "rate = -1"),
         ({"duration": "10 parsecs"}, "not a duration"),
         ({"trajectory": "static"}, "no end"),

@@ -201,7 +201,10 @@ def test_what_is_wrong_with_cameras_is_told_all_at_once():
         ({"cameras": ["camera"]}, "not a parameter's name"),
         ({"cameras": 3}, "a list of names"),
         ({"camera.rate": 3.0}, "there is no camera; name them in cameras"),
-        ({"cameras": ["a"], "camera.preset": "nothing"}, "camera nothing: neither a file nor"),
+        (
+            {"cameras": ["a"], "camera.preset": "nothing"},
+            "unknown camera 'nothing'; neither a file nor",
+        ),
         ({"cameras": ["a"], "scene.type": "nothing"}, "scene.type = 'nothing': must be one of"),
     ):
         with pytest.raises(ConfigurationError, match=words):

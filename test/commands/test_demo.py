@@ -35,5 +35,7 @@ def test_all_messages_arrive_and_the_errors_are_the_known_ones(tmp_path):
 def test_a_trajectory_that_does_not_exist_is_one_line(tmp_path):
     result = demo("--trajectory", "nowhere.csv", "-o", str(tmp_path / "out"))
     assert result.returncode == 2
-    assert re.fullmatch(r"demo: trajectory nowhere.csv: neither a file nor .*\n", result.stderr)
+    assert re.fullmatch(
+        r"demo: unknown trajectory 'nowhere.csv'; neither a file nor .*\n", result.stderr
+    )
     assert not (tmp_path / "out").exists()

@@ -110,7 +110,7 @@ def test_imu_sim_lists_all_programs_and_runs_them(monkeypatch, capsys):
 def test_imu_sim_says_in_a_line_what_it_does_not_know(monkeypatch, capsys):
     assert run(monkeypatch, "alan") == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith("imu_sim: 'alan' is not a program; the programs are generate, ")
+    assert line.startswith("imu_sim: unknown program 'alan'; did you mean allan?")
 
 
 @pytest.mark.parametrize(

@@ -108,9 +108,11 @@ def test_unreadable_places_are_named(tmp_path):
 
 
 def test_an_unknown_preset_lists_all():
-    with pytest.raises(ConfigurationError, match="imu nonsense: neither a file .*lecture"):
+    with pytest.raises(
+        ConfigurationError, match="unknown IMU 'nonsense'; neither a file .*lecture"
+    ):
         load_simulation({"imu.preset": "nonsense"})
-    with pytest.raises(ConfigurationError, match="trajectory nonsense: .*static"):
+    with pytest.raises(ConfigurationError, match="unknown trajectory 'nonsense'; .*static"):
         files.trajectory_layer("nonsense")
 
 

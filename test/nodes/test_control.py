@@ -142,7 +142,7 @@ def test_a_simulator_that_is_not_there_is_said(start: Any, listener: Any, contro
         (["inject", "bias_jump", "--value", "[1, 2]"], "'[1, 2]' must be a number or a list"),
         (["inject", "bias_jump", "--value", "nan"], "'nan' must be a number or a list"),
         (["inject", "bias_jump", "--value", "[1, a, 2]"], "must be a number or a list"),
-        (["inject", "earthquake"], "invalid choice: 'earthquake'"),
+        (["inject", "earthquake"], "unknown kind 'earthquake'"),
         (["watch", "--duration", "soon"], "'soon' is not a duration"),
         (["pause", "--node", "b c"], "--node 'b c': must be a node's name with its namespace"),
         ([], "the following arguments are required: ACTION"),

@@ -29,5 +29,5 @@ def test_poses_and_bags_are_followed(tmp_path):
 
 
 def test_anything_else_is_refused_with_the_names():
-    with pytest.raises(ConfigurationError, match=r"nonsense: neither a file nor one of circle, "):
+    with pytest.raises(ConfigurationError, match=r"nonsense'; neither a file nor one of circle, "):
         trajectory_layer("nonsense")

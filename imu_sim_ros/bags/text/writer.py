@@ -18,6 +18,7 @@ from imu_sim_ros.bags.output_file import OutputFile, make_folder
 from imu_sim_ros.bags.text import decimals
 from imu_sim_ros.bags.text.decimals import decimal
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.names import suggestion
 
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
@@ -143,7 +144,7 @@ class Dataset:
         :raises InputError: for a place that cannot be used, and several IMUs in one file.
         """
         if form not in FORMATS:
-            raise InputError(f"format {form!r}: must be one of {', '.join(FORMATS)}")
+            raise InputError(f"format {form!r}: {suggestion(form, FORMATS)}")
         self.path, self.form = path, form
         self.imus: list[TextFile] = []
         self.truths: list[TextFile] = []

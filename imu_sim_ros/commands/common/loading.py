@@ -26,6 +26,11 @@ def load(module: str) -> Any:
         gc.enable()
 
 
+def needs_ros(error: ImportError) -> str:
+    """Return what is said if ROS 2 is not there."""
+    return f"needs ROS 2, but {error.name} is not installed here (source its setup.bash)"
+
+
 def leave_at_once() -> None:
     """Let the interpreter end without looking at every object once more, which takes 20 ms.
 

@@ -7,14 +7,16 @@ import argparse
 import os
 import re
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from typing import Any, Final, NoReturn
 
+from imu_sim_ros import __version__
 from imu_sim_ros.commands.common import signals
 from imu_sim_ros.commands.common.completion import complete
 from imu_sim_ros.commands.common.streams import open_standard_streams
 from imu_sim_ros.errors import explain
+from imu_sim_ros.names import unknown
 
 _LONGEST_LINE: Final = 1000
 
@@ -29,9 +31,10 @@ class Formatter(argparse.HelpFormatter):
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser whose complaint is one line, and that knows ``--debug``.
+    """An argument parser whose complaint is one line, and that knows ``--debug``, ``--version``.
 
-    What it parses has ``words``: the names of the arguments that are one of a few words, and so
+    Options are written in full: an abbreviation of one may be that of another tomorrow. What it
+    parses has ``words``: the names of the arguments that are one of a few words, and so
     never the name of a file.
     """
 
@@ -45,7 +48,7 @@ class Parser(argparse.ArgumentParser):
             options |= {"epilog": "examples:" + lines, "formatter_class": Formatter}
         if options.get("description"):
             options["description"] = options["description"].replace("``", "")
-        super().__init__(prog, **options)
+        super().__init__(prog, allow_abbrev=False, **options)
         # `-1s` and `-5%` are values, not options: each is refused with its own line.
         self._negative_number_matcher = re.compile(r"-\.?\d")
         self.add_argument(
@@ -53,6 +56,12 @@ class Parser(argparse.ArgumentParser):
             action="store_true",
             default=argparse.SUPPRESS,  # a subcommand's default must not hide what stands before it
             help="show the traceback of an error",
+        )
+        self.add_argument(
+            "--version",
+            action="version",
+            version=f"imu_sim_ros {__version__}",
+            help="print the package's version and exit",
         )
 
     def _print_message(self, message: str, file: Any = None) -> None:
@@ -66,16 +75,76 @@ class Parser(argparse.ArgumentParser):
     def parse_known_args(  # type: ignore[override]  # the overloads say the same
         self, args: Sequence[str] | None = None, namespace: argparse.Namespace | None = None
     ) -> tuple[argparse.Namespace, list[str]]:
-        """Parse, subcommands included, and note which arguments are one of a few words."""
+        """Parse, subcommands included, and note which arguments are one of a few words.
+
+        An unknown option is said before what is missing because of it.
+        """
+        self._refuse(self._unknown_options(sys.argv[1:] if args is None else args))
         found, rest = super().parse_known_args(args, namespace)
-        words = {action.dest for action in self._actions if action.choices is not None}
-        found.words = getattr(found, "words", frozenset()) | words
-        return found, rest
+        return self._with_words(found), rest
+
+    def parse_args(  # type: ignore[override]  # the overloads say the same
+        self, args: Sequence[str] | None = None, namespace: argparse.Namespace | None = None
+    ) -> argparse.Namespace:
+        """Parse; whatever is left over is an error."""
+        found, rest = self.parse_known_args(args, namespace)
+        self._refuse(rest)
+        return found
 
     def parse_every(self, argv: Sequence[str] | None) -> argparse.Namespace:
         """Parse a command line on which options may also stand between several inputs."""
-        several = any(action.nargs == "+" for action in self._get_positional_actions())
-        return self.parse_intermixed_args(argv) if several else self.parse_args(argv)
+        if not any(action.nargs == "+" for action in self._get_positional_actions()):
+            return self.parse_args(argv)
+        found, rest = self.parse_known_intermixed_args(argv)
+        self._refuse(rest)
+        return self._with_words(found)
+
+    def _with_words(self, found: argparse.Namespace) -> argparse.Namespace:
+        words = {action.dest for action in self._actions if action.choices is not None}
+        found.words = getattr(found, "words", frozenset()) | words
+        return found
+
+    def _unknown_options(self, words: Sequence[str]) -> Iterator[str]:
+        """Yield the options that this parser does not have; a subcommand looks at its own."""
+        choices = [action.choices for action in self._actions if action.nargs == argparse.PARSER]
+        for word in words:
+            name = word.partition("=")[0]
+            if word == "--" or any(word in each for each in choices if each is not None):
+                return
+            if (
+                name.startswith("--")
+                and " " not in name
+                and name not in self._option_string_actions
+            ):
+                yield word
+
+    def _refuse(self, words: Iterable[str]) -> None:
+        """End if a word is left over that is no argument."""
+        for word in words:
+            if not word.startswith("-"):
+                self.error(f"unexpected argument {word!r}")
+            self.error(unknown("option", word.partition("=")[0], self._options(), ""))
+
+    def _options(self) -> Iterator[str]:
+        """Yield the options of this parser and of its subcommands."""
+        yield from self._option_string_actions
+        for action in self._actions:
+            if action.nargs == argparse.PARSER and isinstance(action.choices, dict):
+                for parser in action.choices.values():
+                    yield from parser._options()
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        if action.choices is not None and value not in action.choices:
+            name = (action.option_strings or [str(action.metavar or action.dest).lower()])[-1]
+            raise argparse.ArgumentError(None, unknown(name, value, action.choices))
+
+    def _get_values(self, action: argparse.Action, arg_strings: list[str]) -> Any:
+        """Return the value of ``--name=--``, too; argparse would pass an empty list on."""
+        if arg_strings == ["--"] and action.option_strings and action.nargs is None:
+            value = self._get_value(action, "--")
+            self._check_value(action, value)
+            return value
+        return super()._get_values(action, arg_strings)
 
     def error(self, message: str) -> NoReturn:
         """Say what is wrong in one line and end with status 2."""

@@ -97,7 +97,6 @@ def parameters(arguments: argparse.Namespace) -> Asked:
     if not (arguments.quiet or arguments.json):
         for note in _notes(arguments, below[:-1], of_the_node(given)):
             print(f"generate: note: {note}", file=sys.stderr)
-    given = {name: value for name, value in given.items() if not files.is_of_ros(name)}
     if not has_cameras(given):
         return Asked(load_simulator(given), None)
     from imu_sim_ros.config.cameras import load_rig, rig_problems, split_rig

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from imu_sim_ros.config.imu import rotation_problems
+from imu_sim_ros.config.included import names
 from imu_sim_ros.config.parameter import (
     IDENTITY_MATRIX,
     ZERO_VECTOR,
@@ -20,6 +21,7 @@ from imu_sim_ros.config.parameter import (
     vector,
 )
 from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.names import suggestion
 
 TYPE_TEXT = "kind of scene, or the name of a file in config/scenes"
 
@@ -218,5 +220,6 @@ def find_scene(name: str) -> type[SceneParameters]:
     :raises ConfigurationError: for a type that does not exist.
     """
     if name not in TYPES:
-        raise ConfigurationError(f"scene.type = {name!r}: must be one of {', '.join(TYPES)}")
+        known = [*TYPES, *(each for each in names("scenes") if each not in TYPES)]
+        raise ConfigurationError(f"scene.type = {name!r}: {suggestion(name, known)}")
     return TYPES[name]

@@ -4,7 +4,6 @@
 """Sections of parameters: frozen dataclasses that nest, built from values by dotted name."""
 
 import dataclasses
-import difflib
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -20,9 +19,16 @@ from imu_sim_ros.config.parameter.kinds import (
     Value,
 )
 from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.names import suggestion
 
 _T = TypeVar("_T")
 _SECTION_NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+OF_EVERY_NODE: Final = {
+    "use_sim_time": Parameter("flag", False, "take the time from /clock"),
+    "start_type_description_service": Parameter("flag", True, "offer the types' descriptions"),
+}
+"""What ROS gives to every node; ``ros2 param dump`` writes it into files."""
+_QOS: Final = "qos_overrides."
 
 
 @dataclass(frozen=True)
@@ -113,15 +119,27 @@ def _nested(field: Any, values: Mapping[str, object], name: str) -> _Nested:
     return _Nested(find(str(chosen)))
 
 
+def is_of_ros(name: str) -> bool:
+    """Return whether a parameter is one of ROS' own."""
+    return name in OF_EVERY_NODE or name.startswith(_QOS)
+
+
 def build(cls: type[_T], values: Mapping[str, object]) -> _T:
     """Return the section with the given values and the defaults of all others.
+
+    A section may have ``passed_over()``: parameters by name that it has no use for. Their values,
+    and those of ROS' own parameters, are checked and left.
 
     :param values: by dotted name, as :func:`imu_sim_ros.config.files.load` returns them.
     :raises ConfigurationError: with a line for every unknown name and every bad value.
     """
     values, problems = _without_bad_variants(cls, values, "")
     known = parameters(cls, values)
-    problems += [unknown(name, known) for name in values if name not in known]
+    unused = {**OF_EVERY_NODE, **getattr(cls, "passed_over", dict)()}
+    unused = {name: parameter for name, parameter in unused.items() if name not in known}
+    every = known.keys() | unused.keys()
+    problems += [unknown(n, known) for n in values if n not in every and not is_of_ros(n)]
+    problems += bad_values(unused, values)
     parsed: dict[str, Value] = {}
     for name, parameter in known.items():
         if name not in values:
@@ -152,9 +170,19 @@ def parse(name: str, parameter: Parameter, value: object) -> Value:
             f"{name} = {shown(value)}: must be 0 or of a size from {SMALLEST:g} to {LARGEST:g}"
         ) from None
     except (ValueError, TypeError, OverflowError):
-        raise ConfigurationError(
-            f"{name} = {shown(value)}: must be {parameter.allowed()}"
-        ) from None
+        allowed = f"must be {parameter.allowed()}"
+        if parameter.kind == "choice":
+            allowed = suggestion(value, parameter.choices)
+        raise ConfigurationError(f"{name} = {shown(value)}: {allowed}") from None
+
+
+def bad_values(known: Mapping[str, Parameter], values: Mapping[str, object]) -> Iterator[str]:
+    """Yield a line for every bad value of a known name; other names are passed over."""
+    for name in values.keys() & known.keys():
+        try:
+            parse(name, known[name], values[name])
+        except ConfigurationError as error:
+            yield from error.problems
 
 
 def _without_bad_variants(
@@ -242,8 +270,7 @@ def section_names(parameter: str, names: Iterable[object], taken: Collection[str
 
 def unknown(name: str, known: Mapping[str, object]) -> str:
     """Return the line for a name that does not exist, with the nearest one that does."""
-    near = difflib.get_close_matches(name, known, n=1)
-    hint = f"did you mean {near[0]}?" if near else "see the parameter reference for all names"
+    hint = suggestion(name, known, "see the parameter reference for all names")
     return f"{name}: unknown parameter; {hint}"
 
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.names import suggestion
 from imu_sim_ros.poses import PoseSequence
 
 Array = NDArray[np.float64]
@@ -48,7 +49,7 @@ def align(estimate: Array, truth: Array, kind: str) -> Alignment:
         line.
     """
     if kind not in ALIGNMENTS:
-        raise ConfigurationError(f"alignment {kind!r}: must be one of {', '.join(ALIGNMENTS)}")
+        raise ConfigurationError(f"alignment {kind!r}: {suggestion(kind, ALIGNMENTS)}")
     if kind == "none":
         return Alignment(1.0, np.eye(3), np.zeros(3))
     mean_estimate, mean_truth = estimate.mean(axis=0), truth.mean(axis=0)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.names import suggestion
 from imu_sim_ros.poses import PoseSequence
 
 Array = NDArray[np.float64]
@@ -151,7 +152,7 @@ def pairs(
     :raises InputError: where the trajectory is shorter than delta.
     """
     if unit not in DELTA_UNITS:
-        raise ConfigurationError(f"unit {unit!r}: must be one of {', '.join(DELTA_UNITS)}")
+        raise ConfigurationError(f"unit {unit!r}: {suggestion(unit, DELTA_UNITS)}")
     if not delta > 0:
         raise ConfigurationError(f"delta = {delta}: must be above 0 {unit}")
     mark = _marks(truth, unit)

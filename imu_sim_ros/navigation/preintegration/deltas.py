@@ -30,6 +30,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.names import suggestion
 from imu_sim_ros.navigation.noise import ImuErrors
 from imu_sim_ros.navigation.preintegration.intervals import Readings
 
@@ -95,7 +96,7 @@ def preintegrate(
     :param method: euler or midpoint.
     """
     if method not in METHODS:
-        raise ConfigurationError(f"method = {method!r}: must be one of {', '.join(METHODS)}")
+        raise ConfigurationError(f"method = {method!r}: {suggestion(method, METHODS)}")
     batch = len(readings.h)
     gyro_bias = np.array(np.broadcast_to(np.asarray(gyro_bias, dtype=float), (batch, 3)))
     accel_bias = np.array(np.broadcast_to(np.asarray(accel_bias, dtype=float), (batch, 3)))

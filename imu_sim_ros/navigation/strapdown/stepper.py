@@ -17,6 +17,7 @@ import numpy as np
 from imu_sim_ros.config import ATTITUDE_UPDATES, IDENTITY_MATRIX, METHODS, ZERO_MATRIX
 from imu_sim_ros.conventions import GRAVITY
 from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.names import suggestion
 from imu_sim_ros.navigation.correction import NO_CORRECTION, Correction
 from imu_sim_ros.navigation.state import NavigationState
 from imu_sim_ros.navigation.strapdown.scalar_increments import INCREMENTS
@@ -59,7 +60,7 @@ def check_method(method: str, attitude: str) -> None:
     :raises ConfigurationError: with what is allowed.
     """
     problems = [
-        f"{name} = {value!r}: must be one of {', '.join(choices)}"
+        f"{name} = {value!r}: {suggestion(value, choices)}"
         for name, value, choices in (
             ("method", method, METHODS),
             ("attitude_update", attitude, ATTITUDE_UPDATES),

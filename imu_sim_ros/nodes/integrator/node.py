@@ -52,15 +52,6 @@ from imu_sim_ros.nodes.topics import (
 )
 from imu_sim_ros.rotation.scalars import to_euler
 
-TEXT = """Integrates imu/data_raw and publishes dead_reckoned/odom for every reading.
-
-On request it also publishes dead_reckoned/path, dead_reckoned/roll_pitch_yaw (degrees) and, against
-ground_truth/odom, dead_reckoned/position_error and dead_reckoned/attitude_error.
-The noise for the covariance is that of imu.*, or else what the simulator publishes about its sensor
-on imu/data_raw/parameters.
-The service ~/reset starts again at initial_state."""
-
-
 _DEPTH = 2000
 _READ_PERIOD = 0.002
 """[s] How long readings wait for each other, and about the longest that one waits."""
@@ -279,7 +270,7 @@ def _send(publisher: Any, messages: np.ndarray) -> None:
 
 def main() -> int:
     """Run the node."""
-    return run.main("integrator", TEXT, IntegratorParameters, Integrator)
+    return run.main("integrator", Integrator)
 
 
 if __name__ == "__main__":

@@ -36,14 +36,6 @@ from imu_sim_ros.nodes.topics import (
     type_hash,
 )
 
-TEXT = """Records topics into a bag: rosbag2 in MCAP or SQLite form, or ROS 1.
-
-Plain arguments are topics (none: all), -o is --output (none: a folder named after the time;
-NAME.bag is ROS 1), -d is --duration and takes units such as 20s and 10min.
-
-Whatever kills it, the bag holds all but the last second; convert_bag --recover opens it again.
-Ends with status 0 after Ctrl-C, SIGTERM, duration or max_size; 1 where writing failed."""
-
 MEGABYTE = 1_000_000
 
 _READ_PERIOD = 0.01
@@ -293,7 +285,7 @@ def plain_arguments(arguments: Sequence[str]) -> list[str]:
     for word in words:
         name, equals, value = word.partition("=")
         name = {"-o": "--output", "-d": "--duration"}.get(name, name)
-        if name in ("-h", "--help"):
+        if name in ("-h", "--help", "--version"):
             result.append(name)
         elif not name.startswith("-"):
             topics.append(word)
@@ -321,7 +313,7 @@ def main() -> int:
     except ConfigurationError as error:
         print(f"recorder: {error}", file=sys.stderr)
         return 2
-    return run.main("recorder", TEXT, RecorderParameters, Recorder, arguments=arguments)
+    return run.main("recorder", Recorder, arguments)
 
 
 if __name__ == "__main__":

@@ -54,8 +54,6 @@ from imu_sim_ros.nodes.topics import Counter, check_overrides, create, sensor_de
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.simulation import Simulation
 
-TEXT: Final = "Publish the readings of a simulated IMU, and the truth beside them."
-
 QUEUE: Final = 4000
 """Messages kept for a reliable subscriber that has not acknowledged them: 2 s at 2 kHz."""
 
@@ -386,7 +384,7 @@ def _read_poses(path: str, *options: Any) -> PoseSequence:
 
 def main() -> int:
     """Run the node."""
-    return run.main("simulator", TEXT, SimulatorParameters, Simulator)
+    return run.main("simulator", Simulator)
 
 
 if __name__ == "__main__":

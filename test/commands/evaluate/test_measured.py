@@ -121,7 +121,7 @@ def test_a_mounted_sensor_and_a_folder(tmp_path: Path, capsys: Any) -> None:
         (("imu/mag", "--imu", "mpu9250"), "--imu: does not apply to imu/mag"),
         (("ground_truth/odom", "--imu", "mpu9250"), "--imu: does not apply to a trajectory"),
         (("imu/data_raw",), "imu/data_raw: no message has an orientation"),
-        (("imu/data", "--imu", "nothing"), "nothing: neither a file nor one of"),
+        (("imu/data", "--imu", "nothing"), "unknown IMU 'nothing'; neither a file nor one of"),
         (("imu/compass",), "has no topic imu/compass"),
     ],
 )

@@ -140,7 +140,7 @@ def test_the_files_of_vio_data_simulation(tmp_path):
     ("words", "message"),
     [
         ("--format tracks", "format tracks: needs a camera"),
-        ("--format tracks --camera nothing", "camera nothing: neither a file nor one of"),
+        ("--format tracks --camera nothing", "unknown camera 'nothing'; neither a file nor one of"),
         ("--format tracks --scene house", "there is no camera"),
         ("--format tracks --camera euroc_cam0 --rate 30", "must divide the IMU's rate, 30 Hz"),
         ("--format tracks --camera euroc_cam0 --scene nope", "scene.type = 'nope'"),

@@ -82,7 +82,7 @@ def test_what_a_file_says_of_the_simulated_imu_does_not_disturb():
         ({"gravity": [0, 0, -981.0]}, "must be at most 30 m/s^2 in magnitude"),
         ({"gyroscope_scale_misalignment": [0.0] * 9}, "must be invertible"),
         ({"imu.gyroscope_noise": 1.0}, "imu.gyroscope_noise: unknown parameter"),
-        ({"imu.preset": "nosuch"}, "imu nosuch: neither a file nor one of"),
+        ({"imu.preset": "nosuch"}, "unknown IMU 'nosuch'; neither a file nor one of"),
         ({"calibration": "/nosuch.yaml"}, "/nosuch.yaml: No such file"),
     ],
 )

@@ -151,13 +151,13 @@ def test_a_section_that_is_no_mapping_is_one_line(tmp_path, section):
     path.write_text(f"/**:\n  ros__parameters: {section}\n")
     words = ["--ros-args", "--params-file", str(path)]
     with pytest.raises(ConfigurationError) as failed:
-        ros_arguments(words, RecorderParameters, {}, tmp_path)
+        ros_arguments(words, RecorderParameters, tmp_path)
     assert failed.value.problems == (f"{path}: ros__parameters: must hold names and values",)
 
 
 def test_bytes_that_are_no_text_are_named(tmp_path):
     with pytest.raises(ConfigurationError, match="not UTF-8"):
-        ros_arguments(["--storage", "\udce9"], RecorderParameters, {}, tmp_path)
+        ros_arguments(["--storage", "\udce9"], RecorderParameters, tmp_path)
 
 
 def test_what_is_left_of_a_failed_recording_is_said() -> None:

@@ -15,8 +15,8 @@ from imu_sim_ros.config.simulator import (
     simulator_section,
 )
 from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.nodes import help
 from imu_sim_ros.nodes.arguments import ros_arguments
-from imu_sim_ros.nodes.help import help_text
 
 pytestmark = pytest.mark.ros
 
@@ -33,7 +33,7 @@ pytestmark = pytest.mark.ros
         (["--params-file", "/no/such.yaml"], ["/no/such.yaml: No such file or directory"]),
         (
             ["-p", "imu.preset:=none", "-p", "rate:=0", "-p", "imu.latency:=-1"],
-            ["imu none: neither a file nor one of", "rate = 0: must", "imu.latency = -1: must"],
+            ["unknown IMU 'none'; did you mean phone?", "rate = 0: must", "imu.latency = -1: must"],
         ),
         (["-p", "trajectory.type:=warp"], ["trajectory.type = 'warp': must be one of"]),
         (["--nonsense"], ["--ros-args: ['--nonsense']"]),
@@ -121,23 +121,23 @@ def test_parameters_are_described(start: Any, listener: Any) -> None:
 
 def test_plain_arguments_become_those_of_ros(tmp_path: Path) -> None:
     arguments = ["--rate=400", "--imu", "perfect", "--publish.clock-rate", "5", "--ros-args", "-r"]
-    result = ros_arguments([*arguments, "a:=b"], SimulatorParameters, {}, tmp_path)
+    result = ros_arguments([*arguments, "a:=b"], SimulatorParameters, tmp_path)
     assert result == [
         "--ros-args",
         *("-r", "a:=b"),
         *("-p", "rate:=400", "-p", 'imu.preset:="perfect"', "-p", "publish.clock_rate:=5"),
     ]
     lists = ["--imu.gyroscope_bias", "[0.01, 0, 5e-4]", "--imus=[]"]
-    assert ros_arguments(lists, SimulatorParameters, {}, tmp_path) == [
+    assert ros_arguments(lists, SimulatorParameters, tmp_path) == [
         "--ros-args",
         *("-p", "imu.gyroscope_bias:=[0.01, 0.0, 0.0005]", "-p", 'imus:="[]"'),
     ]
     with pytest.raises(
         ConfigurationError, match=r"gravity = \[1, 'a'\]: must be a list of values of one type"
     ):
-        ros_arguments(["--gravity", "[1, a]"], SimulatorParameters, {}, tmp_path)
+        ros_arguments(["--gravity", "[1, a]"], SimulatorParameters, tmp_path)
     with pytest.raises(ConfigurationError) as raised:
-        ros_arguments(["word", "-p", "rate:=1", "--rate"], SimulatorParameters, {}, tmp_path)
+        ros_arguments(["word", "-p", "rate:=1", "--rate"], SimulatorParameters, tmp_path)
     assert raised.value.problems == (
         "word: not an argument (--help lists them)",
         "-p rate:=1: must come after --ros-args",
@@ -146,7 +146,7 @@ def test_plain_arguments_become_those_of_ros(tmp_path: Path) -> None:
 
 
 def test_help_names_every_parameter() -> None:
-    words = "".join(help_text("simulator", "", SimulatorParameters, {}).split())
+    words = "".join(help.parser("simulator").format_help().split())
     for name, parameter in parameters(SimulatorParameters).items():
         assert f"--{name}VALUE" in words
         assert "".join(parameter.unit.split()) in words

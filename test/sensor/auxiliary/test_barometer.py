@@ -227,7 +227,7 @@ def test_a_board_s_file_may_name_its_barometer(tmp_path: Any) -> None:
         ),
         ({"imu.barometer_minimum": 2.0, "imu.barometer_maximum": 1.0}, "must be 0 or above"),
         ({"atmosphere.sea_level_pressure": 0.0}, "atmosphere.sea_level_pressure = 0.0: must be"),
-        ({"imu.barometer_preset": "bmp999"}, "imu.barometer_preset bmp999: neither a file nor one"),
+        ({"imu.barometer_preset": "bmp999"}, "unknown barometer 'bmp999'; neither a file nor one"),
     ],
 )
 def test_bad_values_are_one_line_each(values: dict[str, Any], line: str) -> None:

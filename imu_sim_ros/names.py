@@ -1,0 +1,40 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What is said of a name that does not exist: the nearest one that does, or all of them."""
+
+from collections.abc import Iterable
+from typing import Final
+
+_LONGEST: Final = 100
+"""Letters of a name that are compared."""
+_FEW: Final = 8
+"""So many names are listed with the nearest one."""
+
+
+def suggestion(name: object, known: Iterable[str], otherwise: str | None = None) -> str:
+    """Return the end of a line about a name that does not exist: ``did you mean mpu6000?``.
+
+    :param known: the names that exist.
+    :param otherwise: said if none of them is near; None: ``must be one of`` all of them.
+    """
+    import difflib  # nobody needs it who types well
+
+    known = list(known)
+    lower = {each.lower(): each for each in reversed(known)}
+    near = difflib.get_close_matches(str(name)[:_LONGEST].lower(), lower, n=1)
+    every = f"must be one of {', '.join(known)}" if otherwise is None else otherwise
+    if not near:
+        return every
+    hint = f"did you mean {lower[near[0]]}?"
+    return f"{every}; {hint}" if otherwise is None and len(known) <= _FEW else hint
+
+
+def unknown(kind: str, name: object, known: Iterable[str], otherwise: str | None = None) -> str:
+    """Return a line on a name: ``unknown IMU 'mpu600'; did you mean mpu6000?``.
+
+    :param kind: what the name should be, as people call it.
+    """
+    words = str(name)
+    shown = words if len(words) <= _LONGEST else words[: _LONGEST - 3] + "..."
+    return f"unknown {kind} {shown!r}; {suggestion(name, known, otherwise)}".removesuffix("; ")
