@@ -119,7 +119,7 @@ def test_an_unknown_preset_lists_all():
 def test_an_unknown_preset_hides_no_other_problem():
     with pytest.raises(ConfigurationError) as error:
         load_simulation({"imu.preset": "nonsense"}, {"rate": -1.0, "sed": 1})
-    assert [line.split(" ")[0] for line in error.value.problems] == ["imu", "sed:", "rate"]
+    assert [line.split(" ")[0] for line in error.value.problems] == ["unknown", "sed:", "rate"]
 
 
 def chain(tmp_path):

@@ -108,7 +108,7 @@ def test_values_that_a_program_does_not_use_are_checked(
     place = ["-o", "x.mcap"] if program is generate else ["x.mcap"]
     words = [name, *place, "--set", assignment]
     error = error_of(words, capsys, monkeypatch, tmp_path)
-    assert error.startswith(f"{name}: {assignment.partition('=')[0]} = ")
+    assert f"{name}: {assignment.partition('=')[0]} = " in error
 
 
 WITHOUT_ROS = """
