@@ -21,6 +21,7 @@ from imu_sim_ros.config.cameras import (
     CheckerboardParameters,
     CloudParameters,
     HouseParameters,
+    PathSceneParameters,
     PlanesParameters,
     PointFileParameters,
     RoomParameters,
@@ -36,7 +37,7 @@ Array = NDArray[np.float64]
 _LOOKS: Final = 20_000
 """Positions along a path at which a scene is fitted to it."""
 _LONGEST: Final = 600.0
-"""How much of an endless path is examined [s]; closed motions repeat long before."""
+"""How much of an endless path is looked at whether it leaves its room [s]."""
 _FRAMES: Final = 64
 """Frames of a cloud that are counted at once."""
 _TRIES: Final = 20
@@ -48,22 +49,21 @@ _FURNITURE: Final = 0.8
 
 
 def build_scene(
-    parameters: SceneParameters, views: Sequence[View], trajectory: Trajectory, duration: float
+    parameters: SceneParameters, views: Sequence[View], trajectory: Trajectory, span: float
 ) -> Scene:
     """Return the scene that the parameters describe.
 
     :param views: the cameras that see it; a cloud is generated for them, a room encloses them all.
-    :param duration: of the simulation [s]; may be infinite.
-    :raises ConfigurationError: where the path leaves a room.
+    :param span: of the trajectory that the scene is made for, :func:`scene_span` [s].
     :raises InputError: for a file of points that cannot be used.
     """
     match parameters:
         case RoomParameters():
-            return _room(parameters, _path(views, trajectory, duration))
+            return _room(parameters, _path(views, trajectory, span))
         case HouseParameters():
             return _house(parameters)
         case CloudParameters():
-            return _cloud(parameters, views, trajectory, min(duration, _LONGEST))
+            return _cloud(parameters, views, trajectory, span)
         case PlanesParameters():
             return _planes(parameters)
         case AprilgridParameters():
@@ -75,9 +75,44 @@ def build_scene(
     raise ConfigurationError(f"scene.type = {parameters.type!r}: cannot be built as a scene")
 
 
+def scene_span(parameters: SceneParameters, duration: float) -> float:
+    """Return how much of a trajectory a scene is made for [s]: all of it, if it has an end.
+
+    :param duration: of the trajectory [s]; may be infinite.
+    """
+    if math.isfinite(duration) or not isinstance(parameters, PathSceneParameters):
+        return duration
+    return parameters.horizon
+
+
+def check_path(
+    parameters: SceneParameters, views: Sequence[View], trajectory: Trajectory, scene: Scene
+) -> None:
+    """Refuse a path that leaves its room.
+
+    :param views: the cameras, with the duration of the simulation.
+    :raises ConfigurationError: with what to give.
+    """
+    if not isinstance(parameters, RoomParameters):
+        return
+    path = _path(views, trajectory, min(views[0].duration, _LONGEST))
+    low, high = path.min(axis=0), path.max(axis=0)
+    walls = scene.surfaces.origin[:6]
+    ends = walls + scene.surfaces.across[:6] + scene.surfaces.up[:6]
+    corner, end = np.minimum(walls, ends).min(axis=0), np.maximum(walls, ends).max(axis=0)
+    if (low <= corner).any() or (high >= end).any():
+        given = f"size = {list(parameters.size)}"
+        if not any(parameters.size):
+            given = f"horizon = {parameters.horizon:g}"
+        raise ConfigurationError(
+            f"scene.{given}: the path, from {_shown(low)} to {_shown(high)} m, "
+            f"leaves the room, from {_shown(corner)} to {_shown(end)} m"
+        )
+
+
 def _path(views: Sequence[View], trajectory: Trajectory, duration: float) -> Array:
     """Return places (n, 3) of all cameras along the path."""
-    t = np.linspace(0.0, min(duration, _LONGEST), _LOOKS)
+    t = np.linspace(0.0, duration, _LOOKS)
     return np.concatenate([view.poses(trajectory, t).position for view in views])
 
 
@@ -86,11 +121,6 @@ def _room(p: RoomParameters, path: Array) -> Scene:
     if any(p.size):
         size, center = np.asarray(p.size), np.asarray(p.center)
         corner, end = center - 0.5 * size, center + 0.5 * size
-        if (low <= corner).any() or (high >= end).any():
-            raise ConfigurationError(
-                f"scene.size = {list(p.size)}: the path, from {_shown(low)} to {_shown(high)} m, "
-                f"leaves the room, from {_shown(corner)} to {_shown(end)} m"
-            )
     else:
         corner, end = low - p.margin, high + p.margin
     walls = surfaces(_inner_faces(corner, end), hides=False)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros import timebase
-from imu_sim_ros.camera.build import build_scene
+from imu_sim_ros.camera.build import build_scene, check_path, scene_span
 from imu_sim_ros.camera.tracker import Tracker, Tracks
 from imu_sim_ros.camera.view import View
 from imu_sim_ros.config import SimulationParameters, load_simulation
@@ -48,8 +48,13 @@ class Rig:
             name: View(name, camera, seed, t0_ns, self.duration)
             for name, camera in parameters.each().items()
         }
-        views = list(self.views.values())
-        self.scene = build_scene(parameters.scene, views, trajectory, self.duration)
+        # A scene belongs to the trajectory, however much of it is flown.
+        span = scene_span(parameters.scene, trajectory.duration)
+        seen_by = [
+            View(name, camera, seed, t0_ns, span) for name, camera in parameters.each().items()
+        ]
+        self.scene = build_scene(parameters.scene, seen_by, trajectory, span)
+        check_path(parameters.scene, list(self.views.values()), trajectory, self.scene)
 
     def tracker(self, name: str) -> Tracker:
         """Return the tracker of one camera."""

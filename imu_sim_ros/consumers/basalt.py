@@ -45,6 +45,8 @@ def calibration(values: ImuValues, rig: RigValues | None = None) -> str:
         "Continuous-time densities, as the simulation has them; the biases are those of this run.",
         *remarks(values, expressed, per_axis=True, above_zero=True),
     ]
+    if rig is not None:
+        notes += rig.remarks(("time_offset", "k3"), offsets=False)
     lenses = [_lens(camera) for camera in cameras.values()]
     if any(lens["camera_type"] == "pinhole-radtan8" for lens in lenses):
         notes.append("pinhole-radtan8 needs a Basalt that knows it; that of 2021 does not.")

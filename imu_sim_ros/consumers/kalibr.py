@@ -40,7 +40,7 @@ def camchain(rig: RigValues) -> str:
         [
             "kalibr camchain.yaml, whole: the cameras as they are simulated. T_cam_imu and "
             "timeshift_cam_imu are what kalibr_calibrate_imu_camera is to find.",
-            *rig.remarks(),
+            *rig.remarks(("time_offset", "unified.distortion")),
         ]
     )
     for number, (earlier, name) in enumerate(pairwise([None, *rig.cameras])):

@@ -157,7 +157,7 @@ def imucam_chain(rig: RigValues) -> str:
     head = comment(
         [
             "OpenVINS kalibr_imucam_chain.yaml, whole: the cameras as they are simulated.",
-            *rig.remarks(),
+            *rig.remarks(("time_offset",), offsets=False),
         ]
     )
     text = f"%YAML:1.0\n{head}"
@@ -186,6 +186,7 @@ def estimator_config(rig: RigValues) -> str:
             "second's accelerometer deviation is 0.07 at rest and 1.3 at most in its flights. 0.5 "
             "fires; it wants 2 s of rest and then a jerk (trajectory.lead_in).",
             "Extrinsics and intrinsics are exact, so only the time offset is estimated.",
+            *rig.remarks(("time_offset",), offsets=False),
         ]
     )
     changed = {

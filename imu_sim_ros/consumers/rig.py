@@ -3,14 +3,17 @@
 
 """The cameras in the stacks' files: the values of a simulated rig, in every stack's terms."""
 
-from collections.abc import Iterator, Mapping
+import dataclasses
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.bags.text import decimal
 from imu_sim_ros.config.cameras import CameraParameters, SceneParameters
+from imu_sim_ros.config.parameter.kinds import METADATA
 from imu_sim_ros.consumers.values import ImuValues
 
 Array = NDArray[np.float64]
@@ -47,14 +50,54 @@ class RigValues:
         """Return whether all cameras are of the models named by :func:`kind`."""
         return all(kind(camera) in models for camera in self.cameras.values())
 
-    def remarks(self, k3: bool = False) -> Iterator[str]:
-        """Yield what a format cannot express, a sentence each.
+    def remarks(
+        self, expressed: Collection[str] = (), cameras: int | None = None, offsets: bool = True
+    ) -> Iterator[str]:
+        """Yield what a format cannot express of the cameras, a sentence each.
 
-        :param k3: the format takes a fifth coefficient of the radial-tangential distortion.
+        :param expressed: parameters that it can express besides lens, place and rate; ``k3``: the
+            fifth coefficient of a pinhole; ``unified.distortion``: four of that sphere.
+        :param cameras: how many it describes, the first ones; None: all.
+        :param offsets: it has a time offset for each camera; else one for all, the first one's.
         """
-        for name, camera in self.cameras.items():
-            if len(camera.distortion) == 5 and camera.distortion[4] and not k3:
-                yield f"{name}: this format cannot express k3 = {decimal(camera.distortion[4])}"
+        described = list(self.cameras.items())[:cameras]
+        for name, camera in described:
+            terms = list(_simulated(camera, expressed))
+            alike = camera.time_offset == described[0][1].time_offset
+            if "time_offset" in expressed and not (offsets or alike):
+                terms.append(f"time_offset = {decimal(camera.time_offset)} s")
+            if terms:
+                yield f"{name}: simulated, but not expressible in this format: {', '.join(terms)}"
+
+
+_NO_TERMS: Final = frozenset(
+    [
+        *("preset", "model", "distortion_model", "width", "height", "intrinsics", "xi", "alpha"),
+        *("distortion", "lever_arm", "mounting", "body_axes", "rig_mounting"),
+        *("rate", "trigger", "phase", "images", "encoding", "depth", "frame"),
+        *("supersampling", "mip_levels", "blur_samples", "exposure_period", "gain", "gain_period"),
+        *("pixel_noise", "read_noise", "track_lifetime", "max_features", "grid_rows"),
+        *("grid_columns", "border", "min_depth", "max_depth"),
+    ]
+)
+"""What a format has its own place for, what a front end chooses, and what is no error."""
+
+
+def _simulated(camera: CameraParameters, expressed: Collection[str]) -> Iterator[str]:
+    """Yield the errors of a camera that a format does not have, with their values."""
+    sphere = camera.model != "pinhole"
+    if sphere and any(camera.distortion) and f"{camera.model}.distortion" not in expressed:
+        yield f"distortion = [{', '.join(map(decimal, camera.distortion))}]"
+    elif any(camera.distortion[4:]) and (sphere or "k3" not in expressed):
+        yield f"k3 = {decimal(camera.distortion[4])}"
+    for field in dataclasses.fields(camera):
+        value = getattr(camera, field.name)
+        if field.name in _NO_TERMS or field.name in expressed or value == field.default:
+            continue
+        unit = field.metadata[METADATA].unit
+        shown = f" {unit}" if unit not in ("", "1") else ""
+        rolling = " (rolling shutter)" if field.name == "row_time" else ""
+        yield f"{field.name} = {decimal(value)}{shown}{rolling}"
 
 
 def kind(camera: CameraParameters) -> str:

@@ -8,6 +8,7 @@ equidistant model's k1 to k4), MEI (unified sphere).
 """
 
 import math
+from collections.abc import Iterator
 from typing import Final
 
 from imu_sim_ros.bags.text import decimal
@@ -52,6 +53,8 @@ def _numbers(values: ImuValues) -> str:
 
 KINDS: Final = ("radtan", "equidistant", "unified")
 """Of lenses that camodocal knows; it has no double sphere."""
+_EXPRESSED: Final = ("time_offset", "unified.distortion")
+"""Of a camera's errors; VINS-Fusion has no key for a rolling shutter."""
 _TRACKER: Final = """max_cnt: 150
 min_dist: 30
 freq: 10
@@ -102,7 +105,7 @@ def mono(rig: RigValues) -> str:
     """Return VINS-Mono's configuration, whole, with the first camera."""
     name, camera = next(iter(rig.cameras.items()))
     t_ic = rig.imu_camera(name)
-    head = _head("VINS-Mono", rig)
+    head = _head("VINS-Mono", rig, rig.remarks((*_EXPRESSED, "row_time"), 1))
     return (
         f'%YAML:1.0\n{head}imu_topic: "{rig.imu.topic}"\nimage_topic: "{rig.topics[name]}"\n'
         f'output_path: "/tmp"\n{lens(camera)}'
@@ -125,7 +128,7 @@ def fusion(rig: RigValues, prefix: str) -> str:
     """
     names = list(rig.cameras)[:2]
     first = rig.cameras[names[0]]
-    head = _head("VINS-Fusion", rig)
+    head = _head("VINS-Fusion", rig, rig.remarks(_EXPRESSED, 2, offsets=False))
     topics = "".join(f'image{k}_topic: "{rig.topics[name]}"\n' for k, name in enumerate(names))
     files = "".join(f'cam{k}_calib: "{prefix}_cam{k}.yaml"\n' for k in range(len(names)))
     places = "".join(
@@ -141,14 +144,14 @@ def fusion(rig: RigValues, prefix: str) -> str:
     )
 
 
-def _head(name: str, rig: RigValues) -> str:
+def _head(name: str, rig: RigValues, missing: Iterator[str]) -> str:
     return comment(
         [
             f"{name}, whole: lenses and their places as they are simulated, the rest as for EuRoC. "
             "The motion must start with parallax: it initialises from it.",
             "Values per sample at this rate, not densities: noise and walk are multiplied by the "
             f"square root of the rate, sqrt({rig.imu.rate:g} Hz) (integration_base.h).",
-            *rig.remarks(),
+            *missing,
             *remarks(rig.imu),
         ]
     )

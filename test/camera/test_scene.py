@@ -43,6 +43,19 @@ def test_a_room_holds_the_path_and_its_landmarks_lie_on_surfaces(make_rig):
 def test_a_path_that_leaves_the_room_is_an_error(make_rig):
     with pytest.raises(ConfigurationError, match=r"scene\.size = .*leaves the room"):
         make_rig("circle", scene__size=[4.0, 4.0, 3.0])
+    with pytest.raises(ConfigurationError, match=r"scene\.horizon = 5: .*leaves the room"):
+        make_rig("line", scene__horizon=5.0)
+
+
+@pytest.mark.parametrize("scene", ["room", "cloud"])
+def test_a_scene_does_not_depend_on_the_duration(make_rig, scene):
+    values = {"scene__type": scene, "scene__horizon": 8.0, "cam0__camera__preset": "euroc_cam0"}
+    short, long = (make_rig("figure_eight", d, scene__seed=4, **values).scene for d in (2.0, 11.0))
+    assert len(short.landmarks) > 50
+    assert np.array_equal(short.landmarks, long.landmarks)
+    assert np.array_equal(short.surfaces.origin, long.surfaces.origin)
+    other = make_rig("figure_eight", 2.0, scene__seed=5, **values).scene
+    assert not np.array_equal(other.landmarks[:50], long.landmarks[:50])
 
 
 @pytest.mark.parametrize(
@@ -61,6 +74,7 @@ def test_every_frame_of_a_cloud_sees_enough(make_rig, trajectory, values):
         trajectory,
         duration=5.0,
         scene__type="cloud",
+        scene__horizon=5.0,
         scene__visible=50,
         camera__max_features=0,
         camera__rate=30.0,
@@ -77,7 +91,9 @@ def test_every_frame_of_a_cloud_sees_enough(make_rig, trajectory, values):
 
 def test_a_cloud_beyond_the_depths_of_a_camera_ends(make_rig):
     far = {"scene__near": 500.0, "scene__far": 600.0, "camera__max_depth": 10.0}
-    rig = make_rig("static", duration=0.1, scene__type="cloud", scene__visible=5, **far)
+    rig = make_rig(
+        "static", duration=0.1, scene__type="cloud", scene__visible=5, scene__horizon=0.1, **far
+    )
     assert rig.tracker("cam0").counts(0, 2).tolist() == [0, 0]
 
 
@@ -217,6 +233,15 @@ def test_a_synchronised_camera_divides_the_imus_rate():
     assert "must divide the IMU's rate, 200 Hz" in next(rig_problems(rig, simulation))
     free = load_rig({"cameras": ["a"], "camera.rate": 30.0})
     assert not list(rig_problems(free, simulation))
+
+
+def test_the_same_camera_twice_is_an_error():
+    simulation = load_simulation({})
+    both = {"cameras": ["a", "b"], "camera.preset": "euroc_cam0"}
+    [problem] = rig_problems(load_rig(both), simulation)
+    assert problem.startswith("b.camera: is a again, with the same lens at the same place")
+    for own in ({"b.camera.preset": "euroc_cam1"}, {"b.camera.lever_arm": [0.1, 0.0, 0.0]}):
+        assert not list(rig_problems(load_rig({**both, **own}), simulation))
 
 
 def test_cameras_parameters_are_told_from_all_others(tmp_path):

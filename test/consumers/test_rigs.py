@@ -373,3 +373,31 @@ def found(content, path):
             if content.empty():
                 return False
     return True
+
+
+def test_what_a_format_cannot_express_of_a_camera_is_said_at_its_top(tmp_path):
+    """The shutter and the offsets of a T265 whose rows are read one after the other."""
+    presets = {f"cam{k}.camera.preset": f"realsense_t265_cam{k}" for k in (0, 1)}
+    errors = {"camera.row_time": 2e-5, "camera.jitter": 1e-4, "cam1.camera.time_offset": 0.004}
+    rig = load_rig({"cameras": ["cam0", "cam1"], **presets, **errors})
+    imu = ImuValues(build(ImuParameters, {"preset": "perfect", **IMU}), 200.0, 9.81, "/imu0")
+    values = RigValues(imu, rig.each(), dict.fromkeys(rig.cameras, "/image"), rig.scene)
+    write_all(tmp_path / "configs", imu, values)
+    rolling, jitter = "row_time = 2.0e-05 s (rolling shutter)", "jitter = 0.0001 s"
+    second = "time_offset = 0.004 s"
+    wanted = {  # names of terms that are missing, and how many cameras have a line
+        "camchain.yaml": ([rolling, jitter], [second], 2),
+        "kalibr_imucam_chain.yaml": ([rolling, jitter, second], [], 2),
+        "estimator_config.yaml": ([rolling, jitter, second], [], 2),
+        "orb_slam3_mono_inertial.yaml": ([rolling, jitter, "time_offset = 0.0056"], [second], 1),
+        "orb_slam3_stereo_inertial.yaml": ([rolling, jitter, second], [], 2),
+        "basalt_calibration.json": ([rolling, jitter, second], [], 2),
+        "vins_mono.yaml": ([jitter], ["row_time", second], 1),
+        "vins_fusion.yaml": ([rolling, jitter, second], [], 2),
+    }
+    for name, (said, unsaid, cameras) in wanted.items():
+        text = (tmp_path / "configs" / name).read_text()
+        text = " ".join(text.replace("\n#", " ").split())
+        assert text.count(": simulated, but not expressible in this format:") == cameras, name
+        assert all(term in text for term in said), name
+        assert not any(term in text for term in unsaid), name

@@ -162,7 +162,16 @@ def load_rig(given: Mapping[str, object], node: str = "simulator") -> RigParamet
 
 
 def rig_problems(rig: RigParameters, simulation: SimulationParameters) -> Iterator[str]:
-    """Yield a line for each camera that does not fit the IMU."""
+    """Yield a line for each camera that does not fit the IMU, or is another one again."""
+    of_values: dict[CameraParameters, str] = {}
+    for name, camera in rig.each().items():
+        # The file that a camera came from, and the frame of its messages, make no other camera.
+        first = of_values.setdefault(dataclasses.replace(camera, preset="", frame=""), name)
+        if first != name:
+            yield (
+                f"{name}.camera: is {first} again, with the same lens at the same place; give it "
+                f"another {name}.camera.preset or {name}.camera.lever_arm"
+            )
     for name, camera in rig.each().items():
         ratio = exact_rate(simulation.rate) / exact_rate(camera.rate)
         if camera.trigger == "synchronised" and ratio.denominator != 1:

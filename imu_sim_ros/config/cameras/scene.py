@@ -35,7 +35,20 @@ class SceneParameters:
 
 
 @dataclass(frozen=True)
-class RoomParameters(SceneParameters):
+class PathSceneParameters(SceneParameters):
+    """What scenes along the path share; they do not depend on the duration of the simulation."""
+
+    horizon: float = number(
+        60.0,
+        "how much of a trajectory without end the scene is made for; of others it is all",
+        unit="s",
+        minimum=0.1,
+        maximum=1e4,
+    )
+
+
+@dataclass(frozen=True)
+class RoomParameters(PathSceneParameters):
     """A box around the path, with boxes that stand in it; landmarks on all surfaces."""
 
     type: str = text("room", TYPE_TEXT)
@@ -81,7 +94,7 @@ class HouseParameters(SceneParameters):
 
 
 @dataclass(frozen=True)
-class CloudParameters(SceneParameters):
+class CloudParameters(PathSceneParameters):
     """Random points along the path, so many that every frame sees enough of them."""
 
     type: str = text("cloud", TYPE_TEXT)
