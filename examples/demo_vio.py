@@ -50,7 +50,7 @@ def contact_sheet(tracks: Path, images: Path, output: Path) -> None:
     chosen = frames[np.linspace(TAIL, len(frames) - 1, SHOWN).astype(int)]
     pictures = []
     for now in chosen.tolist():
-        picture = cv2.imread(str(images / f"{now}.png"), cv2.IMREAD_COLOR)
+        picture = cv2.imread(str(images / f"{now:019d}.png"), cv2.IMREAD_COLOR)
         at = int(np.searchsorted(frames, now))
         traces = [
             dict(zip(ids[t_ns == t].tolist(), uv[t_ns == t], strict=True))

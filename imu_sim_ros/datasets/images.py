@@ -9,7 +9,7 @@ it. Threads make the images; OpenCV and NumPy let them run side by side.
 """
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, Final
@@ -23,7 +23,7 @@ from imu_sim_ros.camera.images import imagers, opencv, png
 from imu_sim_ros.config.cameras import CameraParameters
 from imu_sim_ros.conventions import IMAGE_TOPIC
 from imu_sim_ros.datasets.tracks import CameraProgress
-from imu_sim_ros.errors import system_error
+from imu_sim_ros.errors import InputError, system_error
 
 EUROC_HEADER: Final = "#timestamp [ns],filename"
 DEPTH_FOLDER: Final = "depth"
@@ -103,7 +103,7 @@ class ImageFolders:
     def _order(self, camera: int, number: int, t_ns: int) -> None:
         while len(self._waiting) >= self._most:
             self._waiting.popleft().result()
-        path = self._place(self.cameras[camera].name) / f"{t_ns}.png"
+        path = self._place(self.cameras[camera].name) / image_name(t_ns)
         self._frames[camera].append((number, t_ns))
         self._waiting.append(self._pool.submit(self._make, camera, number, path))
 
@@ -132,8 +132,21 @@ class ImageFolders:
                 write_table(self._folder / camera.name, [t_ns for _, t_ns in frames])
 
 
-def write_table(folder: Path, stamps: list[int]) -> None:
-    """Write data.csv of a camera: the images' stamps [ns] and names.
+def image_name(t_ns: int) -> str:
+    """Return the name of an image: its stamp [ns] in 19 digits, so that names sort by time.
+
+    :raises InputError: for a stamp before 0, which no width sorts.
+    """
+    if t_ns < 0:
+        raise InputError(
+            f"an image at {t_ns * 1e-9:.9g} s, before 0: names of images are stamps; with a "
+            "camera.time_offset the start_time has to be later than it"
+        )
+    return f"{t_ns:019d}.png"
+
+
+def write_table(folder: Path, stamps: Iterable[int]) -> None:
+    """Write data.csv of a camera: the images' stamps [ns] in the digits of their names, and those.
 
     :raises ImuSimError: where it cannot be written, with the reason.
     """
@@ -141,7 +154,8 @@ def write_table(folder: Path, stamps: list[int]) -> None:
     try:
         with path.open("w", encoding="utf-8") as file:
             file.write(EUROC_HEADER + "\n")
-            file.writelines(f"{t_ns},{t_ns}.png\n" for t_ns in stamps)
+            names = sorted(map(image_name, stamps))
+            file.writelines(f"{name.removesuffix('.png')},{name}\n" for name in names)
     except OSError as error:
         raise system_error(path, error) from None
 

@@ -27,7 +27,7 @@ from imu_sim_ros.camera import Rig
 from imu_sim_ros.config import ImuParameters
 from imu_sim_ros.config.cameras import CameraParameters
 from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
-from imu_sim_ros.datasets.images import ImageFolders, write_png
+from imu_sim_ros.datasets.images import ImageFolders, image_name, write_png
 from imu_sim_ros.errors import system_error
 from imu_sim_ros.sensor import ImuBlock
 from imu_sim_ros.topics import delivered
@@ -154,10 +154,11 @@ class TumVi:
     def _write_times(self) -> None:
         for number, camera in enumerate(self._images.cameras):
             file = self._file(f"dso/{camera.name}/times.txt", _DSO_TIMES)
-            found = list(self._images.exposures(number))
+            found = sorted(self._images.exposures(number))
             t_ns = np.array([t for t, _ in found], dtype=np.int64)
+            names = [Path(image_name(t)).stem.encode() for t, _ in found]
             exposure = np.array([1e3 * seconds for _, seconds in found])
-            file.write(decimals.lines([t_ns, decimals.seconds(t_ns), exposure], " "))
+            file.write(decimals.lines([names, decimals.seconds(t_ns), exposure], " "))
             file.finish()
 
     def _write_dso_imu(self) -> None:

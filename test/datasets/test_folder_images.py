@@ -95,7 +95,7 @@ def test_others_read_pixels_models_and_places(made, tmp_path, name):
             stamps,
             strict=True,
         ):
-            path = made / camera / "data" / f"{t_ns}.png"
+            path = made / camera / "data" / f"{t_ns:019d}.png"
             image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
             expected = image if image.ndim == 2 else image[..., ::-1]
             assert (raw.height, raw.width, raw.encoding) == (60, 94, pixels)
@@ -248,13 +248,22 @@ SWAPPED = [0, 1, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
             {"table": f"{GOOD}{STAMPS[1]},../../imu0/data.csv\n"},
             ["line 2: the image '../../imu0/data.csv' is not in data/"],
         ),
-        ({"image": lambda data: data[:-20]}, ["1000000000.png: a PNG that is cut off after"]),
-        ({"image": lambda data: b"not an image"}, ["1000000000.png: 12 bytes that OpenCV cannot"]),
+        (
+            {"image": lambda data: data[:-20]},
+            ["1000000000.png: a PNG that is cut off after"],
+        ),
+        (
+            {"image": lambda data: b"not an image"},
+            ["1000000000.png: 12 bytes that OpenCV cannot"],
+        ),
         (
             {"image": lambda data: data[:8] + data[-12:]},
             ["1000000000.png: a PNG without its header"],
         ),
-        ({"image": lambda data: b""}, ["1000000000.png: 0 bytes that OpenCV cannot decode"]),
+        (
+            {"image": lambda data: b""},
+            ["1000000000.png: 0 bytes that OpenCV cannot decode"],
+        ),
         (
             {"sensor": {**SENSOR, "intrinsics": [1, 2, 3], "resolution": [8, -6]}},
             [
@@ -310,5 +319,5 @@ def test_other_files_than_png(tum_vi, tmp_path):
     # In a folder all images are PNG, whatever they were.
     shutil.rmtree(tum_vi[0] / "dso")
     assert run(tum_vi[0], "-o", tmp_path / "out", "--format", "euroc", "--quiet") == 0
-    copied = cv2.imread(str(tmp_path / "out" / "cam0" / "data" / f"{STAMPS[0]}.png"), 0)
+    copied = cv2.imread(str(tmp_path / "out" / "cam0" / "data" / f"{STAMPS[0]:019d}.png"), 0)
     assert np.abs(copied.astype(int) - 77).max() < 4

@@ -183,11 +183,11 @@ def test_cameras_of_other_drivers_are_numbered(tmp_path, capsys, ros1):
     assert convert_bag.main(words) == 0, capsys.readouterr().err
     found = contents(tmp_path / "out")
     assert sorted(found) == sorted(
-        f"cam{c}/data/{10**9 + k * 50_000_000}.png" for c in (0, 1) for k in (0, 1)
+        f"cam{c}/data/{10**9 + k * 50_000_000:019d}.png" for c in (0, 1) for k in (0, 1)
     )
     grey = np.arange(24, dtype=np.uint8).reshape(4, 6)
-    assert np.array_equal(found["cam0/data/1050000000.png"], grey + 1)
-    mean = found["cam1/data/1000000000.png"].mean(axis=(0, 1))
+    assert np.array_equal(found["cam0/data/0000000001050000000.png"], grey + 1)
+    mean = found["cam1/data/0000000001000000000.png"].mean(axis=(0, 1))
     assert np.abs(mean - (200, 100, 50)).max() < 4.0  # JPEG is lossy
     sensor = yaml.safe_load((tmp_path / "out" / "cam0" / "sensor.yaml").read_text())
     assert sensor == {

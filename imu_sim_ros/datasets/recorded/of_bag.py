@@ -33,7 +33,7 @@ from imu_sim_ros.conventions import (
     IMAGE_TOPIC,
     TF_STATIC_TOPIC,
 )
-from imu_sim_ros.datasets.images import DEPTH_FOLDER, millimetres, write_table
+from imu_sim_ros.datasets.images import DEPTH_FOLDER, image_name, millimetres, write_table
 from imu_sim_ros.datasets.recorded.description import Description, sensor_yaml
 from imu_sim_ros.datasets.recorded.files import as_png
 from imu_sim_ros.errors import InputError, system_error
@@ -168,7 +168,7 @@ class RecordedImages:
                 t_ns = _stamp(message)
                 self._stamps[topic.name][t_ns] = None
                 self._frames.setdefault(_base(topic.name), message.header.frame_id)
-                path = self._places[topic.name] / f"{t_ns}.png"
+                path = self._places[topic.name] / image_name(t_ns)
                 waiting.append(pool.submit(_write, topic, message, path))
                 if len(waiting) >= _AHEAD * jobs:
                     waiting.popleft().result()

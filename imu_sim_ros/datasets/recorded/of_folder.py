@@ -40,7 +40,7 @@ from imu_sim_ros.conventions import (
     TF_STATIC_TOPIC,
 )
 from imu_sim_ros.datasets.frames import LATCHED
-from imu_sim_ros.datasets.images import DEPTH_FOLDER, write_table
+from imu_sim_ros.datasets.images import DEPTH_FOLDER, image_name, write_table
 from imu_sim_ros.datasets.recorded.description import sensor_yaml
 from imu_sim_ros.datasets.recorded.files import (
     FolderCamera,
@@ -188,7 +188,7 @@ class FolderImages:
         waiting: deque[Future[None]] = deque()
         while True:
             for t_ns, name in islice(orders, self._ahead - len(waiting)):
-                target = place / f"{t_ns}.png"
+                target = place / image_name(t_ns)
                 waiting.append(self._pool.submit(_copy_image, frames.folder / name, target))
             if not waiting:
                 return

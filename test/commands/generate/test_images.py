@@ -64,7 +64,7 @@ def test_a_euroc_folder_holds_images_under_their_stamps(tmp_path, capsys):
         stamps = [int(line.split(",")[0]) for line in lines[1:]]
         files = [line.split(",")[1] for line in lines[1:]]
         assert sorted(files) == sorted(path.name for path in (folder / name / "data").iterdir())
-        assert files == [f"{stamp}.png" for stamp in stamps]
+        assert files == [f"{stamp:019d}.png" for stamp in stamps]
         assert counts[f"/{name}/image_raw"] == len(stamps)
         assert 0 < len(stamps) < 10  # some are lost
         # 20 Hz from the start; the stamps are early by the offset.
@@ -166,3 +166,38 @@ def test_a_missing_opencv_is_named(tmp_path, capsys, monkeypatch):
     error = capsys.readouterr().err
     assert "apt install python3-opencv, or pip install opencv-python-headless" in error
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("start", [0.0, 0.95, 1.0, 9.9, 1_400_000_000.0])
+@pytest.mark.parametrize("form", ["euroc", "csv", "tum_vi"])
+def test_names_have_one_width_and_sort_by_time(tmp_path, form, start):
+    """Also where stamps have from 8 to 10 digits, or go from 10 to 11 of them."""
+    folder = tmp_path / "seq"
+    small = [*RIG[: RIG.index("camera.dropout_probability=0.3") - 1], "--scene", "aprilgrid"]
+    more = ["--set", f"start_time={start}", "--set", "camera.depth=true"]
+    assert generate.main(["-o", str(folder), "--format", form, *small, *more]) == 0
+    root = {"euroc": folder, "csv": folder, "tum_vi": folder / "mav0"}[form]
+    for camera in ("cam0", "cam1"):
+        place = root / camera if form == "csv" else root / camera / "data"
+        names = sorted(path.stem for path in place.glob("*.png"))
+        stamps = [round(start * 1e9) + k * 50_000_000 for k in range(10)]
+        assert {len(name) for name in names} == {19}
+        assert [int(name) for name in names] == stamps
+        if form == "euroc":
+            assert names == sorted(p.stem for p in (root / camera / "depth").glob("*.png"))
+        if form != "csv":
+            rows = (root / camera / "data.csv").read_text().splitlines()[1:]
+            assert rows == [f"{name},{name}.png" for name in names]
+        if form == "tum_vi":
+            rows = (folder / "dso" / camera / "times.txt").read_text().splitlines()[1:]
+            assert [row.split()[0] for row in rows] == names
+
+
+def test_an_image_before_time_0_is_one_line(tmp_path, capsys):
+    folder = tmp_path / "seq"
+    arguments = ["-o", str(folder), "--format", "euroc", *RIG, "--set", "camera.time_offset=2.0"]
+    assert generate.main(arguments) == 2
+    problems = capsys.readouterr().err.splitlines()
+    assert len(problems) == 1
+    assert "an image at -1 s, before 0" in problems[0]
+    assert not folder.exists()
