@@ -228,7 +228,7 @@ class Rosbag2Writer(PartsWriter):
         if self._parts:
             self._describe()
         else:
-            shutil.rmtree(self.path)
+            shutil.rmtree(self.path, ignore_errors=True)
 
     def _describe(self) -> None:
         parts = [rosbag2_metadata.part(part.path, part.topics) for part in self._parts]
@@ -238,6 +238,6 @@ class Rosbag2Writer(PartsWriter):
     def abandon(self) -> list[Path]:
         """Leave the folder without metadata."""
         if not super().abandon():
-            shutil.rmtree(self.path)
+            shutil.rmtree(self.path, ignore_errors=True)
             return []
         return [self.path]

@@ -256,10 +256,15 @@ def _left(files: Sequence[Path]) -> str:
     """Return what is left of a recording whose writing failed."""
     if not files:
         return "nothing is kept: it failed before any part of the bag was complete"
-    kept = ", ".join(map(str, files))
-    return (
-        f"{kept} keeps what was written before; convert_bag --recover makes a complete bag from it"
-    )
+    gone = [p for p in files if not p.exists() or (p.is_dir() and not any(p.iterdir()))]
+    words = [f"{path} was removed and is lost" for path in gone]
+    if len(gone) < len(files):
+        kept = ", ".join(str(path) for path in files if path not in gone)
+        words.append(
+            f"{kept} keeps what was written before; convert_bag --recover makes a complete bag "
+            "from it"
+        )
+    return "; ".join(words)
 
 
 def _row(topic: Topic) -> tuple[str, ...]:

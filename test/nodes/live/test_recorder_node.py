@@ -257,7 +257,7 @@ def test_a_full_disk_is_reported_and_what_was_written_is_kept(node, feed, tmp_pa
     assert sum(file.stat().st_size for file in files) > 0.5 * limit
 
 
-@pytest.mark.parametrize("form", ["mcap", "file"])
+@pytest.mark.parametrize("form", ["mcap", "sqlite3", "file"])
 def test_a_vanished_bag_is_noticed(node, feed, tmp_path, form):
     recorder, bag = record(node, tmp_path, form)
     feed(count=2000).wait_for("begin")
@@ -267,7 +267,9 @@ def test_a_vanished_bag_is_noticed(node, feed, tmp_path, form):
     else:
         bag.with_name(bag.name + ".active").unlink()
     assert recorder.status() == 1
-    assert "it was removed while it was being written" in recorder.output
+    assert form == "sqlite3" or "it was removed while it was being written" in recorder.output
+    assert "was removed and is lost" in recorder.output
+    assert "keeps what was written" not in recorder.output
 
 
 def test_a_driver_that_is_killed_and_started_again_is_recorded_on(node, feed, tmp_path):

@@ -160,9 +160,15 @@ def test_bytes_that_are_no_text_are_named(tmp_path):
         ros_arguments(["--storage", "\udce9"], RecorderParameters, tmp_path)
 
 
-def test_what_is_left_of_a_failed_recording_is_said() -> None:
+def test_what_is_left_of_a_failed_recording_is_said(tmp_path: Path) -> None:
     assert _left([]) == "nothing is kept: it failed before any part of the bag was complete"
-    assert _left([Path("x.mcap.active")]).startswith("x.mcap.active keeps what was written before")
+    kept, gone, empty = tmp_path / "x_0.mcap", tmp_path / "x_1.mcap", tmp_path / "folder"
+    kept.touch()
+    empty.mkdir()
+    assert _left([kept]).startswith(f"{kept} keeps what was written before")
+    assert _left([gone]) == f"{gone} was removed and is lost"
+    assert _left([empty]) == f"{empty} was removed and is lost"
+    assert _left([kept, gone]).startswith(f"{gone} was removed and is lost; {kept} keeps what")
 
 
 def test_closed_standard_streams_are_not_taken_by_the_watch_over_signals() -> None:
