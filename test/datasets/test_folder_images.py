@@ -13,7 +13,8 @@ import yaml
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
-from imu_sim_ros.bags import imu_blocks
+from imu_sim_ros.bags import Block, imu_blocks, open_bag, open_writer
+from imu_sim_ros.bags.messages import IMU
 from imu_sim_ros.commands import convert_bag, generate
 
 SETTINGS = {
@@ -321,3 +322,42 @@ def test_other_files_than_png(tum_vi, tmp_path):
     assert run(tum_vi[0], "-o", tmp_path / "out", "--format", "euroc", "--quiet") == 0
     copied = cv2.imread(str(tmp_path / "out" / "cam0" / "data" / f"{STAMPS[0]:019d}.png"), 0)
     assert np.abs(copied.astype(int) - 77).max() < 4
+
+
+@pytest.mark.parametrize("other", [(48, 64), (60, 95), (2000, 2000)])
+@pytest.mark.parametrize("form", ["mcap", "euroc", "csv", "compressed"])
+def test_an_image_of_another_size_than_its_neighbours_is_refused(
+    made, tmp_path, capsys, other, form
+):
+    folder = shutil.copytree(made, tmp_path / "set")
+    image = sorted((folder / "cam0" / "data").iterdir())[2]
+    cv2.imwrite(str(image), np.zeros(other, np.uint8))
+    words = {"mcap": [], "compressed": ["--images", "compressed"]}.get(form, ["--format", form])
+    output = tmp_path / ("out" if words[:1] == ["--format"] else "out.mcap")
+    assert run(folder, "-o", output, "--quiet", *words) == 2
+    line = f"{image}: {other[1]} x {other[0]} pixels; the images before it have 94 x 60"
+    assert line in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("images", ["raw", "compressed"])
+def test_an_image_of_another_size_in_a_bag_is_refused(made, tmp_path, capsys, images):
+    pair = [convert_bag, tmp_path / "a.mcap", tmp_path / "b.mcap"]
+    small = shutil.copytree(made, tmp_path / "small")
+    for image in (small / "cam0" / "data").iterdir():
+        cv2.imwrite(str(image), np.zeros((48, 64), np.uint8))
+    for folder, bag in ((made, pair[1]), (small, pair[2])):
+        assert run(folder, "-o", bag, "--images", images, "--quiet") == 0
+    with (
+        open_writer(tmp_path / "both.mcap", "mcap") as writer,
+        open_bag(pair[1]) as first,
+        open_bag(pair[2]) as second,
+    ):
+        topics = [topic for topic in first.topics if "cam0/image_raw" in topic.name]
+        topics += [topic for topic in first.topics if topic.type == IMU]
+        handles = {t.name: writer.add_topic(t.name, t.type, t.qos, t.schema) for t in topics}
+        for bag in (first, second):
+            for group in bag.groups(handles):
+                blocks = [Block(handles[b.topic.name], b.t_ns, b.payloads) for b in group]
+                writer.write_blocks(blocks)
+    assert run(tmp_path / "both.mcap", "-o", tmp_path / "out", "--format", "euroc", "--quiet") == 2
+    assert "64 x 48 pixels; the images before it have 94 x 60" in capsys.readouterr().err

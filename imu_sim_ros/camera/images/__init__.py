@@ -10,17 +10,22 @@ back.
 """
 
 from imu_sim_ros.camera.images.encode import decoded, png
+from imu_sim_ros.camera.images.examine import JPEG, PNG, Size, examined
 from imu_sim_ros.camera.images.imager import Imager, imagers
 from imu_sim_ros.camera.images.renderer import Maps, Renderer, look_up, opencv
 from imu_sim_ros.camera.images.texture import Atlas, atlas
 
 __all__ = [
+    "JPEG",
+    "PNG",
     "Atlas",
     "Imager",
     "Maps",
     "Renderer",
+    "Size",
     "atlas",
     "decoded",
+    "examined",
     "imagers",
     "look_up",
     "opencv",

@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.camera.images.examine import examined
 from imu_sim_ros.camera.images.renderer import opencv
 from imu_sim_ros.errors import InputError
 
@@ -37,9 +38,10 @@ def png(image: NDArray[Any]) -> bytes:
 def decoded(data: bytes) -> NDArray[Any]:
     """Return an encoded image as it is: (h, w), or (h, w, 3 or 4) in red, green, blue, alpha.
 
-    :raises InputError: for bytes that OpenCV cannot decode.
+    :raises InputError: for bytes that are damaged, cut off, or that OpenCV cannot decode.
     """
     cv2 = opencv()
+    data = examined(data)[1]
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
     except cv2.error:  # of sizes that it refuses

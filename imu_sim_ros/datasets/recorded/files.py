@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.bags.text import reader as text_reader
-from imu_sim_ros.camera.images import decoded, png
+from imu_sim_ros.camera.images import JPEG, PNG, Size, decoded, examined, png
 from imu_sim_ros.datasets.images import DEPTH_FOLDER
 from imu_sim_ros.datasets.recorded.description import (
     Description,
     read_camchain,
     read_sensor_yaml,
 )
-from imu_sim_ros.errors import InputError, system_error
+from imu_sim_ros.errors import InputError, naming, system_error
 from imu_sim_ros.inputs import (
     COLUMNS,
     STAMPS,
@@ -37,9 +37,6 @@ from imu_sim_ros.inputs import (
 _WHAT: Final = "a table of stamps and file names"
 _STAMP: Final = re.compile(r"[0-9]{1,19}")
 _IMAGE: Final = re.compile(r"[0-9]{1,19}\.(png|jpe?g|bmp|pgm|tiff?)", re.IGNORECASE)
-_PNG: Final = b"\x89PNG\r\n\x1a\n"
-_PNG_END: Final = b"\0\0\0\0IEND\xaeB`\x82"
-_JPEG: Final = b"\xff\xd8\xff"
 _PIXELS: Final = {
     (1, 1): "mono8",
     (1, 2): "mono16",
@@ -173,37 +170,58 @@ def _described(path: Path, folder: Path) -> tuple[Description, str]:
     return Description(), ""
 
 
-def read_image(path: Path) -> bytes:
-    """Return the bytes of an image's file.
+def read_image(path: Path) -> tuple[bytes, Size]:
+    """Return the bytes of an image's file, and its size.
 
-    :raises InputError: for what is no file, or a PNG without its header or its end; of one that is
-        cut off OpenCV would return the part that is there.
+    :raises InputError: for what is no file, or no whole image.
     """
-    with open_regular(path) as file:
+    with open_regular(path) as file, naming(path):
         try:
             data = file.read()
         except OSError as error:
             raise system_error(path, error) from None
-    if data.startswith(_PNG):
-        if not data.endswith(_PNG_END):
-            raise InputError(f"{path}: a PNG that is cut off after {len(data)} bytes")
-        if data[12:16] != b"IHDR":
-            raise InputError(f"{path}: a PNG without its header")
-    return data
+        return data, image_size(data)
 
 
-def as_png(path: Path | str, data: bytes) -> bytes:
+def image_size(data: bytes) -> Size:
+    """Return the size of an encoded image, which is whole.
+
+    :raises InputError: for one that is not.
+    """
+    size = examined(data)[0]
+    if size is None:
+        height, width = decoded(data).shape[:2]
+        size = height, width
+    return size
+
+
+class OneSize:
+    """The size that all images of a camera have: that of the first."""
+
+    def __init__(self) -> None:
+        self._first: Size | None = None
+
+    def check(self, name: Path | str, size: Size) -> None:
+        """Refuse an image of another size.
+
+        :raises InputError: with both sizes.
+        """
+        first = self._first = self._first or size
+        if size != first:
+            raise InputError(
+                f"{name}: {size[1]} x {size[0]} pixels; the images before it have "
+                f"{first[1]} x {first[0]}"
+            )
+
+
+def as_png(data: bytes) -> bytes:
     """Return an encoded image as PNG; one that is PNG already stays as it is.
 
-    :param path: or topic, for the message.
     :raises InputError: for bytes that are no image.
     """
-    if data.startswith(_PNG):
+    if data.startswith(PNG):
         return data
-    try:
-        image = decoded(data)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+    image = decoded(data)
     return png(image[..., :3] if image.ndim > 2 else image)
 
 
@@ -212,13 +230,13 @@ def as_sent(data: bytes) -> tuple[str, str, bytes]:
 
     PNG and JPEG stay as they are.
     """
-    if data.startswith(_PNG):
+    if data.startswith(PNG):
         size = (_PNG_CHANNELS.get(data[25], 0), 2 if data[24] > 8 else 1)
         if size in _PIXELS:
             return "png", _PIXELS[size], data
     image = decoded(data)
     pixels = pixel_encoding(image)
-    return ("jpeg", pixels, data) if data.startswith(_JPEG) else ("png", pixels, png(image))
+    return ("jpeg", pixels, data) if data.startswith(JPEG) else ("png", pixels, png(image))
 
 
 def pixel_encoding(image: NDArray[Any]) -> str:

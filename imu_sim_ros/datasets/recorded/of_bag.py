@@ -26,7 +26,7 @@ from imu_sim_ros.bags.messages import (
     CameraInfo,
     TopicInfo,
 )
-from imu_sim_ros.camera.images import opencv, png
+from imu_sim_ros.camera.images import Size, opencv, png
 from imu_sim_ros.conventions import (
     COMPRESSED_TOPIC,
     DEPTH_TOPIC,
@@ -35,8 +35,8 @@ from imu_sim_ros.conventions import (
 )
 from imu_sim_ros.datasets.images import DEPTH_FOLDER, image_name, millimetres, write_table
 from imu_sim_ros.datasets.recorded.description import Description, sensor_yaml
-from imu_sim_ros.datasets.recorded.files import as_png
-from imu_sim_ros.errors import InputError, system_error
+from imu_sim_ros.datasets.recorded.files import OneSize, as_png, image_size
+from imu_sim_ros.errors import InputError, naming, system_error
 from imu_sim_ros.machine import cores
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
 
@@ -157,7 +157,14 @@ class RecordedImages:
         :param advance: receives the number of images written.
         :raises InputError: for messages that are no images, with the topic.
         """
-        waiting: deque[Future[None]] = deque()
+        waiting: deque[tuple[str, Future[Size]]] = deque()
+        sizes = {name: OneSize() for name in self._places}
+
+        def take() -> None:
+            name, future = waiting.popleft()
+            sizes[name].check(name, future.result())
+            advance(1)
+
         jobs = cores()
         pool = ThreadPoolExecutor(jobs, thread_name_prefix="images")
         try:
@@ -169,13 +176,11 @@ class RecordedImages:
                 self._stamps[topic.name][t_ns] = None
                 self._frames.setdefault(_base(topic.name), message.header.frame_id)
                 path = self._places[topic.name] / image_name(t_ns)
-                waiting.append(pool.submit(_write, topic, message, path))
+                waiting.append((topic.name, pool.submit(_write, topic, message, path)))
                 if len(waiting) >= _AHEAD * jobs:
-                    waiting.popleft().result()
-                    advance(1)
+                    take()
             while waiting:
-                waiting.popleft().result()
-                advance(1)
+                take()
         finally:
             pool.shutdown(cancel_futures=True)
         if self._euroc:
@@ -215,18 +220,25 @@ def _stamp(message: Any) -> int:
     return int(stamp.sec) * NANOSECONDS_PER_SECOND + int(stamp.nanosec)
 
 
-def _write(topic: TopicInfo, message: Any, path: Path) -> None:
-    """Write the image of a message as PNG; one that is PNG already stays as it is."""
+def _write(topic: TopicInfo, message: Any, path: Path) -> Size:
+    """Write the image of a message as PNG, and return its size.
+
+    One that is PNG already stays as it is.
+    """
     if topic.type == COMPRESSED_IMAGE:
-        data = as_png(topic.name, message.data.tobytes())
+        data = message.data.tobytes()
+        with naming(topic.name):
+            size, data = image_size(data), as_png(data)
     else:
         image = pixels(topic.name, message)
+        size = image.shape[0], image.shape[1]
         data = png(millimetres(image) if image.dtype == np.float32 else image)
     try:
         path.write_bytes(data)
     except OSError as error:
         path.unlink(missing_ok=True)
         raise system_error(path, error) from None
+    return size
 
 
 def pixels(topic: str, message: Any) -> NDArray[Any]:

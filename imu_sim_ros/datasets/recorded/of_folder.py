@@ -30,7 +30,7 @@ from imu_sim_ros.bags.messages import (
     ImageEncoder,
     TransformsEncoder,
 )
-from imu_sim_ros.camera.images import decoded
+from imu_sim_ros.camera.images import Size, decoded
 from imu_sim_ros.conventions import (
     BODY_FRAME,
     CAMERA_INFO_TOPIC,
@@ -45,13 +45,14 @@ from imu_sim_ros.datasets.recorded.description import sensor_yaml
 from imu_sim_ros.datasets.recorded.files import (
     FolderCamera,
     Frames,
+    OneSize,
     as_png,
     as_sent,
     folder_cameras,
     pixel_encoding,
     read_image,
 )
-from imu_sim_ros.errors import InputError, system_error
+from imu_sim_ros.errors import naming, system_error
 from imu_sim_ros.inputs import Skipped
 from imu_sim_ros.machine import cores
 
@@ -128,13 +129,18 @@ class FolderImages:
         maker = _Maker(camera, keys, writer.encoding)
         count = len(frames.t_ns)
         orders = iter(range(count))
-        waiting: deque[Future[Messages]] = deque()
+        sizes = OneSize()
+        waiting: deque[tuple[Path, Future[tuple[Size, Messages]]]] = deque()
         for start in range(0, count, _BATCH):
             for k in islice(orders, self._ahead - len(waiting)):
                 t_ns, path = int(frames.t_ns[k]), frames.folder / frames.names[k]
-                waiting.append(self._pool.submit(maker.messages, t_ns, path))
-            t_ns_here = frames.t_ns[start : start + _BATCH]
-            made = [waiting.popleft().result() for _ in t_ns_here]
+                waiting.append((path, self._pool.submit(maker.messages, t_ns, path)))
+            t_ns_here, made = frames.t_ns[start : start + _BATCH], list[Messages]()
+            for _ in t_ns_here:
+                path, future = waiting.popleft()
+                size, messages = future.result()
+                sizes.check(path, size)
+                made.append(messages)
             yield [Block(topics[key], t_ns_here, [one[key] for one in made]) for key in keys]
 
     def _places(self, writer: Writer, renamed: Mapping[str, str]) -> Iterator[list[Block]]:
@@ -185,24 +191,29 @@ class FolderImages:
         except OSError as error:
             raise system_error(place, error) from None
         orders = zip(frames.t_ns.tolist(), frames.names, strict=True)
-        waiting: deque[Future[None]] = deque()
+        sizes = OneSize()
+        waiting: deque[tuple[Path, Future[Size]]] = deque()
         while True:
             for t_ns, name in islice(orders, self._ahead - len(waiting)):
-                target = place / image_name(t_ns)
-                waiting.append(self._pool.submit(_copy_image, frames.folder / name, target))
+                path, target = frames.folder / name, place / image_name(t_ns)
+                waiting.append((path, self._pool.submit(_copy_image, path, target)))
             if not waiting:
                 return
-            waiting.popleft().result()
+            path, future = waiting.popleft()
+            sizes.check(path, future.result())
             advance(1)
 
 
-def _copy_image(path: Path, target: Path) -> None:
-    data = as_png(path, read_image(path))
+def _copy_image(path: Path, target: Path) -> Size:
+    data, size = read_image(path)
+    with naming(path):
+        data = as_png(data)
     try:
         target.write_bytes(data)
     except OSError as error:
         target.unlink(missing_ok=True)
         raise system_error(target, error) from None
+    return size
 
 
 class _Maker:
@@ -214,15 +225,11 @@ class _Maker:
         if camera.described.info is not None:
             self._info = CameraInfoEncoder(camera.frame, camera.described.info, encoding)
 
-    def messages(self, t_ns: int, path: Path) -> Messages:
-        """Return the messages of an image."""
-        data, found = read_image(path), {}
-        try:
-            for key in self._keys:
-                found[key] = self._message(key, t_ns, data)
-        except InputError as error:
-            raise InputError(f"{path}: {error}") from None
-        return found
+    def messages(self, t_ns: int, path: Path) -> tuple[Size, Messages]:
+        """Return the size and the messages of an image."""
+        data, size = read_image(path)
+        with naming(path):
+            return size, {key: self._message(key, t_ns, data) for key in self._keys}
 
     def _message(self, key: str, t_ns: int, data: bytes) -> bytes:
         if key == CAMERA_INFO_TOPIC:

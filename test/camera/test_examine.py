@@ -1,0 +1,98 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Encoded images: what is damaged or too large is refused before anything decodes it."""
+
+import io
+import struct
+import zlib
+
+import numpy as np
+import pytest
+
+from imu_sim_ros.camera.images import decoded, examined, png
+from imu_sim_ros.errors import InputError
+
+IMAGE = np.random.default_rng(3).integers(0, 256, (17, 23), dtype=np.uint8)
+
+
+def chunk(kind, body):
+    return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
+
+
+def made(width, height, pixels, depth=8, colour=0, more=b""):
+    header = struct.pack(">IIBBBBB", width, height, depth, colour, 0, 0, 0)
+    body = [
+        chunk(b"IHDR", header),
+        more,
+        chunk(b"IDAT", zlib.compress(pixels)),
+        chunk(b"IEND", b""),
+    ]
+    return b"\x89PNG\r\n\x1a\n" + b"".join(body)
+
+
+@pytest.mark.parametrize("mode", ["1", "L", "P", "LA", "RGB", "RGBA", "I;16"])
+@pytest.mark.parametrize("size", [(1, 1), (3, 5), (23, 17), (64, 48)])
+def test_the_size_of_every_kind_of_png_is_known(mode, size):
+    image = pytest.importorskip("PIL.Image")
+    file = io.BytesIO()
+    image.new(mode, size).save(file, "png")
+    found, needed = examined(file.getvalue())
+    assert found == size[::-1]
+    assert examined(needed)[0] == found
+    assert decoded(file.getvalue()).shape[:2] == found
+
+
+def test_what_pixels_do_not_depend_on_is_not_decoded():
+    data = png(IMAGE)
+    profile = chunk(b"iCCP", b"x\0\0" + zlib.compress(b"no profile"))
+    text = chunk(b"tEXt", b"Comment\0hello")
+    found, needed = examined(data[:33] + profile + text + data[33:])
+    assert (found, needed) == ((17, 23), data)
+    np.testing.assert_array_equal(decoded(data[:33] + profile + data[33:]), IMAGE)
+
+
+@pytest.mark.parametrize(
+    ("data", "reason"),
+    [
+        (made(0, 0, b""), "0 x 0 pixels"),
+        (made(60_000, 60_000, b""), "60000 x 60000 pixels; 1 to"),
+        (made(9000, 9000, b""), "whose pixels are not 9000 x 9000"),
+        (made(4, 4, bytes(19)), "whose pixels are not 4 x 4"),
+        (made(4, 4, bytes(21)), "whose pixels are not 4 x 4"),
+        (made(4, 4, bytes(10**8)), "whose pixels are not 4 x 4"),
+        (made(4, 4, bytes(20), colour=9), "whose pixels are not 4 x 4"),
+        (png(IMAGE)[:-12], "cut off after"),
+        (png(IMAGE)[:40], "cut off after"),
+        (png(IMAGE)[:8], "cut off after 8 bytes"),
+        (b"\x89PNG\r\n\x1a\n" + chunk(b"IEND", b""), "without its header"),
+        (png(IMAGE)[:60] + b"xx" + png(IMAGE)[62:], "the checksum at byte"),
+        (b"\xff\xd8\xff\xd9", "without a frame"),
+    ],
+)
+def test_damaged_and_endless_images_are_refused_and_nothing_is_printed(capfd, data, reason):
+    for ask in (examined, decoded):
+        with pytest.raises(InputError, match=reason):
+            ask(data)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_pixels_that_do_not_inflate(capfd):
+    data = png(IMAGE)
+    body = bytearray(data[41:-16])
+    body[20:24] = b"\xff\xff\xff\xff"
+    broken = data[:33] + chunk(b"IDAT", bytes(body)) + chunk(b"IEND", b"")
+    with pytest.raises(InputError, match=r"damaged: Error|whose pixels"):
+        examined(broken)
+    assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize("progressive", [False, True])
+def test_the_size_of_a_jpeg(progressive):
+    image = pytest.importorskip("PIL.Image")
+    file = io.BytesIO()
+    image.fromarray(IMAGE).save(file, "jpeg", progressive=progressive, comment=b"x" * 300)
+    data = file.getvalue()
+    assert examined(data) == ((17, 23), data)
+    with pytest.raises(InputError, match="JPEG that is cut off"):
+        examined(data[:-40])
