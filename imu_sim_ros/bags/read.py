@@ -258,6 +258,7 @@ def read_poses(
     skip_bad_rows: bool = False,
     covariance: bool = False,
     warned: Warned | None = None,
+    recover: bool = False,
 ) -> PoseSequence:
     """Return poses: of a text file (TUM, EuRoC), or a bag's Odometry or PoseStamped topic.
 
@@ -265,18 +266,20 @@ def read_poses(
     :param skip_bad_rows: skip bad rows or messages and count them.
     :param covariance: of a text file: read the covariances too, where every row has them.
     :param warned: as for :func:`imu_blocks`.
+    :param recover: as for :func:`open_bag`.
     """
     path = Path(path)
     if text_reader.is_text(path):
         file = path if path.is_file() else text_reader.state_file(path)
         return read_pose_file(file, topic, skip_bad_rows, covariance)
-    with open_bag(path) as bag:
+    with open_bag(path, recover) as bag:
         types = {info.type for info in bag.topics if topic is None or _same(info.name, topic)}
     type_name = POSE_STAMPED if POSE_STAMPED in types and ODOMETRY not in types else ODOMETRY
     counts: list[int] = []
     skipped = counts.append if skip_bad_rows else None
     names = ("position", "orientation")
-    parts = [f for _, f in decoded_blocks(path, type_name, topic, names, False, skipped, warned)]
+    blocks = decoded_blocks(path, type_name, topic, names, recover, skipped, warned)
+    parts = [fields for _, fields in blocks]
     q_wb = inside_order(np.concatenate([_rows(4), *(p.numbers["orientation"] for p in parts)]))
     return PoseSequence(
         np.concatenate([_times(), *(part.t_ns for part in parts)]),

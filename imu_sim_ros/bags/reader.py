@@ -6,10 +6,10 @@
 import sqlite3
 import struct
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Any, BinaryIO, Final, NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import as_strided, sliding_window_view
@@ -17,6 +17,7 @@ from numpy.lib.stride_tricks import as_strided, sliding_window_view
 from imu_sim_ros.bags.messages import Bytes, MessageBlock, Payloads, Times, TopicInfo, as_list
 from imu_sim_ros.bags.threads import ahead
 from imu_sim_ros.errors import ImuSimError, InputError, system_error
+from imu_sim_ros.inputs import open_regular
 from imu_sim_ros.names import suggestion
 
 DAMAGE: Final = (
@@ -33,6 +34,8 @@ DAMAGE: Final = (
 )
 """What Python, NumPy and the bag libraries raise for malformed bytes."""
 _LONGEST_REASON: Final = 200
+END_NS: Final = 2**63 - 1
+"""After all messages."""
 
 
 class Timed(NamedTuple):
@@ -76,8 +79,10 @@ class Bag(ABC):
     def __init__(self, path: Path) -> None:
         self.path = path
         self.topics: list[TopicInfo] = []
+        self.found: list[str] = []
+        """What a bag that is being recovered lacks, without loss of a message."""
         self.damage: list[str] = []
-        """What was left out of a bag that is being recovered."""
+        """What was left out of a bag that is being recovered, and why."""
 
     def __enter__(self) -> "Bag":
         return self
@@ -142,6 +147,61 @@ def missing(
     """Return what is said of a topic that a bag lacks: the nearest one that fits, or all."""
     near = topics if fitting is None else fitting
     return suggestion(name, (topic.name for topic in near), f"it has {listed(topics)}")
+
+
+class ChunkedBag(Bag):
+    """A bag that is one file of chunks: MCAP, ROS 1."""
+
+    def __init__(self, path: Path, recover: bool) -> None:
+        """Open the file, and close it again where it cannot be used.
+
+        :raises InputError: for a file that is damaged, unless it is to be recovered.
+        """
+        super().__init__(path)
+        self._recover = recover
+        self._file: BinaryIO = open_regular(path)
+        self._end = self._file.seek(0, 2)
+        self._chunks: list[Any] = []
+        """Each with its position in the file, and ``start_ns``."""
+        self._topic_of: dict[int, TopicInfo] = {}
+        """Of the channels or connections that messages name."""
+        try:
+            self._file.seek(0)
+            self._open()
+        except BaseException:
+            self._file.close()
+            raise
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    @abstractmethod
+    def _open(self) -> None:
+        """Find chunks and topics, by the index or by going through the file."""
+
+    @abstractmethod
+    def _blocks(self, chunk: Any, wanted: Mapping[int, TopicInfo]) -> list[MessageBlock]:
+        """Return the messages of a chunk, a block for each topic."""
+
+    def _leave_out_rest(self, position: int, why: str) -> None:
+        self.damage.append(f"{self._end - position} bytes from byte {position} on: {why}")
+
+    def _timed(self, names: Collection[str]) -> Iterator[Timed]:
+        chunks = sorted(self._chunks, key=lambda chunk: chunk.start_ns)
+        starts = [*(chunk.start_ns for chunk in chunks), END_NS][1:]
+        wanted = {id_: topic for id_, topic in self._topic_of.items() if topic.name in names}
+        for chunk, next_start_ns in zip(chunks, starts, strict=True):
+            try:
+                yield Timed(next_start_ns, self._blocks(chunk, wanted))
+            except DAMAGE as error:
+                raise InputError(
+                    f"{self.path}: chunk at byte {chunk.position}: {error}; --recover skips it"
+                ) from None
+
+
+class ContradictionError(ValueError):
+    """A file that defines a channel twice, in different ways: it is spliced of several."""
 
 
 def listed(topics: Iterable[TopicInfo]) -> str:

@@ -111,14 +111,26 @@ def _from_bag(arguments: argparse.Namespace, form: str | None, written: Outputs)
             counts, last_ns = _bag_to_tum(bag, topics, arguments)
         else:
             counts, last_ns = _bag_to_dataset(bag, topics, form, arguments, written)
-        damage = bag.damage
-    if arguments.recover and not sum(counts.values()):
-        lines = [f"{arguments.input}: left out: {problem}" for problem in damage[:_SHOWN_DAMAGE]]
-        raise InputError([*lines, f"{arguments.input}: nothing recoverable"])
-    if not arguments.quiet:
-        for problem in damage:
-            print(f"convert_bag: left out: {problem}", file=sys.stderr)
-    return _result(arguments, counts, last_ns, not whole or bool(damage))
+    if not arguments.recover:
+        return _result(arguments, counts, last_ns, False)
+    if not sum(counts.values()):
+        raise InputError([*_recovery(bag), f"{arguments.input}: nothing recoverable"])
+    for line in _recovery(bag):
+        print(f"convert_bag: {line}", file=sys.stderr)
+    recovered = not whole or bool(bag.damage or bag.found)
+    result = _result(arguments, counts, last_ns, recovered)
+    return {**result, "found": bag.found, "left_out": bag.damage}
+
+
+def _recovery(bag: Bag) -> list[str]:
+    """Return what a recovery found and left out, line by line."""
+    lines = [f"{bag.path}: found: {line}" for line in bag.found]
+    for k, line in enumerate(bag.damage):
+        if k == _SHOWN_DAMAGE:
+            lines.append(f"{bag.path}: left out: and {len(bag.damage) - k} more places")
+            break
+        lines.append(f"{bag.path}: left out: {line}")
+    return lines if bag.damage else [*lines, f"{bag.path}: nothing is left out"]
 
 
 def _names(arguments: argparse.Namespace) -> list[str]:
@@ -250,7 +262,8 @@ def _bag_to_tum(
 ) -> tuple[dict[str, int], int]:
     named = topics[0].name if arguments.topics and len(topics) == 1 else None
     skipped, warned = shared.refused_messages(arguments, "convert_bag", arguments.input)
-    poses = read_poses(bag.path, named, skipped is not None, warned=warned)
+    recover = arguments.recover
+    poses = read_poses(bag.path, named, skipped is not None, warned=warned, recover=recover)
     if skipped is not None and poses.skipped:
         skipped(poses.skipped)
     return _write_tum(poses, named or convert.TRUTH, arguments)

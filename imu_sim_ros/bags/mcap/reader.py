@@ -5,7 +5,7 @@
 
 import struct
 import zlib
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import IO, Any, BinaryIO, NamedTuple, cast
 
@@ -21,59 +21,42 @@ from imu_sim_ros.bags.mcap.writer import (
     MESSAGE_INDEX,
 )
 from imu_sim_ros.bags.messages import Bytes, MessageBlock, Schema, TopicInfo, parse_qos
-from imu_sim_ros.bags.reader import DAMAGE, Bag, Timed, gather, in_order
+from imu_sim_ros.bags.reader import DAMAGE, END_NS, ChunkedBag, ContradictionError, gather, in_order
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs import open_regular
 
 _HEADER_BYTES = 9
-_SCHEMA, _CHANNEL, _DATA_END, _FOOTER = 0x03, 0x04, 0x0F, 0x02
-_END_NS = 2**63 - 1
+_SCHEMA, _CHANNEL, _FOOTER = 0x03, 0x04, 0x02
 
 
 class _Chunk(NamedTuple):
     """Position of a chunk in the file, and its times; a truncated one ends with the file."""
 
-    offset: int
+    position: int
     length: int
     index_length: int
     start_ns: int
     torn: bool = False
 
 
-class McapBag(Bag):
-    """One MCAP file with ROS 2 messages."""
+class McapBag(ChunkedBag):
+    """One MCAP file with ROS 2 messages.
+
+    One that is to be recovered is read without index and footer, and what is damaged is left out.
+    """
 
     encoding = "cdr"
 
     def __init__(self, path: Path, recover: bool = False) -> None:
-        """Open a file.
-
-        :param recover: do without index and footer, and leave out what is damaged.
-        :raises InputError: for a file that is damaged, unless it is to be recovered.
-        """
-        super().__init__(path)
-        self._recover = recover
-        self._file: BinaryIO = open_regular(path)
-        self._end = self._file.seek(0, 2)
-        self._file.seek(0)
-        self._channels: dict[int, TopicInfo] = {}
+        """Open a file; arguments as for :class:`ChunkedBag`."""
         self._records: dict[int, Any] = {}
         self._schemas: dict[int, Any] = {}
-        self._chunks: list[_Chunk] = []
-        try:
-            if self._file.read(len(MAGIC)) != MAGIC:
-                raise InputError(f"{path}: not an MCAP file")
-            counts = None if recover else self._read_summary()
-            if counts is None:
-                counts = self._scan()
-            self._name_topics(counts)
-        except BaseException:
-            self._file.close()
-            raise
+        super().__init__(path, recover)
 
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
+    def _open(self) -> None:
+        if self._file.read(len(MAGIC)) != MAGIC:
+            raise InputError(f"{self.path}: not an MCAP file")
+        counts = None if self._recover else self._read_summary()
+        self._name_topics(self._scan() if counts is None else counts)
 
     def _read_summary(self) -> Mapping[int, int] | None:
         """Read the summary at the end of the file; None if it has no chunk index."""
@@ -83,6 +66,8 @@ class McapBag(Bag):
         self._file.seek(0)
         try:
             summary = SeekingReader(cast(IO[bytes], _Bounded(self._file, self._end))).get_summary()
+            if summary and self._file.tell() < self._end - len(MAGIC):
+                raise ValueError("the summary is that of another file")
         except (McapError, *DAMAGE):
             raise InputError(
                 f"{self.path}: no valid end (interrupted or damaged); "
@@ -116,25 +101,42 @@ class McapBag(Bag):
         """Find all chunks and channels without an index, and count the messages."""
         counts: dict[int, int] = {}
         self._records, self._schemas, self._chunks = {}, {}, []
-        end = self._end
-        position = len(MAGIC)
-        while position + _HEADER_BYTES <= end:
-            self._file.seek(position)
-            opcode, length = struct.unpack("<BQ", self._file.read(_HEADER_BYTES))
-            after = position + _HEADER_BYTES + length
-            if opcode in (_DATA_END, _FOOTER) or opcode == 0:
-                break
-            if opcode == CHUNK:
-                chunk = _Chunk(position, min(after, end) - position, 0, 0, torn=after > end)
-                self._add_scanned(chunk, counts)
-            elif opcode == MESSAGE:
-                # Messages outside chunks: neighbours are read together as if they were one chunk.
-                after = self._end_of_messages(position, end)
-                self._add_scanned(_Chunk(position, after - position, 0, 0), counts)
-            elif after <= end and opcode in (_SCHEMA, _CHANNEL):
-                self._try_definition(opcode, self._file.read(length), position)
-            position = after
+        end, position, opcode = self._end, len(MAGIC), 0
+        try:
+            while position + _HEADER_BYTES <= end and opcode != _FOOTER:
+                self._file.seek(position)
+                opcode, length = struct.unpack("<BQ", self._file.read(_HEADER_BYTES))
+                after = position + _HEADER_BYTES + length
+                if opcode == 0 or (after > end and opcode != CHUNK):
+                    break
+                if opcode == CHUNK:
+                    chunk = _Chunk(position, min(after, end) - position, 0, 0, torn=after > end)
+                    self._add_scanned(chunk, counts)
+                elif opcode == MESSAGE:
+                    # Messages outside chunks: neighbours are read as if they were one chunk.
+                    after = self._end_of_messages(position, end)
+                    self._add_scanned(_Chunk(position, after - position, 0, 0), counts)
+                elif opcode in (_SCHEMA, _CHANNEL):
+                    self._try_definition(opcode, self._file.read(length), position)
+                position = after
+        except ContradictionError as error:
+            if not self._recover:
+                raise
+            self._leave_out_rest(position, str(error))
+        else:
+            self._look_at_end(position, opcode == _FOOTER)
         return counts
+
+    def _look_at_end(self, position: int, whole: bool) -> None:
+        """Note what is behind the last record that was read."""
+        if whole:
+            position += len(MAGIC)
+            if position < self._end:
+                self._leave_out_rest(position, "they follow the end of an MCAP file")
+        elif position < self._end:
+            self._leave_out_rest(position, "no whole record")
+        if not whole or position > self._end:
+            self.found.append("no end: the recording was interrupted, or its end is lost")
 
     def _try_definition(self, opcode: int, body: bytes, position: int) -> None:
         """Register a schema or a channel; a damaged one is skipped when recovering."""
@@ -142,6 +144,8 @@ class McapBag(Bag):
 
         try:
             self._note_definition(opcode, body)
+        except ContradictionError:
+            raise
         except (McapError, *DAMAGE) as error:
             if not self._recover:
                 raise
@@ -160,20 +164,32 @@ class McapBag(Bag):
         try:
             data = self._chunk_data(chunk)
         except DAMAGE as error:
-            problem = f"chunk at byte {chunk.offset}: {error}"
+            problem = f"chunk at byte {chunk.position}: {error}"
             if not self._recover:
                 raise InputError(f"{self.path}: {problem}") from None
             self.damage.append(problem)
             return
-        starts = [_END_NS]
+        starts, last, found = [END_NS], 0, dict[int, int]()
         for opcode, start, length in _records(memoryview(data)):
+            last = start + _HEADER_BYTES + length
             if opcode == MESSAGE:
                 _, channel, _, log_time = struct.unpack_from("<QHIQ", data, start + 1)
-                counts[channel] = counts.get(channel, 0) + 1
+                found[channel] = found.get(channel, 0) + 1
                 starts.append(log_time)
             else:
-                body = bytes(data[start + _HEADER_BYTES : start + _HEADER_BYTES + length])
-                self._try_definition(opcode, body, chunk.offset + start)
+                body = bytes(data[start + _HEADER_BYTES : last])
+                self._try_definition(opcode, body, chunk.position + start)
+        for channel, count in found.items():
+            counts[channel] = counts.get(channel, 0) + count
+        if chunk.torn:
+            self.damage.append(
+                f"chunk at byte {chunk.position}: cut off by the end of the file; "
+                f"{sum(found.values())} messages before that are kept"
+            )
+        elif last < len(data):
+            self.damage.append(
+                f"chunk at byte {chunk.position}: damaged {last} bytes after its beginning"
+            )
         if len(starts) > 1:
             self._chunks.append(chunk._replace(start_ns=min(starts)))
 
@@ -186,9 +202,13 @@ class McapBag(Bag):
 
         if opcode == _SCHEMA:
             schema = SchemaRecord.read(ReadDataStream(BytesIO(body)))
+            _check_same("schema", schema.id, self._schemas.get(schema.id, schema).name, schema.name)
             self._schemas[schema.id] = schema
         elif opcode == _CHANNEL:
             channel = Channel.read(ReadDataStream(BytesIO(body)))
+            before = self._records.get(channel.id, channel)
+            _check_same("channel", channel.id, before.topic, channel.topic)
+            _check_same("channel", channel.id, before.schema_id, channel.schema_id)
             self._records[channel.id] = channel
 
     def _name_topics(self, counts: Mapping[int, int]) -> None:
@@ -218,19 +238,7 @@ class McapBag(Bag):
                 parse_qos(metadata.get("offered_qos_profiles", "")),
             )
             self.topics.append(topic)
-            self._channels.update({channel.id: topic for channel in channels})
-
-    def _timed(self, names: Collection[str]) -> Iterator[Timed]:
-        chunks = sorted(self._chunks, key=lambda chunk: chunk.start_ns)
-        starts = [*(chunk.start_ns for chunk in chunks), _END_NS][1:]
-        wanted = {id_: topic for id_, topic in self._channels.items() if topic.name in names}
-        for chunk, next_start_ns in zip(chunks, starts, strict=True):
-            try:
-                yield Timed(next_start_ns, self._blocks(chunk, wanted))
-            except DAMAGE as error:
-                raise InputError(
-                    f"{self.path}: chunk at byte {chunk.offset}: {error}; --recover skips it"
-                ) from None
+            self._topic_of.update({channel.id: topic for channel in channels})
 
     def _blocks(self, chunk: _Chunk, wanted: Mapping[int, TopicInfo]) -> list[MessageBlock]:
         data = np.frombuffer(self._chunk_data(chunk), np.uint8)
@@ -244,7 +252,7 @@ class McapBag(Bag):
 
     def _chunk_data(self, chunk: _Chunk) -> bytes | memoryview:
         """Return the verified content of a chunk, or as much as there is of a truncated one."""
-        record = self._bytes(chunk.offset, chunk.length)
+        record = self._bytes(chunk.position, chunk.length)
         if record[:1] == bytes([MESSAGE]):
             return record
         start = _HEADER_BYTES + 28
@@ -269,7 +277,7 @@ class McapBag(Bag):
 
     def _indexed(self, chunk: _Chunk) -> dict[int, np.ndarray[Any, np.dtype[np.int64]]]:
         """Return by channel where the index says that messages begin; empty without an index."""
-        data = self._bytes(chunk.offset + chunk.length, chunk.index_length)
+        data = self._bytes(chunk.position + chunk.length, chunk.index_length)
         found: dict[int, Any] = {}
         for opcode, start, _ in _records(memoryview(data)):
             if opcode != MESSAGE_INDEX:
@@ -292,6 +300,11 @@ class _Bounded:
         """Return at most as many bytes as remain."""
         left = max(self._end - self._file.tell(), 0)
         return self._file.read(left if size < 0 else min(size, left))
+
+
+def _check_same(what: str, id_: int, before: object, now: object) -> None:
+    if before != now:
+        raise ContradictionError(f"{what} {id_} is {now} from here on, and {before} before")
 
 
 def _block(

@@ -4,16 +4,16 @@
 """ROS 1 bags (format 2.0) as blocks of messages; damaged ones as far as readable."""
 
 import struct
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.bags.decompress import decompress
 from imu_sim_ros.bags.messages import Bytes, MessageBlock, Qos, Schema, TopicInfo, ros2_name
-from imu_sim_ros.bags.reader import DAMAGE, Bag, Timed, gather, in_order
+from imu_sim_ros.bags.reader import DAMAGE, ChunkedBag, ContradictionError, gather, in_order
 from imu_sim_ros.bags.ros1.writer import (
     INDEX_ENTRY,
     MAGIC,
@@ -25,10 +25,8 @@ from imu_sim_ros.bags.ros1.writer import (
     OP_MESSAGE,
 )
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs import open_regular
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
 
-_END_NS = 2**63 - 1
 _LONGEST_HEADER = 1 << 24
 
 
@@ -60,40 +58,27 @@ class _Chunk(NamedTuple):
     indexed: bool
 
 
-class Rosbag1Bag(Bag):
-    """One ROS 1 bag."""
+class Rosbag1Bag(ChunkedBag):
+    """One ROS 1 bag.
+
+    One that is to be recovered is read without its index, and what is damaged is left out.
+    """
 
     encoding = "ros1"
 
     def __init__(self, path: Path, recover: bool = False) -> None:
-        """Open a bag.
-
-        :param recover: do without the index, and leave out what is damaged.
-        :raises InputError: for a bag that is not indexed, unless it is to be recovered.
-        """
-        super().__init__(path)
-        self._recover = recover
-        self._file: BinaryIO = open_regular(path)
-        self._end = self._file.seek(0, 2)
-        self._file.seek(0)
-        self._connections: dict[int, TopicInfo] = {}
+        """Open a bag; arguments as for :class:`ChunkedBag`."""
         self._found: dict[int, tuple[str, str, Schema, bool]] = {}
-        self._chunks: list[_Chunk] = []
-        try:
-            if self._file.read(len(MAGIC)) != MAGIC:
-                raise InputError(f"{path}: not a ROS 1 bag of format 2.0")
-            self._name_topics(self._scan() if recover else self._read_index())
-        except DAMAGE:
-            self._file.close()
-            hint = "" if recover else "; --recover salvages what is there"
-            raise InputError(f"{path}: the index is damaged{hint}") from None
-        except BaseException:
-            self._file.close()
-            raise
+        super().__init__(path, recover)
 
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
+    def _open(self) -> None:
+        if self._file.read(len(MAGIC)) != MAGIC:
+            raise InputError(f"{self.path}: not a ROS 1 bag of format 2.0")
+        try:
+            self._name_topics(self._scan() if self._recover else self._read_index())
+        except DAMAGE:
+            hint = "" if self._recover else "; --recover salvages what is there"
+            raise InputError(f"{self.path}: the index is damaged{hint}") from None
 
     def _read_index(self) -> Mapping[int, int]:
         """Read connections and the list of chunks at the end of the bag; return the counts."""
@@ -129,24 +114,37 @@ class Rosbag1Bag(Bag):
     def _scan(self) -> Mapping[int, int]:
         """Find all chunks without an index, and count the messages."""
         counts: dict[int, int] = {}
-        position = len(MAGIC)
-        while position < self._end:
-            try:
-                record = self._record(position)
-                op = record.op
-            except DAMAGE:
-                break  # the header of the last record is torn
-            if op == OP_CHUNK:
-                self._scan_chunk(position, counts)
-            elif op == OP_CONNECTION and record.whole:
-                self._try_connection(record, self._data(record))
-            position = record.start + record.size
+        position, indexed = len(MAGIC), False
+        try:
+            while position < self._end:
+                try:
+                    record = self._record(position)
+                    op = record.op
+                except DAMAGE:
+                    break  # the header of the last record is torn
+                if op == OP_CHUNK:
+                    self._scan_chunk(position, counts)
+                elif not record.whole:
+                    break
+                elif op == OP_CONNECTION:
+                    self._try_connection(record, self._data(record))
+                indexed |= op == OP_CHUNK_INFO
+                position = record.start + record.size
+        except ContradictionError as error:
+            self._leave_out_rest(position, str(error))
+        else:
+            if position < self._end:
+                self._leave_out_rest(position, "no whole record")
+        if not indexed:
+            self.found.append("no index: the recording was interrupted, or its end is lost")
         return counts
 
     def _try_connection(self, record: _Record, data: bytes) -> None:
         """Take a connection; a damaged one is left out."""
         try:
             self._note_connection(record, data)
+        except ContradictionError:
+            raise
         except DAMAGE as error:
             self.damage.append(f"connection at byte {record.start}: {error}")
 
@@ -156,17 +154,23 @@ class Rosbag1Bag(Bag):
         except DAMAGE as error:
             self.damage.append(f"chunk at byte {position}: {error}")
             return
-        times = []
-        end = 0
+        times, end, found = list[int](), 0, dict[int, int]()
         for record in _records(data):
             if record.op == OP_CONNECTION:
                 self._try_connection(record, data[record.start : record.start + record.size])
             elif record.op == OP_MESSAGE and {"conn", "time"} <= set(record.fields):
                 connection = record.number("conn")
-                counts[connection] = counts.get(connection, 0) + 1
+                found[connection] = found.get(connection, 0) + 1
                 times.append(record.time("time"))
             end = record.start + record.size
-        if end < len(data) and self._record(position).whole:
+        for connection, count in found.items():
+            counts[connection] = counts.get(connection, 0) + count
+        if not self._record(position).whole:
+            self.damage.append(
+                f"chunk at byte {position}: cut off by the end of the file; "
+                f"{len(times)} messages before that are kept"
+            )
+        elif end < len(data):
             self.damage.append(f"chunk at byte {position}: damaged {end} bytes after its beginning")
         if times:
             self._chunks.append(_Chunk(position, min(times), False))
@@ -192,9 +196,15 @@ class Rosbag1Bag(Bag):
     def _note_connection(self, record: _Record, data: bytes) -> None:
         details = _fields(data, len(data))
         # The data has the name before remapping; the header's is the one that counts.
-        self._found[record.number("conn")] = (
-            record.fields["topic"].decode(),
-            ros2_name(details["type"].decode()),
+        id_ = record.number("conn")
+        now = record.fields["topic"].decode(), ros2_name(details["type"].decode())
+        before = self._found[id_][:2] if id_ in self._found else now
+        if before != now:
+            raise ContradictionError(
+                f"connection {id_} is {now[0]} from here on, and {before[0]} before"
+            )
+        self._found[id_] = (
+            *now,
             Schema(
                 details["message_definition"].decode("utf-8", "replace"),
                 details["md5sum"].decode(),
@@ -213,7 +223,7 @@ class Rosbag1Bag(Bag):
             count = sum(counts.get(connection, 0) for connection in connections)
             topic = TopicInfo(name, type_name, count, schema, (qos,))
             self.topics.append(topic)
-            self._connections.update(dict.fromkeys(connections, topic))
+            self._topic_of.update(dict.fromkeys(connections, topic))
 
     def _chunk(self, position: int) -> tuple[bytes, int]:
         """Return the content of a chunk, and where what follows it begins."""
@@ -224,18 +234,6 @@ class Rosbag1Bag(Bag):
         torn = not record.whole
         data = decompress(self._data(record), compression, record.number("size"), torn)
         return data, record.start + record.size
-
-    def _timed(self, names: Collection[str]) -> Iterator[Timed]:
-        chunks = sorted(self._chunks, key=lambda chunk: chunk.start_ns)
-        starts = [*(chunk.start_ns for chunk in chunks), _END_NS][1:]
-        wanted = {id_: topic for id_, topic in self._connections.items() if topic.name in names}
-        for chunk, next_start_ns in zip(chunks, starts, strict=True):
-            try:
-                yield Timed(next_start_ns, self._blocks(chunk, wanted))
-            except DAMAGE as error:
-                raise InputError(
-                    f"{self.path}: chunk at byte {chunk.position}: {error}; --recover skips it"
-                ) from None
 
     def _blocks(self, chunk: _Chunk, wanted: Mapping[int, TopicInfo]) -> list[MessageBlock]:
         content, after = self._chunk(chunk.position)

@@ -16,12 +16,12 @@ import numpy as np
 
 from imu_sim_ros.bags.mcap import McapBag
 from imu_sim_ros.bags.messages import Bytes, MessageBlock, Schema, TopicInfo, parse_qos
-from imu_sim_ros.bags.reader import Bag, Timed
+from imu_sim_ros.bags.reader import Bag, Timed, told
 from imu_sim_ros.bags.rosbag2 import metadata as rosbag2_metadata
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs import is_present, parse_yaml, read_text
+from imu_sim_ros.errors import InputError, MachineError
+from imu_sim_ros.inputs import is_present, open_regular, parse_yaml, read_text
 
-_END_NS: Final = 2**63 - 1
+_END_ID: Final = 2**63 - 1
 _ROWS: Final = 4096
 _MOST_TOPICS: Final = 10_000
 
@@ -34,17 +34,16 @@ class SqliteBag(Bag):
     def __init__(self, path: Path, recover: bool = False) -> None:
         """Open a file.
 
-        :param recover: work on a copy, where SQLite rolls an unfinished transaction back, and stop
-            at what is damaged.
+        :param recover: roll an unfinished transaction back, in a copy, and stop at what is damaged.
         """
         super().__init__(path)
         self._recover = recover
+        self._last_id = _END_ID
         self._stack = ExitStack()
         try:
-            file = self._copy() if recover else path
-            mode = "rw" if recover else "ro"
+            file, mode = self._recoverable() if recover else (path, "mode=ro")
             self._database = sqlite3.connect(
-                f"{file.absolute().as_uri()}?mode={mode}", uri=True, check_same_thread=False
+                f"{file.absolute().as_uri()}?{mode}", uri=True, check_same_thread=False
             )
             self._stack.callback(self._database.close)
             self._database.execute("PRAGMA trusted_schema = OFF")
@@ -62,14 +61,29 @@ class SqliteBag(Bag):
         """Close the database."""
         self._stack.close()
 
-    def _copy(self) -> Path:
-        """Copy the file and its journal, so that the original stays as it was found."""
-        folder = Path(self._stack.enter_context(tempfile.TemporaryDirectory(dir=self.path.parent)))
-        for suffix in ("", "-journal", "-wal"):
-            source = self.path.with_name(self.path.name + suffix)
-            if source.exists():
+    def _recoverable(self) -> tuple[Path, str]:
+        """Return the file to open, and how, so that the original stays as it was found.
+
+        Without a journal it is itself. SQLite rolls one back by writing: that needs a copy of both
+        in the folder for temporary files, because the disk of the original may be full.
+        """
+        open_regular(self.path).close()
+        sources = [self.path.with_name(self.path.name + suffix) for suffix in ("-journal", "-wal")]
+        journals = [source for source in sources if is_present(source) and source.stat().st_size]
+        if not journals:
+            return self.path, "immutable=1"
+        self.found.append(f"{journals[0].name}: a transaction that did not end is rolled back")
+        try:
+            folder = Path(self._stack.enter_context(tempfile.TemporaryDirectory()))
+            for source in (self.path, *journals):
                 shutil.copyfile(source, folder / source.name)
-        return folder / self.path.name
+        except OSError as error:
+            self._stack.close()
+            raise MachineError(
+                f"{self.path}: cannot be copied into {tempfile.gettempdir()}: {error.strerror}; "
+                "the variable TMPDIR names a folder with more room"
+            ) from None
+        return folder / self.path.name, "mode=rw"
 
     def _read_topics(self) -> dict[int, TopicInfo]:
         columns = self._columns("topics")
@@ -120,13 +134,29 @@ class SqliteBag(Bag):
         return {column[1] for column in columns}
 
     def _counts(self) -> dict[int, int]:
+        if self._recover:
+            return self._scan()
         statement = "SELECT topic_id, count(*) FROM messages GROUP BY topic_id"
+        return dict(self._database.execute(statement).fetchall())
+
+    def _scan(self) -> dict[int, int]:
+        """Read all messages, note where that ends and why, and count them."""
+        counts: dict[int, int] = {}
+        bad = last = 0
+        rows = self._database.execute(
+            "SELECT id, topic_id, timestamp, data FROM messages ORDER BY id"
+        )
         try:
-            return dict(self._database.execute(statement).fetchall())
-        except sqlite3.Error:
-            if self._recover:
-                return {}  # a torn file: how many there are is known when all are read
-            raise
+            for number, id_, t_ns, payload in rows:
+                last, good = number, isinstance(t_ns, int) and isinstance(payload, bytes)
+                counts[id_] = counts.get(id_, 0) + good
+                bad += not good
+        except sqlite3.Error as error:
+            self._last_id = last
+            self.damage.append(f"the messages after number {last}: {error}")
+        if bad:
+            self.damage.append(f"{bad} messages whose times are no numbers, or data no bytes")
+        return counts
 
     def _timed(self, names: Collection[str]) -> Iterator[Timed]:
         ids = [id_ for id_, topic in self._topics.items() if topic.name in names]
@@ -134,24 +164,14 @@ class SqliteBag(Bag):
         order = "id" if self._recover else "timestamp, id"
         cursor = self._database.execute(
             "SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN "
-            f"({','.join('?' * len(ids))}) ORDER BY {order}",
-            ids,
+            f"({','.join('?' * len(ids))}) AND id <= ? ORDER BY {order}",
+            (*ids, self._last_id),
         )
-        rows: list[tuple[int, int, bytes]] = []
         try:
-            for row in cursor:
-                rows.append(row)
-                if len(rows) == _ROWS:
-                    yield Timed(row[1], self._blocks(rows))
-                    rows = []
+            while rows := cursor.fetchmany(_ROWS):
+                yield Timed(rows[-1][1], self._blocks(rows))
         except sqlite3.Error as error:
-            if not self._recover:
-                raise InputError(
-                    f"{self.path}: {error} (--recover salvages what is there)"
-                ) from None
-            self.damage.append(str(error))
-        if rows:
-            yield Timed(_END_NS, self._blocks(rows))
+            raise InputError(f"{self.path}: {error} (--recover salvages what is there)") from None
 
     def _blocks(self, rows: list[tuple[int, Any, Any]]) -> list[MessageBlock]:
         by_topic: dict[int, tuple[list[int], list[bytes]]] = {}
@@ -186,11 +206,8 @@ class Rosbag2Folder(Bag):
         self._stack = ExitStack()
         self._parts: list[Bag] = []
         try:
-            for file in _files_found(path) if recover else self._files_listed():
-                opener: Callable[..., Bag] = SqliteBag if file.suffix == ".db3" else McapBag
-                part = opener(file, recover)
-                self._stack.callback(part.close)
-                self._parts.append(part)
+            for file in self._files_there() if recover else self._files_listed():
+                self._add(file, recover)
             self.topics = _merged([topic for part in self._parts for topic in part.topics])
         except BaseException:
             self._stack.close()
@@ -200,6 +217,40 @@ class Rosbag2Folder(Bag):
         """Close all files."""
         self._stack.close()
 
+    def _add(self, file: Path, recover: bool) -> None:
+        """Open a file; one that cannot be opened is left out when recovering."""
+        opener: Callable[..., Bag] = SqliteBag if file.suffix == ".db3" else McapBag
+        try:
+            with told(file):
+                part = opener(file, recover)
+        except InputError as error:
+            if not recover:
+                raise
+            self.damage += [line.removeprefix(f"{self.path}/") for line in error.problems]
+            return
+        self._stack.callback(part.close)
+        self._parts.append(part)
+        self.found += [f"{file.name}: {line}" for line in part.found]
+        self.damage += [f"{file.name}: {line}" for line in part.damage]
+
+    def _files_there(self) -> list[Path]:
+        """Return the storage files that a folder has, and note how its metadata differ."""
+        files = _files_found(self.path)
+        try:
+            content = read_metadata(self.path)
+        except InputError as error:
+            self.found += [line.partition("; --recover")[0] for line in error.problems]
+            return files
+        listed, there = set(_named(self.path, content)), set(files)
+        self.damage += [
+            f"{file.name}: metadata.yaml lists it, and it is not there"
+            for file in sorted(listed - there)
+        ]
+        self.found += [
+            f"{file.name}: metadata.yaml does not list it" for file in sorted(there - listed)
+        ]
+        return files
+
     def _files_listed(self) -> list[Path]:
         content = read_metadata(self.path)
         if content.get("compression_format") or content.get("compression_mode"):
@@ -207,7 +258,7 @@ class Rosbag2Folder(Bag):
                 f"{self.path}: compressed as a whole or message by message "
                 f"({content.get('compression_format')}); ros2 bag convert unpacks it"
             )
-        files = [self.path / Path(name).name for name in content["relative_file_paths"]]
+        files = _named(self.path, content)
         if len(set(files)) != len(files):
             raise InputError(f"{self.path}: metadata.yaml lists a file twice")
         missing = [file for file in files if not is_present(file)]
@@ -227,7 +278,6 @@ class Rosbag2Folder(Bag):
                         for topic, t_ns, payloads in blocks
                     ],
                 )
-            self.damage += part.damage
 
 
 def read_metadata(folder: Path) -> dict[str, Any]:
@@ -249,6 +299,11 @@ def read_metadata(folder: Path) -> dict[str, Any]:
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         raise InputError(f"{file}: not the metadata of a rosbag2 bag")
     return content
+
+
+def _named(folder: Path, content: dict[str, Any]) -> list[Path]:
+    """Return the files that metadata list."""
+    return [folder / Path(name).name for name in content["relative_file_paths"]]
 
 
 def _files_found(folder: Path) -> list[Path]:
