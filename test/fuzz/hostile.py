@@ -19,12 +19,14 @@ import sys
 import tempfile
 import time
 import traceback
+import warnings
 from collections import Counter
 from pathlib import Path
 from types import FrameType
 from typing import Final, NamedTuple
 
 sys.path.insert(0, str(Path(__file__).parent))
+import calls
 import cases
 import processes
 
@@ -33,9 +35,11 @@ HANG_S: Final = processes.HANG_S
 MEMORY_BYTES: Final = 10**9
 IN_PROCESS: Final = ("bag", "yaml", "arguments", "poses", "cameras")
 """Kinds whose commands run in this process."""
+CALLS: Final = ("python", "message") if processes.has_ros() else ("python",)
+"""Kinds that call functions: of the package, and those behind the integrator's topics."""
 OF_THEIR_OWN: Final = ("campaign", "control", "node", "imu_sim") if processes.has_ros() else ()
 """Kinds whose programs are processes."""
-KINDS: Final = (*IN_PROCESS, *OF_THEIR_OWN)
+KINDS: Final = (*IN_PROCESS, *OF_THEIR_OWN, *CALLS)
 STATUSES: Final = (0, 1, 2)
 GATE_FAILED: Final = 3
 """Of ``campaign``: a requirement is not met."""
@@ -126,6 +130,8 @@ def run(number: int, inputs: Inputs) -> Outcome:
     kind = KINDS[number % len(KINDS)]
     with tempfile.TemporaryDirectory() as name:
         made = _of_its_own if kind in OF_THEIR_OWN else _in_process
+        if kind in CALLS:
+            made = _call
         outcome = made(number, kind, inputs, Path(name))
     if inputs.changed():
         outcome = outcome._replace(faults=(*outcome.faults, "changed"))
@@ -154,6 +160,26 @@ def _in_process(number: int, kind: str, inputs: Inputs, place: Path) -> Outcome:
     if _peak_bytes() > MEMORY_BYTES:
         faults.append("memory")
     return Outcome(kind, [program, *arguments], status, tuple(faults), error)
+
+
+def _call(number: int, kind: str, inputs: Inputs, place: Path) -> Outcome:
+    dice, before = random.Random(number), os.getcwd()
+    os.chdir(place)
+    signal.signal(signal.SIGPROF, _hang)
+    signal.setitimer(signal.ITIMER_PROF, HANG_S)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            made = calls.messages(dice) if kind == "message" else (
+                calls.public(dice, inputs.folder, place)
+            )  # fmt: skip
+    except Hang:
+        made = "", [], ["hang"]
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        os.chdir(before)
+    program, words, faults = made
+    return Outcome(kind, [program, *words], 0, tuple(faults[:1]), "\n".join(faults[1:]))
 
 
 def _peak_bytes() -> int:

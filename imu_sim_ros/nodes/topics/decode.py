@@ -43,6 +43,8 @@ class Truth(NamedTuple):
 
 _READINGS: Final = ("angular_velocity", "linear_acceleration")
 _STATES: Final = ("position", "orientation", "linear", "angular")
+_ROUNDING: Final = 1e-12
+"""Of the squared length of a quaternion that was written as a unit one."""
 _imu = MessageDecoder(IMU, _READINGS)
 _odometry = MessageDecoder(ODOMETRY, _STATES)
 
@@ -75,7 +77,8 @@ def truth(payload: bytes) -> Truth:
     if not (sound and gate.within(velocity, gate.VELOCITY) and gate.within(rate, gate.RATE)):
         pose = (gate.POSITION, position), (gate.ORIENTATION, q_wb)
         raise _refused(t_ns, *pose, (gate.VELOCITY, velocity), (gate.RATE, rate))
-    return Truth(t_ns, position, normalise(q_wb), velocity, rate)
+    off = abs(w * w + x * x + y * y + z * z - 1.0) > _ROUNDING
+    return Truth(t_ns, position, normalise(q_wb) if off else q_wb, velocity, rate)
 
 
 def _stamp(second: int, nanosecond: int) -> int:

@@ -5,10 +5,12 @@
 
 ``rate`` [Hz], ``count``, ``first_ns`` stamp of the first, ``skip`` and ``repeat`` indices, ``wait``
 for so many subscribers of each topic, ``best_effort``, ``latched``, ``topics`` (imu, truth, plain),
-``accel``, ``hold`` [s] before the end, ``unstamped``: all stamps are zero.
+``accel``, ``hold`` [s] before the end, ``unstamped``: all stamps are zero, ``spoil``: triples of a
+message's index, what is spoilt in it (stamp, gyro, accel, position, q_wb) and the value.
 """
 
 import json
+import struct
 import sys
 import time
 
@@ -36,6 +38,7 @@ DEFAULTS = {
     "accel": [0.0, 0.0, 9.81],
     "hold": 0.3,
     "unstamped": False,
+    "spoil": [],
 }
 
 
@@ -82,16 +85,34 @@ def contents(name: str, options: dict) -> tuple:
     if options["unstamped"]:
         t_ns[:] = 0
     if name == "imu":
-        rows = ImuEncoder("imu_link").encode(t_ns, zero, np.tile(options["accel"], (count, 1)))
-        return Imu, "imu/data_raw", [row.tobytes() for row in rows]
+        arrays = {"gyro": zero, "accel": np.tile(options["accel"], (count, 1))}
+        rows = ImuEncoder("imu_link").encode(t_ns, *spoilt(arrays, options).values())
+        return Imu, "imu/data_raw", stamped(rows, options)
     if name == "truth":
         accel = np.array(options["accel"]) - [0.0, 0.0, 9.81]
         q_wb = np.tile([1.0, 0.0, 0.0, 0.0], (count, 1))
-        rows = OdometryEncoder("world", "base_link").encode(
-            t_ns, 0.5 * accel * t[:, None] ** 2 + [5.0, 0.0, 0.0], q_wb, accel * t[:, None], zero
-        )
+        path = 0.5 * accel * t[:, None] ** 2 + [5.0, 0.0, 0.0]
+        poses = spoilt({"position": path, "q_wb": q_wb}, options).values()
+        encoder = OdometryEncoder("world", "base_link")
+        rows = encoder.encode(t_ns, *poses, accel * t[:, None], zero)
         return Odometry, "ground_truth/odom", [row.tobytes() for row in rows]
     return Float64, "plain", [serialize_message(Float64(data=float(value))) for value in k]
+
+
+def spoilt(arrays: dict, options: dict) -> dict:
+    for k, name, value in options["spoil"]:
+        if name in arrays:
+            arrays[name][k] = value
+    return arrays
+
+
+def stamped(rows: np.ndarray, options: dict) -> list[bytes]:
+    """Return messages as bytes, the stamps of some replaced by [seconds, nanoseconds]."""
+    result = [row.tobytes() for row in rows]
+    for k, name, value in options["spoil"]:
+        if name == "stamp":
+            result[k] = result[k][:4] + struct.pack("<iI", *value) + result[k][12:]
+    return result
 
 
 if __name__ == "__main__":

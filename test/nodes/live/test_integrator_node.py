@@ -4,6 +4,7 @@
 """The integrator as a real process: what it publishes is the dead reckoning of what it read."""
 
 import json
+import math
 import signal
 import time
 from pathlib import Path
@@ -81,6 +82,32 @@ def test_gaps_and_duplicates_are_warned_of_and_counted_in_the_diagnostics(node, 
     values = found["/diagnostics"][-1]["values"]
     assert values["readings"] == "371"
     assert (values["gaps"], values["repeated"], values["backward"]) == ("1", "1", "0")
+
+
+def test_broken_messages_are_refused_counted_and_said_and_the_rest_is_integrated(node, feed, catch):
+    topics = ("dead_reckoned/odom", "dead_reckoned/position_error", "dead_reckoned/attitude_error")
+    listener = catch(*topics, "/diagnostics")
+    integrator = node("integrator", "--initial_state", "truth", "--error", "true")
+    listener.wait_for("publisher of /diagnostics")
+    truths = [[0, "q_wb", 0.0], [1, "q_wb", math.nan], [2, "position", math.nan]]
+    truths += [[3, "position", 1e300], [200, "q_wb", 1e200]]
+    readings = [[100, "stamp", [2147483647, 4294967295]], [110, "stamp", [-5, 0]]]
+    readings += [[120, "gyro", 1e160], [130, "accel", 1e308], [140, "gyro", math.nan]]
+    spoil = [*truths, *readings]
+    assert feed(count=600, accel=ACCEL, spoil=spoil, hold=2.5).status() == 0
+    assert integrator.end() == 0
+    assert "Traceback" not in integrator.output
+    found = caught(listener)
+    rows = found["dead_reckoned/odom"]
+    # It starts at the first sound truth; from there on all but the broken readings give a row.
+    assert len(rows) == 600 - 4 - len(readings)
+    numbers = [[*row["position"], *row["q_wb"], *row["velocity"]] for row in rows]
+    assert np.isfinite(numbers).all()
+    assert all(np.isfinite(row["vector"]).all() for topic in topics[1:] for row in found[topic])
+    assert found["/diagnostics"][-1]["values"]["refused messages"] == str(len(spoil))
+    assert "refused: stamp 1.000000000 s: a quaternion of length 0 instead of 1" in (
+        integrator.output
+    )
 
 
 def test_reset_begins_again_at_the_initial_state(node, feed, catch, start):
