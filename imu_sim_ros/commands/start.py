@@ -3,7 +3,6 @@
 
 """Where the commands' executables begin: signals are handled before anything is imported."""
 
-import argparse
 import importlib
 import os
 import sys
@@ -92,6 +91,8 @@ def control() -> int:
 
 def _completed() -> str | None:
     """Return the program whose arguments are to be completed, or complete the programs' names."""
+    import argparse  # not needed before signals are handled
+
     from imu_sim_ros.commands.common import completion
 
     name = completion.subcommand()

@@ -9,6 +9,7 @@ fusing, so results do not depend on the processor. The look-up has integer coord
 """
 
 import math
+import os
 from collections.abc import Iterator
 from typing import Any, Final, NamedTuple
 
@@ -268,6 +269,7 @@ def opencv() -> Any:
     :raises MissingDependencyError: where it is not installed.
     """
     try:
+        os.environ.setdefault("OPENCV_LOG_LEVEL", "OFF")  # what it logs goes to standard error
         import cv2
     except ImportError as error:
         raise MissingDependencyError(

@@ -7,6 +7,8 @@ import atexit
 import gc
 import importlib
 import os
+import sys
+import warnings
 from typing import Any
 
 
@@ -15,8 +17,11 @@ def load(module: str) -> Any:
 
     Imports make no garbage, but so many objects that its collector would go through all of them
     many times. OpenBLAS would start a thread for each processor, which spins for 50 ms; no matrix
-    of ours is large enough for them.
+    of ours is large enough for them. Warnings of libraries name lines of source: they are for
+    developers, who get them by ``python -W default`` or PYTHONWARNINGS.
     """
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     gc.disable()
     try:
