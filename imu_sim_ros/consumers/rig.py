@@ -3,7 +3,6 @@
 
 """The cameras in the stacks' files: the values of a simulated rig, in every stack's terms."""
 
-import dataclasses
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.bags.text import decimal
 from imu_sim_ros.config.cameras import CameraParameters, SceneParameters
-from imu_sim_ros.config.parameter.kinds import METADATA
+from imu_sim_ros.config.parameter import parameters
 from imu_sim_ros.consumers.values import ImuValues
 
 Array = NDArray[np.float64]
@@ -90,14 +89,14 @@ def _simulated(camera: CameraParameters, expressed: Collection[str]) -> Iterator
         yield f"distortion = [{', '.join(map(decimal, camera.distortion))}]"
     elif any(camera.distortion[4:]) and (sphere or "k3" not in expressed):
         yield f"k3 = {decimal(camera.distortion[4])}"
-    for field in dataclasses.fields(camera):
-        value = getattr(camera, field.name)
-        if field.name in _NO_TERMS or field.name in expressed or value == field.default:
+    perfect = CameraParameters()
+    for name, parameter in parameters(CameraParameters).items():
+        value = getattr(camera, name)
+        if name in _NO_TERMS or name in expressed or value == getattr(perfect, name):
             continue
-        unit = field.metadata[METADATA].unit
-        shown = f" {unit}" if unit not in ("", "1") else ""
-        rolling = " (rolling shutter)" if field.name == "row_time" else ""
-        yield f"{field.name} = {decimal(value)}{shown}{rolling}"
+        shown = f" {parameter.unit}" if parameter.unit not in ("", "1") else ""
+        rolling = " (rolling shutter)" if name == "row_time" else ""
+        yield f"{name} = {decimal(value)}{shown}{rolling}"
 
 
 def kind(camera: CameraParameters) -> str:

@@ -17,6 +17,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.bags import amount
 from imu_sim_ros.bags.text import decimal
 from imu_sim_ros.camera import CameraModel, Rig
 from imu_sim_ros.camera.images import imagers, opencv, png
@@ -29,6 +30,7 @@ EUROC_HEADER: Final = "#timestamp [ns],filename"
 DEPTH_FOLDER: Final = "depth"
 _AHEAD: Final = 4
 """Images in progress for each thread."""
+LATEST_NS: Final = 2**63 - 1
 _MILLIMETRES: Final = 1000.0
 _DISTORTIONS: Final = {"none": "none", "radtan": "radial-tangential", "equidistant": "equidistant"}
 
@@ -92,13 +94,18 @@ class ImageFolders:
         return self._tables and camera.view.parameters.depth
 
     def until(self, t_ns: int) -> None:
-        """Request all images taken before a time [ns]."""
-        for number, camera in enumerate(self.cameras):
-            while count := camera.until(t_ns):
-                frames = camera.view.frames(camera.position, count)
-                for k in np.flatnonzero(frames.delivered).tolist():
-                    self._order(number, int(frames.number[k]), int(frames.t_ns[k]))
-                camera.position += count
+        """Request all images taken before a time [ns], those of all cameras in order of time."""
+        end = -1
+        while end < t_ns:
+            end = min([t_ns, *(camera.block_end() for camera in self.cameras)])
+            due = []
+            for number, camera in enumerate(self.cameras):
+                frames = camera.view.frames(camera.position, camera.until(end))
+                camera.position += len(frames.number)
+                rows = np.stack([frames.true_t_ns, frames.number, frames.t_ns], axis=1)
+                due += [(t, number, *row) for t, *row in rows[frames.delivered].tolist()]
+            for _, number, *frame in sorted(due):
+                self._order(number, *frame)
 
     def _order(self, camera: int, number: int, t_ns: int) -> None:
         while len(self._waiting) >= self._most:
@@ -127,9 +134,41 @@ class ImageFolders:
                 self._waiting.popleft().result()
         finally:
             self._pool.shutdown(cancel_futures=True)
+        if error is not None and not failed:
+            self._cut()
         if self._tables and not failed:
             for camera, frames in zip(self.cameras, self._frames, strict=True):
                 write_table(self._folder / camera.name, [t_ns for _, t_ns in frames])
+
+    def _cut(self) -> None:
+        """Drop what an interruption left some cameras with and others without."""
+        ends = []
+        for camera, frames in zip(self.cameras, self._frames, strict=True):
+            there = [n for n, t_ns in frames if self._file(camera, t_ns).is_file()]
+            following = there[-1] + 1 if there else 0
+            if camera.view.total is None or following < camera.view.total:
+                ends.append(int(camera.view.frames(following, 1).true_t_ns[0]))
+        end = min(ends, default=LATEST_NS)
+        for number, camera in enumerate(self.cameras):
+            kept = []
+            for n, t_ns in self._frames[number]:
+                path = self._file(camera, t_ns)
+                if path.is_file() and camera.view.frames(n, 1).true_t_ns[0] < end:
+                    kept.append((n, t_ns))
+                    continue
+                path.unlink(missing_ok=True)
+                (path.parents[1] / DEPTH_FOLDER / path.name).unlink(missing_ok=True)
+            self._frames[number] = kept
+
+    def _file(self, camera: CameraProgress, t_ns: int) -> Path:
+        return self._place(camera.name) / image_name(t_ns)
+
+    def described(self) -> str:
+        """Return how many images each camera has, and until when."""
+        return ", ".join(
+            amount(len(frames), frames[-1][1] if frames else -1, f"images of {camera.name}")
+            for camera, frames in zip(self.cameras, self._frames, strict=True)
+        )
 
 
 def image_name(t_ns: int) -> str:

@@ -74,6 +74,10 @@ class TrackFiles:
             result["lines"] = self.lines.rows
         return result
 
+    def described(self) -> str:
+        """Return how much was written; all cameras' frames end at the same time."""
+        return f"{self.tracks.rows:,} tracks"
+
     def until(self, t_ns: int) -> None:
         """Write all frames taken before a time [ns], those of all cameras in order of time."""
         while True:

@@ -108,7 +108,8 @@ class TumVi:
 
     def described(self) -> str:
         """Return how much was written."""
-        return amount(self.rows["imu"], self._last_ns, "rows")
+        readings = amount(self.rows["imu"], self._last_ns, "rows")
+        return f"{readings}, {self._images.described()}"
 
     def write(self, blocks: Mapping[str, ImuBlock]) -> None:
         """Write the samples of a window, and request the images taken until its end.

@@ -215,6 +215,10 @@ class CameraTarget(DatasetTarget):
         self.seen = seen
         self._body = body_of(imus)
 
+    def described(self) -> str:
+        """Return how much was written, of readings and of what each camera saw."""
+        return f"{super().described()}, {self.seen.described()}"
+
     @property
     def counts(self) -> dict[str, int]:
         """Rows by table, images by camera."""
