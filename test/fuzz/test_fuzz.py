@@ -18,6 +18,9 @@ EXAMPLES = 80
 REPOSITORY = Path(__file__).parents[2]
 
 
+pytestmark = pytest.mark.slow
+
+
 @pytest.fixture(scope="module")
 def fuzzer():
     """Start a process of its own: it forks, which one that has used ROS must not do."""
