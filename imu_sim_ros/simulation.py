@@ -57,7 +57,8 @@ class Simulation:
         """Set up trajectory and sensor.
 
         :param pose_reader: reads the file of a trajectory of recorded poses.
-        :param t0_ns: time of sample 0 [ns]; None: ``start_time``, or 1 s where that is -1.
+        :param t0_ns: time of sample 0 [ns]; None: ``start_time``, or where that is -1 the stamp
+            of recorded poses at the start of the motion, or else 1 s.
         :param trajectory: the one of these parameters, if it already exists.
         :param sensors: what is read beside the IMU: names of ``conventions.BESIDE``; no
             sample of another sensor depends on it.
@@ -70,10 +71,15 @@ class Simulation:
         self.trajectory = trajectory
         if t0_ns is None:
             start = parameters.start_time
-            t0_ns = timebase.to_nanoseconds(start) if start >= 0.0 else DEFAULT_START_NS
+            t0_ns = timebase.to_nanoseconds(start) if start >= 0.0 else self._usual_start()
         self.t0_ns = t0_ns
         self.total = self._sample_count()
         self.reset()
+
+    def _usual_start(self) -> int:
+        recorded = self._recorded()
+        # A header's seconds are unsigned: poses before zero have no stamp there.
+        return recorded.t0_ns if recorded and recorded.t0_ns >= 0 else DEFAULT_START_NS
 
     def _sample_count(self) -> int | None:
         """Return the number of samples; None: endless."""

@@ -25,8 +25,13 @@ from imu_sim_ros.api.readings import (
     read_odometry,
     span,
 )
-from imu_sim_ros.config import IntegratorParameters, build_layered, layer_integrator
-from imu_sim_ros.conventions import TRUTH_TOPIC
+from imu_sim_ros.config import (
+    IntegratorParameters,
+    SimulationParameters,
+    build_layered,
+    layer_integrator,
+)
+from imu_sim_ros.conventions import GRAVITY, TRUTH_TOPIC
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.navigation import Correction, NavigationState, correction_of, initialisation
 from imu_sim_ros.navigation import dead_reckon as integrate
@@ -43,6 +48,7 @@ from imu_sim_ros.navigation.comparison import (
 )
 from imu_sim_ros.navigation.comparison import align as laid_on
 from imu_sim_ros.poses import PoseSequence, write_tum
+from imu_sim_ros.sensor import earth_rate_vector, gravity_vector
 
 if TYPE_CHECKING:
     from imu_sim_ros.plots import Figure
@@ -143,6 +149,8 @@ def dead_reckon(
     0.00129
     """
     track, truth = _source(readings, imu_topic)
+    if isinstance(readings, Flight):
+        parameters = {**_world(readings.parameters), **parameters}
     if initial is None:
         initial = "truth" if truth is not None else "level"
     name = initial if isinstance(initial, str) else "parameters"
@@ -158,6 +166,13 @@ def dead_reckon(
     limits = (settings.max_gap, settings.earth_rate)
     states = integrate(track.t_ns, track.gyro, track.accel, start, *way, *limits)
     return Track(*states, settings.method, settings.attitude_update, truth, track.name)
+
+
+def _world(flight: SimulationParameters) -> dict[str, Any]:
+    """Return gravity and the Earth's rate of a flight where they are not the usual ones."""
+    gravity, rate = gravity_vector(flight).tolist(), earth_rate_vector(flight).tolist()
+    found = {"gravity": gravity} if tuple(gravity) != GRAVITY else {}
+    return {**found, "earth_rate": rate} if any(rate) else found
 
 
 def _settings(

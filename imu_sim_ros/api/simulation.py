@@ -44,9 +44,9 @@ def simulate(
     """Simulate an IMU on a moving body; the same samples as ``generate`` and the node give.
 
     :param imu: a name in config/imus, a parameter file or kalibr's imu.yaml, or parameters by name:
-        ``{"preset": "mpu6000", "gyroscope_bias": [0.01, 0, 0]}``.
+        of which ``preset`` names a file below them.
     :param trajectory: a name in config/trajectories, a file of recorded poses, parameters by name:
-        ``{"type": "circle", "radius": 3.0}``, or poses.
+        of which ``type`` may name a file below them, or poses, which keep their stamps.
     :param duration: [s], or words such as ``"2h"``; by default the trajectory's length.
     :param rate: samples per second [Hz].
     :param seed: of all random streams.
@@ -54,7 +54,7 @@ def simulate(
     :param sensors: what is simulated beside the IMU: ``magnetic_field``, ``orientation``,
         ``pressure``; by default what the file publishes (``publish.magnetic_field``, ...).
     :param parameters: any other parameter by its ROS name; sections are mappings:
-        ``gravity=[0, 0, -9.8]``, ``temperature={"start": 20.0}``.
+        ``gravity=[0, 0, -9.8]``.
     :raises ConfigurationError: with a line for each problem.
     :raises InputError: for a file that cannot be read.
 
@@ -64,6 +64,14 @@ def simulate(
     <Flight adis16448 on figure_eight: 12000 at 200 Hz, 59.995 s, seed 1>
     >>> flight.gyro.shape, flight.truth.position.shape
     ((12000, 3), (12000, 3))
+    >>> warm = ims.simulate(
+    ...     imu={"preset": "mpu6000", "gyroscope_bias": [0.01, 0, 0]},
+    ...     trajectory={"type": "circle", "x": {"amplitude": [3.0]}, "y": {"amplitude": [3.0]}},
+    ...     temperature={"value": 40.0},
+    ...     duration=10,
+    ... )
+    >>> warm.truth.position[0].round(3)
+    array([3., 0., 0.])
     """
     simulation = _simulation(
         imu, trajectory, duration, rate, seed, params_file, sensors, parameters

@@ -28,6 +28,7 @@ from imu_sim_ros.commands.shared import (
     read_track,
     skipped_rows,
     truth_topic,
+    world_of,
     write_states,
 )
 from imu_sim_ros.config import (
@@ -43,6 +44,7 @@ from imu_sim_ros.errors import InputError
 from imu_sim_ros.navigation import Initial, NavigationStates, dead_reckon, initialisation
 from imu_sim_ros.navigation.comparison import Drift, Truth, distances, drift_from
 from imu_sim_ros.rotation import to_euler
+from imu_sim_ros.sensor import earth_rate_vector, gravity_vector
 
 
 class Result(NamedTuple):
@@ -160,10 +162,25 @@ def _parameters(arguments: argparse.Namespace) -> IntegratorParameters:
     if arguments.correction is not None:
         chosen["calibration"] = str(arguments.correction)
     layers = common.parameter_layers(arguments, "integrator")
-    merged: dict[str, object] = {"initial_state": "truth"}
+    merged: dict[str, object] = {"initial_state": "truth", **_world(arguments.bag)}
     for values in (*layers[:-1], chosen, layers[-1]):
         merged.update(values)
     return build_layered(IntegratorParameters, layer_integrator, merged)
+
+
+def _world(bag: Path) -> dict[str, object]:
+    """Return gravity and the Earth's rate as the realised truth beside a bag tells, if it does."""
+    world = world_of(bag)
+    if world is None:
+        return {}
+    if world.curved_earth:
+        print(
+            f"dead_reckon: {bag}: simulated over a curved Earth, which is integrated as a plane: "
+            "the errors include what the local level turns and gravity changes along the way",
+            file=sys.stderr,
+        )
+    gravity, rate = gravity_vector(world), earth_rate_vector(world)
+    return {"gravity": gravity.tolist(), "earth_rate": rate.tolist()}
 
 
 def _ways(

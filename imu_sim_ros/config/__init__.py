@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.config.parameter import shown as shown
     from imu_sim_ros.config.parameter import unknown as unknown
     from imu_sim_ros.config.recorder import RecorderParameters as RecorderParameters
+    from imu_sim_ros.config.simulation import DEFAULT_TRAJECTORY as DEFAULT_TRAJECTORY
     from imu_sim_ros.config.simulation import LARGEST_JITTER as LARGEST_JITTER
     from imu_sim_ros.config.simulation import SimulationParameters as SimulationParameters
     from imu_sim_ros.config.simulation import load_simulation as load_simulation
@@ -136,6 +137,7 @@ else:
                 "RecorderParameters",
             ],
             "simulation": [
+                "DEFAULT_TRAJECTORY",
                 "LARGEST_JITTER",
                 "SimulationParameters",
                 "load_simulation",

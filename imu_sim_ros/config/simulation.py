@@ -51,7 +51,8 @@ class SimulationParameters:
     )
     start_time: float = number(
         -1.0,
-        "stamp of the first sample; -1: the wall clock in a node, 1 s in a file",
+        "stamp of the first sample; -1: the wall clock in a node; in a file the first pose's of a "
+        "recorded trajectory, else 1 s",
         unit="s",
         minimum=-1.0,
         maximum=4294967295.0,

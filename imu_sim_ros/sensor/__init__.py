@@ -44,6 +44,8 @@ if TYPE_CHECKING:
     from imu_sim_ros.sensor.errors import gyro_variance_discrete as gyro_variance_discrete
     from imu_sim_ros.sensor.errors import pressure_variance_discrete as pressure_variance_discrete
     from imu_sim_ros.sensor.faults import Fault as Fault
+    from imu_sim_ros.sensor.gravity import earth_rate_vector as earth_rate_vector
+    from imu_sim_ros.sensor.gravity import gravity_vector as gravity_vector
     from imu_sim_ros.sensor.imu import Imu as Imu
     from imu_sim_ros.sensor.realised import realised_imu as realised_imu
     from imu_sim_ros.sensor.vehicle import MotionSize as MotionSize
@@ -61,6 +63,7 @@ else:
                 "pressure_variance_discrete",
             ],
             "faults": ["Fault"],
+            "gravity": ["earth_rate_vector", "gravity_vector"],
             "imu": ["Imu"],
             "realised": ["realised_imu"],
             "vehicle": ["MotionSize"],

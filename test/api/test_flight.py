@@ -171,3 +171,21 @@ def test_a_failed_save_leaves_what_was_there(tmp_path):
         flight().save(path, topics=["imu/data_raw", "imu/temperature"], force=True)
     assert path.read_text() == "mine"
     assert [entry.name for entry in tmp_path.iterdir()] == ["x.csv"]
+
+
+def test_given_poses_keep_their_stamps():
+    flight = ims.simulate(imu="perfect", trajectory="figure_eight", duration=5, rate=100)
+    truth = flight.truth
+    late = truth.t_ns + 1_403_636_579_000_000_000
+    poses = ims.PoseSequence(late, truth.position, truth.q_wb)
+    again = ims.simulate(imu="perfect", trajectory=poses, rate=100)
+    assert again.t_ns[0] == late[0]
+    other = ims.simulate(imu="perfect", trajectory=poses, rate=100, start_time=7.0)
+    assert other.t_ns[0] == 7 * 10**9
+
+
+def test_dead_reckoning_of_a_flight_takes_its_world():
+    world = {"earth_rotation": True, "latitude_deg": 48.0, "gravity": [0.0, 0.0, -9.7]}
+    flight = ims.simulate(imu="perfect", trajectory="figure_eight", duration=20, rate=200, **world)
+    track = ims.dead_reckon(flight)
+    assert ims.evaluate(track, flight.truth).final_position < 0.05

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.commands.shared.side_files import configs as configs
     from imu_sim_ros.commands.shared.side_files import describe as describe
     from imu_sim_ros.commands.shared.side_files import new_truths as new_truths
+    from imu_sim_ros.commands.shared.side_files import world_of as world_of
     from imu_sim_ros.commands.shared.side_files import write_configs as write_configs
     from imu_sim_ros.commands.shared.side_files import (
         write_tum_vi_calibration as write_tum_vi_calibration,
@@ -58,6 +59,7 @@ else:
                 "configs",
                 "describe",
                 "new_truths",
+                "world_of",
                 "write_configs",
                 "write_tum_vi_calibration",
             ],

@@ -11,6 +11,7 @@ both.
 """
 
 import dataclasses
+import glob
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -20,7 +21,7 @@ import numpy as np
 from imu_sim_ros import consumers
 from imu_sim_ros.bags import make_folder
 from imu_sim_ros.bags.text import writer as text_writer
-from imu_sim_ros.config import SimulationParameters, files, flatten
+from imu_sim_ros.config import SimulationParameters, files, flatten, load_simulation
 from imu_sim_ros.conventions import IMAGE_TOPIC, IMU_TOPIC
 from imu_sim_ros.datasets import imus_of, resolved
 from imu_sim_ros.errors import InputError
@@ -37,6 +38,31 @@ _SUFFIXES: Final = (".bag", ".mcap", ".csv")
 def configs(output: Path) -> Path:
     """Return the folder of the configurations that belong to an output."""
     return output.with_name(output.name + "_configs")
+
+
+_WORLD: Final = (
+    "gravity",
+    "gravity_model",
+    "latitude_deg",
+    "height",
+    "earth_rotation",
+    "curved_earth",
+)
+"""What the readings depend on besides sensor and motion; ``dead_reckon`` takes it from there."""
+
+
+def world_of(bag: Path) -> SimulationParameters | None:
+    """Return what was simulated, as the realised truth beside a bag tells; None without one.
+
+    :raises ConfigurationError: for a file that is not what ``generate`` wrote.
+    """
+    path = _truth(bag, "")
+    if not path.is_file():
+        path = next(iter(sorted(bag.parent.glob(f"{glob.escape(_stem(bag))}_truth_*.yaml"))), path)
+    if not path.is_file():
+        return None
+    values = files.load(path)
+    return load_simulation({name: values[name] for name in _WORLD if name in values})
 
 
 def new_truths(output: Path, simulated: Mapping[str, SimulationParameters]) -> dict[Path, str]:
@@ -99,8 +125,13 @@ def _truth_text(parameters: SimulationParameters) -> str:
     ``calibrate --truth`` and ``allan --truth`` take it, and ``--imu`` for the same unit again.
     """
     imu = dataclasses.replace(realised_imu(parameters), preset="perfect")
+    world = {
+        name: getattr(parameters, name)
+        for name in _WORLD
+        if getattr(parameters, name) != getattr(SimulationParameters, name)
+    }
     return files.text(
-        {"rate": parameters.rate, **{f"imu.{k}": v for k, v in flatten(imu).items()}},
+        {"rate": parameters.rate, **world, **{f"imu.{k}": v for k, v in flatten(imu).items()}},
         comment=f"The sensor of this run: preset {parameters.imu.preset}, with the turn-on "
         f"biases and scales\nthat seed {parameters.seed} drew in the places of the parameters. "
         "For calibrate --truth and allan --truth;\ngenerate --imu FILE simulates the same unit.",

@@ -30,6 +30,7 @@ from imu_sim_ros import conventions, timebase, topics
 from imu_sim_ros.bags.messages import CLOCK, TF_MESSAGE, ClockEncoder
 from imu_sim_ros.config import (
     BODY,
+    DEFAULT_TRAJECTORY,
     SimulatorParameters,
     layer_simulator,
     simulations,
@@ -248,7 +249,9 @@ class Simulator(ConfiguredNode):
             if name != BODY
         )
         seen = f"; cameras {', '.join(parameters.cameras)}" if parameters.cameras else ""
-        return f"{imus}; trajectory {parameters.trajectory.type}{seen}"
+        of_file = getattr(parameters.trajectory, "file", "")
+        motion = of_file or self.given.get("trajectory.type", DEFAULT_TRAJECTORY)
+        return f"{imus}; trajectory {motion}{seen}"
 
     # ------------------------------------------------------------------------- the run
     def _ready(self) -> bool:

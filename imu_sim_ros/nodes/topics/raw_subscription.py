@@ -11,9 +11,10 @@ middleware's queue holds the messages meanwhile.
 import threading
 import time
 from collections.abc import Callable, Iterable
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from rclpy.callback_groups import CallbackGroup
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
@@ -26,6 +27,10 @@ DEPTH = 5000
 
 Taken = tuple[bytes, dict[str, int]]
 """A message's bytes, and what the middleware says about it: ``received_timestamp`` and so on."""
+
+
+_NO_WARNINGS: Final = SubscriptionEventCallbacks(use_default_callbacks=False)
+"""The nodes request what is offered as soon as they see it; rclpy's warning comes before."""
 
 
 class _OutsideTheExecutor(CallbackGroup):
@@ -83,7 +88,13 @@ class RawSubscriptions:
                 self._pass_on(old)
                 self._node.destroy_subscription(old.subscription)
             subscription = self._node.create_subscription(
-                message, name, _never, qos, raw=True, callback_group=self._group
+                message,
+                name,
+                _never,
+                qos,
+                raw=True,
+                callback_group=self._group,
+                event_callbacks=_NO_WARNINGS,
             )
             self._sources[name] = _Source(name, subscription)
 
