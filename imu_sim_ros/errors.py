@@ -32,8 +32,12 @@ class ImuSimError(Exception):
         super().__init__("\n".join(self.problems))
 
 
-class ConfigurationError(ImuSimError):
+class ConfigurationError(ImuSimError, ValueError):
     """Parameters that cannot be used: unknown names, wrong types, values out of range."""
+
+
+class ArgumentTypeError(ConfigurationError, TypeError):
+    """An argument of another type than those that are taken."""
 
 
 class InputError(ImuSimError):

@@ -18,6 +18,7 @@ import imu_sim_ros
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "imu_sim_ros"
 LEAVES = {
+    "arguments",
     "errors",
     "inputs",
     "json_text",

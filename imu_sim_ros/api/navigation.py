@@ -20,11 +20,13 @@ from imu_sim_ros.api.readings import (
     HasPoses,
     Odometry,
     Readings,
+    checked_poses,
     frame,
     read_imu,
     read_odometry,
     span,
 )
+from imu_sim_ros.arguments import array, number, refuse
 from imu_sim_ros.config import (
     IntegratorParameters,
     SimulationParameters,
@@ -33,6 +35,7 @@ from imu_sim_ros.config import (
 )
 from imu_sim_ros.conventions import GRAVITY, TRUTH_TOPIC
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs import gate
 from imu_sim_ros.navigation import Correction, NavigationState, correction_of, initialisation
 from imu_sim_ros.navigation import dead_reckon as integrate
 from imu_sim_ros.navigation.comparison import (
@@ -135,12 +138,12 @@ def dead_reckon(
     :param attitude_update: quaternion, so3 or euler_angles.
     :param initial: the state at the first reading, ``"truth"``, ``"level"`` (roll, pitch and the
         gyroscope's bias from a rest of ``level_time``), or ``"parameters"`` (``initial_position``
-        and so on). By default the truth where there is one, else level.
+        and so on). By default the truth.
     :param imu_topic: of a bag with several.
     :param parameters: of the node integrator by their ROS names: ``gravity``, ``gyroscope_bias``,
         ``accelerometer_scale_misalignment``, ``level_time``, ``max_gap``, ...
     :raises ConfigurationError: with a line for every parameter that is wrong.
-    :raises InputError: for readings that cannot be integrated.
+    :raises InputError: for readings that cannot be integrated, or that have no truth to start at.
 
     >>> import imu_sim_ros as ims
     >>> flight = ims.simulate(imu="perfect", trajectory="lecture", duration=20, rate=200)
@@ -148,18 +151,20 @@ def dead_reckon(
     >>> round(ims.evaluate(track, flight.truth).final_position, 5)
     0.00129
     """
+    if not isinstance(initial, str | NavigationState | None):
+        refuse("initial", initial, "truth, level, parameters or a NavigationState", True)
     track, truth = _source(readings, imu_topic)
     if isinstance(readings, Flight):
         parameters = {**_world(readings.parameters), **parameters}
     if initial is None:
-        initial = "truth" if truth is not None else "level"
+        initial = "truth"
     name = initial if isinstance(initial, str) else "parameters"
     usual = not parameters and isinstance(method, str) and isinstance(attitude_update, str)
     settings = (_usual_settings if usual else _settings)(
         method, attitude_update, name, **_plain(parameters)
     )
     if isinstance(initial, NavigationState):
-        start, correction = initial, correction_of(settings)
+        start, correction = _checked_state(initial), correction_of(settings)
     else:
         track, start, correction = _start(settings, track, truth)
     way = (settings.method, settings.attitude_update, settings.gravity, correction)
@@ -173,6 +178,15 @@ def _world(flight: SimulationParameters) -> dict[str, Any]:
     gravity, rate = gravity_vector(flight).tolist(), earth_rate_vector(flight).tolist()
     found = {"gravity": gravity} if tuple(gravity) != GRAVITY else {}
     return {**found, "earth_rate": rate} if any(rate) else found
+
+
+def _checked_state(state: NavigationState) -> NavigationState:
+    position = array("initial.position", state.position, (3,))
+    velocity = array("initial.velocity", state.velocity, (3,))
+    q_wb = array("initial.q_wb", state.q_wb, (4,))
+    if abs(float(np.linalg.norm(q_wb)) - 1.0) > gate.UNIT_TOLERANCE:
+        refuse("initial.q_wb", state.q_wb, "a unit quaternion (w, x, y, z)")
+    return NavigationState(position, velocity, q_wb)
 
 
 def _settings(
@@ -209,7 +223,9 @@ def _start(
         return readings, state, correction_of(settings)
     if settings.initial_state == "truth":
         if truth is None:
-            raise InputError("initial = 'truth': there is no truth beside these readings")
+            raise initialisation.without_truth(
+                readings.name, "initial='level', initial='parameters' or a NavigationState"
+            )
         rows = readings.t_ns >= truth.t_ns[0]
         if not rows.all():
             readings = _rows(readings, rows)
@@ -318,18 +334,21 @@ def evaluate(
     >>> ims.evaluate(ims.dead_reckon(flight), flight.truth)
     <Evaluation of 6000 poses, 74.99 m: position 0.1208 m rms, attitude 3.995e-05 rad rms>
     """
-    rows = common_rows(estimate.t_ns, truth.t_ns, max_gap)
-    t_ns = estimate.t_ns[rows]
-    true = interpolate_poses(PoseSequence(truth.t_ns, truth.position, truth.q_wb), t_ns)
-    poses = PoseSequence(t_ns, estimate.position[rows], estimate.q_wb[rows])
+    number("max_gap", max_gap, "a number of seconds above 0", 0.0, above=True)
+    own = checked_poses("estimate", estimate, increasing=False)
+    known = checked_poses("truth", truth)
+    rows = common_rows(own.t_ns, known.t_ns, max_gap)
+    t_ns = own.t_ns[rows]
+    true = interpolate_poses(known, t_ns)
+    poses = PoseSequence(t_ns, own.position[rows], own.q_wb[rows])
     alignment = laid_on(poses.position, true.position, align)
     poses = alignment.apply(poses)
     errors: AbsoluteErrors = absolute_errors(poses, true)
     speeds = [getattr(each, "velocity", None) for each in (estimate, truth)]
     velocity = None
     if speeds[0] is not None and speeds[1] is not None:
-        own = alignment.scale * speeds[0][rows] @ alignment.r.T
-        velocity = interpolate_vectors(truth.t_ns, speeds[1], t_ns) - own
+        aligned = alignment.scale * speeds[0][rows] @ alignment.r.T
+        velocity = interpolate_vectors(known.t_ns, speeds[1], t_ns) - aligned
     length = float(distances(true.position)[-1])
     return Evaluation(t_ns, errors.position, errors.attitude, velocity, length, poses, true)
 

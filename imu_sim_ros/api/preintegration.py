@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from imu_sim_ros.api.flight import Flight
 from imu_sim_ros.api.readings import Readings, read_imu
+from imu_sim_ros.arguments import array, number
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.navigation import noise_of
 from imu_sim_ros.navigation.preintegration import Preintegration, between
@@ -48,6 +49,8 @@ def preintegrate(
     >>> found.alpha.shape, found.covariance.shape
     ((19, 3), (19, 15, 15))
     """
+    for name, bias in (("gyro_bias", gyro_bias), ("accel_bias", accel_bias)):
+        array(name, bias, ((), (3,), (None, 3))[min(np.ndim(np.asarray(bias)), 2)])
     noise = None
     if isinstance(readings, Flight):
         noise = noise_of(readings.parameters.imu)
@@ -57,8 +60,7 @@ def preintegrate(
     if (edges_ns is None) == (every is None):
         raise InputError("give the times of the frames, edges_ns, or the time between them, every")
     if every is not None:
-        if not every > 0.0:
-            raise InputError(f"every = {every}: must be above 0 s")
+        number("every", every, "a number of seconds of at least 1e-9", 1e-9)
         step = round(every * 1e9)
         edges_ns = np.arange(readings.t_ns[0], readings.t_ns[-1] + 1, step)
     pieces = between(readings.t_ns, readings.gyro, readings.accel, np.asarray(edges_ns))

@@ -13,8 +13,11 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.arguments import array, refuse, stamps
 from imu_sim_ros.errors import MissingDependencyError
-from imu_sim_ros.rotation import rotate
+from imu_sim_ros.inputs import gate
+from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.rotation import from_euler, rotate
 
 if TYPE_CHECKING:
     from imu_sim_ros.plots import Figure
@@ -152,6 +155,41 @@ def read_odometry(path: str | Path, topic: str | None = None) -> Odometry:
         found.angular_velocity_b,
         Path(path).name,
     )
+
+
+def checked_poses(name: str, given: HasPoses, increasing: bool = True) -> PoseSequence:
+    """Return poses that somebody gives, checked.
+
+    :param name: of the argument.
+    :param increasing: the stamps must increase strictly.
+    :raises ConfigurationError: for arrays of another type, shape or order.
+    :raises InputError: for a pose that is not finite, possible or a unit quaternion.
+    """
+    if not all(hasattr(given, each) for each in ("t_ns", "position", "q_wb")):
+        refuse(name, given, "a Track, an Odometry or another object with poses", True)
+    t_ns = stamps(f"{name}.t_ns", given.t_ns, increasing)
+    position = array(f"{name}.position", given.position, (len(t_ns), 3))
+    q_wb = array(f"{name}.q_wb", given.q_wb, (len(t_ns), 4))
+    gate.poses(t_ns, position, q_wb).complain(name)
+    return PoseSequence(t_ns, position, q_wb)
+
+
+def poses_of_rows(given: Array) -> PoseSequence:
+    """Return poses that are rows of an array.
+
+    :param given: (n, 8) time [s], position [m], quaternion (w, x, y, z); or (n, 7) time [s],
+        position [m], roll, pitch, yaw [rad].
+    :raises ConfigurationError: for another shape.
+    """
+    if given.ndim != 2 or given.shape[1] not in (7, 8):
+        columns = "time [s], x, y, z [m], then the quaternion w, x, y, z or roll, pitch, yaw [rad]"
+        refuse("trajectory", given, f"an array (n, 8) or (n, 7): {columns}; not {given.shape}")
+    rows = array("trajectory", given, (None, given.shape[1]))
+    t_ns = np.round(rows[:, 0] * 1e9)
+    if (np.abs(t_ns) > gate.LAST_STAMP).any():
+        refuse("trajectory", given, "an array with times in seconds in its first column")
+    q_wb = rows[:, 4:] if given.shape[1] == 8 else from_euler(rows[:, 4:])
+    return PoseSequence(t_ns.astype(np.int64), rows[:, 1:4], q_wb)
 
 
 def frame(t_ns: Times, columns: Mapping[str, Array]) -> Any:

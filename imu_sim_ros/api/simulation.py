@@ -7,11 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
 
 from imu_sim_ros import timebase
 from imu_sim_ros.api.beside import checked_sensors
 from imu_sim_ros.api.flight import Flight
+from imu_sim_ros.api.readings import checked_poses, poses_of_rows
+from imu_sim_ros.arguments import number, refuse, whole
 from imu_sim_ros.config import (
     EMPTY_LIST,
     OF_EVERY_NODE,
@@ -25,15 +30,19 @@ from imu_sim_ros.config import (
 from imu_sim_ros.config import parameters as described
 from imu_sim_ros.conventions import BESIDE
 from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.machine import memory
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.sensor import ImuBlock
 from imu_sim_ros.simulation import BLOCK_SIZE, Simulation
+
+BYTES_A_SAMPLE: Final = 384
+"""Of the arrays of an ImuBlock without further sensors."""
 
 
 def simulate(
     *,
     imu: str | Path | Mapping[str, Any] | None = None,
-    trajectory: str | Path | Mapping[str, Any] | PoseSequence | None = None,
+    trajectory: str | Path | Mapping[str, Any] | PoseSequence | NDArray[Any] | None = None,
     duration: float | str | None = None,
     rate: float | None = None,
     seed: int | None = None,
@@ -46,7 +55,9 @@ def simulate(
     :param imu: a name in config/imus, a parameter file or kalibr's imu.yaml, or parameters by name:
         of which ``preset`` names a file below them.
     :param trajectory: a name in config/trajectories, a file of recorded poses, parameters by name:
-        of which ``type`` may name a file below them, or poses, which keep their stamps.
+        of which ``type`` may name a file below them, or poses, which keep their stamps: a
+        :class:`PoseSequence`, or an array (n, 8) of time [s], x, y, z [m], quaternion w, x, y, z,
+        or (n, 7) with roll, pitch, yaw [rad].
     :param duration: [s], or words such as ``"2h"``; by default the trajectory's length.
     :param rate: samples per second [Hz].
     :param seed: of all random streams.
@@ -76,6 +87,12 @@ def simulate(
     simulation = _simulation(
         imu, trajectory, duration, rate, seed, params_file, sensors, parameters
     )
+    samples, most = simulation.total or 0, memory() // BYTES_A_SAMPLE
+    if samples > most:
+        raise ConfigurationError(
+            f"duration = {duration!r}: its {samples} samples do not fit into memory, which has "
+            f"room for {most}; blocks() yields them piece by piece"
+        )
     changed = "modified " if isinstance(imu, Mapping) and set(imu) - {"preset"} else ""
     sensor = changed + Path(simulation.parameters.imu.preset).stem
     name = f"{sensor} on {_name(trajectory, simulation)}"
@@ -85,7 +102,7 @@ def simulate(
 def blocks(
     *,
     imu: str | Path | Mapping[str, Any] | None = None,
-    trajectory: str | Path | Mapping[str, Any] | PoseSequence | None = None,
+    trajectory: str | Path | Mapping[str, Any] | PoseSequence | NDArray[Any] | None = None,
     duration: float | str | None = None,
     rate: float | None = None,
     seed: int | None = None,
@@ -107,7 +124,9 @@ def blocks(
     simulation = _simulation(
         imu, trajectory, duration, rate, seed, params_file, sensors, parameters
     )
-    return simulation.blocks(block_size)
+    most = memory() // BYTES_A_SAMPLE
+    size = whole("block_size", block_size, f"an integer from 1 to {most}", 1, most)
+    return simulation.blocks(size)
 
 
 def _simulation(
@@ -135,13 +154,23 @@ def _simulation(
         layers = [{n: value for n, value in given.items() if n not in (*of_node, *unset)}]
     own: dict[str, object] = {**_imu(imu), **_flat(parameters)}
     pose_reader: Callable[..., PoseSequence] = _poses_of_any_file
+    if isinstance(trajectory, np.ndarray):
+        trajectory = poses_of_rows(trajectory)
     if isinstance(trajectory, PoseSequence):
         own.update({"trajectory.type": "poses", "trajectory.file": "poses given as arrays"})
-        pose_reader = _given(trajectory)
+        pose_reader = _given(checked_poses("trajectory", trajectory))
     elif isinstance(trajectory, Mapping):
         own.update({f"trajectory.{name}": value for name, value in _flat(trajectory).items()})
-    elif trajectory is not None:
+    elif isinstance(trajectory, str | Path):
         own.update(files.trajectory_layer(str(trajectory)))
+    elif trajectory is not None:
+        refuse(
+            "trajectory",
+            trajectory,
+            "a name, a file, parameters by name, a PoseSequence, or an array (n, 8): time [s], "
+            "x, y, z [m], quaternion w, x, y, z; a function of time is sampled into such an array",
+            wrong_type=True,
+        )
     given = {"duration": None if duration is None else _seconds(duration), "rate": rate}
     given["seed"] = seed
     own.update({name: value for name, value in given.items() if value is not None})
@@ -195,7 +224,7 @@ def _seconds(duration: float | str) -> float:
     :raises ConfigurationError: for words that are not a duration.
     """
     if not isinstance(duration, str):
-        return float(duration)
+        return number("duration", duration, "seconds, or words such as '2h'", 0.0)
     try:
         return timebase.parse_duration(duration)
     except ValueError as error:

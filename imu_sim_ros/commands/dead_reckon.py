@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.bags import ImuMessages, Outputs, read_imu
-from imu_sim_ros.bags.messages import ODOMETRY
 from imu_sim_ros.commands import common
 from imu_sim_ros.commands.shared import (
     PoseReader,
@@ -136,9 +135,8 @@ def _made(arguments: argparse.Namespace, written: Outputs) -> list[dict[str, Any
     readings = _skipped(found, arguments.skip)
     truth = _read_truth(arguments)
     if truth is None and parameters.initial_state == "truth":
-        raise InputError(
-            f"{arguments.bag}: no truth to start from or to compare with (a topic of "
-            f"{ODOMETRY}, or EuRoC's states); start with --initial-state level or parameters"
+        raise initialisation.without_truth(
+            str(arguments.bag), "--initial-state level or --initial-state parameters"
         )
     if parameters.initial_state == "truth" and truth is not None:
         readings = _within(readings, truth, parameters.max_gap)

@@ -28,6 +28,8 @@ from imu_sim_ros.timebase import exact_rate
 
 DEFAULT_IMU = "lecture"
 DEFAULT_TRAJECTORY = "lecture"
+LONGEST_DURATION = 2.0**31
+"""[s] The seconds that the stamps of ROS 2 can count."""
 LARGEST_JITTER = 0.25
 """The largest standard deviation of the stamps, in intervals between two samples."""
 
@@ -47,7 +49,11 @@ class SimulationParameters:
     )
     seed: int = integer(0, "seed of all random streams", minimum=0, maximum=2**63 - 1)
     duration: float = number(
-        0.0, "length of the run; 0: endless, or the trajectory's own length", unit="s", minimum=0.0
+        0.0,
+        "length of the run; 0: endless, or the trajectory's own length",
+        unit="s",
+        minimum=0.0,
+        maximum=LONGEST_DURATION,
     )
     start_time: float = number(
         -1.0,

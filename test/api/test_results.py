@@ -35,7 +35,7 @@ def test_the_start_is_the_truth_level_or_given():
     state = ims.NavigationState(np.ones(3), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
     np.testing.assert_array_equal(ims.dead_reckon(flight, initial=state).position[0], 1.0)
     readings = ims.Readings(flight.t_ns, flight.gyro, flight.accel)
-    assert ims.dead_reckon(readings).truth is None
+    assert ims.dead_reckon(readings, initial="parameters").truth is None
     with pytest.raises(ims.InputError, match="no truth"):
         ims.dead_reckon(readings, initial="truth")
     with pytest.raises(ims.ConfigurationError, match="level_tim"):

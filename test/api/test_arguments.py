@@ -1,0 +1,120 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What the Python interface says of arguments that it cannot use."""
+
+import numpy as np
+import pytest
+
+import imu_sim_ros as ims
+
+NAN = float("nan")
+
+
+@pytest.fixture(scope="module")
+def flight():
+    return ims.simulate(imu="perfect", trajectory="circle", duration=4, rate=100)
+
+
+@pytest.mark.parametrize("size", [0, -1, 1.5, "8", None, 10**18])
+def test_a_block_size_that_is_none_is_refused_before_the_first_block(size):
+    with pytest.raises(ims.ConfigurationError, match="block_size = ") as raised:
+        ims.blocks(duration=1, block_size=size)
+    assert isinstance(raised.value, ValueError)
+
+
+@pytest.mark.parametrize("duration", [1e12, 3e9, NAN, -1.0, [1], {}])
+def test_a_duration_without_measure_is_refused(duration):
+    with pytest.raises(ims.ConfigurationError, match="duration"):
+        ims.simulate(trajectory="static", duration=duration)
+
+
+def test_a_flight_that_memory_cannot_hold_is_refused_with_what_can():
+    with pytest.raises(ims.ConfigurationError, match=r"do not fit into memory.*blocks\(\)"):
+        ims.simulate(trajectory="static", rate=20000, duration=1e9)
+
+
+def test_readings_without_truth_are_levelled_only_on_request(flight):
+    with pytest.raises(ims.InputError, match="no truth to start from .* initial='level'"):
+        ims.dead_reckon(flight.readings)
+    assert len(ims.dead_reckon(flight.readings, initial="parameters")) == len(flight)
+
+
+@pytest.mark.parametrize("initial", [0, {}, [1, 2], np.zeros(3)])
+def test_an_initial_state_of_another_type_is_a_type_error(flight, initial):
+    with pytest.raises(TypeError, match="initial = .*must be truth, level") as raised:
+        ims.dead_reckon(flight, initial=initial)
+    assert isinstance(raised.value, ims.ConfigurationError)
+
+
+@pytest.mark.parametrize(
+    ("position", "velocity", "q_wb"),
+    [
+        ([NAN, 0, 0], [0, 0, 0], [1, 0, 0, 0]),
+        ([0, 0], [0, 0, 0], [1, 0, 0, 0]),
+        ([0, 0, 0], None, [1, 0, 0, 0]),
+        ([0, 0, 0], [0, 0, 0], [0, 0, 0, 0]),
+        ([0, 0, 0], [0, 0, 0], "w"),
+    ],
+)
+def test_a_navigation_state_that_is_none_is_refused(flight, position, velocity, q_wb):
+    with pytest.raises(ims.ConfigurationError, match=r"initial\.(position|velocity|q_wb) = "):
+        ims.dead_reckon(flight, initial=ims.NavigationState(position, velocity, q_wb))
+
+
+@pytest.mark.parametrize("bias", [None, "x", [1.0, 2.0], NAN, {}])
+def test_a_bias_that_is_none_is_refused(flight, bias):
+    with pytest.raises(ims.ConfigurationError, match="gyro_bias = "):
+        ims.preintegrate(flight, every=0.5, gyro_bias=bias)
+
+
+@pytest.mark.parametrize("gap", [NAN, -1, 0, None, "1"])
+def test_a_gap_that_is_none_is_refused(flight, gap):
+    with pytest.raises(ims.ConfigurationError, match="max_gap = "):
+        ims.evaluate(flight.truth, flight.truth, max_gap=gap)
+
+
+def poses(n=50):
+    t = np.arange(n) * 0.1
+    position = np.column_stack([np.sin(t), np.cos(t), 0.1 * t])
+    return t, position, np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda t, p, q: (t, p, q),  # seconds as floats
+        lambda t, p, q: ((t * 1e9).astype(int)[::-1], p, q),
+        lambda t, p, q: ((t * 1e9).astype(int), p[:-1], q),
+        lambda t, p, q: ((t * 1e9).astype(int), p, 2 * q),
+        lambda t, p, q: ((t * 1e9).astype(int), p * NAN, q),
+        lambda t, p, q: (None, p, q),
+    ],
+)
+def test_poses_that_are_none_are_refused_in_every_door(flight, change):
+    given = ims.PoseSequence(*change(*poses()))
+    for name, call in (
+        ("trajectory", lambda: ims.simulate(trajectory=given)),
+        ("truth", lambda: ims.evaluate(flight.truth, given)),
+    ):
+        with pytest.raises((ims.ConfigurationError, ims.InputError), match=f"^{name}"):
+            call()
+
+
+def test_a_trajectory_as_an_array_is_the_same_as_poses():
+    t, position, q_wb = poses()
+    as_poses = ims.PoseSequence(np.round(t * 1e9).astype(np.int64), position, q_wb)
+    of_poses = ims.simulate(imu="perfect", trajectory=as_poses)
+    for rows in (
+        np.column_stack([t, position, q_wb]),
+        np.column_stack([t, position, 0 * position]),
+    ):
+        of_rows = ims.simulate(imu="perfect", trajectory=rows)
+        assert np.array_equal(of_rows.accel, of_poses.accel)
+        assert np.array_equal(of_rows.gyro, of_poses.gyro)
+
+
+@pytest.mark.parametrize("given", [[1, 2], object(), 3.0, abs, np.zeros((4, 3)), np.zeros(8)])
+def test_any_other_trajectory_is_answered_with_what_to_give(given):
+    with pytest.raises(ims.ConfigurationError, match=r"trajectory = .*\(n, 8\)"):
+        ims.simulate(trajectory=given)
