@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +36,14 @@ from imu_sim_ros.config import (
 from imu_sim_ros.conventions import GRAVITY, TRUTH_TOPIC
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import gate
-from imu_sim_ros.navigation import Correction, NavigationState, correction_of, initialisation
+from imu_sim_ros.navigation import (
+    Correction,
+    NavigationState,
+    NavigationStates,
+    correction_of,
+    initialisation,
+    noise_of,
+)
 from imu_sim_ros.navigation import dead_reckon as integrate
 from imu_sim_ros.navigation.comparison import (
     AbsoluteErrors,
@@ -50,6 +57,7 @@ from imu_sim_ros.navigation.comparison import (
     relative_errors,
 )
 from imu_sim_ros.navigation.comparison import align as laid_on
+from imu_sim_ros.navigation.covariance import ATTITUDE, POSITION, initial_covariance, propagate
 from imu_sim_ros.poses import PoseSequence, write_tum
 from imu_sim_ros.sensor import earth_rate_vector, gravity_vector
 
@@ -58,6 +66,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
+
+_POSE: Final = np.r_[POSITION, ATTITUDE]
 
 
 @dataclass(frozen=True, repr=False)
@@ -74,6 +84,8 @@ class Track:
     """(n, 4) unit quaternions (w, x, y, z)."""
     method: str
     attitude_update: str
+    covariance: Array | None = None
+    """(n, 6, 6) of position [m] and attitude [rad], both in the world's axes; see `dead_reckon`."""
     truth: Odometry | None = None
     """The truth that came with the readings."""
     name: str = ""
@@ -129,6 +141,7 @@ def dead_reckon(
     attitude_update: str = "so3",
     initial: str | NavigationState | None = None,
     imu_topic: str | None = None,
+    covariance: bool = False,
     **parameters: Any,
 ) -> Track:
     """Integrate readings to a trajectory.
@@ -140,6 +153,7 @@ def dead_reckon(
         gyroscope's bias from a rest of ``level_time``), or ``"parameters"`` (``initial_position``
         and so on). By default the truth.
     :param imu_topic: of a bag with several.
+    :param covariance: propagate the poses' covariance, of a flight from an exact start.
     :param parameters: of the node integrator by their ROS names: ``gravity``, ``gyroscope_bias``,
         ``accelerometer_scale_misalignment``, ``level_time``, ``max_gap``, ...
     :raises ConfigurationError: with a line for every parameter that is wrong.
@@ -170,7 +184,22 @@ def dead_reckon(
     way = (settings.method, settings.attitude_update, settings.gravity, correction)
     limits = (settings.max_gap, settings.earth_rate)
     states = integrate(track.t_ns, track.gyro, track.accel, start, *way, *limits)
-    return Track(*states, settings.method, settings.attitude_update, truth, track.name)
+    force = correction.apply(track.gyro, track.accel)[1] if covariance else None
+    stated = None if force is None else _covariance(readings, states, force)
+    return Track(*states, *way[:2], stated, truth, track.name)
+
+
+def _covariance(readings: object, states: NavigationStates, force: Array) -> Array:
+    """Return the covariance (n, 6, 6) of the poses from an exact start."""
+    if not isinstance(readings, Flight):
+        raise InputError("covariance: the sensor's errors are known of a flight alone")
+    imu = readings.parameters.imu
+    initial = initial_covariance(
+        gyroscope_bias=imu.gyroscope.turn_on_bias_sigma,
+        accelerometer_bias=imu.accelerometer.turn_on_bias_sigma,
+    )
+    rows = range(len(states.t_ns))
+    return propagate(states, force, noise_of(imu), initial, rows)[:, _POSE[:, None], _POSE]
 
 
 def _world(flight: SimulationParameters) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from imu_sim_ros.commands.shared import (
     Track,
     add_force,
     add_skip_bad_rows,
+    consistency,
     measured,
     output_and_plot,
     read_track,
@@ -31,16 +32,12 @@ from imu_sim_ros.navigation.comparison import (
     ALIGNMENTS,
     AbsoluteErrors,
     Alignment,
-    Band,
     absolute_errors,
     align,
-    anees_band,
     common_rows,
     distances,
     interpolate_poses,
     interpolate_vectors,
-    invertible,
-    nees,
     pairs,
     relative_errors,
     statistics,
@@ -160,9 +157,12 @@ def _made(arguments: argparse.Namespace, written: Outputs) -> dict[str, Any]:
         velocity_b = rotate_inverse(true_poses.q_wb, true_velocity)
         velocity_b -= rotate_inverse(poses.q_wb, velocity)
     result["nees"] = None
-    result["no_nees"] = _why_no_nees(arguments.align, estimate)
+    result["no_nees"] = consistency.why_none(arguments.align, estimate, rows)
     if result["no_nees"] is None:
-        result["nees"] = _consistency(estimate, rows, errors, velocity_b)
+        own = PoseSequence(at_ns, estimate.poses.position[rows], estimate.poses.q_wb[rows])
+        result["nees"] = consistency.of_track(
+            estimate, rows, own, true_poses, velocity_b, arguments.align
+        )
         if result["nees"] is None:
             result["no_nees"] = "the estimate's covariances are singular"
     result["reprojection"] = None
@@ -273,55 +273,6 @@ def _relative_over(
     }
 
 
-def _consistency(
-    estimate: Track, rows: NDArray[np.intp], errors: AbsoluteErrors, velocity_b: Array | None
-) -> dict[str, Any] | None:
-    """Return the NEES of position, attitude and velocity where the estimate has covariances.
-
-    :param velocity_b: (n, 3) error of the velocity in the body, as the twist's covariance has it.
-    """
-    if estimate.pose_covariance is None:
-        return None
-    pose = estimate.pose_covariance[rows]
-    usable = invertible(pose)
-    if not usable.any():
-        return None
-    band = anees_band(3, 1)
-    result: dict[str, Any] = {
-        "poses": int(np.count_nonzero(usable)),
-        "band_95": list(band),
-        "position": _nees(errors.position[usable], pose[usable, :3, :3], band),
-        "attitude": _nees(errors.attitude[usable], pose[usable, 3:, 3:], band),
-        "velocity": None,
-    }
-    if velocity_b is not None and estimate.twist_covariance is not None:
-        linear = estimate.twist_covariance[rows][usable, :3, :3]
-        if np.all(invertible(linear)):
-            result["velocity"] = _nees(velocity_b[usable], linear, band)
-    return result
-
-
-def _why_no_nees(alignment: str, estimate: Track) -> str | None:
-    """Return why there can be no NEES; None where there can."""
-    if alignment != "none":
-        return f"--align {alignment} removes a part of the error that the covariance still includes"
-    if estimate.pose_covariance is None:
-        return (
-            "the estimate has no covariance, which nav_msgs/Odometry in a bag has, or text with "
-            "OpenVINS' 12 columns"
-        )
-    return None
-
-
-def _nees(errors: Array, covariances: Array, band: Band) -> dict[str, float]:
-    values = nees(errors, covariances)
-    return {
-        "mean": float(values.mean()),
-        "final": float(values[-1]),
-        "inside_band": float(np.mean((values >= band.low) & (values <= band.high))),
-    }
-
-
 def _draw(
     path: Path, poses: PoseSequence, truth: PoseSequence, errors: AbsoluteErrors, title: str
 ) -> None:
@@ -363,24 +314,11 @@ def _print(result: dict[str, Any]) -> None:
             f"{result['final_drift_percent']:.4g} % of the distance"
         )
     if result["nees"] is not None:
-        _print_consistency(result["nees"])
+        consistency.show(result["nees"])
     else:
         print(f"no NEES: {result['no_nees']}")
     if result["reprojection"] is not None:
         print("\n".join(reprojection.lines(result["reprojection"])))
-
-
-def _print_consistency(result: dict[str, Any]) -> None:
-    low, high = result["band_95"]
-    rows = [
-        [name]
-        + [f"{result[name][key]:.3g}" for key in ("mean", "final")]
-        + [f"{100.0 * result[name]['inside_band']:.0f} %"]
-        for name in ("position", "attitude", "velocity")
-        if result[name] is not None
-    ]
-    title = f"NEES, 3 expected; 95 % of the time between {low:.3g} and {high:.3g}"
-    common.print_table(["of", "mean", "final", "inside"], rows, title)
 
 
 if __name__ == "__main__":

@@ -23,9 +23,12 @@ from imu_sim_ros.navigation.comparison import (
     align,
     attitude_sigma,
     common_rows,
+    gauge_at_first,
     interpolate_poses,
     interpolate_vectors,
+    invertible,
     nees,
+    without_gauge,
 )
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.rotation import rotate, rotate_inverse
@@ -86,8 +89,8 @@ def estimate_metrics(
 ) -> Metrics:
     """Return the metrics of an estimate of the motion of a block of samples.
 
-    :param alignment: of the estimate with the truth. There is a NEES with ``none`` only: any other
-        removes a part of the error that the covariance still includes.
+    :param alignment: of the estimate with the truth. There is a NEES with ``none`` and with
+        ``yaw``, which fixes the gauge at the first pose for it.
     :raises ImuSimError: where both do not overlap in time, or cannot be aligned.
     """
     motion = block.motion
@@ -103,7 +106,18 @@ def estimate_metrics(
     velocity = _velocity_error(found, rows[-1:], aligned, block)
     if velocity is not None:
         metrics["final_velocity_error_m_s"] = float(np.linalg.norm(velocity))
-    if alignment == "none":
+    if alignment == "yaw" and found.poses.covariance is not None:
+        aligned = gauge_at_first(estimate, there)
+        position = aligned.apply(found.poses).position
+        stated = without_gauge(found.poses.covariance[rows], position[rows], aligned)
+        covariance = np.zeros_like(found.poses.covariance)
+        covariance[rows] = stated
+        found = found._replace(
+            poses=aligned.apply(found.poses)._replace(covariance=covariance),
+            velocity=None if found.velocity is None else found.velocity @ aligned.r.T,
+        )
+        velocity = _velocity_error(found, rows[-1:], Alignment(1.0, np.eye(3), np.zeros(3)), block)
+    if alignment in ("none", "yaw"):
         metrics.update(_consistency(found, rows[-1:], _at_rows(there, np.array([-1])), velocity))
     return metrics
 
@@ -154,8 +168,6 @@ def _consistency(
 
 def _nees(error: Array, covariance: Array) -> float | None:
     """Return the NEES of one error (1, 3); None where its covariance has no inverse."""
-    if not np.isfinite(covariance).all():
-        return None
-    if np.linalg.matrix_rank(covariance[0], hermitian=True) < covariance.shape[-1]:
+    if not invertible(covariance)[0]:
         return None
     return float(nees(error, covariance)[0])

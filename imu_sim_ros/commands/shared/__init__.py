@@ -4,7 +4,7 @@
 """What several commands share: their outputs and their files of poses, with the arguments.
 
 ``bag_output`` and ``camera_output`` are what makes a bag or dataset, ``side_files`` what
-``generate`` puts beside it, ``tracks`` trajectories to be compared,
+``generate`` puts beside it, ``tracks`` trajectories to be compared, ``consistency`` their NEES,
 ``reprojection`` what cameras saw against them, ``measured`` what else a board states. Sees every
 room. What is exported is imported when it is first used.
 """
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.commands.shared import bag_output as bag_output
     from imu_sim_ros.commands.shared import calibration_table as calibration_table
     from imu_sim_ros.commands.shared import camera_output as camera_output
+    from imu_sim_ros.commands.shared import consistency as consistency
     from imu_sim_ros.commands.shared import measured as measured
     from imu_sim_ros.commands.shared import reprojection as reprojection
     from imu_sim_ros.commands.shared.output_arguments import PICTURES as PICTURES
@@ -46,7 +47,14 @@ else:
     __getattr__, __dir__, __all__ = exported(
         __name__,
         {
-            "": ["bag_output", "calibration_table", "camera_output", "measured", "reprojection"],
+            "": [
+                "bag_output",
+                "calibration_table",
+                "camera_output",
+                "consistency",
+                "measured",
+                "reprojection",
+            ],
             "output_arguments": ["PICTURES", "add_force", "output_and_plot", "outputs"],
             "pose_arguments": [
                 "PoseReader",

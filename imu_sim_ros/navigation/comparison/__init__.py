@@ -32,6 +32,7 @@ from imu_sim_ros.navigation.comparison.evaluation import (
     statistics,
     tilt_and_heading,
 )
+from imu_sim_ros.navigation.comparison.gauge import gauge_at_first, without_gauge
 from imu_sim_ros.navigation.comparison.timing import time_offset
 
 __all__ = [
@@ -51,6 +52,7 @@ __all__ = [
     "common_rows",
     "distances",
     "drift_from",
+    "gauge_at_first",
     "interpolate_poses",
     "interpolate_vectors",
     "invertible",
@@ -60,4 +62,5 @@ __all__ = [
     "statistics",
     "tilt_and_heading",
     "time_offset",
+    "without_gauge",
 ]

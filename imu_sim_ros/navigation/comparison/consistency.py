@@ -65,8 +65,9 @@ class Band(NamedTuple):
 def invertible(covariances: Array) -> NDArray[np.bool_]:
     """Return which covariances (n, k, k) have a NEES: at a true start they are zero."""
     result: NDArray[np.bool_] = np.asarray(np.isfinite(covariances).all(axis=(1, 2)))
-    ranks = np.linalg.matrix_rank(covariances[result], hermitian=True)
-    result[result] = ranks == covariances.shape[-1]
+    sizes = np.linalg.eigvalsh(covariances[result])
+    least = covariances.shape[-1] * np.finfo(float).eps * np.abs(sizes).max(axis=1, initial=0.0)
+    result[result] = sizes[:, 0] > least
     return result
 
 

@@ -350,10 +350,11 @@ def propagate(
     rates = turns / np.reshape(steps, (-1, 1))
     matrices = rotation.to_matrix(states.q_wb)
     wanted = [row % len(states.t_ns) for row in at]
-    result = np.empty((len(wanted), SIZE, SIZE))
+    result, place = np.empty((len(wanted), SIZE, SIZE)), 0
     for k in range(wanted[-1] + 1):
-        for place in (place for place, row in enumerate(wanted) if row == k):
+        while place < len(wanted) and wanted[place] == k:
             result[place] = covariance.mean_square()
-        if k < len(steps):
+            place += 1
+        if k < wanted[-1]:
             covariance.step(steps[k], matrices[k], accel[k], rates[k])
     return result

@@ -109,9 +109,7 @@ def write_bag(path, poses, velocity_b=None, covariances=(None, None)):
         handle = writer.add_topic("/dead_reckoned/odom", ODOMETRY)
         zero = np.zeros((len(poses.t_ns), 3))
         velocity_b = zero if velocity_b is None else velocity_b
-        payloads = encoder.encode(
-            poses.t_ns, poses.position, poses.q_wb, velocity_b, zero, *covariances
-        )
+        payloads = encoder.encode(*poses[:3], velocity_b, zero, *covariances)
         writer.write(handle, np.sort(poses.t_ns), payloads)
     return path
 
@@ -385,3 +383,18 @@ def test_bad_tracks_are_one_line(tracks, capsys, tmp_path):
     status, _, errors = run(capsys, path, path, "--tracks", copy)
     assert (status, len(errors)) == (2, 1)
     assert "landmark: must be 0 to" in errors[0]
+
+
+def test_nees_with_yaw_and_position_free(tmp_path, capsys):
+    poses, yaw, sigma = track(), rotation.exp([0.0, 0.0, 2.0]), np.repeat([0.2, 0.02], 3)
+    uncertain = np.minimum(np.arange(n := len(poses.t_ns)), 1)[:, None]  # the start is exact
+    errors = uncertain * sigma * np.random.default_rng(12).normal(size=(n, 6))
+    q_wb = rotation.multiply(yaw, rotation.multiply(rotation.exp(-errors[:, 3:]), poses.q_wb))
+    moved = rotation.rotate(yaw, poses.position - errors[:, :3] + np.array([5.0, -3.0, 2.0]))
+    stated = np.diag(np.square(sigma)) * uncertain[..., None]
+    bag = write_bag(
+        tmp_path / "a", poses._replace(position=moved, q_wb=q_wb), None, (stated, stated)
+    )
+    found = result(capsys, bag, write_bag(tmp_path / "truth", poses), "--align", "yaw")["nees"]
+    means = [found["position"]["mean"], found["attitude"]["mean"]]
+    assert means == pytest.approx([3.0, 3.0], abs=4 * np.sqrt(6 / 400))
