@@ -18,11 +18,12 @@ if TYPE_CHECKING:
     from imu_sim_ros.campaign import campaign as campaign
     from imu_sim_ros.campaign import engine as engine
     from imu_sim_ros.campaign.campaign import Outcome as Outcome
-    from imu_sim_ros.campaign.campaign import counts as counts
     from imu_sim_ros.campaign.cells import Cell as Cell
     from imu_sim_ros.campaign.cells import cell_count as cell_count
     from imu_sim_ros.campaign.engine import Engine as Engine
     from imu_sim_ros.campaign.engine import Task as Task
+    from imu_sim_ros.campaign.junit import write_junit as write_junit
+    from imu_sim_ros.campaign.metrics import parse_tolerance as parse_tolerance
     from imu_sim_ros.campaign.plan import Plan as Plan
     from imu_sim_ros.campaign.plan import check_plan as check_plan
     from imu_sim_ros.campaign.plan import find_plan as find_plan
@@ -39,34 +40,37 @@ if TYPE_CHECKING:
     from imu_sim_ros.campaign.statistics import quantile as quantile
     from imu_sim_ros.campaign.statistics import statistic as statistic
     from imu_sim_ros.campaign.summary import Group as Group
-    from imu_sim_ros.campaign.summary import against_baseline as against_baseline
-    from imu_sim_ros.campaign.summary import compared as compared
     from imu_sim_ros.campaign.summary import groups as groups
     from imu_sim_ros.campaign.summary import slopes as slopes
     from imu_sim_ros.campaign.summary import unmet as unmet
     from imu_sim_ros.campaign.summary import unmet_lines as unmet_lines
     from imu_sim_ros.campaign.summary import unused as unused
+    from imu_sim_ros.campaign.verdict import Contest as Contest
+    from imu_sim_ros.campaign.verdict import Judgement as Judgement
+    from imu_sim_ros.campaign.verdict import counts as counts
+    from imu_sim_ros.campaign.verdict import judge as judge
 else:
     __getattr__, __dir__, __all__ = exported(
         __name__,
         {
             "": ["campaign", "engine"],
-            "campaign": ["Outcome", "counts"],
+            "campaign": ["Outcome"],
             "cells": ["Cell", "cell_count"],
             "engine": ["Engine", "Task"],
+            "junit": ["write_junit"],
+            "metrics": ["parse_tolerance"],
             "plan": ["Plan", "check_plan", "find_plan", "load_plan"],
             "results": ["LOG", "TABLE", "Row", "Store", "read_results", "replaced", "write_tables"],
             "runs": ["CellRuns"],
             "statistics": ["Interval", "quantile", "statistic"],
             "summary": [
                 "Group",
-                "against_baseline",
-                "compared",
                 "groups",
                 "slopes",
                 "unmet",
                 "unmet_lines",
                 "unused",
             ],
+            "verdict": ["Contest", "Judgement", "counts", "judge"],
         },
     )

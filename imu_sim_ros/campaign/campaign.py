@@ -5,7 +5,6 @@
 
 import csv
 import platform
-import re
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -29,10 +28,10 @@ from imu_sim_ros.campaign.results import (
     write_tables,
 )
 from imu_sim_ros.campaign.summary import groups, summary_rows
+from imu_sim_ros.campaign.verdict import Judgement
 from imu_sim_ros.config import CalibrationEstimator, CommandEstimator
 from imu_sim_ros.json_text import as_json
 
-_NUMBER: Final = re.compile(r"(?<![\w.])\d+(\.\d+)?(e[-+]?\d+)?\b")
 _BUILT_IN_BATCH: Final = 50
 """Seeds in a task: large enough that a cell's covariance is rarely computed (30 us a sample)."""
 _RECORDS: Final = 5
@@ -55,7 +54,7 @@ class Outcome(NamedTuple):
 def columns(plan: Plan) -> list[str]:
     """Return the columns of the results."""
     identity = ["cell", "seed", "estimator", "status"]
-    return [*identity, *plan.grid_names, *plan.metrics, "digest", "version"]
+    return [*identity, *plan.grid_names, *plan.metrics, "align", "digest", "version"]
 
 
 def batch_size(plan: Plan) -> int:
@@ -207,22 +206,6 @@ def write_versions(folder: Path) -> Path:
     return path
 
 
-def counts(rows: Sequence[Row]) -> dict[str, int]:
-    """Return how often each status occurs, the most frequent first.
-
-    Statuses that differ only in numbers are counted as one, with ``...`` for the numbers.
-    """
-    found: dict[str, Counter[str]] = {}
-    for row in rows:
-        status = str(row["status"])
-        found.setdefault(_NUMBER.sub("...", status), Counter())[status] += 1
-    named = {
-        next(iter(alike)) if len(alike) == 1 else name: alike.total()
-        for name, alike in found.items()
-    }
-    return dict(sorted(named.items(), key=lambda item: -item[1]))
-
-
 class Tally:
     """How far a campaign has come, for whoever watches it."""
 
@@ -273,7 +256,7 @@ def seconds_of_all_runs(plan: Plan) -> float | None:
     return cell_count(plan.axes) * (max(first - one, 0.0) + len(plan.seeds) * one)
 
 
-def result(outcome: Outcome, wall_s: float, folder: Path) -> dict[str, Any]:
+def result(outcome: Outcome, wall_s: float, folder: Path, judgement: Judgement) -> dict[str, Any]:
     """Return what ``--json`` prints."""
     done = sum(row["status"] == "done" for row in outcome.rows)
     return {
@@ -282,4 +265,5 @@ def result(outcome: Outcome, wall_s: float, folder: Path) -> dict[str, Any]:
         "failed": len(outcome.rows) - done,
         "wall_s": wall_s,
         "results": str(folder / "results.csv"),
+        "judgement": judgement.to_dict(),
     }

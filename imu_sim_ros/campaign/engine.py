@@ -44,7 +44,7 @@ _THREADS: Final = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 _AT_HAND: Final = 4
 """Tasks that a cluster's scheduler holds for each thread: enough that none waits, and few enough
 that its memory does not grow with the campaign."""
-_CONNECT_S: Final = 5.0
+_CONNECT_S: Final = 10.0
 _DASHBOARD_PORT: Final = 8787
 
 
@@ -94,6 +94,7 @@ def failed(plan: Plan, task: Task, status: str) -> list[Row]:
             "estimator": name,
             "status": status,
             **task.cell.values,
+            "align": plan.alignment(name),
             "digest": digests.get(name, ""),
             "version": imu_sim_ros.__version__,
         }
@@ -130,7 +131,6 @@ def dask(client: "Client") -> Engine:
     """Return the engine of a cluster."""
 
     def start(plan: Plan, todo: Iterable[Task], folder: Path) -> Generator[list[Row], None, None]:
-        from distributed.comm.core import CommClosedError
         from distributed.scheduler import KilledWorker
 
         def width() -> int:
@@ -140,7 +140,7 @@ def dask(client: "Client") -> Engine:
         try:
             # The scheduler has made its own attempts, and blames all tasks that the worker had.
             yield from _run(plan, todo, folder, executor, width, KilledWorker, 1, True)
-        except (CommClosedError, CancelledError):
+        except (OSError, CancelledError):  # of the connection: a worker's errors are in its rows
             raise MachineError(
                 "the connection to the scheduler was lost; continue with --resume"
             ) from None

@@ -17,11 +17,11 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Final, NamedTuple
 
+from imu_sim_ros.campaign.metrics import SUCCESS
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.names import suggestion
 
 STATISTICS: Final = ("median", "mean", "p5", "p25", "p75", "p90", "p95", "p99", "min", "max")
-SUCCESS: Final = "success"
 
 _OPERATORS: Final[dict[str, Callable[[float, float], bool]]] = {
     "<=": operator.le,

@@ -4,7 +4,7 @@
 """The numbers that a run is judged by."""
 
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -33,6 +33,11 @@ STATE: Final = (
     "nees_velocity",
     "attitude_sigma_rad",
 )
+SUCCESS: Final = "success"
+"""The share of runs that are done, which can be compared like a metric."""
+LOWER, HIGHER = "lower", "higher"
+Better = str | float
+"""Which values of a metric are better: lower ones, higher ones, or those near a number."""
 COMMAND: Final = ("scale_error", "initialisation_s", "wall_s", "real_time_factor", "peak_memory_mb")
 """Metrics of programs that describe the execution and are not reproducible."""
 
@@ -63,6 +68,84 @@ def calibration_names(kinds: Collection[str]) -> tuple[str, ...]:
     if "temperature" in kinds:
         names += [f"{one}_sigmas" for one in THERMAL]
     return tuple(names)
+
+
+def better(metric: str, own: Mapping[str, Better]) -> Better:
+    """Return which values of a metric are better.
+
+    :param own: of the plan's own metrics.
+    """
+    if metric in own:
+        return own[metric]
+    if metric in (SUCCESS, "real_time_factor"):
+        return HIGHER
+    if metric == "scale_error":
+        return 0.0
+    if metric.startswith("nees_"):
+        return 3.0
+    if metric.endswith(("_ratio", "_sigmas")):
+        return 1.0
+    return 0.95 if metric.endswith("_covered") else LOWER
+
+
+def depends_on_alignment(metric: str) -> bool:
+    """Return whether a metric is computed after the trajectory was aligned with the truth."""
+    return metric in POSE or metric.startswith("rpe_") or metric == "final_velocity_error_m_s"
+
+
+def parse_own(content: object, taken: Collection[str]) -> dict[str, Better]:
+    """Return the ``metrics`` of a plan: names, and which values are better.
+
+    :param taken: names of other metrics.
+    :raises ConfigurationError: with a line for each problem.
+    """
+    if content is None:
+        return {}
+    if not isinstance(content, Mapping):
+        raise ConfigurationError(
+            f"metrics = {shown(content)}: must hold names and lower, higher or a number"
+        )
+    problems = []
+    for name, value in content.items():
+        if not re.fullmatch(r"[A-Za-z]\w{0,63}", str(name)) or str(name) in taken:
+            problems.append(
+                f"metrics: {shown(name)}: a name may contain letters, digits and _ only, at most "
+                "64, and must not be another metric's"
+            )
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if value not in (LOWER, HIGHER) and not (number and np.isfinite(value)):
+            problems.append(
+                f"metrics.{name} = {shown(value)}: must be lower, higher, or the number near which "
+                "values are best"
+            )
+    if problems:
+        raise ConfigurationError(problems)
+    return {str(name): value for name, value in content.items()}
+
+
+class Tolerance(NamedTuple):
+    """A difference that does not matter."""
+
+    value: float
+    relative: bool
+
+    def __str__(self) -> str:
+        return f"{100.0 * self.value:.3g} %" if self.relative else f"{self.value:.3g}"
+
+
+def parse_tolerance(content: object) -> Tolerance:
+    """Return a share such as ``2 %``, or a number in the metric's unit.
+
+    :raises ConfigurationError: for anything else.
+    """
+    match = re.fullmatch(r"\s*(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*(%?)\s*", str(content))
+    value = float(match[1] + (match[2] or "")) if match and not isinstance(content, bool) else None
+    if match is None or value is None or not value < 1e9:
+        raise ConfigurationError(
+            f"tolerance = {shown(content)}: must be a share such as 2 %, or a number in the "
+            "metric's unit, at least 0"
+        )
+    return Tolerance(0.01 * value, True) if match[3] else Tolerance(value, False)
 
 
 class Relative(NamedTuple):

@@ -5,10 +5,13 @@
 
 import hashlib
 import json
+import os
 import re
+import shlex
+import shutil
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -26,10 +29,14 @@ from imu_sim_ros.campaign.cells import (
 from imu_sim_ros.campaign.faults import TimedFault, read_faults
 from imu_sim_ros.campaign.gate import Requirement, parse
 from imu_sim_ros.campaign.metrics import (
+    Better,
     Relative,
+    Tolerance,
     calibration_names,
     metric_names,
+    parse_own,
     parse_relative,
+    parse_tolerance,
 )
 from imu_sim_ros.config import (
     CALIBRATIONS,
@@ -56,7 +63,11 @@ if TYPE_CHECKING:
 Estimator = DeadReckonEstimator | CommandEstimator | CalibrationEstimator
 
 SUFFIX: Final = (".yaml", ".yml")
-_KEYS: Final = ("parameters", "grid", "seeds", "faults", "estimators", "rpe", "require")
+_KEYS: Final = (
+    *("parameters", "grid", "seeds", "faults", "estimators"),
+    *("rpe", "metrics", "require", "tolerance"),
+)
+_COLUMNS: Final = ("cell", "seed", "estimator", "status", "align", "digest", "version", "success")
 _NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]{0,63}")
 _MOST_SEEDS: Final = 1_000_000
 _ALL_CHECKED: Final = 2000
@@ -77,11 +88,31 @@ class Plan:
     require: list[Requirement]
     environment: dict[str, dict[str, str]] = field(default_factory=dict)
     """Variables that are set for the commands, by estimator."""
+    own: dict[str, Better] = field(default_factory=dict)
+    """Metrics that programs write, and which values are better."""
+    tolerance: Tolerance = Tolerance(0.02, relative=True)
+    """Differences that do not matter."""
+    folder: Path = Path()
+    """Absolute: where the plan lies, and programs beside it."""
 
     @property
     def metrics(self) -> tuple[str, ...]:
         """The names of all metrics, in the order of the results' columns."""
-        return _metrics(self.relative, self.estimators)
+        return (*_metrics(self.relative, self.estimators), *self.own)
+
+    def alignment(self, estimator: str) -> str | None:
+        """Return how an estimator's trajectory is aligned; None for those without one."""
+        one = self.estimators[estimator]
+        if isinstance(one, CalibrationEstimator):
+            return None
+        chosen = self.options.align if one.align == "plan" else one.align
+        if chosen != "auto":
+            return chosen
+        return (
+            "yaw"
+            if any(isinstance(e, CommandEstimator) for e in self.estimators.values())
+            else "none"
+        )
 
     @property
     def grid_names(self) -> tuple[str, ...]:
@@ -141,6 +172,7 @@ class Plan:
             "files": _file_digests({**values, **seen}),
             "faults": [(timed.at, repr(timed.fault)) for timed in self.faults],
             "estimator": flatten(self.estimators[estimator]),
+            "align": self.alignment(estimator),
             "environment": self.environment.get(estimator, {}),
             "metrics": self.metrics,
             "diverged_above": self.options.diverged_above,
@@ -184,16 +216,59 @@ def load_plan(path: Path) -> Plan:
     :raises ConfigurationError: with a line for each problem.
     """
     with naming(path, ConfigurationError):
-        return read_plan(files.read_tree(path, "a plan (names such as grid, seeds and estimators)"))
+        plan = read_plan(files.read_tree(path, "a plan (names such as grid, seeds and estimators)"))
+    return replace(plan, folder=path.absolute().parent)
 
 
 def check_plan(plan: Plan, path: Path) -> None:
-    """Check the parameters of every cell.
+    """Check the parameters of every cell, and that the programs of this machine exist.
 
     :raises ConfigurationError: with a line for each problem.
     """
     with naming(path, ConfigurationError):
         check_cells(plan)
+        problems = missing(plan)
+        if problems:
+            raise ConfigurationError(problems)
+
+
+def missing(plan: Plan) -> list[str]:
+    """Return a line for each program or file that a plan names and that is not on this machine."""
+    problems = []
+    for name, one in plan.estimators.items():
+        if not isinstance(one, CommandEstimator):
+            continue
+        try:
+            words = shlex.split(one.command)
+        except ValueError as error:
+            problems.append(f"estimators.{name}.command: {error}")
+            continue
+        path = plan.environment.get(name, {}).get("PATH")
+        if not one.shell and "{" not in words[0] and program(plan, words[0], path) is None:
+            problems.append(
+                f"estimators.{name}.command: {words[0]}: no such program, neither in PATH nor in "
+                f"{plan.folder}"
+            )
+        # A shell's words may be anything; what lies beside the plan or in the package may not.
+        places = {"{plan}": plan.folder, "{share}": files.config_folder().parent}
+        for word in words:
+            place, _, rest = word.partition("/")
+            if place in places and "{" not in rest and not (places[place] / rest).exists():
+                problems.append(
+                    f"estimators.{name}.command: {places[place] / rest}: does not exist"
+                )
+    return problems
+
+
+def program(plan: Plan, word: str, path: str | None) -> str | None:
+    """Return the program that the first word of a command means; None: there is none.
+
+    :param path: the variable PATH; None: that of this process.
+    """
+    beside = plan.folder / word
+    if os.access(beside, os.X_OK) and beside.is_file():
+        return str(beside)
+    return shutil.which(word, path=path)
 
 
 def find_plan(name_or_file: str) -> Path:
@@ -224,7 +299,10 @@ def read_plan(tree: Mapping[str, Any]) -> Plan:
     estimators, environment = attempt(lambda: _estimators(tree.get("estimators")), ({}, {}))
     relative = attempt(lambda: parse_relative(tree.get("rpe")), ())
     names = [name for axis in axes for name in axis.names]
-    metrics = _metrics(relative, estimators)
+    built_in = _metrics(relative, estimators)
+    own = attempt(lambda: parse_own(tree.get("metrics"), [*built_in, *_COLUMNS, *names]), {})
+    metrics = [*built_in, *own]
+    tolerance = attempt(lambda: parse_tolerance(tree.get("tolerance", "2 %")), None)
     require = attempt(
         lambda: parse(tree.get("require"), metrics, [*names, "estimator"]),
         [],
@@ -234,7 +312,10 @@ def read_plan(tree: Mapping[str, Any]) -> Plan:
         problems.append("seed: is given by seeds, not by parameters or grid")
     if problems:
         raise ConfigurationError(problems)
-    return Plan(options, layer, axes, seeds, faults, estimators, relative, require, environment)
+    return Plan(
+        *(options, layer, axes, seeds, faults, estimators, relative, require, environment),
+        *(own, tolerance),
+    )
 
 
 def check_cells(plan: Plan) -> None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 import imu_sim_ros
 from imu_sim_ros.bags import read_poses
 from imu_sim_ros.campaign.cells import Cell, word
-from imu_sim_ros.campaign.estimators import run_calibration, run_command
+from imu_sim_ros.campaign.estimators import Estimate, estimate_metrics, run_calibration, run_command
 from imu_sim_ros.campaign.metrics import Metrics, pose_metrics
 from imu_sim_ros.campaign.plan import Plan
 from imu_sim_ros.config import CalibrationEstimator, CommandEstimator, DeadReckonEstimator
@@ -22,8 +22,8 @@ from imu_sim_ros.navigation import NavigationStates, dead_reckon, noise_of
 from imu_sim_ros.navigation.comparison import (
     LARGEST_SIGMA,
     Truth,
+    align,
     attitude_errors,
-    drift_from,
     nees,
 )
 from imu_sim_ros.navigation.covariance import (
@@ -121,7 +121,7 @@ class CellRuns:
     ) -> Metrics:
         if isinstance(estimator, CommandEstimator):
             return run_command(self, estimator, name, seed, block, folder)
-        return self._dead_reckon(estimator, block)
+        return self._dead_reckon(estimator, str(self.plan.alignment(name)), block)
 
     def _row(self, seed: int, name: str, status: str, metrics: Metrics) -> dict[str, Any]:
         return {
@@ -131,6 +131,7 @@ class CellRuns:
             "status": " ".join(status.split())[:300],
             **{key: _plain(value) for key, value in self.cell.values.items()},
             **{key: metrics.get(key) for key in self.plan.metrics},
+            "align": self.plan.alignment(name),
             "digest": self.digests[name],
             "version": imu_sim_ros.__version__,
         }
@@ -148,7 +149,9 @@ class CellRuns:
         first = np.unique(t_ns, return_index=True)[1]
         return Readings(t_ns[first], gyro[first], accel[first])
 
-    def _dead_reckon(self, estimator: DeadReckonEstimator, block: ImuBlock) -> Metrics:
+    def _dead_reckon(
+        self, estimator: DeadReckonEstimator, alignment: str, block: ImuBlock
+    ) -> Metrics:
         readings, truth = self.readings(block), self.truth(block)
         if len(readings.t_ns) < 2:
             raise InputError(f"{len(readings.t_ns)} readings were delivered")
@@ -170,24 +173,20 @@ class CellRuns:
             estimator.attitude_update,
             self.parameters.gravity,
         )
-        if at_stamps:
-            estimate = PoseSequence(states.t_ns, states.position, states.q_wb)
-            metrics = pose_metrics(estimate, truth_poses, self.plan.relative)
-            velocity = truth.velocity[-1] - states.velocity[-1]
-            metrics["final_velocity_error_m_s"] = float(np.linalg.norm(velocity))
-            metrics.update(self._consistency(truth, block, states))
-            return metrics
-        compared = drift_from(states, Truth(truth_poses, truth.velocity))
-        return {
-            "ate_rmse_m": compared.rms("position"),
-            "ate_rmse_rad": compared.rms("attitude"),
-            "final_position_error_m": compared.final("position"),
-            "final_attitude_error_rad": compared.final("attitude"),
-            "final_velocity_error_m_s": compared.final("velocity"),
-            "drift_percent": 100.0 * compared.final("position") / compared.distance
-            if compared.distance > 0.0
-            else None,
-        }
+        estimate = PoseSequence(states.t_ns, states.position, states.q_wb)
+        if not at_stamps:
+            found = Estimate(estimate, states.velocity)
+            return estimate_metrics(found, block, alignment, self.plan.relative)
+        velocity = states.velocity
+        if alignment != "none":
+            aligned = align(estimate.position, truth.position, alignment)
+            estimate, velocity = aligned.apply(estimate), aligned.scale * velocity @ aligned.r.T
+        metrics = pose_metrics(estimate, truth_poses, self.plan.relative)
+        metrics["final_velocity_error_m_s"] = float(
+            np.linalg.norm(truth.velocity[-1] - velocity[-1])
+        )
+        metrics.update(self._consistency(truth, block, states))
+        return metrics
 
     def _consistency(
         self, truth: NavigationStates, block: ImuBlock, states: NavigationStates

@@ -11,6 +11,7 @@ sensors are compared by Wilcoxon's signed-rank test on the differences of the sa
 for the number of comparisons by Holm (Scand. J. Statistics 1979).
 """
 
+import functools
 import math
 from collections.abc import Sequence
 from typing import Final, NamedTuple
@@ -21,13 +22,21 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 CONFIDENCE: Final = 0.95
-_RESAMPLES: Final = 9999
-_FEWEST_RESAMPLES: Final = 1999
-_DRAWN: Final = 10_000_000
-"""Numbers drawn for an interval: of very many runs there are fewer resamples, whose number then
-matters less than the runs'."""
+_Z: Final = 1.959963984540054
+"""Quantile of the normal distribution for :data:`CONFIDENCE`."""
+_RESAMPLES: Final = 4999
+_MOST_RESAMPLED: Final = 1000
+"""Runs above which a mean has the normal interval: what the bootstrap adds to it falls with their
+number."""
 _CHUNK: Final = 1_000_000
 """Numbers drawn at a time, so that memory does not grow with the runs."""
+_INFINITE: Final = 1e9
+"""Difference that stands for an infinite one: a failed run is worse than any number."""
+_MOST_PAIRS: Final = 1000
+"""Pairs above which a million of their averages are drawn instead of all."""
+_MOST_EXACT: Final = 50
+_CAMPAIGNS: Final = 4000
+_MOST_SEEDS: Final = 100_000
 _FEWEST: Final = 6
 """Runs below which no interval is given; two-sided, Wilcoxon's test needs as many for 5 %."""
 
@@ -51,7 +60,7 @@ def success(done: int, runs: int) -> Interval:
 
 
 def mean(values: Array) -> Interval:
-    """Return the mean of values (n,) with its BCa bootstrap interval.
+    """Return the mean of values (n,) with its BCa bootstrap interval (of SciPy).
 
     The resampling has a fixed seed: the same values give the same interval.
     """
@@ -62,41 +71,21 @@ def mean(values: Array) -> Interval:
         return Interval(found, None, None)
     if np.ptp(values) == 0.0:
         return Interval(found, found, found)
-    low, high = _bca(values)
-    return Interval(found, low, high)
+    if len(values) > _MOST_RESAMPLED:
+        half = _Z * float(np.std(values, ddof=1)) / math.sqrt(len(values))
+        return Interval(found, found - half, found + half)
+    from scipy.stats import bootstrap
 
-
-def _bca(values: Array) -> tuple[float, float]:
-    """Return the BCa interval of a mean.
-
-    With z0 the normal quantile of the share of resampled means below the mean, and the acceleration
-    ``a = sum d^3 / (6 (sum d^2)^1.5)`` of the deviations d from the mean, the ends are those
-    quantiles of the resampled means whose order is ``Phi(z0 + (z0 + z) / (1 - a (z0 + z)))``.
-    """
-    from scipy.special import ndtr, ndtri
-
-    rng = np.random.default_rng(20_240_611)
-    resamples = min(max(_DRAWN // len(values), _FEWEST_RESAMPLES), _RESAMPLES)
-    at_once = max(_CHUNK // len(values), 1)
-    means = np.sort(
-        np.concatenate(
-            [
-                values[
-                    rng.integers(0, len(values), (min(at_once, resamples - k), len(values)))
-                ].mean(axis=1)
-                for k in range(0, resamples, at_once)
-            ]
-        )
-    )
-    centre = values.mean()
-    below = (np.sum(means < centre) + 0.5 * np.sum(means == centre)) / resamples
-    z0 = ndtri(np.clip(below, 1 / resamples, 1 - 1 / resamples))
-    # The jackknife's deviations are those of the values, up to a factor that cancels out.
-    deviation = values - centre
-    acceleration = np.sum(deviation**3) / (6.0 * np.sum(deviation**2) ** 1.5)
-    z = z0 + ndtri([0.5 * (1.0 - CONFIDENCE), 0.5 * (1.0 + CONFIDENCE)])
-    ends = np.quantile(means, ndtr(z0 + z / (1.0 - acceleration * z)))
-    return float(ends[0]), float(ends[1])
+    ends = bootstrap(
+        (values,),
+        np.mean,
+        n_resamples=_RESAMPLES,
+        batch=_CHUNK // len(values),
+        confidence_level=CONFIDENCE,
+        method="BCa",
+        random_state=20_240_611,
+    ).confidence_interval
+    return Interval(found, float(ends.low), float(ends.high))
 
 
 def quantile(values: Array, p: float) -> Interval:
@@ -131,31 +120,171 @@ def statistic(values: Array, name: str) -> Interval:
     return quantile(values, 0.5 if name == "median" else float(name[1:]) / 100.0)
 
 
-class Comparison(NamedTuple):
-    """A against B on the same seeds."""
+def wins(a: Array, b: Array) -> tuple[int, int, int]:
+    """Return on how many pairs a is smaller than b, larger, and neither."""
+    smaller, larger = int(np.sum(a < b)), int(np.sum(a > b))
+    return smaller, larger, len(a) - smaller - larger
 
-    pairs: int
-    median_difference: Interval
-    """Of A less B."""
-    ratio: float | None
-    """Geometric mean of A / B."""
+
+def share_difference(a: NDArray[np.bool_], b: NDArray[np.bool_]) -> tuple[Interval, float | None]:
+    """Return by how much the share of successes of A exceeds that of B on the same seeds.
+
+    The interval is Bonett and Price's (British J. Math. Stat. Psychology 65, 2012, 479-488), p is
+    McNemar's exact one, two-sided; None where so few pairs differ that it cannot fall below 5 %.
+
+    :param a: (n,) success of A.
+    :param b: (n,) success of B on the same seeds.
+    """
+    from scipy.stats import binomtest
+
+    n, only_a, only_b = len(a), int(np.sum(a & ~b)), int(np.sum(b & ~a))
+    if not n:
+        return Interval(None, None, None), None
+    gain, loss = (only_a + 1) / (n + 2), (only_b + 1) / (n + 2)
+    half = _Z * math.sqrt((gain + loss - (gain - loss) ** 2) / (n + 2))
+    low, high = max(gain - loss - half, -1.0), min(gain - loss + half, 1.0)
+    p = binomtest(only_a, only_a + only_b).pvalue if only_a + only_b >= _FEWEST else None
+    return Interval((only_a - only_b) / n, low, high), None if p is None else float(p)
+
+
+class Shift(NamedTuple):
+    """By how much paired differences lie from zero."""
+
+    centre: Interval
+    """Hodges and Lehmann's, with its 95 % interval; an end is None where it is infinite or where
+    too few pairs support it."""
+    sign: int
+    """Of the centre, which may be infinite."""
     p: float | None
-    """Of Wilcoxon's signed-rank test, two-sided, not yet corrected; None where there is nothing."""
+    """Of Wilcoxon's signed-rank test, two-sided; None where there are fewer than six pairs."""
+    p_beyond: float | None
+    """Of the same test against the hypothesis that the centre lies within the margin."""
 
 
-def compare(a: Array, b: Array) -> Comparison:
-    """Compare values (n,) of A and B; row k of both has the same seed."""
-    from scipy.stats import wilcoxon
+def shift(differences: Array, margin: float = 0.0) -> Shift:
+    """Return how far paired differences (n,) lie from zero, and whether beyond a margin.
 
-    difference = a - b
-    positive = (a > 0) & (b > 0)
-    ratio = float(np.exp(np.mean(np.log(a[positive] / b[positive])))) if positive.any() else None
-    p: float | None = None
-    if len(difference) >= _FEWEST:
-        # The ranks of logarithms are fair to errors that differ by a factor.
-        logarithms = np.log(a / b) if positive.all() else difference
-        p = float(wilcoxon(logarithms).pvalue) if np.any(logarithms != 0.0) else 1.0
-    return Comparison(len(difference), quantile(difference, 0.5), ratio, p)
+    The centre is the median of the Walsh averages ``(d_i + d_j) / 2``, i <= j, and its interval
+    ends with those averages that the signed-rank test does not refuse (Hollander, Wolfe and
+    Chicken, "Nonparametric statistical methods", 3rd edition, sections 3.1 to 3.3): it excludes
+    zero where the test finds a difference. Infinite differences are larger than any other.
+    """
+    n = len(differences)
+    if not n:
+        return Shift(Interval(None, None, None), 0, None, None)
+    d = np.clip(differences, -_INFINITE, _INFINITE)
+    if n <= _MOST_PAIRS:
+        first, second = np.triu_indices(n)
+    else:
+        first, second = np.random.default_rng(20_240_611).integers(0, n, (2, _CHUNK))
+    averages = np.sort(0.5 * (d[first] + d[second]))
+    middle = float(np.median(averages))
+    rank = signed_rank_limit(n, 0.5 * (1.0 - CONFIDENCE))
+    if rank is None:
+        return Shift(Interval(_known(middle), None, None), int(np.sign(middle)), None, None)
+    # Of all averages, the one of rank + 1; a drawn part has a proportional place.
+    place = rank if n <= _MOST_PAIRS else rank * len(averages) // (n * (n + 1) // 2)
+    ends = _known(float(averages[place])), _known(float(averages[-1 - place]))
+    beyond = min(_tails(d - margin)[1], _tails(d + margin)[0])
+    return Shift(
+        Interval(_known(middle), *ends),
+        int(np.sign(middle)),
+        min(2.0 * min(_tails(d)), 1.0),
+        min(2.0 * beyond, 1.0),
+    )
+
+
+def _known(value: float) -> float | None:
+    """Return None for an average in which an infinite difference is."""
+    return value if abs(value) < 0.25 * _INFINITE else None
+
+
+def _tails(d: Array) -> tuple[float, float]:
+    """Return the probabilities of at most and at least this sum of positive ranks, by chance.
+
+    Up to 50 differences the distribution is exact, of tied ranks too: twice a mean rank is whole.
+    """
+    from scipy.special import ndtr
+    from scipy.stats import rankdata
+
+    d = d[d != 0.0]
+    if not len(d):
+        return 1.0, 1.0
+    ranks = rankdata(np.abs(d))
+    found = ranks[d > 0.0].sum()
+    if len(d) > _MOST_EXACT:
+        z = (found - 0.5 * ranks.sum()) / math.sqrt(0.25 * np.sum(ranks**2))
+        return float(ndtr(z)), float(ndtr(-z))
+    chance = _rank_sums(tuple((2.0 * np.sort(ranks)).astype(int)))
+    place = round(2.0 * found)
+    return float(chance[: place + 1].sum()), float(chance[place:].sum())
+
+
+@functools.lru_cache(maxsize=256)
+def _rank_sums(ranks: tuple[int, ...]) -> Array:
+    """Return the probability of each sum of ranks that are in it or not with equal chance."""
+    chance = np.zeros(sum(ranks) + 1)
+    chance[0] = 1.0
+    for rank in ranks:
+        chance[rank:] = 0.5 * (chance[rank:] + chance[: len(chance) - rank])
+        chance[:rank] *= 0.5
+    return chance
+
+
+def signed_rank_limit(n: int, tail: float) -> int | None:
+    """Return the largest sum of positive ranks of n pairs that has a chance of at most ``tail``.
+
+    None: there is none; smaller sums are as unlikely.
+    """
+    if n <= _MOST_EXACT:
+        found = int(np.searchsorted(np.cumsum(_rank_sums(tuple(range(1, n + 1)))), tail, "right"))
+    else:
+        from scipy.special import ndtri
+
+        deviation = math.sqrt(n * (n + 1) * (2 * n + 1) / 24.0)
+        found = math.floor(n * (n + 1) / 4.0 + ndtri(tail) * deviation) + 1
+    return found - 1 if found else None
+
+
+def power(pairs: int, difference: float, scatter: float, margin: float, comparisons: int) -> float:
+    """Return the chance to find a relative difference on so many seeds, from 4000 campaigns.
+
+    :param difference: 0.1 for 10 %.
+    :param scatter: of the ratio of the two on the same seed, as the standard deviation of its
+        logarithm: what they share does not matter.
+    :param margin: beyond which the difference has to lie, 0.02 for 2 %.
+    :param comparisons: made at once, by which the level of 5 % is divided.
+    """
+    limit = signed_rank_limit(pairs, 0.5 * (1.0 - CONFIDENCE) / comparisons)
+    if limit is None:
+        return 0.0
+    distance = math.log1p(difference) - math.log1p(margin)
+    rng, found = np.random.default_rng(20_240_611), 0
+    at_once = max(_CHUNK // pairs, 1)
+    for first in range(0, _CAMPAIGNS, at_once):
+        d = rng.standard_normal((min(at_once, _CAMPAIGNS - first), pairs))
+        d = distance + scatter * d
+        ranks = np.argsort(np.argsort(np.abs(d), axis=1), axis=1) + 1
+        found += int(np.sum(np.sum(ranks * (d < 0.0), axis=1) <= limit))
+    return found / _CAMPAIGNS
+
+
+def seeds_needed(
+    wanted: float, difference: float, scatter: float, margin: float, comparisons: int
+) -> int | None:
+    """Return the fewest seeds with a wanted :func:`power`; None: more than 100,000."""
+    low, high = 0, 8
+    while power(high, difference, scatter, margin, comparisons) < wanted:
+        low, high = high, 2 * high
+        if high > _MOST_SEEDS:
+            return None
+    while high - low > max(high // 100, 1):
+        middle = (low + high) // 2
+        if power(middle, difference, scatter, margin, comparisons) < wanted:
+            low = middle
+        else:
+            high = middle
+    return high
 
 
 def holm(p_values: Sequence[float | None]) -> list[float | None]:

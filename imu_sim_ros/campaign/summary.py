@@ -1,23 +1,21 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A campaign's results in tables: per cell, compared in pairs, and over parameters."""
+"""A campaign's results in tables: per cell and estimator, against requirements, over parameters."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
-from typing import Any, Final, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from imu_sim_ros.campaign.cells import word
-from imu_sim_ros.campaign.gate import SUCCESS, Requirement
+from imu_sim_ros.campaign.gate import Requirement
+from imu_sim_ros.campaign.metrics import SUCCESS
 from imu_sim_ros.campaign.results import Row, numbers
 from imu_sim_ros.campaign.statistics import (
-    Comparison,
     Interval,
     Sensitivity,
-    compare,
-    holm,
     mean,
     quantile,
     sensitivity,
@@ -25,9 +23,6 @@ from imu_sim_ros.campaign.statistics import (
     success,
 )
 from imu_sim_ros.navigation.comparison import LARGEST_SIGMA
-
-SIGNIFICANT: Final = 0.05
-_KEYS: Final = ("cell", "estimator")
 
 
 class Group(NamedTuple):
@@ -43,6 +38,12 @@ class Group(NamedTuple):
         """What filters of requirements compare with."""
         values = {name: word(self.rows[0].get(name)) for name in self.grid}
         return {**values, "estimator": self.estimator}
+
+    @property
+    def align(self) -> str | None:
+        """How the trajectories are aligned; None: unknown, or there is none."""
+        found = self.rows[0].get("align")
+        return None if found is None else str(found)
 
     @property
     def done(self) -> int:
@@ -62,6 +63,12 @@ class Group(NamedTuple):
         if not metric.startswith("nees_") or len(self.values(metric)):
             return False
         return bool(np.any(self.values("attitude_sigma_rad") > LARGEST_SIGMA))
+
+    def value(self, requirement: Requirement) -> float | None:
+        """Return the number that a requirement is about; None: there is none."""
+        if requirement.metric == SUCCESS:
+            return self.success().value
+        return statistic(self.values(requirement.metric), requirement.statistic).value
 
 
 def groups(rows: Iterable[Row], grid: Sequence[str]) -> list[Group]:
@@ -97,7 +104,7 @@ def unmet(found: Sequence[Group], require: Sequence[Requirement]) -> list[Unmet]
     for requirement in require:
         for group in found:
             if requirement.concerns(group.words):
-                value = _value(group, requirement)
+                value = group.value(requirement)
                 if not requirement.holds(value):
                     result.append(Unmet(requirement, group, value))
     return result
@@ -121,15 +128,6 @@ def unmet_lines(failed: Sequence[Unmet], shown: int = 10) -> list[str]:
 def unused(found: Sequence[Group], require: Sequence[Requirement]) -> list[Requirement]:
     """Return the requirements that apply to no group: a typo in a filter would go unnoticed."""
     return [one for one in require if not any(one.concerns(group.words) for group in found)]
-
-
-def _value(group: Group, requirement: Requirement) -> float | None:
-    if requirement.metric == SUCCESS:
-        return group.success().value
-    return statistic(group.values(requirement.metric), requirement.statistic).value
-
-
-SUMMARY_STATISTICS: Final = ("median", "mean", "p5", "p95")
 
 
 def summary_rows(found: Sequence[Group], metrics: Sequence[str]) -> list[dict[str, Any]]:
@@ -158,88 +156,6 @@ def _summary_row(group: Group, metrics: Sequence[str]) -> dict[str, Any]:
 
 def _put(row: dict[str, Any], name: str, interval: Interval) -> None:
     row[name], row[f"{name}.low"], row[f"{name}.high"] = interval
-
-
-class Pair(NamedTuple):
-    """Two groups, or one group before and after, compared on the same seeds."""
-
-    a: str
-    b: str
-    comparison: Comparison
-    p: float | None
-    """Corrected for the number of comparisons."""
-
-    @property
-    def significant(self) -> bool:
-        """Whether the difference is more than chance."""
-        return self.p is not None and self.p < SIGNIFICANT
-
-
-def compared(found: Sequence[Group], metric: str) -> list[Pair]:
-    """Compare estimators within each cell, and the values of each axis of the grid.
-
-    Only groups that differ in one thing are compared: the estimator, or one value of the grid.
-    """
-    names, results = [], []
-    for a, b in _neighbours(found):
-        comparison = paired(a.rows, b.rows, metric)
-        if comparison is not None:
-            names.append((_label(a), _label(b)))
-            results.append(comparison)
-    return _corrected(names, results)
-
-
-def against_baseline(found: Sequence[Group], before: Sequence[Group], metric: str) -> list[Pair]:
-    """Compare each group with the same one of an earlier campaign."""
-    earlier = {(group.cell, group.estimator): group for group in before}
-    names, results = [], []
-    for group in found:
-        old = earlier.get((group.cell, group.estimator))
-        comparison = paired(group.rows, old.rows, metric) if old is not None else None
-        if comparison is not None:
-            names.append((_label(group), "baseline"))
-            results.append(comparison)
-    return _corrected(names, results)
-
-
-def paired(a: Sequence[Row], b: Sequence[Row], metric: str) -> Comparison | None:
-    """Compare a metric on the seeds that both have; None where there are none."""
-    ours, theirs = _by_seed(a, metric), _by_seed(b, metric)
-    seeds = sorted(set(ours) & set(theirs))
-    if not seeds:
-        return None
-    return compare(
-        np.array([ours[seed] for seed in seeds]), np.array([theirs[seed] for seed in seeds])
-    )
-
-
-def _by_seed(rows: Sequence[Row], metric: str) -> dict[int, float]:
-    return {int(row["seed"]): numbers([row], metric)[0] for row in rows if numbers([row], metric)}
-
-
-def _corrected(names: Sequence[tuple[str, str]], results: Sequence[Comparison]) -> list[Pair]:
-    p_values = holm([result.p for result in results])
-    return [
-        Pair(a, b, result, p) for (a, b), result, p in zip(names, results, p_values, strict=True)
-    ]
-
-
-def _label(group: Group) -> str:
-    return f"{group.cell}; {group.estimator}"
-
-
-def _neighbours(found: Sequence[Group]) -> Iterable[tuple[Group, Group]]:
-    """Yield pairs that differ in the estimator alone, or in one value of the grid alone."""
-    index: dict[tuple[tuple[str, str], ...], list[Group]] = defaultdict(list)
-    for group in found:
-        words = sorted(group.words.items())
-        for k in range(len(words)):
-            key = (*words[:k], (words[k][0], "*"), *words[k + 1 :])
-            index[key].append(group)
-    for members in index.values():
-        for k, a in enumerate(members):
-            for b in members[k + 1 :]:
-                yield a, b
 
 
 class Slope(NamedTuple):

@@ -15,11 +15,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from imu_sim_ros.commands import common, shared
-from imu_sim_ros.errors import InputError, system_error
+from imu_sim_ros.errors import InputError, MachineError, system_error
 from imu_sim_ros.machine import cores
 
 if TYPE_CHECKING:
-    from imu_sim_ros.campaign import Engine, Group, Outcome, Plan, Row, Store
+    from imu_sim_ros.campaign import Contest, Engine, Group, Judgement, Outcome, Plan, Row, Store
 
 EXAMPLES: Final = """
   campaign which_imu -o which_imu
@@ -63,6 +63,18 @@ def parser() -> common.Parser:
         default="",
         metavar="NAME",
         help="metric of the tables and of --baseline; default: ate_rmse_m, or the plan's first",
+    )
+    result.add_argument(
+        "--tolerance",
+        metavar="SHARE",
+        help="difference that does not matter: 5%%, or a number in the metric's unit; default: the "
+        "plan's, 2%%",
+    )
+    result.add_argument(
+        "--junit",
+        type=Path,
+        metavar="FILE",
+        help="write requirements, verdicts and failures as JUnit XML",
     )
     result.add_argument("--no-report", action="store_true", help="write no report.html")
     result.add_argument(
@@ -113,9 +125,11 @@ def run(arguments: argparse.Namespace) -> list[str]:
         campaign,
         check_plan,
         find_plan,
-        groups,
+        judge,
         load_plan,
+        parse_tolerance,
         read_results,
+        write_junit,
     )
 
     path = find_plan(arguments.plan)
@@ -138,12 +152,26 @@ def run(arguments: argparse.Namespace) -> list[str]:
         if not arguments.no_report:
             _write_page(arguments)
     wall_s = time.perf_counter() - started
-    found = groups(outcome.rows, plan.grid_names)
+    tolerance = arguments.tolerance and parse_tolerance(arguments.tolerance)
+    found = judge(plan, outcome.rows, arguments.metric, baseline, tolerance)
+    if arguments.junit is not None:
+        write_junit(arguments.junit, plan.options.name, found)
     if arguments.json:
-        common.print_json(campaign.result(outcome, wall_s, arguments.output))
+        common.print_json(campaign.result(outcome, wall_s, arguments.output, found))
     elif not arguments.quiet:
-        _print(arguments, outcome, found, wall_s)
-    return _gate(arguments, plan, found, baseline)
+        _print(arguments, plan, outcome, found, wall_s)
+    if outcome.rows and not found.done:
+        reasons = [f"no run is done: {one}" for one in _reasons(found)]
+        raise MachineError([*found.problems, *reasons])
+    return found.problems
+
+
+def _reasons(found: "Judgement") -> list[str]:
+    """Return why runs failed, each reason once."""
+    counted: dict[str, int] = {}
+    for failure in found.failures:
+        counted[failure.reason] = counted.get(failure.reason, 0) + failure.runs
+    return [f"{runs:,} x {reason}" for reason, runs in list(counted.items())[:10]]
 
 
 def _watched(
@@ -197,8 +225,10 @@ def _check(arguments: argparse.Namespace, plan: "Plan") -> None:
     if arguments.batch is not None and arguments.batch < 1:
         problems.append(f"--batch {arguments.batch}: must be at least 1")
     arguments.metric = arguments.metric or plan.metrics[0]
-    if arguments.metric not in plan.metrics:
-        problems.append(f"--metric {arguments.metric}: must be one of {', '.join(plan.metrics)}")
+    if arguments.metric not in (*plan.metrics, "success"):
+        problems.append(
+            f"--metric {arguments.metric}: must be one of {', '.join((*plan.metrics, 'success'))}"
+        )
     if arguments.resume and arguments.force:
         problems.append("--resume and --force: choose one")
     if arguments.baseline is not None and _is_output(arguments.baseline, arguments.output):
@@ -256,18 +286,20 @@ def _described(plan: "Plan") -> str:
 
 def _print(
     arguments: argparse.Namespace,
+    plan: "Plan",
     outcome: "Outcome",
-    found: Sequence["Group"],
+    judgement: "Judgement",
     wall_s: float,
 ) -> None:
-    from imu_sim_ros.campaign import counts
+    from imu_sim_ros.campaign import counts, groups
 
+    found = groups(outcome.rows, plan.grid_names)
     rows = [_row(group, arguments.metric) for group in found[:_SHOWN]]
     header = ["cell", "estimator", "done", "median", "95 % interval", "p95", "NEES (band)"]
     common.print_table(header, rows, f"{arguments.metric}, median with 95 % interval")
     if len(found) > _SHOWN:
         print(f"{len(found) - _SHOWN} more in {arguments.output / 'summary.csv'}")
-    _print_differences(found, arguments.metric)
+    _print_differences(judgement)
     _print_slopes(outcome.rows, found, arguments.metric)
     for status, count in counts(outcome.rows).items():
         if status != "done":
@@ -278,20 +310,25 @@ def _print(
     )
 
 
-def _print_differences(found: Sequence["Group"], metric: str) -> None:
-    from imu_sim_ros.campaign import compared
+def _print_differences(found: "Judgement") -> None:
+    """Print who is best, and the effects of the headline's contests."""
+    for contest in found.headline[:_SHOWN]:
+        print(contest.line(found.metric))
+    rows = [
+        [_place(contest), effect.a, effect.b, effect.size(), _number(effect.p), effect.verdict]
+        for contest in found.contests
+        for effect in contest.effects
+        if effect.significant
+    ]
+    if rows:
+        title = f"Significant differences ({len(rows)}; same seeds, Wilcoxon, Holm)"
+        common.print_table(["of", "A", "B", "A than B", "p", "A is"], rows[:_SHOWN], title)
+    for note in sorted({e.note for c in found.contests for e in c.effects if e.note}):
+        print(note)
 
-    pairs = [pair for pair in compared(found, metric) if pair.significant]
-    if not pairs:
-        return
-    shown = sorted(pairs, key=lambda pair: pair.p or 0.0)[:_SHOWN]
-    ratios = (pair.comparison.ratio for pair in shown)
-    words = ["-" if ratio is None else f"{ratio:.3g}" for ratio in ratios]
-    common.print_table(
-        ["A", "B", "A / B", "p"],
-        [[p.a, p.b, word, f"{p.p:.2g}"] for p, word in zip(shown, words, strict=True)],
-        f"Significant differences ({len(pairs)}; same seeds, Wilcoxon, Holm)",
-    )
+
+def _place(contest: "Contest") -> str:
+    return ", ".join(f"{name}={word}" for name, word in contest.where.items()) or "all"
 
 
 def _print_slopes(rows: Sequence["Row"], found: Sequence["Group"], metric: str) -> None:
@@ -315,7 +352,7 @@ _SHOWN: Final = 40
 def _row(group: "Group", metric: str) -> list[str]:
     from imu_sim_ros.campaign import quantile
 
-    values = group.values(metric)
+    values = group.values(metric)  # none of success, whose interval is in summary.csv
     median, p95 = quantile(values, 0.5), quantile(values, 0.95)
     ends = [_number(end) for end in (median.low, median.high)]
     return [
@@ -342,32 +379,6 @@ def _consistency(group: "Group") -> str:
 
 def _number(value: float | None) -> str:
     return "?" if value is None else f"{value:.4g}"
-
-
-def _gate(
-    arguments: argparse.Namespace,
-    plan: "Plan",
-    found: Sequence["Group"],
-    baseline: list[dict[str, object]] | None,
-) -> list[str]:
-    from imu_sim_ros.campaign import against_baseline, groups, unmet, unmet_lines, unused
-
-    lines = unmet_lines(unmet(found, plan.require))
-    lines += [
-        f"require {one.text}: no cell has these values" for one in unused(found, plan.require)
-    ]
-    if baseline is not None:
-        pairs = against_baseline(found, groups(baseline, plan.grid_names), arguments.metric)
-        if not pairs:
-            lines.append(f"--baseline {arguments.baseline}: has no run in common with this plan")
-        for pair in pairs:
-            worse = pair.comparison.median_difference.value or 0.0
-            if pair.significant and worse > 0.0:
-                lines.append(
-                    f"worse than the baseline: {arguments.metric} ({pair.a}): median "
-                    f"{worse:.4g} higher over {pair.comparison.pairs} seeds, p = {pair.p:.2g}"
-                )
-    return lines
 
 
 if __name__ == "__main__":

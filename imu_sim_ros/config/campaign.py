@@ -17,7 +17,7 @@ ESTIMATES = ("tum", "euroc", "bag")
 CALIBRATIONS = ("allan", "six_position", "turntable", "temperature")
 KINDS = ("dead_reckon", "command", *CALIBRATIONS)
 KEEP = ("none", "failed", "all")
-PLACES = ("dataset", "config", "estimate", "folder", "seed", "python", "share")
+PLACES = ("dataset", "config", "estimate", "folder", "seed", "python", "share", "plan")
 """What a command may name in braces."""
 
 
@@ -39,6 +39,17 @@ class CampaignParameters:
         minimum=0.0,
     )
     keep: str = choice("none", KEEP, "which run folders of commands are kept")
+    align: str = choice(
+        "auto",
+        ("auto", *ALIGNMENTS),
+        "alignment of every trajectory with the truth before its errors are computed; auto: yaw if "
+        "an estimator is a program, else none",
+    )
+
+
+_ALIGN = choice(
+    "plan", ("plan", *ALIGNMENTS), "alignment with the truth; plan: that of all other estimators"
+)
 
 
 @dataclass(frozen=True)
@@ -48,6 +59,7 @@ class DeadReckonEstimator:
     type: str = choice("dead_reckon", KINDS, "kind of the estimator")
     method: str = choice("midpoint", METHODS, "how position and velocity are integrated")
     attitude_update: str = choice("so3", ATTITUDE_UPDATES, "how the attitude is integrated")
+    align: str = _ALIGN
 
 
 @dataclass(frozen=True)
@@ -62,9 +74,7 @@ class CommandEstimator:
     dataset: str = choice("euroc", DATASETS, "format of the dataset written for it")
     estimate: str = choice("tum", ESTIMATES, "format of the trajectory it writes")
     estimate_topic: str = text("", "topic of the trajectory in a bag; empty: the only one")
-    align: str = choice(
-        "yaw", ALIGNMENTS, "alignment of the estimate before its errors are computed"
-    )
+    align: str = _ALIGN
     timeout: float = number(
         600.0, "time after which it is terminated", unit="s", minimum=0.0, above_minimum=True
     )

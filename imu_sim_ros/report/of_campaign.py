@@ -15,9 +15,9 @@ from imu_sim_ros.campaign import (
     Group,
     Plan,
     Row,
-    compared,
     counts,
     groups,
+    judge,
     load_plan,
     quantile,
     read_results,
@@ -216,15 +216,21 @@ def _outcomes(plan: Plan, rows: Sequence[Row], found: Sequence[Group], metric: s
     failures = [[count, status] for status, count in counts(rows).items() if status != "done"]
     if failures:
         items.append(table("failed runs", ["runs", "status"], failures, search=False))
-    pairs = [pair for pair in compared(found, metric) if pair.significant]
-    pairs.sort(key=lambda pair: pair.p or 0.0)
-    if pairs:
+    effects = [
+        (contest, effect)
+        for contest in judge(plan, rows, metric).contests
+        for effect in contest.effects
+        if effect.significant
+    ]
+    effects.sort(key=lambda one: one[1].p or 0.0)
+    if effects:
         differences = [
-            [pair.a, pair.b, pair.comparison.ratio, pair.comparison.pairs, pair.p]
-            for pair in pairs[:_MOST_PAIRS]
+            [", ".join(contest.where.values()), e.a, e.b, e.size(), e.seeds, e.p]
+            for contest, e in effects[:_MOST_PAIRS]
         ]
-        name = f"significant differences of {metric} ({len(pairs)})"
-        items.append(table(name, ["A", "B", "A / B", "seeds", "p"], differences, search=True))
+        name = f"significant differences of {metric} ({len(effects)})"
+        header = ["of", "A", "B", "A than B", "seeds", "p"]
+        items.append(table(name, header, differences, search=True))
         text = "On the same seeds: Wilcoxon's signed-rank test, corrected by Holm."
         items.append({"kind": "text", "text": text, "faint": True})
     if not items:

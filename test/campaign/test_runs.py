@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 from imu_sim_ros.campaign import campaign as driver
-from imu_sim_ros.campaign import engine
+from imu_sim_ros.campaign import counts, engine
 from imu_sim_ros.campaign.plan import load_plan
 from imu_sim_ros.campaign.results import Store, read_log, read_results
 from imu_sim_ros.campaign.runs import CellRuns
@@ -126,10 +126,12 @@ def test_faults_and_lost_messages_are_part_of_a_run(plan_file):
 def test_what_failed_says_why_and_is_counted(plan_file, campaign, tmp_path):
     path = plan_file(diverged_above=1e-9, require=["success >= 0.5"])
     status, result, lines = campaign(path, "-o", tmp_path / "out")
-    assert status == 3
+    assert status == 1
     assert result["failed"] == 3
     assert all(row["status"].startswith("failed: diverged: ") for row in table(tmp_path / "out"))
-    assert lines == ["campaign: require success >= 0.5: success is 0 (all; dead_reckon)"]
+    required, reason = lines
+    assert required == "campaign: require success >= 0.5: success is 0 (all; dead_reckon)"
+    assert reason == "campaign: no run is done: 3 x diverged: ... m at the end"
 
 
 def test_results_are_not_overwritten_and_a_folder_is_used_once(plan_file, campaign, tmp_path):
@@ -325,7 +327,10 @@ def test_the_baseline_finds_what_became_worse(plan_file, campaign, tmp_path):
     status, _, lines = campaign(worse, "-o", tmp_path / "worse", "--baseline", before)
     assert status == 3
     assert len(lines) == 1
-    assert lines[0].startswith("campaign: worse than the baseline: ate_rmse_m (all; dead_reckon)")
+    assert lines[0].startswith("campaign: worse than the baseline: all; dead_reckon: ate_rmse_m ")
+    assert lines[0].endswith(
+        "larger (95 %: 55 to 55) than the baseline, better on 0 of 12 seeds, p = 0.00049"
+    )
 
 
 def test_the_terminal_shows_bands_differences_and_sensitivities(plan_file, tmp_path, capsys):
@@ -398,8 +403,8 @@ def test_a_disk_that_takes_no_more_is_told_in_a_line_and_costs_no_run(plan_file,
 
 def test_statuses_that_differ_in_numbers_are_counted_together():
     words = ["diverged: 12.5 m at the end", "diverged: 1e+03 m at the end", "no estimate", "x 1"]
-    counts = driver.counts([{"status": f"failed: {word}"} for word in words])
-    assert list(counts.items()) == [
+    found = counts([{"status": f"failed: {word}"} for word in words])
+    assert list(found.items()) == [
         ("failed: diverged: ... m at the end", 2),
         ("failed: no estimate", 1),
         ("failed: x 1", 1),

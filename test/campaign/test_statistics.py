@@ -4,19 +4,26 @@
 """Statistics against SciPy, against closed forms, and by their coverage."""
 
 import itertools
+import json
+import re
 
 import numpy as np
 import pytest
 import scipy.stats
 
-from imu_sim_ros.campaign import compared, groups, unmet, unmet_lines
+from imu_sim_ros.campaign import groups, judge, unmet, unmet_lines
 from imu_sim_ros.campaign.gate import parse
+from imu_sim_ros.campaign.plan import read_plan
 from imu_sim_ros.campaign.statistics import (
-    compare,
     holm,
     mean,
+    power,
     quantile,
+    seeds_needed,
     sensitivity,
+    share_difference,
+    shift,
+    signed_rank_limit,
     statistic,
     success,
 )
@@ -98,6 +105,10 @@ def paired_campaign(rng, factor):
     return common * own[0] * factor, common * own[1]
 
 
+def p_of(pair):
+    return shift(np.log(pair[0] / pair[1])).p
+
+
 def test_a_planted_difference_is_found_and_none_is_not_invented():
     """A difference of 10 % against a spread of 21 % of the ratio, 50 pairs: t = 3.2.
 
@@ -106,24 +117,33 @@ def test_a_planted_difference_is_found_and_none_is_not_invented():
     Without one, at most 5 % of 200 are significant by chance: 10 +- 3.1; 19 is three of these.
     """
     rng = np.random.default_rng(5)
-    found = sum(compare(*paired_campaign(rng, 1.1)).p < 0.05 for _ in range(100))
-    invented = sum(compare(*paired_campaign(rng, 1.0)).p < 0.05 for _ in range(200))
+    found = sum(p_of(paired_campaign(rng, 1.1)) < 0.05 for _ in range(100))
+    invented = sum(p_of(paired_campaign(rng, 1.0)) < 0.05 for _ in range(200))
     assert found >= 73
     assert invented <= 19
 
 
-def rows_of(name, values):
+def rows_of(name, values, estimator="a", **more):
+    """Return the rows of a sensor; a value of None is a failed run."""
     return [
-        {"cell": f"imu={name}", "imu": name, "estimator": "a", "seed": seed, "status": "done"}
-        | {"ate_rmse_m": value}
+        {"cell": f"imu={name}", "imu": name, "estimator": estimator, "seed": seed}
+        | {"status": "failed: lost" if value is None else "done", "ate_rmse_m": value, **more}
         for seed, value in enumerate(values)
     ]
+
+
+PLAN = {"grid": {"imu": ["s0", "s1", "s2", "s3"]}, "seeds": 50}
+
+
+def judged(rows, baseline=None, metric="ate_rmse_m", **plan):
+    return judge(read_plan({**PLAN, **plan}), rows, metric, baseline)
 
 
 def significant(*errors):
     """Return how many differences a campaign over as many sensors reports."""
     rows = [row for k, values in enumerate(errors) for row in rows_of(f"s{k}", values)]
-    return sum(pair.significant for pair in compared(groups(rows, ["imu"]), "ate_rmse_m"))
+    (contest,) = judged(rows).contests
+    return sum(effect.significant for effect in contest.effects)
 
 
 def test_a_campaign_of_equal_sensors_reports_a_difference_at_most_in_5_percent():
@@ -137,8 +157,7 @@ def test_a_campaign_of_equal_sensors_reports_a_difference_at_most_in_5_percent()
         common = rng.lognormal(0.0, 0.5, 50)
         errors = [common * rng.lognormal(0.0, 0.15, 50) for _ in range(4)]
         false += significant(*errors) > 0
-        pairs = itertools.combinations(errors, 2)
-        uncorrected += any(compare(a, b).p < 0.05 for a, b in pairs)
+        uncorrected += any(p_of(pair) < 0.05 for pair in itertools.combinations(errors, 2))
     assert false <= 10
     assert uncorrected >= 25
 
@@ -152,14 +171,215 @@ def test_a_campaign_finds_the_sensor_that_is_10_percent_worse():
     assert significant(*errors, 1.1 * common * rng.lognormal(0.0, 0.05, 50)) == 3
 
 
-def test_comparing_is_wilcoxons_test_on_logarithms():
-    rng = np.random.default_rng(8)
-    a, b = paired_campaign(rng, 1.05)
-    found = compare(a, b)
-    assert found.p == scipy.stats.wilcoxon(np.log(a / b)).pvalue
-    assert found.ratio == pytest.approx(scipy.stats.gmean(a / b))
-    assert compare(a, a).p == 1.0
-    assert compare(a[:3], b[:3]).p is None
+@pytest.mark.parametrize("n", [6, 12, 50, 51, 400])
+def test_shifts_are_wilcoxons_and_hodges_and_lehmanns(n):
+    """SciPy's test, also of a shifted hypothesis; the averages written out."""
+    d = np.random.default_rng(8).normal(0.3, 1.0, n)
+    found = shift(d, 0.1)
+    assert found.p == pytest.approx(scipy.stats.wilcoxon(d).pvalue, rel=1e-9)
+    above = scipy.stats.wilcoxon(d - 0.1, alternative="greater").pvalue
+    below = scipy.stats.wilcoxon(d + 0.1, alternative="less").pvalue
+    assert found.p_beyond == pytest.approx(min(2.0 * min(above, below), 1.0), rel=1e-9)
+    averages = [(d[i] + d[j]) / 2 for i in range(n) for j in range(i, n)]
+    assert found.centre.value == pytest.approx(np.median(averages), rel=1e-12)
+    # What the test refuses lies outside of the interval, what it does not refuse within.
+    for end, inward in ((found.centre.low, 1e-9), (found.centre.high, -1e-9)):
+        assert scipy.stats.wilcoxon(d - end - inward).pvalue > 0.05
+        assert scipy.stats.wilcoxon(d - end + inward).pvalue <= 0.05
+
+
+def test_ties_have_their_exact_distribution():
+    """All 256 signs of eight ranks with ties, counted."""
+    d = np.array([1.0, 1.0, -1.0, 2.0, 2.0, 3.0, -4.0, 1.0])
+    ranks = scipy.stats.rankdata(abs(d))
+    sums = np.array([ranks @ signs for signs in itertools.product([0, 1], repeat=8)])
+    at_least = np.mean(sums >= ranks[d > 0].sum())
+    assert shift(d).p == pytest.approx(2.0 * at_least)
+    assert shift(np.zeros(8)).p == 1.0
+    assert shift(d[:3]).p is None
+
+
+def test_many_pairs_have_the_interval_of_all_their_averages():
+    """Of 2000 pairs a million averages are drawn: within a tenth of the interval's width.
+
+    A place in the order of m draws scatters by 0.5 / sqrt(m) = 0.0005 of them; the interval spans
+    2 * 1.96 / sqrt(3 n) = 0.05 of them.
+    """
+    d = np.random.default_rng(9).normal(0.1, 1.0, 2000)
+    first, second = np.triu_indices(2000)
+    averages = np.sort((d[first] + d[second]) / 2)
+    rank = signed_rank_limit(2000, 0.025)
+    low, high = averages[rank], averages[-1 - rank]
+    found = shift(d).centre
+    assert found == pytest.approx((np.median(averages), low, high), abs=0.1 * (high - low))
+
+
+def test_shares_are_compared_exactly():
+    """McNemar's test is the binomial one of the pairs that differ; Bonett and Price's by hand."""
+    a, b = np.zeros(60, bool), np.ones(60, bool)
+    a[:10] = True
+    found, p = share_difference(a, b)
+    assert p == pytest.approx(2.0 * 0.5**50)
+    gain, loss = 1 / 62, 51 / 62
+    half = 1.959963984540054 * np.sqrt((gain + loss - (gain - loss) ** 2) / 62)
+    assert found == pytest.approx((-50 / 60, gain - loss - half, gain - loss + half))
+    few = np.arange(60) < 5
+    assert share_difference(~few, b)[1] is None  # 5 pairs: at best p = 0.0625
+    assert share_difference(b, b)[0].value == 0.0
+
+
+def test_a_failed_run_is_worse_than_any_number():
+    """60 of 60 done, and then 10 of 60 with the same errors where it still works."""
+    rng = np.random.default_rng(4)
+    errors = list(rng.lognormal(0.0, 0.5, 60))
+    now = rows_of("s0", [*errors[:10], *([None] * 50)])
+    judgement = judged(now, rows_of("s0", errors), seeds=60)
+    (effect,) = judgement.baseline
+    assert (effect.verdict, effect.won, effect.lost) == ("worse", 0, 50)
+    assert effect.success.value == pytest.approx(-50 / 60)
+    assert effect.success_p < 1e-12
+    assert effect.effect.value is None
+    (problem,) = judgement.problems
+    assert problem.startswith("worse than the baseline: imu=s0; a: ")
+    assert "83.3 % fewer runs done" in problem
+    # Few failures, with smaller errors in all other runs: better by ranks, not by leaving out.
+    better = rows_of("s0", [None, None, None, *(0.8 * np.array(errors[3:]))])
+    (effect,) = judged(better, rows_of("s0", errors), seeds=60).baseline
+    assert (effect.won, effect.lost, effect.verdict) == (57, 3, "better")
+    assert effect.effect.value == pytest.approx(0.8)
+    assert judged(now, rows_of("s0", errors), metric="success").baseline[0].verdict == "worse"
+
+
+def test_failures_on_both_sides_say_nothing():
+    rng = np.random.default_rng(4)
+    errors = [None] * 30 + list(rng.lognormal(0.0, 0.5, 30))
+    judgement = judged(rows_of("s0", errors), rows_of("s0", errors), seeds=60)
+    (effect,) = judgement.baseline
+    assert (effect.seeds, effect.won, effect.lost, effect.verdict) == (30, 0, 0, "equal")
+    assert judgement.problems == []
+
+
+def test_a_difference_within_the_tolerance_is_none():
+    """0.001 % worse on each of 50 seeds is significant, and no reason to stop anybody."""
+    rng = np.random.default_rng(6)
+    before = rng.lognormal(0.0, 0.5, 50)
+    (effect,) = judged(rows_of("s0", 1.00001 * before), rows_of("s0", before)).baseline
+    assert effect.p < 1e-8
+    assert effect.verdict == "equal"
+    now = rows_of("s0", 1.03 * before)
+    assert judged(now, rows_of("s0", before)).baseline[0].verdict == "worse"
+    assert judged(now, rows_of("s0", before), tolerance="5 %").baseline[0].verdict == "equal"
+    # 0.1 m in the metric's unit: 3 % of errors around 1 m are less.
+    assert judged(now, rows_of("s0", before), tolerance=0.2).baseline[0].kind == "difference"
+    assert judged(now, rows_of("s0", before), tolerance=0.2).baseline[0].verdict == "equal"
+    assert judged(now, rows_of("s0", before), tolerance=0.001).baseline[0].verdict == "worse"
+
+
+def test_equal_builds_fail_the_gate_in_5_percent_of_campaigns_at_most():
+    """Four sensors, tolerance 0, failures in a tenth of all runs, in 300 campaigns.
+
+    Of two-sided tests at 5 % one half is an alarm: 2.5 % of 300 are 7.5 +- 2.7; 16 is three more.
+    """
+    rng = np.random.default_rng(29)
+
+    def build(common):
+        rows = []
+        for k in range(4):
+            errors = common * rng.lognormal(0.0, 0.2, 30)
+            failed = rng.random(30) < 0.1
+            rows += rows_of(
+                f"s{k}", [None if f else e for e, f in zip(errors, failed, strict=True)]
+            )
+        return rows
+
+    alarms = 0
+    for _ in range(300):
+        common = rng.lognormal(0.0, 0.5, 30)
+        alarms += bool(judged(build(common), build(common), seeds=30, tolerance=0).problems)
+    assert alarms <= 16
+
+
+@pytest.mark.parametrize(
+    ("metric", "now", "verdict"),
+    [
+        ("real_time_factor", 1.2, "better"),
+        ("real_time_factor", 0.8, "worse"),
+        ("wall_s", 0.8, "better"),
+        ("inliers", 1.2, "better"),
+        ("lag", 1.2, "worse"),
+    ],
+)
+def test_metrics_know_their_better_direction(metric, now, verdict):
+    values = np.random.default_rng(7).lognormal(0.0, 0.5, 50)
+    before, after = (rows_of("s0", [1.0] * 50) for _ in range(2))
+    for k, value in enumerate(values):
+        before[k][metric], after[k][metric] = value, now * value
+    own = {"metrics": {"inliers": "higher", "lag": "lower"}}
+    (effect,) = judged(after, before, metric, **own).baseline
+    assert effect.verdict == verdict
+    assert effect.effect.value == pytest.approx(now)
+
+
+def test_metrics_with_a_right_value_are_judged_by_their_distance_from_it():
+    """NEES of chi-square with 3 degrees of freedom, and ten times as large."""
+    nees = np.random.default_rng(7).chisquare(3, 50)
+    before, after = (rows_of("s0", [1.0] * 50) for _ in range(2))
+    for k, value in enumerate(nees):
+        before[k]["nees_position"], after[k]["nees_position"] = value, 10.0 * value
+    (effect,) = judged(after, before, "nees_position").baseline
+    assert (effect.verdict, effect.kind) == ("worse", "difference")
+
+
+def test_differently_aligned_estimators_are_not_compared():
+    errors = np.random.default_rng(7).lognormal(0.0, 0.5, 50)
+    rows = rows_of("s0", errors, "a", align="yaw", wall_s=1.0)
+    rows += rows_of("s0", 2.0 * errors, "b", align="none", wall_s=2.0)
+    estimators = {"a": {"command": "true"}, "b": {"command": "true"}}
+    (contest,) = judged(rows, estimators=estimators).contests
+    assert contest.best is None
+    assert (contest.lead.p, contest.lead.effect.value) == (None, None)
+    assert "aligned differently (yaw and none)" in contest.line("ate_rmse_m")
+    # What no alignment changes is compared.
+    assert judged(rows, metric="wall_s", estimators=estimators).contests[0].best == "a"
+
+
+def test_the_best_is_named_with_effect_seeds_and_p():
+    rng = np.random.default_rng(12)
+    common = rng.lognormal(0.0, 0.5, 30)
+    rows = rows_of("good", common) + rows_of("bad", 250.0 * common * rng.lognormal(0, 0.1, 30))
+    judgement = judged(rows, grid={"imu": ["good", "bad"]}, seeds=30)
+    (contest,) = judgement.headline
+    assert (judgement.factor, contest.best, contest.ranking) == ("imu", "good", ["good", "bad"])
+    assert contest.lead.won == 30
+    assert 1 / contest.lead.effect.value == pytest.approx(250.0, rel=0.1)
+    words = (
+        r"best imu: good; good: ate_rmse_m 2\d\d times smaller \(95 %: 2\d\d to 2\d\d\) than bad"
+    )
+    assert re.search(
+        words + r", better on 30 of 30 seeds, p = [\d.e-]+$", contest.line("ate_rmse_m")
+    )
+    json.dumps(judgement.to_dict(), allow_nan=False)
+
+
+def test_power_is_that_of_scipys_test_on_simulated_campaigns():
+    """30 seeds, 20 % of scatter of the ratio, 10 % worse, against a margin of 2 %: 48 %.
+
+    Both shares are of 4000 campaigns: 0.8 % each, so that three deviations of the difference are
+    3.4 %. Seeds that are enough for 80 % are so for SciPy's test.
+    """
+    rng = np.random.default_rng(31)
+
+    def found(seeds):
+        d = np.log(1.1) - np.log(1.02) + 0.2 * rng.standard_normal((4000, seeds))
+        p = scipy.stats.wilcoxon(d, axis=1, alternative="greater").pvalue
+        return np.mean(p < 0.025)
+
+    assert power(30, 0.1, 0.2, 0.02, 1) == pytest.approx(found(30), abs=0.034)
+    assert power(30, 0.1, 0.2, 0.02, 1) == pytest.approx(0.48, abs=0.034)
+    seeds = seeds_needed(0.8, 0.1, 0.2, 0.02, 1)
+    assert found(seeds) == pytest.approx(0.8, abs=0.034)
+    assert seeds_needed(0.8, 0.1, 0.2, 0.02, 10) > 1.3 * seeds
+    assert power(5, 1.0, 0.01, 0.0, 1) == 0.0  # five pairs are never significant
 
 
 def test_holm_by_hand():

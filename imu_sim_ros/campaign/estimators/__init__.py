@@ -13,7 +13,14 @@ from imu_sim_ros.lazy import exported
 if TYPE_CHECKING:
     from imu_sim_ros.campaign.estimators.calibrations import run_calibration as run_calibration
     from imu_sim_ros.campaign.estimators.command import run_command as run_command
+    from imu_sim_ros.campaign.estimators.estimate import Estimate as Estimate
+    from imu_sim_ros.campaign.estimators.estimate import estimate_metrics as estimate_metrics
 else:
     __getattr__, __dir__, __all__ = exported(
-        __name__, {"calibrations": ["run_calibration"], "command": ["run_command"]}
+        __name__,
+        {
+            "calibrations": ["run_calibration"],
+            "command": ["run_command"],
+            "estimate": ["Estimate", "estimate_metrics"],
+        },
     )

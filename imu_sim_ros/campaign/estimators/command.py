@@ -12,6 +12,7 @@ worker dies, the kernel kills the program (``PR_SET_PDEATHSIG``).
 import contextlib
 import ctypes
 import functools
+import json
 import os
 import re
 import resource
@@ -22,18 +23,23 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from imu_sim_ros.campaign.metrics import Metrics
-from imu_sim_ros.config import CommandEstimator, files
+from imu_sim_ros.campaign.plan import program
+from imu_sim_ros.config import CommandEstimator, files, shown
 from imu_sim_ros.errors import ImuSimError, InputError
+from imu_sim_ros.inputs import open_regular
 from imu_sim_ros.sensor import ImuBlock
 
 if TYPE_CHECKING:
     from imu_sim_ros.campaign.runs import CellRuns
 
+METRICS: Final = "metrics.json"
+"""What the program may write of the plan's own metrics."""
+_LARGEST_METRICS: Final = 1_000_000
 OUTPUT: Final = "output.txt"
 """What the program printed."""
 _POLL: Final = 0.2
@@ -76,12 +82,16 @@ def run_command(
     try:
         place.mkdir(parents=True)
         words = _words(runs, estimator, seed, block, place)
+        if not estimator.shell:
+            variables = runs.plan.environment.get(name, {})
+            words[0] = program(runs.plan, words[0], variables.get("PATH")) or words[0]
         outcome = _run(words, estimator, runs.plan.environment.get(name, {}), place)
         if outcome.reason:
             raise InputError(outcome.reason)
         if outcome.status != 0:
             raise InputError(f"{_ended(outcome.status)}{_last_line(place)}")
-        metrics = _compare(runs, estimator, block, place)
+        metrics = _compare(runs, estimator, str(runs.plan.alignment(name)), block, place)
+        metrics.update(_own_metrics(runs.plan.own, place / METRICS))
         metrics["wall_s"] = outcome.wall_s
         metrics["real_time_factor"] = _duration(block) / max(outcome.wall_s, 1e-9)
         metrics["peak_memory_mb"] = outcome.peak_memory_mb
@@ -112,6 +122,7 @@ def _words(
         "seed": str(seed),
         "python": sys.executable,
         "share": str(files.config_folder().parent),
+        "plan": str(runs.plan.folder),
         "estimate": str(place / _ESTIMATE[estimator.estimate]),
         "dataset": "",
         "config": "",
@@ -299,8 +310,28 @@ def _last_line(place: Path) -> str:
     return f": {printable[:160]}" if printable else ""
 
 
+def _own_metrics(names: Collection[str], path: Path) -> Metrics:
+    """Return the plan's own metrics, of those that the program wrote."""
+    if not names or not os.path.lexists(path):
+        return {}
+    with open_regular(path) as file:
+        text = file.read(_LARGEST_METRICS)
+    try:
+        found = json.loads(text)
+    except (ValueError, RecursionError):
+        raise InputError(f"{METRICS}: must hold a JSON object of names and numbers") from None
+    metrics: Metrics = {}
+    for name in names:
+        value = found.get(name) if isinstance(found, dict) else None
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if value is not None and not (number and abs(value) <= sys.float_info.max):
+            raise InputError(f"{METRICS}: {name} = {shown(value)}: must be a finite number")
+        metrics[name] = None if value is None else float(value)
+    return metrics
+
+
 def _compare(
-    runs: "CellRuns", estimator: CommandEstimator, block: ImuBlock, place: Path
+    runs: "CellRuns", estimator: CommandEstimator, alignment: str, block: ImuBlock, place: Path
 ) -> Metrics:
     """Return the metrics of the trajectory that the program wrote."""
     from imu_sim_ros.campaign.estimators.estimate import estimate_metrics, read_estimate
@@ -313,7 +344,7 @@ def _compare(
         raise InputError("no estimate was written")
     try:
         estimate = read_estimate(path, estimator.estimate_topic or None)
-        return estimate_metrics(estimate, block, estimator.align, runs.plan.relative)
+        return estimate_metrics(estimate, block, alignment, runs.plan.relative)
     except ImuSimError as error:
         # Without the run's own folder, so that the same failure of many runs reads the same.
         words = error.problems[0].removeprefix(f"{path}: ").replace(f"{place}/", "")

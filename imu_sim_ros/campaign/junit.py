@@ -1,0 +1,99 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A campaign's judgement as JUnit XML, which continuous integration shows.
+
+A test case is a requirement of a group, a comparison with the baseline, and the runs of a group,
+whose output is why some failed. What fails the gate is a failed case, and nothing else is; where no
+run is done, every group's runs are an error.
+"""
+
+import re
+from pathlib import Path
+from typing import Final
+from xml.etree import ElementTree
+
+from imu_sim_ros.campaign.results import replaced
+from imu_sim_ros.campaign.verdict import WORSE, Judgement
+from imu_sim_ros.errors import system_error
+
+_FORBIDDEN: Final = re.compile("[^\\t\\n\\r\\x20-\\ud7ff\\ue000-\\ufffd\\U00010000-\\U0010ffff]")
+"""What XML 1.0 (section 2.2) has no place for."""
+
+
+def write_junit(path: Path, name: str, found: Judgement) -> None:
+    """Write a judgement.
+
+    :param name: of the campaign.
+    :raises ImuSimError: where the file cannot be written.
+    """
+    root = ElementTree.Element("testsuites", name=_text(name))
+    suite = _Suite(root, "requirements")
+    for one in found.requirements:
+        case = suite.case(f"{one.requirement} ({one.cell}; {one.estimator})")
+        if not one.met:
+            value = "does not exist" if one.value is None else f"is {one.value:.6g}"
+            suite.failed(case, "failure", f"{one.requirement}: {value}")
+    suite = _Suite(root, "baseline")
+    for effect in found.baseline or []:
+        case = suite.case(f"{found.metric} ({effect.a})")
+        line = effect.line(found.metric)
+        if effect.verdict == WORSE:
+            suite.failed(case, "failure", line)
+        else:
+            suite.output(case, f"{effect.verdict}: {line}")
+    lost = [line for line in found.problems if "in common" in line or "no cell has" in line]
+    for line in lost:
+        suite.failed(suite.case(line), "failure", line)
+    suite = _Suite(root, "runs")
+    for standing in found.standings:
+        cell, estimator = standing.cell, standing.estimator
+        case = suite.case(f"{standing.done} of {standing.runs} done ({cell}; {estimator})")
+        reasons = [
+            f"{failure.runs} x {failure.reason} (seeds {', '.join(map(str, failure.seeds))})"
+            for failure in found.failures
+            if (failure.cell, failure.estimator) == (cell, estimator)
+        ]
+        if not found.done:
+            suite.failed(case, "error", "no run is done")
+        if reasons:
+            suite.output(case, "\n".join(reasons))
+    tree = ElementTree.ElementTree(root)
+    ElementTree.indent(tree)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with replaced(path) as part:
+            tree.write(part, encoding="utf-8", xml_declaration=True)
+    except OSError as error:
+        raise system_error(path, error) from None
+
+
+class _Suite:
+    """A test suite, and its counts."""
+
+    def __init__(self, root: ElementTree.Element, name: str) -> None:
+        self._name = name
+        counts = dict.fromkeys(("tests", "failures", "errors"), "0")
+        self._element = ElementTree.SubElement(root, "testsuite", {"name": name, **counts})
+
+    def _count(self, name: str) -> None:
+        self._element.set(name, str(int(self._element.get(name, "0")) + 1))
+
+    def case(self, name: str) -> ElementTree.Element:
+        """Add a test case."""
+        self._count("tests")
+        place = f"campaign.{self._name}"
+        return ElementTree.SubElement(self._element, "testcase", classname=place, name=_text(name))
+
+    def failed(self, case: ElementTree.Element, kind: str, message: str) -> None:
+        """Make a case a ``failure`` or an ``error``."""
+        self._count(f"{kind}s")
+        ElementTree.SubElement(case, kind, message=_text(message))
+
+    def output(self, case: ElementTree.Element, text: str) -> None:
+        """Add what a case printed."""
+        ElementTree.SubElement(case, "system-out").text = _text(text)
+
+
+def _text(text: str) -> str:
+    return _FORBIDDEN.sub("?", text)

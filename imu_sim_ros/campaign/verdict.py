@@ -1,0 +1,576 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What a campaign says: who is best, by how much, and how sure that is.
+
+:func:`judge` computes it once, in one structure (:class:`Judgement`); terminal, ``--json``, JUnit,
+exit status and page show it. Groups (an estimator in a cell) are compared on the same seeds. The
+share of runs that are done is compared first, by McNemar's exact test. Then the metric: a failed
+run is worse than any number, both failed says nothing, and the effect is the median ratio A / B in
+the sense of Hodges and Lehmann, or the difference A - B where a value is not positive, a tolerance
+is absolute, or values near a number are best (distances from that number are compared).
+"""
+
+import math
+import re
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.campaign.metrics import (
+    HIGHER,
+    SUCCESS,
+    Better,
+    Tolerance,
+    better,
+    depends_on_alignment,
+)
+from imu_sim_ros.campaign.plan import Plan
+from imu_sim_ros.campaign.results import Row, numbers
+from imu_sim_ros.campaign.statistics import (
+    Interval,
+    Shift,
+    holm,
+    quantile,
+    share_difference,
+    shift,
+    wins,
+)
+from imu_sim_ros.campaign.summary import Group, groups, unmet, unmet_lines, unused
+
+Array = NDArray[np.float64]
+
+SIGNIFICANT: Final = 0.05
+BETTER, WORSE, EQUAL, UNDECIDED = "better", "worse", "equal", "undecided"
+RATIO, DIFFERENCE, SHARE = "ratio", "difference", "share"
+_NUMBER: Final = re.compile(r"(?<![\w.])\d+(\.\d+)?(e[-+]?\d+)?\b")
+_ALL_PAIRS: Final = 30
+"""Members of a contest up to which all pairs are compared; above, the best with each other one."""
+_MOST_SEEDS: Final = 20
+"""Seeds that a failure names."""
+
+
+class Criterion(NamedTuple):
+    """How runs are compared."""
+
+    metric: str
+    better: Better
+    """``lower``, ``higher``, or the number near which values are best."""
+    tolerance: Tolerance
+
+
+@dataclass(frozen=True)
+class Effect:
+    """A compared with B on the same seeds."""
+
+    a: str
+    """Value of the contest's factor (``adis16470``); in a baseline ``cell; estimator``."""
+    b: str
+    """Likewise; in a baseline ``the baseline``."""
+    kind: str
+    """What ``effect`` is: ``ratio`` A / B, ``difference`` A - B, or ``share``: the difference of
+    the shares of runs done."""
+    effect: Interval
+    """With its 95 % interval, not corrected for the number of comparisons; an end is None where
+    failed runs make it infinite or the seeds are too few."""
+    seeds: int
+    """Seeds on which at least one of both has a result and the other one, or failed."""
+    won: int
+    """Of them, seeds on which A is better."""
+    lost: int
+    scatter: float | None
+    """Standard deviation of the logarithm of the ratio on a seed; ``--power`` needs it."""
+    p: float | None
+    """Of no difference at all (Wilcoxon, Holm); None: nothing can be said."""
+    p_beyond: float | None
+    """Of a difference within the tolerance."""
+    success: Interval
+    """Share of runs done of A less that of B (Bonett and Price)."""
+    success_p: float | None
+    """McNemar, Holm."""
+    verdict: str
+    """What A is: ``better`` or ``worse`` than B beyond the tolerance, ``equal`` where the interval
+    lies within it, or ``undecided``."""
+    note: str = ""
+    """Why nothing is decided, where that is not for want of runs."""
+
+    @property
+    def significant(self) -> bool:
+        """Whether there is a difference at all, however small."""
+        return self.p is not None and self.p < SIGNIFICANT
+
+    def size(self) -> str:
+        """Return the effect in words: ``12 % smaller (95 %: 8 % to 15 %)``."""
+        return _size(self.kind, self.effect)
+
+    def line(self, metric: str) -> str:
+        """Return the effect in a line."""
+        if self.note:
+            return f"{self.a} and {self.b}: {self.note}"
+        words = f"{self.a}: {metric} {self.size()} than {self.b}"
+        p = "" if self.p is None else f", p = {self.p:.2g}"
+        words += f", better on {self.won} of {self.seeds} seeds{p}"
+        if self.success.value:
+            more = "more" if self.success.value > 0.0 else "fewer"
+            share = f"{100.0 * abs(self.success.value):.3g} % {more} runs done"
+            p = "" if self.success_p is None else f" (p = {self.success_p:.2g})"
+            words += f"; {share}{p}"
+        return words
+
+
+class Standing(NamedTuple):
+    """The runs of one estimator in one cell."""
+
+    cell: str
+    estimator: str
+    values: dict[str, str]
+    """The grid's values in words, and the estimator."""
+    runs: int
+    done: int
+    success: Interval
+    """Share of runs done (Wilson)."""
+    median: Interval
+    """Of the metric over the runs that have it, with the exact 95 % interval."""
+    with_failures: float | None
+    """Median of all runs, failed ones being worse than any number; None: half of them failed."""
+    align: str | None
+    """How the trajectories are aligned; None: unknown, or there is none."""
+
+
+@dataclass(frozen=True)
+class Contest:
+    """Groups that differ in one thing only, the best one first."""
+
+    factor: str
+    """``estimator``, or a name of the grid."""
+    where: dict[str, str]
+    """What they have in common, by name: the other values of the grid, and the estimator."""
+    ranking: list[str]
+    """Values of the factor, by the median with failures, then by the share of runs done."""
+    best: str | None
+    """The first, if it is better than the second beyond the tolerance; None: it is not decided."""
+    lead: Effect
+    """The first compared with the second."""
+    effects: list[Effect]
+    """All pairs, or the first with each other one where there are more than 30 members."""
+
+    def line(self, metric: str) -> str:
+        """Return the result in a line."""
+        where = ", ".join(f"{name}={value}" for name, value in self.where.items())
+        best = "undecided" if self.best is None else self.best
+        return f"{where or 'all'}: best {self.factor}: {best}; {self.lead.line(metric)}"
+
+
+class Failure(NamedTuple):
+    """Runs of one group that failed for one reason."""
+
+    cell: str
+    estimator: str
+    reason: str
+    """Without ``failed: ``; numbers that differ are ``...``."""
+    runs: int
+    seeds: list[int]
+    """The first 20."""
+
+
+class Checked(NamedTuple):
+    """A requirement, and what one group has."""
+
+    requirement: str
+    cell: str
+    estimator: str
+    value: float | None
+    met: bool
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What a campaign says about one metric."""
+
+    metric: str
+    better: Better
+    tolerance: str
+    """In words: ``2 %``."""
+    runs: int
+    done: int
+    factor: str
+    """What the campaign is about: ``estimator`` if there are several, else ``imu`` or the first
+    name of the grid with several values; empty where nothing varies."""
+    standings: list[Standing]
+    """One for each cell and estimator, in the plan's order."""
+    contests: list[Contest]
+    """Of every factor; those of ``factor`` come first and are the headline."""
+    failures: list[Failure]
+    """The most frequent first."""
+    requirements: list[Checked]
+    baseline: list[Effect] | None
+    """Each group compared with the same one of the earlier campaign; None: without one."""
+    problems: list[str]
+    """A line for all that fails the gate, which then ends with status 3."""
+
+    @property
+    def headline(self) -> list[Contest]:
+        """The contests of the factor that the campaign is about."""
+        return [one for one in self.contests if one.factor == self.factor]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as plain values for JSON; intervals are ``{value, low, high}``."""
+        found = _plain(asdict(self))
+        assert isinstance(found, dict)
+        return found
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, tuple) and hasattr(value, "_asdict"):
+        value = value._asdict()
+    if isinstance(value, dict):
+        return {key: _plain(entry) for key, entry in value.items()}
+    return [_plain(entry) for entry in value] if isinstance(value, list | tuple) else value
+
+
+def judge(
+    plan: Plan,
+    rows: Sequence[Row],
+    metric: str,
+    baseline: Sequence[Row] | None = None,
+    tolerance: Tolerance | None = None,
+) -> Judgement:
+    """Return what the runs of a plan say.
+
+    :param rows: of the campaign, in the plan's order.
+    :param metric: a metric of the plan, or ``success``.
+    :param baseline: rows of an earlier campaign.
+    :param tolerance: instead of the plan's.
+    """
+    found = groups(rows, plan.grid_names)
+    rule = Criterion(metric, better(metric, plan.own), tolerance or plan.tolerance)
+    against = None if baseline is None else _baseline(found, baseline, rule)
+    contests, factor = _contests(found, rule), _factor(found)
+    contests.sort(key=lambda contest: contest.factor != factor)
+    missed = unmet(found, plan.require)
+    problems = unmet_lines(missed)
+    problems += [
+        f"require {one.text}: no cell has these values" for one in unused(found, plan.require)
+    ]
+    if against is not None:
+        problems += [] if against else ["the baseline has no run in common with this plan"]
+        problems += [
+            f"worse than the baseline: {effect.line(metric)}"
+            for effect in against
+            if effect.verdict == WORSE
+        ]
+    failed = {(one.requirement, one.group.cell, one.group.estimator) for one in missed}
+    return Judgement(
+        metric,
+        rule.better,
+        str(rule.tolerance),
+        len(rows),
+        sum(group.done for group in found),
+        factor,
+        [_standing(group, rule) for group in found],
+        contests,
+        failures(found),
+        [
+            Checked(
+                one.text,
+                g.cell,
+                g.estimator,
+                g.value(one),
+                (one, g.cell, g.estimator) not in failed,
+            )
+            for one in plan.require
+            for g in found
+            if one.concerns(g.words)
+        ],
+        against,
+        problems,
+    )
+
+
+def counts(rows: Sequence[Row]) -> dict[str, int]:
+    """Return how often each status occurs, the most frequent first.
+
+    Statuses that differ only in numbers are counted as one, with ``...`` for the numbers.
+    """
+    return {status: len(alike) for status, alike in _alike(rows).items()}
+
+
+def _alike(rows: Sequence[Row]) -> dict[str, list[Row]]:
+    found: dict[str, list[Row]] = defaultdict(list)
+    for row in rows:
+        found[_NUMBER.sub("...", str(row["status"]))].append(row)
+    named = {}
+    for masked, alike in found.items():
+        statuses = {str(row["status"]) for row in alike}
+        named[statuses.pop() if len(statuses) == 1 else masked] = alike
+    return dict(sorted(named.items(), key=lambda item: -len(item[1])))
+
+
+def failures(found: Sequence[Group]) -> list[Failure]:
+    """Return why runs failed, the most frequent reason first."""
+    result = [
+        Failure(
+            group.cell,
+            group.estimator,
+            status.removeprefix("failed: "),
+            len(alike),
+            [int(row["seed"]) for row in alike[:_MOST_SEEDS]],
+        )
+        for group in found
+        for status, alike in _alike(group.rows).items()
+        if status != "done"
+    ]
+    return sorted(result, key=lambda failure: -failure.runs)
+
+
+def _standing(group: Group, rule: Criterion) -> Standing:
+    values = _values(group, rule.metric)
+    done = [value for value in values.values() if value is not None and math.isfinite(value)]
+    return Standing(
+        group.cell,
+        group.estimator,
+        group.words,
+        len(group.rows),
+        group.done,
+        group.success(),
+        quantile(np.array(done), 0.5),
+        _with_failures(values, rule),
+        group.align,
+    )
+
+
+def _with_failures(values: Mapping[int, float | None], rule: Criterion) -> float | None:
+    """Return the median of all runs with a result, failed ones being the worst."""
+    known = np.array([value for value in values.values() if value is not None])
+    if not len(known):
+        return None
+    order = np.argsort(_losses(known, rule.better), kind="stable")
+    middle = known[order][[(len(known) - 1) // 2, len(known) // 2]]
+    return float(middle.mean()) if np.isfinite(middle).all() else None
+
+
+def _values(group: Group, metric: str) -> dict[int, float | None]:
+    """Return the metric by seed: infinite where a run failed, None where it has none."""
+    if metric == SUCCESS:
+        return {int(row["seed"]): float(row["status"] == "done") for row in group.rows}
+    found: dict[int, float | None] = {}
+    for row in group.rows:
+        number = numbers([row], metric)
+        failed = row["status"] != "done"
+        found[int(row["seed"])] = math.inf if failed else number[0] if number else None
+    return found
+
+
+def _losses(values: Array, better: Better) -> Array:
+    """Return values whose order is from the best to the worst; infinite ones are the worst."""
+    if better == HIGHER:
+        return np.where(np.isinf(values), np.inf, -values)
+    return values if isinstance(better, str) else np.abs(values - better)
+
+
+def _effect(a: Group, b: Group, names: tuple[str, str], rule: Criterion) -> Effect | None:
+    """Compare two groups, p values not yet corrected; None where they share no seed."""
+    ours, theirs = _values(a, rule.metric), _values(b, rule.metric)
+    seeds = [seed for seed in ours if seed in theirs]
+    if not seeds:
+        return None
+    done_a, done_b = ({int(r["seed"]) for r in g.rows if r["status"] == "done"} for g in (a, b))
+    share, share_p = share_difference(
+        np.array([seed in done_a for seed in seeds]), np.array([seed in done_b for seed in seeds])
+    )
+    pairs = np.array(
+        [
+            (ours[seed], theirs[seed])
+            for seed in seeds
+            if ours[seed] is not None and theirs[seed] is not None
+        ],
+        dtype=float,
+    ).reshape(-1, 2)
+    pairs = pairs[~np.isinf(pairs).all(axis=1)]
+    losses = _losses(pairs, rule.better)
+    won, lost, _ = wins(losses[:, 0], losses[:, 1])
+    note = ""
+    if depends_on_alignment(rule.metric) and a.align and b.align and a.align != b.align:
+        note = f"aligned differently ({a.align} and {b.align}), so that they are not compared"
+    nothing = Shift(Interval(None, None, None), 0, None, None)
+    kind, scatter, effect, moved = SHARE, None, share, nothing
+    if rule.metric == SUCCESS:
+        moved = nothing._replace(sign=-int(np.sign(share.value or 0.0)))
+    elif not note:
+        kind, effect, moved, scatter = _measured(pairs, losses, rule)
+    return Effect(
+        *names,
+        kind,
+        effect if not note else Interval(None, None, None),
+        len(pairs),
+        won,
+        lost,
+        scatter,
+        share_p if rule.metric == SUCCESS else moved.p,
+        moved.p_beyond,
+        share,
+        share_p,
+        WORSE if moved.sign > 0 else BETTER,
+        note,
+    )
+
+
+def _measured(
+    pairs: Array, losses: Array, rule: Criterion
+) -> tuple[str, Interval, Shift, float | None]:
+    """Return kind and size of an effect, how far A's losses exceed B's, and the ratio's scatter."""
+    finite = np.isfinite(pairs)
+    positive = bool((pairs[finite] > 0.0).all()) and isinstance(rule.better, str)
+    tolerance = rule.tolerance
+    sign = -1.0 if rule.better == HIGHER else 1.0
+    ratio = positive and tolerance.relative
+    values, margin = losses, tolerance.value
+    if ratio:
+        values, margin = np.log(pairs), math.log1p(tolerance.value)
+        values = np.where(finite, sign * values, np.inf)
+    elif tolerance.relative:
+        known = np.abs(losses[:, 1][finite[:, 1]])
+        margin = tolerance.value * float(np.median(known)) if len(known) else 0.0
+    moved = shift(values[:, 0] - values[:, 1], margin)
+    ends = list(moved.centre)
+    if sign < 0.0:
+        value, low, high = (None if end is None else -end for end in ends)
+        ends = [value, high, low]
+    both = finite.all(axis=1)
+    scatter = None
+    if positive and both.sum() > 1:
+        scatter = float(np.std(np.log(pairs[both, 0] / pairs[both, 1]), ddof=1))
+    if ratio:
+        ends = [None if end is None else math.exp(end) for end in ends]
+    return RATIO if ratio else DIFFERENCE, Interval(*ends), moved, scatter
+
+
+def _decided(effects: Sequence[Effect], rule: Criterion) -> list[Effect]:
+    """Correct the p values of all effects that are read together, and draw the verdicts."""
+    count = len(effects)
+    p = holm([effect.p for effect in effects])
+    # A share that cannot differ significantly has no p and costs the others nothing.
+    beyond = holm([e.p_beyond for e in effects] + [e.success_p for e in effects])
+    result = []
+    for k, effect in enumerate(effects):
+        of_metric, of_share = beyond[k], beyond[count + k]
+        fewer = (effect.success.value or 0.0) < 0.0
+        if of_share is not None and of_share < SIGNIFICANT:
+            verdict = WORSE if fewer else BETTER
+        elif of_metric is not None and of_metric < SIGNIFICANT:
+            verdict = effect.verdict
+        else:
+            verdict = EQUAL if _is_within(effect, rule.tolerance) else UNDECIDED
+        result.append(
+            replace(effect, p=p[k], p_beyond=of_metric, success_p=of_share, verdict=verdict)
+        )
+    return result
+
+
+def _is_within(effect: Effect, tolerance: Tolerance) -> bool:
+    """Return whether the interval of an effect lies within the tolerance."""
+    _, low, high = effect.effect
+    if low is None or high is None or effect.kind == SHARE or effect.note:
+        return False
+    if effect.kind == RATIO:
+        return 1.0 / (1.0 + tolerance.value) <= low and high <= 1.0 + tolerance.value
+    return not tolerance.relative and -tolerance.value <= low and high <= tolerance.value
+
+
+def _baseline(found: Sequence[Group], rows: Sequence[Row], rule: Criterion) -> list[Effect]:
+    earlier = {(group.cell, group.estimator): group for group in groups(rows, ())}
+    effects: list[Effect] = []
+    for group in found:
+        old = earlier.get((group.cell, group.estimator))
+        name = f"{group.cell}; {group.estimator}"
+        effect = None if old is None else _effect(group, old, (name, "the baseline"), rule)
+        if effect is not None:
+            effects.append(effect)
+    return _decided(effects, rule)
+
+
+def _factor(found: Sequence[Group]) -> str:
+    """Return what a campaign is about."""
+    values: dict[str, set[str]] = defaultdict(set)
+    for group in found:
+        for name, word in group.words.items():
+            values[name].add(word)
+    several = [name for name, words in values.items() if len(words) > 1]
+    for name in ("estimator", "imu"):
+        if name in several:
+            return name
+    return several[0] if several else ""
+
+
+def _contests(found: Sequence[Group], rule: Criterion) -> list[Contest]:
+    drafts: list[tuple[str, dict[str, str], list[str], list[Effect]]] = []
+    typical = {id(group): _rank(group, rule) for group in found}
+    for factor, members in _members(found):
+        ranked = sorted(members, key=lambda group: typical[id(group)])
+        firsts = ranked[:1] if len(ranked) > _ALL_PAIRS else ranked
+        pairs = [(a, b) for k, a in enumerate(firsts) for b in ranked[k + 1 :]]
+        names = [group.words[factor] for group in ranked]
+        compared = [_effect(a, b, (a.words[factor], b.words[factor]), rule) for a, b in pairs]
+        if compared[0] is not None:
+            where = {name: word for name, word in ranked[0].words.items() if name != factor}
+            drafts.append((factor, where, names, [one for one in compared if one is not None]))
+    decided = iter(_decided([effect for *_, effects in drafts for effect in effects], rule))
+    contests = []
+    for factor, where, names, effects in drafts:
+        final = [next(decided) for _ in effects]
+        best = names[0] if final[0].verdict == BETTER else None
+        contests.append(Contest(factor, where, names, best, final[0], final))
+    return contests
+
+
+def _rank(group: Group, rule: Criterion) -> tuple[float, float]:
+    """Return the key that orders groups from the best to the worst."""
+    typical = _with_failures(_values(group, rule.metric), rule)
+    loss = math.inf if typical is None else float(_losses(np.array([typical]), rule.better)[0])
+    return loss, -group.done / len(group.rows)
+
+
+def _members(found: Sequence[Group]) -> Iterator[tuple[str, list[Group]]]:
+    """Yield groups that differ in the estimator alone, or in one value of the grid alone."""
+    index: dict[tuple[str, tuple[tuple[str, str], ...]], list[Group]] = defaultdict(list)
+    for group in found:
+        words = group.words
+        for name in words:
+            key = tuple((other, word) for other, word in words.items() if other != name)
+            index[name, key].append(group)
+    for (name, _), members in index.items():
+        if len(members) > 1:
+            yield name, members
+
+
+def _size(kind: str, effect: Interval) -> str:
+    value = effect.value
+    if value is None:
+        return "incomparably different (half of the seeds failed)"
+    ends = (effect.low, effect.high)
+    if kind == SHARE:
+        words = [f"{100.0 * abs(value):.3g} % {'more' if value > 0.0 else 'fewer'} runs done"]
+        return words[0] + _between([None if e is None else 100.0 * e for e in ends], " %")
+    if kind == DIFFERENCE:
+        return f"{abs(value):.4g} {'larger' if value > 0.0 else 'smaller'}" + _between(ends, "")
+    larger = value >= 1.0
+    word = "larger" if larger else "smaller"
+    factors = [None if end is None else end if larger else 1.0 / end for end in ends]
+    factor = value if larger else 1.0 / value
+    if not larger:
+        factors.reverse()
+    if factor >= 2.0:
+        return f"{factor:.3g} times {word}" + _between(factors, "")
+    percents = [None if end is None else 100.0 * (end - 1.0) for end in ends]
+    if not larger:
+        percents = [None if end is None else -end for end in reversed(percents)]
+    return f"{100.0 * abs(value - 1.0):.3g} % {word}" + _between(percents, " %")
+
+
+def _between(ends: Sequence[float | None], unit: str) -> str:
+    low, high = ("open" if end is None else f"{end:.3g}{unit}" for end in ends)
+    return f" (95 %: {low} to {high})"
