@@ -58,6 +58,10 @@ class Task:
     deaths: int = 0
     """Workers that died while they had it."""
 
+    def alone(self) -> "Iterator[Task]":
+        """Yield a task for each seed, after the worker that had them all has died."""
+        return (replace(self, seeds=(seed,), deaths=self.deaths + 1) for seed in self.seeds)
+
 
 Engine = Callable[[Plan, Iterable[Task], Path], Generator[list[Row], None, None]]
 """Yields the rows of each task as they come."""
@@ -195,8 +199,7 @@ def _run(
             if len(task.seeds) == 1 and task.deaths >= restarts:
                 yield failed(plan, task, "failed: the worker process died")
             else:
-                deaths = task.deaths + 1
-                suspects.extend(replace(task, seeds=(k,), deaths=deaths) for k in task.seeds)
+                suspects.extend(task.alone())
         else:
             yield rows
 

@@ -251,19 +251,6 @@ def judge(
     against = None if baseline is None else _baseline(found, baseline, rule)
     contests, factor = _contests(found, rule), _factor(found)
     contests.sort(key=lambda contest: contest.factor != factor)
-    missed = unmet(found, plan.require)
-    problems = unmet_lines(missed)
-    problems += [
-        f"require {one.text}: no cell has these values" for one in unused(found, plan.require)
-    ]
-    if against is not None:
-        problems += [] if against else ["the baseline has no run in common with this plan"]
-        problems += [
-            f"worse than the baseline: {effect.line(metric)}"
-            for effect in against
-            if effect.verdict == WORSE
-        ]
-    failed = {(one.requirement, one.group.cell, one.group.estimator) for one in missed}
     return Judgement(
         metric,
         rule.better,
@@ -274,21 +261,36 @@ def judge(
         [_standing(group, rule) for group in found],
         contests,
         failures(found),
-        [
-            Checked(
-                one.text,
-                g.cell,
-                g.estimator,
-                g.value(one),
-                (one, g.cell, g.estimator) not in failed,
-            )
-            for one in plan.require
-            for g in found
-            if one.concerns(g.words)
-        ],
+        _checked(plan, found),
         against,
-        problems,
+        _problems(plan, found, against, metric),
     )
+
+
+def _checked(plan: Plan, found: Sequence[Group]) -> list[Checked]:
+    result = []
+    for one in plan.require:
+        for group in found:
+            if one.concerns(group.words):
+                value = group.value(one)
+                place = (group.cell, group.estimator)
+                result.append(Checked(one.text, *place, value, one.holds(value)))
+    return result
+
+
+def _problems(
+    plan: Plan, found: Sequence[Group], against: Sequence[Effect] | None, metric: str
+) -> list[str]:
+    lines = unmet_lines(unmet(found, plan.require))
+    lines += [
+        f"require {one.text}: no cell has these values" for one in unused(found, plan.require)
+    ]
+    if against is not None and not against:
+        lines.append("the baseline has no run in common with this plan")
+    for effect in against or ():
+        if effect.verdict == WORSE:
+            lines.append(f"worse than the baseline: {effect.line(metric)}")
+    return lines
 
 
 def counts(rows: Sequence[Row]) -> dict[str, int]:

@@ -51,6 +51,18 @@ def parser() -> common.Parser:
         "--retry-failed", action="store_true", help="with --resume: repeat failed runs"
     )
     _add_engine_arguments(result)
+    _add_gate_arguments(result)
+    result.add_argument("--no-report", action="store_true", help="write no report.html")
+    result.add_argument(
+        "--check", action="store_true", help="check the plan and print what it would run"
+    )
+    result.add_argument("--yes", action="store_true", help=f"confirm {MANY:,} runs or more")
+    common.add_output_arguments(result)
+    return result
+
+
+def _add_gate_arguments(result: argparse.ArgumentParser) -> None:
+    """Add the arguments that say what is compared, and when the campaign fails."""
     result.add_argument(
         "--baseline",
         type=Path,
@@ -76,13 +88,6 @@ def parser() -> common.Parser:
         metavar="FILE",
         help="write requirements, verdicts and failures as JUnit XML",
     )
-    result.add_argument("--no-report", action="store_true", help="write no report.html")
-    result.add_argument(
-        "--check", action="store_true", help="check the plan and print what it would run"
-    )
-    result.add_argument("--yes", action="store_true", help=f"confirm {MANY:,} runs or more")
-    common.add_output_arguments(result)
-    return result
 
 
 def _add_engine_arguments(result: argparse.ArgumentParser) -> None:
@@ -135,6 +140,7 @@ def run(arguments: argparse.Namespace) -> list[str]:
     path = find_plan(arguments.plan)
     plan = load_plan(path)
     _check(arguments, plan)
+    tolerance = None if arguments.tolerance is None else parse_tolerance(arguments.tolerance)
     check_plan(plan, path)
     baseline = None if arguments.baseline is None else read_results(arguments.baseline)
     if arguments.check:
@@ -152,7 +158,6 @@ def run(arguments: argparse.Namespace) -> list[str]:
         if not arguments.no_report:
             _write_page(arguments)
     wall_s = time.perf_counter() - started
-    tolerance = arguments.tolerance and parse_tolerance(arguments.tolerance)
     found = judge(plan, outcome.rows, arguments.metric, baseline, tolerance)
     if arguments.junit is not None:
         write_junit(arguments.junit, plan.options.name, found)
