@@ -153,7 +153,7 @@ def dead_reckon(
         gyroscope's bias from a rest of ``level_time``), or ``"parameters"`` (``initial_position``
         and so on). By default the truth.
     :param imu_topic: of a bag with several.
-    :param covariance: propagate the poses' covariance, of a flight from an exact start.
+    :param covariance: of the poses as well, of a flight from an exact start.
     :param parameters: of the node integrator by their ROS names: ``gravity``, ``gyroscope_bias``,
         ``accelerometer_scale_misalignment``, ``level_time``, ``max_gap``, ...
     :raises ConfigurationError: with a line for every parameter that is wrong.
@@ -170,9 +170,7 @@ def dead_reckon(
     track, truth = _source(readings, imu_topic)
     if isinstance(readings, Flight):
         parameters = {**_world(readings.parameters), **parameters}
-    if initial is None:
-        initial = "truth"
-    name = initial if isinstance(initial, str) else "parameters"
+    name = initial if isinstance(initial := initial or "truth", str) else "parameters"
     usual = not parameters and isinstance(method, str) and isinstance(attitude_update, str)
     settings = (_usual_settings if usual else _settings)(
         method, attitude_update, name, **_plain(parameters)
@@ -181,15 +179,16 @@ def dead_reckon(
         start, correction = _checked_state(initial), correction_of(settings)
     else:
         track, start, correction = _start(settings, track, truth)
-    way = (settings.method, settings.attitude_update, settings.gravity, correction)
-    limits = (settings.max_gap, settings.earth_rate)
-    states = integrate(track.t_ns, track.gyro, track.accel, start, *way, *limits)
-    force = correction.apply(track.gyro, track.accel)[1] if covariance else None
-    stated = None if force is None else _covariance(readings, states, force)
-    return Track(*states, *way[:2], stated, truth, track.name)
+    words = (settings.method, settings.attitude_update)
+    world = (settings.gravity, correction, settings.max_gap, settings.earth_rate)
+    states = integrate(track.t_ns, track.gyro, track.accel, start, *words, *world)
+    stated = _covariance(readings, states, track, correction) if covariance else None
+    return Track(*states, *words, stated, truth, track.name)
 
 
-def _covariance(readings: object, states: NavigationStates, force: Array) -> Array:
+def _covariance(
+    readings: object, states: NavigationStates, track: Readings, correction: Correction
+) -> Array:
     """Return the covariance (n, 6, 6) of the poses from an exact start."""
     if not isinstance(readings, Flight):
         raise InputError("covariance: the sensor's errors are known of a flight alone")
@@ -199,6 +198,7 @@ def _covariance(readings: object, states: NavigationStates, force: Array) -> Arr
         accelerometer_bias=imu.accelerometer.turn_on_bias_sigma,
     )
     rows = range(len(states.t_ns))
+    force = correction.apply(track.gyro, track.accel)[1]
     return propagate(states, force, noise_of(imu), initial, rows)[:, _POSE[:, None], _POSE]
 
 
