@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.campaign.engine import Engine as Engine
     from imu_sim_ros.campaign.engine import Task as Task
     from imu_sim_ros.campaign.junit import write_junit as write_junit
+    from imu_sim_ros.campaign.metrics import Tolerance as Tolerance
     from imu_sim_ros.campaign.metrics import parse_tolerance as parse_tolerance
     from imu_sim_ros.campaign.plan import Plan as Plan
     from imu_sim_ros.campaign.plan import check_plan as check_plan
@@ -37,7 +38,9 @@ if TYPE_CHECKING:
     from imu_sim_ros.campaign.results import write_tables as write_tables
     from imu_sim_ros.campaign.runs import CellRuns as CellRuns
     from imu_sim_ros.campaign.statistics import Interval as Interval
+    from imu_sim_ros.campaign.statistics import power as power
     from imu_sim_ros.campaign.statistics import quantile as quantile
+    from imu_sim_ros.campaign.statistics import seeds_needed as seeds_needed
     from imu_sim_ros.campaign.statistics import statistic as statistic
     from imu_sim_ros.campaign.summary import Group as Group
     from imu_sim_ros.campaign.summary import groups as groups
@@ -58,11 +61,11 @@ else:
             "cells": ["Cell", "cell_count"],
             "engine": ["Engine", "Task"],
             "junit": ["write_junit"],
-            "metrics": ["parse_tolerance"],
+            "metrics": ["Tolerance", "parse_tolerance"],
             "plan": ["Plan", "check_plan", "find_plan", "load_plan"],
             "results": ["LOG", "TABLE", "Row", "Store", "read_results", "replaced", "write_tables"],
             "runs": ["CellRuns"],
-            "statistics": ["Interval", "quantile", "statistic"],
+            "statistics": ["Interval", "power", "quantile", "seeds_needed", "statistic"],
             "summary": [
                 "Group",
                 "groups",

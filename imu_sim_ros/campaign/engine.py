@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import imu_sim_ros
 from imu_sim_ros.campaign.cells import Cell
-from imu_sim_ros.campaign.plan import Plan
+from imu_sim_ros.campaign.plan import Plan, missing
 from imu_sim_ros.config import CommandEstimator
 from imu_sim_ros.errors import ImuSimError, InputError, MachineError, MissingDependencyError
 
@@ -298,15 +298,16 @@ def _environment() -> Iterator[None]:
 
 
 @contextmanager
-def client(scheduler: str | None, workers: int) -> Iterator["Client"]:
+def client(scheduler: str | None, workers: int, worker_timeout: float = 60.0) -> Iterator["Client"]:
     """Connect to a scheduler, or start a cluster of processes on this machine.
 
     :param scheduler: ``tcp://host:port``; None: a local cluster with its dashboard.
+    :param worker_timeout: how long a scheduler without a worker is waited for [s].
     :raises MissingDependencyError: where dask.distributed is not installed.
-    :raises InputError: where no scheduler answers.
+    :raises InputError: where no scheduler answers, or no worker joins it.
     """
     try:
-        from distributed import Client, LocalCluster
+        from distributed import Client, LocalCluster, TimeoutError
     except ImportError:
         raise MissingDependencyError(
             "Dask is not installed: pip install 'distributed', or apt install python3-distributed"
@@ -335,7 +336,44 @@ def client(scheduler: str | None, workers: int) -> Iterator["Client"]:
     except (OSError, ValueError) as error:
         raise InputError(f"--scheduler {scheduler}: {error}") from None
     with found:
+        try:
+            found.wait_for_workers(1, timeout=worker_timeout)
+        except TimeoutError:
+            raise InputError(
+                f"--scheduler {scheduler}: no worker has joined within {worker_timeout:g} s"
+            ) from None
         yield found
+
+
+def check_workers(client: "Client", plan: Plan) -> None:
+    """Refuse workers that would fail every run: each has to have this package and the programs.
+
+    :raises InputError: with a line for each worker and what it lacks.
+    """
+    # By name: what a worker without the package is sent must not be of the package.
+    found = client.run(eval, "__import__('imu_sim_ros').__version__", on_error="return")
+    problems = []
+    for worker, version in found.items():
+        if isinstance(version, ImportError):
+            problems.append(f"worker {worker}: imu_sim_ros is not installed there ({version})")
+        elif isinstance(version, BaseException):
+            problems.append(f"worker {worker}: imu_sim_ros cannot be loaded there: {version}")
+        elif version != imu_sim_ros.__version__:
+            problems.append(
+                f"worker {worker}: has imu_sim_ros {version}; this is {imu_sim_ros.__version__}"
+            )
+    if not problems:
+        for worker, lines in client.run(missing, plan, on_error="return").items():
+            lines = [str(lines)] if isinstance(lines, BaseException) else lines
+            problems += [f"worker {worker}: {line}" for line in lines]
+    if problems:
+        raise InputError(problems)
+
+
+def dashboard(client: "Client") -> str | None:
+    """Return the address of the scheduler's dashboard; None: it has none."""
+    has_one = "dashboard" in client.scheduler_info().get("services", {})
+    return str(client.dashboard_link) if has_one else None
 
 
 def _dashboard() -> str:

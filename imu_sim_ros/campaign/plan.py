@@ -234,7 +234,11 @@ def check_plan(plan: Plan, path: Path) -> None:
 
 def missing(plan: Plan) -> list[str]:
     """Return a line for each program or file that a plan names and that is not on this machine."""
-    problems = []
+    problems = [
+        f"{name} = {path}: does not exist"
+        for name, path in sorted(_named_files(plan))
+        if not path.is_file()
+    ]
     for name, one in plan.estimators.items():
         if not isinstance(one, CommandEstimator):
             continue
@@ -258,6 +262,17 @@ def missing(plan: Plan) -> list[str]:
                     f"estimators.{name}.command: {places[place] / rest}: does not exist"
                 )
     return problems
+
+
+def _named_files(plan: Plan) -> set[tuple[str, Path]]:
+    """Return the files of trajectory and scene that all cells or one of them name."""
+    found = set()
+    for cell in _along_axes(plan.axes) if plan.axes else plan.cells():
+        layer = {**plan.parameters, **cell.layer()}
+        for name in ("trajectory.file", "scene.file"):
+            if layer.get(name):
+                found.add((name, Path(str(layer[name]))))
+    return found
 
 
 def program(plan: Plan, word: str, path: str | None) -> str | None:

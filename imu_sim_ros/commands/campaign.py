@@ -19,7 +19,17 @@ from imu_sim_ros.errors import InputError, MachineError, system_error
 from imu_sim_ros.machine import cores
 
 if TYPE_CHECKING:
-    from imu_sim_ros.campaign import Contest, Engine, Group, Judgement, Outcome, Plan, Row, Store
+    from imu_sim_ros.campaign import (
+        Contest,
+        Engine,
+        Group,
+        Judgement,
+        Outcome,
+        Plan,
+        Row,
+        Store,
+        Tolerance,
+    )
 
 EXAMPLES: Final = """
   campaign which_imu -o which_imu
@@ -40,9 +50,7 @@ def parser() -> common.Parser:
         examples=EXAMPLES,
     )
     result.add_argument("plan", metavar="PLAN", help="a file, or a name in config/campaigns")
-    result.add_argument(
-        "-o", "--output", type=Path, metavar="DIR", required=True, help="folder of the results"
-    )
+    result.add_argument("-o", "--output", type=Path, metavar="DIR", help="folder of the results")
     result.add_argument(
         "--resume", action="store_true", help="continue with the results in the folder"
     )
@@ -55,6 +63,18 @@ def parser() -> common.Parser:
     result.add_argument("--no-report", action="store_true", help="write no report.html")
     result.add_argument(
         "--check", action="store_true", help="check the plan and print what it would run"
+    )
+    result.add_argument(
+        "--power",
+        metavar="SHARE",
+        help="print how many seeds it takes to find a difference of this size, and end",
+    )
+    result.add_argument(
+        "--scatter",
+        metavar="SHARE",
+        default="20%",
+        help="for --power: scatter of the ratio of both results on the same seed (its logarithm's "
+        "standard deviation, 'scatter' of an earlier campaign's --json); default: %(default)s%%",
     )
     result.add_argument("--yes", action="store_true", help=f"confirm {MANY:,} runs or more")
     common.add_output_arguments(result)
@@ -107,6 +127,13 @@ def _add_engine_arguments(result: argparse.ArgumentParser) -> None:
         "--dask", action="store_true", help="run on a local Dask cluster with its dashboard"
     )
     result.add_argument(
+        "--worker-timeout",
+        type=float,
+        metavar="S",
+        default=60.0,
+        help="how long a scheduler without workers is waited for; default: %(default)g s",
+    )
+    result.add_argument(
         "--batch",
         type=int,
         metavar="N",
@@ -142,6 +169,9 @@ def run(arguments: argparse.Namespace) -> list[str]:
     _check(arguments, plan)
     tolerance = None if arguments.tolerance is None else parse_tolerance(arguments.tolerance)
     check_plan(plan, path)
+    if arguments.power is not None:
+        _print_power(arguments, plan, tolerance or plan.tolerance)
+        return []
     baseline = None if arguments.baseline is None else read_results(arguments.baseline)
     if arguments.check:
         print(_described(plan))
@@ -151,7 +181,7 @@ def run(arguments: argparse.Namespace) -> list[str]:
     with (
         _full_disk_told(folder),
         Store(folder, resume, arguments.force) as store,
-        _engine(arguments) as engine,
+        _engine(arguments, plan) as engine,
     ):
         store.keep_plan(path)
         outcome = _watched(arguments, plan, store, engine)
@@ -225,8 +255,12 @@ def _write_page(arguments: argparse.Namespace) -> None:
 
 def _check(arguments: argparse.Namespace, plan: "Plan") -> None:
     problems = []
+    if arguments.output is None and not arguments.check and arguments.power is None:
+        problems.append("-o DIR: is needed, the folder of the results")
     if arguments.workers < 1:
         problems.append(f"--workers {arguments.workers}: must be at least 1")
+    if not 0.0 < arguments.worker_timeout < 1e6:
+        problems.append(f"--worker-timeout {arguments.worker_timeout:g}: must be above 0 s")
     if arguments.batch is not None and arguments.batch < 1:
         problems.append(f"--batch {arguments.batch}: must be at least 1")
     arguments.metric = arguments.metric or plan.metrics[0]
@@ -236,11 +270,11 @@ def _check(arguments: argparse.Namespace, plan: "Plan") -> None:
         )
     if arguments.resume and arguments.force:
         problems.append("--resume and --force: choose one")
-    if arguments.baseline is not None and _is_output(arguments.baseline, arguments.output):
+    if arguments.baseline and arguments.output and _is_output(arguments.baseline, arguments.output):
         problems.append(f"--baseline {arguments.baseline}: is written by this campaign")
     if arguments.dask and arguments.scheduler:
         problems.append("--dask and --scheduler: choose one")
-    if plan.run_count >= MANY and not (arguments.yes or arguments.check):
+    if plan.run_count >= MANY and not (arguments.yes or arguments.check or arguments.power):
         problems.append(f"the plan has {plan.run_count:,} runs: {_duration(arguments, plan)}")
     if problems:
         raise InputError(problems)
@@ -268,16 +302,63 @@ def _is_output(path: Path, folder: Path) -> bool:
 
 
 @contextlib.contextmanager
-def _engine(arguments: argparse.Namespace) -> Iterator["Engine"]:
+def _engine(arguments: argparse.Namespace, plan: "Plan") -> Iterator["Engine"]:
     from imu_sim_ros.campaign import engine
 
     if not (arguments.dask or arguments.scheduler):
         yield engine.local(arguments.workers)
         return
-    with engine.client(arguments.scheduler, arguments.workers) as client:
-        if not (arguments.quiet or arguments.json):
-            print(f"dashboard: {client.dashboard_link}")
+    seconds = arguments.worker_timeout
+    with engine.client(arguments.scheduler, arguments.workers, seconds) as client:
+        engine.check_workers(client, plan)
+        address = engine.dashboard(client)
+        if address and not (arguments.quiet or arguments.json):
+            print(f"dashboard: {address}")
         yield engine.dask(client)
+
+
+def _print_power(arguments: argparse.Namespace, plan: "Plan", tolerance: "Tolerance") -> None:
+    """Print the chance to find a difference with the plan's seeds, and the seeds it takes."""
+    from imu_sim_ros.campaign import cell_count, parse_tolerance, power, seeds_needed
+
+    wanted, scatter = (parse_tolerance(word) for word in (arguments.power, arguments.scatter))
+    shares = {"--power": wanted, "--scatter": scatter, "tolerance": tolerance}
+    problems = [
+        f"{name} {share}: must be a share such as 10 %"
+        for name, share in shares.items()
+        if not share.relative
+    ]
+    if not problems and wanted.value <= tolerance.value:
+        problems.append(f"--power {wanted}: must be above the tolerance, {tolerance}")
+    if scatter.value <= 0.0:
+        problems.append(f"--scatter {scatter}: must be above 0")
+    if problems:
+        raise InputError(problems)
+    comparisons = cell_count(plan.axes) * len(plan.estimators)
+    sizes = (wanted.value, scatter.value, tolerance.value, comparisons)
+    chance = power(len(plan.seeds), *sizes)
+    needed = {share: seeds_needed(share, *sizes) for share in (0.5, 0.8, 0.95)}
+    if arguments.json:
+        common.print_json(
+            {
+                "difference": wanted.value,
+                "scatter": scatter.value,
+                "tolerance": tolerance.value,
+                "comparisons": comparisons,
+                "seeds": len(plan.seeds),
+                "power": chance,
+                "seeds_needed": {f"{share:g}": seeds for share, seeds in needed.items()},
+            }
+        )
+        return
+    print(
+        f"A difference of {wanted} beyond a tolerance of {tolerance}, scatter {scatter}, "
+        f"{comparisons} comparison{'s' * (comparisons != 1)}: the plan's {len(plan.seeds)} seeds "
+        f"find it in {100.0 * chance:.0f} % of campaigns"
+    )
+    for share, seeds in needed.items():
+        shown = "more than 100,000" if seeds is None else f"{seeds:,}"
+        print(f"{100.0 * share:.0f} %: {shown} seeds")
 
 
 def _described(plan: "Plan") -> str:

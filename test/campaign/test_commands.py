@@ -383,3 +383,78 @@ assert density == tree["imu"]["gyroscope_noise_density"][0], density
 open("estimate.txt", "w").write("1 0 0 0 0 0 0 1\\n2 0 0 0 0 0 0 1\\n")
 """
     assert run(program, "{config}", align="none")["status"] == "done"
+
+
+def test_programs_are_looked_up_before_the_first_run(plan_file, campaign, tmp_path):
+    path = plan_file(
+        seeds=1,
+        align="none",
+        estimators={
+            "a": {"command": "nosuchprog {dataset}"},
+            "b": {"command": "./estimator.sh {estimate}"},
+            "c": {"command": "{python} {plan}/script.py {estimate}"},
+        },
+    )
+    status, _, lines = campaign(path, "-o", tmp_path / "out", "--check")
+    assert status == 2
+    assert [line.removeprefix(f"campaign: {path}: estimators.") for line in lines] == [
+        f"a.command: nosuchprog: no such program, neither in PATH nor in {tmp_path}",
+        f"b.command: ./estimator.sh: no such program, neither in PATH nor in {tmp_path}",
+        f"c.command: {tmp_path}/script.py: does not exist",
+    ]
+    assert not (tmp_path / "out").exists()
+    written = "1 0 0 0 0 0 0 1\\n2 1 0 0 0 0 0 1\\n"
+    for name in ("nosuchprog", "estimator.sh"):
+        (tmp_path / name).write_text(f"#!/bin/sh\nprintf '{written}' > estimate.txt\n")
+        (tmp_path / name).chmod(0o755)
+    (tmp_path / "script.py").write_text(f"import sys\nopen(sys.argv[1], 'w').write('{written}')")
+    status, result, lines = campaign(path, "-o", tmp_path / "out", "--workers", 1)
+    assert (status, result["done"], lines) == (0, 3, [])
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ('{"inliers": 12, "other": 1}', 12.0),
+        ('{"inliers": null}', None),
+        ("", None),
+        ("{", "failed: metrics.json: must hold a JSON object of names and numbers"),
+        ("[" * 100_000, "failed: metrics.json: must hold a JSON object of names and numbers"),
+        ('{"inliers": NaN}', "failed: metrics.json: inliers = nan: must be a finite number"),
+        ('{"inliers": "12"}', "failed: metrics.json: inliers = '12': must be a finite number"),
+        ('{"inliers": 1e999}', "failed: metrics.json: inliers = inf: must be a finite number"),
+    ],
+)
+def test_a_programs_own_metrics_are_read_from_its_folder(plan_file, tmp_path, text, found):
+    script = tmp_path / "program.py"
+    script.write_text(
+        "open('estimate.txt', 'w').write('1 0 0 0 0 0 0 1\\n2 1 0 0 0 0 0 1\\n')\n"
+        f"if {text!r}: open('metrics.json', 'w').write({text!r})\n"
+    )
+    plan = load_plan(
+        plan_file(
+            align="none",
+            metrics={"inliers": "higher"},
+            require=["inliers.min >= 1"],
+            estimators={"a": {"command": f"{{python}} {script}"}},
+        )
+    )
+    (row,) = CellRuns(plan, next(plan.cells())).rows([1], ["a"], tmp_path / "out")
+    assert (row["status"] if isinstance(found, str) else row["inliers"]) == found
+
+
+def test_the_same_algorithm_has_the_same_errors_inside_and_as_a_program(plan_file, tmp_path):
+    """Aligned alike: the integrated readings, by the command that users call."""
+    command = "{python} -m imu_sim_ros.commands.dead_reckon {dataset} -o {estimate} --quiet"
+    plan = load_plan(
+        plan_file(estimators={"inside": {}, "program": {"command": command, "dataset": "mcap"}})
+    )
+    assert [plan.alignment(name) for name in plan.estimators] == ["yaw", "yaw"]
+    a, b = CellRuns(plan, next(plan.cells())).rows([1], plan.estimators, tmp_path / "out")
+    assert a["align"] == b["align"] == "yaw"
+    for name in ("ate_rmse_m", "ate_rmse_rad", "final_position_error_m"):
+        assert a[name] == pytest.approx(b[name], rel=1e-6), name
+    alone = load_plan(plan_file(estimators=["dead_reckon"]))
+    (row,) = CellRuns(alone, next(alone.cells())).rows([1], ["dead_reckon"], tmp_path / "out")
+    assert row["align"] == "none"
+    assert row["ate_rmse_m"] > 1.05 * a["ate_rmse_m"]

@@ -6,10 +6,12 @@
 import contextlib
 import json
 import os
+import shutil
 import signal
 import socket
 import subprocess
 import sys
+import sysconfig
 import time
 
 import pytest
@@ -146,3 +148,56 @@ def test_no_scheduler_is_said_in_a_line(plan_file, campaign, tmp_path):
     assert status == 2
     assert len(lines) == 1
     assert lines[0].startswith("campaign: --scheduler tcp://127.0.0.1:9: ")
+
+
+WITHOUT = """
+import sys
+sys.path.append(sys.argv.pop(1))
+from distributed.cli.dask_worker import main
+main()
+"""
+
+
+def test_workers_that_cannot_run_anything_are_told_before_the_first_run(
+    plan_file, start, cluster, tmp_path
+):
+    """None at all, one without the package, one with another version, one without the program."""
+    address, _, _ = cluster(0)
+    (file,) = tmp_path.glob("scheduler_*.json")
+    options = ("--scheduler-file", file, "--nthreads", "1", "--nworkers", "1", "--no-nanny")
+    programs, fake = tmp_path / "bin", tmp_path / "fake" / "imu_sim_ros"
+    programs.mkdir()
+    fake.mkdir(parents=True)
+    (fake / "__init__.py").write_text("__version__ = '0.0.1'")
+    program = programs / "my_program"
+    program.write_text("#!/bin/sh\nprintf '1 0 0 0 0 0 0 1\\n2 1 0 0 0 0 0 1\\n' > $1\n")
+    program.chmod(0o755)
+    path = plan_file(seeds=1, align="none", estimators={"a": {"command": "my_program {estimate}"}})
+    here = {**os.environ, "PATH": f"{programs}:{os.environ['PATH']}"}
+
+    def complaint(*worker, **environment):
+        process = worker and subprocess.Popen(
+            [sys.executable, *map(str, worker), *map(str, options)],
+            env={**os.environ, **environment},
+            cwd=tmp_path,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        folder = tmp_path / f"out_{len(worker)}_{len(environment)}"
+        timeout = 300 if worker else 1
+        more = ("--scheduler", address, "--worker-timeout", timeout, "--quiet", "--no-report")
+        found = start(path, "-o", folder, *more, env=here).communicate(timeout=500)[1]
+        if process:
+            process.kill()
+            process.wait()
+        assert not folder.exists() or found == ""
+        return found
+
+    assert complaint().endswith(f"{address}: no worker has joined within 1 s\n")
+    packages = sysconfig.get_path("purelib")
+    assert "imu_sim_ros is not installed there" in complaint("-S", "-c", WITHOUT, packages)
+    worker = ("-m", "distributed.cli.dask_worker")
+    assert "has imu_sim_ros 0.0.1; this is" in complaint(*worker, PYTHONPATH=str(fake.parent))
+    assert "estimators.a.command: my_program: no such program" in complaint(*worker)
+    shutil.copy(program, path.parent / "my_program")  # beside the plan, which all machines see
+    assert complaint(*worker, LANG="C") == ""

@@ -14,6 +14,7 @@ import subprocess
 import threading
 import time
 from contextlib import closing
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -289,6 +290,51 @@ def test_a_line_of_the_log_that_is_no_run_is_made_again(plan_file, campaign, tmp
             "\n".join([first.replace('"seed": 0', f'"seed": 0, "x": {number}'), *others, ""])
         )
         assert len(list(read_log(log))) == 2
+
+
+def test_a_campaign_without_one_run_done_ends_with_status_1(plan_file, campaign, tmp_path):
+    path = plan_file(estimators={"a": {"command": "false"}})
+    junit = tmp_path / "ci" / "junit.xml"
+    status, result, lines = campaign(path, "-o", tmp_path / "out", "--workers", 1, "--junit", junit)
+    assert (status, result["done"], result["failed"]) == (1, 0, 3)
+    assert lines == ["campaign: no run is done: 3 x exit status 1"]
+    (runs,) = ElementTree.parse(junit).findall("testsuite[@name='runs']")
+    assert runs.attrib == {"name": "runs", "tests": "1", "failures": "0", "errors": "1"}
+    assert runs.findtext("testcase/system-out") == "3 x exit status 1 (seeds 0, 1, 2)"
+
+
+def test_json_and_junit_hold_what_fails_the_gate(plan_file, campaign, tmp_path):
+    path = plan_file(seeds=8, require=["ate_rmse_m.max < 1e-9", "success >= 0.5"])
+    assert campaign(plan_file("b.yaml", seeds=8), "-o", tmp_path / "before")[0] == 0
+    junit = tmp_path / "junit.xml"
+    more = ("--baseline", tmp_path / "before", "--junit", junit)
+    status, result, (line,) = campaign(path, "-o", tmp_path / "out", *more)
+    assert status == 3
+    judgement = result["judgement"]
+    assert line == f"campaign: {judgement['problems'][0]}"
+    assert [one["met"] for one in judgement["requirements"]] == [False, True]
+    assert judgement["baseline"][0]["verdict"] == "equal"
+    suites = {one.get("name"): one for one in ElementTree.parse(junit).getroot()}
+    assert suites["requirements"].get("failures") == "1"
+    assert "ate_rmse_m.max < 1e-9: is " in suites["requirements"].find(".//failure").get("message")
+    assert suites["baseline"].findtext("testcase/system-out").startswith("equal: all; dead_reckon")
+
+
+def test_power_says_how_many_seeds_it_takes(plan_file, capsys):
+    """30 seeds find 10 % at 20 % of scatter in 48 % of campaigns, as the manual says."""
+    path = str(plan_file(seeds=30))
+    assert command([path, "--power", "10%", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["power"] == pytest.approx(0.48, abs=0.03)
+    assert found["seeds_needed"]["0.5"] == pytest.approx(32, abs=3)
+    assert found["seeds_needed"]["0.8"] > 55
+    assert command([path, "--power", "1 %"]) == 2
+    assert command([path, "--power", "much"]) == 2
+    assert command([path, "--power", "0.1", "--tolerance", "0.01"]) == 2
+    assert command([path]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0] == "campaign: --power 1 %: must be above the tolerance, 2 %"
+    assert lines[-1] == "campaign: -o DIR: is needed, the folder of the results"
 
 
 KILLER = """{python} -c '
