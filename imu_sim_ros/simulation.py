@@ -131,7 +131,7 @@ class Simulation:
     def reset(self) -> None:
         """Go back to the first sample: the same samples follow again."""
         self.position = 0
-        self._imu = Imu(self.parameters, self.t0_ns, self._sensors)
+        self._imu = Imu(self.parameters.imu, self.parameters, self.t0_ns, self._sensors)
         self._imu.prepare(self.trajectory)
 
     def with_seed(self, seed: int) -> "Simulation":
@@ -161,7 +161,7 @@ class Simulation:
         if problems:
             raise ConfigurationError(problems)
         self.parameters = parameters
-        self._imu.configure(parameters)
+        self._imu.configure(parameters.imu)
 
     def inject(self, fault: Fault, delay: float = 0.0) -> None:
         """Let a fault begin.

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.config.campaign import CommandEstimator as CommandEstimator
     from imu_sim_ros.config.campaign import DeadReckonEstimator as DeadReckonEstimator
     from imu_sim_ros.config.campaign import find_estimator as find_estimator
+    from imu_sim_ros.config.environment import EnvironmentParameters as EnvironmentParameters
     from imu_sim_ros.config.files import Layering as Layering
     from imu_sim_ros.config.files import build_layered as build_layered
     from imu_sim_ros.config.imu import LARGEST_LATENCY as LARGEST_LATENCY
@@ -97,6 +98,7 @@ else:
                 "PLACES",
                 "find_estimator",
             ],
+            "environment": ["EnvironmentParameters"],
             "files": [
                 "Layering",
                 "build_layered",

@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.config import SimulationParameters
+from imu_sim_ros.config import EnvironmentParameters
 from imu_sim_ros.rotation.components import cross, rotate_inverse
 from imu_sim_ros.sensor.gravity import (
     EARTH_RATE,
@@ -65,15 +65,15 @@ class OverGround(NamedTuple):
 class CurvedEarth:
     """The places of a trajectory on WGS84, and what an IMU senses of them."""
 
-    def __init__(self, parameters: SimulationParameters) -> None:
+    def __init__(self, environment: EnvironmentParameters) -> None:
         """Take the origin."""
-        latitude, height = math.radians(parameters.latitude_deg), parameters.height
+        latitude, height = math.radians(environment.latitude_deg), environment.height
         meridian, vertical = radii_of_curvature(np.array([latitude]))
         self._latitude, self._height = latitude, height
-        self._longitude = math.radians(parameters.longitude_deg)
+        self._longitude = math.radians(environment.longitude_deg)
         self._north = float(meridian[0]) + height
         self._east = (float(vertical[0]) + height) * math.cos(latitude)
-        self._earth_rate = EARTH_RATE if parameters.earth_rotation else 0.0
+        self._earth_rate = EARTH_RATE if environment.earth_rotation else 0.0
 
     def place(self, position: Array) -> Place:
         """Return the places of positions (n, 3) in the world."""

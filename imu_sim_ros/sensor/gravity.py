@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from imu_sim_ros.config import SimulationParameters
+from imu_sim_ros.config import EnvironmentParameters
 
 Array = NDArray[np.float64]
 
@@ -54,17 +54,17 @@ def gravity_on_ellipsoid(sine_squared: ArrayLike, height: ArrayLike) -> Array:
     return result
 
 
-def gravity_vector(parameters: SimulationParameters) -> Array:
+def gravity_vector(environment: EnvironmentParameters) -> Array:
     """Return g_w (3,) [m/s^2] as set by the parameters; one vector for the whole world."""
-    if parameters.gravity_model == "constant":
-        return np.array(parameters.gravity)
-    latitude = math.radians(parameters.latitude_deg)
-    return np.array([0.0, 0.0, -normal_gravity(latitude, parameters.height)])
+    if environment.gravity_model == "constant":
+        return np.array(environment.gravity)
+    latitude = math.radians(environment.latitude_deg)
+    return np.array([0.0, 0.0, -normal_gravity(latitude, environment.height)])
 
 
-def earth_rate_vector(parameters: SimulationParameters) -> Array:
+def earth_rate_vector(environment: EnvironmentParameters) -> Array:
     """Return the Earth's rotation omega_ie in the world frame, ENU (3,) [rad/s]; 0 where off."""
-    if not parameters.earth_rotation:
+    if not environment.earth_rotation:
         return np.zeros(3)
-    latitude = math.radians(parameters.latitude_deg)
+    latitude = math.radians(environment.latitude_deg)
     return EARTH_RATE * np.array([0.0, math.cos(latitude), math.sin(latitude)])

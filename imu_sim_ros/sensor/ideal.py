@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.config import SimulationParameters
+from imu_sim_ros.config import EnvironmentParameters, ImuParameters
 from imu_sim_ros.rotation.components import cross, rotate_inverse, transform
 from imu_sim_ros.sensor.gravity import earth_rate_vector, gravity_vector
 from imu_sim_ros.sensor.quadrature import Quadrature
@@ -27,15 +27,15 @@ nodes in one call."""
 class IdealImu:
     """An IMU without errors at its mounting position on the body."""
 
-    def __init__(self, parameters: SimulationParameters) -> None:
-        self._curved_earth = _curved_earth(parameters) if parameters.curved_earth else None
-        self._gravity_w = gravity_vector(parameters)[:, None]
-        self._earth_rate_w = earth_rate_vector(parameters)[:, None]
-        self._lever_arm_b = np.reshape(parameters.imu.lever_arm, (3, 1))
+    def __init__(self, imu: ImuParameters, environment: EnvironmentParameters) -> None:
+        self._curved_earth = _curved_earth(environment) if environment.curved_earth else None
+        self._gravity_w = gravity_vector(environment)[:, None]
+        self._earth_rate_w = earth_rate_vector(environment)[:, None]
+        self._lever_arm_b = np.reshape(imu.lever_arm, (3, 1))
         self._has_lever_arm = bool(self._lever_arm_b.any())
         self._earth_turns = bool(self._earth_rate_w.any())
-        self._r_ib = np.reshape(parameters.imu.mounting, (3, 3)).T
-        self._elements_i = np.reshape(parameters.imu.accelerometer_positions, (3, 3))
+        self._r_ib = np.reshape(imu.mounting, (3, 3)).T
+        self._elements_i = np.reshape(imu.accelerometer_positions, (3, 3))
         self._has_size = bool(self._elements_i.any())
         self._only_feels = not (
             self._curved_earth or self._has_lever_arm or self._earth_turns or self._has_size
@@ -144,10 +144,10 @@ class IdealImu:
         return trajectory.sample(t), later
 
 
-def _curved_earth(parameters: SimulationParameters) -> "CurvedEarth":
+def _curved_earth(environment: EnvironmentParameters) -> "CurvedEarth":
     from imu_sim_ros.sensor.curved_earth import CurvedEarth  # most worlds are flat
 
-    return CurvedEarth(parameters)
+    return CurvedEarth(environment)
 
 
 def size_effect(positions: Array, omega: Array, alpha: Array) -> Array:

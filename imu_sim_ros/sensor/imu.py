@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros import timebase
-from imu_sim_ros.config import SimulationParameters
+from imu_sim_ros.config import EnvironmentParameters, ImuParameters
 from imu_sim_ros.conventions import AUXILIARY, TRIADS
 from imu_sim_ros.sensor.block import ImuBlock
 from imu_sim_ros.sensor.errors import Reading, TemperatureProfile, Triad
@@ -34,37 +34,41 @@ class Imu:
     """One IMU; its samples are read in order."""
 
     def __init__(
-        self, parameters: SimulationParameters, t0_ns: int, sensors: Collection[str] = ()
+        self,
+        imu: ImuParameters,
+        environment: EnvironmentParameters,
+        t0_ns: int,
+        sensors: Collection[str] = (),
     ) -> None:
         """Set up all errors at their start.
 
         :param t0_ns: time of sample 0 [ns].
         :param sensors: names of what is read beside the IMU (``conventions.BESIDE``).
         """
-        p = parameters
-        self._rate, self._t0_ns = p.rate, t0_ns
-        self._averaged = p.imu.sampling == "averaged"
+        seed, rate = environment.seed, environment.rate
+        self._rate, self._t0_ns = rate, t0_ns
+        self._averaged = imu.sampling == "averaged"
         self._quadrature: Quadrature | None = None
-        self._ratio = int(p.imu.internal_ratio(p.rate))
-        self._ideal = IdealImu(p)
-        self._temperature = TemperatureProfile(p.temperature)
-        self._triads = [Triad(triad, p.imu, p.seed, p.rate) for triad in TRIADS]
-        self._clock = Clock(p.seed, p.imu, p.rate, t0_ns)
-        self._transport = Transport(p.seed, p.rate)
-        self._faults = FaultSchedule(p.seed, 1.0 / p.rate)
-        self._auxiliary = _beside(p, t0_ns, sensors) if sensors else None
-        self._vibration = _vibration(p)
-        self.configure(p)
+        self._ratio = int(imu.internal_ratio(rate))
+        self._ideal = IdealImu(imu, environment)
+        self._temperature = TemperatureProfile(environment.temperature)
+        self._triads = [Triad(triad, imu, seed, rate) for triad in TRIADS]
+        self._clock = Clock(seed, imu, rate, t0_ns)
+        self._transport = Transport(seed, rate)
+        self._faults = FaultSchedule(seed, 1.0 / rate)
+        self._auxiliary = _beside(imu, environment, t0_ns, sensors) if sensors else None
+        self._vibration = _vibration(imu, environment)
+        self.configure(imu)
 
-    def configure(self, parameters: SimulationParameters) -> None:
+    def configure(self, imu: ImuParameters) -> None:
         """Take new values of live parameters, from the next sample on."""
-        self._reference_temperature = parameters.imu.reference_temperature
+        self._reference_temperature = imu.reference_temperature
         for triad in self._triads:
-            triad.configure(parameters.imu)
-        self._clock.configure(parameters.imu)
-        self._transport.configure(parameters.imu)
+            triad.configure(imu)
+        self._clock.configure(imu)
+        self._transport.configure(imu)
         if self._auxiliary is not None:
-            self._auxiliary.configure(parameters)
+            self._auxiliary.configure(imu)
 
     def prepare(self, trajectory: Trajectory) -> None:
         """Determine how finely a motion has to be sampled, before the first reading.
@@ -184,17 +188,19 @@ class Imu:
         return motion, rate, force
 
 
-def _beside(parameters: SimulationParameters, t0_ns: int, sensors: Collection[str]) -> "Auxiliary":
+def _beside(
+    imu: ImuParameters, environment: EnvironmentParameters, t0_ns: int, sensors: Collection[str]
+) -> "Auxiliary":
     """Return what is read beside the IMU; most runs have nothing of it."""
     from imu_sim_ros.sensor.auxiliary import Auxiliary
 
-    return Auxiliary(parameters, t0_ns, sensors)
+    return Auxiliary(imu, environment, t0_ns, sensors)
 
 
-def _vibration(parameters: SimulationParameters) -> "BoardVibration | None":
+def _vibration(imu: ImuParameters, environment: EnvironmentParameters) -> "BoardVibration | None":
     """Return the vehicle's vibration in the readings, if there is any."""
-    if not parameters.imu.vibration.there:
+    if not imu.vibration.there:
         return None
     from imu_sim_ros.sensor.vehicle import BoardVibration  # most sensors have no vehicle
 
-    return BoardVibration(parameters.seed, parameters.imu.vibration, parameters.rate)
+    return BoardVibration(environment.seed, imu.vibration, environment.rate)

@@ -5,13 +5,13 @@
 
 import dataclasses
 
-from imu_sim_ros.config import ImuParameters, SimulationParameters, TriadParameters
+from imu_sim_ros.config import ImuParameters, TriadParameters
 from imu_sim_ros.config.auxiliary import BarometerParameters, MagnetometerParameters
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.sensor.errors import TurnOn, as_matrix, unit_of_seed, with_turn_on
 
 
-def realised_imu(parameters: SimulationParameters) -> ImuParameters:
+def realised_imu(imu: ImuParameters, seed: int) -> ImuParameters:
     """Return the IMU of this seed with nothing left to draw but the noise.
 
     Constants that differ from unit to unit are drawn. A turn-on bias is added to the constant one.
@@ -20,7 +20,6 @@ def realised_imu(parameters: SimulationParameters) -> ImuParameters:
     parameters it multiplies and which it divides, their declarations say (``turn_on_scale``).
     Readings of the result differ from those of the seed by rounding only.
     """
-    imu, seed = parameters.imu, parameters.seed
     gyroscope, accelerometer = (_realised(imu.triad(name), name, seed) for name in TRIADS)
     magnetometer = imu.magnetometer
     if magnetometer != MagnetometerParameters():

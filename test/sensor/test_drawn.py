@@ -67,7 +67,7 @@ def test_the_realised_sensor_has_the_same_readings() -> None:
     parameters = load_simulation(
         {"imu.preset": "perfect", "trajectory.type": "lecture", "seed": 5, **values}
     )
-    fixed = dataclasses.replace(parameters, imu=realised_imu(parameters))
+    fixed = dataclasses.replace(parameters, imu=realised_imu(parameters.imu, parameters.seed))
     assert not any(any(flatten(fixed)[name]) for name in values if name.endswith("_sigma"))
     one, two = (Simulation(p).next_block(500) for p in (parameters, fixed))
     assert one.gyro == pytest.approx(two.gyro, abs=1e-12)

@@ -118,7 +118,7 @@ def test_the_realised_unit_reads_the_same_whatever_the_field(name):
     """
     loaded = load_simulation(changed(name)[1])
     sensors = ("magnetic_field", "pressure")
-    unit = dataclasses.replace(loaded, imu=realised_imu(loaded))
+    unit = dataclasses.replace(loaded, imu=realised_imu(loaded.imu, loaded.seed))
     one, two = (Simulation(p, sensors=sensors).next_block(100) for p in (loaded, unit))
     for attribute in ("gyro", "accel"):
         mine, theirs = getattr(one, attribute), getattr(two, attribute)
@@ -142,7 +142,7 @@ def test_nothing_is_left_to_draw():
         for name in FIELDS
         if name.endswith("_sigma") and (name[:-6] in FIELDS or "turn_on" in name)
     }
-    unit = realised_imu(load_simulation({**BASE, **drawn}))
+    unit = realised_imu((own := load_simulation({**BASE, **drawn})).imu, own.seed)
     values = {name: value for name, value in flatten(unit).items() if f"imu.{name}" in drawn}
     left = [name for name, value in values.items() if np.any(value)]
     assert left == ["orientation_turn_on_sigma"]

@@ -60,7 +60,7 @@ def _blocks(runs: "CellRuns", seed: int) -> Iterator[_Readings]:
 def _allan(blocks: Iterator[_Readings], parameters: SimulationParameters, model: str) -> Metrics:
     result = noise.analyse([blocks], model=model)
     found: Metrics = {}
-    compared = noise.truth.compare(result, realised_imu(parameters))
+    compared = noise.truth.compare(result, realised_imu(parameters.imu, parameters.seed))
     for key in NOISE:
         for number, triad in enumerate(TRIADS):
             axes = [one for one in compared if one.key == key and one.axis // 3 == number]
@@ -76,7 +76,7 @@ def _allan(blocks: Iterator[_Readings], parameters: SimulationParameters, model:
 def _deterministic(runs: "CellRuns", parameters: SimulationParameters, kind: str) -> Metrics:
     block = runs.block(parameters.seed)
     gravity = float(np.linalg.norm(parameters.gravity))
-    imu = realised_imu(parameters)
+    imu = realised_imu(parameters.imu, parameters.seed)
     by_norm = False
     if kind == "six_position":
         steady = deterministic.find_steady(*delivered(block))

@@ -67,7 +67,7 @@ def write_config(runs: "CellRuns", seed: int, place: Path) -> Path:
     parameters = dataclasses.replace(runs.parameters, seed=seed)
     path = place / "config"
     values = ImuValues(
-        realised_imu(parameters),
+        realised_imu(parameters.imu, parameters.seed),
         parameters.rate,
         float(np.linalg.norm(parameters.gravity)),
         resolved(IMU_TOPIC),

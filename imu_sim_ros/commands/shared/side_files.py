@@ -124,7 +124,7 @@ def _truth_text(parameters: SimulationParameters) -> str:
 
     ``calibrate --truth`` and ``allan --truth`` take it, and ``--imu`` for the same unit again.
     """
-    imu = dataclasses.replace(realised_imu(parameters), preset="perfect")
+    imu = dataclasses.replace(realised_imu(parameters.imu, parameters.seed), preset="perfect")
     world = {
         name: getattr(parameters, name)
         for name in _WORLD
@@ -226,7 +226,7 @@ def _values(
     parameters: SimulationParameters, topic: str, duration: float = 0.0
 ) -> "consumers.ImuValues":
     return consumers.ImuValues(
-        realised_imu(parameters),
+        realised_imu(parameters.imu, parameters.seed),
         parameters.rate,
         float(np.linalg.norm(parameters.gravity)),
         topic,

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.config import SimulationParameters
+from imu_sim_ros.config import EnvironmentParameters, ImuParameters
 from imu_sim_ros.random_streams import generator
 from imu_sim_ros.rotation.components import rotate
 from imu_sim_ros.sensor.auxiliary.atmosphere import Atmosphere
@@ -61,27 +61,27 @@ class Gusts:
 class Barometer:
     """One barometer; its samples are read in order."""
 
-    def __init__(self, parameters: SimulationParameters, t0_ns: int) -> None:
+    def __init__(self, imu: ImuParameters, environment: EnvironmentParameters, t0_ns: int) -> None:
         """Set up all errors at their start.
 
         :param t0_ns: time of the IMU's sample 0 [ns].
         """
-        own = parameters.imu.barometer
-        self._own = OwnRate(NAME, own, parameters, t0_ns)
-        self._atmosphere = Atmosphere(parameters.atmosphere)
-        self._height = parameters.height
-        self._lever_arm_b = np.reshape(parameters.imu.lever_arm, (3, 1))
-        self._gusts = Gusts(parameters.seed, own.gust_rate, own.gust_sigma, 1.0 / own.rate)
-        self._triad = Triad(NAME, instantaneous(parameters), parameters.seed, own.rate)
-        self.configure(parameters)
+        own = imu.barometer
+        self._own = OwnRate(NAME, own, imu, environment, t0_ns)
+        self._atmosphere = Atmosphere(environment.atmosphere)
+        self._height = environment.height
+        self._lever_arm_b = np.reshape(imu.lever_arm, (3, 1))
+        self._gusts = Gusts(environment.seed, own.gust_rate, own.gust_sigma, 1.0 / own.rate)
+        self._triad = Triad(NAME, instantaneous(imu), environment.seed, own.rate)
+        self.configure(imu)
 
-    def configure(self, parameters: SimulationParameters) -> None:
+    def configure(self, imu: ImuParameters) -> None:
         """Take new values of live parameters, from the next sample on."""
-        own = parameters.imu.barometer
-        self._reference_temperature = parameters.imu.reference_temperature
+        own = imu.barometer
+        self._reference_temperature = imu.reference_temperature
         self._limits = (own.minimum, own.maximum or math.inf)
-        self._own.configure(parameters)
-        self._triad.configure(instantaneous(parameters))
+        self._own.configure(imu)
+        self._triad.configure(instantaneous(imu))
 
     def inject(self, fault: Fault, first: int) -> None:
         """Let a fault begin with the first sample not before the IMU's sample ``first``."""

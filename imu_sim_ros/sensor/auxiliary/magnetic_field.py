@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.config import SimulationParameters
+from imu_sim_ros.config import EnvironmentParameters
 from imu_sim_ros.errors import ConfigurationError, MissingDependencyError
 
 Array = NDArray[np.float64]
@@ -23,15 +23,15 @@ _OLDEST: Final = "WMM_2010"
 class MagneticField:
     """The field in the world frame, ENU; one vector of the Earth for the whole world."""
 
-    def __init__(self, parameters: SimulationParameters) -> None:
+    def __init__(self, environment: EnvironmentParameters) -> None:
         """Take the field that the parameters describe.
 
         :raises ConfigurationError: for a place or date beyond the World Magnetic Model.
         :raises MissingDependencyError: where pygeomag is missing.
         """
-        p = parameters.magnetic_field
+        p = environment.magnetic_field
         self.earth_w = (
-            np.array(p.value) if p.model == "constant" else world_magnetic_model(parameters)
+            np.array(p.value) if p.model == "constant" else world_magnetic_model(environment)
         )
         """(3,) [T]."""
         dipoles = np.reshape(p.dipoles, (-1, 6))
@@ -64,7 +64,7 @@ class MagneticField:
         return np.where(inside, 2.0 * MU0_OVER_4_PI * moment / self._radius**3, outside)
 
 
-def world_magnetic_model(parameters: SimulationParameters) -> Array:
+def world_magnetic_model(environment: EnvironmentParameters) -> Array:
     """Return the Earth's field at the world's origin, ENU (3,) [T].
 
     The World Magnetic Model of NOAA and BGS, as pygeomag computes it: north, east and down in nT.
@@ -79,13 +79,13 @@ def world_magnetic_model(parameters: SimulationParameters) -> Array:
             "magnetic_field.model = wmm needs pygeomag: pip install pygeomag "
             "(there is no apt package)"
         ) from None
-    date = parameters.magnetic_field.date
+    date = environment.magnetic_field.date
     name = next((name for year, name in _FILES if date >= year), _OLDEST)
     try:
         found = GeoMag(coefficients_file=f"wmm/{name}.COF").calculate(
-            glat=parameters.latitude_deg,
-            glon=parameters.longitude_deg,
-            alt=parameters.height * 1e-3,
+            glat=environment.latitude_deg,
+            glon=environment.longitude_deg,
+            alt=environment.height * 1e-3,
             time=date,
         )
     except (OSError, ValueError) as error:

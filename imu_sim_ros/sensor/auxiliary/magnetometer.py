@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
-from imu_sim_ros.config import SimulationParameters
+from imu_sim_ros.config import EnvironmentParameters, ImuParameters
 from imu_sim_ros.config.auxiliary import MagnetometerParameters
 from imu_sim_ros.rotation.components import rotate, rotate_inverse, transform
 from imu_sim_ros.sensor.auxiliary.magnetic_field import MagneticField
@@ -56,17 +56,16 @@ def realised_magnetometer(parameters: MagnetometerParameters, seed: int) -> Magn
 class Magnetometer:
     """One magnetometer; its samples are read in order."""
 
-    def __init__(self, parameters: SimulationParameters, t0_ns: int) -> None:
+    def __init__(self, imu: ImuParameters, environment: EnvironmentParameters, t0_ns: int) -> None:
         """Set up all errors at their start.
 
         :param t0_ns: time of the IMU's sample 0 [ns].
         """
-        imu = parameters.imu
-        self._own = OwnRate(NAME, imu.magnetometer, parameters, t0_ns)
-        self._field = MagneticField(parameters)
+        self._own = OwnRate(NAME, imu.magnetometer, imu, environment, t0_ns)
+        self._field = MagneticField(environment)
         self._lever_arm_b = np.reshape(imu.lever_arm, (3, 1))
         self._r_ib = np.reshape(imu.mounting, (3, 3)).T
-        unit = with_constants(imu.magnetometer, NAME, parameters.seed)
+        unit = with_constants(imu.magnetometer, NAME, environment.seed)
         # Misalignment and soft iron in one matrix: exactly the identity where there is neither.
         self._r_mi = rotation.to_matrix(rotation.exp(unit.misalignment)).T
         self._iron = self._r_mi @ np.reshape(unit.soft_iron, (3, 3))
@@ -74,14 +73,14 @@ class Magnetometer:
         self._coupling: Array = (self._r_mi @ np.array(unit.current_coupling))[:, None]
         self._current = np.reshape(unit.current_profile, (-1, 2)).T
         self._last: Sampled | None = None
-        self._triad = Triad(NAME, instantaneous(parameters), parameters.seed, imu.magnetometer.rate)
-        self.configure(parameters)
+        self._triad = Triad(NAME, instantaneous(imu), environment.seed, imu.magnetometer.rate)
+        self.configure(imu)
 
-    def configure(self, parameters: SimulationParameters) -> None:
+    def configure(self, imu: ImuParameters) -> None:
         """Take new values of live parameters, from the next sample on."""
-        self._reference_temperature = parameters.imu.reference_temperature
-        self._own.configure(parameters)
-        self._triad.configure(instantaneous(parameters))
+        self._reference_temperature = imu.reference_temperature
+        self._own.configure(imu)
+        self._triad.configure(instantaneous(imu))
 
     def inject(self, fault: Fault, first: int) -> None:
         """Let a fault begin with the first sample not before the IMU's sample ``first``."""

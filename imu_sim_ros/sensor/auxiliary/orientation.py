@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros import rotation, timebase
-from imu_sim_ros.config import SimulationParameters
+from imu_sim_ros.config import EnvironmentParameters, ImuParameters
 from imu_sim_ros.rotation import components
 from imu_sim_ros.sensor.auxiliary.magnetic_field import MagneticField
 from imu_sim_ros.sensor.auxiliary.magnetometer import Magnetometer
@@ -26,9 +26,8 @@ Array = NDArray[np.float64]
 class ModelledOrientation:
     """The truth with errors of known covariance."""
 
-    def __init__(self, parameters: SimulationParameters) -> None:
-        p = parameters
-        self._model = OrientationModel(p.imu.orientation, p.seed, 1.0 / p.rate)
+    def __init__(self, imu: ImuParameters, environment: EnvironmentParameters) -> None:
+        self._model = OrientationModel(imu.orientation, environment.seed, 1.0 / environment.rate)
 
     def next(
         self, block: ImuBlock, magnetic: MagneticBlock | None, q_wi: Array
@@ -40,17 +39,19 @@ class ModelledOrientation:
 class FilteredOrientation:
     """A filter over the board's readings, corrected by a calibration or as they are."""
 
-    def __init__(self, parameters: SimulationParameters, magnetometer: Magnetometer) -> None:
-        p = parameters.imu.orientation
+    def __init__(
+        self, imu: ImuParameters, environment: EnvironmentParameters, magnetometer: Magnetometer
+    ) -> None:
+        p = imu.orientation
         self._magnetometer = magnetometer
         self._filter = OrientationFilter(
             p.time_constant,
-            1.0 / parameters.rate,
-            1.0 / parameters.imu.magnetometer.rate,
-            MagneticField(parameters).earth_w,
+            1.0 / environment.rate,
+            1.0 / imu.magnetometer.rate,
+            MagneticField(environment).earth_w,
         )
         self._variance = np.square(p.stated_sigma)[:, None]
-        unit = realised_imu(parameters)
+        unit = realised_imu(imu, environment.seed)
         self._corrections = [_Correction(np.eye(3), np.zeros(3))] * 3
         if p.calibrated:
             self._corrections = [
@@ -92,21 +93,26 @@ class _Correction:
 class Orientation:
     """Orientations at the IMU's samples, or at every m-th of them."""
 
-    def __init__(self, parameters: SimulationParameters, magnetometer: Magnetometer | None) -> None:
+    def __init__(
+        self,
+        imu: ImuParameters,
+        environment: EnvironmentParameters,
+        magnetometer: Magnetometer | None,
+    ) -> None:
         """Set up the model or the filter.
 
         :param magnetometer: of the board; the filter needs it.
         """
-        rate = parameters.imu.orientation.rate
-        ratio = timebase.exact_rate(parameters.rate) / timebase.exact_rate(rate) if rate else 1
+        rate = imu.orientation.rate
+        ratio = timebase.exact_rate(environment.rate) / timebase.exact_rate(rate) if rate else 1
         self._every = int(ratio)
-        mounting = np.reshape(parameters.imu.mounting, (3, 3))
+        mounting = np.reshape(imu.mounting, (3, 3))
         self._q_bi = rotation.from_matrix(mounting)[:, None]
         self._source: ModelledOrientation | FilteredOrientation
         if magnetometer is None:
-            self._source = ModelledOrientation(parameters)
+            self._source = ModelledOrientation(imu, environment)
         else:
-            self._source = FilteredOrientation(parameters, magnetometer)
+            self._source = FilteredOrientation(imu, environment, magnetometer)
 
     def read(self, block: ImuBlock, magnetic: MagneticBlock | None) -> OrientationBlock:
         """Return the orientations beside a block of the IMU.

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros import timebase
-from imu_sim_ros.config import LARGEST_JITTER, ImuParameters, SimulationParameters
+from imu_sim_ros.config import LARGEST_JITTER, EnvironmentParameters, ImuParameters
 from imu_sim_ros.config.auxiliary import OwnRateParameters
 from imu_sim_ros.sensor.block import ImuBlock
 from imu_sim_ros.sensor.errors import TemperatureProfile
@@ -57,7 +57,12 @@ class OwnRate:
     """
 
     def __init__(
-        self, name: str, own: OwnRateParameters, parameters: SimulationParameters, t0_ns: int
+        self,
+        name: str,
+        own: OwnRateParameters,
+        imu: ImuParameters,
+        environment: EnvironmentParameters,
+        t0_ns: int,
     ) -> None:
         """Start before the first sample.
 
@@ -66,8 +71,8 @@ class OwnRate:
         """
         self._rate, self._t0_ns = own.rate, t0_ns
         self._offset = Fraction(repr(own.time_offset))
-        self._imu_rate = timebase.exact_rate(parameters.rate)
-        self._duration = parameters.duration or math.inf
+        self._imu_rate = timebase.exact_rate(environment.rate)
+        self._duration = environment.duration or math.inf
         self._start_ns = t0_ns + timebase.to_nanoseconds(own.time_offset)
         exact = timebase.exact_rate(own.rate)
         self._count_before = _Grid(exact / self._imu_rate, self._offset * exact)
@@ -77,14 +82,13 @@ class OwnRate:
         together = not self._offset and every.denominator == 1
         self._every = every.numerator if together else 0
         self._position = 0
-        self._clock = Clock(parameters.seed, parameters.imu, own.rate, t0_ns, f"{name}.")
-        self._transport = Transport(parameters.seed, own.rate, f"{name}.")
-        self.faults = FaultSchedule(parameters.seed, 1.0 / own.rate, f"{name}.")
-        self.configure(parameters)
+        self._clock = Clock(environment.seed, imu, own.rate, t0_ns, f"{name}.")
+        self._transport = Transport(environment.seed, own.rate, f"{name}.")
+        self.faults = FaultSchedule(environment.seed, 1.0 / own.rate, f"{name}.")
+        self.configure(imu)
 
-    def configure(self, parameters: SimulationParameters) -> None:
+    def configure(self, imu: ImuParameters) -> None:
         """Take new values of live parameters, from the next sample on."""
-        imu = parameters.imu
         # What suits the IMU's interval may be more than this sensor's allows.
         jitter = min(imu.jitter, LARGEST_JITTER / self._rate)
         self._clock.configure(dataclasses.replace(imu, jitter=jitter))
@@ -178,6 +182,6 @@ class _Grid:
         return (whole + quotient).astype(np.int64), (remainder == 0).astype(np.bool_)
 
 
-def instantaneous(parameters: SimulationParameters) -> ImuParameters:
+def instantaneous(imu: ImuParameters) -> ImuParameters:
     """Return the board with readings at an instant: only gyroscope and accelerometer average."""
-    return dataclasses.replace(parameters.imu, sampling="instantaneous")
+    return dataclasses.replace(imu, sampling="instantaneous")

@@ -5,7 +5,7 @@
 
 from collections.abc import Collection
 
-from imu_sim_ros.config import SimulationParameters
+from imu_sim_ros.config import EnvironmentParameters, ImuParameters
 from imu_sim_ros.sensor.auxiliary.barometer import Barometer
 from imu_sim_ros.sensor.auxiliary.magnetometer import Magnetometer
 from imu_sim_ros.sensor.auxiliary.orientation import Orientation
@@ -19,29 +19,35 @@ class Auxiliary:
     """The sensors beside one IMU."""
 
     def __init__(
-        self, parameters: SimulationParameters, t0_ns: int, wanted: Collection[str]
+        self,
+        imu: ImuParameters,
+        environment: EnvironmentParameters,
+        t0_ns: int,
+        wanted: Collection[str],
     ) -> None:
         """Set up the sensors that are wanted.
 
         :param t0_ns: time of the IMU's sample 0 [ns].
         :param wanted: names of ``conventions.BESIDE``.
         """
-        filtered = "orientation" in wanted and parameters.imu.orientation.source == "filter"
+        filtered = "orientation" in wanted and imu.orientation.source == "filter"
         self._wanted = wanted
         self._magnetometer = self._barometer = self._orientation = None
         if "magnetic_field" in wanted or filtered:
-            self._magnetometer = Magnetometer(parameters, t0_ns)
+            self._magnetometer = Magnetometer(imu, environment, t0_ns)
         if "orientation" in wanted:
-            self._orientation = Orientation(parameters, self._magnetometer if filtered else None)
+            self._orientation = Orientation(
+                imu, environment, self._magnetometer if filtered else None
+            )
         if "pressure" in wanted:
-            self._barometer = Barometer(parameters, t0_ns)
+            self._barometer = Barometer(imu, environment, t0_ns)
 
-    def configure(self, parameters: SimulationParameters) -> None:
+    def configure(self, imu: ImuParameters) -> None:
         """Take new values of live parameters, from the next sample on."""
         if self._magnetometer is not None:
-            self._magnetometer.configure(parameters)
+            self._magnetometer.configure(imu)
         if self._barometer is not None:
-            self._barometer.configure(parameters)
+            self._barometer.configure(imu)
 
     def inject(self, fault: Fault, first: int) -> None:
         """Let a fault of one of these sensors begin at the time of the IMU's sample ``first``."""

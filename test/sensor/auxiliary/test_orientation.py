@@ -171,7 +171,7 @@ def test_the_tilt_is_that_of_mahony_s_filter_for_small_errors() -> None:
     run = simulation(FILTER, sway)
     block = run.next_block(6000)
     assert block.orientation is not None
-    unit = realised_imu(run.parameters)
+    unit = realised_imu(run.parameters.imu, run.parameters.seed)
     theirs = filters.Mahony(
         gyr=calibrated(block.gyro, unit.gyroscope),
         acc=calibrated(block.accel, unit.accelerometer),
@@ -198,7 +198,7 @@ def test_a_filter_of_others_finds_the_true_attitude_from_our_readings() -> None:
     block = run.next_block(6000)
     assert block.orientation is not None
     assert block.magnetic_field is not None
-    unit = realised_imu(run.parameters)
+    unit = realised_imu(run.parameters.imu, run.parameters.seed)
     filtered = filters.Madgwick(
         gyr=calibrated(block.gyro, unit.gyroscope),
         acc=calibrated(block.accel, unit.accelerometer),

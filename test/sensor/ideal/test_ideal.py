@@ -43,7 +43,7 @@ def read(
     trajectory: Trajectory, count: int = 400, **values: object
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return times, rates and forces of a perfect IMU."""
-    block = Imu(parameters(**values), 0).read(0, count, trajectory)
+    block = Imu((own := parameters(**values)).imu, own, 0).read(0, count, trajectory)
     assert np.array_equal(block.gyro, block.ideal_gyro)
     assert np.array_equal(block.accel, block.ideal_accel)
     return block.true_t_ns * 1e-9, block.gyro, block.accel

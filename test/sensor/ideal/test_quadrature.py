@@ -58,7 +58,11 @@ def case(name: str, rate: float, board: dict[str, object] | None = None) -> Case
     values = {"trajectory.type": name, "imu.preset": "perfect", "rate": rate, **(board or {})}
     parameters = load_simulation(values)
     return Case(
-        Simulation(parameters).trajectory, IdealImu(parameters), np.arange(2001) / rate + 1.0
+        Simulation(parameters).trajectory,
+        IdealImu(parameters.imu, parameters),
+        np.arange(2001) / rate + 1.0,
+        IdealImu(parameters.imu, parameters),
+        np.arange(2001) / rate + 1.0,
     )
 
 
@@ -69,7 +73,7 @@ def spline(rate: float) -> Case:
     walk = np.cumsum(random.normal(size=(2, knots.control_points, 3)), axis=1)
     control = PoseSpline(knots, 0.02 * walk[0], rotation.exp(0.03 * walk[1]))
     parameters = load_simulation({"imu.preset": "perfect"})
-    return Case(control, IdealImu(parameters), np.arange(801) / rate + 1.0)
+    return Case(control, IdealImu(parameters.imu, parameters), np.arange(801) / rate + 1.0)
 
 
 @pytest.mark.parametrize("count", [4, 5, 9, 50, 188])
