@@ -61,8 +61,6 @@ def case(name: str, rate: float, board: dict[str, object] | None = None) -> Case
         Simulation(parameters).trajectory,
         IdealImu(parameters.imu, parameters),
         np.arange(2001) / rate + 1.0,
-        IdealImu(parameters.imu, parameters),
-        np.arange(2001) / rate + 1.0,
     )
 
 
