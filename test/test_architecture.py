@@ -66,7 +66,7 @@ ONLY_IN = {
     "distributed": {"campaign"},
     "pyarrow": {"campaign"},
 }
-LARGEST_ROOM, LONGEST_FILE, LONGEST_FUNCTION = 24, 600, 50
+LARGEST_ROOM, LONGEST_FILE, LONGEST_FUNCTION = 24, 600, 60
 # Reading a file of poses must not cost what only some commands need.
 HEAVY = {"cv2", "distributed", "pyarrow", "scipy", "matplotlib", "rosbags", "mcap", "rich", "yaml"}
 
