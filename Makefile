@@ -55,7 +55,9 @@ build: .venv/built
 	# As pip writes them: those of colcon's setuptools search all installed packages first, 20 ms.
 	sed -n 's/^\(\w*\) = \(.*\):\(\w*\)$$/\1 \2 \3/p' build/imu_sim_ros/imu_sim_ros.egg-info/entry_points.txt |
 	while read -r name module function; do
-	  printf '%s\n' "#!$$PWD/$(BIN)/python" "import sys" "" "from $$module import $$function" "" \
+	  printf '%s\n' "#!$$PWD/$(BIN)/python" "import signal" "import sys" "" \
+	    "signal.signal(signal.SIGINT, signal.SIG_DFL)  # during imports Ctrl-C just ends" "" \
+	    "from $$module import $$function" "" \
 	    'if __name__ == "__main__":' "    sys.exit($$function())" >"$(BIN)/.$$name"
 	  chmod +x "$(BIN)/.$$name"
 	  mv -f "$(BIN)/.$$name" "$(BIN)/$$name"

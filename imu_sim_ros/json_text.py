@@ -6,7 +6,6 @@
 A leaf.
 """
 
-import json
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -21,6 +20,8 @@ def as_json(value: Any, number: Callable[[float], object] = float, **options: An
     :param options: of ``json.dumps``.
     :raises TypeError: for anything else.
     """
+    import json  # most runs print none
+
     return json.dumps(plain(value, number), allow_nan=False, **options)
 
 
