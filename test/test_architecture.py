@@ -51,7 +51,9 @@ ROOMS = {
     "campaign": LEAVES
     | {"trajectory", "sensor", "camera", "simulation", "topics", "datasets", "bags"}
     | {"navigation", "calibration", "consumers"},
-    "report": LEAVES | {"campaign", "bags", "navigation", "calibration"},
+    "report": LEAVES
+    | {"campaign", "bags", "navigation", "calibration"}
+    | {"camera", "datasets"},  # a strip of images
 }
 SEE_EVERYTHING = {"nodes", "commands"}
 ONLY_IN = {

@@ -10,8 +10,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros import rotation
 from imu_sim_ros.bags import imu_blocks, open_bag
-from imu_sim_ros.bags.messages import IMU
+from imu_sim_ros.bags.messages import IMU, TopicInfo
 from imu_sim_ros.bags.text import imu_names, is_text
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import Skipped
@@ -20,17 +21,19 @@ from imu_sim_ros.navigation.comparison import (
     anees_band,
     common_rows,
     interpolate_poses,
+    invertible,
     nees,
 )
 from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.report.of_topics import bias_series, topic_items
 from imu_sim_ros.report.page import Item, Section, table
-from imu_sim_ros.report.streams import Stream, analyse
+from imu_sim_ros.report.streams import Stream, analyse, extremes
 
 Array = NDArray[np.float64]
 
 _TRIADS: Final = (("Angular rate", "rad/s"), ("Specific force", "m/s^2"))
 _AXES: Final = "xyz"
-_MOST_POINTS: Final = 2000
+_TURN_DEG: Final = 300.0
 _SIGMAS: Final = 3.0
 
 
@@ -56,35 +59,39 @@ def bag_sections(
     :raises InputError: for what cannot be read.
     """
     topics = _topics(path)
-    items: list[Item] = []
-    if topics:
-        items.append(table("topics", ["topic", "type", "messages"], topics, search=False))
+    items = topic_items(path, topics) if topics else []
+    biases = [
+        _plot(title, "time [s]", f"[{unit}]" if unit else "", series, link=f"{path} bias")
+        for title, unit, series in bias_series(path, topics)
+    ]
     for name, count in _imus(path, topics, skipped):
         stream = analyse(imu_blocks(path, name or None, skipped=skipped), count)
         if stream is not None:
             items += _stream_items(name or path.name, stream, f"{path} {name}")
+    if biases:
+        items.append({"kind": "plots", "items": biases})
     sections = [Section(f"{path.name}: readings", items)] if items else []
     if truth is not None or estimates:
         sections.append(_paths(path, truth, estimates))
     return sections
 
 
-def _topics(path: Path) -> list[tuple[str, str, int]]:
+def _topics(path: Path) -> list[TopicInfo]:
     if is_text(path):
         return []
     with open_bag(path) as bag:
-        return [(info.name, info.type, info.count) for info in bag.topics]
+        return bag.topics
 
 
 def _imus(
-    path: Path, topics: Sequence[tuple[str, str, int]], skipped: Skipped | None
+    path: Path, topics: Sequence[TopicInfo], skipped: Skipped | None
 ) -> list[tuple[str, int]]:
     """Return the name of every IMU, empty of a file's only one, and how many readings it has.
 
     :raises InputError: for a text file that holds no readings, or bad ones.
     """
     if not is_text(path):
-        return [(name, count) for name, kind, count in topics if kind == IMU]
+        return [(topic.name, topic.count) for topic in topics if topic.type == IMU]
     names = imu_names(path) if path.is_dir() else [""]
     uncounted = None if skipped is None else bool  # they are counted when they are analysed
     blocks = ((name, imu_blocks(path, name or None, skipped=uncounted)) for name in names)
@@ -169,68 +176,103 @@ def _paths(path: Path, truth: Estimate | None, estimates: Sequence[Estimate]) ->
     tracks = [one for one in (truth, *estimates) if one is not None]
     series = []
     for k, one in enumerate(tracks):
-        rows = _some(len(one.poses.t_ns))
-        x, y, z = one.poses.position[rows].T
+        x, y, z = one.poses.position[extremes(one.poses.position)].T
         series.append({"name": one.name, "colour": k, "x": x, "y": y, "z": z})
     items: list[Item] = [{"kind": "path", "title": "Path", "series": series}]
+    first_ns = min(int(one.poses.t_ns[0]) for one in tracks)
+    items.append({"kind": "plots", "items": _orientation(tracks, first_ns, str(path))})
     if truth is not None:
         for number, estimate in enumerate(estimates):
             items += _errors(estimate, truth, f"{path} {number}")
     return Section(f"{path.name}: motion", items)
 
 
+def _orientation(tracks: Sequence[Estimate], first_ns: int, link: str) -> list[Item]:
+    """Return roll, pitch and yaw of every trajectory over the time since the first pose."""
+    drawn: list[list[Item]] = [[], [], []]
+    for colour, one in enumerate(tracks):
+        angles = np.rad2deg(rotation.to_euler(one.poses.q_wb))
+        t_s = (one.poses.t_ns - first_ns) * 1e-9
+        for k in range(3):
+            rows = extremes(angles[:, k])
+            values = angles[rows, k]
+            # A turn through 180 deg is a step of the angle, not a motion: the line is interrupted.
+            values[1:][np.abs(np.diff(values)) > _TURN_DEG] = np.nan
+            line = {"name": one.name, "colour": colour, "x": t_s[rows], "y": values, "thin": True}
+            drawn[k].append(line)
+    names = ("roll", "pitch", "yaw")
+    link = f"{link} orientation"
+    return [
+        _plot(f"Orientation: {name}", "time [s]", "[deg]", series, link=link, legend=True)
+        for name, series in zip(names, drawn, strict=True)
+    ]
+
+
 def _errors(estimate: Estimate, truth: Estimate, link: str) -> list[Item]:
-    """Return the error of an estimate over time, its band of 3 sigma, and its NEES."""
+    """Return the error of an estimate over time, its band of 3 sigma, and its NEES.
+
+    Numbers are of all poses; a picture has the extremes of each of its columns.
+    """
     try:
         rows = common_rows(estimate.poses.t_ns, truth.poses.t_ns)
     except InputError as error:
         return [{"kind": "text", "text": f"{estimate.name}: {error}"}]
-    rows = rows[_some(len(rows))]
     at_ns = estimate.poses.t_ns[rows]
     poses = PoseSequence(at_ns, estimate.poses.position[rows], estimate.poses.q_wb[rows])
     errors = absolute_errors(poses, interpolate_poses(truth.poses, at_ns))
     t_s = (at_ns - at_ns[0]) * 1e-9
     covariance = None if estimate.pose_covariance is None else estimate.pose_covariance[rows]
-    known = covariance is not None and bool(np.any(covariance))
+    if covariance is not None and not np.any(covariance):
+        covariance = None
     plots = []
     for first, title, unit in ((0, "position", "m"), (3, "attitude", "rad")):
         values = errors.position if first == 0 else errors.attitude
         for k, axis in enumerate(_AXES):
-            series: list[Item] = [{"name": "error", "colour": 1, "x": t_s, "y": values[:, k]}]
-            if covariance is not None and known:
-                variance = np.maximum(covariance[:, first + k, first + k], 0.0)
-                sigma = _SIGMAS * np.sqrt(variance)
-                band = {"name": "3 sigma", "colour": 0, "x": t_s, "low": -sigma, "high": sigma}
-                series.insert(0, band)
+            variance = None if covariance is None else covariance[:, first + k, first + k]
+            series = _error(t_s, values[:, k], variance)
             name = f"{estimate.name}: {title} error {axis}"
             plots.append(_plot(name, "time [s]", f"[{unit}]", series, link=link))
-    if covariance is not None and known:
-        plots.append(
-            _nees(estimate.name, t_s, covariance, [errors.position, errors.attitude], link)
-        )
-    rms = float(np.sqrt(np.mean(np.sum(errors.position**2, axis=1))))
+    size = np.linalg.norm(errors.position, axis=1)
+    worst = int(np.argmax(size))
     words = (
-        f"{estimate.name}: {rms:.4g} m root mean square, "
-        f"{float(np.linalg.norm(errors.position[-1])):.4g} m at the end; truth minus estimate"
-        + ("" if known else "; it has no covariance, hence no NEES")
+        f"{estimate.name}: {float(np.sqrt(np.mean(size**2))):.4g} m root mean square over "
+        f"{len(size):,} poses, {size[-1]:.4g} m at the end, at most {size[worst]:.4g} m "
+        f"(at {t_s[worst]:.6g} s); truth minus estimate"
     )
+    if covariance is None:
+        words += "; it has no covariance, hence no NEES"
+    else:
+        told, plot = _nees(estimate.name, t_s, covariance, [errors.position, errors.attitude], link)
+        words += told
+        plots.append(plot)
     return [{"kind": "text", "text": words}, {"kind": "plots", "items": plots}]
 
 
-def _nees(name: str, t_s: Array, covariance: Array, errors: Sequence[Array], link: str) -> Item:
+def _error(t_s: Array, values: Array, variance: Array | None) -> list[Item]:
+    rows = extremes(values)
+    series: list[Item] = [{"name": "error", "colour": 1, "x": t_s[rows], "y": values[rows]}]
+    if variance is not None:
+        sigma = _SIGMAS * np.sqrt(np.maximum(variance[rows], 0.0))
+        band = {"name": "3 sigma", "colour": 0, "x": t_s[rows], "low": -sigma, "high": sigma}
+        series.insert(0, band)
+    return series
+
+
+def _nees(
+    name: str, t_s: Array, covariance: Array, errors: Sequence[Array], link: str
+) -> tuple[str, Item]:
+    """Return the mean NEES in words, and its plot."""
     band = anees_band(3, 1)
     ends = [float(t_s[0]), float(t_s[-1])]
     inside = {"name": "95 % band", "colour": 5, "x": ends, "low": [band.low] * 2}
     series: list[Item] = [{**inside, "high": [band.high] * 2}]
+    told = ""
     for k, title in enumerate(("position", "attitude")):
         part = covariance[:, 3 * k : 3 * k + 3, 3 * k : 3 * k + 3]
-        usable = np.linalg.matrix_rank(part, hermitian=True) == 3
+        usable = invertible(part)
         if usable.any():
-            values = nees(errors[k][usable], part[usable])
-            series.append({"name": title, "colour": k, "x": t_s[usable], "y": values})
-    return _plot(f"{name}: NEES", "time [s]", "NEES, 3 expected", series, "y", link=link)
-
-
-def _some(count: int) -> NDArray[np.intp]:
-    """Return evenly spaced rows with the first and the last, as many as a plot can show."""
-    return np.unique(np.linspace(0, count - 1, min(count, _MOST_POINTS)).round().astype(np.intp))
+            values, at_s = nees(errors[k][usable], part[usable]), t_s[usable]
+            rows = extremes(values)
+            series.append({"name": title, "colour": k, "x": at_s[rows], "y": values[rows]})
+            told += f"; mean NEES of the {title} {float(np.mean(values)):.4g} (3 expected)"
+    return told, _plot(f"{name}: NEES", "time [s]", "NEES, 3 expected", series, "y", link=link)

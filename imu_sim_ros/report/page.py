@@ -23,7 +23,7 @@ _STYLE: Final = "page.css"
 _DIGITS: Final = 6
 
 Item = dict[str, Any]
-"""``kind``: text, code, table, plot, path, plots or campaign; the rest as main.js takes it."""
+"""``kind``: a key of ``builders`` in main.js; the rest as that takes it."""
 
 
 class Section(NamedTuple):
@@ -46,7 +46,7 @@ def html(title: str, lines: Sequence[str], sections: Sequence[Section]) -> str:
     content = {"sections": [section._asdict() for section in sections]}
     policy = (
         f"default-src 'none'; script-src '{_digest(script)}'; style-src '{_digest(style)}'; "
-        "base-uri 'none'; form-action 'none'"
+        "img-src data:; base-uri 'none'; form-action 'none'"
     )
     below = "".join(f'<p class="faint">{markup.escape(line)}</p>\n' for line in lines)
     return (

@@ -8,6 +8,7 @@ Welch's (P. D. Welch, IEEE Trans. Audio and Electroacoustics 15, 1967): Hann win
 half. Its root is drawn two-sided, so that white noise of density ``D`` lies at ``D``.
 """
 
+import itertools
 from collections.abc import Iterable
 from typing import Final, NamedTuple, Protocol
 
@@ -20,6 +21,7 @@ Array = NDArray[np.float64]
 Times = NDArray[np.int64]
 
 PARTS: Final = 500
+"""Columns of a picture: a plot of half the page's width has about as many pixels."""
 _SEGMENT: Final = 4096
 _PER_DECADE: Final = 60
 GAP: Final = 1.5
@@ -76,6 +78,22 @@ class Stream(NamedTuple):
     density: Array
     """(k, 6) two-sided, unit/sqrt(Hz)."""
     deviation: Deviation
+
+
+def extremes(values: Array) -> NDArray[np.intp]:
+    """Return the rows that a picture needs: the first, the last, each column's least and largest.
+
+    :param values: (n,) or (n, k), of each of whose k there are extremes.
+    """
+    table = values.reshape(len(values), -1)
+    starts = np.unique(np.linspace(0, len(table), PARTS + 1).astype(np.intp))
+    parts = [table[a:b] for a, b in itertools.pairwise(starts.tolist())]
+    found = [
+        start + end(part, axis=0)
+        for start, part in zip(starts.tolist(), parts, strict=False)
+        for end in (np.argmin, np.argmax)
+    ]
+    return np.unique(np.concatenate([[0, len(table) - 1], *found]))
 
 
 def analyse(blocks: Iterable[Readings], count: int) -> Stream | None:

@@ -3,6 +3,7 @@
 
 """What a page holds: numbers against SciPy, names that are escaped, sizes, complaints."""
 
+import base64
 import csv
 import itertools
 import json
@@ -13,7 +14,10 @@ import numpy as np
 import pytest
 import scipy.signal
 
-from imu_sim_ros.bags import read_imu
+import imu_sim_ros.bags
+from imu_sim_ros.bags import open_writer, read_imu
+from imu_sim_ros.bags.messages import IMAGE, VECTOR3_STAMPED, ImageEncoder, Vector3StampedEncoder
+from imu_sim_ros.camera.images import decoded
 from imu_sim_ros.campaign import read_results
 from imu_sim_ros.commands.report import main
 from imu_sim_ros.report import Section, html, streams
@@ -35,6 +39,7 @@ def items(page, kind):
 
 
 def page_of(path, tmp_path, *arguments):
+    tmp_path.mkdir(exist_ok=True)
     output = tmp_path / "page.html"
     assert main([str(path), "-o", str(output), "--quiet", *map(str, arguments)]) == 0
     return output.read_text(encoding="utf-8")
@@ -138,10 +143,17 @@ def test_a_bags_streams_gaps_errors_and_consistency(bag, tmp_path):
     }
     band, error = plots["/filter/odom: position error y"]["series"]
     assert band["high"][0] == pytest.approx(0.3)
-    # 2000 errors of 0.1 m: their deviation scatters by 1 / sqrt(4000) = 1.6 %.
-    assert np.std(error["y"]) == pytest.approx(0.1, rel=0.05)
+    # Of 12 normal values the least and the largest lie some 1.6 sigma out.
+    assert np.mean(np.abs(error["y"])) == pytest.approx(0.16, rel=0.1)
     nees = plots["/filter/odom: NEES"]["series"][1]
-    assert np.mean(nees["y"]) == pytest.approx(3.0, abs=4 * np.sqrt(6 / len(nees["y"])))
+    assert len(nees["y"]) <= 1002
+    (words,) = [i["text"] for i in items(page, "text") if i["text"].startswith("/filter/odom")]
+    mean = float(re.search(r"NEES of the position (\S+)", words)[1])
+    # The mean of 6,000 values whose variance is 6.
+    rms = float(re.search(r"(\S+) m root mean square", words)[1])
+    # Three axes of 0.1 m; the mean square of 18,000 normal values scatters by sqrt(2 / 18000).
+    assert rms == pytest.approx(0.1 * np.sqrt(3), rel=4 * 0.5 * np.sqrt(2 / (3 * SAMPLES)))
+    assert mean == pytest.approx(3.0, abs=4 * np.sqrt(6 / SAMPLES))
 
 
 def test_the_spectrum_is_welchs_and_white_noise_lies_at_its_density(bag):
@@ -199,7 +211,10 @@ def test_bad_inputs_are_one_line_each(results, bag, tmp_path, capsys):
         (["none", "nor this"], "none: no such file or folder"),
         ([empty], f"{empty}: holds no run yet"),
         ([noise, "-o", tmp_path / "n.html"], "not an MCAP file"),
-        ([results, "--metric", "beauty", "-o", tmp_path / "n.html"], "--metric beauty: must be"),
+        (
+            [results, "--metric", "beauty", "-o", tmp_path / "n.html"],
+            "unknown --metric 'beauty'; must be",
+        ),
         ([bag, "-o", tmp_path / "n.txt"], "must end in .html or .htm"),
         ([bag, "--truth-topic", "/x", "-o", tmp_path / "n.html"], "--truth-topic /x"),
         ([words, "-o", tmp_path / "n.html"], f"{words}: holds no rows"),
@@ -227,3 +242,72 @@ def test_a_page_lies_in_its_campaign_and_is_not_overwritten(results, capsys):
     assert status == 2
     assert "already exists" in lines[0]
     (results / "report.html").unlink()
+
+
+def test_numbers_come_from_all_poses_and_pictures_keep_a_jump(bag, tmp_path):
+    """29,001 poses with a truth, one of them off by 50 m: 50 / sqrt(29001) = 0.2936 m."""
+    count, jump = 30_000, 17_777
+    t = START / 1e9 + 5.0 + np.arange(count) * 1e-3
+    truth = imu_sim_ros.bags.read_odometry(bag, "/ground_truth/odom")
+    position = np.stack([np.interp(t * 1e9, truth.t_ns, axis) for axis in truth.position.T], 1)
+    position[jump, 1] += 50.0
+    track = tmp_path / "jump.tum"
+    rows = np.column_stack([position, np.tile([0.0, 0.0, 0.0, 1.0], (count, 1))])
+    track.write_text(
+        "".join(
+            f"{int(one * 1e9) // 10**9}.{int(one * 1e9) % 10**9:09d} "
+            + " ".join(f"{v:.9f}" for v in row)
+            + "\n"
+            for one, row in zip(t, rows, strict=True)
+        )
+    )
+    page = tmp_path / "jump.html"
+    assert main([str(bag), str(track), "-o", str(page), "--quiet"]) == 0
+    page = page.read_text(encoding="utf-8")
+    (words,) = [i["text"] for i in items(page, "text") if i["text"].startswith("jump.tum")]
+    assert "0.2936 m root mean square over 29,001 poses" in words
+    assert "at most 50 m" in words
+    plots = {item["title"]: item for item in items(page, "plot")}
+    error = plots["jump.tum: position error y"]["series"][0]
+    assert min(error["y"]) == pytest.approx(-50.0, abs=1e-3)
+    assert error["x"][int(np.argmin(error["y"]))] == pytest.approx(jump * 1e-3, abs=1e-3)
+    assert len(error["x"]) <= 1002
+    (path,) = items(page, "path")
+    (drawn,) = [one for one in path["series"] if one["name"] == "jump.tum"]
+    assert max(drawn["y"]) > 47.0
+
+
+def test_topics_have_rates_gaps_and_sizes_and_cameras_a_strip(bag, tmp_path):
+    """The minute's IMU has a gap of 1 s; a camera of 2 Hz whose brightness grows by 10 a frame."""
+    path = tmp_path / "seen.mcap"
+    t_ns = START + np.arange(20) * 500_000_000
+    with open_writer(path) as writer:
+        encoder = ImageEncoder("cam0", 120, 400, "mono8")
+        topic = writer.add_topic("/cam0/image_raw", IMAGE)
+        for k, t in enumerate(t_ns.tolist()):
+            image = np.full((120, 400), 10 * k, np.uint8)
+            writer.write(topic, np.array([t]), [encoder.encode(t, image)])
+        bias = np.column_stack([t_ns * 0.0 + 0.25, np.arange(20) * 0.01, np.zeros(20)])
+        vector = Vector3StampedEncoder("imu").encode(t_ns, bias)
+        writer.write(
+            writer.add_topic("/ground_truth/gyroscope_bias", VECTOR3_STAMPED), t_ns, vector
+        )
+    page = page_of(path, tmp_path)
+    (strip,) = items(page, "strip")
+    assert [one["t_s"] for one in strip["frames"]] == [0, 2, 4, 5.5, 7.5, 9.5]
+    for frame in strip["frames"]:
+        image = decoded(base64.b64decode(frame["png"]))
+        assert image.shape == (40, 133)
+        assert np.all(image == 20 * frame["t_s"])
+    (plot,) = items(page, "plot")
+    assert plot["title"] == "Bias: /ground_truth/gyroscope_bias"
+    assert plot["y"]["label"] == "[rad/s]"
+    assert plot["series"][1]["y"] == pytest.approx(bias[:, 1].tolist())
+    page = page_of(bag, tmp_path / "other")
+    (topics,) = [item for item in items(page, "table") if item["name"] == "topics"]
+    found = {one["name"]: one.get("values") for one in topics["columns"]}
+    place = found["topic"].index("/imu/data_raw")
+    assert found["rate [Hz]"][place] == pytest.approx(RATE)
+    assert found["mean rate [Hz]"][place] == pytest.approx((SAMPLES - 1) / 60.98, rel=1e-4)
+    assert (found["gaps"][place], found["longest [s]"][place]) == (1, 1)
+    assert found["bytes each"][place] > 300

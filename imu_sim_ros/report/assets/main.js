@@ -11,6 +11,10 @@ const builders = {
   },
   plot: (item) => new Plot(item).figure,
   path: (item) => new Path(item).figure,
+  strip: (item) => element("figure", {}, element("h3", {}, item.title), element("div", { class: "strip" }, ...item.frames.map((frame) => {
+    const at = `${inWords(frame.t_s)} s`;
+    return element("div", {}, element("img", { src: `data:image/png;base64,${frame.png}`, alt: `${item.title} at ${at}` }), element("span", { class: "caption" }, at));
+  }))),
   plots: (item) => element("div", { class: "plots" }, ...item.items.map(built)),
   campaign: (item) => {
     const host = element("div");
