@@ -7,6 +7,8 @@ import ast
 import importlib
 import re
 import types
+from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -77,16 +79,28 @@ def modules():
     return sorted(PACKAGE.rglob("*.py"))
 
 
-def by_name(paths):
-    """Parameters of a test that imports rooms: those of the nodes only where ROS is installed."""
-    return [
-        pytest.param(
-            path,
-            id=str(path.relative_to(PACKAGE)),
-            marks=pytest.mark.ros if (PACKAGE / "nodes") in (path, *path.parents) else (),
-        )
-        for path in paths
-    ]
+def over(places):
+    """Make one test of a check that is made for each of many places; all failures are told."""
+
+    def decorate(check):
+        def test():
+            problems = []
+            for place in places:
+                try:
+                    check(place)
+                except AssertionError as error:
+                    problems.append(f"{place.relative_to(ROOT)}: {error}")
+            assert not problems, "\n".join(problems)
+
+        test.__doc__ = check.__doc__
+        return test
+
+    return decorate
+
+
+@cache
+def parsed(path):
+    return ast.parse(path.read_text(encoding="utf-8"))
 
 
 def room_of(path):
@@ -105,11 +119,11 @@ def imports(tree):
             yield from (f"{node.module}.{alias.name}" for alias in node.names)
 
 
-@pytest.mark.parametrize("path", modules(), ids=lambda path: str(path.relative_to(PACKAGE)))
+@over(modules())
 def test_imports_follow_the_arrows(path):
     room = room_of(path)
     allowed = ROOMS.get(room, LEAVES)
-    for name in imports(ast.parse(path.read_text(encoding="utf-8"))):
+    for name in imports(parsed(path)):
         top, *rest = name.split(".")
         if top in ONLY_IN:
             assert room in ONLY_IN[top], f"{room} imports {name}"
@@ -119,6 +133,15 @@ def test_imports_follow_the_arrows(path):
 
 def rooms():
     return sorted(path.parent for path in PACKAGE.rglob("__init__.py") if path.parent != PACKAGE)
+
+
+def importable_rooms():
+    """Every room; those of the nodes only where ROS is installed."""
+    return [
+        room
+        for room in rooms()
+        if find_spec("rclpy") or PACKAGE / "nodes" not in (room, *room.parents)
+    ]
 
 
 def dotted(folder):
@@ -145,24 +168,24 @@ def doors_passed(module, names):
         yield folder, last
 
 
-@pytest.mark.parametrize("path", modules(), ids=lambda path: str(path.relative_to(PACKAGE)))
+@over(modules())
 def test_rooms_are_imported_through_their_door(path):
     """Outside a room only what its ``__init__`` exports is used; an inner room is a door, too."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(parsed(path)):
         if isinstance(node, ast.ImportFrom) and node.module.startswith("imu_sim_ros."):
             for room, name in doors_passed(node.module, [alias.name for alias in node.names]):
                 open_door = room in path.parents or (room / name).is_dir()
                 assert open_door or name in exports(room), f"{dotted(room)} exports no {name}"
 
 
-@pytest.mark.parametrize("room", [PACKAGE, *rooms()], ids=dotted)
+@over([PACKAGE, *rooms()])
 def test_rooms_are_small_enough_to_live_in(room):
     files = [path.name for path in room.glob("*.py") if path.name != "__init__.py"]
 
     assert len(files) <= LARGEST_ROOM, f"{len(files)} files on one level: {files}"
 
 
-@pytest.mark.parametrize("room", by_name(rooms()))
+@over(importable_rooms())
 def test_rooms_say_what_they_are_and_export_what_exists(room):
     module = importlib.import_module(dotted(room))
     assert module.__doc__
@@ -174,10 +197,10 @@ def test_rooms_say_what_they_are_and_export_what_exists(room):
         )
 
 
-@pytest.mark.parametrize("room", [PACKAGE, *rooms()], ids=dotted)
+@over([PACKAGE, *rooms()])
 def test_lazy_exports_are_those_that_the_type_checker_sees(room):
     """The imports under TYPE_CHECKING and the table for run time are one list, written twice."""
-    tree = ast.parse((room / "__init__.py").read_text(encoding="utf-8"))
+    tree = parsed(room / "__init__.py")
     for branch in (node for node in tree.body if isinstance(node, ast.If)):
         seen = {
             (statement.module.removeprefix(dotted(room)).removeprefix("."), alias.asname)
@@ -188,11 +211,11 @@ def test_lazy_exports_are_those_that_the_type_checker_sees(room):
         assert seen == {(home, name) for home, names in table.items() for name in names}
 
 
-@pytest.mark.parametrize("path", modules(), ids=lambda path: str(path.relative_to(PACKAGE)))
+@over(modules())
 def test_no_heavy_import_at_the_top_of_what_a_node_starts_with(path):
     if room_of(path) in {"calibration", "plots"}:
         return
-    tree = ast.parse(path.read_text(encoding="utf-8"))
+    tree = parsed(path)
     top_level = [node for node in tree.body if isinstance(node, ast.Import | ast.ImportFrom)]
     names = {name.split(".")[0] for name in imports(ast.Module(top_level, []))}
     if room_of(path) == "bags":
@@ -203,13 +226,13 @@ def test_no_heavy_import_at_the_top_of_what_a_node_starts_with(path):
 NOT_FOR_OTHERS = {"campaign/plan.py"}  # the text of which a digest is made
 
 
-@pytest.mark.parametrize("path", modules(), ids=lambda path: str(path.relative_to(PACKAGE)))
+@over(modules())
 def test_json_is_written_in_one_place(path):
     """JSON has no NaN; what does not pass json_text.py would have to see to that by itself."""
     name = str(path.relative_to(PACKAGE))
     calls = {
         node.func.attr
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        for node in ast.walk(parsed(path))
         if isinstance(node, ast.Call)
         and isinstance(node.func, ast.Attribute)
         and isinstance(node.func.value, ast.Name)
@@ -272,7 +295,7 @@ def sources():
     yield ROOT / ".ci" / "run"
 
 
-@pytest.mark.parametrize("path", list(sources()), ids=lambda path: str(path.relative_to(ROOT)))
+@over(list(sources()))
 def test_every_source_file_names_copyright_and_license_at_the_top(path):
     text = path.read_text(encoding="utf-8")
     if text.startswith("#!"):
@@ -284,14 +307,14 @@ def test_the_header_names_the_license_of_the_package():
     assert HEADER.rstrip().endswith(manifest().findtext("license"))
 
 
-@pytest.mark.parametrize("path", list(sources()), ids=lambda path: str(path.relative_to(ROOT)))
+@over(list(sources()))
 def test_files_and_functions_are_short(path):
     """What cannot be seen at once is not understood at once."""
     text = path.read_text(encoding="utf-8")
     assert text.count("\n") <= LONGEST_FILE
     if path.suffix != ".py":
         return
-    for node in ast.walk(ast.parse(text)):
+    for node in ast.walk(parsed(path)):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             length = (node.end_lineno or 0) - node.lineno + 1
             assert length <= LONGEST_FUNCTION, node.name

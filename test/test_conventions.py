@@ -6,8 +6,6 @@
 import ast
 from pathlib import Path
 
-import pytest
-
 from imu_sim_ros import conventions
 
 PACKAGE = Path(conventions.__file__).parent
@@ -32,13 +30,16 @@ def vectors(tree):
                 continue
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(PACKAGE)))
-def test_topics_frames_gravity_and_triads_are_written_once(path):
+def spelled_out(path):
+    """Return what a file writes that only conventions.py may."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
-    words = {value.removeprefix("/") for value in constants(tree) if isinstance(value, str)}
-    assert not words & (TOPICS | FRAMES)
-    found = list(vectors(tree))
-    assert not [
-        v for v in found if v in (conventions.GRAVITY, conventions.TRIADS, conventions.AXES)
-    ]
-    assert not {conventions.GRAVITY[2], -conventions.GRAVITY[2]} & set(constants(tree))
+    found = list(constants(tree))
+    words = {value.removeprefix("/") for value in found if isinstance(value, str)}
+    shared = (conventions.GRAVITY, conventions.TRIADS, conventions.AXES)
+    gravity = {conventions.GRAVITY[2], -conventions.GRAVITY[2]} & set(found)
+    return [*(words & (TOPICS | FRAMES)), *(v for v in vectors(tree) if v in shared), *gravity]
+
+
+def test_topics_frames_gravity_and_triads_are_written_once():
+    found = {str(path.relative_to(PACKAGE)): spelled_out(path) for path in SOURCES}
+    assert not {path: what for path, what in found.items() if what}
