@@ -1,22 +1,34 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Digital twins of sensors that are known in every parameter, over many seeds and four motions.
+"""Digital twins of sensors that are known in every parameter, with truths that are noisy.
 
-``python test/bench/bench_twin.py [--runs 20]``
+Four motions, poses with white noise or rounded, many seeds: how often intervals hold the truth.
+
+``python test/bench/bench_twin.py [--runs 20] [--motions lecture,...] [--poses 0,0.1,d4,...]``
 """
 
 import argparse
 import time
+from pathlib import Path
 
 import numpy as np
 
 import imu_sim_ros as ims
-from imu_sim_ros.calibration.twin import model
+from imu_sim_ros.api.twin.trust import NAMES
+from imu_sim_ros.calibration.twin import PRIOR, model
 from imu_sim_ros.commands.common import print_table
-from imu_sim_ros.rotation import exp, from_matrix, log, to_matrix
+from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.rotation import exp, from_matrix, log, multiply, normalise, to_matrix
 
-MOTIONS = ("lecture", "figure_eight", "excitation", "target")
+FLIGHT = Path(__file__).parents[3] / "shared" / "data" / "euroc_V1_02_medium_groundtruth.csv"
+MOTIONS = {
+    "figure_eight": "figure_eight",
+    "excitation": "excitation",
+    "lecture": "lecture",
+    "flight": str(FLIGHT),
+}
+POSES = ("0", "0.01", "0.1", "1", "d5", "d4", "d3")
 BANDS = {
     "band_low": [25.0],
     "band_high": [40.0],
@@ -33,18 +45,19 @@ GROUPS = {
     "truth": slice(model.CURVATURE.start, model.WORLD.stop),
 }
 NOISE = np.repeat([1.7e-4, 2e-3], 3)
+DURATION, RATE = 30.0, 100.0
 
 
 def sensor(seed: int) -> model.Errors:
-    """Return the constant errors of one sensor."""
+    """Return the constant errors of one sensor, with scales as wide as the prior of a twin."""
     rng = np.random.default_rng(seed)
     accelerometer = np.eye(3)
-    accelerometer[model.UPPER] += 0.01 * rng.standard_normal(6)
+    accelerometer[model.UPPER] += PRIOR[model.ACCELEROMETER] * rng.standard_normal(6)
     return model.Errors(
         to_matrix(exp(0.5 * rng.standard_normal(3))),
-        np.eye(3) + 0.01 * rng.standard_normal((3, 3)),
+        np.eye(3) + (PRIOR[model.GYROSCOPE] * rng.standard_normal(9)).reshape(3, 3),
         accelerometer,
-        1e-4 * rng.standard_normal((3, 3)),
+        (PRIOR[model.G_SENSITIVITY] * rng.standard_normal(9)).reshape(3, 3),
         0.1 * rng.standard_normal(3),
         np.concatenate([0.02 * rng.standard_normal(3), 0.1 * rng.standard_normal(3)]),
         0.005 * rng.standard_normal(),
@@ -54,8 +67,23 @@ def sensor(seed: int) -> model.Errors:
     )
 
 
-def run(motion: str, seed: int, duration: float) -> tuple[np.ndarray, np.ndarray, int, bool]:
-    """Return errors in standard errors (42,), of white floors (6,), and what else was found."""
+def spoiled(poses: PoseSequence, kind: str, seed: int) -> PoseSequence:
+    """Return poses with noise of so many millimetres and milliradians, or of so many decimals."""
+    position, q_wb = poses.position, poses.q_wb
+    if kind.startswith("d"):
+        position, q_wb = (np.round(x, int(kind[1:])) for x in (position, q_wb))
+    else:
+        rng = np.random.default_rng([seed, 1])
+        noise = 1e-3 * float(kind) * rng.standard_normal((len(q_wb), 6))
+        position, q_wb = position + noise[:, 3:], multiply(q_wb, exp(noise[:, :3]))
+    return PoseSequence(poses.t_ns, position, normalise(q_wb))
+
+
+def run(motion: str, kind: str, seed: int) -> tuple[np.ndarray, np.ndarray, int, bool]:
+    """Return errors in standard errors (42,), whether floors (6,) are held, lines, and wander.
+
+    Errors are NaN where a number is not given, and where the motion does not determine it.
+    """
     true = sensor(seed)
     imu = {
         "preset": "perfect",
@@ -72,43 +100,58 @@ def run(motion: str, seed: int, duration: float) -> tuple[np.ndarray, np.ndarray
         "accelerometer_noise_density": NOISE[3],
         "vibration": {**BANDS, "line_frequency": [44.2], "line_amplitude": [0, 0.01, 0, 0.3, 0, 0]},
     }
-    flight = ims.simulate(imu=imu, trajectory=motion, duration=duration, rate=100.0, seed=seed)
-    twin = ims.twin(flight.readings, flight.truth)
-    found, sigma = twin.analysis.fit.errors, twin.analysis.fit.sigma
-    off = found.deviation() - true.deviation()
-    off[model.MOUNTING] = log(from_matrix(found.r_ib @ true.r_ib.T))
-    off[0] = twin.errors["stamp_offset"].value[0] - true.offset
-    off[1] = 1e-6 * twin.errors["clock_skew_ppm"].value[0] - true.skew
-    sigma = sigma.copy()
-    sigma[0] = twin.errors["stamp_offset"].sigma[0]
+    flight = ims.simulate(imu=imu, trajectory=motion, duration=DURATION, rate=RATE, seed=seed)
+    twin = ims.twin(flight.readings, spoiled(flight.truth, kind, seed))
+    fit, errors = twin.analysis.fit, twin.errors
+    off = fit.errors.deviation() - true.deviation()
+    off[model.MOUNTING] = log(from_matrix(fit.errors.r_ib @ true.r_ib.T))
+    off[0] = errors["stamp_offset"].value[0] - true.offset
+    off[1] = 1e-6 * errors["clock_skew_ppm"].value[0] - true.skew
+    sigma = fit.sigma.copy()
+    sigma[0] = errors["stamp_offset"].sigma[0]
+    missing = [k for k, name in enumerate(NAMES) if name in twin.undetermined]
+    off[missing] = np.nan
+    off[~twin.given] = np.nan
     white = twin.analysis.white
     inside = (white.low <= NOISE) & (white.high >= NOISE)
     return off / sigma, inside, len(twin.analysis.lines.frequency), twin.clock_wander > 0.0
+
+
+def row(motion: str, kind: str, seeds: range) -> list[str]:
+    """Return a line of the table."""
+    start = time.process_time()
+    runs = [run(MOTIONS[motion], kind, seed) for seed in seeds]
+    z = np.array([r[0] for r in runs])
+    result = [motion, kind]
+    for part in GROUPS.values():
+        own = z[:, part][np.isfinite(z[:, part])]
+        held, size = (np.mean(np.abs(own) < 1.96), np.sqrt(np.mean(own**2))) if len(own) else (0, 0)
+        result.append(f"{100.0 * held:.0f} % {size:.2f}" if len(own) else "")
+    given = z[np.isfinite(z)]
+    result += [f"{np.count_nonzero(np.abs(given) > 3.0)} of {given.size}"]
+    result += [f"{np.abs(given).max():.1f}", f"{100.0 * np.mean([r[1] for r in runs]):.0f} %"]
+    result += [f"{np.mean([r[2] for r in runs]):.2f}", f"{sum(r[3] for r in runs)}"]
+    return [*result, f"{(time.process_time() - start) / len(seeds):.1f} s"]
 
 
 def main() -> None:
     """Run all and print."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--runs", type=int, default=20)
-    parser.add_argument("--duration", type=float, default=40.0)
+    parser.add_argument("--motions", default=",".join(MOTIONS))
+    parser.add_argument("--poses", default=",".join(POSES))
     arguments = parser.parse_args()
-    rows, header = [], ["", *GROUPS, "beyond 3", "largest", "floors held", "lines", "wander", "CPU"]
-    for k, motion in enumerate(MOTIONS):
-        start = time.process_time()
-        # Each motion has noise of its own: rows of the table are independent.
-        seeds = range(k * arguments.runs, (k + 1) * arguments.runs)
-        runs = [run(motion, seed, arguments.duration) for seed in seeds]
-        z = np.array([r[0] for r in runs])
-        row = [motion]
-        for part in GROUPS.values():
-            share = 100.0 * np.mean(np.abs(z[:, part]) < 1.96)
-            row.append(f"{share:.0f} % {np.sqrt(np.mean(z[:, part] ** 2)):.2f}")
-        row += [f"{np.count_nonzero(np.abs(z) > 3.0)} of {z.size}", f"{np.abs(z).max():.1f}"]
-        row.append(f"{100.0 * np.mean([r[1] for r in runs]):.0f} %")
-        row += [f"{np.mean([r[2] for r in runs]):.2f}", f"{sum(r[3] for r in runs)}"]
-        rows.append([*row, f"{(time.process_time() - start) / arguments.runs:.1f} s"])
-        print(" | ".join(rows[-1]), flush=True)
-    print_table(header, rows, "95 % intervals that hold the truth, and RMS in standard errors")
+    tail = ["beyond 3", "largest", "floors held", "lines", "wander", "CPU"]
+    rows = []
+    for motion in arguments.motions.split(","):
+        for kind in arguments.poses.split(","):
+            # Each cell has seeds of its own: rows of the table are independent.
+            cell = 7 * list(MOTIONS).index(motion) + POSES.index(kind)
+            first = 1000 + 100 * cell
+            rows.append(row(motion, kind, range(first, first + arguments.runs)))
+            print(" | ".join(rows[-1]), flush=True)
+    title = "95 % intervals that hold the truth, and RMS in standard errors"
+    print_table(["", "poses", *GROUPS, *tail], rows, title)
 
 
 if __name__ == "__main__":

@@ -7,14 +7,28 @@ import numpy as np
 import pytest
 
 from imu_sim_ros import rotation
-from imu_sim_ros.calibration.twin import clock, model, truth
+from imu_sim_ros.calibration.twin import clock, model
 from imu_sim_ros.calibration.twin.alignment import coarse_offset, mounting
 from imu_sim_ros.calibration.twin.comparison import told_apart
 from imu_sim_ros.calibration.twin.fit import Recording, fit
 from imu_sim_ros.calibration.twin.intensity import calmed, factors, follow, in_range
 from imu_sim_ros.calibration.twin.lines import find_lines
-from imu_sim_ros.calibration.twin.model import BodyMotion, Errors
-from imu_sim_ros.calibration.twin.spectrum import above, band_edges, cross_spectra, white_floor
+from imu_sim_ros.calibration.twin.model import BodyMotion, Errors, Truth
+from imu_sim_ros.calibration.twin.pose_noise import (
+    Poses,
+    highest_motion,
+    noise_of,
+    noise_over,
+    scatter,
+)
+from imu_sim_ros.calibration.twin.spectrum import (
+    above,
+    band_edges,
+    cross_spectra,
+    quietest,
+    raised,
+    white_floor,
+)
 
 RATE = 100.0
 SECONDS = 40.0
@@ -107,7 +121,7 @@ def fits():
         y, stamps = recording.readings, recording.stamps
         offset = coarse_offset(stamps, y[:, :3], motion_at, stamps[-1] + 1.0, 0.05)
         start = model.perfect(mounting(y[:, :3], y[:, 3:], motion_at(stamps)), offset)
-        result.append((true, fit(recording, motion_at, start, 3.0)))
+        result.append((true, fit(recording, Truth(motion_at, 6.0), start)))
     return result
 
 
@@ -138,9 +152,8 @@ def test_a_motion_about_one_axis_leaves_the_rest_at_its_prior():
     rng = np.random.default_rng(4)
     noise = rng.standard_normal((3000, 6)) * np.sqrt(RATE) * np.repeat([GYRO, ACCEL], 3)
     y = model.readings(model.perfect(np.eye(3)), about_z(stamps)) + noise
-    found = fit(
-        Recording(stamps, y, (slice(0, 3000),), RATE), about_z, model.perfect(np.eye(3)), 3.0
-    )
+    recording = Recording(stamps, y, (slice(0, 3000),), RATE)
+    found = fit(recording, Truth(about_z, 6.0), model.perfect(np.eye(3)))
     # The lever arm along the axis, and what scales a rate that is always zero.
     prior = 0.5
     assert found.sigma[model.LEVER_ARM][2] == pytest.approx(prior, rel=1e-3)
@@ -261,18 +274,117 @@ def test_noise_of_poses_is_measured_where_nothing_moves():
     size = np.where(t < 20.0, 1.0, 0.5)[:, None] * [[2e-5, 1e-5, 4e-5, 1e-4, 2e-4, 3e-4]]
     noise = size * rng.standard_normal((4000, 6))
     q_wb = rotation.multiply(rotation.exp(angle), rotation.exp(noise[:, :3]))
-    at, found = truth.pose_noise(t, position + rotation.rotate(q_wb, noise[:, 3:]), q_wb)
+    position_noisy = position + rotation.rotate(q_wb, noise[:, 3:])
+    at, found = scatter(Poses(t, position_noisy, q_wb))
     # Differences of eighth order that overlap: some 700 free ones in 2000, 3 % of a deviation.
     before, after = (found[at < 19.9].std(axis=0), found[at > 20.1].std(axis=0))
     np.testing.assert_allclose(before, size[0], rtol=0.12)
     np.testing.assert_allclose(after, size[-1], rtol=0.12)
-    ratio = truth.noise_over(at, found, (0.0, 19.9), np.array([10.0, 30.0]))
+    ratio = noise_over(at, found, (0.0, 19.9), np.array([10.0, 30.0]))
     assert np.all(np.abs(ratio / [[1.0], [0.5]] - 1.0) < 0.5)  # in one second, 12 %
-    _, still = truth.pose_noise(t, position, rotation.exp(angle))
+    _, still = scatter(Poses(t, position, rotation.exp(angle)))
     assert not still.any()
-    at, few = truth.pose_noise(t[:5], position[:5], q_wb[:5])
+    at, few = scatter(Poses(t[:5], position[:5], q_wb[:5]))
     assert len(few) == 0
-    np.testing.assert_array_equal(truth.noise_over(at, few, (0.0, 9.0), t[:3]), 1.0)
+    np.testing.assert_array_equal(noise_over(at, few, (0.0, 9.0), t[:3]), 1.0)
+
+
+def curve(t):
+    angle = np.stack([np.sin(0.9 * t), 0.5 * np.cos(1.3 * t), 0.5 * t + np.sin(t)], axis=1)
+    return Poses(t, 3.0 * angle[:, ::-1], rotation.exp(angle))
+
+
+@pytest.mark.parametrize("digits", [3, 4, 5])
+def test_digits_of_poses_are_found_and_their_rounding_drawn(digits):
+    smooth, step = curve(np.arange(4000) / RATE), 10.0**-digits
+    q_wb = rotation.normalise(np.round(smooth.q_wb, digits))
+    noise = noise_of(Poses(smooth.t, np.round(smooth.position, digits), q_wb), smooth)
+    assert noise.quaternion_step == pytest.approx(step)
+    assert noise.position_step == pytest.approx(step)
+    # The fastest digits are even within a step, their deviation step / sqrt(12); 4000 poses.
+    turn, shift = noise.drawn(smooth, np.random.default_rng(3))
+    np.testing.assert_allclose(shift.std(axis=0), step / np.sqrt(12.0), rtol=0.1)
+    np.testing.assert_allclose(turn.std(), 2.0 * step / np.sqrt(12.0), rtol=0.15)
+    np.testing.assert_allclose(noise.deviation, [turn.std(), shift.std()], rtol=0.2)
+
+
+def test_stamps_that_are_not_even_make_no_noise():
+    rng = np.random.default_rng(16)
+    t = np.sort(np.arange(4000) / RATE + 0.004 * rng.uniform(-1.0, 1.0, 4000))
+    smooth = curve(t)
+    assert not noise_of(smooth, smooth).there
+    noisy = smooth._replace(position=smooth.position + 1e-4 * rng.standard_normal((4000, 3)))
+    white = noise_of(noisy, smooth).white
+    np.testing.assert_allclose(white[3:], 1e-4, rtol=0.12)
+    assert np.all(white[:3] < 1e-6)
+
+
+def test_the_highest_motion_above_noise():
+    rng = np.random.default_rng(17)
+    t = np.arange(6000) / RATE
+    motion = np.stack([np.sin(2.0 * np.pi * f * t) for f in (0.3, 1.1, 4.0)], axis=1)
+    noise = 0.05 * rng.standard_normal((3, 6000, 3))
+    found = highest_motion(motion + noise[0], [motion + noise[0] + n for n in noise[1:]], RATE)
+    # A band around 4 Hz; 3 Hz wide at most.
+    assert 4.0 <= found < 6.0
+
+
+def test_noise_of_poses_is_taken_out_of_the_normal_equations():
+    """Without that gains are too small by the noise's share of the motion."""
+    true = flaws(5)._replace(gyroscope=np.eye(3))
+    recording = record(true, 5)
+    size = np.array([0.3, 3.0])
+
+    def noisy(seed):
+        rng = np.random.default_rng(seed)
+        waves = rng.uniform(0.05, 4.0, 400) * 2.0 * np.pi
+        phase = rng.uniform(0.0, 2.0 * np.pi, (400, 6))
+
+        def more(t):
+            wave = np.sqrt(2.0 / 400) * np.sin(
+                waves[:, None, None] * t + phase.T[:, :, None].swapaxes(0, 1)
+            )
+            total = wave.sum(axis=0).T
+            return size[0] * total[:, :3], size[1] * total[:, 3:]
+
+        return more
+
+    real, drawn = noisy(1), [noisy(2), noisy(3)]
+
+    def seen(t, *others):
+        motion = motion_at(t)
+        for other in others:
+            rate, force = other(t)
+            motion = motion._replace(rate=motion.rate + rate, force=motion.force + force)
+        return motion
+
+    start = model.perfect(true.r_ib, true.offset)
+    plain = fit(recording, Truth(lambda t: seen(t, real), 8.0), start)
+    draws = tuple(lambda t, d=d: seen(t, real, d) for d in drawn)
+    found = fit(recording, Truth(lambda t: seen(t, real), 8.0, draws), start)
+    gain = [np.trace(f.errors.gyroscope) / 3.0 for f in (plain, found)]
+    sigma = np.sqrt(np.sum(found.sigma[model.GYROSCOPE][::4] ** 2)) / 3.0
+    assert gain[0] < 1.0 - 4.0 * sigma, gain
+    assert abs(gain[1] - 1.0) < 3.0 * sigma, (gain, sigma)
+    assert found.hanging.max() > 2.0
+    assert not plain.hanging.any()
+
+
+def test_a_floor_is_not_below_what_rest_shows():
+    rng = np.random.default_rng(18)
+    values = rng.standard_normal((4000, 6)) * np.sqrt(RATE)
+    rest = np.zeros(4000, dtype=bool)
+    assert not quietest(values, rest, RATE).any()
+    rest[:300] = True
+    values[300:] *= 5.0
+    least = quietest(values, rest, RATE)
+    # The lowest of 44 powers with some 7 free squares each: chi-square 1.3 of 7, 0.43 a density.
+    assert np.all((least > 0.25) & (least < 0.75))
+    bands = cross_spectra(0.3 * values[:300], [slice(0, 300)], RATE, band_edges(3.0, RATE))
+    assert np.all(white_floor(bands, 1.0).density < 0.4)
+    white = raised(white_floor(bands, 1.0), 3.0 * least)
+    assert np.all(white.density >= 3.0 * least)
+    assert np.all(white.high >= 3.0 * least)
 
 
 def test_a_classifier_tells_what_differs_and_only_that():

@@ -23,6 +23,7 @@ from imu_sim_ros.calibration.twin import (
     model,
     truth,
 )
+from imu_sim_ros.calibration.twin.pose_noise import Poses, noise_over, scatter
 from imu_sim_ros.config import Value, load_simulation
 from imu_sim_ros.json_text import plain
 from imu_sim_ros.navigation import NavigationState, dead_reckon
@@ -110,8 +111,9 @@ def check(
 ) -> Check:
     """Compare a twin with a part of the recording.
 
-    The truth's clock and smoothing are found again on this part, and the twins get as much noise
-    of the truth as its poses show here: none of these is the sensor's doing. All else stays.
+    The truth's clock and smoothing are found again on this part, and the twins are held against a
+    truth with noise of its poses, as much as these show here: none of these is the sensor's doing.
+    All else stays.
     """
     fit = analysis.fit
     real = _laid(source, part, fit)
@@ -149,7 +151,7 @@ def _median(errors: list[Array]) -> Array:
 
 def _laid(source: Recorded, part: Recording, fit: Fit) -> Flown:
     """Return readings on the truth, whose clock and smoothing are found again on this part."""
-    again = truth.laid_on(part, source.body_motion, fit, source.cutoff)
+    again = truth.laid_on(part, source.truth, fit)
     t = model.true_times(again.errors, part.stamps, again.reference, again.wander)
     return Flown(t, part.readings, again.residuals)
 
@@ -160,12 +162,11 @@ def _truth_noise(source: Recorded, fit: Fit, parts: tuple[slice, ...], t: Array)
     :param parts: rows of the recording whose residual is simulated.
     """
     poses = source.poses
-    times, noise = truth.pose_noise(
-        timebase.seconds_since(poses.t_ns, source.t0_ns), poses.position, poses.q_wb
-    )
+    t_poses = timebase.seconds_since(poses.t_ns, source.t0_ns)
+    times, noise = scatter(Poses(t_poses, poses.position, poses.q_wb))
     noise = np.concatenate([noise[:, k : k + 3] @ fit.errors.r_ib.T for k in (0, 3)], axis=1)
     stamps = source.recording.stamps[parts[0].start : parts[-1].stop]
-    return truth.noise_over(times, noise, (float(stamps[0]), float(stamps[-1])), t)
+    return noise_over(times, noise, (float(stamps[0]), float(stamps[-1])), t)
 
 
 def _with_truth_noise(flown: Flown, size: Array, rate: float, cutoff: float) -> Flown:
@@ -208,7 +209,7 @@ def simulation(source: Recorded, parameters: dict[str, Value], seed: int) -> Sim
 def _simulated(
     source: Recorded, t: Array, errors: Errors, parameters: dict[str, Value], seed: int
 ) -> Flown:
-    """Return the twin's readings over the times of the real ones."""
+    """Return the twin's readings over the times of the real ones, against a noisy truth."""
     engine = simulation(source, parameters, seed)
     blocks = list(engine.blocks())
     true = np.concatenate([b.true_t_ns for b in blocks])
@@ -218,7 +219,8 @@ def _simulated(
         [np.concatenate([getattr(b, name) for b in blocks]) for name in ("gyro", "accel")], axis=1
     )[inside]
     times = times[inside]
-    residuals = readings - model.readings(errors, source.body_motion(times))
+    seen = source.truth.noisy[seed % len(source.noisy)] if source.noisy else source.body_motion
+    residuals = readings - model.readings(errors, seen(times))
     return Flown(times, readings, residuals)
 
 

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -15,7 +16,14 @@ from numpy.typing import NDArray
 from imu_sim_ros import timebase
 from imu_sim_ros.api.flight import Flight
 from imu_sim_ros.api.readings import HasPoses, Readings, read_imu
-from imu_sim_ros.calibration.twin import BodyMotion, Recording, coarse_offset, mounting
+from imu_sim_ros.calibration.twin import BodyMotion, Recording, Truth, coarse_offset, mounting
+from imu_sim_ros.calibration.twin.pose_noise import (
+    PoseNoise,
+    Poses,
+    highest_motion,
+    noise_of,
+    spoiled,
+)
 from imu_sim_ros.config import PosesParameters
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import InputError
@@ -44,6 +52,18 @@ _PIECE: Final = 512
 """Samples without a longer loss that a spectrum needs."""
 
 
+_DRAWS: Final = 2
+"""Times that the poses' noise is drawn."""
+_ROOM: Final = 2.0
+"""Cut-off over the highest frequency of the motion, up to which a fit goes."""
+_SMOOTH: Final = 2.0
+"""[Hz] cut-off of a path with next to no noise, on which rounding is drawn: its speed matters."""
+_LOWEST: Final = 1.0
+"""[Hz] cut-off at least."""
+_FEWEST: Final = 200
+"""Times for a spectrum of the motion."""
+
+
 class Recorded(NamedTuple):
     """A recording on the spline of its truth."""
 
@@ -52,6 +72,11 @@ class Recorded(NamedTuple):
     trajectory: Trajectory
     duration: float
     cutoff: float
+    """[Hz] above which motion does not stand out of the poses' noise, or counts as vibration."""
+    noise: PoseNoise
+    """Of the poses."""
+    noisy: tuple[Trajectory, ...]
+    """The trajectory with more noise of the poses; none where they have no noise."""
     gravity: float
     offset: float
     """First guess of true time minus stamp [s]."""
@@ -67,7 +92,16 @@ class Recorded(NamedTuple):
 
     def body_motion(self, t: Array) -> BodyMotion:
         """Return rate, specific force and angular acceleration in the body at times (n,) [s]."""
-        return body_motion(self.motion(t), self.gravity)
+        return self._moved(self.trajectory, t)
+
+    @property
+    def truth(self) -> Truth:
+        """What is known of the motion."""
+        noisy = tuple(partial(self._moved, other) for other in self.noisy)
+        return Truth(self.body_motion, self.cutoff, noisy)
+
+    def _moved(self, trajectory: Trajectory, t: Array) -> BodyMotion:
+        return body_motion(trajectory.sample(np.clip(t, 0.0, self.duration)), self.gravity)
 
 
 def body_motion(motion: Motion, gravity: float) -> BodyMotion:
@@ -102,10 +136,10 @@ def recorded(
     readings = _readings(recording, topic)
     _check(readings)
     poses, name = _poses(truth, truth_topic)
-    trajectory = build_trajectory(PosesParameters(file=name, cutoff=cutoff), lambda *_: poses)
-    duration = min(
-        trajectory.duration, timebase.seconds_since(poses.t_ns[-1:], int(poses.t_ns[0]))[0]
-    )
+    splines = _Splines(poses, name)
+    noise, cutoff = splines.noise(cutoff)
+    trajectory, *noisy = splines.drawn(noise, cutoff)
+    duration = min(trajectory.duration, float(splines.t[-1]))
     t0_ns = int(poses.t_ns[0])
     stamps = timebase.seconds_since(readings.t_ns, t0_ns)
     near = (stamps > -max_offset) & (stamps < duration + max_offset)
@@ -116,9 +150,61 @@ def recorded(
         )
     empty = Recording(np.zeros(0), np.zeros((0, 6)), (), 1.0)
     half = Recorded(
-        empty, poses, trajectory, duration, cutoff, gravity, 0.0, np.eye(3), t0_ns, readings.name
+        recording=empty,
+        poses=poses,
+        trajectory=trajectory,
+        duration=duration,
+        cutoff=cutoff,
+        noise=noise,
+        noisy=tuple(noisy),
+        gravity=gravity,
+        offset=0.0,
+        r_ib=np.eye(3),
+        t0_ns=t0_ns,
+        name=readings.name,
     )
     return _placed(half, readings, stamps, near, max_offset, name)
+
+
+class _Splines:
+    """Splines through the poses of a truth, and through the same with more noise."""
+
+    def __init__(self, poses: PoseSequence, name: str) -> None:
+        self.t = timebase.seconds_since(poses.t_ns, int(poses.t_ns[0]))
+        self._poses, self._name = poses, name
+        motion = self._spline(poses, _SMOOTH).sample(self.t)
+        self._smooth = Poses(self.t, motion.position, motion.q_wb)
+
+    def noise(self, cutoff: float) -> tuple[PoseNoise, float]:
+        """Return the poses' noise, and the cut-off [Hz] that it leaves of a given one."""
+        given = Poses(self.t, self._poses.position, self._poses.q_wb)
+        noise = noise_of(given, self._smooth)
+        if not noise.there:
+            return noise, cutoff
+        times = np.arange(_MARGIN, self.t[-1] - _MARGIN, 0.25 / cutoff)
+        if len(times) < _FEWEST:
+            return noise, cutoff
+        signal, *noisy = (
+            np.concatenate([m.angular_velocity, m.acceleration], axis=1)
+            for m in (spline.sample(times) for spline in self.drawn(noise, cutoff))
+        )
+        highest = highest_motion(signal, noisy, 4.0 * cutoff)
+        return noise, float(np.clip(_ROOM * highest, min(_LOWEST, cutoff), cutoff))
+
+    def drawn(self, noise: PoseNoise, cutoff: float) -> list[Trajectory]:
+        """Return the spline through the poses, and those with more noise."""
+        result = [self._spline(self._poses, cutoff)]
+        if noise.there:
+            rng = np.random.default_rng(0)
+            given = Poses(self.t, self._poses.position, self._poses.q_wb)
+            for _ in range(_DRAWS):
+                _, position, q_wb = spoiled(given, *noise.drawn(self._smooth, rng))
+                other = self._poses._replace(position=position, q_wb=q_wb)
+                result.append(self._spline(other, cutoff))
+        return result
+
+    def _spline(self, poses: PoseSequence, cutoff: float) -> Trajectory:
+        return build_trajectory(PosesParameters(file=self._name, cutoff=cutoff), lambda *_: poses)
 
 
 def _placed(

@@ -18,11 +18,11 @@ from imu_sim_ros.api.output import saved
 from imu_sim_ros.api.readings import HasPoses, Readings
 from imu_sim_ros.api.twin.check import Check, check, flown_again, simulation
 from imu_sim_ros.api.twin.recording import Recorded, moving, recorded
+from imu_sim_ros.api.twin.trust import MATRIX, judged
 from imu_sim_ros.calibration import StepFinder
 from imu_sim_ros.calibration.twin import (
     MOTION_FLOOR,
     MOTION_TIME,
-    PRIOR,
     Analysis,
     Fit,
     Recording,
@@ -32,6 +32,7 @@ from imu_sim_ros.calibration.twin import (
     constant_errors,
     foreseen,
     model,
+    noise_residuals,
     perfect,
     simulator_parameters,
 )
@@ -49,12 +50,12 @@ Array = NDArray[np.float64]
 
 _LEAST_FIT: Final = 8.0
 """[s]"""
+_LEAST_FREEDOM: Final = 2.0
+"""Degrees of freedom of a density below which it is mostly noise of the poses, and not given."""
 _SECONDS: Final = 0.25
 """[s] over which readings are averaged to be compared with the truth."""
 _LEFT: Final = 0.5
 """Share of the gyroscope's variance that no truth may leave."""
-_UNDETERMINED: Final = 0.7
-"""Standard error over the prior's above which a motion says nothing of a parameter."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -65,9 +66,14 @@ class Twin:
     """Constant errors by parameter, with standard errors; ``mounting`` is the rotation vector of
     R_ib [rad], ``stamp_offset`` that at the truth's first pose. Two belong to the truth:
     ``truth_curvature`` [s^2] is ``-s^2 / 2`` where its attitudes are smoothed over s, and
-    ``truth_turn`` [rad] the rotation vector from their world to that of positions and gravity."""
+    ``truth_turn`` [rad] the rotation vector from their world to that of positions and gravity.
+    NaN: not given, since it hangs on the noise of the poses."""
     undetermined: tuple[str, ...]
     """Numbers that this motion does not determine; they are a perfect IMU's but for their prior."""
+    given: NDArray[np.bool_]
+    """(42,) which numbers are given, in the order of ``calibration.twin.model``."""
+    warnings: tuple[str, ...]
+    """What hangs on the poses' noise, and what contradicts itself: a line each."""
     parameters: dict[str, Value]
     """Of the simulator, by name."""
     analysis: Analysis
@@ -85,8 +91,9 @@ class Twin:
 
     def as_json(self) -> Any:
         """Return all numbers by name, in plain types; null where one is not finite."""
-        found = self.analysis
+        found, noise = self.analysis, self.source.noise
         white, bands, lines = found.white, found.bands, found.lines
+        known = np.where(bands.freedom < _LEAST_FREEDOM, np.nan, bands.density)
         return plain(
             {
                 "rate_hz": self.source.recording.rate,
@@ -94,6 +101,8 @@ class Twin:
                 "errors": {
                     name: {"value": v.value, "sigma": v.sigma} for name, v in self.errors.items()
                 },
+                "warnings": list(self.warnings),
+                "pose_noise": {**noise.as_json(), "cutoff_hz": self.source.cutoff},
                 "undetermined": list(self.undetermined),
                 "clock_wander_s": self.clock_wander,
                 "white_floor": {
@@ -105,9 +114,9 @@ class Twin:
                 "bands": {
                     "low_hz": bands.low,
                     "high_hz": bands.high,
-                    "density": bands.density,
-                    "density_low": (bands.density * bands.interval[:, :1]),
-                    "density_high": (bands.density * bands.interval[:, 1:]),
+                    "density": known,
+                    "density_low": known * bands.interval[0],
+                    "density_high": known * bands.interval[1],
                 },
                 "ranges_hz": found.range_edges,
                 "exponents": {
@@ -218,17 +227,26 @@ def _found(source: Recorded, fit: float | None) -> Twin:
     used, held_out = whole, None
     if fit is not None:
         used, held_out = _split(whole, fit, source.name)
-    found = constant_errors(
-        used, source.body_motion, perfect(source.r_ib, source.offset), source.cutoff
-    )
+    found = constant_errors(used, source.truth, perfect(source.r_ib, source.offset))
     _check_likeness(source, used, found)
-    analysis = _analysed(source, used, found)
+    others = foreseen(used, source.truth, found)
+    trust = judged(found, others.disagreement, source.noise)
+    analysis = _analysed(source, used, found, others.residuals)
     parameters = simulator_parameters(analysis, whole.rate, _steps(whole.readings))
     if source.gravity != -GRAVITY[2]:
         parameters["gravity"] = (0.0, 0.0, -source.gravity)
-    errors, undetermined = _errors(found)
     checked = None if held_out is None else check(source, held_out, analysis, parameters)
-    return Twin(errors, undetermined, parameters, analysis, checked, source)
+    errors = _errors(trust.fit, trust.given)
+    return Twin(
+        errors,
+        trust.undetermined,
+        trust.given,
+        trust.warnings,
+        parameters,
+        analysis,
+        checked,
+        source,
+    )
 
 
 def _check_likeness(source: Recorded, used: Recording, found: Fit) -> None:
@@ -278,7 +296,7 @@ def _split(whole: Recording, seconds: float, name: str) -> tuple[Recording, Reco
     return whole.part(first, first + seconds), whole.part(first + seconds, np.inf)
 
 
-def _analysed(source: Recorded, used: Recording, found: Fit) -> Analysis:
+def _analysed(source: Recorded, used: Recording, found: Fit, unseen: Array) -> Analysis:
     t = model.true_times(found.errors, used.stamps, found.reference, found.wander)
     motion = source.motion(t)
     norms = tuple(
@@ -290,8 +308,9 @@ def _analysed(source: Recorded, used: Recording, found: Fit) -> Analysis:
         x, y, z = (float(value) for value in reference)
         return MotionSize(used.rate, (x, y, z), MOTION_FLOOR, MOTION_TIME).logs(motion)
 
-    residuals = foreseen(used, source.body_motion, found, source.cutoff)
-    return analyse(used, found, residuals, sizes, (norms[0], norms[1], norms[2]), moving(motion))
+    noises = noise_residuals(used, source.truth, found)
+    size = (norms[0], norms[1], norms[2])
+    return analyse(used, found, unseen, noises, sizes, size, moving(motion))
 
 
 def _steps(readings: Array) -> Array:
@@ -301,26 +320,22 @@ def _steps(readings: Array) -> Array:
     return finder.step
 
 
-def _errors(found: Fit) -> tuple[dict[str, Calibrated], tuple[str, ...]]:
-    """Return the constant errors by name, and what the motion does not determine."""
-    errors, sigma = found.errors, found.sigma
-    span = found.reference
-    offset_sigma = float(
-        np.sqrt(
-            found.covariance[0, 0]
-            - 2.0 * span * found.covariance[0, 1]
-            + span**2 * found.covariance[1, 1]
-        )
-    )
-    upper = np.zeros((3, 3))
-    upper[model.UPPER] = sigma[model.ACCELEROMETER]
+def _errors(found: Fit, given: NDArray[np.bool_]) -> dict[str, Calibrated]:
+    """Return the constant errors by name; NaN for those that are not given."""
+    errors, covariance = found.errors, found.covariance
+    span = np.array([1.0, -found.reference])
+    sigma = np.where(given, found.sigma, np.nan)
+    offset_sigma = np.sqrt(span @ covariance[:2, :2] @ span) if given[:2].all() else np.nan
 
     def of(value: Any, sigmas: Any) -> Calibrated:
-        return Calibrated(np.ravel(value).astype(np.float64), np.ravel(sigmas).astype(np.float64))
+        sigmas = np.ravel(sigmas).astype(np.float64)
+        return Calibrated(np.where(np.isnan(sigmas), np.nan, np.ravel(value)), sigmas)
 
-    result = {
-        "stamp_offset": of([clock_offset(found)], [offset_sigma]),
-        "clock_skew_ppm": of([1e6 * clock_skew(found)], [1e6 * sigma[1]]),
+    upper = np.zeros((3, 3))
+    upper[model.UPPER] = sigma[model.ACCELEROMETER]
+    return {
+        "stamp_offset": of(clock_offset(found), offset_sigma),
+        "clock_skew_ppm": of(1e6 * clock_skew(found), 1e6 * sigma[1]),
         "mounting": of(log(from_matrix(errors.r_ib)), sigma[model.MOUNTING]),
         "lever_arm": of(errors.lever_arm, sigma[model.LEVER_ARM]),
         "gyroscope_bias": of(errors.bias[:3], sigma[model.BIAS][:3]),
@@ -328,31 +343,13 @@ def _errors(found: Fit) -> tuple[dict[str, Calibrated], tuple[str, ...]]:
         "gyroscope_g_sensitivity": of(errors.g_sensitivity, sigma[model.G_SENSITIVITY]),
         "accelerometer_bias": of(errors.bias[3:], sigma[model.BIAS][3:]),
         "accelerometer_scale_misalignment": of(errors.accelerometer, upper),
-        "truth_curvature": of([errors.curvature], sigma[model.CURVATURE]),
+        "truth_curvature": of(errors.curvature, sigma[model.CURVATURE]),
         "truth_turn": of(errors.world, sigma[model.WORLD]),
     }
-    weak = sigma > _UNDETERMINED * PRIOR
-    places = {
-        "lever_arm": model.LEVER_ARM,
-        "gyroscope_scale_misalignment": model.GYROSCOPE,
-        "gyroscope_g_sensitivity": model.G_SENSITIVITY,
-    }
-    undetermined = [
-        f"{name} {label}"
-        for name, place in places.items()
-        for label, is_weak in zip(labels(place.stop - place.start), weak[place], strict=True)
-        if is_weak
-    ]
-    undetermined += [
-        f"accelerometer_scale_misalignment {'xyz'[i]}{'xyz'[j]}"
-        for i, j, is_weak in zip(*model.UPPER, weak[model.ACCELEROMETER], strict=True)
-        if is_weak
-    ]
-    return result, tuple(undetermined)
 
 
 def labels(count: int) -> list[str]:
     """Return names of the components of a number, a vector or a matrix."""
     if count == 9:
-        return [row + column for row in "xyz" for column in "xyz"]
+        return list(MATRIX)
     return list("xyz") if count == 3 else [""]

@@ -8,11 +8,17 @@ a white floor, and how they follow the motion. Works on arrays and on a function
 body's motion at any time, so it knows neither splines nor simulations. Imports the leaves.
 """
 
-from imu_sim_ros.calibration.twin import comparison, intensity, model, truth
+from imu_sim_ros.calibration.twin import comparison, intensity, model, pose_noise, truth
 from imu_sim_ros.calibration.twin.alignment import coarse_offset, mounting
-from imu_sim_ros.calibration.twin.analysis import Analysis, analyse, constant_errors, foreseen
+from imu_sim_ros.calibration.twin.analysis import (
+    Analysis,
+    analyse,
+    constant_errors,
+    foreseen,
+    noise_residuals,
+)
 from imu_sim_ros.calibration.twin.fit import PRIOR, Fit, Recording
-from imu_sim_ros.calibration.twin.model import BodyMotion, Errors, perfect, readings
+from imu_sim_ros.calibration.twin.model import BodyMotion, Errors, Truth, perfect, readings
 from imu_sim_ros.calibration.twin.parameters import (
     MOTION_FLOOR,
     MOTION_TIME,
@@ -30,6 +36,7 @@ __all__ = [
     "Errors",
     "Fit",
     "Recording",
+    "Truth",
     "analyse",
     "clock_offset",
     "clock_skew",
@@ -40,7 +47,9 @@ __all__ = [
     "intensity",
     "model",
     "mounting",
+    "noise_residuals",
     "perfect",
+    "pose_noise",
     "readings",
     "simulator_parameters",
     "truth",

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A twin of a sensor on a vehicle: its constant errors, and what vibrates beside them."""
+"""A twin of a sensor on a vehicle: its constant errors, and the vibration that they leave."""
 
 from collections.abc import Callable
 from itertools import pairwise
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from imu_sim_ros.calibration.twin import clock, intensity, spectrum
 from imu_sim_ros.calibration.twin.fit import Fit, Recording, fit
 from imu_sim_ros.calibration.twin.lines import Lines, find_lines
-from imu_sim_ros.calibration.twin.model import Errors, MotionAt, predicted, true_times
+from imu_sim_ros.calibration.twin.model import Errors, Truth, predicted, true_times
 from imu_sim_ros.calibration.twin.spectrum import Bands, White
 
 Array = NDArray[np.float64]
@@ -22,6 +22,10 @@ Rows = NDArray[np.bool_]
 _LOWEST_WHITE: Final = 1.0
 """[Hz] below it the truth's own errors hide a white floor."""
 _FOLDS: Final = 4
+_LEAST: Final = 0.2
+"""Share of a variance that a quarter of a recording takes from it at least."""
+_MOSTLY: Final = 0.3
+"""Share of a residual that is noise of the poses."""
 _BIAS_WINDOW: Final = 5.0
 """[s] over which the bias is averaged."""
 
@@ -51,23 +55,30 @@ class Analysis(NamedTuple):
     """(k, 6) standard errors."""
 
 
-def constant_errors(recording: Recording, motion_at: MotionAt, start: Errors, cutoff: float) -> Fit:
+def constant_errors(recording: Recording, truth: Truth, start: Errors) -> Fit:
     """Return the constant errors, and how the truth's clock wanders where it does."""
-    found = fit(recording, motion_at, start, cutoff)
+    found = fit(recording, truth, start)
     course = clock.wander(recording.stamps, found.residuals, found.slope, recording.rate)
     if course.any():
-        found = fit(recording, motion_at, found.errors, cutoff, wander=course)
+        found = fit(recording, truth, found.errors, wander=course)
     return found
 
 
-def foreseen(recording: Recording, motion_at: MotionAt, found: Fit, cutoff: float) -> Array:
-    """Return residuals (n, 6) of fits that have not seen them (cross-validation).
+class Foreseen(NamedTuple):
+    """What fits say of a quarter of a recording that they have not seen (cross-validation)."""
 
-    Parameters taken from a short recording explain a part of its noise. What they leave of readings
-    they have not seen is what a twin has to simulate.
-    """
+    residuals: Array
+    """(n, 6) Parameters taken from a short recording explain a part of its noise. What they leave
+    of readings they have not seen is what a twin has to simulate."""
+    disagreement: Array
+    """(42,) RMS of how far these fits are from that to the whole recording, over the standard error
+    of that (Hausman 1978: the difference of their variances); 1 if all is as it should be."""
+
+
+def foreseen(recording: Recording, truth: Truth, found: Fit) -> Foreseen:
+    """Return what fits to three quarters of a recording say of the fourth."""
     edges = np.linspace(0, len(recording.stamps), _FOLDS + 1).astype(int)
-    result = np.empty_like(found.residuals)
+    residuals, squares = np.empty_like(found.residuals), np.zeros(len(found.sigma))
     for first, last in pairwise(edges.tolist()):
         rows = np.concatenate([np.arange(first), np.arange(last, len(recording.stamps))])
         pieces = []
@@ -80,20 +91,31 @@ def foreseen(recording: Recording, motion_at: MotionAt, found: Fit, cutoff: floa
         rest = Recording(
             recording.stamps[rows], recording.readings[rows], tuple(pieces), recording.rate
         )
-        other = fit(rest, motion_at, found.errors, cutoff, wander=found.wander[rows])
+        other = fit(rest, truth, found.errors, wander=found.wander[rows])
         t = true_times(
             other.errors, recording.stamps[first:last], other.reference, found.wander[first:last]
         )
-        result[first:last] = (
-            recording.readings[first:last] - predicted(other.errors, motion_at, t)[0]
-        )
-    return result
+        own = predicted(other.errors, truth.motion_at, t)[0]
+        residuals[first:last] = recording.readings[first:last] - own
+        moved = other.errors.referred(found.reference - other.reference)
+        variance = other.sigma**2
+        variance = np.maximum(variance - found.sigma**2, _LEAST * variance)
+        squares += moved.away_from(found.errors) ** 2 / variance
+    return Foreseen(residuals, np.sqrt(squares / _FOLDS))
+
+
+def noise_residuals(recording: Recording, truth: Truth, found: Fit) -> list[Array]:
+    """Return what the noise of the poses makes of the residuals (n, 6), drawn several times."""
+    t = true_times(found.errors, recording.stamps, found.reference, found.wander)
+    own = predicted(found.errors, truth.motion_at, t)[0]
+    return [own - predicted(found.errors, other, t)[0] for other in truth.noisy]
 
 
 def analyse(
     recording: Recording,
     found: Fit,
     unseen: Array,
+    noises: list[Array],
     sizes: Callable[[Array], Array],
     motion: tuple[Array, Array, Array],
     moving: Rows,
@@ -101,28 +123,27 @@ def analyse(
     """Return lines, bands and white floor of what a fit leaves, and how they follow the motion.
 
     :param unseen: (n, 6) residuals of :func:`foreseen`, for the slowest range.
+    :param noises: of the poses, (n, 6) each; what they have is not the sensor's.
     :param sizes: returns the logarithms (3, n) of the motion's size relative to a reference (3,).
     :param motion: norms (n,) of rate, acceleration and speed.
     :param moving: (n,) rows in motion: a vehicle at rest does not vibrate as in flight.
     """
     rate = recording.rate
-    parts = spectrum.segments(_parts(recording, moving))
-    if not parts:
-        parts = spectrum.segments(recording.pieces)
-    longest = max(parts, key=lambda part: part.stop - part.start)
-    residuals = found.residuals
-    lines, rest = find_lines(residuals[longest], rate)
-    if len(lines.frequency):
-        residuals = residuals.copy()
-        for part in parts:
-            residuals[part] = rest if part == longest else find_lines(residuals[part], rate)[1]
+    parts = spectrum.segments(_parts(recording, moving)) or spectrum.segments(recording.pieces)
+    lowest = _above_noise(found.residuals, noises, parts, rate)
+    lines, residuals = _without_lines(found.residuals, parts, rate, lowest)
     rows = np.concatenate([np.arange(part.start, part.stop) for part in parts])
     reference = np.array([np.sqrt(np.mean(m[rows] ** 2)) for m in motion])
     reference = np.maximum(reference, 1e-3)
     logs = sizes(reference)
     exponents = intensity.follow(residuals, parts, rate, logs)
-    bands = _bands([unseen, residuals], parts, rate, logs, exponents.value)
-    white = spectrum.white_floor(bands, _LOWEST_WHITE)
+    whole, *each = (
+        _bands(list(x), parts, rate, logs, exponents.value)
+        for x in [(unseen, residuals), *((x, x) for x in noises)]
+    )
+    bands = whole.less(np.mean([x.matrix for x in each], axis=0)) if each else whole
+    least = spectrum.quietest(recording.readings, ~moving, rate)
+    white = spectrum.raised(spectrum.white_floor(bands, _LOWEST_WHITE), least)
     return Analysis(
         found,
         lines,
@@ -133,8 +154,34 @@ def analyse(
         exponents,
         reference,
         tuple(parts),
-        *_bias_over_time(recording, found, bands),
+        *_bias_over_time(recording, found, whole),
     )
+
+
+def _without_lines(
+    residuals: Array, parts: list[slice], rate: float, lowest: float
+) -> tuple[Lines, Array]:
+    """Return the lines of the longest part, and the residuals (n, 6) without those of each."""
+    longest = max(parts, key=lambda part: part.stop - part.start)
+    lines, rest = find_lines(residuals[longest], rate, lowest)
+    if len(lines.frequency):
+        residuals = residuals.copy()
+        for part in parts:
+            other = find_lines(residuals[part], rate, lowest)[1]
+            residuals[part] = rest if part == longest else other
+    return lines, residuals
+
+
+def _above_noise(residuals: Array, noises: list[Array], parts: list[slice], rate: float) -> float:
+    """Return the frequency [Hz] above which residuals are not mostly noise of the poses."""
+    duration = max(part.stop - part.start for part in parts) / rate
+    edges = spectrum.band_edges(duration, rate)
+    whole = spectrum.cross_spectra(residuals, parts, rate, edges)
+    each = [spectrum.cross_spectra(x, parts, rate, edges).density ** 2 for x in noises]
+    if not each:
+        return 0.0
+    noisy = (np.mean(each, axis=0) > _MOSTLY * whole.density**2).any(axis=1)
+    return float(whole.high[noisy].max(initial=0.0))
 
 
 def _parts(recording: Recording, moving: Rows) -> list[slice]:

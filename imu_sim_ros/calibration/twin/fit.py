@@ -10,15 +10,23 @@ with that density. The density is that of the residuals of the step before, in b
 the parameters that were taken from them. Gauss-Newton steps and densities alternate until both
 stay: feasible generalised least squares, Whittle's likelihood at its maximum.
 
+Noise of the poses is in the residuals and in the Jacobian, and so pulls every gain towards zero.
+What it adds to the normal equations on average is taken from them (a corrected score: Nakamura,
+"Corrected score function for errors-in-variables models", 1990); that average is over readings
+predicted on motions to which the noise was added once more. Bins in which the motion is mostly
+noise are left out.
+
 Standard errors are those of the "sandwich" ``A^-1 B A^-1`` (White 1980): A the weighted normal
 matrix, B the sum of the outer products of each sample's part of the gradient, all six axes
 together. They hold where the noise grows with the motion, and where its axes belong together. The
-residuals in B are those before the parameters took their share, bin by bin.
+residuals in B are those before the parameters took their share, bin by bin. None is smaller than
+``A^-1`` gives, and a tenth of what the correction moved is added: so well is the noise known.
 
 Each parameter has a weak normal prior (``PRIOR``), so that a motion that does not determine one
 leaves it at the perfect IMU's value with the prior's standard deviation, and none is undefined.
 """
 
+from collections.abc import Iterator
 from itertools import pairwise
 from typing import Final, NamedTuple
 
@@ -26,7 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.twin import model
-from imu_sim_ros.calibration.twin.model import COUNT, Errors, MotionAt
+from imu_sim_ros.calibration.twin.model import COUNT, Errors, MotionAt, Truth
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -35,13 +43,19 @@ EVERY: Final = np.arange(COUNT)
 """All parameters."""
 _SEGMENT: Final = 1 << 14
 """Samples transformed together at most."""
-_HIGHEST: Final = 2.0
-"""Times the cut-off: coefficients above it know nothing of the motion."""
+_HIGHEST: Final = 0.5
+"""Times the cut-off: above it the truth is smoothed by more than 1.6 %."""
 _STEPS: Final = 8
 _WEIGHTINGS: Final = 2
 """Times that the densities are taken again in one step."""
+_WITH_NOISE: Final = 2
+"""Steps in which what noise of the poses adds is found again; then it follows the parameters."""
 _CLOSE: Final = 1e-3
 """Step over standard error at which the fit stands."""
+_MOSTLY: Final = 0.5
+"""Share of the motion's energy in a bin that may be noise of the poses."""
+_NOISE_KNOWN: Final = 0.1
+"""Relative standard error of the variance of the poses' noise."""
 _BIN: Final = 40
 """Coefficients in the first bins of the density; later ones are relative."""
 _WIDTH: Final = 0.5
@@ -99,6 +113,8 @@ class Fit(NamedTuple):
     """(n,) of the truth's clock beside offset and skew [s]."""
     slope: Array
     """(n, 6) rate of change of the readings that the model gives [1/s]."""
+    hanging: Array
+    """(42,) by how many standard errors the noise of the poses, corrected for, moves each."""
 
     @property
     def sigma(self) -> Array:
@@ -129,9 +145,10 @@ class _Sums:
             bins[0] = 0
             self._bins.append(bins)
         self.clear()
+        self.forget_noise()
 
     def clear(self) -> None:
-        """Forget all sums."""
+        """Forget the sums over readings."""
         count, p = len(self.middle), self._parameters
         self.count = np.zeros(count)
         self.square = np.zeros((count, 6))
@@ -140,23 +157,46 @@ class _Sums:
         self.left = np.ones((count, 6))
         """Share of the residual's squares that the parameters have left, on average."""
 
+    def forget_noise(self) -> None:
+        """Forget what the noise of the poses adds to product and matrix, on average."""
+        self.noise_product = np.zeros_like(self.product)
+        self.noise_matrix = np.zeros_like(self.matrix)
+
     def bins_of(self, segment: int) -> NDArray[np.int64]:
         """Return the bins (m,) of a segment's coefficients."""
         return self._bins[segment]
 
     def add(self, segment: int, residuals: Array, jacobian: Array) -> None:
         """Add residuals (n, 6) and Jacobian (n, 6, 42) of a segment."""
+        for k, axis, values, columns in self._binned(segment, residuals, jacobian):
+            self.square[k, axis] += values @ values
+            self.product[k, axis] += columns.T @ values
+            self.matrix[k, axis] += columns.T @ columns
+        self.count += np.bincount(self._bins[segment], minlength=len(self.count))
+
+    def add_noise(self, segment: int, residuals: Array, jacobian: Array, share: float) -> None:
+        """Add a share of what noise of the poses makes of residuals and Jacobian."""
+        for k, axis, values, columns in self._binned(segment, residuals, jacobian):
+            self.noise_product[k, axis] += share * (columns.T @ values)
+            self.noise_matrix[k, axis] += share * (columns.T @ columns)
+
+    def _binned(
+        self, segment: int, residuals: Array, jacobian: Array
+    ) -> Iterator[tuple[int, int, Array, Array]]:
+        """Return the coefficients of each bin and axis: of residuals (m,) and Jacobian (m, 42)."""
         bins = self._bins[segment]
         c, j = (_transformed(values, len(bins)) for values in (residuals, jacobian))
         starts = np.flatnonzero(np.diff(bins, prepend=-1))
         for first, last in pairwise([*starts.tolist(), len(bins)]):
-            k = bins[first]
-            self.count[k] += last - first
             for axis in range(6):
-                columns, values = j[first:last, axis], c[first:last, axis]
-                self.square[k, axis] += values @ values
-                self.product[k, axis] += columns.T @ values
-                self.matrix[k, axis] += columns.T @ columns
+                yield int(bins[first]), axis, c[first:last, axis], j[first:last, axis]
+
+    def shown(self, prior: Array) -> Array:
+        """Return 1 for bins (bins, 6) that show the motion, and 0 where it is mostly noise."""
+        total, noise = (
+            np.einsum("kaii,i->ka", matrix, prior**2) for matrix in (self.matrix, self.noise_matrix)
+        )
+        return np.where(noise <= _MOSTLY * total, 1.0, 0.0)
 
     def density(self, step: Array, inverse: Array, before: Array) -> Array:
         """Return the densities (bins, 6) of the residuals after a step.
@@ -178,18 +218,16 @@ class _Sums:
 
 def fit(
     recording: Recording,
-    motion_at: MotionAt,
+    truth: Truth,
     start: Errors,
-    cutoff: float,
     wander: Array | None = None,
     prior: Array = PRIOR,
     free: Indices = EVERY,
 ) -> Fit:
     """Return the errors of an IMU.
 
-    :param motion_at: the truth.
+    :param truth: what is known of the motion.
     :param start: a first guess: mounting and offset.
-    :param cutoff: highest frequency of the truth [Hz]; only the first step needs it.
     :param wander: (n,) of the truth's clock [s]; None: 0.
     :param prior: (42,) standard deviations.
     :param free: (p,) parameters that are found; the others stay as they start.
@@ -197,20 +235,31 @@ def fit(
     stamps, errors = recording.stamps, start
     wander = np.zeros(len(stamps)) if wander is None else wander
     reference = float(stamps[0] + stamps[-1]) / 2.0
+    motion_at, cutoff, noisy = truth
     sums = _Sums(_segments(recording.pieces), recording.rate, _HIGHEST * cutoff, len(free))
     size = np.std(recording.readings, axis=0) + 1e-9
     density = np.where(sums.middle[:, None] < cutoff, 1.0, 100.0) * size**2
     for count in range(_STEPS):
         sums.clear()
+        fresh = count < _WITH_NOISE
+        if fresh:
+            sums.forget_noise()
         for k, rows in enumerate(sums.segments):
             predicted, jacobian, _ = model.linearised(
                 errors, motion_at, stamps[rows], reference, wander[rows]
             )
             sums.add(k, recording.readings[rows] - predicted, jacobian[:, :, free])
+            for other in noisy if fresh else ():
+                also, also_jacobian, _ = model.linearised(
+                    errors, other, stamps[rows], reference, wander[rows]
+                )
+                more = (also_jacobian - jacobian)[:, :, free]
+                sums.add_noise(k, predicted - also, more, 1.0 / len(noisy))
         for _ in range(_WEIGHTINGS if count else 1):
             step, inverse = _step(sums, density, errors.deviation()[free], prior[free])
             density = sums.density(step, inverse, density)
         errors = errors.moved(_placed(step, free))
+        sums.noise_product -= sums.noise_matrix @ step
         if count > 1 and np.max(np.abs(step) / np.sqrt(np.diag(inverse))) < _CLOSE:
             break
     return _summary(recording, motion_at, errors, sums, density, (reference, wander, prior, free))
@@ -218,10 +267,23 @@ def fit(
 
 def _step(sums: _Sums, density: Array, deviation: Array, prior: Array) -> tuple[Array, Array]:
     """Return the Gauss-Newton step (p,) and the covariance (p, p) that the weights give."""
-    normal = np.diag(prior**-2) + np.einsum("kaij,ka->ij", sums.matrix, 1.0 / density)
-    gradient = np.einsum("kai,ka->i", sums.product, 1.0 / density) - deviation / prior**2
-    inverse = np.linalg.inv(normal)
+    weight = sums.shown(prior) / density
+    normal = np.diag(prior**-2) + np.einsum("kaij,ka->ij", sums.matrix - sums.noise_matrix, weight)
+    gradient = np.einsum("kai,ka->i", sums.product - sums.noise_product, weight)
+    gradient -= deviation / prior**2
+    inverse = _inverse(normal, prior)
     return np.asarray(inverse @ gradient), inverse
+
+
+def _inverse(normal: Array, prior: Array) -> Array:
+    """Return the inverse of a normal matrix, which knows no less than the prior in any direction.
+
+    Less what noise of the poses adds on average, it could.
+    """
+    values, vectors = np.linalg.eigh(normal * np.outer(prior, prior))
+    scaled = prior[:, None] * vectors
+    result: Array = (scaled / np.maximum(values, 1.0)) @ scaled.T
+    return result
 
 
 def _placed(step: Array, free: Indices) -> Array:
@@ -248,24 +310,34 @@ def _summary(
     reference, wander, prior, free = rest
     residuals, slopes = np.zeros((2, len(recording.stamps), 6))
     normal, middle = np.diag(prior[free] ** -2), np.diag(prior[free] ** -2)
+    weight = sums.shown(prior[free]) / density
     for k, rows in enumerate(sums.segments):
         predicted, jacobian, slopes[rows] = model.linearised(
             errors, motion_at, recording.stamps[rows], reference, wander[rows]
         )
         residuals[rows] = recording.readings[rows] - predicted
         bins = sums.bins_of(k)
-        root = 1.0 / np.sqrt(density[bins])
+        root = np.sqrt(weight[bins])
         j = _transformed(jacobian[:, :, free], len(bins)) * root[:, :, None]
         flat = j.reshape(-1, len(free))
         normal += flat.T @ flat
         full = root / np.sqrt(sums.left[bins])
         white = idct(_transformed(residuals[rows], len(bins)) * full, norm="ortho", axis=0)
         parts = np.einsum("nai,na->ni", idct(j, norm="ortho", axis=0), white)
+        parts -= parts.mean(axis=0)
         middle += parts.T @ parts
-    inverse = np.linalg.inv(normal)
+    normal -= np.einsum("kaij,ka->ij", sums.noise_matrix, weight)
+    moved = np.einsum("kai,ka->i", sums.noise_product, weight)
+    middle += np.outer(moved, moved) * _NOISE_KNOWN**2
+    inverse = _inverse(normal, prior[free])
     covariance = np.zeros((COUNT, COUNT))
-    covariance[np.ix_(free, free)] = inverse @ middle @ inverse
-    return Fit(errors, covariance, residuals, reference, wander, slopes)
+    sandwich = inverse @ middle @ inverse
+    # A sandwich of few coefficients is known badly: never below what stationary noise would give.
+    larger = np.sqrt(np.maximum(np.diag(inverse) / np.diag(sandwich), 1.0))
+    covariance[np.ix_(free, free)] = sandwich * np.outer(larger, larger)
+    hanging = np.zeros(COUNT)
+    hanging[free] = np.abs(inverse @ moved) / np.sqrt(np.diag(covariance)[free])
+    return Fit(errors, covariance, residuals, reference, wander, slopes, hanging)
 
 
 def _segments(pieces: tuple[slice, ...]) -> list[slice]:

@@ -38,12 +38,15 @@ class Lines(NamedTuple):
     """(k, 6) at the first sample [rad]."""
 
 
-def find_lines(values: Array, rate: float) -> tuple[Lines, Array]:
-    """Return the lines of a gap-free residual (n, 6), and the residual without them."""
+def find_lines(values: Array, rate: float, lowest: float = 0.0) -> tuple[Lines, Array]:
+    """Return the lines of a gap-free residual (n, 6), and the residual without them.
+
+    :param lowest: frequency [Hz], beyond that below which there is motion in any case.
+    """
     rest = values - values.mean(axis=0)
     frequencies: list[float] = []
     for _ in range(_MOST):
-        peak = _highest_peak(rest, rate)
+        peak = _highest_peak(rest, rate, max(lowest, _LOWEST))
         if peak is None:
             break
         refined = _refined(rest, peak, rate)
@@ -66,10 +69,10 @@ def _spectrum(values: Array) -> Array:
     return np.abs(np.fft.rfft(window * values, axis=0)) ** 2
 
 
-def _highest_peak(values: Array, rate: float) -> float | None:
+def _highest_peak(values: Array, rate: float, lowest: float) -> float | None:
     """Return the frequency [Hz] of the highest peak over its neighbours; None without any."""
     power = _spectrum(values)
-    first = int(np.ceil(_LOWEST * len(values) / rate)) + 1
+    first = int(np.ceil(lowest * len(values) / rate)) + 1
     if len(power) < first + 2 * _NEIGHBOURS:
         return None
     size = 2 * _NEIGHBOURS

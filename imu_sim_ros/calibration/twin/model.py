@@ -57,6 +57,16 @@ MotionAt = Callable[[Array], BodyMotion]
 """Returns the motion at times (n,) [s] after the truth's first pose."""
 
 
+class Truth(NamedTuple):
+    """A motion that is known but for the noise of its poses."""
+
+    motion_at: MotionAt
+    cutoff: float
+    """Highest frequency of the motion [Hz]."""
+    noisy: tuple[MotionAt, ...] = ()
+    """The same motion with the noise of its poses added once more, each time another."""
+
+
 class Errors(NamedTuple):
     """The constant errors of an IMU on a body."""
 
@@ -99,6 +109,16 @@ class Errors(NamedTuple):
             self.curvature + float(step[38]),
             self.world + step[WORLD],
         )
+
+    def referred(self, later: float) -> "Errors":
+        """Return the same errors with the offset at a reference that is later [s]."""
+        return self._replace(offset=self.offset + self.skew * later)
+
+    def away_from(self, other: "Errors") -> Array:
+        """Return the step (42,) from other errors to these."""
+        result = self.deviation() - other.deviation()
+        result[MOUNTING] = rotation.log(rotation.from_matrix(self.r_ib @ other.r_ib.T))
+        return result
 
     def deviation(self) -> Array:
         """Return the parameters' distance from a perfect IMU (42,); 0 for the mounting."""

@@ -30,6 +30,12 @@ _RATIO: Final = 1.3
 _CHANCE: Final = 3.0
 """Standard deviations."""
 _MAJORITY: Final = 0.5
+_WHOLE: Final = 0.8
+"""Share of a band's degrees of freedom that noise of the poses must have left."""
+_IN_BAND: Final = 5
+"""Frequencies in a band of half a second."""
+_QUIET: Final = 0.5
+"""[s]"""
 _MOST: Final = 100
 """Bands of equal width up to half the rate."""
 
@@ -44,7 +50,7 @@ class Bands(NamedTuple):
     matrix: Complex
     """(m, 6, 6) mean two-sided cross-spectral densities."""
     freedom: Array
-    """(m,) independent squares in each mean: degrees of freedom of a density."""
+    """(m, 6) independent squares in each mean: degrees of freedom of a density."""
 
     @property
     def density(self) -> Array:
@@ -54,16 +60,27 @@ class Bands(NamedTuple):
 
     @property
     def interval(self) -> Array:
-        """(m, 2) ends of a density's 95 % interval over its value."""
+        """(2, m, 6) ends of a density's 95 % interval over its value."""
         from scipy.stats import chi2
 
-        ends = np.stack([chi2.ppf(p, self.freedom) / self.freedom for p in (0.975, 0.025)], axis=1)
-        result: Array = np.sqrt(1.0 / ends)
+        freedom = np.maximum(self.freedom, 1e-3)
+        ends = np.stack([chi2.ppf(p, freedom) / freedom for p in (0.975, 0.025)])
+        result: Array = np.sqrt(1.0 / np.maximum(ends, 1e-300))
         return result
 
     def rows(self, chosen: NDArray[np.bool_]) -> "Bands":
         """Return some of the bands."""
         return Bands(self.low[chosen], self.high[chosen], self.matrix[chosen], self.freedom[chosen])
+
+    def less(self, noise: Complex) -> "Bands":
+        """Return the bands without a noise (m, 6, 6) that is known.
+
+        A difference is as uncertain as the whole; so its degrees of freedom are fewer.
+        """
+        known = np.einsum("mii->mi", noise).real
+        share = np.clip(known / np.maximum(self.density**2, 1e-300), 0.0, 1.0)
+        freedom = self.freedom * (1.0 - share) ** 2
+        return self._replace(matrix=_not_negative(self.matrix - noise), freedom=freedom)
 
 
 def band_edges(duration: float, rate: float) -> Array:
@@ -114,7 +131,7 @@ def cross_spectra(values: Array, parts: Sequence[slice], rate: float, edges: Arr
     total[there] /= count[there, None, None]
     # Tapers share their frequencies, so there are two looks at each, less what the ends lose.
     freedom = np.maximum(2.0 * _EFFICIENCY * count / _TAPERS, 2.0)
-    return Bands(edges[:-1], edges[1:], total, freedom).rows(there)
+    return Bands(edges[:-1], edges[1:], total, np.tile(freedom[:, None], 6)).rows(there)
 
 
 def _tapered(values: Array, rate: float) -> Complex:
@@ -158,13 +175,16 @@ def white_floor(bands: Bands, lowest: float) -> White:
     density, low, high = np.zeros((3, 6))
     floor = np.zeros(power.shape, dtype=np.bool_)
     for axis in range(6):
-        order = asked[np.argsort(power[asked, axis])]
-        mean, freedom = _common(power[order, axis], bands.freedom[order])
+        # Bands of which much was noise of the poses are too uncertain.
+        whole = asked[bands.freedom[asked, axis] > _WHOLE * bands.freedom[asked].max(axis=1)]
+        clear = whole if len(whole) else asked
+        order = clear[np.argsort(power[clear, axis])]
+        mean, freedom = _common(power[order, axis], np.maximum(bands.freedom[order, axis], 2.0))
         density[axis] = np.sqrt(mean)
         ends = chi2.ppf([0.975, 0.025], freedom) / freedom
         low[axis], high[axis] = np.sqrt(mean / ends)
-        if freedom > bands.freedom[order[0]]:
-            chance = 1.0 + _CHANCE * np.sqrt(2.0 / bands.freedom)
+        if freedom > bands.freedom[order[0], axis] and len(whole):
+            chance = 1.0 + _CHANCE * np.sqrt(2.0 / np.maximum(bands.freedom[:, axis], 1e-3))
             floor[:, axis] = power[:, axis] <= mean * chance
         else:
             low[axis] = 0.0
@@ -199,6 +219,43 @@ def above(bands: Bands, white: White) -> Bands:
     matrix = bands.matrix - np.diag(white.density**2)
     hidden = white.floor
     matrix = np.where(hidden[:, :, None] | hidden[:, None, :], 0.0, matrix)
+    shown = np.asarray(~hidden.all(axis=1))
+    return bands._replace(matrix=_not_negative(matrix)).rows(shown)
+
+
+def _not_negative(matrix: Complex) -> Complex:
+    """Return Hermitian matrices (m, 6, 6) without their negative eigenvalues."""
     values, vectors = np.linalg.eigh(matrix)
-    matrix = (vectors * np.maximum(values, 0.0)[:, None, :]) @ np.conj(np.swapaxes(vectors, 1, 2))
-    return bands._replace(matrix=matrix).rows(np.asarray(~hidden.all(axis=1)))
+    adjoint = np.conj(np.swapaxes(vectors, 1, 2))
+    result: Complex = (vectors * np.maximum(values, 0.0)[:, None, :]) @ adjoint
+    return result
+
+
+def quietest(readings: Array, rest: NDArray[np.bool_], rate: float) -> Array:
+    """Return the lowest density (6,) that any half second at rest shows; 0 where there is none.
+
+    No noise of the sensor is below it, whatever a fit leaves: a truth that was computed from the
+    readings follows their noise.
+
+    :param rest: (n,) rows of the readings (n, 6) in which the body does not move.
+    """
+    size = round(_QUIET * rate)
+    count = (size // 2 - 1) // _IN_BAND
+    starts = [s for s in range(0, len(rest) - size + 1, size // 2) if rest[s : s + size].all()]
+    if not starts or count < 1:
+        return np.zeros(6)
+    windows = readings[np.array(starts)[:, None] + np.arange(size)]
+    taper = np.hanning(size + 2)[1:-1, None]
+    spectra = np.fft.rfft(taper * (windows - windows.mean(axis=1, keepdims=True)), axis=1)
+    power = np.abs(spectra[:, -count * _IN_BAND - 1 : -1]) ** 2 / (rate * np.sum(taper**2))
+    bands = power.reshape(-1, _IN_BAND, 6).mean(axis=1)
+    result: Array = np.sqrt(bands.min(axis=0))
+    return result
+
+
+def raised(white: White, least: Array) -> White:
+    """Return a floor that is nowhere below a density (6,)."""
+    low = np.where(white.low > 0.0, np.maximum(white.low, least), 0.0)
+    return white._replace(
+        density=np.maximum(white.density, least), low=low, high=np.maximum(white.high, least)
+    )

@@ -8,6 +8,7 @@ them on this flight or another, and a picture of the real residual beside the si
 """
 
 import argparse
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
@@ -110,6 +111,8 @@ def run(arguments: argparse.Namespace) -> None:
 
             found.write(staging / _FILES[0])
             style.save(found.plot(), staging / _FILES[1])
+    for warning in found.warnings:
+        print(f"twin: warning: {warning}", file=sys.stderr)
     if arguments.json:
         common.print_json(found.as_json())
     elif not arguments.quiet:

@@ -32,15 +32,23 @@ def print_twin(found: Twin) -> None:
         for label, value, sigma in zip(
             labels(len(calibrated.value)), calibrated.value, calibrated.sigma, strict=True
         ):
-            if sigma > 0.0:
+            if sigma != 0.0:
                 unit = _UNITS.get(name, "1")
                 mark = "no" if f"{name} {label}" in found.undetermined else ""
-                rows.append([f"{name} {label}".strip(), f"{value:.6g}", f"{sigma:.2g}", unit, mark])
+                numbers = ["not given", ""] if np.isnan(value) else [f"{value:.6g}", f"{sigma:.2g}"]
+                rows.append([f"{name} {label}".strip(), *numbers, unit, mark])
     common.print_table(
         ["", "value", "sigma", "unit", "determined"],
         rows,
         "Constant errors; sigma: standard error; mounting: rotation vector of R_ib",
     )
+    noise = found.source.noise
+    if noise.there:
+        angle, distance = 1e3 * noise.deviation
+        print(
+            f"the poses scatter by {distance:.3g} mm and {angle:.3g} mrad; their motion stands out "
+            f"of that up to {found.source.cutoff:.3g} Hz, the cut-off"
+        )
     if found.clock_wander > 0.0:
         print(
             f"the truth's clock wanders by {1e3 * found.clock_wander:.2f} ms RMS beside offset and "

@@ -1,0 +1,246 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The noise of poses: how large it is, other draws of it, and how far motion stands above it.
+
+Differences of eighth order contain no motion any more, only what poses scatter by. Poses of text
+are rounded, which is no white noise: where a coordinate moves by less than a step from pose to
+pose, its error is constant for a while. So a step is looked for in the digits, and rounding is
+drawn by rounding a smooth path that is shifted by a part of a step.
+"""
+
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros import rotation
+
+Array = NDArray[np.float64]
+
+_POSES: Final = 9
+"""In a difference of eighth order."""
+_SLOWER: Final = 2
+"""Poses less, to tell noise from fast motion."""
+_NOISY: Final = 0.5
+"""Share of the lower order's noise that the higher one must find: white noise has 1, motion 0."""
+_WINDOW: Final = 1.0
+"""[s] over which the noise is averaged."""
+_NONE: Final = 1e-9
+"""[m], [rad] a scatter below it is that of the numbers."""
+_MOST_DIGITS: Final = 7
+_WHOLE: Final = 1e-3
+"""Distance of a whole number from one."""
+_AS_A_RULE: Final = 0.9
+_EXCEEDS: Final = 4.0
+"""Spectral density over that of the noise from which on there is motion."""
+_SEGMENTS: Final = 4
+_NARROWEST, _WIDTH = 5, 0.3
+"""Frequencies, absolute and relative, over which spectra are averaged."""
+
+
+class Poses(NamedTuple):
+    """n poses."""
+
+    t: Array
+    """(n,) [s]."""
+    position: Array
+    """(n, 3) [m]."""
+    q_wb: Array
+    """(n, 4)"""
+
+
+def scatter(poses: Poses) -> tuple[Array, Array]:
+    """Return times (m,) and what poses scatter by at their highest frequencies (m, 6).
+
+    Divided differences of eighth order, over the factor by which they enlarge white noise: attitude
+    [rad] and position [m], both in the body's axes. 0 where these differences are mostly motion.
+    """
+    if len(poses.t) < _POSES:
+        return np.zeros(0), np.zeros((0, 6))
+    half = _POSES // 2
+    high, low = (_differences(poses, count) for count in (_POSES, _POSES - _SLOWER))
+    middle = slice(half, half + len(high))
+    high[:, 3:] = rotation.rotate_inverse(poses.q_wb[middle], high[:, 3:])
+    for triad in (slice(0, 3), slice(3, 6)):
+        if np.mean(high[:, triad] ** 2) <= _NOISY**2 * np.mean(low[:, triad] ** 2):
+            high[:, triad] = 0.0
+    return poses.t[middle], high
+
+
+def _differences(poses: Poses, count: int) -> Array:
+    """Return divided differences (n + 1 - count, 6) with weights whose squares sum to 1."""
+    t, position, q_wb = poses
+    times = np.lib.stride_tricks.sliding_window_view(t, count)
+    apart = (times[:, :, None] - times[:, None, :]) / (times[:, -1:, None] - times[:, :1, None])
+    apart[:, np.arange(count), np.arange(count)] = 0.25
+    weights = 1.0 / np.prod(4.0 * apart, axis=2)
+    weights /= np.linalg.norm(weights, axis=1, keepdims=True)
+    rows, half = len(weights), count // 2
+    result = np.zeros((rows, 6))
+    middle = rotation.conjugate(q_wb[half : half + rows])
+    for k in range(count):
+        turn = rotation.log(rotation.multiply(middle, q_wb[k : k + rows]))
+        shift = position[k : k + rows] - position[half : half + rows]
+        result += weights[:, k, None] * np.concatenate([turn, shift], axis=1)
+    return result
+
+
+class PoseNoise(NamedTuple):
+    """What poses are uncertain by."""
+
+    white: Array
+    """(6,) standard deviations of attitude [rad] and position [m] in the body's axes."""
+    quaternion_step: float
+    position_step: float
+    """[m] of the digits; 0: none."""
+
+    @property
+    def there(self) -> bool:
+        """Whether there is any noise."""
+        return bool(self.white.any() or self.quaternion_step or self.position_step)
+
+    @property
+    def deviation(self) -> Array:
+        """(2,) standard deviations of attitude [rad] and position [m], rounding included."""
+        steps = np.array([2.0 * self.quaternion_step, self.position_step])
+        white = np.mean(self.white.reshape(2, 3) ** 2, axis=1)
+        result: Array = np.sqrt(white + steps**2 / 12.0)
+        return result
+
+    def as_json(self) -> dict[str, float]:
+        """Return the numbers by name."""
+        angle, distance = self.deviation.tolist()
+        steps = {"quaternion_step": self.quaternion_step, "position_step_m": self.position_step}
+        return {"attitude_rad": angle, "position_m": distance, **steps}
+
+    def drawn(self, smooth: Poses, rng: np.random.Generator) -> tuple[Array, Array]:
+        """Return one more noise of poses: turns (n, 3) in the body [rad], shifts (n, 3) [m].
+
+        :param smooth: the path without its noise.
+        """
+        path, noise = smooth, self.white * rng.standard_normal((len(smooth.t), 6))
+        if self.position_step or self.quaternion_step:
+            offsets = rng.uniform(-0.5, 0.5, 7)
+            path = Poses(
+                smooth.t,
+                smooth.position + self.position_step * offsets[:3],
+                rotation.normalise(smooth.q_wb + self.quaternion_step * offsets[3:]),
+            )
+        noisy = spoiled(path, noise[:, :3], rotation.rotate(path.q_wb, noise[:, 3:]))
+        q_wb = rotation.normalise(_rounded(noisy.q_wb, self.quaternion_step))
+        turn = rotation.log(rotation.multiply(rotation.conjugate(path.q_wb), q_wb))
+        return turn, _rounded(noisy.position, self.position_step) - path.position
+
+
+def _rounded(values: Array, step: float) -> Array:
+    return step * np.rint(values / step) if step else values
+
+
+def noise_of(poses: Poses, smooth: Poses) -> PoseNoise:
+    """Return the noise of poses.
+
+    :param smooth: the same poses without most of their noise.
+    """
+    steps = PoseNoise(np.zeros(6), _quaternion_step(poses.q_wb), _step(poses.position))
+    variance = _variance(poses)
+    if steps.quaternion_step or steps.position_step:
+        turn, shift = steps.drawn(smooth, np.random.default_rng(0))
+        variance -= _variance(spoiled(smooth, turn, shift))
+    # What is left beside rounding is known to some per cent of the whole.
+    variance = np.where(variance > 0.1 * _variance(poses), variance, 0.0)
+    white = np.sqrt(variance)
+    return steps._replace(white=np.where(white > _NONE, white, 0.0))
+
+
+def _variance(poses: Poses) -> Array:
+    _, high = scatter(poses)
+    return np.mean(high**2, axis=0) if len(high) else np.zeros(6)
+
+
+def spoiled(poses: Poses, turn: Array, shift: Array) -> Poses:
+    """Return poses with a noise."""
+    q_wb = rotation.multiply(poses.q_wb, rotation.exp(turn))
+    return Poses(poses.t, poses.position + shift, q_wb)
+
+
+def _step(values: Array) -> float:
+    """Return the decimal step of values; 0 where there is none."""
+    for digits in range(1, _MOST_DIGITS):
+        scaled = values * 10.0**digits
+        if np.all(np.abs(scaled - np.rint(scaled)) < _WHOLE):
+            return float(10.0**-digits)
+    return 0.0
+
+
+def _quaternion_step(q_wb: Array) -> float:
+    """Return the decimal step of quaternions (n, 4) that were made unit ones again after it."""
+    rows = np.arange(len(q_wb))
+    largest = np.abs(q_wb[rows, np.argmax(np.abs(q_wb), axis=1)])
+    for digits in range(1, _MOST_DIGITS):
+        least = np.full(len(q_wb), np.inf)
+        for more in (-1.0, 0.0, 1.0):
+            # Rounded, they were shorter or longer by up to a step.
+            whole = np.rint(largest * 10.0**digits) + more
+            scaled = q_wb * (whole / largest)[:, None]
+            least = np.minimum(least, np.abs(scaled - np.rint(scaled)).max(axis=1))
+        if np.mean(least < _WHOLE) > _AS_A_RULE:
+            return float(10.0**-digits)
+    return 0.0
+
+
+def highest_motion(signal: Array, noisy: Sequence[Array], rate: float) -> float:
+    """Return the highest frequency [Hz] at which motion stands above the noise.
+
+    :param signal: (n, 3 c) vectors, evenly sampled; noisy: the same with the noise once more.
+    :param rate: of the samples [Hz].
+    """
+    power = _power(signal)
+    noise = np.mean([_power(other - signal) for other in noisy], axis=0)
+    edges = [1]
+    while edges[-1] < len(power):
+        edges.append(edges[-1] + max(_NARROWEST, round(_WIDTH * edges[-1])))
+    sums, noises = (np.add.reduceat(p, edges[:-1], axis=0) for p in (power, noise))
+    sums, noises = (p.reshape(len(p), -1, 3).sum(axis=2) for p in (sums, noises))
+    above = (sums > _EXCEEDS * noises).any(axis=1)
+    if not above.any():
+        return 0.0
+    return min(edges[int(np.flatnonzero(above)[-1]) + 1], len(power)) * rate / _size(signal)
+
+
+def _size(values: Array) -> int:
+    return len(values) // _SEGMENTS
+
+
+def _power(values: Array) -> Array:
+    """Return mean spectra (m, c) of half-overlapping parts without their straight lines."""
+    size = _size(values)
+    window, total = np.hanning(size)[:, None], np.zeros((size // 2 + 1, values.shape[1]))
+    line = np.column_stack([np.ones(size), np.linspace(-1.0, 1.0, size)])
+    for start in range(0, len(values) - size + 1, size // 2):
+        part = values[start : start + size]
+        part = part - line @ np.linalg.lstsq(line, part, rcond=None)[0]
+        total += np.abs(np.fft.rfft(window * part, axis=0)) ** 2
+    return total
+
+
+def noise_over(t: Array, noise: Array, reference: tuple[float, float], at: Array) -> Array:
+    """Return the local size of a noise over that in a reference interval (n, 6).
+
+    1 where there is none to compare.
+
+    :param t: (m,) times [s] of the noise (m, 6).
+    :param reference: first and last time [s].
+    :param at: (n,) times [s].
+    """
+    inside = (t >= reference[0]) & (t <= reference[1])
+    if np.count_nonzero(inside) < 2 or len(t) < 2:
+        return np.ones((len(at), noise.shape[1]))
+    usual = np.mean(noise[inside] ** 2, axis=0)
+    sums = np.concatenate([np.zeros((1, noise.shape[1])), np.cumsum(noise**2, axis=0)])
+    first = np.minimum(np.searchsorted(t, at - 0.5 * _WINDOW), len(t) - 1)
+    last = np.maximum(np.searchsorted(t, at + 0.5 * _WINDOW), first + 1)
+    local = (sums[last] - sums[first]) / (last - first)[:, None]
+    ratio = np.divide(local, usual, out=np.ones_like(local), where=usual > 0.0)
+    return np.sqrt(np.where(usual > 0.0, ratio, 1.0))
