@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from imu_sim_ros.bags.output_file.direct import DirectAppender
 
 from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
 from imu_sim_ros.bags.messages.schemas import known_types
@@ -114,15 +113,11 @@ def rosbags_loop(kind: str, folder: Path) -> None:
 
 
 def raw_write(name: str, folder: Path) -> None:
-    """Write the bytes of the same messages, and nothing else: through the cache, or past it."""
+    """Write the bytes of the same messages, and nothing else."""
     block = messages(8192, "cdr").tobytes()
-    with (folder / "raw").open("w+b", buffering=0) as file:
-        appender = DirectAppender(file.fileno())
-        for k in range(MESSAGES // 8192):
-            if name == "raw":
-                file.write(block)
-            else:
-                appender.append(k * len(block), [block])
+    with (folder / name).open("wb", buffering=0) as file:
+        for _ in range(MESSAGES // 8192):
+            file.write(block)
 
 
 def read_back(name: str, folder: Path) -> None:
@@ -204,7 +199,6 @@ READ = ("mcap none", "mcap lz4", "mcap zstd", "ROS 1 none", "ROS 1 lz4", "sqlite
 def tables(folder: Path) -> tuple[list[list[str]], list[list[str]]]:
     """Return the rows of writing and those of reading."""
     raw = speed("raw", "raw", MESSAGES, folder)
-    direct = speed("raw", "direct", MESSAGES, folder)
     kinds = ("mcap", "ROS 1", "sqlite3")
     peers = {kind: speed("rosbags", kind, SLOW, folder) for kind in kinds}
     rows, reading = [], []
@@ -225,8 +219,6 @@ def tables(folder: Path) -> tuple[list[list[str]], list[list[str]]]:
         for kind, peer in peers.items()
     ]
     rows.append(["raw write", f"{MESSAGES:,}", *raw.cells(), "", "1.00", ""])
-    ratio = f"{direct.median / raw.median:.2f}"
-    rows.append(["raw write past the cache", f"{MESSAGES:,}", *direct.cells(), "", ratio, ""])
     if os.environ.get("LONG"):
         count = 24 * 3600 * 400
         found = speed("day", "day", count, folder, 1)
