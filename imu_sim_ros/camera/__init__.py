@@ -17,6 +17,7 @@ from imu_sim_ros.camera.point_file import read_points
 from imu_sim_ros.camera.reprojection import reprojection_errors
 from imu_sim_ros.camera.rig import Blindness, Rig, build_rig
 from imu_sim_ros.camera.scene import Scene, Surfaces
+from imu_sim_ros.camera.target import fitted
 from imu_sim_ros.camera.tracker import Lines, Tracker, Tracks
 from imu_sim_ros.camera.view import Frames, Poses, View, in_camera
 
@@ -37,6 +38,7 @@ __all__ = [
     "build_rig",
     "build_scene",
     "depths",
+    "fitted",
     "frames",
     "in_camera",
     "project",

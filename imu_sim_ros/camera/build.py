@@ -42,6 +42,8 @@ _FRAMES: Final = 64
 """Frames of a cloud that are counted at once."""
 _TRIES: Final = 20
 """How often a frame may get more points of a cloud."""
+_SAMPLES: Final = 1000
+"""Points of a cloud from which it is seen whether a camera sees any."""
 _AHEAD: Final = 0.1
 """Cosine of the largest angle from the axis at which a cloud has points."""
 _FURNITURE: Final = 0.8
@@ -212,6 +214,7 @@ def _cloud(
     Where a camera sees too few of the points so far, random pixels become points at random depths:
     first at viewpoints along the path, then in the frames between them.
     """
+    _check_depths(p, views)
     stream = generator(p.seed, "scene.landmarks")
     times = np.arange(0.0, duration, p.spacing)
     all_poses = [view.poses(trajectory, times) for view in views]
@@ -227,6 +230,22 @@ def _cloud(
     for view in views:
         points = _completed(points, p, view, trajectory, duration, more)
     return Scene.of_points(points)
+
+
+def _check_depths(p: CloudParameters, views: Sequence[View]) -> None:
+    """Refuse a cloud whose points a camera never sees, which no number of them would change.
+
+    :raises ConfigurationError: with both ranges.
+    """
+    for view in views:
+        camera, stream = view.parameters, generator(p.seed, "scene.depths")
+        depth = _in_view(view, _SAMPLES, p, stream)[:, 2]
+        if not ((depth > camera.min_depth) & (depth < camera.max_depth)).any():
+            raise ConfigurationError(
+                f"scene.near = {p.near:g}, scene.far = {p.far:g}: no point between them is in the "
+                f"depths that {view.name} sees, {view.name}.camera.min_depth = "
+                f"{camera.min_depth:g} to max_depth = {camera.max_depth:g} m"
+            )
 
 
 def _completed(
@@ -295,6 +314,12 @@ def _aprilgrid(p: AprilgridParameters) -> tuple[Array, Array, Array]:
     return np.pad(plane, ((0, 0), (0, 1))), np.array([-gap, -gap]), size
 
 
+def aprilgrid_corners(p: AprilgridParameters) -> Array:
+    """Return the corners of an AprilGrid's tags (4 n, 3) in the world [m], in kalibr's order."""
+    corners, _, _ = _aprilgrid(p)
+    return _in_world(p, corners)
+
+
 def _checkerboard(p: CheckerboardParameters) -> tuple[Array, Array, Array]:
     """Return the inner corners (n, 3), row by row from the lower left, board's corner and size."""
     row, column = np.divmod(np.arange(p.rows * p.columns), p.columns)
@@ -303,9 +328,14 @@ def _checkerboard(p: CheckerboardParameters) -> tuple[Array, Array, Array]:
     return np.pad(plane, ((0, 0), (0, 1))), np.array([-p.square, -p.square]), size
 
 
+def _in_world(p: TargetParameters, corners: Array) -> Array:
+    moved: Array = np.asarray(p.position) + corners @ np.reshape(p.orientation, (3, 3)).T
+    return moved
+
+
 def _target(p: TargetParameters, corners: Array, first: Array, size: Array) -> Scene:
     r_wt, p_wt = np.reshape(p.orientation, (3, 3)), np.asarray(p.position)
-    landmarks = p_wt + corners @ r_wt.T
+    landmarks = _in_world(p, corners)
     normals = np.broadcast_to(r_wt[:, 2], landmarks.shape)
     board = (p_wt + r_wt[:, :2] @ first, size[0] * r_wt[:, 0], size[1] * r_wt[:, 1])
     where = surfaces([board], hides=True, texture=p.type)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros import timebase
 from imu_sim_ros.camera.build import build_scene, check_path, scene_span
+from imu_sim_ros.camera.target import fitted, target_warning
 from imu_sim_ros.camera.tracker import Tracker, Tracks
 from imu_sim_ros.camera.view import View
 from imu_sim_ros.config import SimulationParameters, load_simulation
@@ -55,6 +56,10 @@ class Rig:
         ]
         self.scene = build_scene(parameters.scene, seen_by, trajectory, span)
         check_path(parameters.scene, list(self.views.values()), trajectory, self.scene)
+
+    def warnings(self, name: str) -> list[str]:
+        """Return a line for whatever keeps a camera from seeing what it was put before."""
+        return target_warning(self.parameters.scene, self.views[name], self.trajectory)
 
     def tracker(self, name: str) -> Tracker:
         """Return the tracker of one camera."""
@@ -113,7 +118,7 @@ def build_rig(parameters: Mapping[str, object]) -> Rig:
     :raises ConfigurationError: with a line for each problem.
     :raises InputError: for a file that cannot be used.
     """
-    of_rig, others = split_rig(parameters)
+    of_rig, others = split_rig(fitted(parameters))
     return on_simulation(of_rig, load_simulation(others))
 
 

@@ -154,9 +154,10 @@ class Plan:
         given = {**self.parameters, **cell.layer()}
         if not has_cameras(given):
             return {}, given
+        from imu_sim_ros.camera import fitted
         from imu_sim_ros.config.cameras import split_rig
 
-        return split_rig(given)
+        return split_rig(fitted(given))
 
     def digest(
         self, parameters: SimulationParameters, rig: "RigParameters | None", estimator: str

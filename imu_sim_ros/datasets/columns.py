@@ -3,6 +3,7 @@
 
 """Tables that grow block by block: as CSV, and as an .npz whose arrays never lie in memory."""
 
+import math
 import shutil
 import tempfile
 import zipfile
@@ -47,6 +48,15 @@ class CsvTable:
         # In one step: a signal finds both or neither.
         self._counted = (self.file.position, self.rows + count)
 
+    @property
+    def state(self) -> Any:
+        """What :meth:`back` takes to drop all that is written from now on."""
+        return self._counted
+
+    def back(self, state: Any) -> None:
+        """Drop what was written since a state."""
+        self._counted = state
+
     def close(self, error: BaseException | None) -> None:
         """Give the file its final name, or leave it partial; it holds what was counted."""
         self.file.cut(self._counted[0])
@@ -80,6 +90,15 @@ class NpzTable:
                 raise system_error(self._path, error) from None
             self._shapes[name] = (values.dtype, values.shape[1:], count + len(values))
 
+    @property
+    def state(self) -> Any:
+        """What :meth:`back` takes to drop all that is written from now on."""
+        return dict(self._shapes)
+
+    def back(self, state: Any) -> None:
+        """Drop what was written since a state."""
+        self._shapes = state
+
     def close(self, error: BaseException | None) -> None:
         """Join the arrays, or leave nothing."""
         try:
@@ -103,7 +122,8 @@ class NpzTable:
                         "shape": (count, *shape),
                     }
                     np.lib.format.write_array_header_1_0(member, header)
-                    with (self._folder / name).open("rb") as file:
+                    with (self._folder / name).open("r+b") as file:
+                        file.truncate(count * math.prod(shape) * dtype.itemsize)
                         shutil.copyfileobj(file, member, 1 << 20)
 
 
@@ -112,6 +132,7 @@ class Tables:
 
     def __init__(self) -> None:
         self.open: list[CsvTable | NpzTable] = []
+        self._whole: list[Any] | None = None
 
     def csv(self, path: Path, header: str) -> CsvTable:
         """Open a CSV file."""
@@ -125,9 +146,16 @@ class Tables:
         self.open.append(table)
         return table
 
+    def whole(self) -> None:
+        """State that all tables hold the same rows; an interruption later leaves them as now."""
+        self._whole = [table.state for table in self.open]
+
     def __enter__(self) -> "Tables":
         return self
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        if error is not None and self._whole is not None:
+            for table, state in zip(self.open, self._whole, strict=True):
+                table.back(state)
         for table in self.open:
             table.close(error)

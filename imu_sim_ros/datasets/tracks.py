@@ -65,6 +65,7 @@ class TrackFiles:
             folder / "cameras.yaml",
             comment="The cameras of tracks.csv; a parameter file for generate.",
         )
+        self._tables.whole()
 
     @property
     def counts(self) -> dict[str, int]:
@@ -116,6 +117,7 @@ class TrackFiles:
             rows = _in_order(lines)
             ends = (rows["ends"], rows["ends_true"])
             self.lines.write(rows["t_ns"], names[rows["camera"]], rows["id"], *ends)
+        self._tables.whole()
 
     def __enter__(self) -> "TrackFiles":
         return self

@@ -99,9 +99,10 @@ def parameters(arguments: argparse.Namespace) -> Asked:
             print(f"generate: note: {note}", file=sys.stderr)
     if not has_cameras(given):
         return Asked(load_simulator(given), None)
+    from imu_sim_ros.camera import fitted
     from imu_sim_ros.config.cameras import load_rig, rig_problems, split_rig
 
-    of_rig, others = split_rig(given)
+    of_rig, others = split_rig(fitted(given))
     problems: list[str] = []
     loaded: list[Any] = []
     for load, values in ((load_simulator, others), (load_rig, of_rig)):
@@ -173,7 +174,9 @@ def rig(parameters: "RigParameters | None", simulation: Simulation) -> "Rig | No
 
     duration = simulation.parameters.duration or simulation.trajectory.duration
     seed = simulation.parameters.seed
-    return Rig(parameters, simulation.trajectory, simulation.t0_ns, duration, seed)
+    result = Rig(parameters, simulation.trajectory, simulation.t0_ns, duration, seed)
+    _warn([f"{name}: {line}" for name in result.views for line in result.warnings(name)])
+    return result
 
 
 def check_form(form: str | None, path: Path, cameras: "Rig | None", imus: int) -> None:

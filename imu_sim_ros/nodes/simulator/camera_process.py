@@ -159,6 +159,10 @@ class CameraNode:
             self.counters[LANDMARKS_TOPIC].send(landmarks(scene, world, 0))
             self.counters[MARKERS_TOPIC].send(serialize_message(markers(self._rig, world)))
 
+    def warnings(self) -> list[str]:
+        """Return what keeps the camera from seeing what it was put before, a line each."""
+        return self._rig.warnings(self.name)
+
     def publish(self, number: int, t0_ns: int) -> None:
         """Publish a frame."""
         for topic, payload in self.frames.take(number).items():
@@ -246,7 +250,7 @@ def _run(node: CameraNode, reports: Reports) -> None:
     threading.Thread(target=work, name="render", daemon=True).start()
     node.publish_scene()
     node.frames.wait_for_first()
-    reports.say(ready=True)
+    reports.say(ready=True, warnings=node.warnings())
     begun = threading.Event()
     threading.Thread(
         target=_report_connected, args=(node, reports, begun), name="connected", daemon=True

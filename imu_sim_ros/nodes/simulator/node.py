@@ -14,7 +14,7 @@ over the first sample without five more services at every start.
 
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -32,6 +32,7 @@ from imu_sim_ros.config import (
     BODY,
     DEFAULT_TRAJECTORY,
     SimulatorParameters,
+    has_cameras,
     layer_simulator,
     simulations,
     simulator_section,
@@ -64,11 +65,20 @@ _ACKNOWLEDGEMENT: Final = Duration(nanoseconds=50_000_000)
 _STEP_TIMEOUT: Final = 5.0
 
 
+def _layered(given: Mapping[str, object]) -> dict[str, object]:
+    """Return what was given above the files that it names, with a target that suits the cameras."""
+    if has_cameras(given):
+        from imu_sim_ros.camera import fitted
+
+        given = fitted(given)
+    return layer_simulator(given)
+
+
 class Simulator(ConfiguredNode):
     """Plays a simulation; see the module's docstring."""
 
     def __init__(self) -> None:
-        super().__init__("simulator", simulator_section, layer_simulator)
+        super().__init__("simulator", simulator_section, _layered)
         self._counters: list[Any] = []
         self._cameras: Any = None
         self._descriptions: dict[str, Any] = {}

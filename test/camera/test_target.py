@@ -1,0 +1,113 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The board and the motion of a calibration follow from the lens."""
+
+import numpy as np
+import pytest
+
+from imu_sim_ros import rotation
+from imu_sim_ros.camera import build_rig, fitted
+from imu_sim_ros.camera.images import Imager, atlas
+from imu_sim_ros.config import files
+
+
+def given(*presets, **values):
+    """Return the parameters of a calibration with these cameras, ``__`` for a dot."""
+    names = [f"cam{k}" for k in range(len(presets))]
+    return {
+        "cameras": names,
+        **{f"{n}.camera.preset": p for n, p in zip(names, presets, strict=True)},
+        "camera.body_axes": "flu",
+        "camera.trigger": "free",
+        "trajectory.type": "target",
+        "scene.type": "aprilgrid",
+        "duration": 60.0,
+        **{key.replace("__", "."): value for key, value in values.items()},
+    }
+
+
+def seen(rig, name):
+    """Return all corners in view, the shortest edges of whole tags, and their number by frame."""
+    view, t = rig.views[name], np.linspace(0.0, 60.0, 601)
+    poses = view.poses(rig.trajectory, t)
+    pixels, edges, counts = [], [], []
+    for position, q_wc in zip(*poses, strict=True):
+        local = rotation.rotate_inverse(q_wc, rig.scene.landmarks - position)
+        uv, valid = view.model.project(local)
+        inside = valid & view.model.inside(uv)
+        tags = uv.reshape(-1, 4, 2)[inside.reshape(-1, 4).all(axis=1)]
+        pixels.append(uv[inside])
+        counts.append(len(tags))
+        edges.append(np.linalg.norm(tags - np.roll(tags, 1, axis=1), axis=2).ravel())
+    return np.concatenate(pixels), np.concatenate(edges), np.array(counts)
+
+
+@pytest.mark.parametrize("preset", files.names("cameras"))
+def test_corners_cover_the_images_of_every_camera_and_a_detector_finds_the_tags(preset):
+    """Four pixels a bit are 40 along a tag of 6 bits and two of border on either side."""
+    aprilgrid = pytest.importorskip("aprilgrid")
+    rig = build_rig(given(preset, camera__max_features=0, camera__pixel_noise=0.0))
+    pixels, edges, counts = seen(rig, "cam0")
+    model, scene = rig.views["cam0"].model, rig.parameters.scene
+    low, high = pixels.min(axis=0), pixels.max(axis=0)
+    assert ((high - low) / (model.width, model.height)).min() > 0.8
+    assert edges.min() > 40.0
+    assert counts.min() >= min(9, scene.rows * scene.columns)
+    assert rig.warnings("cam0") == []
+    imager = Imager(rig.views["cam0"], rig.scene, atlas(rig.scene.surfaces, scene), rig.trajectory)
+    detector = aprilgrid.Detector("t36h11")
+    for number in range(60, 1200, 285):
+        tracks = rig.tracker("cam0").tracks(number, 1)
+        corners = np.full((scene.rows * scene.columns * 4, 2), np.nan)
+        corners[tracks.landmark] = tracks.uv_true
+        corners = corners.reshape(-1, 4, 2)
+        whole = set(np.flatnonzero(np.isfinite(corners).all(axis=(1, 2))).tolist())
+        found = {tag.tag_id: tag.corners for tag in detector.detect(imager.image(number))}
+        # The edges of large tags are bent in a fisheye: some are not taken for tags.
+        least = 0.6 if model.kind == "equidistant" else 0.9
+        assert len(whole & set(found)) >= least * len(whole) >= 0.6 * 9
+        for tag in whole & set(found):
+            away = np.linalg.norm(np.reshape(found[tag], (4, 1, 2)) - corners[tag], axis=2)
+            assert away.min(axis=1).max() < 2.0
+
+
+def test_what_is_given_stays_and_what_was_fitted_is_not_fitted_again():
+    """The parameters of an output make the same samples and images again."""
+    lens = given("tum_vi_cam0", "tum_vi_cam1")
+    values = fitted(lens)
+    assert values["scene.columns"] < 6
+    assert fitted(values) == values
+    own = {"scene.tag_size": 0.088, "scene.columns": 6, "trajectory.yaw.amplitude": [0.2, 0.1]}
+    kept = fitted({**lens, **own})
+    assert {name: kept[name] for name in own} == own
+    assert kept["scene.position"] != values["scene.position"]
+    [warning] = build_rig({**lens, **own}).warnings("cam0")
+    assert "a bit of the AprilGrid's tags has 1.0 px at the least (4 are wanted)" in warning
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        {"trajectory.type": "figure_eight"},
+        {"scene.type": "checkerboard"},
+        {"trajectory.z.angular_frequency": [1.0, 2.0, 3.0]},
+        {"camera.body_axes": "preset"},
+        {"scene.tag_size": "large"},
+        {"camera.preset": "none"},
+    ],
+    ids=str,
+)
+def test_only_the_motion_before_the_board_follows_the_lens(other):
+    layer = files.trajectory_layer("target")
+    lens = {**given("euroc_cam0"), **layer}
+    assert fitted(lens)["scene.tag_size"] > 0.15  # the motion's file was read: it is still target
+    if "camera.preset" in other:
+        del lens["cam0.camera.preset"]
+    assert fitted({**lens, **other}) == {**lens, **other}
+
+
+def test_a_board_out_of_view_is_said():
+    """EuRoC's body has x up: without body_axes the camera looks past the board."""
+    rig = build_rig(given("euroc_cam0", camera__body_axes="preset"))
+    assert rig.warnings("cam0") == ["no tag of the AprilGrid comes into view as a whole"]
