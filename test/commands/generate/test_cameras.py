@@ -144,7 +144,10 @@ def test_the_files_of_vio_data_simulation(tmp_path):
         ("--format tracks --scene house", "there is no camera"),
         ("--format tracks --camera euroc_cam0 --rate 30", "must divide the IMU's rate, 30 Hz"),
         ("--format tracks --camera euroc_cam0 --scene nope", "scene.type = 'nope'"),
-        ("--format tracks --camera euroc_cam0 --scene no.ply", "scene no.ply: neither a file"),
+        (
+            "--format tracks --camera euroc_cam0 --scene no.ply",
+            "unknown scene 'no.ply'; neither a file",
+        ),
         (
             "--format vio_data_simulation --camera euroc_cam0 --camera euroc_cam1",
             "holds one camera, not 2",
