@@ -145,6 +145,15 @@ class RestCheck:
         typical = float(np.median([spread[motion.axis] for spread in self.spreads]))
         return motion.size**2 > _SUDDEN * typical**2
 
+    def sways(self, axis: int, amplitude: float, samples: float) -> bool:
+        """Return whether a sinusoid is motion: too fast and too large for a sensor's own drift.
+
+        :param amplitude: of the sinusoid [rad/s, m/s^2].
+        :param samples: its period.
+        """
+        fast = samples < _WINDOWS * self._window
+        return bool(fast and amplitude > np.sqrt(2.0) * _SMALLEST_MOTION[axis])
+
     def _jump_limit(self, jump: Array, typical: Array) -> Array:
         """Return (6,) the difference between neighbouring means that no noise makes."""
         robust = 1.4826 * np.median(jump, axis=0)

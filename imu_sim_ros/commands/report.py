@@ -17,6 +17,7 @@ from imu_sim_ros.commands.shared import (
     add_force,
     add_skip_bad_rows,
     has_truth,
+    named,
     odometry_topics,
     outputs,
     read_track,
@@ -110,8 +111,12 @@ def _files(arguments: argparse.Namespace) -> argparse.Namespace:
 def _default_output(inputs: Sequence[Path]) -> Path:
     from imu_sim_ros.report import is_campaign
 
-    first = inputs[0]
-    return first / "report.html" if is_campaign(first) else first.with_name(f"{first.stem}.html")
+    first = named(inputs[0])
+    if is_campaign(first):
+        return first / "report.html"
+    if not first.name:
+        raise InputError(f"{first}: has no name for the page; give one by -o FILE")
+    return first.with_name(f"{first.stem}.html")
 
 
 def _made_by(arguments: argparse.Namespace) -> str:

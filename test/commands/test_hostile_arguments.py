@@ -3,6 +3,7 @@
 
 """Programs whose arguments, streams or surroundings nobody should give them."""
 
+import importlib
 import os
 import subprocess
 import sys
@@ -14,11 +15,13 @@ from imu_sim_ros.commands import (
     calibrate,
     common,
     convert_bag,
+    dead_reckon,
     evaluate,
     generate,
     report,
 )
 from imu_sim_ros.commands.shared import outputs
+from imu_sim_ros.commands.start import PROGRAMS
 from imu_sim_ros.errors import InputError
 
 GENERATE = [sys.executable, "-m", "imu_sim_ros.commands.generate", "--duration", "1s", "--json"]
@@ -207,3 +210,86 @@ def test_values_of_a_file_that_outlive_a_named_sensor_are_said(tmp_path, capsys)
     assert "count: imu.accelerometer_range\n" in error
     assert generate.main(common_part) == 0
     assert "note" not in capsys.readouterr().err
+
+
+_WITHOUT_NAME = ["/", ".", "..", ""]
+_COMMANDS = {
+    name: importlib.import_module(f"imu_sim_ros.commands.{name}")
+    for name in PROGRAMS
+    if name != "control"
+}
+_READING = [
+    ("allan", ["PATH", "-o", "made"]),
+    ("calibrate", ["six_position", "PATH", "-o", "made"]),
+    ("campaign", ["PATH", "-o", "made"]),
+    ("convert_bag", ["PATH", "-o", "made.mcap"]),
+    ("dead_reckon", ["PATH"]),
+    ("dead_reckon", ["flight.mcap", "--correction", "PATH"]),
+    ("evaluate", ["PATH", "flight.mcap"]),
+    ("evaluate", ["flight.mcap", "PATH"]),
+    ("generate", ["--params-file", "PATH", "-o", "made.mcap"]),
+    ("report", ["PATH"]),
+    ("twin", ["PATH", "--truth", "flight.mcap", "-o", "made"]),
+    ("twin", ["flight.mcap", "--truth", "PATH", "-o", "made"]),
+]
+_WRITING = [
+    ("allan", ["flight.mcap", "--skip-checks"]),
+    ("calibrate", ["six_position", "flight.mcap"]),
+    ("campaign", ["allan_coverage"]),
+    ("convert_bag", ["flight.mcap"]),
+    ("dead_reckon", ["flight.mcap"]),
+    ("evaluate", ["flight.mcap", "flight.mcap"]),
+    ("generate", ["--duration", "1s", "--force"]),
+    ("generate", ["--duration", "1s", "--with-configs"]),
+    ("report", ["flight.mcap"]),
+    ("twin", ["flight.mcap", "--truth", "flight.mcap"]),
+]
+
+
+@pytest.fixture
+def flight(tmp_path, monkeypatch):
+    """Return a working folder, below others, with a bag in it."""
+    folder = tmp_path / "above" / "here"
+    folder.mkdir(parents=True)
+    monkeypatch.chdir(folder)
+    arguments = ["-o", "flight.mcap", "--duration", "2s", "--rate", "100", "--quiet"]
+    assert _COMMANDS["generate"].main(arguments) == 0
+    return folder
+
+
+def _refused(capsys, program, arguments):
+    capsys.readouterr()
+    status = _COMMANDS[program].main(arguments)
+    said = capsys.readouterr().err
+    assert status == 2, (program, arguments, said)
+    assert len(said.splitlines()) == 1, (program, arguments, said)
+    assert "unexpected" not in said
+
+
+def test_every_command_that_reads_or_writes_is_asked():
+    asked = {program for program, _ in _READING + _WRITING}
+    assert asked == set(PROGRAMS) - {"control"}
+
+
+@pytest.mark.parametrize("path", _WITHOUT_NAME)
+def test_paths_without_a_name_are_refused_in_a_line(flight, capsys, path):
+    there = sorted(flight.parent.parent.rglob("*"))
+    for program, arguments in _READING:
+        _refused(capsys, program, [path if word == "PATH" else word for word in arguments])
+    for program, arguments in _WRITING:
+        _refused(capsys, program, [*arguments, "-o", path])
+    assert sorted(flight.parent.parent.rglob("*")) == there
+
+
+def test_the_working_folder_is_a_bag_like_any_other(flight, monkeypatch, capsys):
+    """Its side files, too, bear its name: the Earth's rotation is taken from the truth there."""
+    simulated = ["--duration", "2s", "--rate", "100", "--set", "earth_rotation=true", "--quiet"]
+    assert generate.main(["-o", "bag", *simulated]) == 0
+    capsys.readouterr()
+    assert dead_reckon.main(["bag", "--json"]) == 0
+    outside = capsys.readouterr().out
+    monkeypatch.chdir(flight / "bag")
+    assert dead_reckon.main([".", "--json"]) == 0
+    assert capsys.readouterr().out == outside
+    assert report.main([".", "--quiet"]) == 0
+    assert (flight / "bag.html").is_file()

@@ -261,7 +261,7 @@ def _judge(
         "all; all six axes must be measured (--skip-checks leaves it out)"
         for k in _dead_axes(record)
     ]
-    problems += _motion_problems(record, spectrum)
+    problems += _motion_problems(record, spectrum, sinks.spectrum.lines)
     longest = sinks.longest / record.rate
     if longest < SHORTEST:
         problems.append(
@@ -283,12 +283,14 @@ def _dead_axes(record: Record) -> list[int]:
     return [k for k in constant if record.minimum[k] == 0.0]
 
 
-def _motion_problems(record: Record, spectrum: Spectrum | None) -> list[str]:
+def _motion_problems(record: Record, spectrum: Spectrum | None, lines: Iterable[Line]) -> list[str]:
     rest = record.rest
     if rest is None:
         return []
     result = []
-    walks = set() if spectrum is None else _walks(spectrum, {m.axis for m in rest.moving})
+    swaying = {n.axis for n in lines if rest.sways(n.axis, n.amplitude, 1.0 / n.frequency)}
+    suspects = {m.axis for m in rest.moving} - swaying
+    walks = set() if spectrum is None else _walks(spectrum, suspects)
     motions = [m for m in rest.moving if m.axis not in walks or rest.sudden(m)]
     moving = sum(m.end - m.begin for m in {m.begin: m for m in motions}.values())
     if moving > _MOVING_SHARE * rest.seconds:

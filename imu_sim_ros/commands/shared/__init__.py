@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.commands.shared import reprojection as reprojection
     from imu_sim_ros.commands.shared.output_arguments import PICTURES as PICTURES
     from imu_sim_ros.commands.shared.output_arguments import add_force as add_force
+    from imu_sim_ros.commands.shared.output_arguments import named as named
     from imu_sim_ros.commands.shared.output_arguments import output_and_plot as output_and_plot
     from imu_sim_ros.commands.shared.output_arguments import outputs as outputs
     from imu_sim_ros.commands.shared.pose_arguments import PoseReader as PoseReader
@@ -55,7 +56,7 @@ else:
                 "measured",
                 "reprojection",
             ],
-            "output_arguments": ["PICTURES", "add_force", "output_and_plot", "outputs"],
+            "output_arguments": ["PICTURES", "add_force", "named", "output_and_plot", "outputs"],
             "pose_arguments": [
                 "PoseReader",
                 "add_skip_bad_rows",

@@ -4,6 +4,7 @@
 """The arguments of every command that writes: ``--force``, and what its outputs are kept from."""
 
 import argparse
+import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, Final
@@ -52,6 +53,11 @@ def output_and_plot(arguments: argparse.Namespace) -> Outputs:
     if arguments.plot is not None:
         written.add(arguments.plot, endings=PICTURES)
     return written
+
+
+def named(path: Path) -> Path:
+    """Return a path that ends in a name: ``.`` is the working folder; only the root has none."""
+    return Path(os.path.abspath(path)) if path.name in ("", "..") else path
 
 
 def _named_files(arguments: argparse.Namespace) -> Iterator[Path]:

@@ -21,6 +21,7 @@ import numpy as np
 from imu_sim_ros import consumers
 from imu_sim_ros.bags import make_folder
 from imu_sim_ros.bags.text import writer as text_writer
+from imu_sim_ros.commands.shared.output_arguments import named
 from imu_sim_ros.config import SimulationParameters, files, flatten, load_simulation
 from imu_sim_ros.conventions import IMAGE_TOPIC, IMU_TOPIC
 from imu_sim_ros.datasets import imus_of, resolved
@@ -37,7 +38,7 @@ _SUFFIXES: Final = (".bag", ".mcap", ".csv")
 
 def configs(output: Path) -> Path:
     """Return the folder of the configurations that belong to an output."""
-    return output.with_name(output.name + "_configs")
+    return output.parent / f"{output.name}_configs"
 
 
 _WORLD: Final = (
@@ -56,6 +57,7 @@ def world_of(bag: Path) -> SimulationParameters | None:
 
     :raises ConfigurationError: for a file that is not what ``generate`` wrote.
     """
+    bag = named(bag)
     path = _truth(bag, "")
     if not path.is_file():
         path = next(iter(sorted(bag.parent.glob(f"{glob.escape(_stem(bag))}_truth_*.yaml"))), path)
@@ -92,7 +94,7 @@ def new_truths(output: Path, simulated: Mapping[str, SimulationParameters]) -> d
 
 def _truth(output: Path, imu: str) -> Path:
     own = f"_{imu}" if imu else ""
-    return output.with_name(f"{_stem(output)}_truth{own}.yaml")
+    return output.parent / f"{_stem(output)}_truth{own}.yaml"
 
 
 def _stem(output: Path) -> str:
@@ -103,7 +105,7 @@ def _siblings(output: Path) -> Iterator[Path]:
     """Yield the other outputs whose realised truth has the same name."""
     stem = _stem(output)
     for name in (stem, *(f"{stem}{part}{suffix}" for suffix in _SUFFIXES for part in ("", "_0"))):
-        path = output.with_name(name)
+        path = output.parent / name
         of_this = name in (output.name, f"{stem}_0{output.suffix}")
         if not of_this and path.exists():
             yield path
