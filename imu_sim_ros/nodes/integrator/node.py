@@ -13,7 +13,7 @@ from geometry_msgs.msg import Vector3Stamped
 from nav_msgs.msg import Odometry, Path
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
@@ -55,7 +55,10 @@ from imu_sim_ros.rotation.scalars import to_euler
 _DEPTH = 2000
 _READ_PERIOD = 0.002
 """[s] How long readings wait for each other, and about the longest that one waits."""
-_MATCHING_PERIOD = 0.5
+_MATCHING_PERIOD = 0.02
+"""[s] How often publishers of the inputs are looked for until each has one."""
+_CHANGE_PERIOD = 0.5
+"""[s] The same afterwards."""
 _COMPLAINT_PERIOD = 1.0
 _REFUSAL_PERIOD = 10.0
 _ACKNOWLEDGEMENT = Duration(nanoseconds=300_000_000)
@@ -81,11 +84,9 @@ class Integrator(ConfiguredNode):
             self._tell_what_is_left_out()
         self.create_service(Trigger, "~/reset", self._reset)
         self.reader = RawSubscriptions(self, self._take, self.ending.fail, _READ_PERIOD, IMU_TOPIC)
-        for topic in self._inputs():
-            self._subscribe(topic, QoSProfile(depth=_DEPTH))
         # On the steady clock: with use_sim_time and a silent /clock, the node's own stops.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(_MATCHING_PERIOD, self._match_publishers, clock=steady)
+        self._matching = self.create_timer(_MATCHING_PERIOD, self._match_publishers, clock=steady)
 
     def apply(self, new: IntegratorParameters) -> None:
         """Take new biases."""
@@ -138,13 +139,25 @@ class Integrator(ConfiguredNode):
         self.reader.subscribe(topic, Imu if topic == IMU_TOPIC else Odometry, qos)
 
     def _match_publishers(self) -> None:
-        """Request best effort where a driver offers no more: otherwise nothing would arrive."""
-        for topic, qos in list(self._qos.items()):
+        """Request what is offered, once it is known.
+
+        A request of more matches no publisher and makes each of them warn; one of less may lose
+        readings under load. So nothing is requested before a publisher is there.
+        """
+        for topic in self._inputs():
             publishers = self.get_publishers_info_by_topic(topic)
-            offered = matching_qos(publishers, _DEPTH)
-            if publishers and is_weaker(offered, qos):
-                self.get_logger().info(f"{topic} is offered as best effort; subscribing likewise")
+            if not publishers:
+                continue
+            offered, requested = matching_qos(publishers, _DEPTH), self._qos.get(topic)
+            offered.durability = DurabilityPolicy.VOLATILE  # readings of the past are of no use
+            if requested is None or is_weaker(offered, requested):
+                if offered.reliability == ReliabilityPolicy.BEST_EFFORT:
+                    self.get_logger().info(
+                        f"{topic} is offered as best effort; subscribing likewise"
+                    )
                 self._subscribe(topic, offered)
+        if len(self._qos) == len(self._inputs()):
+            self._matching.timer_period_ns = round(_CHANGE_PERIOD * 1e9)
 
     def _take(self, topic: str, taken: list[Taken]) -> None:
         """Take messages of one topic, as they are delivered."""

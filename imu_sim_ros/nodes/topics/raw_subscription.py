@@ -30,7 +30,8 @@ Taken = tuple[bytes, dict[str, int]]
 
 
 _NO_WARNINGS: Final = SubscriptionEventCallbacks(use_default_callbacks=False)
-"""The nodes request what is offered as soon as they see it; rclpy's warning comes before."""
+"""The nodes request what is offered as soon as a publisher of less appears; rclpy's warning comes
+before."""
 
 
 class _OutsideTheExecutor(CallbackGroup):

@@ -64,10 +64,28 @@ def test_a_driver_that_offers_best_effort_is_heard(node, feed, catch):
     listener = catch("dead_reckoned/odom")
     integrator = node("integrator")
     listener.wait_for("publisher of dead_reckoned/odom")
-    feed(count=100, topics=["imu"], best_effort=True).status()
+    driver = feed(count=100, topics=["imu"], best_effort=True)
+    assert driver.status() == 0
     assert integrator.end() == 0
     assert len(caught(listener)["dead_reckoned/odom"]) == 100
     assert "imu/data_raw is offered as best effort" in integrator.output
+    assert "incompatible" not in driver.output + integrator.output
+
+
+def test_what_is_requested_is_what_the_simulator_offers(node):
+    """The simulator waits for the subscriber, and the subscriber for the simulator."""
+    for reliability in ("reliable", "best_effort"):
+        integrator = node("integrator")
+        simulator = node(
+            *("simulator", "--duration", "1", "--wait_for_subscribers", "1", "--ros-args", "-p"),
+            f"qos_overrides./imu/data_raw.publisher.reliability:={reliability}",
+        )
+        assert simulator.status() == 0
+        assert "incompatible" not in simulator.output
+        assert integrator.end() == 0
+        assert "received imu/data_raw 200" in integrator.output
+        likewise = "imu/data_raw is offered as best effort" in integrator.output
+        assert likewise == (reliability == "best_effort")
 
 
 def test_gaps_and_duplicates_are_warned_of_and_counted_in_the_diagnostics(node, feed, catch):
