@@ -142,8 +142,9 @@ def dask(client: "Client") -> Engine:
 
         executor = client.get_executor(pure=False, retries=plan.options.retries)
         try:
-            # The scheduler has made its own attempts, and blames all tasks that the worker had.
-            yield from _run(plan, todo, folder, executor, width, KilledWorker, 1, True)
+            # The scheduler blames all tasks that the worker had; alone, one has its attempts.
+            restarts = max(plan.options.retries, 1)
+            yield from _run(plan, todo, folder, executor, width, KilledWorker, restarts, True)
         except (OSError, CancelledError):  # of the connection: a worker's errors are in its rows
             raise MachineError(
                 "the connection to the scheduler was lost; continue with --resume"
