@@ -19,8 +19,7 @@ class TriadErrors(NamedTuple):
     """Sizes of a triad's errors, each (3,) per axis, named as the parameters of an IMU are.
 
     Below, u is the unit of the readings: rad/s or m/s^2. The first two are densities in continuous
-    time with kalibr's names. Preintegration takes these alone,
-    :mod:`imu_sim_ros.navigation.covariance` takes them all.
+    time with kalibr's names.
     """
 
     noise_density: Array = _NONE

@@ -19,8 +19,8 @@ first pose's tilt is, and with ``Gamma = Cov(g)``, the (position, yaw) block of 
 
 (the transformation of gauge-fixed covariances, ``Q Sigma Q^T`` with ``Q = I - N_k G``, of Zhang,
 Gallego and Scaramuzza, "On the comparison of gauge freedom handling in optimization-based
-visual-inertial state estimation", RA-L 2018, eq. 13 to 15, whose cross-covariance
-``Cov(e_k, g) = N_k Gamma`` follows from the independence). An estimator that starts with an exact
+visual-inertial state estimation", RA-L 2018; ``Cov(e_k, g) = N_k Gamma`` follows from the
+independence). An estimator that starts with an exact
 yaw and position has ``Gamma = 0``, one with a loose prior carries it in every P_k: what is left is
 the same.
 """

@@ -15,6 +15,7 @@ from imu_sim_ros.navigation.covariance.propagation import (
     propagate,
 )
 from imu_sim_ros.navigation.covariance.rest import after_rest
+from imu_sim_ros.navigation.covariance.slow_errors import of_mean, processes, response_terms
 
 __all__ = [
     "ACCEL_BIAS",
@@ -26,5 +27,8 @@ __all__ = [
     "Covariance",
     "after_rest",
     "initial_covariance",
+    "of_mean",
+    "processes",
     "propagate",
+    "response_terms",
 ]

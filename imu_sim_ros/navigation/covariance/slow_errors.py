@@ -30,10 +30,9 @@ from imu_sim_ros.navigation.noise import ImuErrors
 
 Array = NDArray[np.float64]
 
-FLICKER_CORRELATION_TIMES: Final = (0.1, 1.0, 10.0, 100.0, 1000.0, 10000.0)
-"""[s] of the Gauss-Markov processes whose sum is 1/f noise, a decade apart, of equal variance."""
-_FLICKER_SHARE: Final = np.log(10.0) / np.pi
-"""Variance of each over B^2: their sum has the density ``B^2 / (2 pi f)`` of IEEE Std 952-1997."""
+_LONGEST: Final = 1e4
+SHORTEST: Final = 0.1
+"""[s] correlation times of the Gauss-Markov processes whose sum is 1/f noise, a decade apart."""
 
 
 class SlowErrors:
@@ -44,8 +43,7 @@ class SlowErrors:
 
         :param size: n, how many numbers the error of the state has; its last six are the biases.
         """
-        entries = [*_gauss_markov(noise), *_flicker(noise)]
-        scales = list(_scales(noise))
+        entries, scales = processes(noise), response_terms(noise)
         axes = [axis for axis, _, _ in entries] + [axis for axis, _, _ in scales]
         self.count = len(axes)
         """m"""
@@ -105,13 +103,8 @@ class SlowErrors:
         return result
 
     def over(self, time: float) -> tuple[Array, Array]:
-        """Return the variance (m,) of the mean over a time [s], and its covariance with the end.
-
-        With ``u = T / tau``: ``2 (u - 1 + exp(-u)) / u^2`` and ``(1 - exp(-u)) / u``.
-        """
-        u = np.maximum(-self._decay_rate * time, 1e-6)  # below, both are 1 to 1e-6
-        gone = -np.expm1(-u)
-        return 2.0 * (u - gone) / u**2, gone / u
+        """Return :func:`of_mean` (m,) of a time [s]."""
+        return of_mean(-self._decay_rate * time)
 
     def decay(self, time: float) -> Array:
         """Return what is left of each after a time [s] (m,)."""
@@ -132,8 +125,30 @@ class SlowErrors:
         return result
 
 
+def of_mean(u: Array) -> tuple[Array, Array]:
+    """Return the variance of a process' mean over a time, and its covariance with the end.
+
+    ``2 (u - 1 + exp(-u)) / u^2`` and ``(1 - exp(-u)) / u``, of a process of unit variance.
+
+    :param u: the time over the correlation time, of any shape.
+    """
+    small, u = u, np.maximum(u, 1e-5)  # below, the series: to 1e-11
+    gone = -np.expm1(-u)
+    short = small < 1e-5
+    mean = np.where(short, 1.0 - small / 3.0, 2.0 * (u - gone) / u**2)
+    return mean, np.where(short, 1.0 - 0.5 * small, gone / u)
+
+
 _Entry = tuple[int, float, float]
 """Axis 0 to 5, gyroscope first; correlation time [s]; standard deviation."""
+
+
+def processes(noise: ImuErrors, shortest: float = SHORTEST) -> list[_Entry]:
+    """Return the Gauss-Markov biases and the processes of the 1/f noise.
+
+    :param shortest: correlation time of the latter [s]; 0.1 is short enough for what accumulates.
+    """
+    return [*_gauss_markov(noise), *_flicker(noise, shortest)]
 
 
 def _gauss_markov(noise: ImuErrors) -> list[_Entry]:
@@ -147,18 +162,24 @@ def _gauss_markov(noise: ImuErrors) -> list[_Entry]:
     return entries
 
 
-def _flicker(noise: ImuErrors) -> list[_Entry]:
-    """Return the processes of the 1/f noise."""
+def _flicker(noise: ImuErrors, shortest: float) -> list[_Entry]:
+    """Return the processes of the 1/f noise.
+
+    Processes of the variance ``B^2 ln(r) / pi``, their correlation times a ratio r of about ten
+    apart, have together the density ``B^2 / (2 pi f)`` of IEEE Std 952-1997.
+    """
+    times = np.geomspace(shortest, _LONGEST, max(2, round(np.log10(_LONGEST / shortest)) + 1))
+    share = float(np.sqrt(np.log(times[1] / times[0]) / np.pi))
     return [
-        (3 * k + i, tau, float(b * np.sqrt(_FLICKER_SHARE)))
+        (3 * k + i, tau, float(b) * share)
         for k, triad in enumerate(noise)
         for i, b in enumerate(triad.bias_instability)
         if b > 0
-        for tau in FLICKER_CORRELATION_TIMES
+        for tau in times.tolist()
     ]
 
 
-def _scales(noise: ImuErrors) -> list[tuple[int, int, float]]:
+def response_terms(noise: ImuErrors) -> list[tuple[int, int, float]]:
     """Return the terms that scale with a reading: axis, its input, and the deviation of the factor.
 
     The inputs are the readings 0 to 5, gyroscope first, and their squares 6 to 11: scale and

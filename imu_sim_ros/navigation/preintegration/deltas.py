@@ -33,6 +33,7 @@ from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.names import suggestion
 from imu_sim_ros.navigation.noise import ImuErrors
 from imu_sim_ros.navigation.preintegration.intervals import Readings
+from imu_sim_ros.navigation.preintegration.slow import SlowErrorsOfIntervals
 
 Array = NDArray[np.float64]
 
@@ -120,9 +121,10 @@ def preintegrate(
         moved = (betas[:-1] + 0.5 * gained) * h[..., None]
         alpha = np.cumsum(np.concatenate([alpha[None], moved]), axis=0)[-1]
         beta = betas[-1]
-        errors.extend(h, f.reshape(*h.shape, SIZE, SIZE), g.reshape(*h.shape, SIZE, 12))
+        f, g = f.reshape(*h.shape, SIZE, SIZE), g.reshape(*h.shape, SIZE, 12)
+        errors.extend(h, f, g, forces, rates)
     mean = (readings.h.sum(axis=1), alpha, beta, gamma[-1])
-    return Preintegration(*mean, errors.jacobian, errors.covariance, accel_bias, gyro_bias)
+    return Preintegration(*mean, errors.jacobian, errors.total(), accel_bias, gyro_bias)
 
 
 def _pairs(values: Array) -> Array:
@@ -242,8 +244,12 @@ class _Errors:
         self._noise = noise
         if noise is None:
             return
-        densities = (noise.accelerometer.noise_density, noise.gyroscope.noise_density)
-        self._white = np.square(np.concatenate(densities)) / period
+        triads = (noise.accelerometer, noise.gyroscope)
+        self._slow = SlowErrorsOfIntervals(noise, batch, period)
+        # Rounding is white noise of LSB^2 / 12 per reading (Widrow 1956).
+        self._white = np.concatenate(
+            [t.noise_density**2 / period + t.resolution**2 / 12.0 for t in triads]
+        )
         walks = (noise.accelerometer.random_walk, noise.gyroscope.random_walk)
         self._walk = np.square(np.concatenate(walks))
         self._diagonal = np.arange(ACCEL_BIAS.start, SIZE)
@@ -251,8 +257,18 @@ class _Errors:
         # Covariance of the error with the noise of the reading that the next step begins with.
         self._with_noise = np.zeros((batch, SIZE, 6))
 
-    def extend(self, h: Array, f: Array, g: Array) -> None:
-        """Take m steps of lengths h (m, B) with F (m, B, 15, 15) and G (m, B, 15, 12)."""
+    def total(self) -> Array:
+        """Return the covariance (B, 15, 15), the slow errors included."""
+        if self._noise is None or not self._slow:
+            return self.covariance
+        return self.covariance + self._slow.covariance(self.jacobian)
+
+    def extend(self, h: Array, f: Array, g: Array, force: Array, rate: Array) -> None:
+        """Take m steps of lengths h (m, B) with F (m, B, 15, 15) and G (m, B, 15, 12).
+
+        :param force: (m, B, 2, 3) at both ends of the steps.
+        :param rate: likewise.
+        """
         if self._noise is None:
             for transition in _joined(f)[0]:
                 self.jacobian = transition @ self.jacobian
@@ -268,9 +284,14 @@ class _Errors:
             added += crossed + crossed.swapaxes(-1, -2)
             self._with_noise = from_end[-1]
         f, added = _joined(f, added)
+        jacobians = []
         for transition, gained in zip(f, added, strict=True):
             self.jacobian = transition @ self.jacobian
             self.covariance = transition @ self.covariance @ transition.swapaxes(1, 2) + gained
+            jacobians.append(self.jacobian)
+        if self._slow:
+            readings = np.concatenate([force, rate], axis=-1).mean(axis=2)
+            self._slow.extend(np.stack(jacobians), h, readings, _JOINED)
 
 
 def _joined(f: Array, q: Array | None = None) -> tuple[Array, Array]:
