@@ -15,22 +15,22 @@ from imu_sim_ros.campaign import (
     Group,
     Plan,
     Row,
-    counts,
     groups,
     judge,
     load_plan,
     quantile,
     read_results,
     slopes,
-    unmet,
 )
+from imu_sim_ros.campaign.metrics import SUCCESS, better
 from imu_sim_ros.config import flatten
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.names import unknown
 from imu_sim_ros.navigation.comparison import LARGEST_SIGMA, anees_band
+from imu_sim_ros.report.of_runs import PLAN, opened, repeated
+from imu_sim_ros.report.of_verdict import against_baseline, short, varying_names, verdict_section
 from imu_sim_ros.report.page import Item, Section, column, table
 
-PLAN: Final = "plan.yaml"
 _SENSORS: Final = {
     "gyroscope_noise_density": "rad/s/sqrt(Hz)",
     "accelerometer_noise_density": "m/s^2/sqrt(Hz)",
@@ -40,7 +40,9 @@ _SENSORS: Final = {
     "gyroscope_bias_instability": "rad/s",
 }
 """Sensor parameters over which errors are drawn: those that affect dead reckoning most."""
-_MOST_PAIRS: Final = 2000
+_MOST_TRENDS: Final = 8
+_MOST_ROWS: Final = 80
+"""Groups that a plot names."""
 _UNITS: Final = {"_m": "m", "_rad": "rad", "_m_s": "m/s", "_percent": "%", "_s": "s", "_mb": "MB"}
 
 
@@ -49,29 +51,49 @@ def is_campaign(path: Path) -> bool:
     return path.is_dir() and ((path / LOG).exists() or (path / TABLE).exists())
 
 
-def campaign_sections(folder: Path, metric: str = "") -> tuple[str, list[Section]]:
+def campaign_sections(
+    folder: Path, metric: str = "", baselines: Sequence[Path] = ()
+) -> tuple[str, list[Section]]:
     """Return the title and the sections that a campaign's folder gives.
 
     :param metric: shown first; none: the absolute position error, or else the first metric.
+    :param baselines: folders or tables of earlier campaigns, the oldest first.
     :raises InputError: for a folder that holds no plan or no runs, or an unknown metric.
     """
     plan = load_plan(folder / PLAN)
     rows = read_results(folder)
+    earlier = [(_named(path), read_results(path)) for path in baselines]
     if not rows:
         raise InputError(f"{folder}: holds no run yet")
     present = [name for name in plan.metrics if any(row.get(name) is not None for row in rows)]
-    if metric and metric not in present:
+    if metric and metric not in (*present, SUCCESS):
         none = None if present else "no run is done"
-        raise InputError(unknown("--metric", metric, present, none))
+        raise InputError(unknown("--metric", metric, [*present, SUCCESS], none))
     found = groups(rows, plan.grid_names)
-    chosen = metric or ("ate_rmse_m" if "ate_rmse_m" in present or not present else present[0])
-    sections = [_results(plan, rows, found, present, chosen)] if present else []
-    sections += [_cells(plan, found, present), _outcomes(plan, rows, found, chosen)]
-    return plan.options.name, [*sections, _parameters(plan, found), _repeat(folder, rows)]
+    chosen = metric or ("ate_rmse_m" if "ate_rmse_m" in present else [*present, SUCCESS][0])
+    judged = judge(plan, rows, chosen, earlier[-1][1] if earlier else None)
+    judgements = [(label(chosen), judged)]
+    if chosen != SUCCESS:
+        judgements.append((label(SUCCESS), judge(plan, rows, SUCCESS)))
+    verdict = verdict_section(plan, judgements, found, str(folder))
+    if judged.baseline:
+        verdict.items.append(against_baseline(judged.baseline, chosen, earlier[-1][0]))
+    sections = [verdict, _results(plan, rows, found, present, chosen, folder)]
+    if earlier:
+        sections[1].items[-1]["trend"] = _trend(found, earlier, chosen)
+    sections.append(_cells(plan, found, present, chosen))
+    return plan.options.name, [*sections, _parameters(plan), _repeat(folder, rows)]
+
+
+def _named(path: Path) -> str:
+    """Return what an earlier campaign is called: its folder's name."""
+    return path.name if path.is_dir() else path.resolve().parent.name
 
 
 def label(metric: str) -> str:
     """Return a metric's name with its unit: ``ate_rmse [m]``."""
+    if metric == SUCCESS:
+        return "success rate"
     for ending in sorted(_UNITS, key=len, reverse=True):
         if metric.endswith(ending):
             return f"{metric.removesuffix(ending).replace('_', ' ')} [{_UNITS[ending]}]"
@@ -79,16 +101,29 @@ def label(metric: str) -> str:
 
 
 def _results(
-    plan: Plan, rows: Sequence[Row], found: Sequence[Group], metrics: Sequence[str], chosen: str
+    plan: Plan,
+    rows: Sequence[Row],
+    found: Sequence[Group],
+    metrics: Sequence[str],
+    chosen: str,
+    folder: Path,
 ) -> Section:
     names = ["seed", "estimator", "status", *plan.grid_names, *metrics, "cell"]
+    shown = [name for name in ("estimator", *plan.grid_names) if name in varying_names(found)]
+    shown = ["seed", *shown, "status", *dict.fromkeys([chosen, *metrics[:5]])]
+    varying = varying_names(found)
     item: Item = {
         "kind": "campaign",
+        "campaign": str(folder),
         "metric": chosen,
-        "metrics": [{"name": name, "label": label(name)} for name in metrics],
+        "metrics": [
+            {"name": name, "label": label(name), "better": better(name, plan.own)}
+            for name in (*metrics, SUCCESS)
+        ],
         "grid": list(plan.grid_names),
+        "shown": shown,
         "columns": [column(name, (row.get(name) for row in rows)) for name in names],
-        "groups": [_group(group, metrics) for group in found],
+        "groups": [_group(group, metrics, varying) for group in found],
         "estimators": len(plan.estimators),
         "curves": [name for name in plan.grid_names if _is_curve(name, found)],
         "slopes": [
@@ -104,20 +139,54 @@ def _results(
         ],
         "sensors": _sensors(plan, found),
         "consistency": _consistency(found),
+        "opened": opened(plan, rows, found, folder, chosen),
+        "plan": repeated(folder),
+        "cells": {cell.name: cell.values for cell in plan.cells()},
     }
-    done = sum(group.done for group in found)
-    told = f"{len(rows):,} runs, {done:,} done, in {len(found)} cells and estimators."
-    return Section("Results", [{"kind": "text", "text": told}, item])
+    return Section("Results", [item])
 
 
-def _group(group: Group, metrics: Sequence[str]) -> Item:
+def _group(group: Group, metrics: Sequence[str], varying: Sequence[str]) -> Item:
     values = {name: group.rows[0].get(name) for name in group.grid}
-    summary = {}
+    summary = {SUCCESS: list(group.success())}
     for name in metrics:
         numbers = group.values(name)
         if len(numbers):
             summary[name] = list(quantile(numbers, 0.5))
-    return {"estimator": group.estimator, "values": values, "metrics": summary}
+    named = {"cell": group.cell, "estimator": group.estimator}
+    return {**named, "label": short(group.words, varying), "values": values, "metrics": summary}
+
+
+def _trend(
+    found: Sequence[Group], earlier: Sequence[tuple[str, Sequence[Row]]], metric: str
+) -> Item:
+    """Return the metric's medians with their intervals over campaigns, this one the last."""
+    campaigns = [
+        {(one.cell, one.estimator): one for one in groups(rows, ())} for _, rows in earlier
+    ]
+    campaigns.append({(one.cell, one.estimator): one for one in found})
+    varying, series = varying_names(found), []
+    for colour, group in enumerate(found[:_MOST_TRENDS]):
+        key = (group.cell, group.estimator)
+        points = [
+            (k, one[key].success() if metric == SUCCESS else quantile(one[key].values(metric), 0.5))
+            for k, one in enumerate(campaigns)
+            if key in one
+        ]
+        line = {"name": short(group.words, varying), "colour": colour, "x": [k for k, _ in points]}
+        for name in ("value", "low", "high"):
+            line["y" if name == "value" else name] = [getattr(p, name) for _, p in points]
+        series.append(line)
+    rest = f" The first {_MOST_TRENDS} of {len(found)} lines." if len(found) > _MOST_TRENDS else ""
+    return {
+        "kind": "plot",
+        "title": f"Trend: {label(metric)} over campaigns",
+        "x": {"label": "campaign", "log": False, "names": [*(name for name, _ in earlier), "this"]},
+        "y": {"label": label(metric), "log": False},
+        "legend": True,
+        "series": series,
+        "caption": f"Median (of success the share) with its 95 % interval.{rest}",
+    }
 
 
 def _is_curve(name: str, found: Sequence[Group]) -> bool:
@@ -147,41 +216,42 @@ def _sensors(plan: Plan, found: Sequence[Group]) -> list[Item]:
 
 def _consistency(found: Sequence[Group]) -> Item | None:
     """Return the mean NEES of each group with its chi-square band (3 degrees of freedom)."""
-    series = []
-    for k, metric in enumerate(("nees_position", "nees_attitude", "nees_velocity")):
-        means, used = [], 0
-        for group in found:
-            values = group.values(metric)
-            means.append(float(values.mean()) if len(values) else None)
-            used = max(used, len(values))
-        if used:
-            at = list(range(1, len(found) + 1))
-            series.append(
-                {"name": metric.removeprefix("nees_"), "mode": "points", "colour": k}
-                | {"x": at, "y": means, "size": 3}
-            )
-    if not series:
+    shown = [group for group in found if len(group.values("nees_position"))][:_MOST_ROWS]
+    if not shown:
         return None
-    band = anees_band(3, max(len(group.values("nees_position")) for group in found) or 1)
-    ends = [0.5, len(found) + 0.5]
-    inside = {"name": "95 % band", "colour": 5, "x": ends, "low": [band.low] * 2}
+    bands = [anees_band(3, len(group.values("nees_position"))) for group in shown]
+    at = list(range(len(shown)))
+    ends = {"low": [band.low for band in bands], "high": [band.high for band in bands]}
+    series: list[Item] = [{"name": "95 % band", "mode": "rows", "colour": 2, "at": at, **ends}]
+    series[0]["line"] = 3.0
+    for k, metric in enumerate(("nees_position", "nees_attitude", "nees_velocity")):
+        values = [group.values(metric) for group in shown]
+        if any(len(one) for one in values):
+            means = [float(one.mean()) if len(one) else None for one in values]
+            point = {"low": means, "high": means, "pointed": True, "shift": 0.2 * (k - 1)}
+            name = metric.removeprefix("nees_")
+            series.append({"name": name, "mode": "rows", "colour": (0, 1, 3)[k]})
+            series[-1] |= {"at": at, "x": means, **point}
+    varying = varying_names(found)
+    rest = f" The first {_MOST_ROWS}." if len(found) > _MOST_ROWS else ""
     return {
         "kind": "plot",
         "title": "Consistency: mean NEES of the final state",
-        "x": {"label": "cell, in the order of the table below", "log": False},
-        "y": {"label": "NEES, 3 expected", "log": True},
-        "series": [{**inside, "high": [band.high] * 2}, *series],
-        "caption": "A mean within the band is consistent: 95 % of the cells of a consistent "
-        "estimator lie in it.",
+        "x": {"label": "NEES, 3 expected", "log": True},
+        "categories": [short(group.words, varying) for group in shown],
+        "series": series,
+        "caption": "95 % of the cells of a consistent estimator lie in the band; left of it the "
+        f"covariance is too large, right of it too small.{rest}",
     }
 
 
-def _cells(plan: Plan, found: Sequence[Group], metrics: Sequence[str]) -> Section:
+def _cells(plan: Plan, found: Sequence[Group], metrics: Sequence[str], chosen: str) -> Section:
     """Return the summary: a row for each cell and estimator."""
     shown = [name for name in metrics if not name.startswith("rpe_")]
+    varying = varying_names(found)
     header = ["no.", *plan.grid_names, "estimator", "done", "runs"]
     for name in shown:
-        header += [f"{name} median", "low", "high", "p95"]
+        header += [f"{name} {part}" for part in ("median", "low", "high", "p95")]
     rows: list[list[Any]] = []
     for number, group in enumerate(found, 1):
         words = group.words
@@ -199,64 +269,38 @@ def _cells(plan: Plan, found: Sequence[Group], metrics: Sequence[str]) -> Sectio
     )
     text += f"the attitude is known to no better than {LARGEST_SIGMA:g} rad."
     items: list[Item] = [{"kind": "text", "text": text, "faint": True}]
-    return Section("Cells", [*items, table("cells", header, rows, search=True)])
+    cells = table("cells", header, rows, search=True)
+    first = [f"{chosen} {part}" for part in ("median", "low", "high", "p95")]
+    cells["shown"] = ["no.", *varying, "done", "runs", *first]
+    return Section("Cells", [*items, cells])
 
 
-def _outcomes(plan: Plan, rows: Sequence[Row], found: Sequence[Group], metric: str) -> Section:
-    """Return the failures, the requirements, and the significant differences."""
-    items: list[Item] = []
-    if plan.require:
-        missed = unmet(found, plan.require)
-        rows_of = [[one.requirement.text, one.value, *one.group[:2]] for one in missed]
-        text = f"{len(plan.require)} requirements, " + ("not all met:" if missed else "all met.")
-        items.append({"kind": "text", "text": text})
-        if missed:
-            header = ["requirement", "value", "cell", "estimator"]
-            items.append(table("requirements not met", header, rows_of, search=True))
-    failures = [[count, status] for status, count in counts(rows).items() if status != "done"]
-    if failures:
-        items.append(table("failed runs", ["runs", "status"], failures, search=False))
-    effects = [
-        (contest, effect)
-        for contest in judge(plan, rows, metric).contests
-        for effect in contest.effects
-        if effect.significant
-    ]
-    effects.sort(key=lambda one: one[1].p or 0.0)
-    if effects:
-        differences = [
-            [", ".join(contest.where.values()), e.a, e.b, e.size(), e.seeds, e.p]
-            for contest, e in effects[:_MOST_PAIRS]
-        ]
-        name = f"significant differences of {metric} ({len(effects)})"
-        header = ["of", "A", "B", "A than B", "seeds", "p"]
-        items.append(table(name, header, differences, search=True))
-        text = "On the same seeds: Wilcoxon's signed-rank test, corrected by Holm."
-        items.append({"kind": "text", "text": text, "faint": True})
-    if not items:
-        items.append({"kind": "text", "text": "Every run is done; no difference is significant."})
-    return Section("Failures, requirements, differences", items, "Differences")
-
-
-def _parameters(plan: Plan, found: Sequence[Group]) -> Section:
+def _parameters(plan: Plan) -> Section:
     """Return every parameter with its value, or its values where the cells differ."""
     values: dict[str, dict[str, None]] = {}
     for cell in plan.cells():
         for name, value in flatten(plan.simulation(cell)).items():
             values.setdefault(name, {})[_word(value)] = None
     values.pop("seed", None)
-    rows = [
-        [name, next(iter(words)) if len(words) == 1 else " | ".join(list(words)[:12])]
+    same = [[name, *words] for name, words in values.items() if len(words) == 1]
+    differing = [
+        [name, len(words), " | ".join(list(words)[:12])]
         for name, words in values.items()
+        if len(words) > 1
     ]
     estimators = [
         [f"estimators.{name}.{key}", _word(value)]
         for name, estimator in plan.estimators.items()
         for key, value in flatten(estimator).items()
     ]
-    return Section(
-        "Parameters", [table("parameters", ["name", "value"], rows + estimators, search=True)]
-    )
+    items: list[Item] = []
+    if differing:
+        name = "parameters that vary"
+        items.append(table(name, ["name", "values", "the first 12"], differing, search=True))
+    constant = table("constant parameters", ["name", "value"], same + estimators, search=True)
+    title = f"{len(same)} parameters that do not vary, and those of the estimators"
+    items.append({"kind": "folded", "title": title, "items": [constant]})
+    return Section("Parameters", items)
 
 
 def _word(value: object) -> str:
@@ -284,7 +328,7 @@ def _repeat(folder: Path, rows: Sequence[Row]) -> Section:
     ]
     environment = folder / "versions.json"
     if environment.is_file():
-        items.append(
-            {"kind": "code", "text": environment.read_text(encoding="utf-8", errors="replace")}
-        )
+        versions_text = environment.read_text(encoding="utf-8", errors="replace")
+        inner = [{"kind": "code", "text": versions_text}]
+        items.append({"kind": "folded", "title": "versions of everything used", "items": inner})
     return Section("How to repeat it", items, "Repeat")

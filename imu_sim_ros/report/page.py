@@ -16,11 +16,18 @@ from collections.abc import Iterable, Sequence
 from importlib import resources
 from typing import Any, Final, NamedTuple
 
+import numpy as np
+
 from imu_sim_ros.json_text import as_json as to_json
 
-_SCRIPTS: Final = ("base.js", "plot.js", "path.js", "table.js", "runs.js", "main.js")
+_SCRIPTS: Final = (
+    *("base.js", "plot.js", "path.js", "table.js"),
+    *("verdict.js", "runs.js", "main.js"),
+)
 _STYLE: Final = "page.css"
 _DIGITS: Final = 6
+_PACKED: Final = 500
+"""Numbers from which a column is written as floats: 5.3 letters each, not some 8."""
 
 Item = dict[str, Any]
 """``kind``: a key of ``builders`` in main.js; the rest as that takes it."""
@@ -77,7 +84,7 @@ def _shortened(value: float) -> float | int:
 
 
 def column(name: str, values: Iterable[Any]) -> Item:
-    """Return a table's column; repeated strings are written once."""
+    """Return a table's column; repeated strings are written once, many numbers as floats."""
     found = list(values)
     words = list(dict.fromkeys(value for value in found if isinstance(value, str)))
     if (
@@ -88,7 +95,16 @@ def column(name: str, values: Iterable[Any]) -> Item:
         place = {word: k for k, word in enumerate(words)}
         index = [None if value is None else place[value] for value in found]
         return {"name": name, "words": words, "index": index}
+    if len(found) > _PACKED and any(type(v) is float for v in found) and _are_many(found):
+        packed = np.array([np.nan if v is None else v for v in found], dtype="<f4")
+        return {"name": name, "f4": base64.b64encode(packed.tobytes()).decode()}
     return {"name": name, "values": found}
+
+
+def _are_many(values: Sequence[Any]) -> bool:
+    """Return whether values are numbers that seldom recur: they are short as floats."""
+    plain = all(v is None or (isinstance(v, int | float) and type(v) is not bool) for v in values)
+    return plain and 2 * len(set(values)) > len(values)
 
 
 def table(name: str, header: Sequence[str], rows: Sequence[Sequence[Any]], search: bool) -> Item:

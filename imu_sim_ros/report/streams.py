@@ -80,13 +80,14 @@ class Stream(NamedTuple):
     deviation: Deviation
 
 
-def extremes(values: Array) -> NDArray[np.intp]:
+def extremes(values: Array, columns: int = PARTS) -> NDArray[np.intp]:
     """Return the rows that a picture needs: the first, the last, each column's least and largest.
 
     :param values: (n,) or (n, k), of each of whose k there are extremes.
+    :param columns: of the picture.
     """
     table = values.reshape(len(values), -1)
-    starts = np.unique(np.linspace(0, len(table), PARTS + 1).astype(np.intp))
+    starts = np.unique(np.linspace(0, len(table), columns + 1).astype(np.intp))
     parts = [table[a:b] for a, b in itertools.pairwise(starts.tolist())]
     found = [
         start + end(part, axis=0)

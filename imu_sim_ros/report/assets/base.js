@@ -49,6 +49,7 @@ function extent(values) {
 function quantile(sorted, p) {
   const place = (sorted.length - 1) * p, below = Math.floor(place);
   const above = Math.min(below + 1, sorted.length - 1);
+  if (!Number.isFinite(sorted[below]) || !Number.isFinite(sorted[above])) return place === below ? sorted[below] : Number.isFinite(sorted[above]) ? sorted[below] : sorted[above];
   return sorted[below] + (sorted[above] - sorted[below]) * (place - below);
 }
 

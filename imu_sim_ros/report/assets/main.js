@@ -6,7 +6,7 @@ const builders = {
   text: (item) => element("p", { class: item.faint ? "caption" : null }, item.text),
   code: (item) => element("pre", { tabindex: "0" }, item.text),
   table: (item) => {
-    const table = new Table(item.columns, { name: item.name, search: item.search });
+    const table = new Table(item.columns, { name: item.name, search: item.search, shown: item.shown });
     return item.name ? element("div", {}, element("h3", {}, item.name), table.host) : table.host;
   },
   plot: (item) => new Plot(item).figure,
@@ -15,10 +15,16 @@ const builders = {
     const at = `${inWords(frame.t_s)} s`;
     return element("div", {}, element("img", { src: `data:image/png;base64,${frame.png}`, alt: `${item.title} at ${at}` }), element("span", { class: "caption" }, at));
   }))),
-  plots: (item) => element("div", { class: "plots" }, ...item.items.map(built)),
+  plots: (item) => rowsFilled(element("div", { class: "plots" }, ...item.items.map(built))),
+  folded: (item) => element("details", {}, element("summary", {}, item.title), ...item.items.map(built)),
+  verdict: (item) => {
+    const verdict = new Verdict(item);
+    if (item.judged.length) verdict.show(0);
+    return verdict.host;
+  },
   campaign: (item) => {
     const host = element("div");
-    new Campaign(item, host);
+    campaigns.set(item.campaign, new Campaign(item, host));
     return host;
   },
 };
@@ -27,6 +33,16 @@ function built(item) {
   const made = builders[item.kind](item);
   if (item.wide) made.classList.add("wide");
   return made;
+}
+
+// A plot beside which there is none takes the whole width.
+function rowsFilled(grid) {
+  let half = null;
+  for (const one of [...grid.children, null]) {
+    if (one && !one.classList.contains("wide")) half = half ? null : one;
+    else if (half) { half.classList.add("wide"); half = null; }
+  }
+  return grid;
 }
 
 function theme() {

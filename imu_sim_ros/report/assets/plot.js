@@ -4,7 +4,7 @@
 
 const linked = new Map();
 let clips = 0;
-const PAPER = 700;
+const PAPER = 700;  // of a plot as wide as the page; others have half of it
 
 class Plot {
   // spec: {title, x: {label, log}, y: {label, log}, series, link, caption, categories, onpick}
@@ -27,7 +27,7 @@ class Plot {
     }
     this.show(spec);
     // On paper a plot of the screen's width would be shrunk, its words with it.
-    addEventListener("beforeprint", () => { this.paper = PAPER; this.draw(); });
+    addEventListener("beforeprint", () => { this.paper = this.figure.matches(".plots > :not(.wide), .plots > :not(.wide) *") ? PAPER / 2 : PAPER; this.draw(); });
     addEventListener("afterprint", () => { this.paper = 0; this.draw(); });
     new ResizeObserver(() => {
       const width = this.holder.clientWidth;
@@ -73,6 +73,7 @@ class Plot {
       for (const key of axis === "x" ? ["x"] : ["y", "low", "high"]) {
         for (const value of one[key] || []) if (!this.spec[axis].log || value > 0) all.push(value);
       }
+      if (axis === "x" && one.mode === "rows") for (const value of [...one.low, ...one.high]) if (!this.spec.x.log || value > 0) all.push(value);
       if (axis === "x" && one.boxes) for (const box of one.boxes) all.push(box.low, box.high);
     }
     return all;
@@ -90,7 +91,7 @@ class Plot {
     const width = this.width = Math.max(this.paper || this.holder.clientWidth || 600, 260);
     const rows = spec.categories ? spec.categories.length : 0;
     const labelled = spec.series.some((one) => one.labels);
-    const height = this.height = rows ? 60 + rows * 22 : Math.min(labelled ? 520 : 340, 160 + width * 0.3);
+    const height = this.height = rows ? 60 + rows * 22 : Math.min(labelled && !this.paper ? 520 : 340, 160 + width * (this.paper ? 0.15 : 0.3));
     const longest = rows ? Math.min(width * 0.42, 12 + 6.4 * Math.max(...spec.categories.map((name) => name.length))) : 62;
     this.box = { left: longest, right: width - 12, top: 8, bottom: height - 42 };
     const [rangeX, rangeY] = this.ranges();
@@ -116,10 +117,11 @@ class Plot {
 
   axes(svg, margin) {
     const { left, right, top, bottom } = this.box, { spec } = this;
-    for (const tick of this.sx.ticks(Math.max(2, Math.floor((right - left) / 90)))) {
+    const ticks = this.sx.ticks(Math.max(3, Math.floor((right - left) / 90)));
+    for (const tick of spec.x.names ? ticks.filter(Number.isInteger) : ticks) {
       const x = this.sx.at(tick);
       svg.append(drawing("line", { class: "grid", x1: x, x2: x, y1: top, y2: bottom }),
-        drawing("text", { class: "tick", x, y: bottom + 16, "text-anchor": "middle" }, inWords(tick)));
+        drawing("text", { class: "tick", x, y: bottom + 16, "text-anchor": "middle" }, spec.x.names ? spec.x.names[tick] || "" : inWords(tick)));
     }
     svg.append(drawing("text", { x: (left + right) / 2, y: bottom + 34, "text-anchor": "middle" }, spec.x.label));
     if (spec.categories) {
@@ -151,6 +153,7 @@ class Plot {
   series(marks, one) {
     const look = { stroke: colour(one.colour), "stroke-dasharray": dash(one.colour), fill: "none", "stroke-width": one.thin ? 1 : 1.6 };
     if (one.boxes) return this.boxes(marks, one);
+    if (one.mode === "rows") return this.rows(marks, one);
     if (one.low && one.mode !== "bars") this.band(marks, one);
     if (one.mode === "points" || one.mode === "bars") return this.points(marks, one);
     if (!one.y) return;
@@ -210,9 +213,26 @@ class Plot {
     }
   }
 
+  // Values of categories with their intervals, which an end that is null leaves open; without
+  // values, a band of each.
+  rows(marks, one) {
+    const { left, right } = this.box;
+    one.at.forEach((row, k) => {
+      const y = this.sy.at(row + (one.shift || 0)), x = one.x && one.x[k], fill = colour(one.colour);
+      const end = (value, open) => (value === null || (this.spec.x.log && value <= 0) ? open : this.sx.at(value));
+      const low = end(one.low[k], left), high = end(one.high[k], right);
+      if (!one.x) marks.append(drawing("rect", { x: low, y: y - 10, width: Math.max(high - low, 1), height: 20, fill, "fill-opacity": 0.25, stroke: fill }));
+      else if (x !== null && !(this.spec.x.log && x <= 0)) {
+        if (!one.bare) marks.append(drawing("line", { x1: low, x2: high, y1: y, y2: y, stroke: fill, "stroke-width": 2 }));
+        marks.append(drawing("circle", { cx: this.sx.at(x), cy: y, r: one.size || 4.5, fill, "fill-opacity": one.bare ? 0.35 : 1 }));
+      }
+    });
+    if (one.line !== undefined) marks.append(drawing("line", { x1: this.sx.at(one.line), x2: this.sx.at(one.line), y1: this.box.top, y2: this.box.bottom, stroke: "var(--ink)", "stroke-dasharray": "4 3" }));
+  }
+
   boxes(marks, one) {
     one.boxes.forEach((box, k) => {
-      const y = this.sy.at(k), at = (value) => this.sx.at(this.spec.x.log ? Math.max(value, 1e-300) : value);
+      const y = this.sy.at(k), at = (value) => (Number.isFinite(value) ? this.sx.at(this.spec.x.log ? Math.max(value, 1e-300) : value) : value > 0 ? this.box.right : this.box.left);
       const ink = { stroke: colour(box.colour), "stroke-width": 1.5 };
       const group = drawing("g", { class: "box", "data-name": box.name });
       group.append(drawing("line", { x1: at(box.low), x2: at(box.high), y1: y, y2: y, ...ink }));
@@ -281,9 +301,16 @@ class Plot {
   }
 
   told(row) {
-    const box = this.spec.series[0] && this.spec.series[0].boxes[row];
-    if (!box) return [];
-    return [box.name, `median ${inWords(box.median)}`, `quartiles ${inWords(box.q1)} ${inWords(box.q3)}`, `${box.count} runs`];
+    const boxed = this.spec.series[0] && this.spec.series[0].boxes, box = boxed && boxed[row];
+    if (box) return [box.name, `median ${inWords(box.median)}`, `quartiles ${inWords(box.q1)} ${inWords(box.q3)}`, `${box.count} runs`];
+    const lines = [];
+    for (const one of this.shown()) {
+      const k = one.mode === "rows" && !one.bare ? one.at.indexOf(row) : -1;
+      if (k < 0) continue;
+      const between = `${inWords(one.low[k]) || "open"} to ${inWords(one.high[k]) || "open"}`;
+      lines.push(one.x ? `${one.name ? `${one.name}: ` : ""}${inWords(one.x[k])}${one.pointed ? "" : ` (${between})`}` : `${one.name}: ${between}`);
+    }
+    return lines.length ? [this.spec.categories[row], ...lines] : [];
   }
 
   nearest(x, y) {

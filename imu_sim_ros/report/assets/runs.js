@@ -6,32 +6,49 @@ const MOST_BOXES = 80;
 const MOST_LINES = 8;
 
 class Campaign {
-  // data: {metrics, grid, columns, groups, sensors}
+  // data: {metrics, grid, columns, groups, sensors, opened, plan}
   constructor(data, host) {
     this.data = data;
     this.metric = data.metrics.find((one) => one.name === data.metric) || data.metrics[0];
     this.table = new Table(data.columns, {
-      name: "runs", search: true,
+      name: "runs", search: true, shown: data.shown,
       bad: (row, table) => table.column("status")[row] !== "done",
+      detail: (row) => this.detail(row),
       onfilter: (rows) => { this.rows = rows; if (this.boxes) this.follow(); },
     });
-    this.by = this.firstDivision();
+    this.group = new Map(data.groups.map((group) => [`${group.cell}\n${group.estimator}`, group]));
+    this.by = "";
     this.controls(host);
     this.plots(host);
-    host.append(element("h3", {}, "Runs"),
-      element("p", { class: "caption" }, 'The search narrows the box plots and the distributions above as well: words, name=value, name>number ("quotes" around spaces). A click on a box finds its runs.'),
+    this.heading = element("h3", {}, "Runs");
+    host.append(this.heading,
+      element("p", { class: "caption" }, 'The search narrows the box plots and the distributions above as well: parts of words, name=part, name="whole", name>number. A click on a box finds its runs; \u25b8 opens a run.'),
       this.table.host);
   }
 
   values(name) { return this.table.column(name); }
 
-  // The first of the grid's names and the estimator that has 2 to 8 values; else all groups.
-  firstDivision() {
-    for (const name of ["estimator", ...this.data.grid]) {
-      const count = new Set(this.values(name)).size;
-      if (count > 1 && count <= MOST_LINES) return name;
-    }
-    return "";
+  find(query) {
+    this.table.filter(query);
+    this.heading.scrollIntoView();
+  }
+
+  // Everything about a run: its parameters, what it printed, its path, and the command to repeat it.
+  detail(row) {
+    const { opened, cells } = this.data, cell = this.values("cell")[row], estimator = this.values("estimator")[row];
+    const more = opened[row] || {}, parts = [];
+    const told = this.table.columns.filter((one) => one.values[row] !== null).map((one) => element("div", {}, element("span", { class: "faint" }, one.name), ` ${inWords(one.values[row], 6)}`));
+    parts.push(element("div", { class: "fields" }, ...told));
+    if (more.folder) parts.push(element("p", {}, "Kept in ", element("code", {}, more.folder)));
+    if (more.log) parts.push(element("h3", {}, "End of what it printed (output and errors)"), element("pre", { tabindex: "0" }, more.log));
+    if (more.path) parts.push(new Path({ title: "Path", series: more.path }).figure);
+    const one = { ...this.data.plan, grid: Object.fromEntries(Object.entries(cells[cell] || {}).map(([name, value]) => [name, [value]])), seeds: [this.values("seed")[row]], keep: "all" };
+    if (one.estimators && !Array.isArray(one.estimators)) one.estimators = { [estimator]: one.estimators[estimator] };
+    else one.estimators = [estimator];
+    if (!Object.keys(one.grid).length) delete one.grid;
+    parts.push(element("h3", {}, "To repeat it, in the folder of the plan"),
+      element("pre", { tabindex: "0", class: "repeat" }, `cat > run.yaml <<'END'\n${JSON.stringify(one, null, 1)}\nEND\ncampaign run.yaml -o run --workers 1`));
+    return element("div", {}, ...parts);
   }
 
   choice(words, options, chosen, onchange) {
@@ -60,16 +77,24 @@ class Campaign {
       grid.append(plot.figure);
       return plot;
     };
+    const success = this.metric.name === "success";
+    if (success) this.metric = this.data.metrics[0];
     const [boxes, shares] = this.distributions();
-    this.boxes = add(boxes, boxes.categories.length > 12);
+    this.boxes = add(boxes, boxes.categories.length > 10);
     this.shares = add(shares);
     this.curves = this.curveSpecs().map((spec) => add(spec));
-    this.consistency = this.data.consistency ? add(this.data.consistency) : null;
+    if (this.data.trend) add(this.data.trend);
+    if (this.data.consistency) add(this.data.consistency, this.data.consistency.categories.length > 10);
     if (this.data.sensors.length) this.sensorPage(grid);
+    if (success) { this.metric = this.data.metrics.find((one) => one.name === "success"); this.follow(); this.summarised(); }
+    rowsFilled(grid);
     grid.querySelectorAll("figure").forEach((figure) => figure.setAttribute("data-campaign", ""));
   }
 
   follow() {
+    const success = this.metric.name === "success";
+    this.shares.figure.hidden = success;
+    if (success) { this.boxes.show(this.successShares()); return; }
     const [boxes, shares] = this.distributions();
     this.boxes.show(boxes);
     this.shares.show(shares);
@@ -81,43 +106,63 @@ class Campaign {
   }
 
   // The values of the metric in the runs that the search leaves, sorted, by the chosen division.
+  // Failed runs are the worst: at the end, infinite; where lower is not better, at the beginning.
   divided() {
-    const numbers = this.values(this.metric.name), found = new Map();
+    const numbers = this.values(this.metric.name), found = new Map(), worst = this.metric.better === "higher" ? -Infinity : Infinity;
     const names = this.by ? this.values(this.by) : null, cells = this.values("cell"), estimators = this.values("estimator");
     const states = this.values("status");
-    const several = new Set(estimators).size > 1;
-    const rows = [...this.rows].sort((a, b) => a - b);
-    for (const row of rows) {
-      if (numbers[row] === null || states[row] !== "done") continue;
-      const name = names ? `${this.by} = ${inWords(names[row], 6)}` : several ? `${cells[row]}; ${estimators[row]}` : cells[row];
-      if (!found.has(name)) found.set(name, { name, numbers: [], row });
-      found.get(name).numbers.push(numbers[row]);
+    for (const row of [...this.rows].sort((a, b) => a - b)) {
+      const done = states[row] === "done";
+      if (done && numbers[row] === null) continue;
+      const own = this.group.get(`${cells[row]}\n${estimators[row]}`);
+      const name = names ? `${this.by} = ${inWords(names[row], 6)}` : own ? own.label : cells[row];
+      if (!found.has(name)) found.set(name, { name, numbers: [], failed: 0, row });
+      const group = found.get(name);
+      group.numbers.push(done ? numbers[row] : worst);
+      if (!done) group.failed += 1;
     }
-    const groups = [...found.values()];
-    for (const group of groups) group.numbers.sort((a, b) => a - b);
+    const groups = [...found.values()].filter((group) => group.failed < group.numbers.length);
+    for (const group of groups) {
+      group.numbers.sort((a, b) => a - b);
+      if (group.failed) group.name += ` (${group.numbers.length - group.failed} of ${group.numbers.length} done)`;
+    }
     return groups;
   }
 
+  // Success has no value of a run: its shares come with their intervals.
+  successShares() {
+    const { groups } = this.data, values = groups.map((group) => group.metrics.success);
+    return { title: "Success rate, by cell and estimator", x: { label: "share of runs done", log: false }, categories: groups.map((group) => group.label),
+      series: [{ name: "", mode: "rows", colour: 0, at: groups.map((_, k) => k), x: values.map((v) => v[0]), low: values.map((v) => v[1]), high: values.map((v) => v[2]) }],
+      caption: "With the 95 % interval (Wilson); all runs, whatever the search.", onpick: (k) => this.pick({ row: this.firstOf(groups[k]) }) };
+  }
+
+  firstOf(group) {
+    const cells = this.values("cell"), estimators = this.values("estimator");
+    return cells.findIndex((cell, row) => cell === group.cell && estimators[row] === group.estimator);
+  }
+
   distributions() {
-    const groups = this.divided(), { label } = this.metric;
-    const positive = groups.every((group) => group.numbers[0] > 0);
-    const ends = [0.05, 0.95].map((p) => groups.map((group) => quantile(group.numbers, p)));
-    const wide = groups.length && Math.max(...ends[1]) > 50 * Math.min(...ends[0]);
-    const log = positive && Boolean(wide);
+    const groups = this.divided(), { label } = this.metric, finite = (list) => list.filter(Number.isFinite);
+    const positive = groups.every((group) => finite(group.numbers)[0] > 0);
+    const ends = [0.05, 0.95].map((p) => groups.map((group) => quantile(finite(group.numbers), p)));
+    const log = positive && Boolean(groups.length) && Math.max(...ends[1]) > 50 * Math.min(...ends[0]);
     const drawn = groups.slice(0, MOST_BOXES);
     const boxes = drawn.map((group, k) => {
       const at = (p) => quantile(group.numbers, p);
       return { name: group.name, count: group.numbers.length, low: at(0.05), q1: at(0.25), median: at(0.5), q3: at(0.75), high: at(0.95), colour: groups.length <= MOST_LINES ? k : 0 };
     });
     const rest = (most) => (groups.length > most ? ` The first ${most} of ${groups.length}; search the runs for others.` : "");
-    const shares = groups.slice(0, MOST_LINES).map((group, k) => ({
-      name: group.name, mode: "step", colour: k, x: group.numbers, y: group.numbers.map((_, i) => (i + 1) / group.numbers.length),
-    }));
+    const shares = groups.slice(0, MOST_LINES).map((group, k) => {
+      const before = group.numbers.filter((value) => value === -Infinity).length, shown = finite(group.numbers);
+      return { name: group.name, mode: "step", colour: k, x: shown, y: shown.map((_, i) => (before + i + 1) / group.numbers.length) };
+    });
+    const by = this.by || "cell and estimator";
     return [
-      { title: `${label}, by ${this.by || "cell"}`, x: { label, log }, categories: boxes.map((box) => box.name),
-        series: [{ name: "", boxes, x: [], colour: 0 }], caption: "Median, quartiles, 5th and 95th percentile of the runs that are done." + rest(MOST_BOXES),
+      { title: `${label}, by ${by}`, x: { label, log }, categories: boxes.map((box) => box.name),
+        series: [{ name: "", boxes, x: [], colour: 0 }], caption: "Median, quartiles, 5th and 95th percentile; failed runs count as worse than any number: what reaches into them ends at the frame." + rest(MOST_BOXES),
         onpick: (k) => this.pick(drawn[k]) },
-      { title: `Share of runs below (ECDF), by ${this.by || "cell"}`, x: { label, log }, y: { label: "share of runs", range: [0, 1.02] }, legend: true, series: shares, caption: rest(MOST_LINES).trim() },
+      { title: `Share of runs below (ECDF), by ${by}`, x: { label, log }, y: { label: "share of all runs", range: [0, 1.02] }, legend: true, series: shares, caption: ("Of all runs: where some failed it ends below 1." + rest(MOST_LINES)).trim() },
     ];
   }
 

@@ -3,44 +3,72 @@
 // A table that is sorted by a click on a column's name and searched by words and comparisons.
 
 const PAGE = 25;
-const PRINTED = 250;  // rows on paper, where nobody turns over
+const PRINTED = 30;  // rows on paper, where nobody turns over
 
-// A column comes as {name, values}, or as {name, words, index} where few strings stand often.
+// A column comes as {name, values}, as {name, words, index} where few strings stand often, or as
+// {name, f4}, the base64 of little-endian floats, NaN for what is missing.
 function unpacked(column) {
-  return column.words ? column.index.map((k) => (k === null ? null : column.words[k])) : column.values;
+  if (column.words) return column.index.map((k) => (k === null ? null : column.words[k]));
+  if (!column.f4) return column.values;
+  const bytes = Uint8Array.from(atob(column.f4), (letter) => letter.charCodeAt(0));
+  const view = new DataView(bytes.buffer), found = [];
+  for (let at = 0; at < bytes.length; at += 4) {
+    const value = view.getFloat32(at, true);
+    found.push(Number.isNaN(value) ? null : Number(value.toPrecision(6)));
+  }
+  return found;
 }
 
-// The search: words that all must occur; name=value, name<number, name>number; quotes hold spaces.
-function matcher(query, columns) {
-  const parts = query.match(/(?:[^\s"]|"[^"]*(?:"|$))+/g) || [];
-  const tests = parts.map((part) => {
-    const found = part.match(/^([^=<>"]+)(<=|>=|=|<|>)(.+)$/);
-    const column = found && columns.find((one) => one.name.toLowerCase() === found[1].toLowerCase());
+// The search: words that all must occur; name=part, name="whole", name<number, name>number. A part
+// of a column's name will do where only one column has it. Returns {fits, problems}.
+function matcher(query, columns, text) {
+  const problems = [];
+  const tests = (query.match(/(?:[^\s"]|"[^"]*(?:"|$))+/g) || []).map((part) => {
     const bare = (words) => words.replaceAll('"', "").toLowerCase();
-    if (!column) {
-      const wanted = bare(part);
-      return (row) => columns.some((one) => one.values[row] !== null && String(one.values[row]).toLowerCase().includes(wanted));
-    }
-    const [, , sign, words] = found, wanted = bare(words), number = Number(wanted);
+    const found = part.match(/^([^=<>"]+)(<=|>=|=|<|>)(.*)$/);
+    if (!found) { const wanted = bare(part); return (row) => text(row).includes(wanted); }
+    const [, name, sign, words] = found, wanted = bare(words), number = Number(wanted);
+    const column = named(name.toLowerCase(), columns, problems);
+    if (!column) return () => false;
+    const { values } = column;
     if (sign === "=") {
-      return (row) => { const value = column.values[row]; return value !== null && (String(value).toLowerCase() === wanted || value === number); };
+      const whole = words.startsWith('"');
+      return (row) => {
+        const value = values[row];
+        if (value === null) return false;
+        if (typeof value === "number") return value === number;
+        const has = String(value).toLowerCase();
+        return whole ? has === wanted : has.includes(wanted);
+      };
     }
+    if (wanted === "" || Number.isNaN(number)) { problems.push(`${part}: ${sign} needs a number`); return () => false; }
     const compare = { "<": (v) => v < number, ">": (v) => v > number, "<=": (v) => v <= number, ">=": (v) => v >= number }[sign];
-    return (row) => column.values[row] !== null && compare(column.values[row]);
+    return (row) => values[row] !== null && compare(values[row]);
   });
-  return (row) => tests.every((test) => test(row));
+  return { fits: (row) => tests.every((test) => test(row)), problems };
+}
+
+function named(name, columns, problems) {
+  const exact = columns.find((one) => one.name.toLowerCase() === name);
+  if (exact) return exact;
+  const parts = columns.filter((one) => one.name.toLowerCase().includes(name));
+  if (parts.length === 1) return parts[0];
+  const names = (parts.length ? parts : columns).map((one) => one.name).join(", ");
+  problems.push(parts.length ? `${name}: several columns have this in their name: ${names}` : `no column ${name}; there are ${names}`);
+  return null;
 }
 
 class Table {
-  // columns: [{name, values}]; options: {name, search, onfilter, bad}
+  // columns: [{name, values}]; options: {name, search, onfilter, bad, shown, detail}
   constructor(columns, options = {}) {
-    this.columns = columns.map((one) => ({ ...one, values: unpacked(one) }));
+    this.columns = columns.map((one) => ({ ...one, values: unpacked(one), hidden: Boolean(options.shown) && !options.shown.includes(one.name) }));
     this.columns.forEach((one) => { one.number = one.values.some((v) => typeof v === "number") && one.values.every((v) => v === null || typeof v === "number"); });
     this.options = options;
     this.count = this.columns.length ? this.columns[0].values.length : 0;
-    this.rows = Array.from({ length: this.count }, (_, k) => k);
     this.order = { column: null, down: false };
     this.page = 0;
+    this.open = new Set();
+    this.texts = [];
     this.host = element("div", { "data-table": options.name || "" });
     this.build();
     this.filter("");
@@ -50,26 +78,41 @@ class Table {
 
   column(name) { return this.columns.find((one) => one.name === name).values; }
 
+  text(row) {
+    if (this.texts[row] === undefined) this.texts[row] = this.columns.map((one) => one.values[row]).join("\n").toLowerCase();
+    return this.texts[row];
+  }
+
   build() {
-    const { search } = this.options;
-    this.input = element("input", { type: "search", placeholder: 'search: words, name=value, name>1', "aria-label": `search ${this.options.name || "table"}`, oninput: () => this.filter(this.input.value) });
+    const { search, shown, name } = this.options;
+    this.input = element("input", { type: "search", placeholder: "search: words, name=part, name>1", "aria-label": `search ${name || "table"}`, oninput: () => this.filter(this.input.value) });
     this.told = element("span", { class: "faint", role: "status" });
     const bar = element("div", { class: "controls" }, this.input, this.told);
     if (!search) this.input.remove();
-    this.buttons = this.columns.map((column, k) => element("button", { type: "button", onclick: () => this.sort(k) }, column.name));
-    const heads = this.buttons.map((button, k) => element("th", { class: this.columns[k].number ? "number" : null, scope: "col", "data-name": this.columns[k].name }, button));
+    if (shown) bar.append(this.chooser());
+    this.head = element("tr");
     this.body = element("tbody");
     const turn = (words, by) => element("button", { type: "button", onclick: () => { this.page += by; this.draw(); } }, words);
     this.back = turn("\u2039 back", -1);
     this.next = turn("next \u203a", 1);
     this.pager = element("div", { class: "controls pager" }, this.back, this.next);
-    const table = element("table", {}, element("thead", {}, element("tr", {}, ...heads)), this.body);
+    const table = element("table", {}, element("thead", {}, this.head), this.body);
     this.host.append(bar, element("div", { class: "scroll", tabindex: "0" }, table), this.pager);
+  }
+
+  chooser() {
+    const boxes = this.columns.map((column) => {
+      const box = element("input", { type: "checkbox", onchange: () => { column.hidden = !box.checked; this.arrange(); } });
+      box.checked = !column.hidden;
+      return element("label", {}, box, ` ${column.name}`);
+    });
+    return element("details", { class: "columns" }, element("summary", {}, "columns"), element("div", {}, ...boxes));
   }
 
   filter(query) {
     this.input.value = query;
-    const fits = matcher(query, this.columns);
+    const { fits, problems } = matcher(query, this.columns, (row) => this.text(row));
+    this.problems = problems;
     this.rows = [];
     for (let row = 0; row < this.count; row++) if (fits(row)) this.rows.push(row);
     this.page = 0;
@@ -77,22 +120,30 @@ class Table {
     if (this.options.onfilter) this.options.onfilter(this.rows);
   }
 
-  sort(k) {
-    this.order = { column: k, down: this.order.column === k && !this.order.down };
+  sort(column) {
+    this.order = { column, down: this.order.column === column && !this.order.down };
     this.page = 0;
     this.arrange();
   }
 
+  heads() {
+    const { column: sorted, down } = this.order, shown = this.columns.filter((one) => !one.hidden);
+    for (const column of shown) {
+      column.button = column.button || element("button", { type: "button", onclick: () => this.sort(column) });
+      column.head = column.head || element("th", { class: column.number ? "number" : null, scope: "col", "data-name": column.name }, column.button);
+      column.head.setAttribute("aria-sort", column !== sorted ? "none" : down ? "descending" : "ascending");
+      column.button.textContent = column.name + (column !== sorted ? "" : down ? " \u25bc" : " \u25b2");
+    }
+    const there = [...this.head.children];  // one that stays keeps the focus
+    if (there.length !== shown.length || shown.some((one, k) => one.head !== there[k])) this.head.replaceChildren(...shown.map((one) => one.head));
+  }
+
   arrange() {
     const { column, down } = this.order;
-    this.buttons.forEach((button, k) => {
-      const state = k !== column ? "none" : down ? "descending" : "ascending";
-      button.parentElement.setAttribute("aria-sort", state);
-      button.textContent = this.columns[k].name + (k !== column ? "" : down ? " \u25bc" : " \u25b2");
-    });
+    this.heads();
     if (column === null) this.rows.sort((a, b) => a - b);
     else {
-      const { values, number } = this.columns[column], sign = down ? -1 : 1;
+      const { values, number } = column, sign = down ? -1 : 1;
       const order = number ? (a, b) => a - b : (a, b) => String(a).localeCompare(String(b), "en", { numeric: true });
       this.rows.sort((a, b) => {
         const one = values[a], other = values[b];
@@ -105,17 +156,28 @@ class Table {
 
   draw(size = PAGE) {
     const pages = Math.max(1, Math.ceil(this.rows.length / size)), first = size === PAGE ? this.page * PAGE : 0;
-    const bad = this.options.bad;
-    this.body.replaceChildren(...this.rows.slice(first, first + size).map((row) =>
-      element("tr", { class: bad && bad(row, this) ? "bad" : null }, ...this.columns.map((column) => {
-        const value = column.values[row], words = inWords(value, 5);
-        return element("td", { class: column.number ? "number" : words.length > 60 ? "long" : null }, words);
-      }))));
+    this.body.replaceChildren(...this.rows.slice(first, first + size).flatMap((row) => this.line(row)));
     this.pager.hidden = pages === 1;
     this.back.disabled = this.page === 0;
     this.next.disabled = this.page >= pages - 1;
     const part = pages > 1 ? `, ${first + 1} to ${Math.min(first + size, this.rows.length)} shown` : "";
-    this.told.textContent = `${this.rows.length} of ${this.count} rows${part}`;
+    this.told.textContent = this.problems.length ? this.problems.join("; ") : `${this.rows.length} of ${this.count} rows${part}`;
+    this.told.classList.toggle("failed", this.problems.length > 0);
     this.host.dataset.rows = this.rows.length;
+  }
+
+  line(row) {
+    const { bad, detail } = this.options, shown = this.columns.filter((one) => !one.hidden);
+    const cells = shown.map((column) => {
+      const words = inWords(column.values[row], 5);
+      return element("td", { class: column.number ? "number" : words.length > 60 ? "long" : null }, words);
+    });
+    const line = element("tr", { class: bad && bad(row, this) ? "bad" : null }, ...cells);
+    if (!detail || !cells.length) return [line];
+    const open = this.open.has(row);
+    const turn = () => { if (!this.open.delete(row)) this.open.add(row); this.draw(); };
+    const button = element("button", { type: "button", class: "open", "aria-expanded": String(open), "aria-label": `details of row ${row + 1}`, onclick: turn }, open ? "\u25be" : "\u25b8");
+    cells[0].prepend(button);
+    return open ? [line, element("tr", { class: "detail" }, element("td", { colspan: shown.length }, detail(row)))] : [line];
   }
 }

@@ -1,0 +1,151 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What a run of a campaign shows when its row is opened: its path, its log, how to repeat it."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from imu_sim_ros.campaign import CellRuns, Group, Plan, Row
+from imu_sim_ros.campaign.estimators.estimate import read_estimate
+from imu_sim_ros.config import CommandEstimator, DeadReckonEstimator
+from imu_sim_ros.errors import ImuSimError
+from imu_sim_ros.navigation import dead_reckon
+from imu_sim_ros.navigation.comparison import align, common_rows, interpolate_poses
+from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.report.page import Item
+from imu_sim_ros.report.streams import extremes
+
+_MOST_LOGS: Final = 100
+_MOST_PATHS: Final = 24
+_LONGEST: Final = 100_000
+"""Samples up to which a run is repeated for its path."""
+_LOG_BYTES: Final = 1500
+_POINTS: Final = 60
+"""Columns of a path, each with its extremes."""
+PLAN: Final = "plan.yaml"
+_OUTPUT: Final = "output.txt"
+_ESTIMATES: Final = ("estimate.txt", "estimate.csv", "estimate")
+
+
+def opened(
+    plan: Plan, rows: Sequence[Row], found: Sequence[Group], folder: Path, metric: str
+) -> Item:
+    """Return what there is of runs besides their numbers, by their places in the rows.
+
+    Logs and folders of those that were kept, the failed ones first; paths of those in the middle
+    and of the worst of each group.
+    """
+    numbers = {cell.name: cell.number for cell in plan.cells()}
+    result: dict[str, Item] = {}
+    order = sorted(range(len(rows)), key=lambda k: rows[k]["status"] == "done")
+    for k in order:
+        kept = _kept(rows[k], numbers, folder)
+        if kept.is_dir():
+            result[str(k)] = {"folder": str(kept.relative_to(folder))}
+            if len(result) == _MOST_LOGS:
+                break
+            if (log := _tail(kept / _OUTPUT)) != "":
+                result[str(k)]["log"] = log
+    places = {id(row): k for k, row in enumerate(rows)}
+    shown = [places[id(row)] for row in _typical(found, metric)[:_MOST_PATHS]]
+    for k, path in _paths(plan, rows, shown, folder).items():
+        result.setdefault(str(k), {})["path"] = path
+    return result
+
+
+def repeated(folder: Path) -> Item:
+    """Return a campaign's plan without its gate, grid and seeds: what all of its runs share."""
+    try:
+        content = yaml.safe_load((folder / PLAN).read_text(encoding="utf-8"))
+    except (OSError, ValueError, yaml.YAMLError):
+        return {}
+    left_out = ("require", "grid", "seeds")
+    return {str(key): value for key, value in content.items() if key not in left_out}
+
+
+def _kept(row: Row, numbers: dict[str, int], folder: Path) -> Path:
+    number = numbers.get(str(row["cell"]), -1)
+    return folder / "runs" / f"{number:06d}" / str(row["seed"]) / str(row["estimator"])
+
+
+def _tail(path: Path) -> str:
+    """Return the end of a log."""
+    try:
+        with path.open("rb") as file:
+            file.seek(max(0, path.stat().st_size - _LOG_BYTES))
+            return file.read().decode("utf-8", errors="replace").strip()
+    except OSError:
+        return ""
+
+
+def _typical(found: Sequence[Group], metric: str) -> list[Row]:
+    """Return the run in the middle of each group, then the one with the largest value."""
+    ordered = [
+        sorted((row for row in group.rows if row.get(metric) is not None), key=lambda r: r[metric])
+        for group in found
+    ]
+    full = [rows for rows in ordered if rows]
+    return [rows[(len(rows) - 1) // 2] for rows in full] + [rows[-1] for rows in full]
+
+
+def _paths(plan: Plan, rows: Sequence[Row], shown: Sequence[int], folder: Path) -> dict[int, Any]:
+    cells = {cell.name: cell for cell in plan.cells()}
+    made: dict[str, CellRuns] = {}
+    result = {}
+    for k in shown:
+        row = rows[k]
+        name, estimator = str(row["cell"]), str(row["estimator"])
+        if name not in cells or estimator not in plan.estimators:
+            continue
+        try:
+            if name not in made:
+                made[name] = CellRuns(plan, cells[name])
+            kept = folder / "runs" / f"{cells[name].number:06d}" / str(row["seed"]) / estimator
+            found = _tracks(made[name], estimator, int(row["seed"]), kept)
+        except ImuSimError:
+            continue  # the page shows what it can
+        if found is not None:
+            result[k] = [
+                _line(words, colour, positions) for colour, (words, positions) in enumerate(found)
+            ]
+    return result
+
+
+def _tracks(
+    runs: CellRuns, name: str, seed: int, kept: Path
+) -> list[tuple[str, NDArray[np.float64]]] | None:
+    """Return the true path of a run and the estimated one, aligned as in the comparison."""
+    estimator = runs.plan.estimators[name]
+    places = [kept / one for one in _ESTIMATES if (kept / one).exists()]
+    if runs.total is None or runs.total > _LONGEST:
+        return None
+    block = runs.block(seed)
+    truth = runs.truth(block)
+    poses = PoseSequence(truth.t_ns, truth.position, truth.q_wb)
+    if isinstance(estimator, DeadReckonEstimator):
+        readings = runs.readings(block)
+        if not np.array_equal(readings.t_ns, truth.t_ns):
+            return None
+        methods = (estimator.method, estimator.attitude_update)
+        states = dead_reckon(*readings, truth.at(0), *methods, runs.parameters.gravity)
+        estimate = PoseSequence(states.t_ns, states.position, states.q_wb)
+    elif isinstance(estimator, CommandEstimator) and places:
+        estimate = read_estimate(places[0], estimator.estimate_topic or None).poses
+    else:
+        return None
+    rows = common_rows(estimate.t_ns, poses.t_ns)
+    estimate = PoseSequence(estimate.t_ns[rows], estimate.position[rows], estimate.q_wb[rows])
+    there = interpolate_poses(poses, estimate.t_ns)
+    aligned = align(estimate.position, there.position, str(runs.plan.alignment(name)))
+    return [("truth", truth.position), (name, aligned.apply(estimate).position)]
+
+
+def _line(name: str, colour: int, position: NDArray[np.float64]) -> Item:
+    x, y, z = position[extremes(position, _POINTS)].T
+    return {"name": name, "colour": colour, "x": x, "y": y, "z": z}

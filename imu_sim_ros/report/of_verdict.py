@@ -1,0 +1,213 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A campaign's judgement as drawn at the top of a page; nothing is computed here."""
+
+from collections.abc import Sequence
+from typing import Final
+
+from imu_sim_ros.campaign import Contest, Group, Judgement, Plan
+from imu_sim_ros.campaign.verdict import DIFFERENCE, RATIO, Effect
+from imu_sim_ros.report.page import Item, Section, table
+
+_MOST_SEEDS: Final = 100
+_MOST_DRAWN: Final = 12
+"""Contests that are drawn with the seeds of each pair."""
+_MOST_OTHERS: Final = 30
+
+
+def short(words: dict[str, str], varying: Sequence[str]) -> str:
+    """Return a group's name: what varies; numbers with the last part of their parameter's name."""
+    parts = []
+    for name in varying:
+        value = words[name]
+        plain = value.replace(".", "").replace("-", "").replace("e", "").replace("+", "").isdigit()
+        parts.append(f"{name.rpartition('.')[2]} {value}" if plain else value)
+    return ", ".join(parts) or "all"
+
+
+def query(cell: str, estimator: str) -> str:
+    """Return the search that finds the runs of a group."""
+    quoted = [text.replace('"', "") for text in (cell, estimator)]
+    return f'cell="{quoted[0]}" estimator="{quoted[1]}"'
+
+
+def verdict_section(
+    plan: Plan, judgements: Sequence[tuple[str, Judgement]], found: Sequence[Group], campaign: str
+) -> Section:
+    """Return the verdict.
+
+    :param judgements: with the metrics' names in words; the first is shown first.
+    :param campaign: by which links find the runs.
+    """
+    first = judgements[0][1]
+    places = {(group.cell, group.estimator): group for group in found}
+    varying = varying_names(found)
+
+    def place(cell: str, estimator: str) -> str:
+        return short(places[cell, estimator].words, varying)
+
+    missed = [one for one in first.requirements if not one.met]
+    told = {one.requirement for one in missed}
+    lines = [line for line in first.problems if not any(text in line for text in told)]
+    requirements: Item = {
+        "count": len(plan.require),
+        "texts": len(told),
+        "missed": [
+            {"requirement": one.requirement, "value": one.value}
+            | {"place": place(one.cell, one.estimator), "query": query(one.cell, one.estimator)}
+            for one in missed
+        ],
+    }
+    failures = [
+        {"reason": one.reason, "runs": one.runs, "place": place(one.cell, one.estimator)}
+        | {"query": f"{query(one.cell, one.estimator)} status=failed"}
+        for one in first.failures
+    ]
+    item: Item = {
+        "kind": "verdict",
+        "campaign": campaign,
+        "requirements": requirements,
+        "problems": lines,
+        "failures": failures,
+        "judged": [
+            _judged(words, judged, factor, found)
+            for words, judged in judgements
+            for factor in dict.fromkeys([judged.factor, *(one.factor for one in judged.contests)])
+        ],
+    }
+    told_of = f"{first.runs:,} runs, {first.done:,} done, in {len(found)} cells and estimators."
+    text = (
+        f"{told_of} Compared on the same seeds; failed runs are worse than any number; differences "
+        f"up to {first.tolerance} do not matter; p values (Wilcoxon, for shares McNemar) are "
+        "corrected by Holm."
+    )
+    return Section("Verdict", [item, {"kind": "text", "text": text, "faint": True}])
+
+
+def varying_names(found: Sequence[Group]) -> list[str]:
+    """Return the names of the grid, and ``estimator``, that have several values."""
+    names = list(found[0].words) if found else []
+    return [name for name in names if len({group.words[name] for group in found}) > 1]
+
+
+def _judged(words: str, judged: Judgement, factor: str, found: Sequence[Group]) -> Item:
+    names = varying_names(found)
+    drawn = found if factor == judged.factor else ()
+    contests = [
+        _contest(contest, judged, drawn if k < _MOST_DRAWN else (), names)
+        for k, contest in enumerate(one for one in judged.contests if one.factor == factor)
+    ]
+    alone = ""
+    if not contests and judged.standings:
+        one = judged.standings[0]
+        alone = f"{judged.metric}: nothing varies; {one.done} of {one.runs} runs done"
+        if one.median.value is not None:
+            alone += f", median {one.median.value:.4g}"
+    return {
+        "metric": judged.metric,
+        "label": words,
+        "factor": factor,
+        "contests": contests,
+        "alone": alone,
+    }
+
+
+def _contest(
+    contest: Contest, judged: Judgement, found: Sequence[Group], varying: Sequence[str]
+) -> Item:
+    where = [name for name in varying if name in contest.where]
+    effects = [
+        {"a": one.a, "b": one.b, "verdict": one.verdict, "line": one.line(judged.metric)}
+        | {"short": _brief(one, False), "turned": _brief(one, True)}
+        for one in contest.effects
+    ]
+    return {
+        "where": short(contest.where, where) if where else "",
+        "ranking": contest.ranking,
+        "best": contest.best,
+        "line": contest.lead.line(judged.metric),
+        "effects": effects,
+        "plot": _paired(contest, judged, found),
+    }
+
+
+def _brief(effect: Effect, turned: bool) -> str:
+    """Return the size of an effect for a field of the matrix: ``/254``, ``x1.03``, ``-0.2``."""
+    value = effect.effect.value
+    if value is None:
+        return "?" if effect.note else "failed"
+    if effect.kind == RATIO:
+        if turned:
+            value = 1.0 / value
+        return f"\u00d7{value:.3g}" if value >= 1.0 else f"\u00f7{1.0 / value:.3g}"
+    value = -value if turned else value
+    return f"{value:+.3g}" if effect.kind == DIFFERENCE else f"{100.0 * value:+.3g} %"
+
+
+def _paired(contest: Contest, judged: Judgement, found: Sequence[Group]) -> Item | None:
+    """Return the plot of the first compared with each other one: the effect and every seed."""
+    first, kind = contest.ranking[0], contest.lead.kind
+    shown = [one for one in contest.effects if one.a == first and one.kind == kind]
+    shown = [one for one in shown if one.effect.value is not None][:_MOST_OTHERS]
+    if not shown:
+        return None
+    ratio = kind == RATIO
+    series: list[Item] = []
+    dots: Item = {"at": [], "x": []}
+    members = _members(contest, found)
+    for k, one in enumerate(shown):
+        if one.b in members and first in members:
+            for x in _seeds(members[first], members[one.b], judged.metric, ratio):
+                dots["at"].append(k)
+                dots["x"].append(x)
+    if dots["at"]:
+        none = [None] * len(dots["at"])
+        bare = {"name": "one seed", "mode": "rows", "bare": True, "size": 2.5, "colour": 6}
+        series.append({**bare, **dots, "low": none, "high": none})
+    series.append(
+        {"name": "effect, 95 %", "mode": "rows", "colour": 0, "at": list(range(len(shown)))}
+        | {"x": [one.effect.value for one in shown], "line": 1.0 if ratio else 0.0}
+        | {"low": [one.effect.low for one in shown], "high": [one.effect.high for one in shown]}
+    )
+    sign = "/" if ratio else "-"
+    return {
+        "title": f"{judged.metric}: {first} {sign} each other, on the same seeds",
+        "x": {"label": f"{judged.metric}, {first} {sign} other", "log": ratio},
+        "categories": [one.b for one in shown],
+        "series": series,
+        "caption": "The effect with its 95 % interval; small points are single seeds."
+        if dots["at"]
+        else "The effect with its 95 % interval.",
+    }
+
+
+def _members(contest: Contest, found: Sequence[Group]) -> dict[str, Group]:
+    """Return the groups of a contest by their values of its factor."""
+    return {
+        group.words[contest.factor]: group
+        for group in found
+        if all(group.words[name] == word for name, word in contest.where.items())
+    }
+
+
+def _seeds(a: Group, b: Group, metric: str, ratio: bool) -> list[float]:
+    """Return A / B, or A - B, of each seed on which both have the metric."""
+    theirs = {row["seed"]: row.get(metric) for row in b.rows if row["status"] == "done"}
+    pairs = [
+        (row.get(metric), theirs.get(row["seed"])) for row in a.rows if row["status"] == "done"
+    ]
+    known = [(one, other) for one, other in pairs if one is not None and other is not None]
+    if ratio:
+        return [one / other for one, other in known[:_MOST_SEEDS] if other]
+    return [one - other for one, other in known[:_MOST_SEEDS]]
+
+
+def against_baseline(effects: Sequence[Effect], metric: str, name: str) -> Item:
+    """Return the table of each group compared with the same one of an earlier campaign."""
+    rows = [
+        [one.a, one.verdict, one.note or one.size(), f"{one.won} of {one.seeds}", one.p]
+        for one in effects
+    ]
+    header = ["cell and estimator", "now", f"{metric}, than before", "better seeds", "p"]
+    return table(f"compared with {name}", header, rows, search=True)
