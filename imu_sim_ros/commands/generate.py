@@ -154,7 +154,8 @@ def _generated(
     if arguments.with_configs:
         folder = written.where(shared.configs(arguments.output))
         topics = shared.bagcreater_topics(imus) if arguments.format == "csv" else names
-        shared.write_configs(folder, imus, topics, asked.rig)
+        for warning in shared.write_configs(folder, imus, topics, asked.rig):
+            print(f"generate: warning: {warning}", file=sys.stderr)
         camera_output.write_parameters(folder, arguments.output.name, asked)
     return {
         "output": str(arguments.output),

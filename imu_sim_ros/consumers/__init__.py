@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from imu_sim_ros.consumers import kalibr as kalibr
     from imu_sim_ros.consumers.folder import write_all as write_all
     from imu_sim_ros.consumers.rig import RigValues as RigValues
+    from imu_sim_ros.consumers.start import Start as Start
+    from imu_sim_ros.consumers.start import start_warnings as start_warnings
     from imu_sim_ros.consumers.values import ImuValues as ImuValues
 else:
     __getattr__, __dir__, __all__ = exported(
@@ -27,6 +29,7 @@ else:
             "": ["kalibr"],
             "folder": ["write_all"],
             "rig": ["RigValues"],
+            "start": ["Start", "start_warnings"],
             "values": ["ImuValues"],
         },
     )

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.bags.text import decimal
 from imu_sim_ros.consumers.rig import RigValues, four, kind, listed, real
+from imu_sim_ros.consumers.start import REST_THRESHOLD
 from imu_sim_ros.consumers.values import ImuValues, comment, remarks, rows
 
 Array = NDArray[np.float64]
@@ -52,7 +53,7 @@ _ESTIMATOR: Final = {
     "zupt_max_disparity": "0.5",
     "zupt_only_at_beginning": "false",
     "init_window_time": "2.0",
-    "init_imu_thresh": "0.5",
+    "init_imu_thresh": "1.5",
     "init_max_disparity": "10.0",
     "init_max_features": "75",
     "init_dyn_use": "false",
@@ -186,6 +187,7 @@ def estimator_config(rig: RigValues) -> str:
             "second's accelerometer deviation is 0.07 at rest and 1.3 at most in its flights. 0.5 "
             "fires; it wants 2 s of rest and then a jerk (trajectory.lead_in).",
             "Extrinsics and intrinsics are exact, so only the time offset is estimated.",
+            *rig.start_remarks("OpenVINS"),
             *rig.remarks(("time_offset",), offsets=False),
         ]
     )
@@ -193,7 +195,7 @@ def estimator_config(rig: RigValues) -> str:
         "use_stereo": "true" if count > 1 else "false",
         "max_cameras": str(count),
         "gravity_mag": decimal(rig.imu.gravity),
-        "init_imu_thresh": "0.5",
+        "init_imu_thresh": decimal(REST_THRESHOLD),
         "track_frequency": decimal(fastest + 1.0),
     }
     lines = "".join(f"{key}: {value}\n" for key, value in {**_ESTIMATOR, **changed}.items())

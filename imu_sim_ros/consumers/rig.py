@@ -28,6 +28,12 @@ class RigValues:
     topics: Mapping[str, str]
     """Of each camera's images."""
     scene: SceneParameters
+    warnings: tuple[str, ...] = ()
+    """Of :func:`~imu_sim_ros.consumers.start_warnings`."""
+
+    def start_remarks(self, stack: str) -> Iterator[str]:
+        """Yield why a stack will initialise badly, a sentence each."""
+        yield from (f"WARNING: {line}" for line in self.warnings if line.startswith(f"{stack}:"))
 
     def imu_camera(self, name: str) -> Array:
         """Return T_ic (4, 4), which maps coordinates from a camera to the IMU."""

@@ -151,6 +151,7 @@ def _head(name: str, rig: RigValues, missing: Iterator[str]) -> str:
             "The motion must start with parallax: it initialises from it.",
             "Values per sample at this rate, not densities: noise and walk are multiplied by the "
             f"square root of the rate, sqrt({rig.imu.rate:g} Hz) (integration_base.h).",
+            *rig.start_remarks(name),
             *missing,
             *remarks(rig.imu),
         ]

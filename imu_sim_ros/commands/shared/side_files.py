@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from imu_sim_ros import consumers
+from imu_sim_ros import consumers, rotation
 from imu_sim_ros.bags import make_folder
 from imu_sim_ros.bags.text import writer as text_writer
 from imu_sim_ros.commands.shared.output_arguments import named
@@ -32,6 +32,10 @@ from imu_sim_ros.simulation import Simulation
 if TYPE_CHECKING:
     from imu_sim_ros.config.cameras import RigParameters
 
+_START: Final = 60.0
+"""How much of a flight is searched for where stacks can initialise [s]."""
+_EVERY: Final = 0.01
+"""[s]"""
 _SUFFIXES: Final = (".bag", ".mcap", ".csv")
 """What is not part of the name of the truth; folders have none of them."""
 
@@ -145,12 +149,15 @@ def write_configs(
     imus: Mapping[str, Simulation],
     names: Mapping[str, str],
     rig: "RigParameters | None",
-) -> None:
+) -> list[str]:
     """Write the files of all stacks; several IMUs have a folder each, of their names.
+
+    Returns why stacks will initialise badly from these cameras and IMUs, a line each.
 
     :param names: of the topics that are written, by their own names.
     :param rig: the cameras, where there are some.
     """
+    warnings = []
     if "" not in imus:
         make_folder(folder)
     for name, simulation in imus.items():
@@ -162,8 +169,21 @@ def write_configs(
             from imu_sim_ros.datasets import image_topic
 
             topics = {camera: image_topic(camera, names) for camera in rig.cameras}
-            seen = consumers.RigValues(values, rig.each(), topics, rig.scene)
+            lines = tuple(consumers.start_warnings(values, _start(simulation)))
+            warnings += [f"{name}: {line}" if name else line for line in lines]
+            seen = consumers.RigValues(values, rig.each(), topics, rig.scene, lines)
         consumers.write_all(folder / name, values, seen)
+    return warnings
+
+
+def _start(simulation: Simulation) -> "consumers.Start":
+    """Return the true motion at the start of a flight, every 10 ms."""
+    length = min(simulation.position / simulation.parameters.rate, _START)
+    t = np.arange(0.0, max(length, 2.0 * _EVERY), _EVERY)
+    motion = simulation.trajectory.sample(np.minimum(t, simulation.trajectory.duration))
+    force = motion.acceleration - np.asarray(simulation.parameters.gravity)
+    speed = np.linalg.norm(motion.velocity, axis=1)
+    return consumers.Start(t, rotation.rotate_inverse(motion.q_wb, force), speed)
 
 
 def bagcreater_topics(imus: Iterable[str]) -> dict[str, str]:
