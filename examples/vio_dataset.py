@@ -15,7 +15,9 @@ import imu_sim_ros as ims
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else ".")
 folder.mkdir(parents=True, exist_ok=True)
-flight = ims.simulate(imu="adis16448", trajectory="excitation", duration=30, rate=200, seed=7)
+# Two seconds of rest and a jerk come first: OpenVINS initialises from them.
+motion = {"type": "excitation", "lead_in": {"rest": 2.0}}
+flight = ims.simulate(imu="adis16448", trajectory=motion, duration=30, rate=200, seed=7)
 print(flight)
 
 names = {"imu/data_raw": "/imu0", "ground_truth/odom": "/odom"}

@@ -1,0 +1,75 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Datasets of cameras that are interrupted: what is left is whole, and the message says it."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from imu_sim_ros.commands import generate
+from imu_sim_ros.datasets import columns
+
+COMMAND = [sys.executable, "-m", "imu_sim_ros.commands.generate"]
+STEREO = [
+    *("--trajectory", "figure_eight", "--seed", "5", "--set", "camera.body_axes=flu"),
+    *("--camera", "euroc_cam0", "--camera", "euroc_cam1"),
+]
+
+
+@pytest.mark.parametrize(("form", "place"), [("euroc", "."), ("tum_vi", "mav0")])
+def test_an_interrupted_stereo_dataset_has_as_many_images_of_both_cameras(tmp_path, form, place):
+    """The names in data.csv are the images that are there, of both cameras the same."""
+    words = ["-o", str(tmp_path / "x"), "--format", form, *STEREO, "--duration", "1h"]
+    with subprocess.Popen([*COMMAND, *words], stderr=subprocess.PIPE, text=True) as process:
+        deadline = time.monotonic() + 120
+        while len(list(tmp_path.rglob("cam1/data/*.png"))) < 25:
+            assert time.monotonic() < deadline
+            assert process.poll() is None
+            time.sleep(0.01)
+        process.send_signal(signal.SIGINT)
+        error = process.communicate(timeout=120)[1]
+    assert process.returncode == 130
+    assert os.listdir(tmp_path) == ["x.partial"]
+    folder = tmp_path / "x.partial" / place
+    found = {name: sorted(os.listdir(folder / name / "data")) for name in ("cam0", "cam1")}
+    assert found["cam0"] == found["cam1"]
+    assert len(found["cam0"]) >= 20
+    for name, images in found.items():
+        rows = (folder / name / "data.csv").read_text(encoding="utf-8").splitlines()[1:]
+        assert [row.split(",")[1] for row in rows] == images
+        last = int(images[-1].removesuffix(".png"))
+        assert f"{len(images):,} images of {name} up to stamp {last * 1e-9:.9f} s" in error
+        sizes = [(folder / name / "data" / image).read_bytes()[-8:] for image in images]
+        assert set(sizes) == {b"IEND\xaeB`\x82"}
+    assert np.unique(np.diff([int(n.removesuffix(".png")) for n in found["cam0"]])) == [50_000_000]
+
+
+@pytest.mark.parametrize("table", [columns.CsvTable, columns.NpzTable])
+def test_tables_of_tracks_end_with_the_same_rows(tmp_path, capsys, monkeypatch, table):
+    """A signal comes just before and just after the rows of a block are in the first table."""
+    write, calls = table.write, []
+
+    def write_and_signal(self, *values):
+        calls.append(self)
+        if len(calls) == 4:
+            os.kill(os.getpid(), signal.SIGINT)
+        write(self, *values)
+
+    monkeypatch.setattr(table, "write", write_and_signal)
+    words = ["-o", str(tmp_path / "x"), "--format", "tracks", *STEREO, "--duration", "60s"]
+    assert generate.main([*words, "--quiet"]) == 130
+    [folder] = tmp_path.glob("x.partial")
+    [path] = folder.glob("tracks*.csv")
+    rows = path.read_text(encoding="utf-8").splitlines()[1:]
+    [said] = re.findall(r"([\d,]+) tracks", capsys.readouterr().err)
+    arrays = np.load(folder / "tracks.npz")
+    assert len(rows) == int(said.replace(",", "")) > 1000
+    assert {name: len(arrays[name]) for name in arrays} == dict.fromkeys(arrays, len(rows))
+    assert [int(row.split(",")[0]) for row in rows] == arrays["t_ns"].tolist()
