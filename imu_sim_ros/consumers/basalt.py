@@ -119,5 +119,5 @@ def _static(values: ImuValues, triad: str, places: Any) -> list[float]:
 
 
 def _above_zero(values: ImuValues, name: str) -> list[float]:
-    result: list[float] = np.maximum(values.axes(name), SMALLEST).tolist()
+    result: list[float] = np.maximum(values.filter_axes(name), SMALLEST).tolist()
     return result

@@ -145,6 +145,31 @@ def test_vins_fusion_reads_its_imu(tmp_path):
     assert mono["gyr_n"] == pytest.approx(0.015 * np.sqrt(RATE))
 
 
+def test_the_walk_stands_for_the_flicker_noise(tmp_path):
+    """In all five stacks: its Allan deviation, K sqrt(t / 3), is that of both at 1 s."""
+    k, b = np.array([1e-5, 2e-5, 0.0]), np.array([3e-5, 0.0, 4e-5])
+    names = ("imu.gyroscope_random_walk", "imu.gyroscope_bias_instability")
+    loaded, _ = simulated(**{name: v.tolist() for name, v in zip(names, (k, b), strict=True)})
+    axes = np.sqrt(k**2 + 3.0 * 2.0 * np.log(2.0) / np.pi * b**2)
+    np.testing.assert_allclose(axes**2 / 3.0, k**2 / 3.0 + (0.664 * b) ** 2, rtol=1e-3)
+    one = np.sqrt(np.mean(axes**2))
+    texts = files(tmp_path / "c", loaded)
+    for text in (texts[name] for name in ("imu.yaml", "vins_mono.yaml", "orb_slam3.yaml")):
+        assert "T = 1 s" in text
+        assert "gyroscope_random_walk: K = 1.29099444874e-05" in text.replace("\n#   ", " ")
+    found = [
+        parsed(texts["imu.yaml"])["gyroscope_random_walk"],
+        parsed(texts["kalibr_imu_chain.yaml"])["imu0"]["gyroscope_random_walk"],
+        parsed(texts["vins_mono.yaml"])["gyr_w"] / np.sqrt(RATE),
+        parsed(texts["vins_fusion.yaml"])["gyr_w"] / np.sqrt(RATE),
+        parsed(texts["orb_slam3.yaml"])["IMU.GyroWalk"],
+    ]
+    np.testing.assert_allclose(np.array(found, dtype=float), one, rtol=1e-9)
+    basalt = json.loads(texts["basalt_calibration.json"])["value0"]
+    np.testing.assert_allclose(basalt["gyro_bias_std"], axes, rtol=1e-9)
+    assert parsed(texts["imu.yaml"])["accelerometer_random_walk"] == 1e-12
+
+
 def test_allan_variance_ros_takes_every_sample(tmp_path):
     loaded, _ = simulated(rate=100.5)
     config = yaml.safe_load(files(tmp_path / "c", loaded, 3599.2)["allan_variance_ros.yaml"])

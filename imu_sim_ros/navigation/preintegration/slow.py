@@ -76,7 +76,7 @@ class SlowErrorsOfIntervals:
         :param h: (m, B) lengths of the steps [s].
         :param readings: (m, B, 6) mean readings of the steps, accelerometer first.
         """
-        sums = np.linalg.solve(jacobians[..., :9, :9], jacobians[..., :9, 9:])
+        sums: Array = np.linalg.solve(jacobians[..., :9, :9], jacobians[..., :9, 9:])
         starts = np.arange(0, len(h), steps)
         lengths = np.add.reduceat(h, starts)
         if self._terms.any():
@@ -85,7 +85,7 @@ class SlowErrorsOfIntervals:
             gained = np.diff(sums, axis=0, prepend=self._sums[-1][-1:])
             gained = gained.reshape(*lengths.shape, 54)
             self._by_terms += gained.transpose(1, 2, 0) @ mean.swapaxes(0, 1)
-        self._ends.append(self._ends[-1][-1] + np.cumsum(lengths, axis=0))
+        self._ends.append(np.asarray(self._ends[-1][-1] + np.cumsum(lengths, axis=0)))
         self._sums.append(sums)
 
     def covariance(self, jacobian: Array) -> Array:
