@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
+from imu_sim_ros.config.auxiliary.orientation import MODEL_ERRORS
 from imu_sim_ros.config.environment import EnvironmentParameters
 from imu_sim_ros.config.files import build_layered, layer
 from imu_sim_ros.config.imu import ImuParameters
@@ -88,5 +89,37 @@ def load_simulation(*layers: Mapping[str, object], node: str = "simulator") -> S
 
 
 def layer_simulation(layers: Iterable[Mapping[str, object]], node: str) -> dict[str, object]:
-    """Return the layers as one, above the IMU preset and the trajectory file that they name."""
-    return layer(layers, DEFAULT_IMU, DEFAULT_TRAJECTORY, node)
+    """Return the layers as one, above the IMU preset and the trajectory file that they name.
+
+    What a preset says, and the choices of a user leave no place for, is left out.
+    """
+    layers = list(layers)
+    given = {name for values in layers for name in values}
+    result = layer(layers, DEFAULT_IMU, DEFAULT_TRAJECTORY, node)
+    without_place = {*_errors_of_no_model(result), *_filters_above_the_rate(result)} - given
+    return {name: value for name, value in result.items() if name not in without_place}
+
+
+def _errors_of_no_model(values: Mapping[str, object]) -> list[str]:
+    """Return the errors of a modelled orientation, where a filter makes it."""
+    if values.get("imu.orientation_source") != "filter":
+        return []
+    return [f"imu.orientation_{name}" for name in MODEL_ERRORS]
+
+
+def _filters_above_the_rate(values: Mapping[str, object]) -> list[str]:
+    """Return the low-passes that cannot be simulated: half the rate is not above their cut-off."""
+    rate = values.get("rate", SimulationParameters.rate)
+    if values.get("imu.sampling") == "oversampled":
+        internal = values.get("imu.internal_rate", 0.0)
+        rate = internal or 8.0 * rate if isinstance(rate, int | float) else internal
+    if not isinstance(rate, int | float):
+        return []  # which is an error, reported when the section is built
+    names = [f"imu.{triad}_bandwidth" for triad in TRIADS]
+    return [name for name in names if _largest(values.get(name)) >= 0.5 * rate]
+
+
+def _largest(value: object) -> float:
+    """Return the largest of the numbers of a value, 0 where it holds none."""
+    entries = value if isinstance(value, list | tuple) else [value]
+    return max((float(one) for one in entries if isinstance(one, int | float)), default=0.0)

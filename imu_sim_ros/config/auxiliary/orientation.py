@@ -5,9 +5,12 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Final
 
 from imu_sim_ros.config.parameter import Vector, choice, flag, number, vector
 
+MODEL_ERRORS: Final = ("turn_on_sigma", "drift_sigma", "noise", "acceleration_sensitivity")
+"""Parameters that only the source ``model`` has."""
 _AXES = "about the world's east, north and up"
 
 
@@ -86,7 +89,7 @@ class OrientationParameters:
     def problems(self, prefix: str) -> Iterator[str]:
         """Say which errors belong to the other source."""
         if self.source == "filter":
-            for name in ("turn_on_sigma", "drift_sigma", "noise", "acceleration_sensitivity"):
+            for name in MODEL_ERRORS:
                 if any(getattr(self, name)):
                     yield (
                         f"{prefix}{name} = {getattr(self, name)}: must be 0 where "
