@@ -32,6 +32,11 @@ def content(page):
     return json.loads(text)
 
 
+def unpacked(column):
+    """Return the values of a table's column of strings."""
+    return column["values"] if "values" in column else [column["words"][k] for k in column["index"]]
+
+
 def items(page, kind):
     found = [item for section in content(page)["sections"] for item in section["items"]]
     found += [inner for item in found for inner in item.get("items", [])]
@@ -316,3 +321,32 @@ def test_topics_have_rates_gaps_and_sizes_and_cameras_a_strip(bag, tmp_path):
     assert found["mean rate [Hz]"][place] == pytest.approx((SAMPLES - 1) / 60.98, rel=1e-4)
     assert (found["gaps"][place], found["longest [s]"][place]) == (1, 1)
     assert found["bytes each"][place] > 300
+
+
+def test_baselines_make_a_trend_and_the_last_is_compared_with(results, tmp_path):
+    """An earlier campaign with twice the errors, and one with half of them."""
+    folders = []
+    for name, factor in (("monday", 2.0), ("tuesday", 0.5)):
+        folder = tmp_path / name
+        folder.mkdir()
+        rows = read_results(results)
+        with (folder / "results.csv").open("w", encoding="utf-8") as file:
+            writer = csv.DictWriter(file, rows[0])
+            writer.writeheader()
+            for row in rows:
+                error = row["ate_rmse_m"]
+                writer.writerow({**row, "ate_rmse_m": None if error is None else factor * error})
+        folders += ["--baseline", folder]
+    page = page_of(results, tmp_path, *folders)
+    (campaign,) = items(page, "campaign")
+    trend = campaign["trend"]
+    assert trend["x"]["names"] == ["monday", "tuesday", "this"]
+    for line in trend["series"]:
+        assert line["y"] == pytest.approx(
+            [2 * line["y"][2], line["y"][2] / 2, line["y"][2]], rel=1e-4
+        )
+    (compared,) = [i for i in items(page, "table") if i["name"] == "compared with tuesday"]
+    sizes = unpacked(compared["columns"][2])
+    assert len(sizes) == 18
+    # 2 or 1.9999...: the words differ
+    assert all(size.startswith(("2 times larger", "100 % larger")) for size in sizes), sizes
