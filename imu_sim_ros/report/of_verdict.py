@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from imu_sim_ros.campaign import Contest, Group, Judgement, Plan
-from imu_sim_ros.campaign.verdict import DIFFERENCE, RATIO, Effect
+from imu_sim_ros.campaign.verdict import DIFFERENCE, EQUAL, RATIO, Effect
 from imu_sim_ros.report.page import Item, Section, table
 
 _MOST_SEEDS: Final = 100
@@ -126,6 +126,7 @@ def _contest(
         "where": short(contest.where, where) if where else "",
         "ranking": contest.ranking,
         "best": contest.best,
+        "equal": contest.lead.verdict == EQUAL,
         "line": contest.lead.line(judged.metric),
         "effects": effects,
         "plot": _paired(contest, judged, found),

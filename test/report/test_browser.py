@@ -219,7 +219,7 @@ def test_a_row_opens_with_path_and_command(opened, results, tmp_path):
     paths = page.find_elements("css selector", "tr.detail figure path.track")
     assert len(paths) >= 2  # truth and estimate of the run in the middle
     command = details[2].find_element("css selector", "pre.repeat").get_attribute("textContent")
-    seed = int(re.search(r'"seeds": \[\s*(\d+)', command)[1])
+    seed = int(re.search(r'"seeds":\[(\d+)', command)[1])
     campaign = f"{sys.executable} -m imu_sim_ros.commands.campaign"
     command = command.replace("\ncampaign ", f"\n{campaign} ")
     done = subprocess.run(["/bin/sh", "-c", command], cwd=tmp_path, capture_output=True, text=True)

@@ -78,7 +78,7 @@ class Verdict {
     }
     const lines = contests.map((one) => {
       const where = one.where ? element("span", { class: "where" }, one.where) : null;
-      const best = element("b", { class: one.best === null ? "faint" : "best" }, one.best === null ? "undecided" : one.best);
+      const best = element("b", { class: one.best === null ? "faint" : "best" }, one.best !== null ? one.best : one.equal ? "equal" : "undecided");
       return element("li", { class: contests.length > 1 ? null : "headline" }, where, best, ` ${one.line.replaceAll(" = ", "\u00a0=\u00a0")}`);
     });
     const rest = lines.splice(MOST_LINES_OF_VERDICT);
