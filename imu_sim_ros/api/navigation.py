@@ -55,6 +55,8 @@ from imu_sim_ros.navigation.comparison import (
     interpolate_vectors,
     pairs,
     relative_errors,
+    stated_nees,
+    why_no_nees,
 )
 from imu_sim_ros.navigation.comparison import align as laid_on
 from imu_sim_ros.navigation.covariance import ATTITUDE, POSITION, initial_covariance, propagate
@@ -296,6 +298,11 @@ class Evaluation:
     """The aligned estimate."""
     truth: PoseSequence
     """The truth at the same times."""
+    nees: dict[str, Any] | None = None
+    """``position`` and ``attitude``, each with ``mean``, ``final`` and ``inside_band``, as the
+    command has them; None where the estimate states no covariance that allows it, see `no_nees`."""
+    no_nees: str | None = None
+    """Why there is no NEES."""
 
     def __repr__(self) -> str:
         return (
@@ -352,7 +359,8 @@ def evaluate(
 ) -> Evaluation:
     """Compare a trajectory with the truth at the estimate's times.
 
-    :param estimate: a track, odometry, or anything with ``t_ns``, ``position`` and ``q_wb``.
+    :param estimate: a track, odometry, or anything with ``t_ns``, ``position`` and ``q_wb``; a
+        ``covariance`` (n, 6, 6) of position and attitude in the world's axes gives the NEES.
     :param truth: likewise.
     :param align: align the estimate with the truth first: none, yaw, se3 or sim3.
     :param max_gap: the truth is not interpolated across longer gaps [s].
@@ -369,9 +377,9 @@ def evaluate(
     rows = common_rows(own.t_ns, known.t_ns, max_gap)
     t_ns = own.t_ns[rows]
     true = interpolate_poses(known, t_ns)
-    poses = PoseSequence(t_ns, own.position[rows], own.q_wb[rows])
-    alignment = laid_on(poses.position, true.position, align)
-    poses = alignment.apply(poses)
+    given = PoseSequence(t_ns, own.position[rows], own.q_wb[rows])
+    alignment = laid_on(given.position, true.position, align)
+    poses = alignment.apply(given)
     errors: AbsoluteErrors = absolute_errors(poses, true)
     speeds = [getattr(each, "velocity", None) for each in (estimate, truth)]
     velocity = None
@@ -379,7 +387,14 @@ def evaluate(
         aligned = alignment.scale * speeds[0][rows] @ alignment.r.T
         velocity = interpolate_vectors(known.t_ns, speeds[1], t_ns) - aligned
     length = float(distances(true.position)[-1])
-    return Evaluation(t_ns, errors.position, errors.attitude, velocity, length, poses, true)
+    stated = getattr(estimate, "covariance", None)
+    stated = None if stated is None else np.asarray(stated)[rows]
+    found, why = None, why_no_nees(align, stated)
+    if why is None and stated is not None:
+        found = stated_nees(stated, given, true, align)
+        why = "the estimate's covariances are singular" if found is None else None
+    both = (errors.position, errors.attitude)
+    return Evaluation(t_ns, *both, velocity, length, poses, true, found, why)
 
 
 def _rms(errors: Array) -> float:

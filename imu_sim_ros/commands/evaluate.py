@@ -40,8 +40,10 @@ from imu_sim_ros.navigation.comparison import (
     interpolate_vectors,
     pairs,
     relative_errors,
+    stated_nees,
     statistics,
     time_offset,
+    why_no_nees,
 )
 from imu_sim_ros.poses import PoseSequence, write_tum
 from imu_sim_ros.rotation import rotate_inverse
@@ -157,12 +159,15 @@ def _made(arguments: argparse.Namespace, written: Outputs) -> dict[str, Any]:
         velocity_b = rotate_inverse(true_poses.q_wb, true_velocity)
         velocity_b -= rotate_inverse(poses.q_wb, velocity)
     result["nees"] = None
-    result["no_nees"] = consistency.why_none(arguments.align, estimate, rows)
-    if result["no_nees"] is None:
+    stated, twist = (
+        None if each is None else each[rows]
+        for each in (estimate.pose_covariance, estimate.twist_covariance)
+    )
+    result["no_nees"] = why_no_nees(arguments.align, stated)
+    if result["no_nees"] is None and stated is not None:
         own = PoseSequence(at_ns, estimate.poses.position[rows], estimate.poses.q_wb[rows])
-        result["nees"] = consistency.of_track(
-            estimate, rows, own, true_poses, velocity_b, arguments.align
-        )
+        linear = None if twist is None else twist[:, :3, :3]
+        result["nees"] = stated_nees(stated, own, true_poses, arguments.align, velocity_b, linear)
         if result["nees"] is None:
             result["no_nees"] = "the estimate's covariances are singular"
     result["reprojection"] = None

@@ -33,6 +33,7 @@ from imu_sim_ros.navigation.comparison.evaluation import (
     tilt_and_heading,
 )
 from imu_sim_ros.navigation.comparison.gauge import gauge_at_first, without_gauge
+from imu_sim_ros.navigation.comparison.stated import stated_nees, why_no_nees
 from imu_sim_ros.navigation.comparison.timing import time_offset
 
 __all__ = [
@@ -59,8 +60,10 @@ __all__ = [
     "nees",
     "pairs",
     "relative_errors",
+    "stated_nees",
     "statistics",
     "tilt_and_heading",
     "time_offset",
+    "why_no_nees",
     "without_gauge",
 ]
