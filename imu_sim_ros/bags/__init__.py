@@ -32,7 +32,9 @@ if TYPE_CHECKING:
     from imu_sim_ros.bags.read import read_odometry as read_odometry
     from imu_sim_ros.bags.read import read_poses as read_poses
     from imu_sim_ros.bags.read import read_temperature as read_temperature
+    from imu_sim_ros.bags.read import vector_blocks as vector_blocks
     from imu_sim_ros.bags.reader import Bag as Bag
+    from imu_sim_ros.bags.reader import told as told
     from imu_sim_ros.bags.split import MAX_PARTS as MAX_PARTS
     from imu_sim_ros.bags.threads import ahead as ahead
     from imu_sim_ros.bags.write import COMPRESSIONS as COMPRESSIONS
@@ -53,6 +55,7 @@ else:
             "beside": ["Beside", "read_beside", "read_magnetic_field"],
             "outputs": ["Outputs"],
             "read": [
+                "vector_blocks",
                 "ImuMessages",
                 "OdometryMessages",
                 "decoded_messages",
@@ -64,7 +67,7 @@ else:
                 "read_poses",
                 "read_temperature",
             ],
-            "reader": ["Bag"],
+            "reader": ["told", "Bag"],
             "split": ["MAX_PARTS"],
             "threads": ["ahead"],
             "write": ["COMPRESSIONS", "STORAGES", "check_writer", "open_writer"],

@@ -23,7 +23,9 @@ if TYPE_CHECKING:
     from imu_sim_ros.campaign.engine import Engine as Engine
     from imu_sim_ros.campaign.engine import Task as Task
     from imu_sim_ros.campaign.junit import write_junit as write_junit
+    from imu_sim_ros.campaign.metrics import SUCCESS as SUCCESS
     from imu_sim_ros.campaign.metrics import Tolerance as Tolerance
+    from imu_sim_ros.campaign.metrics import better as better
     from imu_sim_ros.campaign.metrics import parse_tolerance as parse_tolerance
     from imu_sim_ros.campaign.plan import Plan as Plan
     from imu_sim_ros.campaign.plan import check_plan as check_plan
@@ -48,7 +50,11 @@ if TYPE_CHECKING:
     from imu_sim_ros.campaign.summary import unmet as unmet
     from imu_sim_ros.campaign.summary import unmet_lines as unmet_lines
     from imu_sim_ros.campaign.summary import unused as unused
+    from imu_sim_ros.campaign.verdict import DIFFERENCE as DIFFERENCE
+    from imu_sim_ros.campaign.verdict import EQUAL as EQUAL
+    from imu_sim_ros.campaign.verdict import RATIO as RATIO
     from imu_sim_ros.campaign.verdict import Contest as Contest
+    from imu_sim_ros.campaign.verdict import Effect as Effect
     from imu_sim_ros.campaign.verdict import Judgement as Judgement
     from imu_sim_ros.campaign.verdict import counts as counts
     from imu_sim_ros.campaign.verdict import judge as judge
@@ -61,7 +67,7 @@ else:
             "cells": ["Cell", "cell_count"],
             "engine": ["Engine", "Task"],
             "junit": ["write_junit"],
-            "metrics": ["Tolerance", "parse_tolerance"],
+            "metrics": ["SUCCESS", "better", "Tolerance", "parse_tolerance"],
             "plan": ["Plan", "check_plan", "find_plan", "load_plan"],
             "results": ["LOG", "TABLE", "Row", "Store", "read_results", "replaced", "write_tables"],
             "runs": ["CellRuns"],
@@ -74,6 +80,15 @@ else:
                 "unmet_lines",
                 "unused",
             ],
-            "verdict": ["Contest", "Judgement", "counts", "judge"],
+            "verdict": [
+                "DIFFERENCE",
+                "EQUAL",
+                "RATIO",
+                "Effect",
+                "Contest",
+                "Judgement",
+                "counts",
+                "judge",
+            ],
         },
     )

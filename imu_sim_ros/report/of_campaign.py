@@ -11,10 +11,12 @@ import numpy as np
 
 from imu_sim_ros.campaign import (
     LOG,
+    SUCCESS,
     TABLE,
     Group,
     Plan,
     Row,
+    better,
     groups,
     judge,
     load_plan,
@@ -22,7 +24,6 @@ from imu_sim_ros.campaign import (
     read_results,
     slopes,
 )
-from imu_sim_ros.campaign.metrics import SUCCESS, better
 from imu_sim_ros.config import flatten
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.names import unknown

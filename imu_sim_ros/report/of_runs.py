@@ -8,11 +8,10 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from imu_sim_ros.campaign import CellRuns, Group, Plan, Row
-from imu_sim_ros.campaign.estimators.estimate import read_estimate
+from imu_sim_ros.campaign.estimators import read_estimate
 from imu_sim_ros.config import CommandEstimator, DeadReckonEstimator
 from imu_sim_ros.errors import ImuSimError
 from imu_sim_ros.navigation import dead_reckon
@@ -61,6 +60,8 @@ def opened(
 
 def repeated(folder: Path) -> Item:
     """Return a campaign's plan without its gate, grid and seeds: what all of its runs share."""
+    import yaml
+
     try:
         content = yaml.safe_load((folder / PLAN).read_text(encoding="utf-8"))
     except (OSError, ValueError, yaml.YAMLError):

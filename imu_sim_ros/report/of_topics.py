@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags import Bag, open_bag
+from imu_sim_ros.bags import Bag, open_bag, told, vector_blocks
 from imu_sim_ros.bags.messages import (
     COMPRESSED_IMAGE,
     IMAGE,
@@ -21,8 +21,6 @@ from imu_sim_ros.bags.messages import (
     as_list,
     schemas,
 )
-from imu_sim_ros.bags.read import vector_blocks
-from imu_sim_ros.bags.reader import told
 from imu_sim_ros.errors import ImuSimError
 from imu_sim_ros.report.page import Item, table
 from imu_sim_ros.report.streams import GAP, extremes

@@ -15,12 +15,13 @@ if TYPE_CHECKING:
     from imu_sim_ros.campaign.estimators.command import run_command as run_command
     from imu_sim_ros.campaign.estimators.estimate import Estimate as Estimate
     from imu_sim_ros.campaign.estimators.estimate import estimate_metrics as estimate_metrics
+    from imu_sim_ros.campaign.estimators.estimate import read_estimate as read_estimate
 else:
     __getattr__, __dir__, __all__ = exported(
         __name__,
         {
             "calibrations": ["run_calibration"],
             "command": ["run_command"],
-            "estimate": ["Estimate", "estimate_metrics"],
+            "estimate": ["read_estimate", "Estimate", "estimate_metrics"],
         },
     )
