@@ -182,8 +182,10 @@ def dead_reckon(
     else:
         track, start, correction = _start(settings, track, truth)
     words = (settings.method, settings.attitude_update)
-    world = (settings.gravity, correction, settings.max_gap, settings.earth_rate)
-    states = integrate(track.t_ns, track.gyro, track.accel, start, *words, *world)
+    gravity, max_gap, earth_rate = settings.gravity, settings.max_gap, settings.earth_rate
+    states = integrate(
+        track.t_ns, track.gyro, track.accel, start, *words, gravity, correction, max_gap, earth_rate
+    )
     stated = _covariance(readings, states, track, correction) if covariance else None
     return Track(*states, *words, stated, truth, track.name)
 

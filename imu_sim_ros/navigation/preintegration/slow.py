@@ -76,7 +76,9 @@ class SlowErrorsOfIntervals:
         :param h: (m, B) lengths of the steps [s].
         :param readings: (m, B, 6) mean readings of the steps, accelerometer first.
         """
-        sums: Array = np.linalg.solve(jacobians[..., :9, :9], jacobians[..., :9, 9:])
+        sums: Array = np.asarray(
+            np.linalg.solve(jacobians[..., :9, :9], jacobians[..., :9, 9:]), dtype=np.float64
+        )
         starts = np.arange(0, len(h), steps)
         lengths = np.add.reduceat(h, starts)
         if self._terms.any():
