@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
-from imu_sim_ros.config.auxiliary.orientation import MODEL_ERRORS
+from imu_sim_ros.config.auxiliary import MODEL_ERRORS
 from imu_sim_ros.config.environment import EnvironmentParameters
 from imu_sim_ros.config.files import build_layered, layer
 from imu_sim_ros.config.imu import ImuParameters

@@ -9,11 +9,12 @@ magnetic field, the atmosphere) of a simulation. Imports the description of para
 
 from imu_sim_ros.config.auxiliary.barometer import BarometerParameters
 from imu_sim_ros.config.auxiliary.magnetometer import MagnetometerParameters
-from imu_sim_ros.config.auxiliary.orientation import OrientationParameters
+from imu_sim_ros.config.auxiliary.orientation import MODEL_ERRORS, OrientationParameters
 from imu_sim_ros.config.auxiliary.own_rate import OwnRateParameters
 from imu_sim_ros.config.auxiliary.surroundings import AtmosphereParameters, MagneticFieldParameters
 
 __all__ = [
+    "MODEL_ERRORS",
     "AtmosphereParameters",
     "BarometerParameters",
     "MagneticFieldParameters",
