@@ -156,7 +156,7 @@ open(sys.argv[2], "w").write("1 0 0 0 0 0 0 1\\n2 0 0 0 0 0 0 1\\n")
         ),
         (
             "open('estimate.txt', 'w').write('1 1e300 0 0 0 0 0 1\\n2 1e300 0 0 0 0 0 1\\n')",
-            "failed: estimate: pose 0: position [1e+300, 0, 0]: at most 1e+10 m is possible",
+            "failed: estimate: line 1: position [1e+300, 0, 0]: at most 1e+10 m is possible",
         ),
         (
             "open('estimate.txt', 'w').write('1 0 0 0 0 0 0 0\\n2 0 0 0 0 0 0 1\\n')",
