@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from imu_sim_ros.config.auxiliary import MODEL_ERRORS
 from imu_sim_ros.config.environment import EnvironmentParameters
-from imu_sim_ros.config.files import build_layered, layer
+from imu_sim_ros.config.files import build_layered, layer, names
 from imu_sim_ros.config.imu import ImuParameters
 from imu_sim_ros.config.parameter import (
     section,
@@ -91,11 +91,14 @@ def load_simulation(*layers: Mapping[str, object], node: str = "simulator") -> S
 def layer_simulation(layers: Iterable[Mapping[str, object]], node: str) -> dict[str, object]:
     """Return the layers as one, above the IMU preset and the trajectory file that they name.
 
-    What a preset says, and the choices of a user leave no place for, is left out.
+    What an included preset says, and the choices of a user leave no place for, is left out; a
+    file of one's own is taken at its word.
     """
     layers = list(layers)
     given = {name for values in layers for name in values}
     result = layer(layers, DEFAULT_IMU, DEFAULT_TRAJECTORY, node)
+    if result.get("imu.preset", DEFAULT_IMU) not in names("imus"):
+        return result
     without_place = {*_errors_of_no_model(result), *_filters_above_the_rate(result)} - given
     return {name: value for name, value in result.items() if name not in without_place}
 
@@ -115,8 +118,8 @@ def _filters_above_the_rate(values: Mapping[str, object]) -> list[str]:
         rate = internal or 8.0 * rate if isinstance(rate, int | float) else internal
     if not isinstance(rate, int | float):
         return []  # which is an error, reported when the section is built
-    names = [f"imu.{triad}_bandwidth" for triad in TRIADS]
-    return [name for name in names if _largest(values.get(name)) >= 0.5 * rate]
+    cutoffs = [f"imu.{triad}_bandwidth" for triad in TRIADS]
+    return [name for name in cutoffs if _largest(values.get(name)) >= 0.5 * rate]
 
 
 def _largest(value: object) -> float:
