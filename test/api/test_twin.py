@@ -309,6 +309,7 @@ def test_a_real_flight_and_its_twin():
     assert check.told_apart < 0.70
     # Its attitudes scatter less in the second part: 4.4, 3.4, 2.8 dB.
     assert np.all(check.truth_noise[:3] < 0.8)
-    # At rest the sensor shows 1.2 to 1.6e-4 and 1.7 to 2.5e-3; in flight there is a bound.
-    assert np.all(found.analysis.white.high[:3] > 1.2e-4)
-    assert np.all(found.analysis.white.high[3:] > 1.7e-3)
+    # At rest the sensor shows 1.2 to 1.6e-4 and 1.7 to 2.5e-3 in 100 readings, each deviation
+    # within 1 / sqrt(200) = 7 % of its own, so 14 % below at two; in flight there is a bound.
+    assert np.all(found.analysis.white.high[:3] > 0.86 * 1.2e-4)
+    assert np.all(found.analysis.white.high[3:] > 0.86 * 1.7e-3)
