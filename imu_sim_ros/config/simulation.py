@@ -99,7 +99,7 @@ def layer_simulation(layers: Iterable[Mapping[str, object]], node: str) -> dict[
     result = layer(layers, DEFAULT_IMU, DEFAULT_TRAJECTORY, node)
     if result.get("imu.preset", DEFAULT_IMU) not in names("imus"):
         return result
-    without_place = {*_errors_of_no_model(result), *_filters_above_the_rate(result)} - given
+    without_place = set(_errors_of_no_model(result)) - given
     return {name: value for name, value in result.items() if name not in without_place}
 
 
@@ -108,21 +108,3 @@ def _errors_of_no_model(values: Mapping[str, object]) -> list[str]:
     if values.get("imu.orientation_source") != "filter":
         return []
     return [f"imu.orientation_{name}" for name in MODEL_ERRORS]
-
-
-def _filters_above_the_rate(values: Mapping[str, object]) -> list[str]:
-    """Return the low-passes that cannot be simulated: half the rate is not above their cut-off."""
-    rate = values.get("rate", SimulationParameters.rate)
-    if values.get("imu.sampling") == "oversampled":
-        internal = values.get("imu.internal_rate", 0.0)
-        rate = internal or 8.0 * rate if isinstance(rate, int | float) else internal
-    if not isinstance(rate, int | float):
-        return []  # which is an error, reported when the section is built
-    cutoffs = [f"imu.{triad}_bandwidth" for triad in TRIADS]
-    return [name for name in cutoffs if _largest(values.get(name)) >= 0.5 * rate]
-
-
-def _largest(value: object) -> float:
-    """Return the largest of the numbers of a value, 0 where it holds none."""
-    entries = value if isinstance(value, list | tuple) else [value]
-    return max((float(one) for one in entries if isinstance(one, int | float)), default=0.0)

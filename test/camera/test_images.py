@@ -29,6 +29,7 @@ SMALL = {
     "camera__read_noise": 0.0,
     "scene__size": [5.0, 4.0, 2.6],
     "scene__center": [0.0, 0.0, 1.0],
+    "scene__horizon": 10.0,
 }
 EVERYTHING = {
     "camera__supersampling": 2,

@@ -87,7 +87,9 @@ def test_a_program_gets_the_files_of_the_whole_rig(plan_file, tmp_path):
     assert len(named) > 3
     assert kept.keys() >= named | {"orb_slam3_stereo_inertial.yaml", "camchain.yaml"}
     for name in kept.keys() - {"simulation.yaml"}:  # its comment tells who wrote it
-        assert kept[name] == made[name], name
+        # Only generate examines the flight for a start from which a stack initialises badly.
+        warning = r"# WARNING:[^\n]*\n(#   [^\n]*\n)*"
+        assert kept[name] == re.sub(warning, "", made[name]), name
 
 
 def test_tracks_without_a_camera_are_refused_before_the_start(plan_file, campaign, tmp_path):

@@ -123,46 +123,6 @@ def test_every_tolerance_becomes_a_deviation_by_the_rule_its_file_states(preset:
             assert (spread or limit) == (re.search(r"/ 3\b|/ 135\b", expression) is not None), name
 
 
-def _bandwidths(*layers: dict[str, object]) -> list[tuple[float, ...]]:
-    imu = load_simulation({"imu.preset": "mti3"}, *layers).imu
-    return [imu.triad(triad).bandwidth for triad in TRIADS]
-
-
-def test_a_low_pass_of_a_preset_acts_where_the_rate_leaves_it_a_place() -> None:
-    none, gyro, accel = (0.0,) * 3, (255.0,) * 3, (324.0, 324.0, 262.0)
-    assert _bandwidths() == [none, none]
-    assert _bandwidths({"rate": 510.0}) == [none, none]
-    assert _bandwidths({"rate": 600.0}) == [gyro, none]
-    assert _bandwidths({"rate": 1000.0}) == [gyro, accel]
-    oversampled = {"imu.sampling": "oversampled"}
-    assert _bandwidths(oversampled) == [gyro, accel]
-    assert _bandwidths({**oversampled, "rate": 50.0, "imu.internal_rate": 800.0}) == [gyro, accel]
-    with pytest.raises(ConfigurationError, match="must be below half the rate, 100 Hz"):
-        _bandwidths({"imu.gyroscope_bandwidth": 255.0})
-    with pytest.raises(ConfigurationError, match=r"^rate = "):
-        _bandwidths({"rate": "fast"})
-
-
-@pytest.mark.parametrize("triad", TRIADS)
-def test_the_noise_of_a_sheets_bandwidth_needs_no_further_parameter(triad: str) -> None:
-    """RMS of the readings: D sqrt(bandwidth pi / (2 sqrt(2))), the noise bandwidth of second order.
-
-    Butterworth's of order 2 is pi / 4 / sin(pi / 4) = 1.1107 times the cut-off. The bilinear
-    transform at 4 kHz keeps it to 1 %; 1e5 samples of some 600 Hz: 0.4 % each.
-    """
-    still = {"imu.preset": "mti3", "rate": 4000.0, "trajectory.type": "static"}
-    without_drift = {f"imu.{triad}_bias_instability": 0.0, f"imu.{triad}_quadratic_sigma": 0.0}
-    block = Simulation(load_simulation(still, without_drift)).next_block(100_000)
-    readings = block.gyro if triad == "gyroscope" else block.accel
-    density, cutoffs = (
-        (math.radians(0.007), (255.0,) * 3)
-        if triad == "gyroscope"
-        else (120e-6 * 9.80665, (324.0, 324.0, 262.0))
-    )
-    expected = density * np.sqrt(1.1107 * np.array(cutoffs))
-    np.testing.assert_allclose(np.std(readings, axis=0), expected, rtol=0.025)
-
-
 def test_a_board_states_its_sheets_orientation_and_a_filter_takes_its_place() -> None:
     sheet = load_simulation({"imu.preset": "mti3"}).imu.orientation
     assert np.degrees(sheet.drift_sigma) == pytest.approx([1.0, 1.0, 2.0], rel=1e-5)
