@@ -84,6 +84,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.api.twin import Check as Check
     from imu_sim_ros.api.twin import Twin as Twin
     from imu_sim_ros.api.twin import twin as twin
+    from imu_sim_ros.errors import ArgumentTypeError as ArgumentTypeError
     from imu_sim_ros.errors import ConfigurationError as ConfigurationError
     from imu_sim_ros.errors import ImuSimError as ImuSimError
     from imu_sim_ros.errors import InputError as InputError
@@ -113,7 +114,13 @@ else:
             "api.readings": ["Odometry", "Readings", "read_imu", "read_odometry"],
             "api.simulation": ["blocks", "simulate"],
             "api.twin": ["Check", "Twin", "twin"],
-            "errors": ["ConfigurationError", "ImuSimError", "InputError", "MissingDependencyError"],
+            "errors": [
+                "ArgumentTypeError",
+                "ConfigurationError",
+                "ImuSimError",
+                "InputError",
+                "MissingDependencyError",
+            ],
             "navigation": ["NavigationState", "Preintegration"],
             "poses": ["PoseSequence"],
         },

@@ -4,14 +4,21 @@
 """Checks of what a caller of the Python interface gives: name, value, and what is allowed."""
 
 import math
-from typing import Any, NoReturn
+import os
+import sys
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import Any, Final, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.errors import ArgumentTypeError, ConfigurationError
+from imu_sim_ros.names import shown, suggestion
 
-_LONGEST = 60
+_LONGEST_PATH: Final = 4095
+_LONGEST_NAME: Final = 255
+"""[bytes] What Linux takes, all of a path and one name in it."""
 
 
 def refuse(name: str, value: object, allowed: str, wrong_type: bool = False) -> NoReturn:
@@ -20,22 +27,99 @@ def refuse(name: str, value: object, allowed: str, wrong_type: bool = False) -> 
     :param allowed: what it must be.
     :raises ConfigurationError: always; an ArgumentTypeError for a wrong type.
     """
-    words = " ".join(repr(value).split())
-    shown = words if len(words) <= _LONGEST else f"{words[: _LONGEST - 3]}..."
     kind = ArgumentTypeError if wrong_type else ConfigurationError
-    raise kind(f"{name} = {shown}: must be {allowed}")
+    raise kind(f"{name} = {shown(value)}: must be {allowed}")
+
+
+def path(name: str, value: Any, allowed: str = "the path of a file") -> Path:
+    """Return a path that a system can have.
+
+    :raises ConfigurationError: for anything else.
+    """
+    if not isinstance(value, str | os.PathLike) or isinstance(os.fspath(value), bytes):
+        refuse(name, value, allowed, wrong_type=True)
+    words = os.fsencode(value)
+    longest = max(map(len, words.split(b"/")))
+    if not words or b"\0" in words or longest > _LONGEST_NAME or len(words) > _LONGEST_PATH:
+        refuse(name, value, allowed)
+    return Path(value)
+
+
+def text(name: str, value: Any, allowed: str) -> str:
+    """Return a string that is not empty.
+
+    :raises ConfigurationError: for anything else.
+    """
+    if not isinstance(value, str):
+        refuse(name, value, allowed, wrong_type=True)
+    if not value or "\0" in value or len(value) > _LONGEST_NAME:
+        refuse(name, value, allowed)
+    return value
+
+
+def one_of(name: str, value: Any, known: Collection[str]) -> str:
+    """Return one of some words.
+
+    :raises ConfigurationError: for anything else, with the nearest right one.
+    """
+    if not isinstance(value, str):
+        refuse(name, value, f"one of {', '.join(known)}", wrong_type=True)
+    if value not in known:
+        raise ConfigurationError(f"{name} = {shown(value)}: {suggestion(value, known)}")
+    return value
+
+
+def words(name: str, value: Any) -> tuple[str, ...]:
+    """Return strings; one stands for itself.
+
+    :raises ConfigurationError: for anything else.
+    """
+    given = (value,) if isinstance(value, str) else value
+    if not isinstance(given, Collection) or isinstance(given, bytes | Mapping | np.ndarray):
+        refuse(name, value, "names", wrong_type=True)
+    return tuple(text(name, each, "names") for each in given)
+
+
+def topic(name: str, value: Any, of_a_file: bool = True) -> str | None:
+    """Return the topic of a bag, or None.
+
+    :param of_a_file: what has topics is read from one.
+    :raises ConfigurationError: for anything else.
+    """
+    if value is None:
+        return None
+    found = text(name, value, "the name of a topic, or None")
+    if not of_a_file:
+        refuse(name, value, "omitted: only a file has topics")
+    return found
+
+
+def switch(name: str, value: Any) -> bool:
+    """Return True or False.
+
+    :raises ConfigurationError: for anything else.
+    """
+    if not isinstance(value, bool | np.bool_):
+        refuse(name, value, "True or False", wrong_type=True)
+    return bool(value)
 
 
 def number(
-    name: str, value: Any, allowed: str, low: float = -math.inf, above: bool = False
+    name: str,
+    value: Any,
+    allowed: str,
+    low: float = -math.inf,
+    high: float = sys.float_info.max,
+    above: bool = False,
 ) -> float:
-    """Return a finite number of at least ``low``, or above it.
+    """Return a finite number from ``low`` to ``high``.
 
+    :param above: it must be more than ``low``.
     :raises ConfigurationError: for another value.
     """
-    if isinstance(value, bool) or not isinstance(value, int | float | np.number):
+    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
         refuse(name, value, allowed, wrong_type=True)
-    if not (math.isfinite(value) and (value > low if above else value >= low)):
+    if not ((value > low if above else value >= low) and value <= high):
         refuse(name, value, allowed)
     return float(value)
 
@@ -70,7 +154,7 @@ def array(name: str, value: Any, shape: tuple[int | None, ...]) -> NDArray[np.fl
     )
     if not fits:
         refuse(name, value, f"{allowed}, not {found.shape}")
-    result: NDArray[np.float64] = found.astype(np.float64)
+    result: NDArray[np.float64] = found.astype(np.float64, copy=False)
     if not np.isfinite(result).all():
         refuse(name, value, allowed)
     return result
@@ -91,6 +175,8 @@ def stamps(name: str, value: Any, increasing: bool = False) -> NDArray[np.int64]
         refuse(name, value, allowed, wrong_type=True)
     if found.ndim != 1:
         refuse(name, value, allowed)
+    if found.dtype.kind == "u" and (found > np.iinfo(np.int64).max).any():
+        refuse(name, value, allowed)
     if increasing and (found[1:] <= found[:-1]).any():
         refuse(name, value, "strictly increasing")
-    return found.astype(np.int64)
+    return found.astype(np.int64, copy=False)

@@ -8,6 +8,8 @@ from typing import Final
 
 _LONGEST: Final = 100
 """Letters of a name that are compared."""
+_SHOWN: Final = 60
+"""Letters of a value."""
 _FEW: Final = 8
 """So many names are listed with the nearest one."""
 
@@ -28,6 +30,12 @@ def suggestion(name: object, known: Iterable[str], otherwise: str | None = None)
         return every
     hint = f"did you mean {lower[near[0]]}?"
     return f"{every}; {hint}" if otherwise is None and len(known) <= _FEW else hint
+
+
+def shown(value: object) -> str:
+    """Return a value as messages show it: one line, cut where it is long."""
+    words = " ".join(repr(value).split())
+    return words if len(words) <= _SHOWN else f"{words[: _SHOWN - 3]}..."
 
 
 def unknown(kind: str, name: object, known: Iterable[str], otherwise: str | None = None) -> str:

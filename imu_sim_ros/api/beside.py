@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.api.readings import span
+from imu_sim_ros.arguments import words
 from imu_sim_ros.conventions import BESIDE
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.names import suggestion
@@ -88,7 +89,7 @@ def checked_sensors(names: Collection[str]) -> frozenset[str]:
 
     :raises ConfigurationError: with a line for each that does not exist.
     """
-    given = (names,) if isinstance(names, str) else tuple(names)
+    given = words("sensors", names)
     unknown = [
         f"sensors: {name!r}: {suggestion(name, BESIDE)}" for name in given if name not in BESIDE
     ]

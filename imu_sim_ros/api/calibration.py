@@ -5,16 +5,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from os import PathLike
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from imu_sim_ros.api.flight import Flight
+from imu_sim_ros import arguments
+from imu_sim_ros.api.flight import Flight, readings_of
 from imu_sim_ros.api.output import saved
-from imu_sim_ros.api.readings import Readings, read_imu
+from imu_sim_ros.api.readings import BAG_OR_FILE, Readings
+from imu_sim_ros.arguments import number
 from imu_sim_ros.calibration.deterministic import (
     calibrate_magnetometer as ellipsoid,
 )
@@ -37,8 +42,12 @@ from imu_sim_ros.calibration.deterministic import (
 )
 from imu_sim_ros.conventions import GRAVITY, TRIADS
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs import gate
 
 Array = NDArray[np.float64]
+
+_STRONGEST: Final = math.nextafter(1.0, 0.0)
+"""[T]"""
 
 
 @dataclass(frozen=True, repr=False)
@@ -86,6 +95,7 @@ class Calibration:
         :param force: replace what exists.
         :raises InputError: for a path that cannot be used or exists.
         """
+        arguments.switch("for_simulator", for_simulator)
         write = correction.write_simulator if for_simulator else correction.write_correction
         with saved(path, force) as place:
             write(self.parameters, place, "calibrated by imu_sim_ros")
@@ -108,7 +118,9 @@ def calibrate_six_position(
     >>> found.accelerometer.bias.value.round(6).tolist()
     [0.1, -0.2, 0.3]
     """
-    imu = _readings(readings)
+    imu = readings_of("readings", readings)
+    gravity = _gravity(gravity)
+    arguments.switch("simple", simple)
     steady = find_steady(imu.t_ns, imu.gyro, imu.accel)
     found = six_position(steady, gravity, simple=simple)
     return _calibration(correction.six_position_parameters(found))
@@ -133,10 +145,14 @@ def calibrate_turntable(
     >>> (found.gyroscope.bias.value.round(6) + 0.0).tolist()
     [0.01, 0.0, -0.02]
     """
-    imu = _readings(readings)
+    imu = readings_of("readings", readings)
+    gravity = _gravity(gravity)
+    set_to = None if rates is None else np.abs(arguments.array("rates", rates, (None,)))
+    if set_to is not None and not set_to.size:
+        arguments.refuse("rates", rates, "one rate or more [rad/s]")
     steady = find_steady(imu.t_ns, imu.gyro, imu.accel, rotating=True)
-    if rates is not None:
-        steady, rate = known_rates(steady, np.abs(np.asarray(rates, dtype=np.float64)))
+    if set_to is not None:
+        steady, rate = known_rates(steady, set_to)
     elif isinstance(readings, Flight):
         truth = readings.truth
         steady, rate = true_rates(steady, truth.t_ns, truth.angular_velocity)
@@ -160,15 +176,19 @@ def calibrate_temperature(
     :param gravity: its magnitude [m/s^2].
     :raises InputError: for temperatures that are unknown or hardly differ.
     """
-    imu = _readings(readings)
+    imu = readings_of("readings", readings)
+    gravity = _gravity(gravity)
+    number("reference", reference, "a temperature from -273.15 to 1000 degC", -273.15, 1000.0)
     if temperature is None:
         if not isinstance(readings, Flight):
             raise InputError("temperature: give that of the sensor at each reading [degC]")
         temperature = readings.temperature
+    at_readings = arguments.array("temperature", temperature, (len(imu),))
+    gate.Verdict(imu.t_ns, [(gate.TEMPERATURE, at_readings)]).complain("temperature")
     steady, rate = known_rates(
         find_steady(imu.t_ns, imu.gyro, imu.accel, rotating=False), np.array([np.inf])
     )
-    at = temperatures_at(steady, imu.t_ns, np.asarray(temperature, dtype=np.float64))
+    at = temperatures_at(steady, imu.t_ns, at_readings)
     force = specific_force(steady, gravity)
     found = over_temperature(steady, at, rate, force, reference)
     return _calibration(correction.temperature_parameters(found))
@@ -192,25 +212,22 @@ def calibrate_magnetometer(
     >>> ((found.hard_iron.value * 1e6).round(6) + 0.0).tolist()
     [10.0, 0.0, -20.0]
     """
-    if strength is not None and not 0.0 < strength < 1.0:
-        raise InputError(f"strength = {strength:g}: must be above 0 and below 1 T")
+    if strength is not None:
+        number("strength", strength, "above 0 and below 1 T", 0.0, _STRONGEST, above=True)
     if isinstance(readings, Flight):
         values = readings.magnetic_field.field
-    elif isinstance(readings, str | Path):
+    elif isinstance(readings, str | PathLike):
         from imu_sim_ros.bags import read_magnetic_field
 
-        _, values = read_magnetic_field(readings)
+        _, values = read_magnetic_field(arguments.path("readings", readings, BAG_OR_FILE))
     else:
-        values = np.asarray(readings, dtype=np.float64)
-        if values.ndim != 2 or values.shape[1] != 3:
-            raise InputError(f"readings: have the shape {values.shape}; must be (n, 3)")
+        values = arguments.array("readings", readings, (None, 3))
+        gate.Verdict(None, [(gate.FIELD, values)]).complain("readings")
     return _calibration(correction.magnetometer_parameters(ellipsoid(values, strength)))
 
 
-def _readings(readings: Flight | Readings | str | Path) -> Readings:
-    if isinstance(readings, Flight):
-        return readings.readings
-    return readings if isinstance(readings, Readings) else read_imu(readings)
+def _gravity(value: float) -> float:
+    return number("gravity", value, "a magnitude from 1 to 30 m/s^2", 1.0, 30.0)
 
 
 def _calibration(values: correction.Parameters) -> Calibration:

@@ -8,16 +8,20 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros import arguments
 from imu_sim_ros.api.beside import MagneticReadings, Orientations, PressureReadings, joined
-from imu_sim_ros.api.output import saved
-from imu_sim_ros.api.readings import Odometry, Readings, frame, span
+from imu_sim_ros.api.output import checked_place, saved
+from imu_sim_ros.api.readings import BAG_OR_FILE, Odometry, Readings, frame, read_imu, span
 from imu_sim_ros.config import SimulationParameters, flatten
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs import gate
 from imu_sim_ros.sensor import ImuBlock
 
 if TYPE_CHECKING:
@@ -43,6 +47,33 @@ class Truth(Odometry):
 
     def __repr__(self) -> str:
         return f"<Truth: {span(self.t_ns)}>"
+
+
+def readings_of(
+    name: str,
+    given: Flight | Readings | str | Path,
+    topic: str | None = None,
+    topic_name: str = "topic",
+) -> Readings:
+    """Return the readings that somebody gives, checked.
+
+    :param name: of the argument.
+    :param topic: of a bag.
+    :param topic_name: of the argument that is the topic.
+    :raises ConfigurationError: for anything else.
+    :raises InputError: for what cannot be read, no readings, and what no sensor reads.
+    """
+    if isinstance(given, str | PathLike):
+        arguments.path(name, given, BAG_OR_FILE)
+        return read_imu(given, arguments.topic(topic_name, topic))
+    if not isinstance(given, Flight | Readings):
+        arguments.refuse(name, given, f"a Flight, Readings, or {BAG_OR_FILE}", wrong_type=True)
+    arguments.topic(topic_name, topic, of_a_file=False)
+    found = given.readings if isinstance(given, Flight) else given
+    if not len(found):
+        raise InputError(f"{name}: holds no readings")
+    gate.readings(found.t_ns, found.gyro, found.accel).complain(name)
+    return found
 
 
 class Flight:
@@ -183,8 +214,12 @@ class Flight:
         from imu_sim_ros.datasets import chosen_topics
         from imu_sim_ros.topics import sensors_of
 
-        path = Path(path)
-        names = chosen_topics(topics, imu_only, rename or {})
+        path = checked_place(path, force)
+        wanted = arguments.words("topics", topics)
+        arguments.switch("imu_only", imu_only)
+        if format is not None:
+            arguments.one_of("format", format, ("csv", "euroc"))
+        names = chosen_topics(wanted, imu_only, _renamed(rename))
         for sensor in sensors_of(names):
             getattr(self, sensor)  # refused before anything is written
         with saved(path, force, flatten(self.parameters).values()) as place:
@@ -209,3 +244,15 @@ class Flight:
             rows = DatasetTarget(dataset)
             for block in self._blocks:
                 rows.write({"": block})
+
+
+def _renamed(given: Mapping[str, str] | None) -> Mapping[str, str]:
+    if given is None:
+        return {}
+    allowed = "names of topics by names of topics"
+    if not isinstance(given, Mapping):
+        arguments.refuse("rename", given, allowed, wrong_type=True)
+    return {
+        arguments.text("rename", a, allowed): arguments.text("rename", b, allowed)
+        for a, b in given.items()
+    }

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.api.flight import Flight
+from imu_sim_ros.api.flight import Flight, readings_of
 from imu_sim_ros.api.output import saved
 from imu_sim_ros.api.readings import (
     HasPoses,
@@ -22,11 +22,10 @@ from imu_sim_ros.api.readings import (
     Readings,
     checked_poses,
     frame,
-    read_imu,
     read_odometry,
     span,
 )
-from imu_sim_ros.arguments import array, number, refuse
+from imu_sim_ros.arguments import array, number, one_of, switch
 from imu_sim_ros.config import (
     IntegratorParameters,
     SimulationParameters,
@@ -35,7 +34,6 @@ from imu_sim_ros.config import (
 )
 from imu_sim_ros.conventions import GRAVITY, TRUTH_TOPIC
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs import gate
 from imu_sim_ros.navigation import (
     Correction,
     NavigationState,
@@ -46,6 +44,8 @@ from imu_sim_ros.navigation import (
 )
 from imu_sim_ros.navigation import dead_reckon as integrate
 from imu_sim_ros.navigation.comparison import (
+    ALIGNMENTS,
+    DELTA_UNITS,
     AbsoluteErrors,
     RelativeErrors,
     absolute_errors,
@@ -167,25 +167,26 @@ def dead_reckon(
     >>> round(ims.evaluate(track, flight.truth).final_position, 5)
     0.00129
     """
-    if not isinstance(initial, str | NavigationState | None):
-        refuse("initial", initial, "truth, level, parameters or a NavigationState", True)
+    if initial is not None and not isinstance(initial, NavigationState):
+        one_of("initial", initial, ("truth", "level", "parameters", "a NavigationState"))
+    switch("covariance", covariance)
     track, truth = _source(readings, imu_topic)
     if isinstance(readings, Flight):
         parameters = {**_world(readings.parameters), **parameters}
-    name = initial if isinstance(initial := initial or "truth", str) else "parameters"
+    initial = initial or "truth"
+    name = initial if isinstance(initial, str) else "parameters"
     usual = not parameters and isinstance(method, str) and isinstance(attitude_update, str)
     settings = (_usual_settings if usual else _settings)(
         method, attitude_update, name, **_plain(parameters)
     )
     if isinstance(initial, NavigationState):
-        start, correction = _checked_state(initial), correction_of(settings)
+        start, correction = initial, correction_of(settings)
     else:
         track, start, correction = _start(settings, track, truth)
     words = (settings.method, settings.attitude_update)
-    gravity, max_gap, earth_rate = settings.gravity, settings.max_gap, settings.earth_rate
-    states = integrate(
-        track.t_ns, track.gyro, track.accel, start, *words, gravity, correction, max_gap, earth_rate
-    )
+    rows = (track.t_ns, track.gyro, track.accel)
+    gravity, gap, earth = settings.gravity, settings.max_gap, settings.earth_rate
+    states = integrate(*rows, start, *words, gravity, correction, gap, earth)
     stated = _covariance(readings, states, track, correction) if covariance else None
     return Track(*states, *words, stated, truth, track.name)
 
@@ -213,15 +214,6 @@ def _world(flight: SimulationParameters) -> dict[str, Any]:
     return {**found, "earth_rate": rate} if any(rate) else found
 
 
-def _checked_state(state: NavigationState) -> NavigationState:
-    position = array("initial.position", state.position, (3,))
-    velocity = array("initial.velocity", state.velocity, (3,))
-    q_wb = array("initial.q_wb", state.q_wb, (4,))
-    if abs(float(np.linalg.norm(q_wb)) - 1.0) > gate.UNIT_TOLERANCE:
-        refuse("initial.q_wb", state.q_wb, "a unit quaternion (w, x, y, z)")
-    return NavigationState(position, velocity, q_wb)
-
-
 def _settings(
     method: str, attitude_update: str, initial: str, **parameters: object
 ) -> IntegratorParameters:
@@ -236,11 +228,11 @@ _usual_settings = cache(_settings)
 def _source(
     readings: Flight | Readings | str | Path, topic: str | None
 ) -> tuple[Readings, Odometry | None]:
+    found = readings_of("readings", readings, topic, "imu_topic")
     if isinstance(readings, Flight):
-        return readings.readings, readings.truth
+        return found, readings.truth
     if isinstance(readings, Readings):
-        return readings, None
-    found = read_imu(readings, topic)
+        return found, None
     try:
         return found, read_odometry(readings, TRUTH_TOPIC)
     except InputError:  # no truth beside the readings
@@ -344,6 +336,8 @@ class Evaluation:
         :param unit: s, m (along the truth's path) or frames.
         :raises InputError: where the trajectory is shorter than delta.
         """
+        number("delta", delta, f"above 0 {unit}", 0.0, above=True)
+        one_of("unit", unit, DELTA_UNITS)
         return relative_errors(self.estimate, self.truth, *pairs(self.truth, delta, unit))
 
     def plot(self) -> Figure:
@@ -374,6 +368,7 @@ def evaluate(
     <Evaluation of 6000 poses, 74.99 m: position 0.1208 m rms, attitude 3.995e-05 rad rms>
     """
     number("max_gap", max_gap, "a number of seconds above 0", 0.0, above=True)
+    one_of("align", align, ALIGNMENTS)
     own = checked_poses("estimate", estimate, increasing=False)
     known = checked_poses("truth", truth)
     rows = common_rows(own.t_ns, known.t_ns, max_gap)
@@ -383,20 +378,25 @@ def evaluate(
     alignment = laid_on(given.position, true.position, align)
     poses = alignment.apply(given)
     errors: AbsoluteErrors = absolute_errors(poses, true)
-    speeds = [getattr(each, "velocity", None) for each in (estimate, truth)]
-    velocity = None
-    if speeds[0] is not None and speeds[1] is not None:
-        aligned = alignment.scale * speeds[0][rows] @ alignment.r.T
-        velocity = interpolate_vectors(known.t_ns, speeds[1], t_ns) - aligned
+    velocity, own_speed, true_speed = None, _speed("estimate", estimate), _speed("truth", truth)
+    if own_speed is not None and true_speed is not None:
+        aligned = alignment.scale * own_speed[rows] @ alignment.r.T
+        velocity = interpolate_vectors(known.t_ns, true_speed, t_ns) - aligned
     length = float(distances(true.position)[-1])
     stated = getattr(estimate, "covariance", None)
-    stated = None if stated is None else np.asarray(stated)[rows]
+    if stated is not None:
+        stated = array("estimate.covariance", stated, (len(own.t_ns), 6, 6))[rows]
     found, why = None, why_no_nees(align, stated)
     if why is None and stated is not None:
         found = stated_nees(stated, given, true, align)
         why = "the estimate's covariances are singular" if found is None else None
     both = (errors.position, errors.attitude)
     return Evaluation(t_ns, *both, velocity, length, poses, true, found, why)
+
+
+def _speed(name: str, given: HasPoses) -> Array | None:
+    speed = getattr(given, "velocity", None)
+    return None if speed is None else array(f"{name}.velocity", speed, (len(given.t_ns), 3))
 
 
 def _rms(errors: Array) -> float:

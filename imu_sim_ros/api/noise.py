@@ -6,16 +6,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.api.flight import Flight
-from imu_sim_ros.api.output import saved
-from imu_sim_ros.api.readings import Readings
-from imu_sim_ros.calibration.noise import AllanResult, analyse, noise_files, quantity
+from imu_sim_ros import arguments
+from imu_sim_ros.api.flight import Flight, readings_of
+from imu_sim_ros.api.output import checked_place, saved
+from imu_sim_ros.api.readings import BAG_OR_FILE, Readings
+from imu_sim_ros.calibration.noise import MODELS, AllanResult, analyse, noise_files, quantity
 from imu_sim_ros.conventions import AXES, TRIADS
 
 if TYPE_CHECKING:
@@ -112,7 +114,8 @@ class Noise:
         :raises InputError: for a path that cannot be used or exists, and for kalibr's file where
             an axis is not analysed.
         """
-        path = Path(path)
+        path = checked_place(path, force)
+        arguments.text("topic", topic, "the name of a topic")
         with saved(path, force) as place:
             if path.suffix == ".csv":
                 noise_files.write_csv(self.result, place)
@@ -142,15 +145,17 @@ def allan(
     >>> noise.gyroscope.noise_density.value.round(3)
     array([0.015, 0.015, 0.015])
     """
-    if isinstance(source, Flight):
-        source = source.readings
-    name = source.name if isinstance(source, Readings) else Path(source).name
-    if isinstance(source, Readings):
-        result = analyse([[source]], model=model, force=force)
-    else:
+    arguments.one_of("model", model, MODELS)
+    arguments.switch("force", force)
+    if isinstance(source, str | PathLike):  # piece by piece: these records are long
         from imu_sim_ros.bags import imu_blocks
 
-        result = analyse([imu_blocks(source, topic)], model=model, force=force)
+        path = arguments.path("source", source, BAG_OR_FILE)
+        name, blocks = path.name, imu_blocks(path, arguments.topic("topic", topic))
+        result = analyse([blocks], model=model, force=force)
+    else:
+        readings = readings_of("source", source, topic)
+        name, result = readings.name, analyse([[readings]], model=model, force=force)
     gyroscope, accelerometer = (_triad(result, k) for k in range(2))
     return Noise(
         gyroscope,

@@ -7,6 +7,17 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from imu_sim_ros import arguments
+
+
+def checked_place(path: str | Path, force: bool) -> Path:
+    """Return the path of an output.
+
+    :raises ConfigurationError: for arguments of ``save`` that are no path and no switch.
+    """
+    arguments.switch("force", force)
+    return arguments.path("path", path, "the path of an output")
+
 
 @contextmanager
 def saved(path: str | Path, force: bool, inputs: Iterable[object] = ()) -> Iterator[Path]:
@@ -20,6 +31,7 @@ def saved(path: str | Path, force: bool, inputs: Iterable[object] = ()) -> Itera
     """
     from imu_sim_ros.bags import Outputs
 
+    path = checked_place(path, force)
     outputs = Outputs([word for word in inputs if _is_file(word)], force)  # type: ignore[misc]
     place = outputs.add(path)
     with outputs:

@@ -8,14 +8,16 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from imu_sim_ros.api.flight import Flight
-from imu_sim_ros.api.readings import Readings, read_imu
-from imu_sim_ros.arguments import array, number
+from imu_sim_ros import arguments
+from imu_sim_ros.api.flight import Flight, readings_of
+from imu_sim_ros.api.readings import Readings
+from imu_sim_ros.arguments import array, number, stamps
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs import gate
 from imu_sim_ros.navigation import noise_of
-from imu_sim_ros.navigation.preintegration import Preintegration, between
+from imu_sim_ros.navigation.preintegration import METHODS, Preintegration, between
 from imu_sim_ros.navigation.preintegration import preintegrate as over_intervals
 
 
@@ -49,19 +51,29 @@ def preintegrate(
     >>> found.alpha.shape, found.covariance.shape
     ((19, 3), (19, 15, 15))
     """
-    for name, bias in (("gyro_bias", gyro_bias), ("accel_bias", accel_bias)):
-        array(name, bias, ((), (3,), (None, 3))[min(np.ndim(np.asarray(bias)), 2)])
-    noise = None
-    if isinstance(readings, Flight):
-        noise = noise_of(readings.parameters.imu)
-        readings = readings.readings
-    elif not isinstance(readings, Readings):
-        readings = read_imu(readings)
+    arguments.one_of("method", method, METHODS)
+    noise = noise_of(readings.parameters.imu) if isinstance(readings, Flight) else None
+    imu = readings_of("readings", readings)
     if (edges_ns is None) == (every is None):
         raise InputError("give the times of the frames, edges_ns, or the time between them, every")
     if every is not None:
-        number("every", every, "a number of seconds of at least 1e-9", 1e-9)
+        number("every", every, "a number of seconds from 1e-9 to 1e9", 1e-9, 1e9)
         step = round(every * 1e9)
-        edges_ns = np.arange(readings.t_ns[0], readings.t_ns[-1] + 1, step)
-    pieces = between(readings.t_ns, readings.gyro, readings.accel, np.asarray(edges_ns))
+        edges_ns = np.arange(imu.t_ns[0], imu.t_ns[-1] + 1, step)
+    pieces = between(imu.t_ns, imu.gyro, imu.accel, stamps("edges_ns", edges_ns))
+    count = len(pieces.h)
+    gyro_bias = _bias("gyro_bias", gyro_bias, count, gate.RATE)
+    accel_bias = _bias("accel_bias", accel_bias, count, gate.FORCE)
     return over_intervals(pieces, noise, gyro_bias, accel_bias, method)
+
+
+def _bias(name: str, given: ArrayLike, count: int, quantity: gate.Quantity) -> NDArray[np.float64]:
+    """Return a bias (count, 3), (3,) or () that readings can have."""
+    try:
+        dimensions = min(np.ndim(np.asarray(given)), 2)
+    except ValueError:  # rows of different lengths
+        dimensions = 2
+    found = array(name, given, ((), (3,), (count, 3))[dimensions])
+    if (np.abs(found) > quantity.largest).any():
+        arguments.refuse(name, given, f"at most {quantity.largest:g} {quantity.unit}")
+    return found

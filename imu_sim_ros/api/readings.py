@@ -5,14 +5,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros import arguments
 from imu_sim_ros.arguments import array, refuse, stamps
 from imu_sim_ros.errors import MissingDependencyError
 from imu_sim_ros.inputs import gate
@@ -24,6 +25,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
+
+
+BAG_OR_FILE: Final = "the path of a bag, a folder or a file"
 
 
 class HasPoses(Protocol):
@@ -53,6 +57,15 @@ class Readings:
     accel: Array
     """(n, 3) specific forces [m/s^2], in the IMU's frame: +9.81 on z when level and at rest."""
     name: str = "readings"
+
+    def __post_init__(self) -> None:
+        """Check the arrays; lists become arrays.
+
+        :raises ConfigurationError: for another type or shape.
+        :raises InputError: for a reading that no sensor gives.
+        """
+        _check_arrays(self, ("gyro", "accel"))
+        gate.readings(self.t_ns, self.gyro, self.accel).complain(self.name)
 
     def __len__(self) -> int:
         return len(self.t_ns)
@@ -89,6 +102,13 @@ class Odometry:
     angular_velocity: Array
     """(n, 3) of the body, in the body frame [rad/s]."""
     name: str = "odometry"
+
+    def __post_init__(self) -> None:
+        """Check the arrays; lists become arrays.
+
+        :raises ConfigurationError: for another type or shape, and what is not finite.
+        """
+        _check_arrays(self, ("position", "q_wb", "velocity", "angular_velocity"))
 
     def __len__(self) -> int:
         return len(self.t_ns)
@@ -127,7 +147,8 @@ def read_imu(path: str | Path, topic: str | None = None) -> Readings:
     """
     from imu_sim_ros.bags import read_imu as read
 
-    messages = read(path, topic)
+    path = arguments.path("path", path, BAG_OR_FILE)
+    messages = read(path, arguments.topic("topic", topic))
     return Readings(messages.t_ns, messages.gyro, messages.accel, Path(path).name)
 
 
@@ -146,6 +167,8 @@ def read_odometry(path: str | Path, topic: str | None = None) -> Odometry:
     """
     from imu_sim_ros.bags import read_odometry as read
 
+    path = arguments.path("path", path, BAG_OR_FILE)
+    topic = arguments.topic("topic", topic)
     found = read(path, topic if topic is None else "/" + topic.lstrip("/"))
     return Odometry(
         found.t_ns,
@@ -155,6 +178,20 @@ def read_odometry(path: str | Path, topic: str | None = None) -> Odometry:
         found.angular_velocity_b,
         Path(path).name,
     )
+
+
+def _check_arrays(rows: Any, names: Sequence[str]) -> None:
+    """Check the arrays of a frozen dataclass: a name, ``t_ns`` (n,), and others (n, 3) or (n, 4).
+
+    :raises ConfigurationError: for another type or shape, and what is not finite.
+    """
+    arguments.text("name", rows.name, "a name")
+    found: dict[str, NDArray[Any]] = {"t_ns": stamps("t_ns", rows.t_ns)}
+    for name in names:
+        columns = 4 if name == "q_wb" else 3
+        found[name] = array(name, getattr(rows, name), (len(found["t_ns"]), columns))
+    for name, values in found.items():
+        object.__setattr__(rows, name, values)  # frozen
 
 
 def checked_poses(name: str, given: HasPoses, increasing: bool = True) -> PoseSequence:

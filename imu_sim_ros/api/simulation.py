@@ -6,13 +6,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping
+from os import PathLike
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros import timebase
+from imu_sim_ros import arguments, timebase
 from imu_sim_ros.api.beside import checked_sensors
 from imu_sim_ros.api.flight import Flight
 from imu_sim_ros.api.readings import checked_poses, poses_of_rows
@@ -142,6 +143,7 @@ def _simulation(
     layers = []
     beside = frozenset[str]() if sensors is None else checked_sensors(sensors)
     if params_file is not None:  # the simulator node's own will do
+        params_file = arguments.path("params_file", params_file)
         given = files.load(params_file)
         if sensors is None:
             beside = frozenset(name for name in BESIDE if given.get(f"publish.{name}") is True)
@@ -152,7 +154,7 @@ def _simulation(
             raise ConfigurationError([f"{params_file}: {line}" for line in problems])
         unset = [name for name in ("imus", "cameras") if given.get(name) in ((), [], EMPTY_LIST)]
         layers = [{n: value for n, value in given.items() if n not in (*of_node, *unset)}]
-    own: dict[str, object] = {**_imu(imu), **_flat(parameters)}
+    own: dict[str, object] = {**_imu(imu), **_flat("parameters", parameters)}
     pose_reader: Callable[..., PoseSequence] = _poses_of_any_file
     if isinstance(trajectory, np.ndarray):
         trajectory = poses_of_rows(trajectory)
@@ -160,9 +162,12 @@ def _simulation(
         own.update({"trajectory.type": "poses", "trajectory.file": "poses given as arrays"})
         pose_reader = _given(checked_poses("trajectory", trajectory))
     elif isinstance(trajectory, Mapping):
-        own.update({f"trajectory.{name}": value for name, value in _flat(trajectory).items()})
-    elif isinstance(trajectory, str | Path):
-        own.update(files.trajectory_layer(str(trajectory)))
+        own.update(
+            {f"trajectory.{name}": value for name, value in _flat("trajectory", trajectory).items()}
+        )
+    elif isinstance(trajectory, str | PathLike):
+        path = arguments.path("trajectory", trajectory, "a name or the path of a file")
+        own.update(files.trajectory_layer(str(path)))
     elif trajectory is not None:
         refuse(
             "trajectory",
@@ -203,16 +208,22 @@ def _imu(imu: object) -> dict[str, object]:
     if imu is None:
         return {}
     if isinstance(imu, Mapping):
-        return {f"imu.{name}": value for name, value in _flat(imu).items()}
-    return {"imu.preset": str(imu)}
+        return {f"imu.{name}": value for name, value in _flat("imu", imu).items()}
+    allowed = "a name, the path of a file, or parameters by name"
+    return {"imu.preset": str(arguments.path("imu", imu, allowed))}
 
 
-def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, object]:
-    """Return nested sections by dotted name; arrays become lists."""
+def _flat(argument: str, values: Mapping[str, Any], prefix: str = "") -> dict[str, object]:
+    """Return nested sections by dotted name; arrays become lists.
+
+    :raises ConfigurationError: for a name that is none.
+    """
     result: dict[str, object] = {}
     for name, value in values.items():
+        if not isinstance(name, str):
+            refuse(argument, values, "parameters by name", wrong_type=True)
         if isinstance(value, Mapping):
-            result.update(_flat(value, f"{prefix}{name}."))
+            result.update(_flat(argument, value, f"{prefix}{name}."))
         else:
             result[prefix + name] = value.tolist() if hasattr(value, "tolist") else value
     return result

@@ -5,11 +5,12 @@
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from imu_sim_ros import arguments
 from imu_sim_ros.camera.model import Projection
 from imu_sim_ros.camera.rig import BLOCK, Rig, build_rig, on_simulation
 from imu_sim_ros.camera.tracker import Tracks
@@ -17,6 +18,8 @@ from imu_sim_ros.config import SimulationParameters
 from imu_sim_ros.config.cameras import scene_layer
 
 _NAME = "cam0"
+_LARGEST_BLOCK: Final = 1 << 20
+"""Frames."""
 
 
 class Flown(Protocol):
@@ -38,8 +41,9 @@ def project(points: ArrayLike, camera: str | Path | Mapping[str, Any] = "euroc_c
     >>> ims.camera.project([[0.0, 0.0, 1.0]], camera={"preset": "euroc_cam0"}).uv.round(3)
     array([[367.215, 248.375]])
     """
+    given = arguments.array("points", points, (None, 3))
     rig = build_rig({**_camera(camera), "trajectory.type": "static", "duration": 1.0})
-    return rig.views[_NAME].model.project(np.asarray(points, dtype=np.float64))
+    return rig.views[_NAME].model.project(given)
 
 
 def tracks(
@@ -68,7 +72,9 @@ def tracks(
     >>> blocks[0].uv.shape == (len(blocks[0].id), 2), sum(len(b.frames.t_ns) for b in blocks)
     (True, 40)
     """
-    return _rig(flight, camera, scene).tracks(_NAME, block)
+    most = f"an integer from 1 to {_LARGEST_BLOCK}"
+    size = arguments.whole("block", block, most, 1, _LARGEST_BLOCK)
+    return _rig(flight, camera, scene).tracks(_NAME, size)
 
 
 def frames(
@@ -113,10 +119,19 @@ def depths(
 
 
 def _rig(flight: Flown, camera: str | Path | Mapping[str, Any], scene: str | Path) -> Rig:
-    return on_simulation({**_camera(camera), **scene_layer(str(scene))}, flight.parameters)
+    if not isinstance(getattr(flight, "parameters", None), SimulationParameters):
+        arguments.refuse("flight", flight, "what simulate() returns", wrong_type=True)
+    file = arguments.path("scene", scene, "a name or the path of a file")
+    return on_simulation({**_camera(camera), **scene_layer(str(file))}, flight.parameters)
 
 
 def _camera(camera: str | Path | Mapping[str, Any]) -> dict[str, object]:
-    own = camera if isinstance(camera, Mapping) else {"preset": str(camera)}
+    allowed = "a name, the path of a file, or parameters by name"
+    if isinstance(camera, Mapping):
+        own = dict(camera)
+    else:
+        own = {"preset": str(arguments.path("camera", camera, allowed))}
+    if not all(isinstance(name, str) for name in own):
+        arguments.refuse("camera", camera, allowed, wrong_type=True)
     values = {name: v.tolist() if hasattr(v, "tolist") else v for name, v in own.items()}
     return {"cameras": [_NAME], **{f"{_NAME}.camera.{name}": v for name, v in values.items()}}

@@ -16,8 +16,9 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.config import files, shown
+from imu_sim_ros.config import files
 from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.names import shown
 
 Layer = dict[str, object]
 SHORT: Final = ("imu", "trajectory", "camera", "scene")

@@ -6,9 +6,9 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from imu_sim_ros.config import shown
 from imu_sim_ros.conventions import AUXILIARY
 from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.names import shown
 from imu_sim_ros.sensor import Fault
 
 

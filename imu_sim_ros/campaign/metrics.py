@@ -10,9 +10,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.config import shown
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.names import shown
 from imu_sim_ros.navigation.comparison import absolute_errors, distances, pairs, relative_errors
 from imu_sim_ros.poses import PoseSequence
 

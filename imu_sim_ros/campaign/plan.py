@@ -52,10 +52,9 @@ from imu_sim_ros.config import (
     flatten,
     has_cameras,
     load_simulation,
-    shown,
 )
 from imu_sim_ros.errors import ConfigurationError, naming
-from imu_sim_ros.names import suggestion
+from imu_sim_ros.names import shown, suggestion
 
 if TYPE_CHECKING:
     from imu_sim_ros.config.cameras import RigParameters

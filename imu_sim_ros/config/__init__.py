@@ -48,7 +48,6 @@ if TYPE_CHECKING:
     from imu_sim_ros.config.parameter import flatten as flatten
     from imu_sim_ros.config.parameter import parameters as parameters
     from imu_sim_ros.config.parameter import parse as parse
-    from imu_sim_ros.config.parameter import shown as shown
     from imu_sim_ros.config.parameter import unknown as unknown
     from imu_sim_ros.config.recorder import RecorderParameters as RecorderParameters
     from imu_sim_ros.config.simulation import DEFAULT_TRAJECTORY as DEFAULT_TRAJECTORY
@@ -132,7 +131,6 @@ else:
                 "flatten",
                 "parameters",
                 "parse",
-                "shown",
                 "unknown",
             ],
             "recorder": [

@@ -3,23 +3,47 @@
 
 """A navigation state: position, velocity and attitude, at one time or along a record."""
 
-from typing import NamedTuple
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+
+from imu_sim_ros.arguments import array, refuse
+from imu_sim_ros.inputs import gate
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 Array = NDArray[np.float64]
 
 
-class NavigationState(NamedTuple):
-    """The state at one time."""
-
+class _State(NamedTuple):
     position: Array
     """(3,) p_wb [m]."""
     velocity: Array
     """(3,) of the body in the world frame [m/s]."""
     q_wb: Array
     """(4,) unit quaternion (w, x, y, z)."""
+
+
+class NavigationState(_State):
+    """The state at one time; it is checked when it is made."""
+
+    __slots__ = ()
+
+    def __new__(cls, position: ArrayLike, velocity: ArrayLike, q_wb: ArrayLike) -> Self:
+        """Check the state.
+
+        :raises ConfigurationError: for what is not finite, of another shape or no unit quaternion.
+        """
+        q = array("q_wb", q_wb, (4,))
+        if abs(float(np.linalg.norm(q)) - 1.0) > gate.UNIT_TOLERANCE:
+            refuse("q_wb", q_wb, "a unit quaternion (w, x, y, z)")
+        return super().__new__(
+            cls, array("position", position, (3,)), array("velocity", velocity, (3,)), q
+        )
 
 
 class NavigationStates(NamedTuple):
@@ -36,7 +60,7 @@ class NavigationStates(NamedTuple):
 
     def at(self, k: int) -> NavigationState:
         """Return the state of row k."""
-        return NavigationState(self.position[k], self.velocity[k], self.q_wb[k])
+        return NavigationState._make((self.position[k], self.velocity[k], self.q_wb[k]))
 
 
 AT_REST = NavigationState(np.zeros(3), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))

@@ -21,10 +21,10 @@ from imu_sim_ros.config import (
     bad_values,
     files,
     parameters,
-    shown,
 )
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.inputs import read_text
+from imu_sim_ros.names import shown
 
 _RULE = re.compile(r"(?P<name>(?:[^\s:]+:)?[^\s:=]+):=(?P<value>.*)", re.DOTALL)
 _PARAMETERS = "ros__parameters"

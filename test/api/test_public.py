@@ -17,6 +17,7 @@ import imu_sim_ros as ims
 
 # What users rely on. A name that goes or comes needs a line in CHANGELOG.rst.
 PUBLIC = [
+    "ArgumentTypeError",
     "Calibrated",
     "Calibration",
     "Check",

@@ -162,11 +162,15 @@ class Listener:
     def wait_for_end(self, node: NodeProcess) -> int:
         """Spin until a process has ended and what it sent was taken; return its status."""
         until(lambda: node.process.poll() is not None, self.spin, "the end of a node")
-        counts: list[int] = [-1]
-        while counts[-1] != (total := sum(len(taken) for taken in self.raw.values())):
-            counts.append(total)
-            self.spin(0.3)
+        self.settle()
         return node.status()
+
+    def settle(self) -> None:
+        """Spin until nothing more comes: on a busy machine much waits to be taken."""
+        before = -1
+        while before != (total := sum(len(taken) for taken in self.raw.values())):
+            before = total
+            self.spin(0.5)
 
     def messages(self, topic: str) -> list[Any]:
         """Return a topic's messages, decoded by rclpy."""

@@ -77,9 +77,12 @@ def test_pause_step_resume_and_reset(start: Any, listener: Any, ask: Any) -> Non
         "control: /simulator: not paused: call ~/pause with true first\n",
     )
     assert ask("pause") == (0, "paused\n", "")
-    listener.spin(0.3)
+    listener.settle()
     held = len(listener.raw[IMU])
-    listener.spin(0.5)
+    assert ask("step", "1") == (0, "1 samples\n", "")  # nothing came in the second this takes
+    listener.wait_for(IMU, held + 1)
+    listener.settle()
+    held += 1
     assert len(listener.raw[IMU]) == held
     assert ask("reset") == (0, "back at the first sample\n", "")
     assert ask("step", "2")[0] == 0

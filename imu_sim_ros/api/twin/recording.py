@@ -7,15 +7,16 @@ from __future__ import annotations
 
 from functools import partial
 from itertools import pairwise
+from os import PathLike
 from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros import timebase
-from imu_sim_ros.api.flight import Flight
-from imu_sim_ros.api.readings import HasPoses, Readings, read_imu
+from imu_sim_ros import arguments, timebase
+from imu_sim_ros.api.flight import Flight, readings_of
+from imu_sim_ros.api.readings import BAG_OR_FILE, HasPoses, Readings, checked_poses
 from imu_sim_ros.calibration.twin import BodyMotion, Recording, Truth, coarse_offset, mounting
 from imu_sim_ros.calibration.twin.pose_noise import (
     PoseNoise,
@@ -133,7 +134,7 @@ def recorded(
 
     :raises InputError: with a line for each reason why there is no twin.
     """
-    readings = _readings(recording, topic)
+    readings = readings_of("recording", recording, topic)
     _check(readings)
     poses, name = _poses(truth, truth_topic)
     splines = _Splines(poses, name)
@@ -244,19 +245,14 @@ def _placed(
     )
 
 
-def _readings(source: Flight | Readings | str | Path, topic: str | None) -> Readings:
-    if isinstance(source, Flight):
-        return source.readings
-    return source if isinstance(source, Readings) else read_imu(source, topic)
-
-
 def _poses(truth: HasPoses | str | Path, topic: str | None) -> tuple[PoseSequence, str]:
-    if isinstance(truth, str | Path):
+    if isinstance(truth, str | PathLike):
         from imu_sim_ros.bags import read_poses
 
-        return read_poses(truth, topic), f"the truth {truth}"
-    gate.poses(truth.t_ns, truth.position, truth.q_wb).complain("truth")
-    return PoseSequence(truth.t_ns, truth.position, truth.q_wb), "the truth"
+        path = arguments.path("truth", truth, BAG_OR_FILE)
+        return read_poses(path, arguments.topic("truth_topic", topic)), f"the truth {truth}"
+    arguments.topic("truth_topic", topic, of_a_file=False)
+    return checked_poses("truth", truth), "the truth"
 
 
 def _check(readings: Readings) -> None:

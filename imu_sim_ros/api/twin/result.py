@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros import arguments
 from imu_sim_ros.api.calibration import Calibrated
 from imu_sim_ros.api.flight import Flight
 from imu_sim_ros.api.output import saved
@@ -19,6 +20,7 @@ from imu_sim_ros.api.readings import HasPoses, Readings
 from imu_sim_ros.api.twin.check import Check, check, flown_again, simulation
 from imu_sim_ros.api.twin.recording import Recorded, moving, recorded
 from imu_sim_ros.api.twin.trust import MATRIX, judged
+from imu_sim_ros.arguments import number, whole
 from imu_sim_ros.calibration import StepFinder
 from imu_sim_ros.calibration.twin import (
     MOTION_FLOOR,
@@ -38,7 +40,7 @@ from imu_sim_ros.calibration.twin import (
 )
 from imu_sim_ros.config import Value, files
 from imu_sim_ros.conventions import GRAVITY
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.errors import InputError, system_error
 from imu_sim_ros.json_text import plain
 from imu_sim_ros.rotation import from_matrix, log
 from imu_sim_ros.sensor import MotionSize
@@ -148,9 +150,16 @@ class Twin:
         return Path(path)
 
     def write(self, path: Path) -> None:
-        """Write the parameter file."""
+        """Write the parameter file.
+
+        :raises ConfigurationError: for what is no path.
+        """
+        path = arguments.path("path", path, "the path of an output")
         name = Path(self.source.name).name
-        files.write(self.parameters, path, comment=f"Digital twin of {name}.")
+        try:
+            files.write(self.parameters, path, comment=f"Digital twin of {name}.")
+        except OSError as error:
+            raise system_error(path, error) from None
 
     def plot(self) -> Figure:
         """Return a matplotlib figure: spectra and time series, real beside simulated."""
@@ -161,14 +170,22 @@ class Twin:
         return pictures.draw(real, simulated, self.source.recording.rate, name)
 
     def flown(self, seed: int = 0) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-        """Return times (n,) and residuals (n, 6) of the real sensor, and those of the twin."""
+        """Return times (n,) and residuals (n, 6) of the real sensor, and those of the twin.
+
+        :raises ConfigurationError: for a seed that is none.
+        """
+        _check_seed(seed)
         if self.check is not None and seed == 0:
             real, simulated = self.check.flown
             return (real.t, real.residuals), (simulated.t, simulated.residuals)
         return flown_again(self.source, self.analysis.fit, self.parameters, seed)
 
     def simulate(self, seed: int = 0) -> Flight:
-        """Return the twin's flight along the truth."""
+        """Return the twin's flight along the truth.
+
+        :raises ConfigurationError: for a seed that is none.
+        """
+        _check_seed(seed)
         engine = simulation(self.source, self.parameters, seed)
         return Flight(engine.parameters, list(engine.blocks()), f"twin of {self.source.name}")
 
@@ -269,6 +286,10 @@ def _check_likeness(source: Recorded, used: Recording, found: Fit) -> None:
         )
 
 
+def _check_seed(seed: int) -> None:
+    whole("seed", seed, "an integer of at least 0", 0, 2**63 - 1)
+
+
 def _check_numbers(fit: float | None, gravity: float, cutoff: float, max_offset: float) -> None:
     limits = [
         ("gravity", gravity, 1.0, 30.0, "m/s^2"),
@@ -277,13 +298,8 @@ def _check_numbers(fit: float | None, gravity: float, cutoff: float, max_offset:
     ]
     if fit is not None:
         limits.append(("fit", fit, _LEAST_FIT, 1e7, "s"))
-    problems = [
-        f"{name} = {value:g}: must be between {low:g} and {high:g} {unit}"
-        for name, value, low, high, unit in limits
-        if not low <= value <= high
-    ]
-    if problems:
-        raise InputError(problems)
+    for name, value, low, high, unit in limits:
+        number(name, value, f"between {low:g} and {high:g} {unit}", low, high)
 
 
 def _split(whole: Recording, seconds: float, name: str) -> tuple[Recording, Recording]:

@@ -29,9 +29,10 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from imu_sim_ros.campaign.metrics import Metrics
 from imu_sim_ros.campaign.plan import program
-from imu_sim_ros.config import CommandEstimator, files, shown
+from imu_sim_ros.config import CommandEstimator, files
 from imu_sim_ros.errors import ImuSimError, InputError
 from imu_sim_ros.inputs import open_regular
+from imu_sim_ros.names import shown
 from imu_sim_ros.sensor import ImuBlock
 
 if TYPE_CHECKING:

@@ -39,7 +39,6 @@ from imu_sim_ros.config.parameter.sections import (
     parse,
     section,
     section_names,
-    shown,
     unknown,
     variant,
 )
@@ -69,7 +68,6 @@ __all__ = [
     "parse",
     "section",
     "section_names",
-    "shown",
     "text",
     "texts",
     "unknown",

@@ -19,7 +19,7 @@ from imu_sim_ros.config.parameter.kinds import (
     Value,
 )
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.names import suggestion
+from imu_sim_ros.names import shown, suggestion
 
 _T = TypeVar("_T")
 _SECTION_NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
@@ -272,9 +272,3 @@ def unknown(name: str, known: Mapping[str, object]) -> str:
     """Return the line for a name that does not exist, with the nearest one that does."""
     hint = suggestion(name, known, "see the parameter reference for all names")
     return f"{name}: unknown parameter; {hint}"
-
-
-def shown(value: object) -> str:
-    """Return a value as a message shows it, cut where it is long."""
-    words = repr(value)
-    return words if len(words) <= 60 else words[:57] + "..."

@@ -22,6 +22,7 @@ from imu_sim_ros.navigation.comparison.consistency import (
 )
 from imu_sim_ros.navigation.comparison.drift import Drift, Truth, drift_from
 from imu_sim_ros.navigation.comparison.evaluation import (
+    DELTA_UNITS,
     AbsoluteErrors,
     RelativeErrors,
     absolute_errors,
@@ -38,6 +39,7 @@ from imu_sim_ros.navigation.comparison.timing import time_offset
 
 __all__ = [
     "ALIGNMENTS",
+    "DELTA_UNITS",
     "LARGEST_SIGMA",
     "AbsoluteErrors",
     "Alignment",

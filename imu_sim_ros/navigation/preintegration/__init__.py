@@ -7,6 +7,7 @@ Imports the leaves and the package above.
 """
 
 from imu_sim_ros.navigation.preintegration.deltas import (
+    METHODS,
     Deltas,
     Preintegration,
     corrected,
@@ -24,6 +25,7 @@ from imu_sim_ros.navigation.preintegration.residuals import (
 )
 
 __all__ = [
+    "METHODS",
     "Deltas",
     "ImuResidual",
     "Poses",

@@ -174,9 +174,8 @@ class Stepper:
     @property
     def state(self) -> NavigationState:
         """The state at the last reading, as arrays."""
-        return NavigationState(
-            np.array(self._position), np.array(self._velocity), np.array(self._q)
-        )
+        parts = (self._position, self._velocity, self._q)
+        return NavigationState._make(np.array(part) for part in parts)
 
     def add(self, t_ns: int, gyro: V3, accel: V3) -> bool:
         """Take a reading that the gate of ``inputs`` passes; return whether it was a step.

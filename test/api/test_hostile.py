@@ -1,0 +1,253 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Every public function with every argument replaced by what nobody should give.
+
+Only a documented error, or a result, may come of it.
+"""
+
+import inspect
+import itertools
+import signal
+import warnings
+from decimal import Decimal
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import imu_sim_ros as ims
+
+NAN = float("nan")
+PATIENCE = 20.0
+"""[s of processor time] A call that takes longer hangs."""
+
+
+def itself():
+    """Return a list that contains itself."""
+    result = []
+    result.append(result)
+    return result
+
+
+# Made anew for each call: a generator is used up.
+VALUES = {
+    **{repr(v): lambda v=v: v for v in (None, True, 0, -1, 2.5, NAN, -float("inf"), 1e300, 10**40)},
+    **{repr(v): lambda v=v: v for v in ("", "x", "\0", "none.mcap", b"x", Decimal("NaN"), 1j, int)},
+    **{repr(v): lambda v=v: v for v in ([], {}, (), set(), [1, 2], [[1], [1, 2]], {1: 2})},
+    **{repr(v): lambda v=v: v for v in ({"type": None}, {"preset": []}, {"a": {"b": {}}})},
+    "a name of 5000 letters": lambda: "a" * 5000,
+    "a missing file": lambda: Path("nowhere") / "none.mcap",
+    "a folder": lambda: Path(),
+    "an object": object,
+    "a function": lambda: lambda t: t,
+    "a generator": lambda: (k for k in range(3)),
+    "a list of itself": itself,
+    "0-d": lambda: np.array(1.0),
+    "NaN (3,)": lambda: np.full(3, NAN),
+    "NaN (9, 3)": lambda: np.full((9, 3), NAN),
+    "NaN (9, 8)": lambda: np.full((9, 8), NAN),
+    "zeros (9, 3)": lambda: np.zeros((9, 3)),
+    "zeros (9, 8)": lambda: np.zeros((9, 8)),
+    "1e300 (9, 4)": lambda: np.full((9, 4), 1e300),
+    "empty (0,)": lambda: np.zeros(0),
+    "empty (0, 3)": lambda: np.zeros((0, 3)),
+    "shape (2, 2, 2)": lambda: np.zeros((2, 2, 2)),
+    "stamps in seconds": lambda: np.arange(9) * 0.1,
+    "stamps out of order": lambda: np.array([3, 1, 2, 5, 4, 6, 7, 8, 9]),
+    "stamps without sign": lambda: np.array([2**63 + 5, 2**64 - 1], dtype=np.uint64),
+    "words": lambda: np.array(["x", "y"]),
+    "objects": lambda: np.array([None, {}], dtype=object),
+    "complex": lambda: np.zeros((9, 3), dtype=complex),
+    "dates": lambda: np.array(["2026-01-01"], dtype="datetime64[ns]"),
+}
+
+
+class World:
+    """Sound inputs, made once, and a new path for each output."""
+
+    def __init__(self):
+        field = {"sensors": ["magnetic_field"]}
+        still = {"imu": "lecture", "trajectory": "static", "rate": 20}
+        soak = {"profile": [0, 0, 40, 20, 80, 40, 120, 60], "interpolation": "steps"}
+        turns = {"imu": "adis16448", "trajectory": "figure_eight", "duration": 14, "rate": 60}
+        self.flight = ims.simulate(trajectory="circle", duration=0.5, rate=40, **field)
+        self.rest = ims.simulate(**still, duration=60)
+        self.six = ims.simulate(imu="lecture", trajectory="six_position", rate=20)
+        self.table = ims.simulate(imu="lecture", trajectory="turntable", rate=20)
+        self.tumble = ims.simulate(trajectory="tumble", duration=20, rate=20, **field)
+        self.soaked = ims.simulate(**still, duration=160, temperature=soak)
+        self.moved = ims.simulate(**turns)
+        self.file = self.flight.save("flight.mcap")
+        self.stamps = np.arange(9) * 10_000_000
+        self.rows = np.arange(27.0).reshape(9, 3)
+        self.q_wb = np.tile([1.0, 0.0, 0.0, 0.0], (9, 1))
+        self._places = itertools.count()
+
+    @cached_property
+    def track(self):
+        return ims.dead_reckon(self.flight)
+
+    @cached_property
+    def evaluation(self):
+        return ims.evaluate(self.track, self.flight.truth)
+
+    @cached_property
+    def noise(self):
+        return ims.allan(self.rest, force=True)
+
+    @cached_property
+    def calibration(self):
+        return ims.calibrate_six_position(self.six)
+
+    @cached_property
+    def twin(self):
+        return ims.twin(self.moved, self.moved.truth)
+
+    @property
+    def place(self):
+        return {"path": f"out{next(self._places)}"}
+
+
+SHORT = {"imu": "perfect", "duration": 0.1, "rate": 100.0}
+SMALL = {"preset": "euroc_cam0", "width": 32, "height": 24, "intrinsics": [20.0, 20.0, 16.0, 12.0]}
+OF_SIMULATION = ["gravity", "start_time", "world_frame", "temperature", "nonsense"]
+OF_INTEGRATOR = ["gravity", "level_time", "max_gap", "gyroscope_bias", "nonsense"]
+# For each public name a call that is valid, and parameters by name that it takes besides.
+VALID = {
+    "simulate": (lambda w: SHORT, OF_SIMULATION),
+    "blocks": (lambda w: SHORT, OF_SIMULATION),
+    "read_imu": (lambda w: {"path": w.file}, []),
+    "read_odometry": (lambda w: {"path": w.file}, []),
+    "dead_reckon": (lambda w: {"readings": w.flight}, OF_INTEGRATOR),
+    "evaluate": (lambda w: {"estimate": w.track, "truth": w.flight.truth}, []),
+    "allan": (lambda w: {"source": w.rest, "force": True}, []),
+    "calibrate_six_position": (lambda w: {"readings": w.six}, []),
+    "calibrate_turntable": (lambda w: {"readings": w.table}, []),
+    "calibrate_temperature": (lambda w: {"readings": w.soaked}, []),
+    "calibrate_magnetometer": (lambda w: {"readings": w.tumble}, []),
+    "twin": (lambda w: {"recording": w.moved, "truth": w.moved.truth}, []),
+    "preintegrate": (lambda w: {"readings": w.flight, "every": 0.1}, []),
+    "Readings": (lambda w: {"t_ns": w.stamps, "gyro": w.rows, "accel": w.rows}, []),
+    "PoseSequence": (lambda w: {"t_ns": w.stamps, "position": w.rows, "q_wb": w.q_wb}, []),
+    "NavigationState": (
+        lambda w: {"position": w.rows[0], "velocity": w.rows[0], "q_wb": w.q_wb[0]},
+        [],
+    ),
+    "Odometry": (
+        lambda w: {
+            "t_ns": w.stamps,
+            "q_wb": w.q_wb,
+            **dict.fromkeys(("position", "velocity", "angular_velocity"), w.rows),
+        },
+        [],
+    ),
+    "camera.project": (lambda w: {"points": w.rows}, []),
+    "camera.tracks": (lambda w: {"flight": w.flight, "scene": "house", "camera": SMALL}, []),
+    "camera.frames": (lambda w: {"flight": w.flight, "camera": SMALL}, []),
+    "camera.depths": (lambda w: {"flight": w.flight, "camera": SMALL}, []),
+    "flight.save": (lambda w: w.place, []),
+    "track.save": (lambda w: w.place, []),
+    "noise.save": (lambda w: w.place, []),
+    "calibration.save": (lambda w: w.place, []),
+    "twin.save": (lambda w: w.place, []),
+    "twin.write": (lambda w: w.place, []),
+    "twin.flown": (lambda w: {}, []),
+    "twin.simulate": (lambda w: {}, []),
+    "evaluation.relative": (lambda w: {"delta": 0.1}, []),
+}
+# What only the package makes.
+RESULTS = {
+    *("Calibrated", "Calibration", "Check", "Estimated", "Evaluation", "Flight", "Noise", "Track"),
+    *("MagneticReadings", "Orientations", "Preintegration", "PressureReadings", "TriadCalibration"),
+    *("TriadNoise", "Truth", "Twin"),
+}
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(tmp_path_factory.mktemp("hostile"))
+        yield World()
+
+
+def function_of(world, name):
+    """Return what a name of the table stands for."""
+    first, _, method = name.partition(".")
+    if first == "camera" or not method:
+        return getattr(getattr(ims, first), method) if method else getattr(ims, name)
+    return getattr(getattr(world, first), method)
+
+
+class Hang(BaseException):
+    """The processor time is used up."""
+
+
+def _hang(*_):
+    raise Hang
+
+
+def outcome(function, arguments):
+    """Call it: "result", the class of a documented error, or what else came."""
+    signal.signal(signal.SIGPROF, _hang)
+    signal.setitimer(signal.ITIMER_PROF, PATIENCE)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", RuntimeWarning)
+            result = function(**arguments)
+            if inspect.isgenerator(result):
+                next(result, None)
+    except ims.ImuSimError as error:
+        return type(error).__name__ if all(map(_is_a_line, error.problems)) else f"{error!r}"
+    except (Exception, Hang) as error:
+        return f"undocumented {error!r:.150}"
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+    return "result"
+
+
+def _is_a_line(problem):
+    return bool(problem) and "\n" not in problem and len(problem) < 600
+
+
+def outcomes(world, name):
+    """Yield what is replaced by what, and what comes of it."""
+    function = function_of(world, name)
+    valid, parameters = VALID[name]
+    names = [
+        parameter.name
+        for parameter in inspect.signature(function).parameters.values()
+        if parameter.kind is not parameter.VAR_KEYWORD
+    ]
+    for argument, (words, make) in itertools.product([*names, *parameters], VALUES.items()):
+        yield f"{argument}={words}", outcome(function, {**valid(world), argument: make()})
+
+
+@pytest.mark.parametrize("name", VALID)
+def test_a_valid_call_gives_a_result(world, name):
+    valid, _ = VALID[name]
+    assert outcome(function_of(world, name), valid(world)) == "result"
+
+
+@pytest.mark.parametrize("name", VALID)
+def test_any_argument_gives_a_result_or_a_documented_error(world, name):
+    documented = {"ConfigurationError", "ArgumentTypeError", "InputError", "result"}
+    found = dict(outcomes(world, name))
+    assert len(found) >= len(VALUES) or name == "twin.write"
+    assert {words: came for words, came in found.items() if came not in documented} == {}
+
+
+def test_every_public_name_has_a_valid_call():
+    """A new one needs a line in the table above."""
+    errors = {name for name in ims.__all__ if name.endswith("Error")}
+    assert {*ims.__all__} - errors - RESULTS - {"camera"} == {n for n in VALID if "." not in n}
+    cameras = {"project", "tracks", "frames", "depths"}  # those of docs/api.md
+    assert cameras == {name.partition(".")[2] for name in VALID if name.startswith("camera.")}
+
+
+def test_every_method_that_takes_something_has_a_valid_call():
+    for name in RESULTS | {"Readings", "Odometry"}:
+        for method, function in inspect.getmembers(getattr(ims, name), inspect.isfunction):
+            if not method.startswith("_") and len(inspect.signature(function).parameters) > 1:
+                assert f"{name.lower()}.{method}" in VALID
