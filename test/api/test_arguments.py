@@ -3,6 +3,8 @@
 
 """What the Python interface says of arguments that it cannot use."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -42,7 +44,7 @@ def test_readings_without_truth_are_levelled_only_on_request(flight):
 
 @pytest.mark.parametrize("initial", [0, {}, [1, 2], np.zeros(3)])
 def test_an_initial_state_of_another_type_is_a_type_error(flight, initial):
-    with pytest.raises(TypeError, match="initial = .*must be truth, level") as raised:
+    with pytest.raises(TypeError, match="initial = .*must be one of truth, level") as raised:
         ims.dead_reckon(flight, initial=initial)
     assert isinstance(raised.value, ims.ConfigurationError)
 
@@ -57,9 +59,9 @@ def test_an_initial_state_of_another_type_is_a_type_error(flight, initial):
         ([0, 0, 0], [0, 0, 0], "w"),
     ],
 )
-def test_a_navigation_state_that_is_none_is_refused(flight, position, velocity, q_wb):
-    with pytest.raises(ims.ConfigurationError, match=r"initial\.(position|velocity|q_wb) = "):
-        ims.dead_reckon(flight, initial=ims.NavigationState(position, velocity, q_wb))
+def test_a_navigation_state_that_is_none_is_refused_when_it_is_made(position, velocity, q_wb):
+    with pytest.raises(ims.ConfigurationError, match=r"^(position|velocity|q_wb) = "):
+        ims.NavigationState(position, velocity, q_wb)
 
 
 @pytest.mark.parametrize("bias", [None, "x", [1.0, 2.0], NAN, {}])
@@ -84,20 +86,29 @@ def poses(n=50):
     "change",
     [
         lambda t, p, q: (t, p, q),  # seconds as floats
-        lambda t, p, q: ((t * 1e9).astype(int)[::-1], p, q),
         lambda t, p, q: ((t * 1e9).astype(int), p[:-1], q),
         lambda t, p, q: ((t * 1e9).astype(int), p, 2 * q),
         lambda t, p, q: ((t * 1e9).astype(int), p * NAN, q),
         lambda t, p, q: (None, p, q),
     ],
 )
-def test_poses_that_are_none_are_refused_in_every_door(flight, change):
-    given = ims.PoseSequence(*change(*poses()))
+def test_poses_that_are_none_are_refused_when_they_are_made_and_from_any_object(flight, change):
+    given = change(*poses())
+    refused = (ims.ConfigurationError, ims.InputError)
+    with pytest.raises(refused, match="^(t_ns|position|q_wb|poses)"):
+        ims.PoseSequence(*given)
+    with pytest.raises(refused, match="^truth"):
+        ims.evaluate(flight.truth, SimpleNamespace(t_ns=given[0], position=given[1], q_wb=given[2]))
+
+
+def test_poses_out_of_order_are_refused_in_every_door(flight):
+    t, position, q_wb = poses()
+    given = ims.PoseSequence((t * 1e9).astype(int)[::-1], position, q_wb)
     for name, call in (
         ("trajectory", lambda: ims.simulate(trajectory=given)),
         ("truth", lambda: ims.evaluate(flight.truth, given)),
     ):
-        with pytest.raises((ims.ConfigurationError, ims.InputError), match=f"^{name}"):
+        with pytest.raises(ims.ConfigurationError, match=rf"^{name}\.t_ns = .*increasing"):
             call()
 
 
