@@ -28,7 +28,6 @@ from imu_sim_ros.api.readings import (
 from imu_sim_ros.arguments import array, number, one_of, switch
 from imu_sim_ros.config import (
     IntegratorParameters,
-    SimulationParameters,
     build_layered,
     layer_integrator,
 )
@@ -171,8 +170,7 @@ def dead_reckon(
         one_of("initial", initial, ("truth", "level", "parameters", "a NavigationState"))
     switch("covariance", covariance)
     track, truth = _source(readings, imu_topic)
-    if isinstance(readings, Flight):
-        parameters = {**_world(readings.parameters), **parameters}
+    parameters = {**_world(readings), **parameters}
     initial = initial or "truth"
     name = initial if isinstance(initial, str) else "parameters"
     usual = not parameters and isinstance(method, str) and isinstance(attitude_update, str)
@@ -184,11 +182,16 @@ def dead_reckon(
     else:
         track, start, correction = _start(settings, track, truth)
     words = (settings.method, settings.attitude_update)
-    rows = (track.t_ns, track.gyro, track.accel)
-    gravity, gap, earth = settings.gravity, settings.max_gap, settings.earth_rate
-    states = integrate(*rows, start, *words, gravity, correction, gap, earth)
+    states = _integrated(track, start, correction, settings)
     stated = _covariance(readings, states, track, correction) if covariance else None
     return Track(*states, *words, stated, truth, track.name)
+
+
+def _integrated(
+    track: Readings, start: NavigationState, correction: Correction, p: IntegratorParameters
+) -> NavigationStates:
+    rows, words = (track.t_ns, track.gyro, track.accel), (p.method, p.attitude_update)
+    return integrate(*rows, start, *words, p.gravity, correction, p.max_gap, p.earth_rate)
 
 
 def _covariance(
@@ -207,8 +210,11 @@ def _covariance(
     return propagate(states, force, noise_of(imu), initial, rows)[:, _POSE[:, None], _POSE]
 
 
-def _world(flight: SimulationParameters) -> dict[str, Any]:
+def _world(readings: object) -> dict[str, Any]:
     """Return gravity and the Earth's rate of a flight where they are not the usual ones."""
+    if not isinstance(readings, Flight):
+        return {}
+    flight = readings.parameters
     gravity, rate = gravity_vector(flight).tolist(), earth_rate_vector(flight).tolist()
     found = {"gravity": gravity} if tuple(gravity) != GRAVITY else {}
     return {**found, "earth_rate": rate} if any(rate) else found

@@ -88,15 +88,8 @@ def simulate(
     simulation = _simulation(
         imu, trajectory, duration, rate, seed, params_file, sensors, parameters
     )
-    samples, most = simulation.total or 0, memory() // BYTES_A_SAMPLE
-    if samples > most:
-        raise ConfigurationError(
-            f"duration = {duration!r}: its {samples} samples do not fit into memory, which has "
-            f"room for {most}; blocks() yields them piece by piece"
-        )
-    changed = "modified " if isinstance(imu, Mapping) and set(imu) - {"preset"} else ""
-    sensor = changed + Path(simulation.parameters.imu.preset).stem
-    name = f"{sensor} on {_name(trajectory, simulation)}"
+    _check_memory(simulation)
+    name = _name(imu, trajectory, simulation.parameters)
     return Flight(simulation.parameters, list(simulation.blocks()), name)
 
 
@@ -130,6 +123,15 @@ def blocks(
     return simulation.blocks(size)
 
 
+def _check_memory(simulation: Simulation) -> None:
+    samples, most = simulation.total or 0, memory() // BYTES_A_SAMPLE
+    if samples > most:
+        raise ConfigurationError(
+            f"duration: its {samples} samples do not fit into memory, which has room for {most}; "
+            "blocks() yields them piece by piece"
+        )
+
+
 def _simulation(
     imu: object,
     trajectory: object,
@@ -140,35 +142,56 @@ def _simulation(
     sensors: Collection[str] | None,
     parameters: Mapping[str, Any],
 ) -> Simulation:
-    layers = []
+    below: dict[str, object] = {}
     beside = frozenset[str]() if sensors is None else checked_sensors(sensors)
-    if params_file is not None:  # the simulator node's own will do
-        params_file = arguments.path("params_file", params_file)
-        given = files.load(params_file)
-        if sensors is None:
-            beside = frozenset(name for name in BESIDE if given.get(f"publish.{name}") is True)
-        of_node = of_the_node(given)
-        known = {**OF_EVERY_NODE, **described(SimulatorParameters)}
-        problems = list(bad_values(known, {name: given[name] for name in of_node}))
-        if problems:
-            raise ConfigurationError([f"{params_file}: {line}" for line in problems])
-        unset = [name for name in ("imus", "cameras") if given.get(name) in ((), [], EMPTY_LIST)]
-        layers = [{n: value for n, value in given.items() if n not in (*of_node, *unset)}]
+    if params_file is not None:
+        below, published = _of_file(arguments.path("params_file", params_file))
+        beside = published if sensors is None else beside
     own: dict[str, object] = {**_imu(imu), **_flat("parameters", parameters)}
-    pose_reader: Callable[..., PoseSequence] = _poses_of_any_file
+    motion, pose_reader = _motion(trajectory)
+    own.update(motion)
+    given = {"duration": None if duration is None else _seconds(duration), "rate": rate}
+    given["seed"] = seed
+    own.update({name: value for name, value in given.items() if value is not None})
+    built: SimulationParameters = load_simulation(below, own)
+    simulation = Simulation(built, pose_reader=pose_reader, sensors=beside)
+    if simulation.total is None:
+        raise ConfigurationError(
+            "duration: this trajectory has no end; give a duration, duration=60"
+        )
+    return simulation
+
+
+def _of_file(path: Path) -> tuple[dict[str, object], frozenset[str]]:
+    """Return the simulation's parameters of a file, and the sensors that it publishes.
+
+    That of the node simulator will do.
+    """
+    given = files.load(path)
+    of_node = of_the_node(given)
+    known = {**OF_EVERY_NODE, **described(SimulatorParameters)}
+    problems = list(bad_values(known, {name: given[name] for name in of_node}))
+    if problems:
+        raise ConfigurationError([f"{path}: {line}" for line in problems])
+    unset = [name for name in ("imus", "cameras") if given.get(name) in ((), [], EMPTY_LIST)]
+    own = {n: value for n, value in given.items() if n not in (*of_node, *unset)}
+    return own, frozenset(name for name in BESIDE if given.get(f"publish.{name}") is True)
+
+
+def _motion(trajectory: object) -> tuple[dict[str, object], Callable[..., PoseSequence]]:
+    """Return the parameters that a trajectory stands for, and what reads its poses."""
     if isinstance(trajectory, np.ndarray):
         trajectory = poses_of_rows(trajectory)
     if isinstance(trajectory, PoseSequence):
-        own.update({"trajectory.type": "poses", "trajectory.file": "poses given as arrays"})
-        pose_reader = _given(checked_poses("trajectory", trajectory))
-    elif isinstance(trajectory, Mapping):
-        own.update(
-            {f"trajectory.{name}": value for name, value in _flat("trajectory", trajectory).items()}
-        )
-    elif isinstance(trajectory, str | PathLike):
+        own = {"trajectory.type": "poses", "trajectory.file": "poses given as arrays"}
+        return {**own}, _given(checked_poses("trajectory", trajectory))
+    if isinstance(trajectory, Mapping):
+        flat = _flat("trajectory", trajectory)
+        return {f"trajectory.{name}": value for name, value in flat.items()}, _poses_of_any_file
+    if isinstance(trajectory, str | PathLike):
         path = arguments.path("trajectory", trajectory, "a name or the path of a file")
-        own.update(files.trajectory_layer(str(path)))
-    elif trajectory is not None:
+        return files.trajectory_layer(str(path)), _poses_of_any_file
+    if trajectory is not None:
         refuse(
             "trajectory",
             trajectory,
@@ -176,16 +199,7 @@ def _simulation(
             "x, y, z [m], quaternion w, x, y, z; a function of time is sampled into such an array",
             wrong_type=True,
         )
-    given = {"duration": None if duration is None else _seconds(duration), "rate": rate}
-    given["seed"] = seed
-    own.update({name: value for name, value in given.items() if value is not None})
-    built: SimulationParameters = load_simulation(*layers, own)
-    simulation = Simulation(built, pose_reader=pose_reader, sensors=beside)
-    if simulation.total is None:
-        raise ConfigurationError(
-            "duration: this trajectory has no end; give a duration, duration=60"
-        )
-    return simulation
+    return {}, _poses_of_any_file
 
 
 def _poses_of_any_file(path: str | Path, *options: Any) -> PoseSequence:
@@ -198,10 +212,13 @@ def _given(poses: PoseSequence) -> Callable[..., PoseSequence]:
     return lambda *_: poses
 
 
-def _name(trajectory: object, simulation: Simulation) -> str:
+def _name(imu: object, trajectory: object, built: SimulationParameters) -> str:
+    """Return sensor and motion in words."""
+    changed = "modified " if isinstance(imu, Mapping) and set(imu) - {"preset"} else ""
+    motion = built.trajectory.type
     if isinstance(trajectory, str | Path):
-        return Path(trajectory).stem
-    return str(simulation.parameters.trajectory.type)
+        motion = Path(trajectory).stem
+    return f"{changed}{Path(built.imu.preset).stem} on {motion}"
 
 
 def _imu(imu: object) -> dict[str, object]:
