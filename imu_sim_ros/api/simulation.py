@@ -85,12 +85,11 @@ def simulate(
     >>> warm.truth.position[0].round(3)
     array([3., 0., 0.])
     """
-    simulation = _simulation(
-        imu, trajectory, duration, rate, seed, params_file, sensors, parameters
-    )
+    given = (imu, trajectory, duration, rate, seed, params_file, sensors)
+    simulation = _simulation(*given, parameters)
     _check_memory(simulation)
-    name = _name(imu, trajectory, simulation.parameters)
-    return Flight(simulation.parameters, list(simulation.blocks()), name)
+    built = simulation.parameters
+    return Flight(built, list(simulation.blocks()), _name(imu, trajectory, built))
 
 
 def blocks(
