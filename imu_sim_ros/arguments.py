@@ -136,8 +136,12 @@ def whole(name: str, value: Any, allowed: str, low: int, high: int) -> int:
     return int(value)
 
 
-def array(name: str, value: Any, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
+def array(
+    name: str, value: Any, shape: tuple[int | None, ...], finite: bool = True
+) -> NDArray[np.float64]:
     """Return finite numbers of a shape; None stands for any length.
+
+    :param finite: False: a gate looks for what is not finite, and says where it is.
 
     :raises ConfigurationError: for anything else.
     """
@@ -155,7 +159,7 @@ def array(name: str, value: Any, shape: tuple[int | None, ...]) -> NDArray[np.fl
     if not fits:
         refuse(name, value, f"{allowed}, not {found.shape}")
     result: NDArray[np.float64] = found.astype(np.float64, copy=False)
-    if not np.isfinite(result).all():
+    if finite and not np.isfinite(result).all():
         refuse(name, value, allowed)
     return result
 

@@ -64,7 +64,7 @@ class Readings:
         :raises ConfigurationError: for another type or shape.
         :raises InputError: for a reading that no sensor gives.
         """
-        _check_arrays(self, ("gyro", "accel"))
+        _check_arrays(self, ("gyro", "accel"), finite=False)
         gate.readings(self.t_ns, self.gyro, self.accel).complain(self.name)
 
     def __len__(self) -> int:
@@ -180,7 +180,7 @@ def read_odometry(path: str | Path, topic: str | None = None) -> Odometry:
     )
 
 
-def _check_arrays(rows: Any, names: Sequence[str]) -> None:
+def _check_arrays(rows: Any, names: Sequence[str], finite: bool = True) -> None:
     """Check the arrays of a frozen dataclass: a name, ``t_ns`` (n,), and others (n, 3) or (n, 4).
 
     :raises ConfigurationError: for another type or shape, and what is not finite.
@@ -189,7 +189,7 @@ def _check_arrays(rows: Any, names: Sequence[str]) -> None:
     found: dict[str, NDArray[Any]] = {"t_ns": stamps("t_ns", rows.t_ns)}
     for name in names:
         columns = 4 if name == "q_wb" else 3
-        found[name] = array(name, getattr(rows, name), (len(found["t_ns"]), columns))
+        found[name] = array(name, getattr(rows, name), (len(found["t_ns"]), columns), finite)
     for name, values in found.items():
         object.__setattr__(rows, name, values)  # frozen
 
@@ -205,8 +205,8 @@ def checked_poses(name: str, given: HasPoses, increasing: bool = True) -> PoseSe
     if not all(hasattr(given, each) for each in ("t_ns", "position", "q_wb")):
         refuse(name, given, "a Track, an Odometry or another object with poses", True)
     t_ns = stamps(f"{name}.t_ns", given.t_ns, increasing)
-    position = array(f"{name}.position", given.position, (len(t_ns), 3))
-    q_wb = array(f"{name}.q_wb", given.q_wb, (len(t_ns), 4))
+    position = array(f"{name}.position", given.position, (len(t_ns), 3), finite=False)
+    q_wb = array(f"{name}.q_wb", given.q_wb, (len(t_ns), 4), finite=False)
     gate.poses(t_ns, position, q_wb).complain(name)
     return PoseSequence(t_ns, position, q_wb)
 

@@ -55,6 +55,7 @@ class PoseSequence(_Poses):
         :raises InputError: for a pose that is not possible, or without a unit quaternion.
         """
         times = stamps("t_ns", t_ns)
-        p, q = array("position", position, (len(times), 3)), array("q_wb", q_wb, (len(times), 4))
+        p = array("position", position, (len(times), 3), finite=False)
+        q = array("q_wb", q_wb, (len(times), 4), finite=False)
         gate.poses(times, p, q).complain("poses")
         return super().__new__(cls, times, p, q, dropped, skipped, lines, covariance)

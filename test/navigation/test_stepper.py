@@ -41,7 +41,7 @@ def test_reset_keeps_counts_and_forgets_the_clock():
     stepper = Stepper(AT_REST)
     for t in (0, 0, 10, 20):
         stepper.add(t * MS, (0.0, 0.0, 1.0), (1.0, 0.0, 9.81))
-    start = NavigationState(np.array([1.0, 2.0, 3.0]), np.zeros(3), np.array([0.0, 0, 0, 2.0]))
+    start = NavigationState(np.array([1.0, 2.0, 3.0]), np.zeros(3), np.array([0.0, 0, 0, 1.04]))
     stepper.reset(start)
     assert stepper.position == (1.0, 2.0, 3.0)
     assert stepper.q_wb == (0.0, 0.0, 0.0, 1.0)

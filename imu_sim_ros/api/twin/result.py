@@ -40,7 +40,7 @@ from imu_sim_ros.calibration.twin import (
 )
 from imu_sim_ros.config import Value, files
 from imu_sim_ros.conventions import GRAVITY
-from imu_sim_ros.errors import InputError, system_error
+from imu_sim_ros.errors import ArgumentTypeError, ConfigurationError, InputError, system_error
 from imu_sim_ros.json_text import plain
 from imu_sim_ros.rotation import from_matrix, log
 from imu_sim_ros.sensor import MotionSize
@@ -298,8 +298,16 @@ def _check_numbers(fit: float | None, gravity: float, cutoff: float, max_offset:
     ]
     if fit is not None:
         limits.append(("fit", fit, _LEAST_FIT, 1e7, "s"))
+    problems: list[str] = []
     for name, value, low, high, unit in limits:
-        number(name, value, f"between {low:g} and {high:g} {unit}", low, high)
+        try:
+            number(name, value, f"between {low:g} and {high:g} {unit}", low, high)
+        except ArgumentTypeError:
+            raise
+        except ConfigurationError as error:
+            problems += error.problems
+    if problems:
+        raise ConfigurationError(problems)
 
 
 def _split(whole: Recording, seconds: float, name: str) -> tuple[Recording, Recording]:
