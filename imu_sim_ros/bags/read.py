@@ -281,12 +281,11 @@ def read_poses(
     blocks = decoded_blocks(path, type_name, topic, names, recover, skipped, warned)
     parts = [fields for _, fields in blocks]
     q_wb = inside_order(np.concatenate([_rows(4), *(p.numbers["orientation"] for p in parts)]))
-    return PoseSequence(
-        np.concatenate([_times(), *(part.t_ns for part in parts)]),
-        np.concatenate([_rows(3), *(part.numbers["position"] for part in parts)]),
-        _unit(q_wb) if warned is None else q_wb,
-        skipped=sum(counts),
-    )
+    t_ns = np.concatenate([_times(), *(part.t_ns for part in parts)])
+    position = np.concatenate([_rows(3), *(part.numbers["position"] for part in parts)])
+    if warned is not None:  # passed on as they are
+        return PoseSequence._make((t_ns, position, q_wb, 0, sum(counts), None, None))
+    return PoseSequence(t_ns, position, _unit(q_wb), skipped=sum(counts))
 
 
 def vector_blocks(

@@ -13,7 +13,7 @@ from scipy.stats import binom, chi2
 import imu_sim_ros as ims
 from imu_sim_ros.calibration.deterministic import calibrate_magnetometer, symmetric_root
 from imu_sim_ros.config.simulation import load_simulation
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.sensor.auxiliary import realised_magnetometer
 from imu_sim_ros.simulation import Simulation
 
@@ -129,12 +129,12 @@ def test_readings_that_do_not_determine_it_are_refused(given: np.ndarray, words:
 @pytest.mark.parametrize(
     ("given", "strength", "words"),
     [
-        (np.ones((20, 2)), None, r"have the shape \(20, 2\); must be \(n, 3\)"),
-        (np.ones(20), None, "have the shape"),
-        (np.ones((20, 3)), -1.0, "strength = -1: must be above 0"),
+        (np.ones((20, 2)), None, r"must be finite numbers of the shape \(n, 3\), not \(20, 2\)"),
+        (np.ones(20), None, r"the shape \(n, 3\), not \(20,\)"),
+        (np.ones((20, 3)), -1.0, "strength = -1.0: must be above 0"),
         (np.ones((20, 3)), np.nan, "strength = nan: must be above 0"),
     ],
 )
 def test_the_front_door_says_what_cannot_be_a_record(given, strength, words):
-    with pytest.raises(InputError, match=words):
+    with pytest.raises(ConfigurationError, match=words):
         ims.calibrate_magnetometer(given, strength=strength)

@@ -246,7 +246,7 @@ def files_and_results() -> Iterator[tuple[str, str]]:
         program(
             "generate", "-o", six, "--imu", "mpu6000", "--trajectory", "six_position", "--quiet"
         )
-        yield "calibrate", result("calibrate", "six_position", six)
+        yield "calibrate", result("calibrate", "six_position", six, "-o", folder / "six")
         track = folder / "track.tum"
         program("dead_reckon", source, "-o", track, "--quiet")
         yield "evaluate", result("evaluate", track, source)

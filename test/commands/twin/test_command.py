@@ -53,7 +53,7 @@ def test_json_is_one_object_with_every_number(bag, capsys):
     ("extra", "words"),
     [
         (["--gravity", "nan"], "gravity = nan: must be between 1 and 30 m/s^2"),
-        (["--cutoff", "-1"], "cutoff = -1: must be between 0.5 and 1000 Hz"),
+        (["--cutoff", "-1"], "cutoff = -1.0: must be between 0.5 and 1000 Hz"),
         (["--fit", "19s"], "fit = 19: must leave 8 s of the"),
         (["--truth-topic", "/nothing"], "/nothing"),
     ],
