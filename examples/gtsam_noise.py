@@ -11,7 +11,9 @@ it does not model. Needs gtsam (pip install gtsam).
 import gtsam
 import numpy as np
 
-from imu_sim_ros.config import ImuParameters, SimulationParameters, TriadParameters
+from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.sensors.imu.triads import TriadParameters
+from imu_sim_ros.simulation.parameters import SimulationParameters
 
 # Changes of angular rate and specific force in a second, twice the RMS of figure_eight:
 RATE_CHANGE = 0.5  # rad/s

@@ -26,9 +26,11 @@ import numpy as np
 from gtsam.symbol_shorthand import B, L, V, X
 
 from imu_sim_ros import rotation
-from imu_sim_ros.config import SimulationParameters, files, load_simulation
-from imu_sim_ros.config.cameras import CameraParameters, load_rig, split_rig
+from imu_sim_ros.parameters import files
 from imu_sim_ros.poses import read_poses
+from imu_sim_ros.sensors.camera.parameters import CameraParameters
+from imu_sim_ros.sensors.camera.rig_parameters import load_rig, split_rig
+from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
 
 PRIOR_POSE = np.array([1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3])  # rad, m
 PRIOR_VELOCITY = 1e-3  # m/s

@@ -20,9 +20,9 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-from imu_sim_ros.bags import read_imu, read_odometry
-from imu_sim_ros.config import files
+from imu_sim_ros.bags.read import read_imu, read_odometry
 from imu_sim_ros.conventions import DEAD_RECKONED_TOPIC, IMU_TOPIC, TRUTH_TOPIC
+from imu_sim_ros.parameters import files
 from imu_sim_ros.poses import PoseSequence, write_tum
 
 PATIENCE = 60.0

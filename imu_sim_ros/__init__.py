@@ -48,82 +48,88 @@ Shapes
     Time first: ``(n,)``, ``(n, 3)``, ``(n, 4)``, ``(n, 3, 3)``.
 """
 
-from typing import TYPE_CHECKING
-
-from imu_sim_ros.lazy import exported
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from imu_sim_ros import camera as camera
-    from imu_sim_ros.api.beside import MagneticReadings as MagneticReadings
-    from imu_sim_ros.api.beside import Orientations as Orientations
-    from imu_sim_ros.api.beside import PressureReadings as PressureReadings
-    from imu_sim_ros.api.calibration import Calibrated as Calibrated
-    from imu_sim_ros.api.calibration import Calibration as Calibration
-    from imu_sim_ros.api.calibration import TriadCalibration as TriadCalibration
-    from imu_sim_ros.api.calibration import calibrate_magnetometer as calibrate_magnetometer
-    from imu_sim_ros.api.calibration import calibrate_six_position as calibrate_six_position
-    from imu_sim_ros.api.calibration import calibrate_temperature as calibrate_temperature
-    from imu_sim_ros.api.calibration import calibrate_turntable as calibrate_turntable
-    from imu_sim_ros.api.flight import Flight as Flight
-    from imu_sim_ros.api.flight import Truth as Truth
-    from imu_sim_ros.api.navigation import Evaluation as Evaluation
-    from imu_sim_ros.api.navigation import Track as Track
-    from imu_sim_ros.api.navigation import dead_reckon as dead_reckon
-    from imu_sim_ros.api.navigation import evaluate as evaluate
-    from imu_sim_ros.api.noise import Estimated as Estimated
-    from imu_sim_ros.api.noise import Noise as Noise
-    from imu_sim_ros.api.noise import TriadNoise as TriadNoise
-    from imu_sim_ros.api.noise import allan as allan
-    from imu_sim_ros.api.preintegration import preintegrate as preintegrate
-    from imu_sim_ros.api.readings import Odometry as Odometry
-    from imu_sim_ros.api.readings import Readings as Readings
-    from imu_sim_ros.api.readings import read_imu as read_imu
-    from imu_sim_ros.api.readings import read_odometry as read_odometry
-    from imu_sim_ros.api.simulation import blocks as blocks
-    from imu_sim_ros.api.simulation import simulate as simulate
-    from imu_sim_ros.api.twin import Check as Check
-    from imu_sim_ros.api.twin import Twin as Twin
-    from imu_sim_ros.api.twin import twin as twin
     from imu_sim_ros.errors import ArgumentTypeError as ArgumentTypeError
     from imu_sim_ros.errors import ConfigurationError as ConfigurationError
     from imu_sim_ros.errors import ImuSimError as ImuSimError
     from imu_sim_ros.errors import InputError as InputError
     from imu_sim_ros.errors import MissingDependencyError as MissingDependencyError
-    from imu_sim_ros.navigation import NavigationState as NavigationState
-    from imu_sim_ros.navigation import Preintegration as Preintegration
+    from imu_sim_ros.jobs.allan import Estimated as Estimated
+    from imu_sim_ros.jobs.allan import Noise as Noise
+    from imu_sim_ros.jobs.allan import TriadNoise as TriadNoise
+    from imu_sim_ros.jobs.allan import allan as allan
+    from imu_sim_ros.jobs.calibrate import Calibrated as Calibrated
+    from imu_sim_ros.jobs.calibrate import Calibration as Calibration
+    from imu_sim_ros.jobs.calibrate import TriadCalibration as TriadCalibration
+    from imu_sim_ros.jobs.calibrate import calibrate_magnetometer as calibrate_magnetometer
+    from imu_sim_ros.jobs.calibrate import calibrate_six_position as calibrate_six_position
+    from imu_sim_ros.jobs.calibrate import calibrate_temperature as calibrate_temperature
+    from imu_sim_ros.jobs.calibrate import calibrate_turntable as calibrate_turntable
+    from imu_sim_ros.jobs.flight import Flight as Flight
+    from imu_sim_ros.jobs.flight import Truth as Truth
+    from imu_sim_ros.jobs.navigation import Evaluation as Evaluation
+    from imu_sim_ros.jobs.navigation import Track as Track
+    from imu_sim_ros.jobs.navigation import dead_reckon as dead_reckon
+    from imu_sim_ros.jobs.navigation import evaluate as evaluate
+    from imu_sim_ros.jobs.preintegrate import preintegrate as preintegrate
+    from imu_sim_ros.jobs.readings import MagneticReadings as MagneticReadings
+    from imu_sim_ros.jobs.readings import Odometry as Odometry
+    from imu_sim_ros.jobs.readings import Orientations as Orientations
+    from imu_sim_ros.jobs.readings import PressureReadings as PressureReadings
+    from imu_sim_ros.jobs.readings import Readings as Readings
+    from imu_sim_ros.jobs.readings import read_imu as read_imu
+    from imu_sim_ros.jobs.readings import read_odometry as read_odometry
+    from imu_sim_ros.jobs.simulate import blocks as blocks
+    from imu_sim_ros.jobs.simulate import simulate as simulate
+    from imu_sim_ros.jobs.twin import Twin as Twin
+    from imu_sim_ros.jobs.twin import twin as twin
+    from imu_sim_ros.jobs.twin_check import Check as Check
+    from imu_sim_ros.navigation.preintegration import Preintegration as Preintegration
+    from imu_sim_ros.navigation.state import NavigationState as NavigationState
     from imu_sim_ros.poses import PoseSequence as PoseSequence
-else:
-    __getattr__, __dir__, __all__ = exported(
-        __name__,
-        {
-            "": ["camera"],
-            "api.beside": ["MagneticReadings", "Orientations", "PressureReadings"],
-            "api.calibration": [
-                "Calibrated",
-                "Calibration",
-                "TriadCalibration",
-                "calibrate_magnetometer",
-                "calibrate_six_position",
-                "calibrate_temperature",
-                "calibrate_turntable",
-            ],
-            "api.flight": ["Flight", "Truth"],
-            "api.navigation": ["Evaluation", "Track", "dead_reckon", "evaluate"],
-            "api.noise": ["Estimated", "Noise", "TriadNoise", "allan"],
-            "api.preintegration": ["preintegrate"],
-            "api.readings": ["Odometry", "Readings", "read_imu", "read_odometry"],
-            "api.simulation": ["blocks", "simulate"],
-            "api.twin": ["Check", "Twin", "twin"],
-            "errors": [
-                "ArgumentTypeError",
-                "ConfigurationError",
-                "ImuSimError",
-                "InputError",
-                "MissingDependencyError",
-            ],
-            "navigation": ["NavigationState", "Preintegration"],
-            "poses": ["PoseSequence"],
-        },
-    )
-
+_HOMES = {
+    "camera": ["camera"],
+    "errors": [
+        *("ArgumentTypeError", "ConfigurationError", "ImuSimError", "InputError"),
+        "MissingDependencyError",
+    ],
+    "jobs.allan": ["Estimated", "Noise", "TriadNoise", "allan"],
+    "jobs.calibrate": [
+        *("Calibrated", "Calibration", "TriadCalibration", "calibrate_magnetometer"),
+        *("calibrate_six_position", "calibrate_temperature", "calibrate_turntable"),
+    ],
+    "jobs.flight": ["Flight", "Truth"],
+    "jobs.navigation": ["Evaluation", "Track", "dead_reckon", "evaluate"],
+    "jobs.preintegrate": ["preintegrate"],
+    "jobs.readings": [
+        *("MagneticReadings", "Odometry", "Orientations", "PressureReadings", "Readings"),
+        *("read_imu", "read_odometry"),
+    ],
+    "jobs.simulate": ["blocks", "simulate"],
+    "jobs.twin": ["Twin", "twin"],
+    "jobs.twin_check": ["Check"],
+    "navigation.preintegration": ["Preintegration"],
+    "navigation.state": ["NavigationState"],
+    "poses": ["PoseSequence"],
+}
 __version__ = "0.1.0"
+__all__ = sorted(name for names in _HOMES.values() for name in names)
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name when it is first used (PEP 562)."""
+    for module, names in _HOMES.items():
+        if name in names:
+            found = import_module(f"{__name__}.{module}")
+            value = globals()[name] = getattr(found, name, found)
+            return value
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    """Return the public names, too, that have not been imported yet."""
+    return sorted({*globals(), *__all__})

@@ -8,8 +8,9 @@ Takes the arguments of simulate.launch.py as well. Each of several IMUs has an i
 
 from pathlib import Path
 
-from imu_sim_ros.config import IntegratorParameters, SimulatorParameters
+from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.nodes import launching
+from imu_sim_ros.simulation.playback import SimulatorParameters
 
 CONFIG = Path(__file__).resolve().parents[1] / "config"
 BELOW_SIMULATOR = ("-p", "wait_for_subscribers:=1")

@@ -3,7 +3,7 @@
 
 """Topics into a bag: `ros2 launch imu_sim_ros record.launch.py output:=flight duration:=20.0`."""
 
-from imu_sim_ros.config import RecorderParameters
+from imu_sim_ros.bags.recorder_parameters import RecorderParameters
 from imu_sim_ros.nodes import launching
 
 PARAMETERS = ("output", "topics", "storage", "compression", "duration", "max_size")

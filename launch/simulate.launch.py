@@ -3,8 +3,8 @@
 
 """An IMU on a moving body: `ros2 launch imu_sim_ros simulate.launch.py imu:=lecture`."""
 
-from imu_sim_ros.config import SimulatorParameters
 from imu_sim_ros.nodes import launching
+from imu_sim_ros.simulation.playback import SimulatorParameters
 
 PARAMETERS = (
     *("imu", "trajectory", "rate", "seed", "duration", "start_time", "real_time_factor"),

@@ -19,43 +19,33 @@ import imu_sim_ros
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "imu_sim_ros"
-LEAVES = {
-    "arguments",
-    "errors",
-    "inputs",
-    "json_text",
-    "conventions",
-    "lazy",
-    "machine",
-    "names",
-    "random_streams",
-    "rotation",
-    "timebase",
-    "config",
-    "poses",
+LOW = {
+    "__version__",
+    *("arguments", "conventions", "errors", "inputs", "json_text", "machine", "names"),
+    *("parameters", "poses", "random_streams", "rotation", "timebase"),
 }
+BODY = LOW | {"trajectory", "sensors"}
 ROOMS = {
-    "__init__": LEAVES | {"api", "navigation", "camera"},
-    "api": LEAVES
-    | {"trajectory", "sensor", "camera", "simulation", "topics", "datasets", "bags", "consumers"}
-    | {"navigation", "calibration", "plots"},
-    "trajectory": LEAVES,
-    "sensor": LEAVES | {"trajectory"},
-    "camera": LEAVES | {"trajectory"},
-    "simulation": LEAVES | {"trajectory", "sensor"},
-    "topics": LEAVES | {"trajectory", "sensor", "bags"},
-    "datasets": LEAVES | {"trajectory", "sensor", "camera", "bags", "topics"},
-    "navigation": LEAVES,
-    "calibration": LEAVES,
-    "bags": LEAVES,
-    "consumers": LEAVES | {"bags"},
-    "plots": LEAVES | {"navigation", "calibration"},
-    "campaign": LEAVES
-    | {"trajectory", "sensor", "camera", "simulation", "topics", "datasets", "bags"}
-    | {"navigation", "calibration", "consumers"},
-    "report": LEAVES
-    | {"campaign", "bags", "navigation", "calibration"}
-    | {"camera", "datasets"},  # a strip of images
+    "__init__": LOW | {"jobs", "camera", "navigation"},
+    "camera": BODY | {"simulation", "jobs"},
+    "config": LOW | {"trajectory"},
+    "inputs": {"errors"},
+    "parameters": LOW | {"trajectory"},
+    "trajectory": LOW,
+    "sensors": BODY | {"simulation"},
+    "simulation": BODY | {"bags"},
+    "bags": LOW,
+    "datasets": BODY | {"simulation", "bags"},
+    # Of a sensor only its parameters: what it is, in numbers.
+    "navigation": LOW | {"sensors"},
+    "calibration": LOW | {"sensors", "simulation"},
+    "plots": LOW | {"sensors", "navigation", "calibration"},
+    "campaign": BODY | {"simulation", "bags", "datasets", "navigation", "calibration"},
+    "report": LOW | {"sensors", "bags", "datasets", "navigation", "calibration", "campaign"},
+    "jobs": BODY | {"simulation", "bags", "datasets", "navigation", "calibration", "plots"},
+    "signals": LOW,
+    "program": LOW | {"signals", "completion"},
+    "completion": LOW | {"navigation", "simulation"},
 }
 SEE_EVERYTHING = {"nodes", "commands"}
 ONLY_IN = {
@@ -66,10 +56,11 @@ ONLY_IN = {
     "rosbags": {"bags"},
     "mcap": {"bags"},
     "matplotlib": {"plots"},
-    "cv2": {"camera"},
+    "cv2": {"sensors"},
     "distributed": {"campaign"},
     "pyarrow": {"campaign"},
 }
+PARAMETERS = {"parameters", "triads"}
 LARGEST_ROOM, LONGEST_FILE, LONGEST_FUNCTION = 24, 600, 60
 # Reading a file of poses must not cost what only some commands need.
 HEAVY = {"cv2", "distributed", "pyarrow", "scipy", "matplotlib", "rosbags", "mcap", "rich", "yaml"}
@@ -122,13 +113,15 @@ def imports(tree):
 @over(modules())
 def test_imports_follow_the_arrows(path):
     room = room_of(path)
-    allowed = ROOMS.get(room, LEAVES)
+    allowed = ROOMS.get(room, LOW)
     for name in imports(parsed(path)):
         top, *rest = name.split(".")
         if top in ONLY_IN:
             assert room in ONLY_IN[top], f"{room} imports {name}"
         if top == "imu_sim_ros" and rest and room not in SEE_EVERYTHING:
             assert rest[0] in allowed | {room}, f"{room} imports {name}"
+            of_a_sensor = rest[0] == "sensors" and room in {"navigation", "calibration"}
+            assert not of_a_sensor or set(rest) & PARAMETERS, f"{room} imports {name}"
 
 
 def rooms():
@@ -152,30 +145,27 @@ def exports(folder):
     return getattr(importlib.import_module(dotted(folder)), "__all__", ())
 
 
-def doors_passed(module, names):
-    """Return the (room, name) pairs that an import takes something through, outside in."""
-    folder = PACKAGE
-    *parts, last = module.split(".")[1:] or [""]
-    for part in parts:
-        if folder != PACKAGE:
-            yield folder, part
-        folder /= part
-    if (folder / last).is_dir() and last:
-        if folder != PACKAGE:
-            yield folder, last
-        yield from ((folder / last, name) for name in names)
-    elif folder != PACKAGE:
-        yield folder, last
+def imported_at_once(body):
+    """Every module that is imported when a file is, the type checker's imports left out."""
+    for node in body:
+        if isinstance(node, ast.If) and "TYPE_CHECKING" not in ast.unparse(node.test):
+            yield from imported_at_once(node.body)
+        elif isinstance(node, ast.Import | ast.ImportFrom):
+            yield from imports(ast.Module([node], []))
 
 
-@over(modules())
-def test_rooms_are_imported_through_their_door(path):
-    """Outside a room only what its ``__init__`` exports is used; an inner room is a door, too."""
-    for node in ast.walk(parsed(path)):
-        if isinstance(node, ast.ImportFrom) and node.module.startswith("imu_sim_ros."):
-            for room, name in doors_passed(node.module, [alias.name for alias in node.names]):
-                open_door = room in path.parents or (room / name).is_dir()
-                assert open_door or name in exports(room), f"{dotted(room)} exports no {name}"
+def test_no_module_imports_itself_in_a_circle():
+    files = {dotted(path.with_suffix("")): path for path in modules() if path.stem != "__init__"}
+    wants = {
+        name: {other for other in imported_at_once(parsed(path).body) if other in files}
+        for name, path in files.items()
+    }
+    while free := [name for name, others in wants.items() if not others]:
+        for name in free:
+            del wants[name]
+        for others in wants.values():
+            others.difference_update(free)
+    assert not wants, "these import each other"
 
 
 @over([PACKAGE, *rooms()])
@@ -197,18 +187,16 @@ def test_rooms_say_what_they_are_and_export_what_exists(room):
         )
 
 
-@over([PACKAGE, *rooms()])
-def test_lazy_exports_are_those_that_the_type_checker_sees(room):
+def test_the_front_door_opens_what_the_type_checker_sees():
     """The imports under TYPE_CHECKING and the table for run time are one list, written twice."""
-    tree = parsed(room / "__init__.py")
-    for branch in (node for node in tree.body if isinstance(node, ast.If)):
-        seen = {
-            (statement.module.removeprefix(dotted(room)).removeprefix("."), alias.asname)
-            for statement in branch.body
-            for alias in statement.names
-        }
-        table = ast.literal_eval(branch.orelse[0].value.args[1])
-        assert seen == {(home, name) for home, names in table.items() for name in names}
+    (branch,) = (node for node in parsed(PACKAGE / "__init__.py").body if isinstance(node, ast.If))
+    seen = {
+        (f"{statement.module}.{alias.name}".removeprefix("imu_sim_ros."), alias.name)
+        for statement in branch.body
+        for alias in statement.names
+    }
+    table = {(f"{home}.{n}", n) for home, names in imu_sim_ros._HOMES.items() for n in names}
+    assert seen == table - {("camera.camera", "camera")} | {("camera", "camera")}
 
 
 @over(modules())

@@ -13,15 +13,15 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags.messages import (
+from imu_sim_ros.bags.messages.blocks import TopicInfo
+from imu_sim_ros.bags.messages.decode import inside_order
+from imu_sim_ros.bags.messages.encode import (
     FLUID_PRESSURE,
     IMU,
     MAGNETIC_FIELD,
     FluidPressureEncoder,
     ImuEncoder,
     MagneticFieldEncoder,
-    TopicInfo,
-    inside_order,
 )
 from imu_sim_ros.bags.read import decoded_blocks, open_bag, vector_blocks
 from imu_sim_ros.bags.text import reader as text_reader
@@ -38,7 +38,7 @@ from imu_sim_ros.conventions import (
     PRESSURE_TOPIC,
 )
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs import Skipped, Warned
+from imu_sim_ros.inputs.rows import Skipped, Warned
 
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
@@ -88,8 +88,8 @@ def blocks(
 
     :param kind: a key of ``bags.text.BESIDE``.
     :param topic: of a bag, None: the only one; of a folder: a table, mag0.
-    :param recover: as for :func:`imu_sim_ros.bags.open_bag`.
-    :param skipped, warned: as for :func:`imu_sim_ros.bags.imu_blocks`.
+    :param recover: as for :func:`imu_sim_ros.bags.read.open_bag`.
+    :param skipped, warned: as for :func:`imu_sim_ros.bags.read.imu_blocks`.
     :raises InputError: for an input that cannot be used.
     """
     of = _KINDS[kind]

@@ -11,27 +11,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.bags import beside
-from imu_sim_ros.bags.messages import (
+from imu_sim_ros.bags.messages import schemas
+from imu_sim_ros.bags.messages.blocks import MessageBlock, Payloads, TopicInfo, as_list
+from imu_sim_ros.bags.messages.decode import MessageGate, transcode
+from imu_sim_ros.bags.messages.encode import (
     IMU,
     ODOMETRY,
     POSE_STAMPED,
     VECTOR3_STAMPED,
     ImuEncoder,
-    MessageBlock,
-    MessageGate,
     OdometryEncoder,
-    Payloads,
     PoseStampedEncoder,
-    TopicInfo,
     Vector3StampedEncoder,
-    as_list,
-    schemas,
-    transcode,
 )
 from imu_sim_ros.bags.read import imu_blocks, odometry_blocks, open_bag, vector_blocks
 from imu_sim_ros.bags.reader import Bag, missing, told
-from imu_sim_ros.bags.text import Dataset, States
 from imu_sim_ros.bags.text import reader as text_reader
+from imu_sim_ros.bags.text.writer import Dataset, States
 from imu_sim_ros.bags.writer import Block, Topic, Writer
 from imu_sim_ros.conventions import (
     ACCELEROMETER_BIAS_TOPIC,
@@ -44,7 +40,7 @@ from imu_sim_ros.conventions import (
     WORLD_FRAME,
 )
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs import Skipped, Warned
+from imu_sim_ros.inputs.rows import Skipped, Warned
 from imu_sim_ros.poses import PoseSequence, read_poses
 from imu_sim_ros.rotation import rotate, rotate_inverse
 
@@ -86,7 +82,7 @@ def bag_to_bag(
 
     :param renamed: new names by old ones.
     :param advance: receives the number of messages copied.
-    :param skipped, warned: as for :func:`imu_sim_ros.bags.imu_blocks`.
+    :param skipped, warned: as for :func:`imu_sim_ros.bags.read.imu_blocks`.
     """
     with told(bag.path):
         translate = _translator(bag, writer, topics)
@@ -177,7 +173,7 @@ def text_to_bag(
     Several IMUs have a namespace each, as in ``generate``: ``/imu1/imu/data_raw``. The poses of a
     motion capture system, as TUM VI has them, are a topic of poses.
 
-    :param skipped: as for :func:`imu_sim_ros.bags.imu_blocks`.
+    :param skipped: as for :func:`imu_sim_ros.bags.read.imu_blocks`.
     :param frames: more streams in time order, of cameras; the blocks of one item have the same
         times.
     """
@@ -292,7 +288,7 @@ def to_dataset(
     """Copy readings, what is beside them, and truth of a bag or a dataset into text.
 
     :param tables: of the dataset, by kind: a topic, or a table of the dataset that is read.
-    :param skipped, warned: as for :func:`imu_sim_ros.bags.imu_blocks`.
+    :param skipped, warned: as for :func:`imu_sim_ros.bags.read.imu_blocks`.
     :param topics: name of the topic for each of the types Imu and Odometry that is to be copied;
         None: the only one.
     """

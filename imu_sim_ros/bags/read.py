@@ -10,28 +10,24 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags.mcap import McapBag
-from imu_sim_ros.bags.messages import (
+from imu_sim_ros.bags.mcap_reader import McapBag
+from imu_sim_ros.bags.messages import schemas
+from imu_sim_ros.bags.messages.blocks import TopicInfo, as_list
+from imu_sim_ros.bags.messages.decode import Decoded, MessageGate, decode_block, inside_order
+from imu_sim_ros.bags.messages.encode import (
     IMU,
     ODOMETRY,
     POSE_STAMPED,
     TEMPERATURE,
     VECTOR3_STAMPED,
-    Decoded,
-    MessageGate,
-    TopicInfo,
-    as_list,
-    decode_block,
-    inside_order,
-    schemas,
 )
-from imu_sim_ros.bags.output_file import unfinished
+from imu_sim_ros.bags.outputs import unfinished
 from imu_sim_ros.bags.reader import Bag, told
-from imu_sim_ros.bags.ros1 import Rosbag1Bag
-from imu_sim_ros.bags.rosbag2 import Rosbag2Folder, SqliteBag
+from imu_sim_ros.bags.ros1_reader import Rosbag1Bag
+from imu_sim_ros.bags.rosbag2_reader import Rosbag2Folder, SqliteBag
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs import Skipped, Warned, open_regular
+from imu_sim_ros.inputs.rows import Skipped, Warned, open_regular
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.poses import read_poses as read_pose_file
 from imu_sim_ros.rotation import rotate_inverse
@@ -325,7 +321,7 @@ def decoded_blocks(
     """Yield when messages of a topic were recorded (n,), and some of their fields, in blocks.
 
     :param topic: None: the only one of the type.
-    :param names: of the fields, as for :func:`imu_sim_ros.bags.messages.decode_block`.
+    :param names: of the fields, as for :func:`imu_sim_ros.bags.messages.decode.decode_block`.
     :param skipped, warned: as for :func:`imu_blocks`.
     :raises InputError: at the end, with the first messages that the gate refused.
     """

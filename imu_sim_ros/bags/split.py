@@ -12,8 +12,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags.output_file import make_folder
-from imu_sim_ros.bags.rosbag2 import metadata as rosbag2_metadata
+from imu_sim_ros.bags import rosbag2_metadata as rosbag2_metadata
+from imu_sim_ros.bags.outputs import make_folder
 from imu_sim_ros.bags.writer import Block, Topic, Writer, tally, time_order
 from imu_sim_ros.errors import InputError
 

@@ -6,9 +6,8 @@
 from pathlib import Path
 from typing import Final
 
-from imu_sim_ros.bags import mcap, ros1, rosbag2
-from imu_sim_ros.bags.messages import Qos
-from imu_sim_ros.bags.output_file import refuse_existing
+from imu_sim_ros.bags.messages.schemas import Qos
+from imu_sim_ros.bags.outputs import refuse_existing
 from imu_sim_ros.bags.split import PartsWriter, Rosbag2Writer
 from imu_sim_ros.bags.writer import Block, Topic, Writer
 from imu_sim_ros.errors import InputError
@@ -56,10 +55,16 @@ def open_writer(
     def open_file(file: Path) -> Writer:
         single = path.suffix in (".mcap", ".bag") or storage == "ros1"
         if storage == "ros1":
-            return ros1.Rosbag1Writer(file, compression)
+            from imu_sim_ros.bags.ros1_writer import Rosbag1Writer
+
+            return Rosbag1Writer(file, compression)
         if storage == "sqlite3":
-            return rosbag2.SqliteWriter(file)
-        return mcap.McapWriter(file, compression, renamed=single)
+            from imu_sim_ros.bags.sqlite_writer import SqliteWriter
+
+            return SqliteWriter(file)
+        from imu_sim_ros.bags.mcap_writer import McapWriter
+
+        return McapWriter(file, compression, renamed=single)
 
     if storage == "ros1" or path.suffix == ".mcap":
         if not (split_ns or split_size):

@@ -16,6 +16,7 @@ from typing import Any, Final, NamedTuple
 import imu_sim_ros
 from imu_sim_ros.campaign.cells import Cell, cell_count
 from imu_sim_ros.campaign.engine import Engine, Task
+from imu_sim_ros.campaign.parameters import CalibrationEstimator, CommandEstimator
 from imu_sim_ros.campaign.plan import Plan
 from imu_sim_ros.campaign.results import (
     SUMMARY,
@@ -29,7 +30,6 @@ from imu_sim_ros.campaign.results import (
 )
 from imu_sim_ros.campaign.summary import groups, summary_rows
 from imu_sim_ros.campaign.verdict import Judgement
-from imu_sim_ros.config import CalibrationEstimator, CommandEstimator
 from imu_sim_ros.json_text import as_json
 
 _BUILT_IN_BATCH: Final = 50

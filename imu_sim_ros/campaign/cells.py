@@ -16,9 +16,9 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.config import files
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.names import shown
+from imu_sim_ros.parameters import files
 
 Layer = dict[str, object]
 SHORT: Final = ("imu", "trajectory", "camera", "scene")
@@ -62,7 +62,7 @@ def expanded(values: Mapping[str, object]) -> Layer:
         elif name == "camera":
             result.update({"cameras": ["cam0"], "cam0.camera.preset": value})
         elif name == "scene":
-            from imu_sim_ros.config.cameras import scene_layer
+            from imu_sim_ros.sensors.camera.rig_parameters import scene_layer
 
             result.update(scene_layer(str(value)))
         else:

@@ -29,8 +29,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import imu_sim_ros
 from imu_sim_ros.campaign.cells import Cell
+from imu_sim_ros.campaign.parameters import CommandEstimator
 from imu_sim_ros.campaign.plan import Plan, missing
-from imu_sim_ros.config import CommandEstimator
 from imu_sim_ros.errors import ImuSimError, InputError, MachineError, MissingDependencyError
 
 if TYPE_CHECKING:
@@ -275,7 +275,7 @@ def _begin() -> None:
 
 def _end(number: int, frame: object) -> None:
     """End a worker at once, with the program that it runs."""
-    command = sys.modules.get("imu_sim_ros.campaign.estimators.command")
+    command = sys.modules.get("imu_sim_ros.campaign.command_estimator")
     if command is not None:
         command.end_programs()
     os._exit(128 + number)
@@ -313,9 +313,8 @@ def client(scheduler: str | None, workers: int, worker_timeout: float = 60.0) ->
         raise MissingDependencyError(
             "Dask is not installed: pip install 'distributed', or apt install python3-distributed"
         ) from None
-    for name in [
-        name for name in logging.root.manager.loggerDict if name.startswith("distributed")
-    ]:
+    ours = ("distributed", "tornado")
+    for name in [name for name in logging.root.manager.loggerDict if name.startswith(ours)]:
         # Its tracebacks of lost connections; what they cost is in the results.
         logging.getLogger(name).setLevel(logging.CRITICAL)
     if scheduler is None:

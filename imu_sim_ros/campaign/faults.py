@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from imu_sim_ros.conventions import AUXILIARY
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.names import shown
-from imu_sim_ros.sensor import Fault
+from imu_sim_ros.sensors.faults import Fault
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.names import shown
-from imu_sim_ros.navigation.comparison import absolute_errors, distances, pairs, relative_errors
+from imu_sim_ros.navigation.evaluation import absolute_errors, distances, pairs, relative_errors
 from imu_sim_ros.poses import PoseSequence
 
 Array = NDArray[np.float64]

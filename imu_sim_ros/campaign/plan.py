@@ -38,26 +38,24 @@ from imu_sim_ros.campaign.metrics import (
     parse_relative,
     parse_tolerance,
 )
-from imu_sim_ros.config import (
+from imu_sim_ros.campaign.parameters import (
     CALIBRATIONS,
     PLACES,
     CalibrationEstimator,
     CampaignParameters,
     CommandEstimator,
     DeadReckonEstimator,
-    SimulationParameters,
-    build,
-    files,
     find_estimator,
-    flatten,
-    has_cameras,
-    load_simulation,
 )
 from imu_sim_ros.errors import ConfigurationError, naming
 from imu_sim_ros.names import shown, suggestion
+from imu_sim_ros.parameters import files
+from imu_sim_ros.parameters.sections import build, flatten
+from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
+from imu_sim_ros.simulation.playback import has_cameras
 
 if TYPE_CHECKING:
-    from imu_sim_ros.config.cameras import RigParameters
+    from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
 
 Estimator = DeadReckonEstimator | CommandEstimator | CalibrationEstimator
 
@@ -144,7 +142,7 @@ class Plan:
             of_rig = self._split(cell)[0]
             if not of_rig:
                 return None
-            from imu_sim_ros.config.cameras import load_rig
+            from imu_sim_ros.sensors.camera.rig_parameters import load_rig
 
             return load_rig(of_rig)
 
@@ -153,8 +151,8 @@ class Plan:
         given = {**self.parameters, **cell.layer()}
         if not has_cameras(given):
             return {}, given
-        from imu_sim_ros.camera import fitted
-        from imu_sim_ros.config.cameras import split_rig
+        from imu_sim_ros.sensors.camera.rig_parameters import split_rig
+        from imu_sim_ros.sensors.camera.target import fitted
 
         return split_rig(fitted(given))
 
@@ -355,7 +353,7 @@ def check_cells(plan: Plan) -> None:
 def _check_cell(plan: Plan, cell: Cell) -> None:
     simulation, rig = plan.simulation(cell), plan.rig(cell)
     if rig is not None and rig.cameras:
-        from imu_sim_ros.config.cameras import rig_problems
+        from imu_sim_ros.sensors.camera.rig_parameters import rig_problems
 
         problems = list(rig_problems(rig, simulation))
         if problems:

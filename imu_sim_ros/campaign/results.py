@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any, Final, TextIO
 
 from imu_sim_ros.errors import InputError, system_error
-from imu_sim_ros.inputs import open_regular
+from imu_sim_ros.inputs.rows import open_regular
 from imu_sim_ros.json_text import as_json
 
 Row = dict[str, Any]

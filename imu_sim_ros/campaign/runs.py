@@ -11,21 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 import imu_sim_ros
-from imu_sim_ros.bags import read_poses
+from imu_sim_ros.bags.read import read_poses
 from imu_sim_ros.campaign.cells import Cell, word
-from imu_sim_ros.campaign.estimators import Estimate, estimate_metrics, run_calibration, run_command
+from imu_sim_ros.campaign.command_estimator import run_command
+from imu_sim_ros.campaign.estimators import Estimate, estimate_metrics, run_calibration
 from imu_sim_ros.campaign.metrics import Metrics, pose_metrics
-from imu_sim_ros.campaign.plan import Plan
-from imu_sim_ros.config import CalibrationEstimator, CommandEstimator, DeadReckonEstimator
-from imu_sim_ros.errors import ConfigurationError, ImuSimError, InputError
-from imu_sim_ros.navigation import NavigationStates, dead_reckon, noise_of
-from imu_sim_ros.navigation.comparison import (
-    LARGEST_SIGMA,
-    Truth,
-    align,
-    attitude_errors,
-    nees,
+from imu_sim_ros.campaign.parameters import (
+    CalibrationEstimator,
+    CommandEstimator,
+    DeadReckonEstimator,
 )
+from imu_sim_ros.campaign.plan import Plan
+from imu_sim_ros.errors import ConfigurationError, ImuSimError, InputError
+from imu_sim_ros.navigation.association import align
 from imu_sim_ros.navigation.covariance import (
     ATTITUDE,
     POSITION,
@@ -34,11 +32,15 @@ from imu_sim_ros.navigation.covariance import (
     initial_covariance,
     propagate,
 )
+from imu_sim_ros.navigation.dead_reckoning import dead_reckon
+from imu_sim_ros.navigation.evaluation import LARGEST_SIGMA, Truth, attitude_errors, nees
+from imu_sim_ros.navigation.noise import noise_of
+from imu_sim_ros.navigation.state import NavigationStates
 from imu_sim_ros.poses import PoseSequence
-from imu_sim_ros.sensor import ImuBlock
-from imu_sim_ros.simulation import Simulation
-from imu_sim_ros.topics import delivered
-from imu_sim_ros.trajectory import RememberedTrajectory
+from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.topics import delivered
+from imu_sim_ros.trajectory.motion import RememberedTrajectory
 
 Array = NDArray[np.float64]
 

@@ -22,7 +22,7 @@ from imu_sim_ros.campaign.statistics import (
     statistic,
     success,
 )
-from imu_sim_ros.navigation.comparison import LARGEST_SIGMA
+from imu_sim_ros.navigation.evaluation import LARGEST_SIGMA
 
 
 class Group(NamedTuple):

@@ -16,19 +16,16 @@ from typing import Any, Final
 
 import numpy as np
 
-from imu_sim_ros.bags import ImuMessages, imu_blocks, open_bag
-from imu_sim_ros.calibration import SecondProcess
-from imu_sim_ros.calibration.noise import (
-    MODELS,
-    AllanResult,
-    Estimate,
-    analyse,
-    noise_files,
-    quantity,
-    truth,
-)
-from imu_sim_ros.commands import common
-from imu_sim_ros.commands.shared import add_force, add_skip_bad_rows, outputs, skipped_rows
+from imu_sim_ros import program
+from imu_sim_ros.bags.read import ImuMessages, imu_blocks, open_bag
+from imu_sim_ros.calibration.noise import noise_files, truth
+from imu_sim_ros.calibration.noise.analysis import MODELS, AllanResult, analyse
+from imu_sim_ros.calibration.noise.estimate import Estimate
+from imu_sim_ros.calibration.noise.terms import quantity
+from imu_sim_ros.calibration.second_process import SecondProcess
+from imu_sim_ros.commands import loading
+from imu_sim_ros.commands.inputs import add_skip_bad_rows, skipped_rows
+from imu_sim_ros.commands.outputs import add_force, outputs
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.machine import cores
@@ -48,9 +45,9 @@ allan rest.mcap --truth adis16448 --no-files --json
 """
 
 
-def parser() -> common.Parser:
+def parser() -> program.Parser:
     """Return the command's arguments."""
-    result = common.Parser(prog="allan", description=__doc__, examples=EXAMPLES)
+    result = program.Parser(prog="allan", description=__doc__, examples=EXAMPLES)
     result.add_argument(
         "bags",
         metavar="BAG",
@@ -80,13 +77,13 @@ def parser() -> common.Parser:
     add_skip_bad_rows(result)
     add_force(result)
     result.add_argument("--no-files", action="store_true", help="write no files, print only")
-    common.add_output_arguments(result)
+    program.add_output_arguments(result)
     return result
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit status."""
-    return common.main(parser, allan, argv)
+    return program.main(parser, allan, argv)
 
 
 def allan(arguments: argparse.Namespace) -> None:
@@ -100,7 +97,7 @@ def allan(arguments: argparse.Namespace) -> None:
         for name in set(_FILES) - _written(result):  # replaced by nothing: of an earlier record
             (folder / name).unlink(missing_ok=True)
     if arguments.json:
-        common.print_json(_json(result, comparisons))
+        program.print_json(_json(result, comparisons))
     elif not arguments.quiet:
         files = [] if arguments.no_files else [folder / name for name in sorted(_written(result))]
         _print(result, comparisons, files)
@@ -114,7 +111,7 @@ def _analysed(
     count = sum(_count(bag, arguments.topic) for bag in arguments.bags)
     with (
         _second_process(arguments.bags) as second,
-        common.progress("read", count, arguments.quiet or arguments.json) as advance,
+        program.progress("read", count, arguments.quiet or arguments.json) as advance,
     ):
         result = analyse(
             _blocks(arguments),
@@ -154,7 +151,7 @@ def _size(path: Path) -> int:
 
 def _load_pictures() -> None:
     """Import what draws: a quarter of a second."""
-    common.loading.load("imu_sim_ros.plots.allan")
+    loading.load("imu_sim_ros.plots.allan")
 
 
 def _count(path: Path, topic: str | None) -> int:
@@ -272,8 +269,8 @@ def _print_triad(
             rows.append(row)
         values = [_value_and_interval(each, q.field_factor)[0] for each in found]
         field_rows.append([f"{q.symbol} [{q.field_unit}]", *values])
-    common.print_table(header, rows, f"{TRIADS[triad].capitalize()}: {', '.join(names)}")
-    common.print_table(["in data sheets' units", "x", "y", "z"], field_rows)
+    program.print_table(header, rows, f"{TRIADS[triad].capitalize()}: {', '.join(names)}")
+    program.print_table(["in data sheets' units", "x", "y", "z"], field_rows)
 
 
 def _value_and_interval(found: Estimate, factor: float = 1.0) -> list[str]:

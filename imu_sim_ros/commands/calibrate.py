@@ -15,43 +15,37 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags import (
+from imu_sim_ros import program
+from imu_sim_ros.bags.beside import read_magnetic_field
+from imu_sim_ros.bags.read import (
     ImuMessages,
     OdometryMessages,
     read_imu,
-    read_magnetic_field,
     read_odometry,
     read_temperature,
 )
-from imu_sim_ros.calibration.deterministic import (
-    FIXTURES,
-    NORM,
-    Steady,
-    calibrate_magnetometer,
-    calibrate_six_position,
-    calibrate_temperature,
+from imu_sim_ros.calibration.deterministic import correction
+from imu_sim_ros.calibration.deterministic.ellipsoid import calibrate_magnetometer
+from imu_sim_ros.calibration.deterministic.positions import FIXTURES, NORM, calibrate_six_position
+from imu_sim_ros.calibration.deterministic.steady import Steady, find_steady
+from imu_sim_ros.calibration.deterministic.temperature import calibrate_temperature, temperatures_at
+from imu_sim_ros.calibration.deterministic.turntable import (
     calibrate_turntable,
-    correction,
-    find_steady,
     known_rates,
     specific_force,
-    temperatures_at,
     true_rates,
 )
-from imu_sim_ros.calibration.noise import load_truth
-from imu_sim_ros.commands import common
-from imu_sim_ros.commands.shared import (
-    add_force,
-    add_skip_bad_rows,
-    calibration_table,
-    outputs,
-    skipped_rows,
-)
-from imu_sim_ros.config import IntegratorParameters, build, files
+from imu_sim_ros.calibration.noise.truth import load_truth
+from imu_sim_ros.commands import tables as calibration_table
+from imu_sim_ros.commands.inputs import add_skip_bad_rows, skipped_rows
+from imu_sim_ros.commands.outputs import add_force, outputs
 from imu_sim_ros.conventions import GRAVITY
 from imu_sim_ros.errors import InputError, naming
-from imu_sim_ros.inputs import Skipped
-from imu_sim_ros.navigation import correction_of
+from imu_sim_ros.inputs.rows import Skipped
+from imu_sim_ros.navigation.parameters import IntegratorParameters
+from imu_sim_ros.navigation.state import correction_of
+from imu_sim_ros.parameters import files
+from imu_sim_ros.parameters.sections import build
 
 Array = NDArray[np.float64]
 
@@ -66,9 +60,9 @@ calibrate magnetometer tumble.bag --field 4.92e-5 --truth tumble_truth.yaml
 """
 
 
-def parser() -> common.Parser:
+def parser() -> program.Parser:
     """Return the command's arguments."""
-    result = common.Parser(prog="calibrate", description=__doc__, examples=EXAMPLES)
+    result = program.Parser(prog="calibrate", description=__doc__, examples=EXAMPLES)
     kinds = result.add_subparsers(dest="kind", required=True, metavar="RUN")
     six = _kind(kinds, "six_position", "accelerometer: rest with each axis up and down")
     six.add_argument(
@@ -113,7 +107,7 @@ def parser() -> common.Parser:
 
 def _kind(kinds: Any, name: str, text: str) -> argparse.ArgumentParser:
     """Return the parser of one kind of run, with what all have in common."""
-    examples = common.examples_of(EXAMPLES, f"calibrate {name} ")
+    examples = program.examples_of(EXAMPLES, f"calibrate {name} ")
     result: argparse.ArgumentParser = kinds.add_parser(
         name, help=text, description=text, examples=examples
     )
@@ -131,7 +125,7 @@ def _kind(kinds: Any, name: str, text: str) -> argparse.ArgumentParser:
     result.add_argument("--no-files", action="store_true", help="write no files, print only")
     add_skip_bad_rows(result)
     add_force(result)
-    common.add_output_arguments(result)
+    program.add_output_arguments(result)
     return result
 
 
@@ -162,7 +156,7 @@ def _numbers(words: str) -> Array:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit status."""
-    return common.main(parser, calibrate, argv)
+    return program.main(parser, calibrate, argv)
 
 
 def calibrate(arguments: argparse.Namespace) -> None:
@@ -186,7 +180,7 @@ def calibrate(arguments: argparse.Namespace) -> None:
         if staging is not None:
             _write(arguments, staging, values, draw)
     if arguments.json:
-        common.print_json(calibration_table.as_json(values, facts, true))
+        program.print_json(calibration_table.as_json(values, facts, true))
     elif not arguments.quiet:
         files = [] if arguments.no_files else [folder / name for name in names]
         calibration_table.print_all(values, facts, true, files)

@@ -14,22 +14,19 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from imu_sim_ros.commands import common, shared
+from imu_sim_ros import program
+from imu_sim_ros.commands.outputs import add_force
 from imu_sim_ros.errors import InputError, MachineError, system_error
 from imu_sim_ros.machine import cores
 
 if TYPE_CHECKING:
-    from imu_sim_ros.campaign import (
-        Contest,
-        Engine,
-        Group,
-        Judgement,
-        Outcome,
-        Plan,
-        Row,
-        Store,
-        Tolerance,
-    )
+    from imu_sim_ros.campaign.campaign import Outcome
+    from imu_sim_ros.campaign.engine import Engine
+    from imu_sim_ros.campaign.metrics import Tolerance
+    from imu_sim_ros.campaign.plan import Plan
+    from imu_sim_ros.campaign.results import Row, Store
+    from imu_sim_ros.campaign.summary import Group
+    from imu_sim_ros.campaign.verdict import Contest, Judgement
 
 EXAMPLES: Final = """
   campaign which_imu -o which_imu
@@ -42,9 +39,9 @@ MANY: Final = 100_000
 """Runs from which --yes is asked for."""
 
 
-def parser() -> common.Parser:
+def parser() -> program.Parser:
     """Return the command's arguments."""
-    result = common.Parser(
+    result = program.Parser(
         prog="campaign",
         description=__doc__,
         examples=EXAMPLES,
@@ -54,7 +51,7 @@ def parser() -> common.Parser:
     result.add_argument(
         "--resume", action="store_true", help="continue with the results in the folder"
     )
-    shared.add_force(result)
+    add_force(result)
     result.add_argument(
         "--retry-failed", action="store_true", help="with --resume: repeat failed runs"
     )
@@ -77,7 +74,7 @@ def parser() -> common.Parser:
         "standard deviation, 'scatter' of an earlier campaign's --json); default: %(default)s%%",
     )
     result.add_argument("--yes", action="store_true", help=f"confirm {MANY:,} runs or more")
-    common.add_output_arguments(result)
+    program.add_output_arguments(result)
     return result
 
 
@@ -144,7 +141,7 @@ def _add_engine_arguments(result: argparse.ArgumentParser) -> None:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit status."""
     gate: list[str] = []
-    status = common.main(parser, lambda arguments: gate.extend(run(arguments)), argv)
+    status = program.main(parser, lambda arguments: gate.extend(run(arguments)), argv)
     for line in gate:
         print(f"campaign: {line}", file=sys.stderr)
     return GATE_FAILED if gate and not status else status
@@ -152,17 +149,12 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def run(arguments: argparse.Namespace) -> list[str]:
     """Run a campaign; return a line for every requirement that is not met."""
-    from imu_sim_ros.campaign import (
-        Store,
-        campaign,
-        check_plan,
-        find_plan,
-        judge,
-        load_plan,
-        parse_tolerance,
-        read_results,
-        write_junit,
-    )
+    from imu_sim_ros.campaign import campaign
+    from imu_sim_ros.campaign.junit import write_junit
+    from imu_sim_ros.campaign.metrics import parse_tolerance
+    from imu_sim_ros.campaign.plan import check_plan, find_plan, load_plan
+    from imu_sim_ros.campaign.results import Store, read_results
+    from imu_sim_ros.campaign.verdict import judge
 
     path = find_plan(arguments.plan)
     plan = load_plan(path)
@@ -192,7 +184,7 @@ def run(arguments: argparse.Namespace) -> list[str]:
     if arguments.junit is not None:
         write_junit(arguments.junit, plan.options.name, found)
     if arguments.json:
-        common.print_json(campaign.result(outcome, wall_s, arguments.output, found))
+        program.print_json(campaign.result(outcome, wall_s, arguments.output, found))
     elif not arguments.quiet:
         _print(arguments, plan, outcome, found, wall_s)
     if outcome.rows and not found.done:
@@ -218,7 +210,7 @@ def _watched(
     there = min(sum(1 for _ in store.rows()), plan.run_count)
     quiet, tally = arguments.quiet or arguments.json, campaign.Tally(plan)
     text = f"campaign {plan.options.name}"
-    with common.progress(text, plan.run_count, quiet, done=there) as advance:
+    with program.progress(text, plan.run_count, quiet, done=there) as advance:
 
         def watch(rows: Sequence["Row"]) -> None:
             advance(len(rows), tally.add(rows))
@@ -243,8 +235,9 @@ def _full_disk_told(folder: Path) -> Iterator[None]:
 
 def _write_page(arguments: argparse.Namespace) -> None:
     """Write report.html, for whoever opens the folder."""
-    from imu_sim_ros.campaign import replaced
-    from imu_sim_ros.report import campaign_sections, html
+    from imu_sim_ros.campaign.results import replaced
+    from imu_sim_ros.report.of_campaign import campaign_sections
+    from imu_sim_ros.report.page import html
 
     folder = arguments.output
     title, sections = campaign_sections(folder, "")
@@ -283,7 +276,7 @@ def _check(arguments: argparse.Namespace, plan: "Plan") -> None:
 def _duration(arguments: argparse.Namespace, plan: "Plan") -> str:
     """Return how long a campaign takes, from its first run; of programs only their limit says."""
     from imu_sim_ros.campaign import campaign
-    from imu_sim_ros.config import CommandEstimator
+    from imu_sim_ros.campaign.parameters import CommandEstimator
 
     total, words = campaign.seconds_of_all_runs(plan), "at"
     if total is None:
@@ -319,7 +312,9 @@ def _engine(arguments: argparse.Namespace, plan: "Plan") -> Iterator["Engine"]:
 
 def _print_power(arguments: argparse.Namespace, plan: "Plan", tolerance: "Tolerance") -> None:
     """Print the chance to find a difference with the plan's seeds, and the seeds it takes."""
-    from imu_sim_ros.campaign import cell_count, parse_tolerance, power, seeds_needed
+    from imu_sim_ros.campaign.cells import cell_count
+    from imu_sim_ros.campaign.metrics import parse_tolerance
+    from imu_sim_ros.campaign.statistics import power, seeds_needed
 
     wanted, scatter = (parse_tolerance(word) for word in (arguments.power, arguments.scatter))
     shares = {"--power": wanted, "--scatter": scatter, "tolerance": tolerance}
@@ -339,7 +334,7 @@ def _print_power(arguments: argparse.Namespace, plan: "Plan", tolerance: "Tolera
     chance = power(len(plan.seeds), *sizes)
     needed = {share: seeds_needed(share, *sizes) for share in (0.5, 0.8, 0.95)}
     if arguments.json:
-        common.print_json(
+        program.print_json(
             {
                 "difference": wanted.value,
                 "scatter": scatter.value,
@@ -362,7 +357,7 @@ def _print_power(arguments: argparse.Namespace, plan: "Plan", tolerance: "Tolera
 
 
 def _described(plan: "Plan") -> str:
-    from imu_sim_ros.campaign import cell_count
+    from imu_sim_ros.campaign.cells import cell_count
 
     counts = ((cell_count(plan.axes), "cell"), (len(plan.seeds), "seed"))
     factors = (*counts, (len(plan.estimators), "estimator"))
@@ -377,12 +372,13 @@ def _print(
     judgement: "Judgement",
     wall_s: float,
 ) -> None:
-    from imu_sim_ros.campaign import counts, groups
+    from imu_sim_ros.campaign.summary import groups
+    from imu_sim_ros.campaign.verdict import counts
 
     found = groups(outcome.rows, plan.grid_names)
     rows = [_row(group, arguments.metric) for group in found[:_SHOWN]]
     header = ["cell", "estimator", "done", "median", "95 % interval", "p95", "NEES (band)"]
-    common.print_table(header, rows, f"{arguments.metric}, median with 95 % interval")
+    program.print_table(header, rows, f"{arguments.metric}, median with 95 % interval")
     if len(found) > _SHOWN:
         print(f"{len(found) - _SHOWN} more in {arguments.output / 'summary.csv'}")
     _print_differences(judgement)
@@ -408,7 +404,7 @@ def _print_differences(found: "Judgement") -> None:
     ]
     if rows:
         title = f"Significant differences ({len(rows)}; same seeds, Wilcoxon, Holm)"
-        common.print_table(["of", "A", "B", "A than B", "p", "A is"], rows[:_SHOWN], title)
+        program.print_table(["of", "A", "B", "A than B", "p", "A is"], rows[:_SHOWN], title)
     for note in sorted({e.note for c in found.contests for e in c.effects if e.note}):
         print(note)
 
@@ -418,7 +414,7 @@ def _place(contest: "Contest") -> str:
 
 
 def _print_slopes(rows: Sequence["Row"], found: Sequence["Group"], metric: str) -> None:
-    from imu_sim_ros.campaign import slopes
+    from imu_sim_ros.campaign.summary import slopes
 
     grid = found[0].grid if found else ()
     slopes_of = [
@@ -429,14 +425,14 @@ def _print_slopes(rows: Sequence["Row"], found: Sequence["Group"], metric: str) 
     if slopes_of:
         header = ["parameter", "estimator", "slope", "95 % interval"]
         title = f"Sensitivity: d log({metric}) / d log(parameter)"
-        common.print_table(header, slopes_of, title)
+        program.print_table(header, slopes_of, title)
 
 
 _SHOWN: Final = 40
 
 
 def _row(group: "Group", metric: str) -> list[str]:
-    from imu_sim_ros.campaign import quantile
+    from imu_sim_ros.campaign.statistics import quantile
 
     values = group.values(metric)  # none of success, whose interval is in summary.csv
     median, p95 = quantile(values, 0.5), quantile(values, 0.95)
@@ -457,9 +453,9 @@ def _consistency(group: "Group") -> str:
     nees = group.values("nees_position")
     if not len(nees):
         return "not valid" if group.not_valid("nees_position") else "-"
-    from imu_sim_ros.navigation import comparison
+    from imu_sim_ros.navigation.evaluation import anees_band
 
-    low, high = comparison.anees_band(3, len(nees))
+    low, high = anees_band(3, len(nees))
     return f"{nees.mean():.3g} ({low:.2f} - {high:.2f})"
 
 

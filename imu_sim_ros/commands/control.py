@@ -8,13 +8,15 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Final
 
-from imu_sim_ros.commands import common
-from imu_sim_ros.commands.common import signals
-from imu_sim_ros.config import InjectParameters, files, parameters
+from imu_sim_ros import program, signals
+from imu_sim_ros.commands import loading
 from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.parameters import files
+from imu_sim_ros.parameters.sections import parameters
+from imu_sim_ros.simulation.playback import InjectParameters
 
 if TYPE_CHECKING:
-    from imu_sim_ros.nodes import Control, InjectedFault, Status
+    from imu_sim_ros.nodes.control import Control, InjectedFault, Status
 
 EXAMPLES: Final = """
   control pause
@@ -29,9 +31,9 @@ EXAMPLES: Final = """
 _PATIENCE: Final = 5.0
 
 
-def parser() -> common.Parser:
+def parser() -> program.Parser:
     """Return the command's arguments."""
-    result = common.Parser(prog="control", description=__doc__, examples=EXAMPLES)
+    result = program.Parser(prog="control", description=__doc__, examples=EXAMPLES)
     shared = argparse.ArgumentParser(add_help=False)
     shared.add_argument(
         "--node",
@@ -42,7 +44,7 @@ def parser() -> common.Parser:
     shared.add_argument(
         "--timeout",
         metavar="TIME",
-        type=common.duration,
+        type=program.duration,
         default=_PATIENCE,
         help="how long to wait for it; default 5s",
     )
@@ -61,13 +63,13 @@ def parser() -> common.Parser:
     watch = _add(actions, shared, "watch", "show rates, lateness and faults, one line per second")
     watch.add_argument("--json", action="store_true", help="one JSON object per line")
     watch.add_argument(
-        "--duration", metavar="TIME", type=common.duration, help="stop after this time"
+        "--duration", metavar="TIME", type=program.duration, help="stop after this time"
     )
     return result
 
 
 def _add(actions: Any, shared: Any, name: str, words: str) -> Any:
-    examples = common.examples_of(EXAMPLES, f"control {name} ")
+    examples = program.examples_of(EXAMPLES, f"control {name} ")
     options = {"parents": [shared], "help": words, "description": words, "examples": examples}
     return actions.add_parser(name, **options)
 
@@ -82,7 +84,7 @@ def _add_inject(actions: Any, shared: Any) -> None:
     )
     for name in ("duration", "delay"):
         inject.add_argument(
-            f"--{name}", type=common.duration, metavar="TIME", help=known[name].text
+            f"--{name}", type=program.duration, metavar="TIME", help=known[name].text
         )
     inject.add_argument("--triad", choices=known["triad"].choices, help=known["triad"].text)
     inject.add_argument("--imu", metavar="NAME", help=known["imu"].text)
@@ -106,7 +108,7 @@ def _value(words: str) -> list[float]:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit status."""
-    return common.main(parser, control, argv)
+    return program.main(parser, control, argv)
 
 
 def control(arguments: argparse.Namespace) -> None:
@@ -115,9 +117,9 @@ def control(arguments: argparse.Namespace) -> None:
     if samples is not None and not 1 <= samples <= 1_000_000:
         raise ConfigurationError(f"step {samples}: must be 1 to 1000000 samples")
     try:
-        from imu_sim_ros.nodes import Control
+        from imu_sim_ros.nodes.control import Control
     except ImportError as error:
-        raise ConfigurationError(common.loading.needs_ros(error)) from None
+        raise ConfigurationError(loading.needs_ros(error)) from None
     with Control(arguments.node, arguments.timeout) as simulator:
         if arguments.action == "watch":
             _watch(simulator, arguments)
@@ -148,7 +150,7 @@ def _watch(simulator: "Control", arguments: argparse.Namespace) -> None:
     try:
         for heard in simulator.watch():
             if arguments.json:
-                common.print_json(heard._asdict())
+                program.print_json(heard._asdict())
             else:
                 print(_line(heard))
             sys.stdout.flush()

@@ -10,30 +10,33 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from imu_sim_ros.bags import (
-    Bag,
-    Outputs,
-    Writer,
-    amount,
-    beside,
-    convert,
-    described,
-    open_bag,
-    open_writer,
-    read_poses,
-)
-from imu_sim_ros.bags.messages import COMPRESSED_IMAGE, IMAGE, IMU, ODOMETRY, TopicInfo
-from imu_sim_ros.bags.text import Dataset
+from imu_sim_ros import program
+from imu_sim_ros.bags import beside, convert
+from imu_sim_ros.bags.messages.blocks import TopicInfo
+from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY
+from imu_sim_ros.bags.messages.encode_cameras import COMPRESSED_IMAGE, IMAGE
+from imu_sim_ros.bags.outputs import Outputs
+from imu_sim_ros.bags.read import open_bag, read_poses
+from imu_sim_ros.bags.reader import Bag
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text import writer as text_writer
-from imu_sim_ros.commands import common, shared
-from imu_sim_ros.commands.shared import bag_output
+from imu_sim_ros.bags.text.writer import Dataset
+from imu_sim_ros.bags.write import open_writer
+from imu_sim_ros.bags.writer import Writer, amount, described
+from imu_sim_ros.commands import bag_output
+from imu_sim_ros.commands.inputs import (
+    PoseReader,
+    add_skip_bad_rows,
+    refused_messages,
+    skipped_rows,
+)
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs import Skipped
+from imu_sim_ros.inputs.rows import Skipped
 from imu_sim_ros.poses import PoseSequence
 
 if TYPE_CHECKING:
-    from imu_sim_ros.datasets import FolderImages, RecordedImages
+    from imu_sim_ros.datasets.recorded_bag import RecordedImages
+    from imu_sim_ros.datasets.recorded_folder import FolderImages
 
 _SHOWN_DAMAGE: Final = 10
 EXAMPLES: Final = """
@@ -44,9 +47,9 @@ EXAMPLES: Final = """
 """
 
 
-def parser() -> common.Parser:
+def parser() -> program.Parser:
     """Return the command's arguments."""
-    result = common.Parser(
+    result = program.Parser(
         prog="convert_bag",
         description=__doc__,
         examples=EXAMPLES,
@@ -68,20 +71,20 @@ def parser() -> common.Parser:
         action="store_true",
         help="take all complete messages of an interrupted or damaged bag",
     )
-    shared.add_skip_bad_rows(result)
-    common.add_output_arguments(result)
+    add_skip_bad_rows(result)
+    program.add_output_arguments(result)
     return result
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit status."""
-    return common.main(parser, convert_bag, argv)
+    return program.main(parser, convert_bag, argv)
 
 
 def convert_bag(arguments: argparse.Namespace) -> None:
     """Convert what the arguments name."""
     form = bag_output.form(arguments)
-    written = bag_output.outputs(arguments)
+    written = bag_output.bag_outputs(arguments)
     from_text = text_reader.is_text(arguments.input)
     _check_images(arguments, form, from_text)
     arguments.staged = written.where(arguments.output)
@@ -170,7 +173,7 @@ def _bag_to_bag(
         _progress(arguments, total) as advance,
     ):
         renamed = _renamed(arguments)
-        refused = shared.refused_messages(arguments, "convert_bag", arguments.input)
+        refused = refused_messages(arguments, "convert_bag", arguments.input)
         convert.bag_to_bag(bag, writer, topics, renamed, advance, *refused)
     return _tally(writer)
 
@@ -196,7 +199,7 @@ def _bag_to_dataset(
         images = _images(bag, topics, form, arguments)
         total += sum(topic.count for topic in images.topics) if images else 0
         with _progress(arguments, total) as advance:
-            skipped, warned = shared.refused_messages(arguments, "convert_bag", arguments.input)
+            skipped, warned = refused_messages(arguments, "convert_bag", arguments.input)
             convert.to_dataset(
                 bag.path, dataset, chosen, advance, arguments.recover, skipped, names, warned
             )
@@ -217,7 +220,10 @@ def _images(
     kinds = {topic.type for topic in topics}
     if not kinds & {IMAGE, COMPRESSED_IMAGE} or not arguments.staged.is_dir():
         return None
-    from imu_sim_ros.datasets import RecordedImages, recorded_cameras  # they need OpenCV
+    from imu_sim_ros.datasets.recorded_bag import (  # they need OpenCV
+        RecordedImages,
+        recorded_cameras,
+    )
 
     return RecordedImages(bag, recorded_cameras(topics), arguments.staged, form)
 
@@ -261,7 +267,7 @@ def _bag_to_tum(
     bag: Bag, topics: Sequence[Any], arguments: argparse.Namespace
 ) -> tuple[dict[str, int], int]:
     named = topics[0].name if arguments.topics and len(topics) == 1 else None
-    skipped, warned = shared.refused_messages(arguments, "convert_bag", arguments.input)
+    skipped, warned = refused_messages(arguments, "convert_bag", arguments.input)
     recover = arguments.recover
     poses = read_poses(bag.path, named, skipped is not None, warned=warned, recover=recover)
     if skipped is not None and poses.skipped:
@@ -282,11 +288,11 @@ def _write_tum(
 
 def _poses(arguments: argparse.Namespace) -> PoseSequence:
     """Return the poses of a text file."""
-    return shared.PoseReader(arguments, "convert_bag")(arguments.input)
+    return PoseReader(arguments, "convert_bag")(arguments.input)
 
 
 def _skipped(arguments: argparse.Namespace) -> Skipped | None:
-    return shared.skipped_rows(arguments, "convert_bag", arguments.input)
+    return skipped_rows(arguments, "convert_bag", arguments.input)
 
 
 def _from_text(arguments: argparse.Namespace, form: str | None, written: Outputs) -> dict[str, Any]:
@@ -345,7 +351,7 @@ def _folder_images(
     cameras = [name for place in places for name in text_reader.sensor_folders(place, "cam")]
     if arguments.images == "none" or not cameras:
         return contextlib.nullcontext()
-    from imu_sim_ros.datasets import FolderImages  # with the cameras' modules
+    from imu_sim_ros.datasets.recorded_folder import FolderImages  # with the cameras' modules
 
     return FolderImages(arguments.input, _skipped(arguments))
 
@@ -369,7 +375,7 @@ def _describe(arguments: argparse.Namespace, states: bool, tables: Collection[st
 
 
 def _progress(arguments: argparse.Namespace, total: int) -> Any:
-    return common.progress(f"writing {arguments.output}", total, arguments.quiet or arguments.json)
+    return program.progress(f"writing {arguments.output}", total, arguments.quiet or arguments.json)
 
 
 def _result(
@@ -385,7 +391,7 @@ def _result(
 
 def _report(result: dict[str, Any], arguments: argparse.Namespace) -> None:
     if arguments.json:
-        common.print_json(result)
+        program.print_json(result)
         return
     if arguments.quiet:
         return

@@ -16,34 +16,30 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags import ImuMessages, Outputs, read_imu
-from imu_sim_ros.commands import common
-from imu_sim_ros.commands.shared import (
-    PoseReader,
-    add_force,
-    add_skip_bad_rows,
-    has_truth,
-    output_and_plot,
-    read_track,
-    skipped_rows,
-    truth_topic,
-    world_of,
-    write_states,
-)
-from imu_sim_ros.config import (
+from imu_sim_ros import program
+from imu_sim_ros.bags.outputs import Outputs
+from imu_sim_ros.bags.read import ImuMessages, read_imu
+from imu_sim_ros.commands.inputs import PoseReader, add_skip_bad_rows, skipped_rows
+from imu_sim_ros.commands.outputs import add_force, output_and_plot
+from imu_sim_ros.commands.side_files import world_of
+from imu_sim_ros.commands.tracks import has_truth, read_track, truth_topic, write_states
+from imu_sim_ros.conventions import TRUTH_TOPIC
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.navigation import initialisation
+from imu_sim_ros.navigation.dead_reckoning import dead_reckon
+from imu_sim_ros.navigation.evaluation import Drift, Truth, distances, drift_from
+from imu_sim_ros.navigation.initialisation import Initial
+from imu_sim_ros.navigation.parameters import (
     ATTITUDE_UPDATES,
     INITIAL_STATES,
     METHODS,
     IntegratorParameters,
-    build_layered,
     layer_integrator,
 )
-from imu_sim_ros.conventions import TRUTH_TOPIC
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.navigation import Initial, NavigationStates, dead_reckon, initialisation
-from imu_sim_ros.navigation.comparison import Drift, Truth, distances, drift_from
+from imu_sim_ros.navigation.state import NavigationStates
+from imu_sim_ros.parameters.files import build_layered
 from imu_sim_ros.rotation import to_euler
-from imu_sim_ros.sensor import earth_rate_vector, gravity_vector
+from imu_sim_ros.sensors.gravity import earth_rate_vector, gravity_vector
 
 
 class Result(NamedTuple):
@@ -62,9 +58,9 @@ dead_reckon V1_02/mav0 --correction calibration/correction.yaml --json
 """
 
 
-def parser() -> common.Parser:
+def parser() -> program.Parser:
     """Return the command's arguments."""
-    result = common.Parser(prog="dead_reckon", description=__doc__, examples=EXAMPLES)
+    result = program.Parser(prog="dead_reckon", description=__doc__, examples=EXAMPLES)
     result.add_argument(
         "bag", type=Path, metavar="BAG", help="a bag of any format, or a EuRoC folder"
     )
@@ -90,7 +86,7 @@ def parser() -> common.Parser:
     )
     result.add_argument(
         "--skip",
-        type=common.duration,
+        type=program.duration,
         metavar="TIME",
         default=0.0,
         help="skip the readings before this time, counted from the first",
@@ -105,16 +101,16 @@ def parser() -> common.Parser:
     result.add_argument(
         "--plot", type=Path, metavar="FILE", help="write a plot: paths, and error over time"
     )
-    common.add_parameter_arguments(result)
+    program.add_parameter_arguments(result)
     add_skip_bad_rows(result)
     add_force(result)
-    common.add_output_arguments(result)
+    program.add_output_arguments(result)
     return result
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit status."""
-    return common.main(parser, run, argv)
+    return program.main(parser, run, argv)
 
 
 def run(arguments: argparse.Namespace) -> None:
@@ -122,7 +118,7 @@ def run(arguments: argparse.Namespace) -> None:
     with output_and_plot(arguments) as written:
         summaries = _made(arguments, written)
     if arguments.json:
-        common.print_json(summaries if arguments.all else summaries[0])
+        program.print_json(summaries if arguments.all else summaries[0])
     elif not arguments.quiet:
         _print(summaries)
 
@@ -159,7 +155,7 @@ def _parameters(arguments: argparse.Namespace) -> IntegratorParameters:
             chosen[name] = getattr(arguments, name)
     if arguments.correction is not None:
         chosen["calibration"] = str(arguments.correction)
-    layers = common.parameter_layers(arguments, "integrator")
+    layers = program.parameter_layers(arguments, "integrator")
     merged: dict[str, object] = {"initial_state": "truth", **_world(arguments.bag)}
     for values in (*layers[:-1], chosen, layers[-1]):
         merged.update(values)
@@ -338,7 +334,7 @@ def _print(summaries: Sequence[dict[str, Any]]) -> None:
         for summary in summaries
     ]
     title = "Final errors against the truth; rms: of the position over the run"
-    common.print_table(["method", "attitude", *columns], rows, title)
+    program.print_table(["method", "attitude", *columns], rows, title)
 
 
 def _draw(path: Path, results: Sequence[Result], truth: Truth | None, source: str) -> None:

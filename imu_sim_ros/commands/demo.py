@@ -21,17 +21,19 @@ from typing import IO, Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.bags import open_bag, read_imu, read_odometry, read_poses
-from imu_sim_ros.commands import common
-from imu_sim_ros.commands.shared import add_force, outputs
-from imu_sim_ros.config import SimulationParameters, files, load_simulation
+from imu_sim_ros import program
+from imu_sim_ros.bags.read import open_bag, read_imu, read_odometry, read_poses
+from imu_sim_ros.commands.outputs import add_force, outputs
 from imu_sim_ros.conventions import DEAD_RECKONED_TOPIC, IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.errors import MachineError
-from imu_sim_ros.navigation import NavigationStates, dead_reckon
-from imu_sim_ros.navigation.comparison import Drift, Truth, drift_from
+from imu_sim_ros.navigation.dead_reckoning import dead_reckon
+from imu_sim_ros.navigation.evaluation import Drift, Truth, drift_from
+from imu_sim_ros.navigation.state import NavigationStates
+from imu_sim_ros.parameters import files
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.rotation import rotate
-from imu_sim_ros.simulation import Simulation
+from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
 
 METHODS = ("euler", "midpoint")
 _PICTURE = "trajectory.png"
@@ -52,14 +54,14 @@ python -m imu_sim_ros.commands.demo --imu mpu6000 --duration 10s -o flight --for
 """
 
 
-def parser() -> common.Parser:
+def parser() -> program.Parser:
     """Return the command's arguments."""
-    result = common.Parser(prog="demo", description=__doc__, examples=EXAMPLES)
+    result = program.Parser(prog="demo", description=__doc__, examples=EXAMPLES)
     choices: dict[str, tuple[object, Callable[[str], object], str, str]] = {
         "trajectory": ("lecture", str, "NAME|FILE", "the motion"),
         "imu": ("lecture", str, "NAME|FILE", "the sensor"),
         "rate": (200.0, float, "HZ", "samples per second"),
-        "duration": (20.0, common.duration, "TIME", "length of the flight [s]"),
+        "duration": (20.0, program.duration, "TIME", "length of the flight [s]"),
     }
     for name, (default, kind, metavar, words) in choices.items():
         help_text = f"{words}; default %(default)s"
@@ -80,7 +82,7 @@ def parser() -> common.Parser:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the demonstration; returns its exit status."""
-    return common.main(parser, run, argv)
+    return program.main(parser, run, argv)
 
 
 def run(arguments: argparse.Namespace) -> None:
@@ -169,7 +171,7 @@ def _wait(nodes: dict[str, "subprocess.Popen[str]"], duration: float) -> None:
     """Wait for the simulator's end, with a bar; another node's end is a failure."""
     steps = 10
     begin = time.monotonic()
-    with common.progress("flying", round(duration * steps)) as advance:
+    with program.progress("flying", round(duration * steps)) as advance:
         while nodes["simulator"].poll() is None:
             time.sleep(1.0 / steps)
             advance(1)
@@ -222,7 +224,7 @@ def _print_counts(bag: Path, counts: dict[str, dict[str, int]]) -> None:
             ]
         )
     header = ["topic", "published", "received", "recorded", "lost", "mean rate [Hz]", "spacing"]
-    common.print_table(header, rows, "Messages")
+    program.print_table(header, rows, "Messages")
 
 
 def _print_errors(parameters: SimulationParameters, folder: Path, bag: Path, title: str) -> None:
@@ -254,7 +256,7 @@ def _print_errors(parameters: SimulationParameters, folder: Path, bag: Path, tit
         ]
         for name, result in results.items()
     ]
-    common.print_table(
+    program.print_table(
         ["integration", "position [m]", "of distance [%]", "attitude [deg]"],
         rows,
         f"Error after {parameters.duration:g} s and {result_distance(results):.1f} m",

@@ -13,36 +13,31 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags import Outputs
-from imu_sim_ros.commands import common
-from imu_sim_ros.commands.shared import (
-    PoseReader,
-    Track,
-    add_force,
-    add_skip_bad_rows,
-    consistency,
-    measured,
-    output_and_plot,
-    read_track,
-    reprojection,
-    skipped_rows,
-    truth_topic,
-)
-from imu_sim_ros.navigation.comparison import (
+from imu_sim_ros import program
+from imu_sim_ros.bags.outputs import Outputs
+from imu_sim_ros.commands import camera_output as reprojection
+from imu_sim_ros.commands import measured
+from imu_sim_ros.commands import tables as consistency
+from imu_sim_ros.commands.inputs import PoseReader, add_skip_bad_rows, skipped_rows
+from imu_sim_ros.commands.outputs import add_force, output_and_plot
+from imu_sim_ros.commands.tracks import Track, read_track, truth_topic
+from imu_sim_ros.navigation.association import (
     ALIGNMENTS,
-    AbsoluteErrors,
     Alignment,
-    absolute_errors,
     align,
     common_rows,
-    distances,
     interpolate_poses,
     interpolate_vectors,
+    time_offset,
+)
+from imu_sim_ros.navigation.evaluation import (
+    AbsoluteErrors,
+    absolute_errors,
+    distances,
     pairs,
     relative_errors,
     stated_nees,
     statistics,
-    time_offset,
     why_no_nees,
 )
 from imu_sim_ros.poses import PoseSequence, write_tum
@@ -62,9 +57,9 @@ evaluate flight.mcap flight.mcap --estimate-topic imu/data  # or imu/mag, imu/pr
 """
 
 
-def parser() -> common.Parser:
+def parser() -> program.Parser:
     """Return the command's arguments."""
-    result = common.Parser(prog="evaluate", description=__doc__, examples=EXAMPLES)
+    result = program.Parser(prog="evaluate", description=__doc__, examples=EXAMPLES)
     kinds = "TUM or EuRoC text, or a bag"
     result.add_argument("estimate", type=Path, metavar="ESTIMATE", help=kinds)
     result.add_argument("truth", type=Path, metavar="TRUTH", help=f"{kinds}, may be the same one")
@@ -94,7 +89,7 @@ def parser() -> common.Parser:
     result.add_argument(
         "--max-gap",
         metavar="TIME",
-        type=common.duration,
+        type=program.duration,
         default=0.5,
         help="the truth is not interpolated across longer gaps; default 0.5s",
     )
@@ -106,13 +101,13 @@ def parser() -> common.Parser:
     measured.add_arguments(result)
     add_skip_bad_rows(result)
     add_force(result)
-    common.add_output_arguments(result)
+    program.add_output_arguments(result)
     return result
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit status."""
-    return common.main(parser, run, argv)
+    return program.main(parser, run, argv)
 
 
 def run(arguments: argparse.Namespace) -> None:
@@ -124,7 +119,7 @@ def run(arguments: argparse.Namespace) -> None:
     with output_and_plot(arguments) as written:
         result = _made(arguments, written)
     if arguments.json:
-        common.print_json(result)
+        program.print_json(result)
     elif not arguments.quiet:
         _print(result)
 
@@ -312,7 +307,7 @@ def _print(result: dict[str, Any]) -> None:
         rows.append((f"{over} [m]", entry["translation_m"]))
         rows.append((f"{over} [rad]", entry["rotation_rad"]))
     table = [[name, *(f"{values[key]:.3g}" for key in names)] for name, values in rows]
-    common.print_table(["error", *names], table)
+    program.print_table(["error", *names], table)
     if result["final_drift_percent"] is not None:
         print(
             f"final drift: {result['final_position_error_m']:.4g} m, "

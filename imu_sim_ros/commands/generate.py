@@ -11,13 +11,16 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
-from imu_sim_ros.bags import Outputs, ahead, open_writer
+from imu_sim_ros import program
+from imu_sim_ros.bags.outputs import Outputs
 from imu_sim_ros.bags.text import writer as text_writer
-from imu_sim_ros.commands import common, shared
-from imu_sim_ros.commands.shared import bag_output, camera_output
-from imu_sim_ros.config import SimulationParameters, simulations
+from imu_sim_ros.bags.threads import ahead
+from imu_sim_ros.bags.write import open_writer
+from imu_sim_ros.commands import bag_output, camera_output
+from imu_sim_ros.commands.inputs import PoseReader, add_skip_bad_rows
+from imu_sim_ros.commands.side_files import configs, new_truths
 from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
-from imu_sim_ros.datasets import (
+from imu_sim_ros.datasets.topics import (
     BagTarget,
     DatasetTarget,
     body_of,
@@ -28,9 +31,11 @@ from imu_sim_ros.datasets import (
     sensors,
 )
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.sensor import catalogue
-from imu_sim_ros.simulation import SimulatedBody
-from imu_sim_ros.topics import TYPES
+from imu_sim_ros.sensors import catalogue
+from imu_sim_ros.simulation.engine import SimulatedBody
+from imu_sim_ros.simulation.parameters import SimulationParameters
+from imu_sim_ros.simulation.playback import simulations
+from imu_sim_ros.simulation.topics import TYPES
 
 EXAMPLES: Final = """
   generate -o allan.bag --imu-only --trajectory static --duration 4h --topic imu/data_raw=/imu
@@ -42,16 +47,16 @@ EXAMPLES: Final = """
 BLOCK_SIZE: Final = 16384
 
 
-def parser() -> common.Parser:
+def parser() -> program.Parser:
     """Return the command's arguments."""
-    result = common.Parser(
+    result = program.Parser(
         prog="generate",
         description=__doc__,
         examples=EXAMPLES,
     )
-    common.add_simulation_arguments(result)
+    program.add_simulation_arguments(result)
     camera_output.add_arguments(result)
-    shared.add_skip_bad_rows(result)
+    add_skip_bad_rows(result)
     group = result.add_argument_group("output")
     bag_output.add_arguments(group, camera_output.FORMATS)
     group.add_argument(
@@ -67,7 +72,7 @@ def parser() -> common.Parser:
         help="write the IMU, and the cameras, for kalibr, VINS, OpenVINS, ORB_SLAM3, Basalt, "
         "imu_utils and allan_variance_ros, and all parameters, to OUTPUT_configs",
     )
-    common.add_output_arguments(result)
+    program.add_output_arguments(result)
     result.add_argument(
         "--list-imus",
         action=_ListImus,
@@ -88,7 +93,7 @@ class _ListImus(argparse.Action):
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit status."""
-    return common.main(parser, generate, argv)
+    return program.main(parser, generate, argv)
 
 
 def generate(arguments: argparse.Namespace) -> None:
@@ -105,12 +110,12 @@ def generate(arguments: argparse.Namespace) -> None:
     )
     fastest = max(parameters.rate for parameters in simulated.values())
     bag_output.check_split(arguments.split_duration, 1.0 / fastest, asked.simulator.duration or 0.0)
-    written = bag_output.outputs(arguments, asked.values().values())
+    written = bag_output.bag_outputs(arguments, asked.values().values())
     if arguments.with_configs:
-        written.add(shared.configs(arguments.output))
+        written.add(configs(arguments.output))
     truths: dict[Path, str] = {}
     if _has_readings(arguments) and not arguments.output.parent.is_file():  # one line is enough
-        truths = shared.new_truths(arguments.output, simulated)
+        truths = new_truths(arguments.output, simulated)
         for path in truths:
             written.add(path)
     with written:
@@ -131,7 +136,7 @@ def _generated(
     simulated = simulations(asked.simulator)
     body = SimulatedBody(
         simulated,
-        pose_reader=shared.PoseReader(arguments, "generate"),
+        pose_reader=PoseReader(arguments, "generate"),
         sensors=sensors(names, imus_of(simulated)),
     )
     if body.total is None:
@@ -150,11 +155,15 @@ def _generated(
         written.describe(arguments.output, target.described)
         _write(body, target, arguments)
     if bag_output.form(arguments) == "tum_vi":
-        shared.write_tum_vi_calibration(output / "dso", simulated[""], asked.rig)
+        from imu_sim_ros.commands.configurations import write_tum_vi_calibration
+
+        write_tum_vi_calibration(output / "dso", simulated[""], asked.rig)
     if arguments.with_configs:
-        folder = written.where(shared.configs(arguments.output))
-        topics = shared.bagcreater_topics(imus) if arguments.format == "csv" else names
-        for warning in shared.write_configs(folder, imus, topics, asked.rig):
+        from imu_sim_ros.commands.configurations import bagcreater_topics, write_configs
+
+        folder = written.where(configs(arguments.output))
+        topics = bagcreater_topics(imus) if arguments.format == "csv" else names
+        for warning in write_configs(folder, imus, topics, asked.rig):
             print(f"generate: warning: {warning}", file=sys.stderr)
         camera_output.write_parameters(folder, arguments.output.name, asked)
     return {
@@ -224,9 +233,11 @@ def _target(
                 target = camera_output.CameraTarget(dataset, seen, imus)
                 yield target
         if form == "euroc":
+            from imu_sim_ros.commands.configurations import describe
+
             for k, name in enumerate(imus):
                 own = [table for table, imu in tables if imu == k]
-                shared.describe(output, k, parameters[name], states, own)
+                describe(output, k, parameters[name], states, own)
     target.files = dataset.files
 
 
@@ -235,7 +246,7 @@ def _write(
 ) -> None:
     """Write all samples."""
     quiet = arguments.quiet or arguments.json
-    with common.progress(f"writing {arguments.output}", body.total or 0, quiet) as advance:
+    with program.progress(f"writing {arguments.output}", body.total or 0, quiet) as advance:
         # The samples are made in a thread of their own while the messages are written.
         size = min(BLOCK_SIZE, getattr(target, "block_size", BLOCK_SIZE))
         windows = ahead(body.windows(size))
@@ -253,7 +264,7 @@ def _has_readings(arguments: argparse.Namespace) -> bool:
 
 def _report(result: dict[str, Any], arguments: argparse.Namespace) -> None:
     if arguments.json:
-        common.print_json(result)
+        program.print_json(result)
     elif not arguments.quiet:
         counts = ", ".join(f"{count:,} {name}" for name, count in result["messages"].items())
         speed = sum(result["messages"].values()) / result["wall_s"]

@@ -10,19 +10,18 @@ import argparse
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 
-from imu_sim_ros.commands import common
-from imu_sim_ros.config import (
-    TYPES,
-    IntegratorParameters,
-    Parameter,
-    RecorderParameters,
-    SimulatorParameters,
-    TrajectoryParameters,
-    Value,
-    files,
-    parameters,
-)
-from imu_sim_ros.config.cameras import SCENES, CameraParameters, RigParameters, SceneParameters
+from imu_sim_ros import program
+from imu_sim_ros.bags.recorder_parameters import RecorderParameters
+from imu_sim_ros.navigation.parameters import IntegratorParameters
+from imu_sim_ros.parameters import files
+from imu_sim_ros.parameters.kinds import Parameter, Value
+from imu_sim_ros.parameters.sections import parameters
+from imu_sim_ros.sensors.camera.parameters import CameraParameters
+from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
+from imu_sim_ros.sensors.camera.scene_parameters import TYPES as SCENES
+from imu_sim_ros.sensors.camera.scene_parameters import SceneParameters
+from imu_sim_ros.simulation.playback import SimulatorParameters
+from imu_sim_ros.trajectory.parameters import TYPES, TrajectoryParameters
 
 _PREFIX = "trajectory."
 
@@ -150,10 +149,10 @@ def _plain(value: Value) -> str:
 
 def main(arguments: list[str] | None = None) -> int:
     """Print the reference."""
-    parser = common.Parser("parameter_reference", description=__doc__)
+    parser = program.Parser("parameter_reference", description=__doc__)
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.parse_args(arguments)
-    return common.run("parameter_reference", lambda: print(reference(), end=""))
+    return program.run("parameter_reference", lambda: print(reference(), end=""))
 
 
 if __name__ == "__main__":

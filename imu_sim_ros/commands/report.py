@@ -10,24 +10,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from imu_sim_ros.bags.text import is_text
-from imu_sim_ros.commands import common
-from imu_sim_ros.commands.shared import (
-    PoseReader,
-    add_force,
-    add_skip_bad_rows,
-    has_truth,
-    named,
-    odometry_topics,
-    outputs,
-    read_track,
-    skipped_rows,
-    truth_topic,
-)
+from imu_sim_ros import program
+from imu_sim_ros.bags.text.reader import is_text
+from imu_sim_ros.commands.inputs import PoseReader, add_skip_bad_rows, skipped_rows
+from imu_sim_ros.commands.outputs import add_force, named, outputs
+from imu_sim_ros.commands.tracks import has_truth, odometry_topics, read_track, truth_topic
 from imu_sim_ros.errors import InputError
 
 if TYPE_CHECKING:
-    from imu_sim_ros.report import Section
+    from imu_sim_ros.report.page import Section
 
 EXAMPLES: Final = """
 report results
@@ -39,9 +30,9 @@ report monday tuesday -o both.html --metric final_position_error_m
 _POSES: Final = (".txt", ".tum", ".csv")
 
 
-def parser() -> common.Parser:
+def parser() -> program.Parser:
     """Return the command's arguments."""
-    result = common.Parser(prog="report", description=__doc__, examples=EXAMPLES)
+    result = program.Parser(prog="report", description=__doc__, examples=EXAMPLES)
     result.add_argument(
         "inputs",
         metavar="INPUT",
@@ -73,18 +64,18 @@ def parser() -> common.Parser:
     result.add_argument("--truth-topic", metavar="TOPIC", help="where a bag has several")
     add_skip_bad_rows(result)
     add_force(result)
-    common.add_output_arguments(result)
+    program.add_output_arguments(result)
     return result
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit status."""
-    return common.main(parser, run, argv)
+    return program.main(parser, run, argv)
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Read the inputs and write the page."""
-    from imu_sim_ros.report import html
+    from imu_sim_ros.report.page import html
 
     named = [*arguments.inputs, *arguments.baseline]
     missing = [f"{path}: no such file or folder" for path in named if not path.exists()]
@@ -99,14 +90,14 @@ def run(arguments: argparse.Namespace) -> None:
         page = html(title, [_made_by(arguments)], sections)
         written.where(path).write_text(page, encoding="utf-8")
     if arguments.json:
-        common.print_json({"output": str(path), "bytes": len(page.encode()), "title": title})
+        program.print_json({"output": str(path), "bytes": len(page.encode()), "title": title})
     elif not arguments.quiet:
         print(f"{path}: {len(page.encode()) / 1e6:.2f} MB; open it in a browser")
 
 
 def _files(arguments: argparse.Namespace) -> argparse.Namespace:
     """Return the arguments with a campaign's files for its folder: the page may lie among them."""
-    from imu_sim_ros.report import is_campaign
+    from imu_sim_ros.report.of_campaign import is_campaign
 
     inputs: list[Path] = []
     for path in arguments.inputs:
@@ -120,7 +111,7 @@ def _files(arguments: argparse.Namespace) -> argparse.Namespace:
 
 
 def _default_output(inputs: Sequence[Path]) -> Path:
-    from imu_sim_ros.report import is_campaign
+    from imu_sim_ros.report.of_campaign import is_campaign
 
     first = named(inputs[0])
     if is_campaign(first):
@@ -145,7 +136,7 @@ def _made_by(arguments: argparse.Namespace) -> str:
 
 def _sections(arguments: argparse.Namespace) -> tuple[list[str], list["Section"]]:
     """Return the titles of the inputs and all sections."""
-    from imu_sim_ros.report import campaign_sections, is_campaign
+    from imu_sim_ros.report.of_campaign import campaign_sections, is_campaign
 
     titles: list[str] = []
     sections: list[Section] = []
@@ -172,7 +163,7 @@ def _is_poses(path: Path) -> bool:
 
 def _bag(arguments: argparse.Namespace, path: Path, files: Sequence[Path]) -> list["Section"]:
     """Return the sections of a bag: its streams, its truth and the estimates of it."""
-    from imu_sim_ros.report import Estimate, bag_sections
+    from imu_sim_ros.report.of_bag import Estimate, bag_sections
 
     reader = PoseReader(arguments, "report")
 

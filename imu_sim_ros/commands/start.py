@@ -8,7 +8,8 @@ import os
 import sys
 from typing import Final
 
-from imu_sim_ros.commands.common import loading, signals
+from imu_sim_ros import signals
+from imu_sim_ros.commands import loading
 
 PROGRAMS: Final = {
     "generate": "parameters in, a bag or a dataset out",
@@ -93,7 +94,7 @@ def _completed() -> str | None:
     """Return the program whose arguments are to be completed, or complete the programs' names."""
     import argparse  # not needed before signals are handled
 
-    from imu_sim_ros.commands.common import completion
+    from imu_sim_ros import completion
 
     name = completion.subcommand()
     if name is None:
@@ -123,10 +124,10 @@ def imu_sim() -> int:
     if "_ARGCOMPLETE" in os.environ:  # the shell asks what could follow
         name, rest = _completed() or name, []
     if name in ("-h", "--help", "--version"):
-        from imu_sim_ros.commands import common
+        from imu_sim_ros import program
 
-        common.open_standard_streams()
-        return common.run("imu_sim", _print_version if name == "--version" else _print_programs)
+        program.open_standard_streams()
+        return program.run("imu_sim", _print_version if name == "--version" else _print_programs)
     sys.argv[:] = [name, *rest]
     if name in PROGRAMS:
         return _run(name)

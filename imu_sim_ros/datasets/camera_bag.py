@@ -11,9 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros.bags import Block, Topic
-from imu_sim_ros.camera import Rig
-from imu_sim_ros.camera.images import opencv
+from imu_sim_ros.bags.writer import Block, Topic
 from imu_sim_ros.conventions import (
     COMPRESSED_TOPIC,
     DEPTH_TOPIC,
@@ -21,16 +19,18 @@ from imu_sim_ros.conventions import (
     IMAGE_TOPIC,
     LANDMARKS_TOPIC,
 )
-from imu_sim_ros.datasets.features import FeatureStream
-from imu_sim_ros.datasets.frames import (
+from imu_sim_ros.datasets.features import (
     LATCHED,
     CameraMessages,
+    FeatureStream,
     camera_topics,
     imagers,
     landmarks,
 )
 from imu_sim_ros.datasets.topics import BagTarget, Blocks, resolved
 from imu_sim_ros.datasets.tracks import CameraProgress
+from imu_sim_ros.sensors.camera.images.renderer import opencv
+from imu_sim_ros.sensors.camera.rig import Rig
 
 _SPAN: Final = 0.5
 """Simulated seconds in a block: two of them are in memory, with their images."""

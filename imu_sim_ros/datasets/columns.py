@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags import OutputFile
+from imu_sim_ros.bags.outputs import OutputFile
 from imu_sim_ros.bags.text import decimals
 from imu_sim_ros.errors import system_error
 

@@ -17,14 +17,17 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags import amount
-from imu_sim_ros.bags.text import decimal
-from imu_sim_ros.camera import CameraModel, Rig
-from imu_sim_ros.camera.images import imagers, opencv, png
-from imu_sim_ros.config.cameras import CameraParameters
+from imu_sim_ros.bags.text.decimals import decimal
+from imu_sim_ros.bags.writer import amount
 from imu_sim_ros.conventions import IMAGE_TOPIC
 from imu_sim_ros.datasets.tracks import CameraProgress
 from imu_sim_ros.errors import InputError, system_error
+from imu_sim_ros.sensors.camera.images.files import png
+from imu_sim_ros.sensors.camera.images.imager import imagers
+from imu_sim_ros.sensors.camera.images.renderer import opencv
+from imu_sim_ros.sensors.camera.model import CameraModel
+from imu_sim_ros.sensors.camera.parameters import CameraParameters
+from imu_sim_ros.sensors.camera.rig import Rig
 
 EUROC_HEADER: Final = "#timestamp [ns],filename"
 DEPTH_FOLDER: Final = "depth"

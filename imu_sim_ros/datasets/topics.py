@@ -13,9 +13,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags import Block, Topic, Writer, amount, described
-from imu_sim_ros.bags.text import BESIDE, Dataset, States
-from imu_sim_ros.config import BODY, SimulationParameters
+from imu_sim_ros.bags.text.writer import BESIDE, Dataset, States
+from imu_sim_ros.bags.writer import Block, Topic, Writer, amount, described
 from imu_sim_ros.conventions import (
     IMU_TOPIC,
     MAGNETIC_FIELD_TOPIC,
@@ -25,8 +24,10 @@ from imu_sim_ros.conventions import (
 )
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.names import unknown
-from imu_sim_ros.sensor import ImuBlock
-from imu_sim_ros.topics import OF_THE_BODY, TYPES, Encode, delivered, encoder, sensors_of
+from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.simulation.parameters import SimulationParameters
+from imu_sim_ros.simulation.playback import BODY
+from imu_sim_ros.simulation.topics import OF_THE_BODY, TYPES, Encode, delivered, encoder, sensors_of
 
 Blocks = Mapping[str, ImuBlock]
 """Blocks of the simulations of one body by name; a single IMU has an empty name."""

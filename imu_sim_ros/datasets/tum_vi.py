@@ -19,18 +19,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
-from imu_sim_ros.bags import OutputFile, amount, make_folder
-from imu_sim_ros.bags.text import decimal, decimals
+from imu_sim_ros.bags.outputs import OutputFile, make_folder
+from imu_sim_ros.bags.text import decimals
 from imu_sim_ros.bags.text import reader as text_reader
+from imu_sim_ros.bags.text.decimals import decimal
 from imu_sim_ros.bags.text.writer import EUROC_IMU_HEADER
-from imu_sim_ros.camera import Rig
-from imu_sim_ros.config import ImuParameters
-from imu_sim_ros.config.cameras import CameraParameters
+from imu_sim_ros.bags.writer import amount
 from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.datasets.images import ImageFolders, image_name, write_png
 from imu_sim_ros.errors import system_error
-from imu_sim_ros.sensor import ImuBlock
-from imu_sim_ros.topics import delivered
+from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.sensors.camera.parameters import CameraParameters
+from imu_sim_ros.sensors.camera.rig import Rig
+from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.simulation.topics import delivered
 
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]

@@ -18,13 +18,15 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags import amount, make_folder
+from imu_sim_ros.bags.outputs import make_folder
 from imu_sim_ros.bags.text import decimals
-from imu_sim_ros.camera import Rig, View
+from imu_sim_ros.bags.writer import amount
 from imu_sim_ros.datasets.tracks import CameraProgress
 from imu_sim_ros.errors import InputError, system_error
-from imu_sim_ros.sensor import ImuBlock
-from imu_sim_ros.trajectory import Trajectory
+from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.sensors.camera.rig import Rig
+from imu_sim_ros.sensors.camera.view import View
+from imu_sim_ros.trajectory.motion import Trajectory
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.config import ImuParameters, IntegratorNoiseParameters
+from imu_sim_ros.navigation.parameters import IntegratorNoiseParameters
+from imu_sim_ros.sensors.imu.parameters import ImuParameters
 
 Array = NDArray[np.float64]
 

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A navigation state: position, velocity and attitude, at one time or along a record."""
+"""The state of dead reckoning, and readings corrected by known errors."""
 
 from __future__ import annotations
 
@@ -15,6 +15,12 @@ from imu_sim_ros.inputs import gate
 
 if TYPE_CHECKING:
     from typing_extensions import Self
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+from imu_sim_ros.navigation.parameters import IntegratorParameters
+from imu_sim_ros.parameters.kinds import IDENTITY_MATRIX, ZERO_MATRIX, ZERO_VECTOR, Matrix, Vector
 
 Array = NDArray[np.float64]
 
@@ -65,3 +71,55 @@ class NavigationStates(NamedTuple):
 
 AT_REST = NavigationState(np.zeros(3), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
 """At the origin, level, not moving."""
+
+
+@dataclass(frozen=True)
+class Correction:
+    """Known errors of an IMU; the defaults correct nothing."""
+
+    gyroscope_bias: Vector = ZERO_VECTOR
+    accelerometer_bias: Vector = ZERO_VECTOR
+    gyroscope_scale_misalignment: Matrix = IDENTITY_MATRIX
+    accelerometer_scale_misalignment: Matrix = IDENTITY_MATRIX
+    gyroscope_g_sensitivity: Matrix = ZERO_MATRIX
+
+    @property
+    def gyroscope_inverse(self) -> Array:
+        """(3, 3) the inverse of S of the gyroscope."""
+        return np.linalg.inv(np.reshape(self.gyroscope_scale_misalignment, (3, 3)))
+
+    @property
+    def accelerometer_inverse(self) -> Array:
+        """(3, 3) the inverse of S of the accelerometer."""
+        return np.linalg.inv(np.reshape(self.accelerometer_scale_misalignment, (3, 3)))
+
+    def apply(self, gyro: Array, accel: Array, dt: Array | float = 1.0) -> tuple[Array, Array]:
+        """Return angular rate and specific force, without the known errors.
+
+        :param gyro: (n, 3) readings [rad/s], or their integrals over dt [rad].
+        :param accel: (n, 3) readings [m/s^2], or their integrals over dt [m/s].
+        :param dt: (n, 1) lengths of the intervals [s] where the readings are integrals.
+        """
+        force = accel
+        if self.accelerometer_bias != ZERO_VECTOR:
+            force = force - np.asarray(self.accelerometer_bias) * dt
+        if self.accelerometer_scale_misalignment != IDENTITY_MATRIX:
+            force = force @ self.accelerometer_inverse.T
+        rate = gyro
+        if self.gyroscope_bias != ZERO_VECTOR:
+            rate = rate - np.asarray(self.gyroscope_bias) * dt
+        if self.gyroscope_g_sensitivity != ZERO_MATRIX:
+            rate = rate - force @ np.reshape(self.gyroscope_g_sensitivity, (3, 3)).T
+        if self.gyroscope_scale_misalignment != IDENTITY_MATRIX:
+            rate = rate @ self.gyroscope_inverse.T
+        return rate, force
+
+
+NO_CORRECTION = Correction()
+_NAMES = tuple(field.name for field in fields(Correction))
+
+
+def correction_of(parameters: IntegratorParameters) -> Correction:
+    """Return the correction that the parameters of an integrator describe."""
+    values: dict[str, Any] = {name: getattr(parameters, name) for name in _NAMES}
+    return Correction(**values)

@@ -14,17 +14,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from imu_sim_ros.config import (
-    EMPTY_LIST,
-    OF_EVERY_NODE,
-    Parameter,
-    bad_values,
-    files,
-    parameters,
-)
 from imu_sim_ros.errors import ConfigurationError, InputError
-from imu_sim_ros.inputs import read_text
+from imu_sim_ros.inputs.rows import read_text
 from imu_sim_ros.names import shown
+from imu_sim_ros.parameters import files
+from imu_sim_ros.parameters.kinds import EMPTY_LIST, Parameter
+from imu_sim_ros.parameters.sections import OF_EVERY_NODE, bad_values, parameters
 
 _RULE = re.compile(r"(?P<name>(?:[^\s:]+:)?[^\s:=]+):=(?P<value>.*)", re.DOTALL)
 _PARAMETERS = "ros__parameters"

@@ -66,8 +66,8 @@ class Ending:
         """Wake the executor, whatever it is waiting for."""
         executor = self._node.executor
         if executor is not None:
-            executor.create_task(_nothing)
+            executor.create_task(_ignored)
 
 
-def _nothing() -> None:
+def _ignored() -> None:
     pass

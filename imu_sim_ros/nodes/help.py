@@ -6,16 +6,12 @@
 import argparse
 from typing import Final, NamedTuple
 
-from imu_sim_ros import __version__
-from imu_sim_ros.commands import common
-from imu_sim_ros.commands.common import completion
-from imu_sim_ros.config import (
-    IntegratorParameters,
-    Parameter,
-    RecorderParameters,
-    SimulatorParameters,
-    parameters,
-)
+from imu_sim_ros import __version__, completion, program
+from imu_sim_ros.bags.recorder_parameters import RecorderParameters
+from imu_sim_ros.navigation.parameters import IntegratorParameters
+from imu_sim_ros.parameters.kinds import Parameter
+from imu_sim_ros.parameters.sections import parameters
+from imu_sim_ros.simulation.playback import SimulatorParameters
 
 
 class Program(NamedTuple):
@@ -88,9 +84,9 @@ def answer(name: str, arguments: list[str]) -> int | None:
         completion.complete(parser(name))
     own = arguments[: arguments.index("--ros-args")] if "--ros-args" in arguments else arguments
     if "--help" in own or "-h" in own:
-        return common.run(name, lambda: print(parser(name).format_help(), end=""))
+        return program.run(name, lambda: print(parser(name).format_help(), end=""))
     if "--version" in own:
-        return common.run(name, lambda: print(f"imu_sim_ros {__version__}"))
+        return program.run(name, lambda: print(f"imu_sim_ros {__version__}"))
     return None
 
 

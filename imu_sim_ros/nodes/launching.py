@@ -13,9 +13,10 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from imu_sim_ros.config import Parameter, parameters
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.nodes.arguments import SHORT
+from imu_sim_ros.parameters.kinds import Parameter
+from imu_sim_ros.parameters.sections import parameters
 
 PACKAGE: Final = "imu_sim_ros"
 _FLAGS: Final = {"true": True, "1": True, "false": False, "0": False}

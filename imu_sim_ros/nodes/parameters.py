@@ -10,20 +10,12 @@ from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
-from imu_sim_ros.config import (
-    Layering,
-    Parameter,
-    Value,
-    build,
-    build_layered,
-    files,
-    flatten,
-    parameters,
-    parse,
-    unknown,
-)
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.nodes.ending import Ending
+from imu_sim_ros.parameters import files
+from imu_sim_ros.parameters.files import Layering, build_layered
+from imu_sim_ros.parameters.kinds import Parameter, Value
+from imu_sim_ros.parameters.sections import build, flatten, parameters, parse, unknown
 
 _TYPES = {
     "number": RosParameter.Type.DOUBLE,

@@ -5,8 +5,9 @@
 
 import sys
 
-from imu_sim_ros.commands.common import loading, open_standard_streams
+from imu_sim_ros.commands import loading
 from imu_sim_ros.nodes import signals
+from imu_sim_ros.program import open_standard_streams
 
 
 def _run(name: str) -> int:

@@ -10,12 +10,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from imu_sim_ros.calibration.noise import (
-    CORRELATION_TIME,
-    RAMP,
-    SIGMA,
+from imu_sim_ros.calibration.noise.analysis import AllanResult
+from imu_sim_ros.calibration.noise.estimate import RAMP
+from imu_sim_ros.calibration.noise.gauss_markov import CORRELATION_TIME, SIGMA
+from imu_sim_ros.calibration.noise.terms import (
     TERMS,
-    AllanResult,
     gauss_markov_deviation,
     quantity,
     ramp_deviation,

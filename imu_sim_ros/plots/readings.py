@@ -1,14 +1,20 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Readings over time."""
+"""Readings over time, and the Allan deviations of several sensors from their parameters."""
+
+from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.conventions import AXES
+from imu_sim_ros.calibration.noise.terms import TERMS, gauss_markov_deviation
+from imu_sim_ros.conventions import AXES, TRIADS
 from imu_sim_ros.plots import style
 from imu_sim_ros.plots.style import Figure
+from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.sensors.imu.triads import TriadParameters
 
 Array = NDArray[np.float64]
 
@@ -37,3 +43,45 @@ def readings(t_ns: NDArray[np.int64], gyro: Array, accel: Array, name: str) -> F
     panels[1].set_xlabel("time [s]")
     picture.suptitle(name)
     return picture
+
+
+_UNITS = {"gyroscope": "rad/s", "accelerometer": "m/s$^2$"}
+
+
+def allan_deviation(triad: TriadParameters, tau: Array) -> Array:
+    """Return the Allan deviation (m,) of a triad's x axis at cluster times [s] (IEEE 952)."""
+    variance = np.zeros(len(tau))
+    sizes = {
+        "noise_density": triad.noise_density,
+        "random_walk": triad.random_walk,
+        "bias_instability": triad.bias_instability,
+    }
+    for term in TERMS:
+        if term.key in sizes:
+            variance += (sizes[term.key][0] * term.deviation(tau)) ** 2
+    time = triad.correlation_time[0]
+    if time > 0.0:
+        sigma = triad.gauss_markov_sigma[0] + triad.gauss_markov_density[0] * np.sqrt(0.5 * time)
+        variance += (sigma * gauss_markov_deviation(tau, time)) ** 2
+    result: Array = np.sqrt(variance)
+    return result
+
+
+def draw(sensors: Mapping[str, ImuParameters], path: str | Path) -> None:
+    """Write the picture: a panel for each triad, a line for each sensor by name."""
+    tau = np.geomspace(0.01, 1e5, 300)
+    figure, panels = style.panels(1, 2, 14.0, 7.0)
+    for triad, axes in zip(TRIADS, panels, strict=True):
+        for k, (name, imu) in enumerate(sensors.items()):
+            line = allan_deviation(imu.triad(triad), tau)
+            if line.any():
+                dashes = ("-", "--", "-.", ":")[k // 7 % 4]
+                axes.loglog(tau, line, dashes, color=f"C{k % 7}", label=name, lw=1.2)
+        axes.set_xlabel("cluster time [s]")
+        axes.set_ylabel(f"Allan deviation [{_UNITS[triad]}]")
+        axes.set_title(triad)
+    panels[1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8)
+    figure.suptitle(
+        "The sensors that come with the package: white noise, 1/f and random walk, x axis"
+    )
+    style.save(figure, path)

@@ -11,23 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
-from imu_sim_ros.bags import imu_blocks, open_bag
-from imu_sim_ros.bags.messages import IMU, TopicInfo
-from imu_sim_ros.bags.text import imu_names, is_text
+from imu_sim_ros.bags.messages.blocks import TopicInfo
+from imu_sim_ros.bags.messages.encode import IMU
+from imu_sim_ros.bags.read import imu_blocks, open_bag
+from imu_sim_ros.bags.text.reader import imu_names, is_text
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs import Skipped
-from imu_sim_ros.navigation.comparison import (
-    absolute_errors,
-    anees_band,
-    common_rows,
-    interpolate_poses,
-    invertible,
-    nees,
-)
+from imu_sim_ros.inputs.rows import Skipped
+from imu_sim_ros.navigation.association import common_rows, interpolate_poses
+from imu_sim_ros.navigation.evaluation import absolute_errors, anees_band, invertible, nees
 from imu_sim_ros.poses import PoseSequence
-from imu_sim_ros.report.of_topics import bias_series, topic_items
 from imu_sim_ros.report.page import Item, Section, table
-from imu_sim_ros.report.streams import Stream, analyse, extremes
+from imu_sim_ros.report.streams import Stream, analyse, bias_series, extremes, topic_items
 
 Array = NDArray[np.float64]
 

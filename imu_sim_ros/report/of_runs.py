@@ -10,12 +10,15 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.campaign import CellRuns, Group, Plan, Row
 from imu_sim_ros.campaign.estimators import read_estimate
-from imu_sim_ros.config import CommandEstimator, DeadReckonEstimator
+from imu_sim_ros.campaign.parameters import CommandEstimator, DeadReckonEstimator
+from imu_sim_ros.campaign.plan import Plan
+from imu_sim_ros.campaign.results import Row
+from imu_sim_ros.campaign.runs import CellRuns
+from imu_sim_ros.campaign.summary import Group
 from imu_sim_ros.errors import ImuSimError
-from imu_sim_ros.navigation import dead_reckon
-from imu_sim_ros.navigation.comparison import align, common_rows, interpolate_poses
+from imu_sim_ros.navigation.association import align, common_rows, interpolate_poses
+from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.report.page import Item
 from imu_sim_ros.report.streams import extremes

@@ -6,7 +6,9 @@
 from collections.abc import Sequence
 from typing import Final
 
-from imu_sim_ros.campaign import DIFFERENCE, EQUAL, RATIO, Contest, Effect, Group, Judgement, Plan
+from imu_sim_ros.campaign.plan import Plan
+from imu_sim_ros.campaign.summary import Group
+from imu_sim_ros.campaign.verdict import DIFFERENCE, EQUAL, RATIO, Contest, Effect, Judgement
 from imu_sim_ros.report.page import Item, Section, table
 
 _MOST_SEEDS: Final = 100

@@ -150,6 +150,11 @@ def test_the_first_simulation_loads_what_it_needs():
     )
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     loaded = set(out.stdout.split())
-    assert "imu_sim_ros.simulation" in loaded
-    assert not loaded & {"imu_sim_ros.bags", "imu_sim_ros.config.integrator", "scipy", "rosbags"}
+    assert "imu_sim_ros.simulation.engine" in loaded
+    assert not loaded & {
+        "imu_sim_ros.bags",
+        "imu_sim_ros.navigation.parameters",
+        "scipy",
+        "rosbags",
+    }
     assert not loaded & {"mcap", "rich", "matplotlib", "cv2", "pandas"}

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
-from imu_sim_ros.api.twin.trust import judged
 from imu_sim_ros.calibration.twin.pose_noise import PoseNoise
 from imu_sim_ros.inputs.gate import stamp_words
+from imu_sim_ros.jobs.twin import judged
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.rotation import conjugate, exp, log, multiply, normalise, to_matrix
 

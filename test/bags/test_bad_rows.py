@@ -6,10 +6,10 @@
 import numpy as np
 import pytest
 
-from imu_sim_ros import poses
-from imu_sim_ros.bags import imu_blocks, read_imu, read_odometry
+from imu_sim_ros.bags.read import imu_blocks, read_imu, read_odometry
 from imu_sim_ros.commands import allan, calibrate, convert_bag, dead_reckon, generate
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.poses import read_poses
 
 ROWS = 14_000
 """70 s at 200 Hz: allan wants a minute."""
@@ -128,5 +128,5 @@ def test_a_file_of_something_else_is_given_up_early(tmp_path, row, read):
 
 _READERS = {
     "readings": lambda path: read_imu(path, skipped=lambda _: None),
-    "poses": lambda path: poses.read_poses(path, skip_bad_rows=True),
+    "poses": lambda path: read_poses(path, skip_bad_rows=True),
 }

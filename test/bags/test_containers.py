@@ -13,9 +13,9 @@ import pytest
 import yaml
 from rosbags.highlevel import AnyReader
 
-from imu_sim_ros.bags.mcap.writer import McapWriter
-from imu_sim_ros.bags.messages.blocks import Qos
+from imu_sim_ros.bags.mcap_writer import McapWriter
 from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
+from imu_sim_ros.bags.messages.schemas import Qos
 from imu_sim_ros.bags.read import open_bag, read_imu
 from imu_sim_ros.bags.write import open_writer
 from imu_sim_ros.bags.writer import Block

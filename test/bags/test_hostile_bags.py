@@ -10,9 +10,11 @@ import zlib
 import numpy as np
 import pytest
 
-from imu_sim_ros.bags import decompress, open_bag, open_writer, read_imu
-from imu_sim_ros.bags.messages import IMU, ImuEncoder
+from imu_sim_ros.bags import chunks as decompress
+from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
+from imu_sim_ros.bags.read import open_bag, read_imu
 from imu_sim_ros.bags.reader import gather
+from imu_sim_ros.bags.write import open_writer
 from imu_sim_ros.commands import convert_bag, dead_reckon, generate
 from imu_sim_ros.errors import InputError
 

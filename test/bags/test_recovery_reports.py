@@ -10,7 +10,7 @@ import sqlite3
 
 import pytest
 
-from imu_sim_ros.bags import open_bag
+from imu_sim_ros.bags.read import open_bag
 from imu_sim_ros.commands import convert_bag, generate
 from imu_sim_ros.errors import InputError, MachineError
 

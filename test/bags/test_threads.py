@@ -8,9 +8,10 @@ import threading
 import numpy as np
 import pytest
 
-from imu_sim_ros.bags import open_writer, read_imu
-from imu_sim_ros.bags.messages import IMU, ImuEncoder
+from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
+from imu_sim_ros.bags.read import read_imu
 from imu_sim_ros.bags.threads import Pipeline
+from imu_sim_ros.bags.write import open_writer
 
 COUNT = 12_000  # four chunks
 

@@ -21,13 +21,12 @@ from imu_sim_ros.calibration.deterministic.turntable import (
     known_rates,
     specific_force,
 )
-from imu_sim_ros.commands.common import print_table
-from imu_sim_ros.config import files
-from imu_sim_ros.config.simulation import SimulationParameters, load_simulation
-from imu_sim_ros.navigation.correction import Correction
-from imu_sim_ros.navigation.state import NavigationState
-from imu_sim_ros.navigation.strapdown.dead_reckoning import dead_reckon
-from imu_sim_ros.simulation import Simulation
+from imu_sim_ros.navigation.dead_reckoning import dead_reckon
+from imu_sim_ros.navigation.state import Correction, NavigationState
+from imu_sim_ros.parameters import files
+from imu_sim_ros.program import print_table
+from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
 
 G = 9.81
 SENSOR: dict[str, object] = {

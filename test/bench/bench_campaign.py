@@ -25,13 +25,15 @@ from typing import NamedTuple
 import numpy as np
 
 import imu_sim_ros as ims
-from imu_sim_ros.campaign import CellRuns, load_plan
-from imu_sim_ros.campaign.estimators import dataset
-from imu_sim_ros.commands.common import print_table
-from imu_sim_ros.navigation import NavigationStates, noise_of
-from imu_sim_ros.navigation.comparison import nees
+from imu_sim_ros.campaign import command_estimator as dataset
+from imu_sim_ros.campaign.plan import load_plan
+from imu_sim_ros.campaign.runs import CellRuns
 from imu_sim_ros.navigation.covariance import POSITION, initial_covariance, propagate
-from imu_sim_ros.simulation import Simulation
+from imu_sim_ros.navigation.evaluation import nees
+from imu_sim_ros.navigation.noise import noise_of
+from imu_sim_ros.navigation.state import NavigationStates
+from imu_sim_ros.program import print_table
+from imu_sim_ros.simulation.engine import Simulation
 
 RATE, SECONDS, IMU = 200.0, 20.0, "mpu6000"
 LOOP = 100

@@ -25,11 +25,11 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.calibration.noise.band import usable_band
+from imu_sim_ros.calibration.noise.deviation import usable_band
 from imu_sim_ros.calibration.noise.estimate import KEYS, Estimate, estimate
 from imu_sim_ros.calibration.noise.spectrum import Spectrum, SpectrumAccumulator
-from imu_sim_ros.commands.common import print_table
-from imu_sim_ros.sensor.errors.flicker import FlickerNoise
+from imu_sim_ros.program import print_table
+from imu_sim_ros.sensors.errors.flicker import FlickerNoise
 
 Array = NDArray[np.float64]
 

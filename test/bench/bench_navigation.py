@@ -12,17 +12,16 @@ from pathlib import Path
 import numpy as np
 
 from imu_sim_ros import rotation
-from imu_sim_ros.commands.common import print_table
-from imu_sim_ros.config.integrator import ATTITUDE_UPDATES, METHODS
-from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.navigation.covariance import Covariance
+from imu_sim_ros.navigation.dead_reckoning import dead_reckon, dead_reckon_integrals
 from imu_sim_ros.navigation.noise import ImuErrors, TriadErrors
-from imu_sim_ros.navigation.preintegration.deltas import preintegrate
-from imu_sim_ros.navigation.preintegration.intervals import Readings
+from imu_sim_ros.navigation.parameters import ATTITUDE_UPDATES, METHODS
+from imu_sim_ros.navigation.preintegration import Readings, preintegrate
 from imu_sim_ros.navigation.state import AT_REST, NavigationState, NavigationStates
-from imu_sim_ros.navigation.strapdown.dead_reckoning import dead_reckon, dead_reckon_integrals
-from imu_sim_ros.navigation.strapdown.stepper import Stepper
-from imu_sim_ros.simulation import Simulation
+from imu_sim_ros.navigation.stepper import Stepper
+from imu_sim_ros.program import print_table
+from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.parameters import load_simulation
 
 SAMPLES = 2_000_000
 STEPS = 40_000

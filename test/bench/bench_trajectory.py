@@ -12,12 +12,13 @@ from pathlib import Path
 import numpy as np
 
 from imu_sim_ros import rotation
-from imu_sim_ros.commands.common import print_table
-from imu_sim_ros.config import files
-from imu_sim_ros.config.simulation import load_simulation
+from imu_sim_ros.parameters import files
 from imu_sim_ros.poses import PoseSequence, read_poses, write_tum
-from imu_sim_ros.trajectory import Trajectory, build_trajectory
-from imu_sim_ros.trajectory.splines.recorded import fit_report
+from imu_sim_ros.program import print_table
+from imu_sim_ros.simulation.parameters import load_simulation
+from imu_sim_ros.trajectory.build import build_trajectory
+from imu_sim_ros.trajectory.motion import Trajectory
+from imu_sim_ros.trajectory.recorded import fit_report
 
 BLOCK = 8192
 RATE = 200.0

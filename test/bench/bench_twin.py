@@ -15,10 +15,11 @@ from pathlib import Path
 import numpy as np
 
 import imu_sim_ros as ims
-from imu_sim_ros.api.twin.trust import NAMES
-from imu_sim_ros.calibration.twin import PRIOR, model
-from imu_sim_ros.commands.common import print_table
+from imu_sim_ros.calibration.twin import model
+from imu_sim_ros.calibration.twin.fit import PRIOR
+from imu_sim_ros.jobs.twin import NAMES
 from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.program import print_table
 from imu_sim_ros.rotation import exp, from_matrix, log, multiply, normalise, to_matrix
 
 FLIGHT = Path(__file__).parents[3] / "shared" / "data" / "euroc_V1_02_medium_groundtruth.csv"

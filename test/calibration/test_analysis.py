@@ -128,7 +128,7 @@ def test_slow_lines_are_taken_out_and_told():
 def test_walks_and_flicker_have_no_lines():
     """A false line in one of 10^4 records: none among 60 axes."""
     from imu_sim_ros.calibration.noise.slow_lines import without_lines
-    from imu_sim_ros.sensor.errors.flicker import FlickerNoise
+    from imu_sim_ros.sensors.errors.flicker import FlickerNoise
 
     rng = np.random.default_rng(11)
     for scale in (0.0, 0.01, 1.0):

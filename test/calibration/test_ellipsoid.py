@@ -11,11 +11,11 @@ from scipy.optimize import least_squares
 from scipy.stats import binom, chi2
 
 import imu_sim_ros as ims
-from imu_sim_ros.calibration.deterministic import calibrate_magnetometer, symmetric_root
-from imu_sim_ros.config.simulation import load_simulation
+from imu_sim_ros.calibration.deterministic.ellipsoid import calibrate_magnetometer, symmetric_root
 from imu_sim_ros.errors import ConfigurationError, InputError
-from imu_sim_ros.sensor.auxiliary import realised_magnetometer
-from imu_sim_ros.simulation import Simulation
+from imu_sim_ros.sensors.magnetometer.model import realised_magnetometer
+from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.parameters import load_simulation
 
 FIELD = 5e-5
 UNIT = np.array([[1.1, 0.05, -0.03], [0.05, 0.9, 0.02], [-0.03, 0.02, 1.0]])

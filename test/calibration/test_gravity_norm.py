@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from imu_sim_ros import rotation
-from imu_sim_ros.calibration.deterministic import calibrate_six_position
 from imu_sim_ros.calibration.deterministic.gravity_norm import fit_norm, upper_triangular
+from imu_sim_ros.calibration.deterministic.positions import calibrate_six_position
 from imu_sim_ros.calibration.deterministic.steady import Steady
 from imu_sim_ros.errors import InputError
 

@@ -5,9 +5,10 @@
 
 import pytest
 
-from imu_sim_ros.calibration.noise import analyse
-from imu_sim_ros.config import files, load_simulation
-from imu_sim_ros.simulation import Simulation
+from imu_sim_ros.calibration.noise.analysis import analyse
+from imu_sim_ros.parameters import files
+from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.parameters import load_simulation
 
 PRESETS = [name for name in files.names("imus") if name != "perfect"]
 OFTEN_REFUSED = ["mpu6000", "adis16448", "navigation"]

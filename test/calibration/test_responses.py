@@ -17,7 +17,7 @@ from imu_sim_ros.calibration.deterministic.correction import (
 )
 from imu_sim_ros.calibration.deterministic.positions import calibrate_six_position
 from imu_sim_ros.calibration.deterministic.response import Observations, determined, fit_axis
-from imu_sim_ros.calibration.deterministic.steady import Steady, find_steady
+from imu_sim_ros.calibration.deterministic.steady import Steady, find_steady, whitened
 from imu_sim_ros.calibration.deterministic.temperature import calibrate_temperature, temperatures_at
 from imu_sim_ros.calibration.deterministic.turntable import (
     calibrate_turntable,
@@ -25,12 +25,11 @@ from imu_sim_ros.calibration.deterministic.turntable import (
     specific_force,
     true_rates,
 )
-from imu_sim_ros.calibration.deterministic.walk_filter import whitened
-from imu_sim_ros.config import files
-from imu_sim_ros.config.imu import ImuParameters
-from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.simulation import Simulation
+from imu_sim_ros.parameters import files
+from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.parameters import load_simulation
 
 G = 9.81
 FLAWS: dict[str, object] = {
@@ -281,8 +280,8 @@ def test_determined():
 
 
 def test_files_are_read_by_simulator_and_integrator(tmp_path):
-    from imu_sim_ros.config.integrator import IntegratorParameters
-    from imu_sim_ros.config.parameter import build
+    from imu_sim_ros.navigation.parameters import IntegratorParameters
+    from imu_sim_ros.parameters.sections import build
 
     run = Run("six_position", FLAWS, seed=9)
     values = six_position_parameters(calibrate_six_position(run.steady(), G))
@@ -298,9 +297,8 @@ def test_files_are_read_by_simulator_and_integrator(tmp_path):
 
 def test_the_correction_makes_dead_reckoning_drift_less():
     """The closed loop: flaws in, calibrated on two runs, taken out of a third."""
-    from imu_sim_ros.navigation.correction import Correction
-    from imu_sim_ros.navigation.state import NavigationState
-    from imu_sim_ros.navigation.strapdown.dead_reckoning import dead_reckon
+    from imu_sim_ros.navigation.dead_reckoning import dead_reckon
+    from imu_sim_ros.navigation.state import Correction, NavigationState
 
     six = Run("six_position", FLAWS, seed=10)
     table = Run("turntable", FLAWS, seed=11)

@@ -13,9 +13,9 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from imu_sim_ros.calibration import SecondProcess
 from imu_sim_ros.calibration.noise import deviation
 from imu_sim_ros.calibration.noise.deviation import DeviationAccumulator, DeviationElsewhere
+from imu_sim_ros.calibration.second_process import SecondProcess
 from imu_sim_ros.errors import MachineError
 
 LIMIT = 60.0

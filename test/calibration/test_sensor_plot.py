@@ -6,8 +6,8 @@
 import numpy as np
 import pytest
 
-from imu_sim_ros.config import load_simulation
-from imu_sim_ros.plots import sensors
+from imu_sim_ros.plots import readings as sensors
+from imu_sim_ros.simulation.parameters import load_simulation
 
 
 def test_deviation_is_that_of_the_parameters() -> None:

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from imu_sim_ros import rotation
-from imu_sim_ros.calibration.twin import clock, model
+from imu_sim_ros.calibration.twin import alignment as clock
+from imu_sim_ros.calibration.twin import model
 from imu_sim_ros.calibration.twin.alignment import coarse_offset, mounting
 from imu_sim_ros.calibration.twin.comparison import told_apart
 from imu_sim_ros.calibration.twin.fit import Recording, fit
-from imu_sim_ros.calibration.twin.intensity import calmed, factors, follow, in_range
-from imu_sim_ros.calibration.twin.lines import find_lines
+from imu_sim_ros.calibration.twin.intensity import calmed, factors, find_lines, follow, in_range
 from imu_sim_ros.calibration.twin.model import BodyMotion, Errors, Truth
 from imu_sim_ros.calibration.twin.pose_noise import (
     Poses,

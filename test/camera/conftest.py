@@ -5,11 +5,11 @@
 
 import pytest
 
-from imu_sim_ros.camera import Rig
-from imu_sim_ros.config import files
-from imu_sim_ros.config.cameras.rig import load_rig
-from imu_sim_ros.config.simulation import load_simulation
-from imu_sim_ros.trajectory import build_trajectory
+from imu_sim_ros.parameters import files
+from imu_sim_ros.sensors.camera.rig import Rig
+from imu_sim_ros.sensors.camera.rig_parameters import load_rig
+from imu_sim_ros.simulation.parameters import load_simulation
+from imu_sim_ros.trajectory.build import build_trajectory
 
 T0_NS = 1_000_000_000
 

@@ -13,10 +13,13 @@ import numpy as np
 import pytest
 
 from imu_sim_ros import rotation
-from imu_sim_ros.camera.images import Imager, atlas, look_up, png, renderer
-from imu_sim_ros.camera.images.texture import LEVELS
-from imu_sim_ros.config.cameras import CloudParameters
 from imu_sim_ros.errors import ConfigurationError, MissingDependencyError
+from imu_sim_ros.sensors.camera.images import renderer
+from imu_sim_ros.sensors.camera.images.files import png
+from imu_sim_ros.sensors.camera.images.imager import Imager
+from imu_sim_ros.sensors.camera.images.renderer import look_up
+from imu_sim_ros.sensors.camera.images.texture import LEVELS, atlas
+from imu_sim_ros.sensors.camera.scene_parameters import CloudParameters
 
 SMALL = {
     "camera__width": 188,
@@ -174,8 +177,8 @@ def test_the_image_does_not_depend_on_its_bands(make_rig, monkeypatch, scale):
 def test_sixteen_rays_a_pixel_of_a_stereo_pair_fit_into_300_mb():
     """The rays of EuRoC's two cameras alone are 139 MB; all maps at once were 1.4 GB."""
     code = (
-        "from pathlib import Path\nfrom imu_sim_ros.camera import build_rig\n"
-        "from imu_sim_ros.camera.images import imagers\n"
+        "from pathlib import Path\nfrom imu_sim_ros.sensors.camera.rig import build_rig\n"
+        "from imu_sim_ros.sensors.camera.images.imager import imagers\n"
         "rig = build_rig({'cameras': ['cam0', 'cam1'], 'cam0.camera.preset': 'euroc_cam0',\n"
         "  'cam1.camera.preset': 'euroc_cam1', 'camera.body_axes': 'flu', 'duration': 1.0,\n"
         "  'camera.supersampling': 4, 'trajectory.type': 'figure_eight'})\n"

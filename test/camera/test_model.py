@@ -7,13 +7,12 @@ import cv2
 import numpy as np
 import pytest
 
-from imu_sim_ros.camera import CameraModel
-from imu_sim_ros.config import files
-from imu_sim_ros.config.cameras.camera import CameraModelParameters
-from imu_sim_ros.config.cameras.distortion import fold
-from imu_sim_ros.config.cameras.rig import load_rig
-from imu_sim_ros.config.parameter import build
 from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.parameters import files
+from imu_sim_ros.parameters.sections import build
+from imu_sim_ros.sensors.camera.model import CameraModel
+from imu_sim_ros.sensors.camera.parameters import CameraModelParameters, fold
+from imu_sim_ros.sensors.camera.rig_parameters import load_rig
 
 RADTAN5 = {"distortion_model": "radtan", "distortion": (-0.3, 0.12, 1e-3, -2e-3, -0.02)}
 MODELS = {

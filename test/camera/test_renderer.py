@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from imu_sim_ros import rotation
-from imu_sim_ros.camera.images import Atlas, Renderer
-from imu_sim_ros.camera.images.plane import Planes, within
-from imu_sim_ros.camera.images.texture import LEVELS
+from imu_sim_ros.sensors.camera.images.renderer import Renderer
+from imu_sim_ros.sensors.camera.images.texture import LEVELS, Atlas, Planes, within
 
 CAMERA = {
     "camera__width": 188,

@@ -8,10 +8,10 @@ import struct
 import numpy as np
 import pytest
 
-from imu_sim_ros.camera.point_file import read_points
-from imu_sim_ros.config.cameras.rig import load_rig, rig_problems, scene_layer, split_rig
-from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.sensors.camera.rig_parameters import load_rig, rig_problems, scene_layer, split_rig
+from imu_sim_ros.sensors.camera.scene import read_points
+from imu_sim_ros.simulation.parameters import load_simulation
 
 
 def test_a_room_holds_the_path_and_its_landmarks_lie_on_surfaces(make_rig):

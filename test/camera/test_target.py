@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 from imu_sim_ros import rotation
-from imu_sim_ros.camera import build_rig, fitted
-from imu_sim_ros.camera.images import Imager, atlas
-from imu_sim_ros.config import files
+from imu_sim_ros.parameters import files
+from imu_sim_ros.sensors.camera.images.imager import Imager
+from imu_sim_ros.sensors.camera.images.texture import atlas
+from imu_sim_ros.sensors.camera.rig import build_rig
+from imu_sim_ros.sensors.camera.target import fitted
 
 
 def given(*presets, **values):

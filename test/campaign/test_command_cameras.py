@@ -11,7 +11,7 @@ import pytest
 from imu_sim_ros.campaign.plan import load_plan
 from imu_sim_ros.campaign.runs import CellRuns
 from imu_sim_ros.commands import generate
-from imu_sim_ros.config import files
+from imu_sim_ros.parameters import files
 
 CAMERA = {
     "rate": 200.0,

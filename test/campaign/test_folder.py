@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from imu_sim_ros.campaign import read_results
+from imu_sim_ros.campaign.results import read_results
 from imu_sim_ros.errors import InputError
 
 

@@ -8,12 +8,11 @@ import subprocess
 
 import pytest
 
-from imu_sim_ros.campaign import check_plan, find_plan
 from imu_sim_ros.campaign.cells import cell_count, cells, read_axes
 from imu_sim_ros.campaign.gate import parse
-from imu_sim_ros.campaign.plan import check_cells, load_plan, read_plan
-from imu_sim_ros.config import files
+from imu_sim_ros.campaign.plan import check_cells, check_plan, find_plan, load_plan, read_plan
 from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.parameters import files
 
 BASE = {"parameters": {"rate": 100.0, "duration": 2.0}}
 

@@ -19,16 +19,17 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from imu_sim_ros import signals
 from imu_sim_ros.campaign import campaign as driver
-from imu_sim_ros.campaign import counts, engine
+from imu_sim_ros.campaign import engine
 from imu_sim_ros.campaign.plan import load_plan
 from imu_sim_ros.campaign.results import Store, read_log, read_results
 from imu_sim_ros.campaign.runs import CellRuns
+from imu_sim_ros.campaign.verdict import counts
 from imu_sim_ros.commands import dead_reckon, evaluate, generate
 from imu_sim_ros.commands.campaign import main as command
-from imu_sim_ros.commands.common import signals
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.navigation.comparison import anees_band
+from imu_sim_ros.navigation.evaluation import anees_band
 
 GRID = {"imu": ["adis16448", "perfect"], "trajectory": ["lecture", "circle"]}
 

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from imu_sim_ros.campaign import groups, judge, unmet, unmet_lines
 from imu_sim_ros.campaign.gate import parse
 from imu_sim_ros.campaign.plan import read_plan
 from imu_sim_ros.campaign.statistics import (
@@ -27,6 +26,8 @@ from imu_sim_ros.campaign.statistics import (
     statistic,
     success,
 )
+from imu_sim_ros.campaign.summary import groups, unmet, unmet_lines
+from imu_sim_ros.campaign.verdict import judge
 
 
 def test_an_unmet_requirement_of_many_cells_does_not_bury_the_results():

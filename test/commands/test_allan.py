@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from imu_sim_ros.commands import allan, generate
-from imu_sim_ros.config import files
-from imu_sim_ros.config.parameter import build
-from imu_sim_ros.config.simulation import SimulationParameters, load_simulation
+from imu_sim_ros.parameters import files
+from imu_sim_ros.parameters.sections import build
+from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
 
 RATE, SECONDS = 100, 300
 

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imu_sim_ros.bags import read_magnetic_field
+from imu_sim_ros.bags.beside import read_magnetic_field
 from imu_sim_ros.commands import calibrate, generate
-from imu_sim_ros.config import files
+from imu_sim_ros.parameters import files
 
 FLAWS = """
 /**:

@@ -13,9 +13,9 @@ from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY, ImuEncoder, Odometry
 from imu_sim_ros.bags.write import open_writer
 from imu_sim_ros.commands.dead_reckon import main
 from imu_sim_ros.commands.generate import main as generate
-from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.poses import read_poses
-from imu_sim_ros.simulation import Simulation
+from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.parameters import load_simulation
 
 KEYS = {
     "method",

@@ -14,9 +14,10 @@ from pathlib import Path
 
 import pytest
 
-from imu_sim_ros.commands import common, control, start
-from imu_sim_ros.config import files, load_simulation
-from imu_sim_ros.simulation import Simulation
+from imu_sim_ros.commands import control, start
+from imu_sim_ros.parameters import files
+from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.parameters import load_simulation
 
 WITH_PARSER = [*start.PROGRAMS, "demo"]
 ROOT = Path(__file__).parents[2]
@@ -180,7 +181,7 @@ def test_every_dataset_of_the_manual_has_an_end_and_a_truth_of_its_own():
         assert truth not in written, line
         written.add(truth)
         if given.duration is None and given.trajectory in (None, *files.names("trajectories")):
-            layers = common.simulation_layers(given)
+            layers = program.simulation_layers(given)
             assert Simulation(load_simulation(*layers)).total is not None, line
     assert len(written) > 30
 

@@ -10,17 +10,17 @@ import sys
 
 import pytest
 
+from imu_sim_ros import program
 from imu_sim_ros.commands import (
     allan,
     calibrate,
-    common,
     convert_bag,
     dead_reckon,
     evaluate,
     generate,
     report,
 )
-from imu_sim_ros.commands.shared import outputs
+from imu_sim_ros.commands.outputs import outputs
 from imu_sim_ros.commands.start import PROGRAMS
 from imu_sim_ros.errors import InputError
 
@@ -94,10 +94,10 @@ def test_an_unforeseen_error_is_one_line_and_a_traceback_on_request(capsys):
     def fail():
         raise KeyError("what")
 
-    assert common.run("program", fail) == 1
+    assert program.run("program", fail) == 1
     line = "program: unexpected: KeyError: 'what'; run with --debug for the traceback\n"
     assert capsys.readouterr().err == line
-    assert common.run("program", fail, debug=True) == 1
+    assert program.run("program", fail, debug=True) == 1
     assert "Traceback" in capsys.readouterr().err
 
 
@@ -274,10 +274,10 @@ def test_every_command_that_reads_or_writes_is_asked():
 @pytest.mark.parametrize("path", _WITHOUT_NAME)
 def test_paths_without_a_name_are_refused_in_a_line(flight, capsys, path):
     there = sorted(flight.parent.parent.rglob("*"))
-    for program, arguments in _READING:
-        _refused(capsys, program, [path if word == "PATH" else word for word in arguments])
-    for program, arguments in _WRITING:
-        _refused(capsys, program, [*arguments, "-o", path])
+    for name, arguments in _READING:
+        _refused(capsys, name, [path if word == "PATH" else word for word in arguments])
+    for name, arguments in _WRITING:
+        _refused(capsys, name, [*arguments, "-o", path])
     assert sorted(flight.parent.parent.rglob("*")) == there
 
 

@@ -5,13 +5,15 @@
 
 from pathlib import Path
 
+from imu_sim_ros.bags.recorder_parameters import RecorderParameters
 from imu_sim_ros.commands.parameter_reference import reference
-from imu_sim_ros.config.cameras import SCENES, CameraParameters, RigParameters
-from imu_sim_ros.config.integrator import IntegratorParameters
-from imu_sim_ros.config.parameter import parameters
-from imu_sim_ros.config.recorder import RecorderParameters
-from imu_sim_ros.config.simulator import SimulatorParameters
-from imu_sim_ros.config.trajectory import TYPES
+from imu_sim_ros.navigation.parameters import IntegratorParameters
+from imu_sim_ros.parameters.sections import parameters
+from imu_sim_ros.sensors.camera.parameters import CameraParameters
+from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
+from imu_sim_ros.sensors.camera.scene_parameters import TYPES as SCENES
+from imu_sim_ros.simulation.playback import SimulatorParameters
+from imu_sim_ros.trajectory.parameters import TYPES
 
 DOCUMENT = Path(__file__).parents[2] / "docs/parameters.md"
 

@@ -18,8 +18,7 @@ from pathlib import Path
 
 import pytest
 
-from imu_sim_ros.commands import common
-from imu_sim_ros.commands.common import signals
+from imu_sim_ros import program, signals
 
 COMMANDS = ("allan", "calibrate", "convert_bag", "dead_reckon", "evaluate", "generate")
 STATUS = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGHUP: 129}
@@ -92,7 +91,7 @@ def test_a_step_that_must_not_be_broken_off_keeps_the_signal(number):
         raise signals.Interrupted
 
     before = [signal.getsignal(each) for each in signals.SIGNALS]
-    assert common.run("work", work) == STATUS[number]
+    assert program.run("work", work) == STATUS[number]
     assert [signal.getsignal(each) for each in signals.SIGNALS] == before
 
 

@@ -11,7 +11,7 @@ import textwrap
 
 import pytest
 
-from imu_sim_ros.commands.common import loading
+from imu_sim_ros.commands import loading
 
 NOT_NEEDED = {
     "importlib.metadata",
@@ -24,10 +24,10 @@ NOT_NEEDED = {
     "rosbags",
     "rich",
     "imu_sim_ros.bags.read",
-    "imu_sim_ros.camera",
-    "imu_sim_ros.config.cameras",
-    "imu_sim_ros.consumers.kalibr",
-    "imu_sim_ros.trajectory.splines",
+    "imu_sim_ros.sensors.camera.parameters",
+    "imu_sim_ros.sensors.camera.rig",
+    "imu_sim_ros.datasets.consumers.kalibr",
+    "imu_sim_ros.trajectory.bspline",
 }
 """By one that writes the readings of one IMU into a bag."""
 

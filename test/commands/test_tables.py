@@ -11,8 +11,8 @@ import sys
 
 import pytest
 
-from imu_sim_ros.commands import common
-from imu_sim_ros.commands.common import printing
+from imu_sim_ros import program
+from imu_sim_ros import program as printing
 
 HEADER = ["axis", "noise density [rad/s/sqrt(Hz)]", "random walk [rad/s^2/sqrt(Hz)]", "B [rad/s]"]
 ROWS = [[f"gyroscope {axis}", "0.0150012 +- 0.0000123", "5.123e-05", "< 1.5e-6"] for axis in "xyz"]
@@ -23,7 +23,7 @@ ROWS = [[f"gyroscope {axis}", "0.0150012 +- 0.0000123", "5.123e-05", "< 1.5e-6"]
 def test_every_number_is_whole(columns, terminal, monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", str(columns))
     monkeypatch.setattr(sys.stdout, "isatty", lambda: terminal, raising=False)
-    common.print_table(HEADER, ROWS, "Noise")
+    program.print_table(HEADER, ROWS, "Noise")
     out = capsys.readouterr().out
     assert "\N{HORIZONTAL ELLIPSIS}" not in out
     for row in ROWS:
@@ -39,7 +39,7 @@ def test_columns_move_together_before_the_table_is_stacked(monkeypatch, capsys):
     assert 16 + 6 * (8 + 2) <= 80 < 16 + 6 * 8 + 7 * 3
     monkeypatch.setenv("COLUMNS", "80")
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True, raising=False)
-    common.print_table(header, rows, "Errors")
+    program.print_table(header, rows, "Errors")
     title, names, _, first, second = capsys.readouterr().out.splitlines()
     assert title == "Errors"
     assert names.split() == header
@@ -55,7 +55,7 @@ def test_a_narrow_bar_cuts_its_text_and_never_its_numbers(monkeypatch, columns):
     with os.fdopen(slave, "w") as terminal:
         monkeypatch.setattr(sys, "stderr", terminal)
         name = "a campaign with a name of more than 40 letters"
-        with common.progress(name, 1000, done=500) as advance:
+        with program.progress(name, 1000, done=500) as advance:
             advance(20)
     shown = b""
     with os.fdopen(master, "rb", buffering=0) as seen, contextlib.suppress(OSError):

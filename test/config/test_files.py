@@ -10,11 +10,11 @@ import string
 import pytest
 import yaml
 
-from imu_sim_ros.config import files
-from imu_sim_ros.config.integrator import layer_integrator
-from imu_sim_ros.config.parameter import flatten
-from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.navigation.parameters import layer_integrator
+from imu_sim_ros.parameters import files
+from imu_sim_ros.parameters.sections import flatten
+from imu_sim_ros.simulation.parameters import load_simulation
 
 
 def written(tmp_path, text, name="parameters.yaml"):

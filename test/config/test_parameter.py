@@ -7,21 +7,38 @@ from dataclasses import dataclass
 
 import pytest
 
-from imu_sim_ros.config import load_simulation
-from imu_sim_ros.config import parameter as p
 from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.parameters.kinds import (
+    EMPTY_LIST,
+    IDENTITY_MATRIX,
+    ZERO_VECTOR,
+    Matrix,
+    Parameter,
+    Vector,
+    choice,
+    flag,
+    integer,
+    matrix,
+    number,
+    numbers,
+    text,
+    texts,
+    vector,
+)
+from imu_sim_ros.parameters.sections import build, flatten, parameters, parse, section, variant
+from imu_sim_ros.simulation.parameters import load_simulation
 
 
 @dataclass(frozen=True)
 class Near:
-    kind: str = p.text("near", "which")
-    reach: float = p.number(1.0, "how far", unit="m", minimum=0.0, above_minimum=True)
+    kind: str = text("near", "which")
+    reach: float = number(1.0, "how far", unit="m", minimum=0.0, above_minimum=True)
 
 
 @dataclass(frozen=True)
 class Far:
-    kind: str = p.text("far", "which")
-    points: tuple[float, ...] = p.numbers((), "corners", group=3, unit="m")
+    kind: str = text("far", "which")
+    points: tuple[float, ...] = numbers((), "corners", group=3, unit="m")
 
 
 def find(name):
@@ -33,9 +50,9 @@ def find(name):
 
 @dataclass(frozen=True)
 class Sensor:
-    bias: p.Vector = p.vector(0.0, "offset", unit="rad/s")
-    low: float = p.number(0.0, "lower end")
-    high: float = p.number(1.0, "upper end")
+    bias: Vector = vector(0.0, "offset", unit="rad/s")
+    low: float = number(0.0, "lower end")
+    high: float = number(1.0, "upper end")
 
     def problems(self, prefix):
         if self.low >= self.high:
@@ -44,24 +61,24 @@ class Sensor:
 
 @dataclass(frozen=True)
 class Whole:
-    rate: float = p.number(200.0, "rate", unit="Hz", minimum=0.0, above_minimum=True, maximum=1e4)
-    seed: int = p.integer(0, "seed", minimum=0)
-    loop: bool = p.flag(False, "again and again")
-    method: str = p.choice("euler", ("euler", "midpoint"), "integration")
-    turn: p.Matrix = p.matrix(p.IDENTITY_MATRIX, "rotation")
-    topics: tuple[str, ...] = p.texts((), "topics")
-    sensor: Sensor = p.section(Sensor)
-    place: Near = p.variant("kind", "near", find)
+    rate: float = number(200.0, "rate", unit="Hz", minimum=0.0, above_minimum=True, maximum=1e4)
+    seed: int = integer(0, "seed", minimum=0)
+    loop: bool = flag(False, "again and again")
+    method: str = choice("euler", ("euler", "midpoint"), "integration")
+    turn: Matrix = matrix(IDENTITY_MATRIX, "rotation")
+    topics: tuple[str, ...] = texts((), "topics")
+    sensor: Sensor = section(Sensor)
+    place: Near = variant("kind", "near", find)
 
 
 def test_defaults_build_and_round_trip():
-    whole = p.build(Whole, {})
+    whole = build(Whole, {})
     assert whole == Whole()
-    assert p.build(Whole, p.flatten(whole)) == whole
+    assert build(Whole, flatten(whole)) == whole
 
 
 def test_values_take_the_parameters_type():
-    whole = p.build(
+    whole = build(
         Whole,
         {
             "rate": 100,
@@ -82,7 +99,7 @@ def test_values_take_the_parameters_type():
 
 
 def test_large_seeds_keep_every_digit():
-    assert p.build(Whole, {"seed": 2**53 + 1}).seed == 2**53 + 1
+    assert build(Whole, {"seed": 2**53 + 1}).seed == 2**53 + 1
 
 
 BAD = [
@@ -118,7 +135,7 @@ BAD = [
 @pytest.mark.parametrize(("name", "value", "allowed"), BAD)
 def test_a_bad_value_is_one_line_with_name_and_what_is_allowed(name, value, allowed):
     with pytest.raises(ConfigurationError) as error:
-        p.build(Whole, {name: value})
+        build(Whole, {name: value})
     (line,) = error.value.problems
     assert line.startswith(name)
     assert allowed in line
@@ -128,30 +145,30 @@ def test_a_bad_value_is_one_line_with_name_and_what_is_allowed(name, value, allo
 
 def test_groups_of_numbers_are_whole():
     with pytest.raises(ConfigurationError, match="3 for each entry"):
-        p.build(Whole, {"place.kind": "far", "place.points": [1.0, 2.0]})
+        build(Whole, {"place.kind": "far", "place.points": [1.0, 2.0]})
 
 
 def test_all_problems_are_reported_together():
     values = {"rate": -1.0, "sed": 1, "method": "x", "place.kind": "nowhere", "place.reach": -1}
     with pytest.raises(ConfigurationError) as error:
-        p.build(Whole, values)
+        build(Whole, values)
     names = sorted(line.split(" =")[0].split(":")[0] for line in error.value.problems)
     assert names == ["method", "place.kind", "rate", "sed"]
 
 
 def test_rules_over_several_parameters_name_them_in_full():
     with pytest.raises(ConfigurationError, match=r"^sensor\.low = 2: must be below sensor\.high"):
-        p.build(Whole, {"sensor.low": 2.0})
+        build(Whole, {"sensor.low": 2.0})
 
 
 def test_parameters_follow_the_variant():
-    assert "place.reach" in p.parameters(Whole)
-    assert "place.points" in p.parameters(Whole, {"place.kind": "far"})
+    assert "place.reach" in parameters(Whole)
+    assert "place.points" in parameters(Whole, {"place.kind": "far"})
 
 
 def test_ros_gives_an_empty_list_as_a_text():
-    values = {"topics": "[]", "place.kind": "far", "place.points": p.EMPTY_LIST}
-    whole = p.build(Whole, values)
+    values = {"topics": "[]", "place.kind": "far", "place.points": EMPTY_LIST}
+    whole = build(Whole, values)
     assert (whole.topics, whole.place.points) == ((), ())
 
 
@@ -164,19 +181,19 @@ def test_ros_gives_an_empty_list_as_a_text():
     ],
 )
 def test_a_list_may_come_as_a_string(words, expected):
-    assert p.Parameter("vector", p.ZERO_VECTOR, "").parse(words) == expected
+    assert Parameter("vector", ZERO_VECTOR, "").parse(words) == expected
 
 
 @pytest.mark.parametrize("words", ["[1, 2", "[[1], 2, 3]", "[1, 2, .nan]", "1, 2, 3", "[a: b]", ""])
 def test_a_malformed_list_in_a_string_is_refused(words):
     with pytest.raises(ConfigurationError, match=r"^bias = .*: must be a finite number or a list"):
-        p.parse("bias", p.Parameter("vector", p.ZERO_VECTOR, ""), words)
+        parse("bias", Parameter("vector", ZERO_VECTOR, ""), words)
 
 
 @dataclass(frozen=True)
 class Side:
-    offset: p.Vector = p.vector(0.0, "offset of the {side}", unit="{unit}", minimum=0.0)
-    tilt: float = p.number(2.0, "tilt of the {side}")
+    offset: Vector = vector(0.0, "offset of the {side}", unit="{unit}", minimum=0.0)
+    tilt: float = number(2.0, "tilt of the {side}")
 
     def problems(self, prefix):
         if self.tilt > max(self.offset) > 0.0:
@@ -185,42 +202,40 @@ class Side:
 
 @dataclass(frozen=True)
 class Both:
-    left: Side = p.section(Side, joint="_", words={"side": "left", "unit": "m"})
-    right: Side = p.section(
-        Side, joint="_", words={"side": "right", "unit": "mm"}, without=["tilt"]
-    )
+    left: Side = section(Side, joint="_", words={"side": "left", "unit": "m"})
+    right: Side = section(Side, joint="_", words={"side": "right", "unit": "mm"}, without=["tilt"])
 
 
 @dataclass(frozen=True)
 class Owner:
-    sides: Both = p.section(Both)
+    sides: Both = section(Both)
 
 
 def test_one_description_serves_two_sections():
-    described = p.parameters(Owner)
+    described = parameters(Owner)
     assert list(described) == ["sides.left_offset", "sides.left_tilt", "sides.right_offset"]
     assert [d.text for d in described.values()][::2] == [
         "offset of the left",
         "offset of the right",
     ]
     assert [d.unit for d in described.values()] == ["m", "", "mm"]
-    owner = p.build(Owner, {"sides.left_offset": 3.0, "sides.right_offset": [1.0, 2.0, 3.0]})
+    owner = build(Owner, {"sides.left_offset": 3.0, "sides.right_offset": [1.0, 2.0, 3.0]})
     assert (owner.sides.left.offset, owner.sides.right.offset) == ((3.0,) * 3, (1.0, 2.0, 3.0))
     assert owner.sides.right.tilt == 2.0
-    assert list(p.flatten(owner)) == list(described)
-    assert p.build(Owner, p.flatten(owner)) == owner
+    assert list(flatten(owner)) == list(described)
+    assert build(Owner, flatten(owner)) == owner
 
 
 def test_problems_of_two_sections_bear_their_names():
     given = {"sides.left_offset": -1.0, "sides.right_tilt": 1.0}
     with pytest.raises(ConfigurationError) as caught:
-        p.build(Owner, given)
+        build(Owner, given)
     assert list(caught.value.problems) == [
         "sides.right_tilt: unknown parameter; did you mean sides.left_tilt?",
         "sides.left_offset = -1.0: must be a finite number or a list of three, each at least 0 [m]",
     ]
     with pytest.raises(ConfigurationError, match=r"^sides\.left_tilt = 2: must be at most"):
-        p.build(Owner, {"sides.left_offset": 1.0})
+        build(Owner, {"sides.left_offset": 1.0})
 
 
 def test_the_largest_seed_is_a_seed():

@@ -8,7 +8,8 @@ import shutil
 import pytest
 
 from imu_sim_ros.commands import campaign, convert_bag, generate
-from imu_sim_ros.inputs import parse_yaml, yaml_text
+from imu_sim_ros.parameters import yaml_text
+from imu_sim_ros.parameters.yaml_text import parse_yaml
 
 DIGITS = "1" * 200_000
 """A pattern whose work grows with the square of the length would take an hour."""

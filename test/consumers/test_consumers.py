@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 import yaml
 
-from imu_sim_ros.config.imu import ImuParameters
-from imu_sim_ros.config.parameter import flatten, parameters
-from imu_sim_ros.config.simulation import load_simulation
-from imu_sim_ros.consumers import ImuValues, write_all
-from imu_sim_ros.sensor import realised_imu
-from imu_sim_ros.simulation import Simulation
+from imu_sim_ros.datasets.consumers.folder import write_all
+from imu_sim_ros.datasets.consumers.values import ImuValues
+from imu_sim_ros.parameters.sections import flatten, parameters
+from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.sensors.realised import realised_imu
+from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.parameters import load_simulation
 
 RATE = 200.0
 FULL = {

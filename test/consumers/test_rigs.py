@@ -15,11 +15,13 @@ import numpy as np
 import pytest
 import yaml
 
-from imu_sim_ros.camera import CameraModel
-from imu_sim_ros.config.cameras import load_rig
-from imu_sim_ros.config.imu import ImuParameters
-from imu_sim_ros.config.parameter import build
-from imu_sim_ros.consumers import ImuValues, RigValues, write_all
+from imu_sim_ros.datasets.consumers.folder import write_all
+from imu_sim_ros.datasets.consumers.rig import RigValues
+from imu_sim_ros.datasets.consumers.values import ImuValues
+from imu_sim_ros.parameters.sections import build
+from imu_sim_ros.sensors.camera.model import CameraModel
+from imu_sim_ros.sensors.camera.rig_parameters import load_rig
+from imu_sim_ros.sensors.imu.parameters import ImuParameters
 
 DATA = Path(__file__).parents[1] / "data"
 

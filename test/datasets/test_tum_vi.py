@@ -12,8 +12,8 @@ import yaml
 
 from imu_sim_ros import rotation
 from imu_sim_ros.commands import generate
-from imu_sim_ros.config.cameras import load_rig
 from imu_sim_ros.datasets.tum_vi import dso_lens
+from imu_sim_ros.sensors.camera.rig_parameters import load_rig
 
 TURN = [0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]
 SETTINGS = {

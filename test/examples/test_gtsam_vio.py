@@ -12,10 +12,13 @@ import numpy as np
 import pytest
 
 from imu_sim_ros.commands import generate
-from imu_sim_ros.config import ImuParameters, build, files, flatten, load_simulation
-from imu_sim_ros.config.cameras import load_rig, split_rig
 from imu_sim_ros.conventions import TRIADS
+from imu_sim_ros.parameters import files
+from imu_sim_ros.parameters.sections import build, flatten
 from imu_sim_ros.poses import read_poses
+from imu_sim_ros.sensors.camera.rig_parameters import load_rig, split_rig
+from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.simulation.parameters import load_simulation
 
 EXAMPLE = Path(__file__).parents[2] / "examples/gtsam_vio.py"
 SEEDS = range(1, 6)

@@ -77,11 +77,12 @@ def _values(dice: random.Random, inputs: Path, place: Path) -> list[Any]:
 
 def messages(dice: random.Random) -> tuple[str, list[str], list[str]]:
     """Give hostile readings and truths to what stands behind the integrator's topics."""
-    from imu_sim_ros.config import IntegratorParameters, build, layer_integrator
     from imu_sim_ros.errors import ImuSimError
+    from imu_sim_ros.navigation.parameters import IntegratorParameters, layer_integrator
+    from imu_sim_ros.nodes import messages as decode
+    from imu_sim_ros.nodes.integrator.diagnostics import Estimate, TruthComparison
     from imu_sim_ros.nodes.integrator.odometer import Odometer
-    from imu_sim_ros.nodes.integrator.truth_comparison import Estimate, TruthComparison
-    from imu_sim_ros.nodes.topics import decode
+    from imu_sim_ros.parameters.sections import build
 
     given = {
         "initial_state": dice.choice(["truth", "parameters", "level"]),
@@ -120,7 +121,7 @@ def messages(dice: random.Random) -> tuple[str, list[str], list[str]]:
 
 def _payload(dice: random.Random, is_truth: bool, k: int) -> bytes:
     """Return a message of which a part is hostile."""
-    from imu_sim_ros.bags.messages import ImuEncoder, OdometryEncoder
+    from imu_sim_ros.bags.messages.encode import ImuEncoder, OdometryEncoder
 
     t_ns, still = np.array([10**9 + 5_000_000 * k]), np.zeros((1, 3))
     if is_truth:

@@ -238,8 +238,8 @@ def _poses(dice: random.Random, sound: Path, place: Path) -> tuple[str, list[str
 
 def _camera_names() -> list[str]:
     """Return the names of all parameters of cameras and scenes."""
-    from imu_sim_ros.config import flatten
-    from imu_sim_ros.config.cameras import load_rig
+    from imu_sim_ros.parameters.sections import flatten
+    from imu_sim_ros.sensors.camera.rig_parameters import load_rig
 
     names = flatten(load_rig({"cameras": ["cam0"]}))
     return [*names, *(n.removeprefix("cam0.") for n in names), "scene.type", "scene.file", "imus"]

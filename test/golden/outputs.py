@@ -217,8 +217,10 @@ def result(name: str, *arguments: object) -> str:
             return Path(value).name
         return [steady(v) for v in value] if isinstance(value, list) else value
 
-    kept = json.dumps(steady(json.loads(text)), sort_keys=True) if status == "0" else text
-    return hashlib.sha256(f"{status} {kept}".encode()).hexdigest()
+    if status == "0":
+        found, _, warnings = text.partition("\n")
+        text = json.dumps(steady(json.loads(found)), sort_keys=True) + warnings
+    return hashlib.sha256(f"{status} {text}".encode()).hexdigest()
 
 
 def files_and_results() -> Iterator[tuple[str, str]]:

@@ -14,17 +14,15 @@ import numpy as np
 import pytest
 
 from imu_sim_ros import rotation
-from imu_sim_ros.config.simulation import load_simulation
-from imu_sim_ros.navigation import covariance
-from imu_sim_ros.navigation.comparison.consistency import anees_band, nees, straightened
-from imu_sim_ros.navigation.covariance import propagate
+from imu_sim_ros.navigation.covariance import ATTITUDE, POSITION, VELOCITY, propagate
+from imu_sim_ros.navigation.dead_reckoning import dead_reckon
+from imu_sim_ros.navigation.evaluation import anees_band, nees, straightened
 from imu_sim_ros.navigation.noise import noise_of
-from imu_sim_ros.navigation.preintegration.deltas import preintegrate
-from imu_sim_ros.navigation.preintegration.intervals import Readings
-from imu_sim_ros.navigation.preintegration.residuals import States, imu_residual
+from imu_sim_ros.navigation.preintegration import Readings, preintegrate
+from imu_sim_ros.navigation.preintegration_factor import States, imu_residual
 from imu_sim_ros.navigation.state import AT_REST, NavigationStates
-from imu_sim_ros.navigation.strapdown.dead_reckoning import dead_reckon
-from imu_sim_ros.simulation import Simulation
+from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.parameters import load_simulation
 
 RUNS = 500
 NAMES = (
@@ -87,7 +85,7 @@ def test_dead_reckoning_is_consistent(runs):
         velocity.append(truth.velocity[-1] - states.velocity[-1])
         position.append(truth.position[-1] - states.position[-1])
     errors = [np.array(values) for values in (attitude, velocity, position)]
-    places = (covariance.ATTITUDE, covariance.VELOCITY, covariance.POSITION)
+    places = (ATTITUDE, VELOCITY, POSITION)
     check(errors, [mean_square[place, place] for place in places])
 
 

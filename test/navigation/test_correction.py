@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from imu_sim_ros import rotation
-from imu_sim_ros.config.integrator import IntegratorParameters, layer_integrator
-from imu_sim_ros.config.parameter import build
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.navigation.correction import NO_CORRECTION, Correction, correction_of
-from imu_sim_ros.navigation.levelling import level
+from imu_sim_ros.navigation.initialisation import level
+from imu_sim_ros.navigation.parameters import IntegratorParameters, layer_integrator
+from imu_sim_ros.navigation.state import NO_CORRECTION, Correction, correction_of
+from imu_sim_ros.parameters.sections import build
 
 
 def test_correction_solves_the_model_of_the_sensor():

@@ -6,16 +6,20 @@ import pytest
 
 from imu_sim_ros import rotation
 from imu_sim_ros.conventions import TRIADS
-from imu_sim_ros.navigation import covariance
 from imu_sim_ros.navigation.covariance import (
+    ACCEL_BIAS,
+    ATTITUDE,
+    GYRO_BIAS,
+    POSITION,
+    VELOCITY,
     Covariance,
-    after_rest,
     initial_covariance,
     propagate,
 )
+from imu_sim_ros.navigation.covariance_of_rest import after_rest
+from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.noise import ImuErrors, TriadErrors
 from imu_sim_ros.navigation.state import AT_REST, NavigationState
-from imu_sim_ros.navigation.strapdown.dead_reckoning import dead_reckon
 
 SILENT = ImuErrors()
 AXES = np.array([1.0, 2.0, 3.0])
@@ -49,38 +53,32 @@ def test_growth_of_accelerometer_noise():
     noise = of_sizes(accelerometer_noise_density=0.01 * AXES)
     found = at_rest(noise, T, RATE)
     expected = np.square(0.01 * AXES) * T
-    np.testing.assert_allclose(diagonal(found, covariance.VELOCITY), expected, rtol=1e-9)
-    np.testing.assert_allclose(diagonal(found, covariance.POSITION), expected * T**2 / 3, rtol=2e-3)
+    np.testing.assert_allclose(diagonal(found, VELOCITY), expected, rtol=1e-9)
+    np.testing.assert_allclose(diagonal(found, POSITION), expected * T**2 / 3, rtol=2e-3)
 
 
 def test_growth_of_accelerometer_walk():
     noise = of_sizes(accelerometer_random_walk=1e-3 * AXES)
     found = at_rest(noise, T, RATE)
     expected = np.square(1e-3 * AXES) * T
-    np.testing.assert_allclose(diagonal(found, covariance.ACCEL_BIAS), expected, rtol=1e-9)
-    np.testing.assert_allclose(diagonal(found, covariance.VELOCITY), expected * T**2 / 3, rtol=2e-3)
-    np.testing.assert_allclose(
-        diagonal(found, covariance.POSITION), expected * T**4 / 20, rtol=3e-3
-    )
+    np.testing.assert_allclose(diagonal(found, ACCEL_BIAS), expected, rtol=1e-9)
+    np.testing.assert_allclose(diagonal(found, VELOCITY), expected * T**2 / 3, rtol=2e-3)
+    np.testing.assert_allclose(diagonal(found, POSITION), expected * T**4 / 20, rtol=3e-3)
 
 
 def test_growth_of_gyroscope_noise_and_walk():
     """Tilt times gravity is an acceleration: one more power of t^2 each; none along gravity."""
     white = at_rest(of_sizes(gyroscope_noise_density=1e-3 * AXES), T, RATE)
     expected = np.square(1e-3 * AXES) * T
-    np.testing.assert_allclose(diagonal(white, covariance.ATTITUDE), expected, rtol=1e-9)
+    np.testing.assert_allclose(diagonal(white, ATTITUDE), expected, rtol=1e-9)
     sideways = np.array([expected[1], expected[0], 0.0]) * 9.81**2
-    np.testing.assert_allclose(
-        diagonal(white, covariance.POSITION), sideways * T**4 / 20, rtol=5e-3
-    )
+    np.testing.assert_allclose(diagonal(white, POSITION), sideways * T**4 / 20, rtol=5e-3)
     walk = at_rest(of_sizes(gyroscope_random_walk=1e-5 * AXES), T, RATE)
     expected = np.square(1e-5 * AXES) * T
-    np.testing.assert_allclose(diagonal(walk, covariance.ATTITUDE), expected * T**2 / 3, rtol=3e-3)
+    np.testing.assert_allclose(diagonal(walk, ATTITUDE), expected * T**2 / 3, rtol=3e-3)
     sideways = np.array([expected[1], expected[0], 0.0]) * 9.81**2
     # Four integrals of white noise: t^7 / (7 (3!)^2) = t^7 / 252.
-    np.testing.assert_allclose(
-        diagonal(walk, covariance.POSITION), sideways * T**6 / 252, rtol=6e-3
-    )
+    np.testing.assert_allclose(diagonal(walk, POSITION), sideways * T**6 / 252, rtol=6e-3)
 
 
 def test_growth_of_uncertain_biases():
@@ -89,10 +87,10 @@ def test_growth_of_uncertain_biases():
     bias = np.square(0.02 * AXES)
     tilted = np.array([1e-6, 1e-6, 0.0]) * 9.81**2 * T**2
     np.testing.assert_allclose(
-        diagonal(found, covariance.VELOCITY), bias * T**2 + tilted * T**2 / 4, rtol=2e-3
+        diagonal(found, VELOCITY), bias * T**2 + tilted * T**2 / 4, rtol=2e-3
     )
     np.testing.assert_allclose(
-        diagonal(found, covariance.POSITION), bias * T**4 / 4 + tilted * T**4 / 36, rtol=2e-3
+        diagonal(found, POSITION), bias * T**4 / 4 + tilted * T**4 / 36, rtol=2e-3
     )
 
 
@@ -149,7 +147,7 @@ def test_growth_of_a_gauss_markov_bias():
     expected = 2 * sigma**2 * tau**2 * (T / tau - 1 + np.exp(-T / tau))
     for noise in (by_sigma, by_density):
         found = at_rest(noise, T, RATE)
-        np.testing.assert_allclose(diagonal(found, covariance.VELOCITY), expected, rtol=2e-3)
+        np.testing.assert_allclose(diagonal(found, VELOCITY), expected, rtol=2e-3)
 
 
 def test_growth_of_bias_instability():
@@ -159,7 +157,7 @@ def test_growth_of_bias_instability():
     """
     b = 1e-3
     noise = of_sizes(accelerometer_bias_instability=b * AXES)
-    found = diagonal(at_rest(noise, T, RATE), covariance.VELOCITY)
+    found = diagonal(at_rest(noise, T, RATE), VELOCITY)
     tau = 10.0 ** np.arange(-1, 5)
     one = 2 * tau**2 * (T / tau - 1 + np.exp(-T / tau))
     expected = b**2 * np.log(10) / np.pi * one.sum()
@@ -171,13 +169,13 @@ def test_growth_of_an_unknown_scale():
     noise = of_sizes(
         accelerometer_turn_on_scale_sigma=1e-3 * AXES, gyroscope_turn_on_scale_sigma=1e-2 * AXES
     )
-    found = diagonal(at_rest(noise, T, RATE), covariance.VELOCITY)
+    found = diagonal(at_rest(noise, T, RATE), VELOCITY)
     np.testing.assert_allclose(found, [0.0, 0.0, (3e-3 * 9.81 * T) ** 2], rtol=1e-9)
     result = Covariance(noise)
     for _ in range(100):
         result.step(0.01, np.eye(3), np.zeros(3), [0.5, -0.4, 0.1])
     angle = np.array([0.5, -0.4, 0.1]) * 1e-2 * AXES
-    np.testing.assert_allclose(diagonal(result.matrix, covariance.ATTITUDE), angle**2, rtol=1e-9)
+    np.testing.assert_allclose(diagonal(result.matrix, ATTITUDE), angle**2, rtol=1e-9)
     # The latest reading's own error, which the twist of a message has: scale times rate.
     np.testing.assert_allclose(np.diag(result.twist(np.eye(3), np.zeros(3), 100.0))[3:], angle**2)
 
@@ -187,17 +185,17 @@ def test_growth_of_unknown_cross_axis_terms():
     noise = of_sizes(
         accelerometer_misalignment_sigma=1e-3 * AXES, accelerometer_quadratic_sigma=1e-5 * AXES
     )
-    found = diagonal(at_rest(noise, T, RATE), covariance.VELOCITY)
+    found = diagonal(at_rest(noise, T, RATE), VELOCITY)
     expected = [1e-3 * 9.81 * T, 2e-3 * 9.81 * T, 3e-5 * 9.81**2 * T]
     np.testing.assert_allclose(found, np.square(expected), rtol=1e-9)
     noise = of_sizes(gyroscope_g_sensitivity_sigma=1e-5 * AXES)
-    found = diagonal(at_rest(noise, T, RATE), covariance.ATTITUDE)
+    found = diagonal(at_rest(noise, T, RATE), ATTITUDE)
     np.testing.assert_allclose(found, np.square(1e-5 * AXES * 9.81 * T), rtol=1e-9)
 
 
 def test_rounding_is_noise_of_a_twelfth_of_a_step():
     noise = of_sizes(accelerometer_resolution=0.1 * AXES)
-    found = diagonal(at_rest(noise, T, RATE), covariance.VELOCITY)
+    found = diagonal(at_rest(noise, T, RATE), VELOCITY)
     np.testing.assert_allclose(found, np.square(0.1 * AXES) / 12 / RATE * T, rtol=1e-9)
 
 
@@ -217,7 +215,7 @@ def test_the_turn_of_a_levelled_attitude_is_that_of_many_levelled_bodies(angles)
     found = turn.T @ turn / count
     r_wb = rotation.to_matrix(q_wb)
     result = after_rest(SILENT, 2.0, sigma, r_wb, (0.0, 0.0, -9.81), 200.0)
-    predicted = result.matrix[covariance.ATTITUDE, covariance.ATTITUDE]
+    predicted = result.matrix[ATTITUDE, ATTITUDE]
     size = np.sqrt(np.outer(np.diag(predicted), np.diag(predicted)))
     np.testing.assert_allclose(found / size, predicted / size, atol=0.1 if angles[1] else 0.06)
 
@@ -229,17 +227,17 @@ def test_a_levelled_body_does_not_feel_the_bias_it_was_levelled_with():
     """
     gravity, b, time = (0.0, 0.0, -9.81), 0.3, 4.0
     result = after_rest(SILENT, 2.0, b, np.eye(3), gravity, 200.0)
-    tilt = result.matrix[covariance.ATTITUDE, covariance.ATTITUDE]
+    tilt = result.matrix[ATTITUDE, ATTITUDE]
     angle = b / 9.81  # two of them turn by half their product about the vertical
     np.testing.assert_allclose(np.diag(tilt), [angle**2, angle**2, angle**4 / 4.0])
     for _ in range(400):
         result.step(0.01, np.eye(3), [0.0, 0.0, 9.81])
-    found = diagonal(result.matrix, covariance.VELOCITY)
+    found = diagonal(result.matrix, VELOCITY)
     np.testing.assert_allclose(found, [0.0, 0.0, (b * time) ** 2], atol=1e-12)
     turned = after_rest(SILENT, 2.0, b, np.eye(3), gravity, 200.0)
     for _ in range(400):
         turned.step(0.01, np.diag([-1.0, -1.0, 1.0]), [0.0, 0.0, 9.81])
-    found = diagonal(turned.matrix, covariance.VELOCITY)
+    found = diagonal(turned.matrix, VELOCITY)
     np.testing.assert_allclose(found, np.square([2 * b * time, 2 * b * time, b * time]), rtol=1e-9)
 
 
@@ -266,9 +264,7 @@ def test_an_averaged_gyroscope_is_as_uncertain_as_what_changed_since():
         driven = sigma * np.sqrt(1 - phi * phi) * rng.normal(size=runs)
         process[:, j] = phi * process[:, j - 1] + driven
     left = walk[:, -1] + process[:, -1] - (white + walk + process).mean(axis=1)
-    assert found[covariance.GYRO_BIAS, covariance.GYRO_BIAS][0, 0] == pytest.approx(
-        left.var(), rel=0.04
-    )
+    assert found[GYRO_BIAS, GYRO_BIAS][0, 0] == pytest.approx(left.var(), rel=0.04)
 
 
 def second_order_of_a_bias(sigma, duration):

@@ -7,16 +7,12 @@ import numpy as np
 import pytest
 
 from imu_sim_ros import rotation
-from imu_sim_ros.config.integrator import ATTITUDE_UPDATES, METHODS
 from imu_sim_ros.errors import ConfigurationError, InputError
-from imu_sim_ros.navigation.correction import Correction
-from imu_sim_ros.navigation.state import AT_REST, NavigationState
-from imu_sim_ros.navigation.strapdown import dead_reckoning
-from imu_sim_ros.navigation.strapdown.dead_reckoning import (
-    Stepper,
-    dead_reckon,
-    dead_reckon_integrals,
-)
+from imu_sim_ros.navigation import dead_reckoning
+from imu_sim_ros.navigation.dead_reckoning import dead_reckon, dead_reckon_integrals
+from imu_sim_ros.navigation.parameters import ATTITUDE_UPDATES, METHODS
+from imu_sim_ros.navigation.state import AT_REST, Correction, NavigationState
+from imu_sim_ros.navigation.stepper import Stepper
 
 WAYS = list(itertools.product(METHODS, ATTITUDE_UPDATES))
 CORRECTION = Correction(

@@ -6,16 +6,17 @@ import pytest
 
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError, InputError
-from imu_sim_ros.navigation.comparison.alignment import align
-from imu_sim_ros.navigation.comparison.association import (
+from imu_sim_ros.navigation.association import (
+    align,
     common_rows,
     interpolate_poses,
     interpolate_vectors,
 )
-from imu_sim_ros.navigation.comparison.drift import Truth, drift_from
-from imu_sim_ros.navigation.comparison.evaluation import (
+from imu_sim_ros.navigation.evaluation import (
+    Truth,
     absolute_errors,
     distances,
+    drift_from,
     pairs,
     relative_errors,
     statistics,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from imu_sim_ros import rotation
-from imu_sim_ros.navigation.comparison import (
+from imu_sim_ros.navigation.evaluation import (
     absolute_errors,
     anees_band,
     gauge_at_first,

@@ -11,12 +11,12 @@ import pytest
 from imu_sim_ros import rotation
 from imu_sim_ros.bags.read import ImuMessages
 from imu_sim_ros.commands import dead_reckon, generate
-from imu_sim_ros.config.integrator import IntegratorParameters, layer_integrator
-from imu_sim_ros.config.parameter import build
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.navigation import initialisation
+from imu_sim_ros.navigation.parameters import IntegratorParameters, layer_integrator
 from imu_sim_ros.nodes.integrator.initialiser import initialiser
-from imu_sim_ros.nodes.topics.decode import ImuReading
+from imu_sim_ros.nodes.messages import ImuReading
+from imu_sim_ros.parameters.sections import build
 
 STEP_NS = 5_000_000
 G_SENSITIVITY = [1e-3, 0.0, 2e-3, 0.0, -1e-3, 5e-4, 3e-4, 0.0, 1e-3]

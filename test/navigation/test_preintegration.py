@@ -6,19 +6,20 @@ import pytest
 
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.noise import ImuErrors, TriadErrors
-from imu_sim_ros.navigation.preintegration.deltas import (
+from imu_sim_ros.navigation.preintegration import (
     ACCEL_BIAS,
     GYRO_BIAS,
     METHODS,
     THETA,
+    Readings,
+    between,
     corrected,
     preintegrate,
     repropagated,
 )
-from imu_sim_ros.navigation.preintegration.intervals import Readings, between
 from imu_sim_ros.navigation.state import AT_REST
-from imu_sim_ros.navigation.strapdown.dead_reckoning import dead_reckon
 
 ADIS16448 = ImuErrors(
     TriadErrors(np.full(3, 1.6968e-4), np.full(3, 1.9393e-5)),
@@ -129,7 +130,7 @@ BEFORE = rotation.from_euler([0.3, -0.2, 0.9])
 
 @pytest.mark.parametrize("method", METHODS)
 def test_f_and_g_are_the_derivatives_of_a_step(method):
-    from imu_sim_ros.navigation.preintegration import deltas
+    from imu_sim_ros.navigation import preintegration as deltas
 
     h = np.array([[0.01]])
     gyro, accel = np.random.default_rng(1).normal(size=(2, 1, 2, 3)) * [[[[2.0]]], [[[10.0]]]]

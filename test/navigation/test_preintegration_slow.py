@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from imu_sim_ros import rotation
-from imu_sim_ros.config import files
-from imu_sim_ros.config.simulation import load_simulation
-from imu_sim_ros.navigation.comparison.consistency import anees_band, nees
-from imu_sim_ros.navigation.covariance import processes, response_terms
+from imu_sim_ros.navigation import preintegration as deltas
+from imu_sim_ros.navigation.covariance_terms import processes, response_terms
+from imu_sim_ros.navigation.evaluation import anees_band, nees
 from imu_sim_ros.navigation.noise import ImuErrors, TriadErrors, noise_of
-from imu_sim_ros.navigation.preintegration import Readings, deltas, preintegrate
-from imu_sim_ros.simulation import Simulation
+from imu_sim_ros.navigation.preintegration import Readings, preintegrate
+from imu_sim_ros.parameters import files
+from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.parameters import load_simulation
 
 PRESETS = [name for name in files.names("imus") if name != "perfect"]
 RATE, BEFORE = 200.0, 400

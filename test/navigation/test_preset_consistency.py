@@ -14,17 +14,17 @@ import numpy as np
 import pytest
 
 from imu_sim_ros import rotation
-from imu_sim_ros.config import files
-from imu_sim_ros.config.integrator import IntegratorParameters, layer_integrator
-from imu_sim_ros.config.parameter import build
-from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.navigation import initialisation
-from imu_sim_ros.navigation.comparison.consistency import anees_band, nees
 from imu_sim_ros.navigation.covariance import ATTITUDE, POSITION, VELOCITY, propagate
+from imu_sim_ros.navigation.dead_reckoning import dead_reckon
+from imu_sim_ros.navigation.evaluation import anees_band, nees
 from imu_sim_ros.navigation.noise import noise_of
+from imu_sim_ros.navigation.parameters import IntegratorParameters, layer_integrator
 from imu_sim_ros.navigation.state import NavigationStates
-from imu_sim_ros.navigation.strapdown.dead_reckoning import dead_reckon
-from imu_sim_ros.simulation import Simulation
+from imu_sim_ros.parameters import files
+from imu_sim_ros.parameters.sections import build
+from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.parameters import load_simulation
 
 RATE = 200.0
 REST = 10.0

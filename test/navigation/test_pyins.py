@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from imu_sim_ros import rotation
-from imu_sim_ros.navigation.strapdown.dead_reckoning import dead_reckon
+from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 
 LATITUDE, LONGITUDE = 50.0, 10.0
 EARTH_RATE = 7.2921157e-5

@@ -5,9 +5,8 @@ import numpy as np
 import pytest
 
 from imu_sim_ros import rotation
-from imu_sim_ros.navigation.preintegration.deltas import preintegrate
-from imu_sim_ros.navigation.preintegration.intervals import between
-from imu_sim_ros.navigation.preintegration.residuals import (
+from imu_sim_ros.navigation.preintegration import between, preintegrate
+from imu_sim_ros.navigation.preintegration_factor import (
     Poses,
     States,
     imu_residual,

@@ -7,9 +7,8 @@ import pytest
 
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.navigation.correction import Correction
-from imu_sim_ros.navigation.state import AT_REST, NavigationState
-from imu_sim_ros.navigation.strapdown.stepper import Stepper
+from imu_sim_ros.navigation.state import AT_REST, Correction, NavigationState
+from imu_sim_ros.navigation.stepper import Stepper
 
 LEVEL = (0.0, 0.0, 9.81)
 STILL = (0.0, 0.0, 0.0)

@@ -10,10 +10,11 @@ from pathlib import Path
 import pytest
 
 from imu_sim_ros.commands import start
-from imu_sim_ros.config import files, parameters
 from imu_sim_ros.nodes import help
 from imu_sim_ros.nodes.arguments import ros_arguments
 from imu_sim_ros.nodes.recorder import node as recorder
+from imu_sim_ros.parameters import files
+from imu_sim_ros.parameters.sections import parameters
 
 
 def test_every_node_has_examples() -> None:

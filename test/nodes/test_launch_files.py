@@ -11,11 +11,7 @@ from xml.etree import ElementTree
 import pytest
 import yaml
 
-from imu_sim_ros.config import files
-from imu_sim_ros.config.integrator import IntegratorParameters, layer_integrator
-from imu_sim_ros.config.parameter import build, parameters
-from imu_sim_ros.config.recorder import RecorderParameters
-from imu_sim_ros.config.simulator import SimulatorParameters
+from imu_sim_ros.bags.recorder_parameters import RecorderParameters
 from imu_sim_ros.conventions import (
     ATTITUDE_ERROR_TOPIC,
     DEAD_RECKONED_TOPIC,
@@ -25,8 +21,12 @@ from imu_sim_ros.conventions import (
     ROLL_PITCH_YAW_TOPIC,
     TRUTH_TOPIC,
 )
+from imu_sim_ros.navigation.parameters import IntegratorParameters, layer_integrator
 from imu_sim_ros.nodes import launching
 from imu_sim_ros.nodes.arguments import SHORT
+from imu_sim_ros.parameters import files
+from imu_sim_ros.parameters.sections import build, parameters
+from imu_sim_ros.simulation.playback import SimulatorParameters
 
 pytestmark = pytest.mark.ros
 

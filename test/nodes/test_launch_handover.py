@@ -12,19 +12,19 @@ import numpy as np
 import pytest
 import yaml
 
-from imu_sim_ros.config import files
-from imu_sim_ros.config.integrator import IntegratorParameters
-from imu_sim_ros.config.parameter import build, flatten, parameters
-from imu_sim_ros.config.recorder import RecorderParameters
-from imu_sim_ros.config.simulator import (
+from imu_sim_ros.bags.recorder_parameters import RecorderParameters
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.navigation.parameters import IntegratorParameters
+from imu_sim_ros.nodes import launching
+from imu_sim_ros.parameters import files
+from imu_sim_ros.parameters.sections import build, flatten, parameters
+from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.playback import (
     SimulatorParameters,
     layer_simulator,
     simulations,
     simulator_section,
 )
-from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.nodes import launching
-from imu_sim_ros.simulation import Simulation
 
 pytestmark = pytest.mark.ros
 

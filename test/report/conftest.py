@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 import yaml
 
-from imu_sim_ros.bags import open_writer
-from imu_sim_ros.bags.messages import IMU, ODOMETRY, ImuEncoder, OdometryEncoder
-from imu_sim_ros.campaign import Store, campaign, load_plan
+from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY, ImuEncoder, OdometryEncoder
+from imu_sim_ros.bags.write import open_writer
+from imu_sim_ros.campaign import campaign
 from imu_sim_ros.campaign.engine import work
+from imu_sim_ros.campaign.plan import load_plan
+from imu_sim_ros.campaign.results import Store
 
 HOSTILE = '</script><script>document.title = "owned"</script><img src=x onerror=alert(1)>'
 PLAN = {

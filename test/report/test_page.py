@@ -15,13 +15,17 @@ import pytest
 import scipy.signal
 
 import imu_sim_ros.bags
-from imu_sim_ros.bags import open_writer, read_imu
-from imu_sim_ros.bags.messages import IMAGE, VECTOR3_STAMPED, ImageEncoder, Vector3StampedEncoder
-from imu_sim_ros.camera.images import decoded
-from imu_sim_ros.campaign import judge, load_plan, read_results
+from imu_sim_ros.bags.messages.encode import VECTOR3_STAMPED, Vector3StampedEncoder
+from imu_sim_ros.bags.messages.encode_cameras import IMAGE, ImageEncoder
+from imu_sim_ros.bags.read import read_imu
+from imu_sim_ros.bags.write import open_writer
+from imu_sim_ros.campaign.plan import load_plan
+from imu_sim_ros.campaign.results import read_results
+from imu_sim_ros.campaign.verdict import judge
 from imu_sim_ros.commands.report import main
-from imu_sim_ros.report import Section, html, streams
-from imu_sim_ros.report.page import as_json, column, table
+from imu_sim_ros.report import streams
+from imu_sim_ros.report.page import Section, as_json, column, html, table
+from imu_sim_ros.sensors.camera.images.files import decoded
 
 from .conftest import GAP_AT, HOSTILE, RATE, SAMPLES, START
 
@@ -258,7 +262,7 @@ def test_numbers_come_from_all_poses_and_pictures_keep_a_jump(bag, tmp_path):
     """29,001 poses with a truth, one of them off by 50 m: 50 / sqrt(29001) = 0.2936 m."""
     count, jump = 30_000, 17_777
     t = START / 1e9 + 5.0 + np.arange(count) * 1e-3
-    truth = imu_sim_ros.bags.read_odometry(bag, "/ground_truth/odom")
+    truth = imu_sim_ros.bags.read.read_odometry(bag, "/ground_truth/odom")
     position = np.stack([np.interp(t * 1e9, truth.t_ns, axis) for axis in truth.position.T], 1)
     position[jump, 1] += 50.0
     track = tmp_path / "jump.tum"

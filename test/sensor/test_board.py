@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 from scipy import integrate
 
-from imu_sim_ros.config.imu import ImuParameters
-from imu_sim_ros.config.parameter import build
-from imu_sim_ros.config.simulation import load_simulation
-from imu_sim_ros.config.temperature import TemperatureParameters
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.sensor.block import ImuBlock
-from imu_sim_ros.sensor.errors.board import ShockBias, Surroundings
-from imu_sim_ros.sensor.errors.temperature import TemperatureProfile
-from imu_sim_ros.simulation import Simulation
+from imu_sim_ros.parameters.sections import build
+from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.sensors.environment import TemperatureParameters
+from imu_sim_ros.sensors.errors.response import TemperatureProfile
+from imu_sim_ros.sensors.imu.board import ShockBias, Surroundings
+from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.parameters import load_simulation
 
 CYCLES = [0.0, 25.0, 400.0, 65.0, 800.0, 25.0, 1200.0, 65.0]
 """Two heatings and a cooling of 40 K at 0.1 K/s."""

@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from imu_sim_ros.config.parameter import build
-from imu_sim_ros.config.simulation import load_simulation
-from imu_sim_ros.config.temperature import TemperatureParameters
-from imu_sim_ros.sensor import accel_variance_discrete, gyro_variance_discrete
-from imu_sim_ros.sensor.block import ImuBlock
-from imu_sim_ros.sensor.errors.output import noise_gain
-from imu_sim_ros.sensor.errors.temperature import TemperatureProfile, polynomial
-from imu_sim_ros.simulation import Simulation
+from imu_sim_ros.parameters.sections import build
+from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.sensors.environment import TemperatureParameters
+from imu_sim_ros.sensors.errors.noise import accel_variance_discrete, gyro_variance_discrete
+from imu_sim_ros.sensors.errors.response import TemperatureProfile, noise_gain, polynomial
+from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.parameters import load_simulation
 
 S = np.array([[1.01, 0.002, -0.003], [0.004, 0.98, 0.005], [-0.006, 0.007, 1.02]])
 G_SENSITIVITY = np.array([[1e-3, 2e-3, 3e-3], [4e-3, 5e-3, 6e-3], [7e-3, 8e-3, 9e-3]])

@@ -8,10 +8,10 @@ import math
 import numpy as np
 import pytest
 
-from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.sensor.faults import Fault
-from imu_sim_ros.simulation import Simulation
+from imu_sim_ros.sensors.faults import Fault
+from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.parameters import load_simulation
 
 
 def run(**values: object) -> Simulation:

@@ -12,15 +12,13 @@ import numpy as np
 import pytest
 from scipy.integrate import trapezoid
 
-from imu_sim_ros.config import ImuParameters, TriadParameters
-from imu_sim_ros.config.parameter import build
 from imu_sim_ros.conventions import TRIADS
+from imu_sim_ros.parameters.sections import build
 from imu_sim_ros.random_streams import axis_generators, generator
-from imu_sim_ros.sensor.errors.autoregressive import CHUNK, GaussMarkovBank
-from imu_sim_ros.sensor.errors.deterministic import TurnOn
-from imu_sim_ros.sensor.errors.flicker import CHUNK as FLICKER_CHUNK
-from imu_sim_ros.sensor.errors.flicker import FlickerFilter, FlickerNoise
-from imu_sim_ros.sensor.errors.noise import (
+from imu_sim_ros.sensors.errors.autoregressive import CHUNK, GaussMarkovBank
+from imu_sim_ros.sensors.errors.flicker import CHUNK as FLICKER_CHUNK
+from imu_sim_ros.sensors.errors.flicker import FlickerFilter, FlickerNoise
+from imu_sim_ros.sensors.errors.noise import (
     BiasInstability,
     GaussMarkov,
     RandomWalk,
@@ -28,6 +26,9 @@ from imu_sim_ros.sensor.errors.noise import (
     Term,
     WhiteNoise,
 )
+from imu_sim_ros.sensors.errors.response import TurnOn
+from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.sensors.imu.triads import TriadParameters
 
 RATES = [50.0, 200.0, 1000.0]
 N = 1_000_000

@@ -8,9 +8,10 @@ import re
 
 import pytest
 
-from imu_sim_ros.config.parameter import IDENTITY_MATRIX, parameters
-from imu_sim_ros.config.simulation import SimulationParameters, load_simulation
 from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.parameters.kinds import IDENTITY_MATRIX
+from imu_sim_ros.parameters.sections import parameters
+from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
 
 
 def problems(**values: object) -> tuple[str, ...]:

@@ -10,13 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imu_sim_ros.config import files
-from imu_sim_ros.config.parameter import flatten
-from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.sensor import accel_variance_discrete, catalogue, gyro_variance_discrete
-from imu_sim_ros.simulation import Simulation
+from imu_sim_ros.parameters import files
+from imu_sim_ros.parameters.sections import flatten
+from imu_sim_ros.sensors import catalogue
+from imu_sim_ros.sensors.errors.noise import accel_variance_discrete, gyro_variance_discrete
+from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.parameters import load_simulation
 
 PRESETS = files.names("imus")
 UNITS = {"deg": math.pi / 180.0, "g": 9.80665, "hour": 3600.0, "sqrt": math.sqrt}

@@ -8,11 +8,12 @@ import dataclasses
 import numpy as np
 import pytest
 
-from imu_sim_ros.commands.shared.side_files import _truth_text
-from imu_sim_ros.config import ImuParameters, flatten, load_simulation
-from imu_sim_ros.config.parameter import parameters
-from imu_sim_ros.sensor import realised_imu
-from imu_sim_ros.simulation import Simulation
+from imu_sim_ros.commands.side_files import _truth_text
+from imu_sim_ros.parameters.sections import flatten, parameters
+from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.sensors.realised import realised_imu
+from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.parameters import load_simulation
 
 FIELDS = parameters(ImuParameters)
 DRAWN = {

@@ -6,10 +6,10 @@
 import numpy as np
 import pytest
 
-from imu_sim_ros.config import load_simulation
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.sensor import accel_variance_discrete
-from imu_sim_ros.simulation import Simulation
+from imu_sim_ros.sensors.errors.noise import accel_variance_discrete
+from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.parameters import load_simulation
 
 RATE = 200.0
 BASE = {"imu.preset": "perfect", "trajectory.type": "static", "rate": RATE}

@@ -6,9 +6,10 @@
 import numpy as np
 import pytest
 
-from imu_sim_ros.config import files, load_simulation
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.simulation import Simulation
+from imu_sim_ros.parameters import files
+from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.parameters import load_simulation
 
 RATE = 200.0
 BAND = {

@@ -7,9 +7,9 @@ import hashlib
 
 import numpy as np
 
-from imu_sim_ros.config.simulation import load_simulation
-from imu_sim_ros.sensor.block import ImuBlock
-from imu_sim_ros.simulation import Simulation
+from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.parameters import load_simulation
 
 TRIAD_TERMS = {
     "noise_density": 0.01,

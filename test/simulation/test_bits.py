@@ -20,9 +20,9 @@ from simulation_runs import (
     perfect,
 )
 
-from imu_sim_ros.config import files
-from imu_sim_ros.config.simulation import load_simulation
-from imu_sim_ros.simulation import Simulation
+from imu_sim_ros.parameters import files
+from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.parameters import load_simulation
 
 SAMPLINGS: dict[str, dict[str, object]] = {
     "instantaneous": {},

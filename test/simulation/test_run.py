@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from simulation_runs import EVERY_TERM, RANDOM_TERMS, perfect, simulation
 
-from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.sensor.faults import Fault
-from imu_sim_ros.simulation import Simulation
+from imu_sim_ros.sensors.faults import Fault
+from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.parameters import load_simulation
 
 
 def test_total_and_blocks() -> None:
@@ -180,9 +180,9 @@ def test_scipy_is_imported_for_a_low_pass_only() -> None:
     """Half a second of a node's start; every preset does without."""
     source = (
         "import sys\n"
-        "from imu_sim_ros.config.files import names\n"
-        "from imu_sim_ros.config.simulation import load_simulation\n"
-        "from imu_sim_ros.simulation import Simulation\n"
+        "from imu_sim_ros.parameters.files import names\n"
+        "from imu_sim_ros.simulation.parameters import load_simulation\n"
+        "from imu_sim_ros.simulation.engine import Simulation\n"
         "for imu in names('imus'):\n"
         "    Simulation(load_simulation({'imu.preset': imu})).next_block(10)\n"
         "assert not {'scipy', 'matplotlib', 'rosbags', 'rclpy'} & set(sys.modules)\n"

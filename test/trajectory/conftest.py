@@ -10,8 +10,9 @@ import pytest
 from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
-from imu_sim_ros.config.simulation import load_simulation
-from imu_sim_ros.trajectory import Motion, Trajectory, build_trajectory
+from imu_sim_ros.simulation.parameters import load_simulation
+from imu_sim_ros.trajectory.build import build_trajectory
+from imu_sim_ros.trajectory.motion import Motion, Trajectory
 
 Array = NDArray[np.float64]
 # Central difference of order 6: f' = sum w_k (f(t + k h) - f(t - k h)) / h.

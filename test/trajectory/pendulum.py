@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from imu_sim_ros import rotation
-from imu_sim_ros.config.parameter import number
-from imu_sim_ros.config.trajectory import TrajectoryParameters
-from imu_sim_ros.trajectory import Motion
+from imu_sim_ros.parameters.kinds import number
+from imu_sim_ros.trajectory.motion import Motion
+from imu_sim_ros.trajectory.parameters import TrajectoryParameters
 
 
 @dataclass(frozen=True)

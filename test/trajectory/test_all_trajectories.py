@@ -9,10 +9,10 @@ import sys
 import numpy as np
 import pytest
 
-from imu_sim_ros.config import files
-from imu_sim_ros.config.parameter import build as build_section
-from imu_sim_ros.config.trajectory import TYPES
-from imu_sim_ros.trajectory import Felt, Motion, delayed, felt
+from imu_sim_ros.parameters import files
+from imu_sim_ros.parameters.sections import build as build_section
+from imu_sim_ros.trajectory.motion import Felt, Motion, delayed, felt
+from imu_sim_ros.trajectory.parameters import TYPES
 
 NAMES = files.names("trajectories")
 RNG = np.random.default_rng(1)
@@ -132,7 +132,7 @@ def test_numbers_in_lists_are_all_floats(name):
 def test_starting_needs_no_scipy(name):
     code = (
         "import sys, numpy as np\n"
-        "from imu_sim_ros.config.simulation import load_simulation\n"
+        "from imu_sim_ros.simulation.parameters import load_simulation\n"
         "from imu_sim_ros.trajectory import build_trajectory\n"
         f"p = load_simulation({{'trajectory.type': {name!r}}})\n"
         "build_trajectory(p.trajectory).sample(np.arange(3.0))\n"

@@ -5,8 +5,8 @@
 
 import pytest
 
-from imu_sim_ros.config.files import trajectory_layer
 from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.parameters.files import trajectory_layer
 
 
 def test_a_name_stands_for_its_file():

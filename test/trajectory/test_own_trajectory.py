@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.simulation.parameters import load_simulation
 
 EXAMPLE = Path(__file__).with_name("pendulum.py")
 
@@ -84,6 +84,6 @@ def test_entry_points_that_lead_nowhere(installed, entry_point, line):
 
 
 def test_a_class_that_cannot_sample_is_refused(installed, build):
-    installed("pendulum = imu_sim_ros.config.trajectory:TrajectoryParameters")
+    installed("pendulum = imu_sim_ros.trajectory.parameters:TrajectoryParameters")
     with pytest.raises(ConfigurationError, match=r"lacks duration or sample"):
         build(type="pendulum")

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from imu_sim_ros.trajectory.plausible import implausible
+from imu_sim_ros.trajectory.build import implausible
 
 G = (0.0, 0.0, -9.81)
 

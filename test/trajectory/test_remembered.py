@@ -6,9 +6,9 @@
 import numpy as np
 import pytest
 
-from imu_sim_ros.config import load_simulation
-from imu_sim_ros.simulation import Simulation
-from imu_sim_ros.trajectory import RememberedTrajectory
+from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.parameters import load_simulation
+from imu_sim_ros.trajectory.motion import RememberedTrajectory
 
 
 @pytest.fixture

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.bags.messages.layouts import Bytes
-from imu_sim_ros.bags.messages.qos import Qos
-from imu_sim_ros.bags.messages.schemas import Schema
+from imu_sim_ros.bags.messages.schemas import Qos, Schema
 
 Times = NDArray[np.int64]
 

@@ -1,17 +1,24 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Message definitions: the text and the digest that a bag carries for each of its topics."""
+"""Message definitions: text, digest and quality of service that a bag carries for its topics."""
 
 from collections.abc import Iterable
 from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
 
-from imu_sim_ros.bags.messages.definitions import MD5_SUMS, RIHS01, full_text, joined_text
+from imu_sim_ros.bags.messages.definitions.ros1 import MD5_SUMS, full_text
+from imu_sim_ros.bags.messages.definitions.ros2 import RIHS01, joined_text
 from imu_sim_ros.errors import InputError
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
+
+import struct
+from collections.abc import Callable, Sequence
+from typing import Any, Final
+
+from imu_sim_ros.parameters.yaml_text import parse_yaml
 
 
 class Schema(NamedTuple):
@@ -133,3 +140,136 @@ def _closure(name: str, types: "Typestore") -> set[str]:
     text, _ = types.generate_msgdef(name, ros_version=2)
     nested = [line[5:] for line in text.splitlines() if line.startswith("MSG: ")]
     return {name, *(ros2_name(entry) for entry in nested)}
+
+
+class BrokenMessageError(InputError):
+    """Bytes that are not a message of their type."""
+
+
+class RecordedType(NamedTuple):
+    """How messages that arrive as CDR are stored in a bag."""
+
+    schema: Schema
+    convert: Callable[[bytes], bytes]
+    """Converts a message's CDR to the bag's encoding; BrokenMessageError for malformed bytes."""
+
+
+def recorded_type(type_name: str, text: str, digest: str, encoding: str) -> RecordedType:
+    """Return definition and conversion of a type, whether or not it comes with ROS.
+
+    :param type_name: in the form of ROS 2.
+    :param text: the installed definition with all that it contains; empty where it is not known.
+    :param digest: hash of ROS 2 (RIHS01) of it; empty where it is not known.
+    :param encoding: cdr or ros1, what the bag takes.
+    :raises InputError: for a type whose definition is wanted but unknown.
+    """
+    found = Schema(text, digest) if text else _known(type_name)
+    if encoding == "cdr":
+        return RecordedType(found, _unchanged)
+    if not found.text:
+        raise InputError(f"{type_name}: a ROS 1 bag needs its definition, which is not installed")
+    from rosbags.serde import SerdeError
+
+    types = typestore([(type_name, found)], "cdr")
+    own = schema(type_name, "ros1", translated(types, "ros1"))
+
+    def to_ros1(payload: bytes) -> bytes:
+        try:
+            return bytes(types.cdr_to_ros1(payload, type_name))
+        except (SerdeError, struct.error, IndexError, ValueError) as error:
+            raise BrokenMessageError(f"not a {type_name}: {error}") from None
+
+    return RecordedType(own, to_ros1)
+
+
+def _known(type_name: str) -> Schema:
+    try:
+        return schema(type_name, "cdr")
+    except InputError:
+        return Schema("", "")
+
+
+def _unchanged(payload: bytes) -> bytes:
+    return payload
+
+
+# rmw's infinite duration: the largest number of nanoseconds that an int64 holds.
+_INFINITE: Final = {"sec": 9223372036, "nsec": 854775807}
+# Older versions write rmw's numbers instead of names.
+_NUMBERED: Final[dict[str, dict[object, str]]] = {
+    "reliability": {1: "reliable", 2: "best_effort"},
+    "durability": {1: "transient_local", 2: "volatile"},
+    "history": {1: "keep_last", 2: "keep_all"},
+}
+
+
+class Qos(NamedTuple):
+    """One profile, in the words of rosbag2's metadata."""
+
+    reliability: str = "reliable"
+    durability: str = "volatile"
+    history: str = "keep_last"
+    depth: int = 10
+
+    @classmethod
+    def of(cls, profile: Any) -> "Qos":
+        """Return a profile of rclpy in these words."""
+        return cls(
+            profile.reliability.name.lower(),
+            profile.durability.name.lower(),
+            profile.history.name.lower(),
+            int(profile.depth),
+        )
+
+
+def qos_profiles(profiles: Sequence[Qos]) -> list[dict[str, Any]]:
+    """Return quality-of-service profiles as rosbag2's metadata lists them."""
+    return [
+        {
+            "history": qos.history,
+            "depth": qos.depth,
+            "reliability": qos.reliability,
+            "durability": qos.durability,
+            "deadline": dict(_INFINITE),
+            "lifespan": dict(_INFINITE),
+            "liveliness": "automatic",
+            "liveliness_lease_duration": dict(_INFINITE),
+            "avoid_ros_namespace_conventions": False,
+        }
+        for qos in profiles
+    ]
+
+
+def qos_text(profiles: Sequence[Qos]) -> str:
+    """Return profiles as the text that storage files hold."""
+    import yaml
+
+    return yaml.safe_dump(qos_profiles(profiles), sort_keys=False).strip() if profiles else ""
+
+
+def parse_qos(profiles: object) -> tuple[Qos, ...]:
+    """Return profiles of a bag, given as a list or as the text of one, of any version."""
+    try:
+        entries = parse_yaml(profiles) if isinstance(profiles, str) else profiles
+    except ValueError:
+        entries = None
+    if not isinstance(entries, list):
+        return (Qos(),)
+    return tuple(
+        Qos(**{name: _word(name, entry) for name in _NUMBERED}, depth=_depth(entry))
+        for entry in entries
+        if isinstance(entry, dict)
+    )
+
+
+def _depth(entry: dict[str, Any]) -> int:
+    value = entry.get("depth")
+    return value if isinstance(value, int) and 0 <= value < 2**31 else 10
+
+
+def _word(name: str, entry: dict[str, Any]) -> str:
+    value = entry.get(name)
+    default = str(Qos._field_defaults[name])
+    numbered = _NUMBERED[name].get(value, default) if isinstance(value, int) else default
+    word = value if isinstance(value, str) else numbered
+    return default if word in ("unknown", "system_default") else word

@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.bags.text.writer import BESIDE, States
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs import (
+from imu_sim_ros.inputs import gate
+from imu_sim_ros.inputs.rows import (
     COLUMNS,
     NUMBERS,
     STAMPS,
     BadRows,
     Row,
     Skipped,
-    gate,
     is_present,
     names_in,
     number_of,

@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags.output_file import OutputFile, make_folder
+from imu_sim_ros.bags.outputs import OutputFile, make_folder
 from imu_sim_ros.bags.text import decimals
 from imu_sim_ros.bags.text.decimals import decimal
 from imu_sim_ros.errors import InputError

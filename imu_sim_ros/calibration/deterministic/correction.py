@@ -15,8 +15,11 @@ from imu_sim_ros.calibration.deterministic.gravity_norm import upper_triangular
 from imu_sim_ros.calibration.deterministic.positions import SixPosition
 from imu_sim_ros.calibration.deterministic.temperature import Temperature, TriadTemperature
 from imu_sim_ros.calibration.deterministic.turntable import Turntable
-from imu_sim_ros.config import ImuParameters, Value, files, flatten
 from imu_sim_ros.conventions import TRIADS
+from imu_sim_ros.parameters import files
+from imu_sim_ros.parameters.kinds import Value
+from imu_sim_ros.parameters.sections import flatten
+from imu_sim_ros.sensors.imu.parameters import ImuParameters
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.calibration.deterministic.walk_filter import whitened
+from imu_sim_ros.calibration.deterministic.steady import whitened
 
 Array = NDArray[np.float64]
 

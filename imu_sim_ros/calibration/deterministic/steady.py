@@ -14,6 +14,43 @@ from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import gate
 
 Array = NDArray[np.float64]
+
+
+class Whitened(NamedTuple):
+    """Columns whitened for each of g sizes of the walk."""
+
+    columns: Array
+    """(g, n, p)."""
+    log_determinant: Array
+    """(g,) of the covariance."""
+
+
+def whitened(columns: Array, time: Array, sigma: Array, walk: Array) -> Whitened:
+    """Return ``L^-1 columns`` and ``ln det(L L^T)`` with ``L L^T = walk min(t, t) + sigma^2``.
+
+    :param columns: (n, p) rows in the order of time.
+    :param time: (n,) ascending, the first not below 0; the walk is 0 at 0.
+    :param sigma: (n,) standard deviations of the white noise, above 0.
+    :param walk: (g,) squares of the walk's density.
+    """
+    steps = np.diff(time, prepend=0.0)
+    white = np.square(sigma)
+    variance = np.zeros(len(walk))
+    state = np.zeros((len(walk), columns.shape[1]))
+    result = np.empty((len(time), len(walk), columns.shape[1]))
+    log_determinant = np.zeros(len(walk))
+    for k, row in enumerate(columns):
+        variance = variance + walk * steps[k]
+        total = variance + white[k]
+        innovation = row - state
+        np.divide(innovation, np.sqrt(total)[:, None], out=result[k])
+        log_determinant += np.log(total)
+        gain = variance / total
+        state += gain[:, None] * innovation
+        variance = gain * white[k]
+    return Whitened(result.transpose(1, 0, 2), log_determinant)
+
+
 Times = NDArray[np.int64]
 
 WINDOW: Final = 0.5

@@ -10,25 +10,21 @@ from typing import Final, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.calibration import resolution
-from imu_sim_ros.calibration.noise.band import Band, explains_wander, usable_band
+from imu_sim_ros.calibration import record as resolution
 from imu_sim_ros.calibration.noise.deviation import (
+    Band,
     Deviation,
     DeviationAccumulator,
     DeviationElsewhere,
+    explains_wander,
+    usable_band,
 )
 from imu_sim_ros.calibration.noise.estimate import KEYS, RAMP, AxisNoise, Estimate, estimate
 from imu_sim_ros.calibration.noise.gauss_markov import GAUSS_MARKOV_KEYS, estimate_gauss_markov
 from imu_sim_ros.calibration.noise.losses import LossFiller
 from imu_sim_ros.calibration.noise.slow_lines import Line
 from imu_sim_ros.calibration.noise.spectrum import Spectrum, SpectrumAccumulator
-from imu_sim_ros.calibration.noise.terms import (
-    FLICKER,
-    FLICKER_FLOOR,
-    QUANTISATION,
-    WALK,
-    WHITE,
-)
+from imu_sim_ros.calibration.noise.terms import FLICKER, FLICKER_FLOOR, QUANTISATION, WALK, WHITE
 from imu_sim_ros.calibration.record import AXES, Record, Timing
 from imu_sim_ros.calibration.second_process import SecondProcess
 from imu_sim_ros.errors import InputError

@@ -18,12 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.noise.intervals import Interval, intervals
-from imu_sim_ros.calibration.noise.likelihood import (
-    Data,
-    Fits,
-    first_guesses,
-    fit_many,
-)
+from imu_sim_ros.calibration.noise.likelihood import Data, Fits, first_guesses, fit_many
 from imu_sim_ros.calibration.noise.spectrum import Spectrum
 from imu_sim_ros.calibration.noise.terms import (
     FLICKER,

@@ -9,12 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.calibration.noise.estimate import (
-    AxisNoise,
-    Estimate,
-    axis_data,
-    standard_design,
-)
+from imu_sim_ros.calibration.noise.estimate import AxisNoise, Estimate, axis_data, standard_design
 from imu_sim_ros.calibration.noise.intervals import intervals
 from imu_sim_ros.calibration.noise.likelihood import Data, Fits, fit, profile_interval
 from imu_sim_ros.calibration.noise.spectrum import Spectrum

@@ -12,8 +12,11 @@ from imu_sim_ros.calibration.noise.analysis import AllanResult
 from imu_sim_ros.calibration.noise.estimate import Estimate
 from imu_sim_ros.calibration.noise.gauss_markov import CORRELATION_TIME, SIGMA
 from imu_sim_ros.calibration.noise.terms import QUANTISATION
-from imu_sim_ros.config import ImuParameters, TriadParameters, files, load_simulation
 from imu_sim_ros.conventions import TRIADS
+from imu_sim_ros.parameters import files
+from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.sensors.imu.triads import TriadParameters
+from imu_sim_ros.simulation.parameters import load_simulation
 
 Array = NDArray[np.float64]
 

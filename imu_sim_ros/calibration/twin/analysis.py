@@ -10,9 +10,10 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.calibration.twin import clock, intensity, spectrum
+from imu_sim_ros.calibration.twin import alignment as clock
+from imu_sim_ros.calibration.twin import intensity, spectrum
 from imu_sim_ros.calibration.twin.fit import Fit, Recording, fit
-from imu_sim_ros.calibration.twin.lines import Lines, find_lines
+from imu_sim_ros.calibration.twin.intensity import Lines, find_lines
 from imu_sim_ros.calibration.twin.model import Errors, Truth, predicted, true_times
 from imu_sim_ros.calibration.twin.spectrum import Bands, White
 

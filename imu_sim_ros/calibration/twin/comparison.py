@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How far a simulated residual is from a real one."""
+"""What is the truth's and not the sensor's, found again on another part of a recording."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -9,6 +9,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.calibration.twin import alignment as clock
+from imu_sim_ros.calibration.twin.fit import Fit, Recording, fit
+from imu_sim_ros.calibration.twin.model import CURVATURE, OFFSET, SKEW, Truth
 from imu_sim_ros.calibration.twin.spectrum import cross_spectra
 
 Array = NDArray[np.float64]
@@ -102,3 +105,24 @@ def told_apart(real: Array, simulated: Array, seed: int = 0) -> float:
         right += int(np.count_nonzero(real[tested] @ normal > middle))
         right += int(np.count_nonzero(simulated[tested] @ normal <= middle))
     return right / (2 * count)
+
+
+OF_THE_TRUTH: Final = np.r_[OFFSET, SKEW, CURVATURE]
+"""Parameters that may differ from one part of a recording to the next."""
+_ALIGNMENTS: Final = 2
+
+
+def laid_on(recording: Recording, truth: Truth, found: Fit) -> Fit:
+    """Return a fit of the truth's clock and smoothing on a recording; all else stays as found.
+
+    :param found: of another recording, or of this one.
+    """
+    middle = float(recording.stamps[0] + recording.stamps[-1]) / 2.0
+    start = found.errors.referred(middle - found.reference)
+    result = fit(recording, truth, start, free=OF_THE_TRUTH)
+    for _ in range(_ALIGNMENTS):
+        stamps, residuals = recording.stamps, result.residuals
+        course = clock.wander(stamps, residuals, result.slope, recording.rate, steady=False)
+        wander = result.wander + course
+        result = fit(recording, truth, result.errors, wander=wander, free=OF_THE_TRUTH)
+    return result

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How the intensity of the residual follows the motion, range by range of frequencies."""
+"""Vibration of the residual: lines and bands, and how their intensity follows the motion."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -11,6 +11,145 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+
+_MOST: Final = 24
+_PEAK: Final = 20.0
+"""Power over that of its neighbours: noise reaches it once in 10^7 frequencies or so."""
+_NEIGHBOURS: Final = 40
+"""Frequencies on each side."""
+_QUARTERS: Final = 4
+_STEADY: Final = 0.8
+"""Share of a line's energy that keeps one phase from quarter to quarter of the record."""
+_LOWEST: Final = 2.0
+"""[Hz] below it there is motion."""
+_REFINEMENTS: Final = 4
+
+
+class Lines(NamedTuple):
+    """k sinusoids ``A sin(2 pi f t + phase)`` on six axes."""
+
+    frequency: Array
+    """(k,) [Hz]"""
+    frequency_sigma: Array
+    """(k,) standard errors [Hz]."""
+    amplitude: Array
+    """(k, 6)"""
+    amplitude_sigma: Array
+    """(k, 6) standard errors."""
+    phase: Array
+    """(k, 6) at the first sample [rad]."""
+
+
+def find_lines(values: Array, rate: float, lowest: float = 0.0) -> tuple[Lines, Array]:
+    """Return the lines of a gap-free residual (n, 6), and the residual without them.
+
+    :param lowest: frequency [Hz], beyond that below which there is motion in any case.
+    """
+    rest = values - values.mean(axis=0)
+    frequencies: list[float] = []
+    for _ in range(_MOST):
+        peak = _highest_peak(rest, rate, max(lowest, _LOWEST))
+        if peak is None:
+            break
+        refined = _refined(rest, peak, rate)
+        if not _is_steady(rest, refined, rate):
+            break
+        frequencies.append(refined)
+        rest = rest - _fitted(rest, np.array([refined]), rate)[1]
+    for _ in range(_REFINEMENTS if frequencies else 0):
+        for k, frequency in enumerate(frequencies):
+            others = np.array(frequencies[:k] + frequencies[k + 1 :])
+            alone = values - _fitted(values, others, rate)[1] if len(others) else values
+            frequencies[k] = _refined(alone - alone.mean(axis=0), frequency, rate)
+    found = np.array(sorted(frequencies))
+    parts, fitted = _fitted(values, found, rate)
+    return _lines(found, parts, values - fitted, rate), values - fitted
+
+
+def _spectrum(values: Array) -> Array:
+    window = np.hanning(len(values) + 2)[1:-1, None]
+    return np.abs(np.fft.rfft(window * values, axis=0)) ** 2
+
+
+def _highest_peak(values: Array, rate: float, lowest: float) -> float | None:
+    """Return the frequency [Hz] of the highest peak over its neighbours; None without any."""
+    power = _spectrum(values)
+    first = int(np.ceil(lowest * len(values) / rate)) + 1
+    if len(power) < first + 2 * _NEIGHBOURS:
+        return None
+    size = 2 * _NEIGHBOURS
+    count = (len(power) - first) // size
+    blocks = power[first : first + count * size].reshape(count, size, -1)
+    # The median of exponentially distributed powers is ln 2 of their mean.
+    usual = np.repeat(np.median(blocks, axis=1), size, axis=0) / np.log(2.0)
+    usual = np.pad(usual, ((0, len(power) - first - len(usual)), (0, 0)), mode="edge")
+    ratio = np.max(power[first:] / np.maximum(usual, 1e-300), axis=1)
+    best = int(np.argmax(ratio))
+    return (best + first) * rate / len(values) if ratio[best] > _PEAK else None
+
+
+def _refined(values: Array, frequency: float, rate: float) -> float:
+    """Return the frequency of the most power near a peak: golden-section search."""
+    t = np.arange(len(values)) / rate
+    window = np.hanning(len(values) + 2)[1:-1]
+    size = values.std(axis=0) + 1e-300
+    weighted = window[:, None] * values / size
+
+    def power(f: float) -> float:
+        return float(np.sum(np.abs(np.exp(-2j * np.pi * f * t) @ weighted) ** 2))
+
+    ratio = 0.5 * (np.sqrt(5.0) - 1.0)
+    low, high = frequency - rate / len(values), frequency + rate / len(values)
+    for _ in range(24):
+        a, b = high - ratio * (high - low), low + ratio * (high - low)
+        if power(a) > power(b):
+            high = b
+        else:
+            low = a
+    return 0.5 * (low + high)
+
+
+def _is_steady(values: Array, frequency: float, rate: float) -> bool:
+    """Return whether a peak keeps its phase: rotors that change their speed do not."""
+    size = len(values) // _QUARTERS
+    t = np.arange(_QUARTERS * size) / rate
+    turned = np.exp(-2j * np.pi * frequency * t)[:, None] * values[: len(t)]
+    quarters = turned.reshape(_QUARTERS, size, -1).mean(axis=1)
+    loudest = int(np.argmax(np.sum(np.abs(quarters) ** 2, axis=0) / values.var(axis=0)))
+    one = quarters[:, loudest]
+    return bool(np.abs(one.mean()) ** 2 > _STEADY * np.mean(np.abs(one) ** 2))
+
+
+def _fitted(values: Array, frequencies: Array, rate: float) -> tuple[Array, Array]:
+    """Return sine and cosine parts (2k, 6) by least squares, and the lines (n, 6)."""
+    angle = 2.0 * np.pi * np.outer(np.arange(len(values)) / rate, frequencies)
+    columns = np.concatenate([np.sin(angle), np.cos(angle)], axis=1)
+    if not columns.shape[1]:
+        return np.zeros((0, values.shape[1])), np.zeros_like(values)
+    parts = np.linalg.lstsq(columns, values, rcond=None)[0]
+    return parts, columns @ parts
+
+
+def _lines(frequency: Array, parts: Array, rest: Array, rate: float) -> Lines:
+    """Return lines with the standard errors of a sinusoid in noise (Rife and Boorstyn 1974).
+
+    With the two-sided density S around it and the record's length T:
+    ``var A = 2 S / T, var f = 6 S / (pi^2 A^2 T^3)``.
+    """
+    count, length = len(frequency), len(rest) / rate
+    sine, cosine = parts[:count], parts[count:]
+    amplitude = np.hypot(sine, cosine)
+    power = _spectrum(rest)
+    power /= np.sum(np.hanning(len(rest) + 2) ** 2) * rate
+    density = np.empty((count, 6))
+    for k, f in enumerate(frequency):
+        middle = round(f * length)
+        around = power[max(middle - _NEIGHBOURS, 1) : middle + _NEIGHBOURS]
+        density[k] = around.mean(axis=0)
+    sigma = np.sqrt(2.0 * density / length)
+    information = np.sum(amplitude**2 / density, axis=1) * np.pi**2 * length**3 / 6.0
+    return Lines(frequency, 1.0 / np.sqrt(information), amplitude, sigma, np.arctan2(cosine, sine))
+
 
 EDGES: Final = (1.0, 5.0, 20.0, 50.0)
 """[Hz] between the ranges."""

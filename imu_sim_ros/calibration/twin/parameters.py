@@ -12,7 +12,7 @@ from imu_sim_ros.calibration.twin.analysis import Analysis
 from imu_sim_ros.calibration.twin.fit import Fit
 from imu_sim_ros.calibration.twin.model import BIAS
 from imu_sim_ros.calibration.twin.spectrum import Bands
-from imu_sim_ros.config import Value
+from imu_sim_ros.parameters.kinds import Value
 
 Array = NDArray[np.float64]
 

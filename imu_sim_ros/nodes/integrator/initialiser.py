@@ -14,10 +14,12 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from imu_sim_ros import rotation
-from imu_sim_ros.config import IntegratorParameters
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.navigation import Initial, NavigationState, initialisation
-from imu_sim_ros.nodes.topics import ImuReading, Truth
+from imu_sim_ros.navigation import initialisation
+from imu_sim_ros.navigation.initialisation import Initial
+from imu_sim_ros.navigation.parameters import IntegratorParameters
+from imu_sim_ros.navigation.state import NavigationState
+from imu_sim_ros.nodes.messages import ImuReading, Truth
 
 _KEPT = 20000
 """Number of readings and truths that may wait for each other: 2.5 s at 8 kHz."""

@@ -18,13 +18,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 
-from imu_sim_ros.bags.messages import OdometryEncoder, Vector3StampedEncoder
-from imu_sim_ros.config import (
-    IntegratorParameters,
-    build,
-    layer_integrator,
-    outside_covariance,
-)
+from imu_sim_ros.bags.messages.encode import OdometryEncoder, Vector3StampedEncoder
 from imu_sim_ros.conventions import (
     ATTITUDE_ERROR_TOPIC,
     DEAD_RECKONED_TOPIC,
@@ -35,21 +29,25 @@ from imu_sim_ros.conventions import (
     TRUTH_TOPIC,
 )
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.nodes import run
-from imu_sim_ros.nodes.integrator.diagnostics import IntegratorDiagnostics
-from imu_sim_ros.nodes.integrator.odometer import Odometer, Row
-from imu_sim_ros.nodes.integrator.path import PathPublisher
-from imu_sim_ros.nodes.integrator.sensor import Sensor
-from imu_sim_ros.nodes.integrator.truth_comparison import ErrorAt, Estimate, TruthComparison
-from imu_sim_ros.nodes.parameters import ConfiguredNode
-from imu_sim_ros.nodes.topics import (
-    Counter,
-    RawSubscriptions,
-    Taken,
-    decode,
-    is_weaker,
-    matching_qos,
+from imu_sim_ros.navigation.parameters import (
+    IntegratorParameters,
+    layer_integrator,
+    outside_covariance,
 )
+from imu_sim_ros.nodes import messages as decode
+from imu_sim_ros.nodes import run
+from imu_sim_ros.nodes.integrator.diagnostics import (
+    ErrorAt,
+    Estimate,
+    IntegratorDiagnostics,
+    TruthComparison,
+)
+from imu_sim_ros.nodes.integrator.odometer import Odometer, PathPublisher, Row
+from imu_sim_ros.nodes.integrator.sensor import Sensor
+from imu_sim_ros.nodes.parameters import ConfiguredNode
+from imu_sim_ros.nodes.publishing import Counter
+from imu_sim_ros.nodes.raw_subscription import RawSubscriptions, Taken, is_weaker, matching_qos
+from imu_sim_ros.parameters.sections import build
 from imu_sim_ros.rotation.scalars import to_euler
 
 _DEPTH = 2000

@@ -12,8 +12,9 @@ from rclpy.clock import Clock, ClockType
 from std_msgs.msg import String
 
 from imu_sim_ros.errors import ImuSimError
+from imu_sim_ros.nodes import publishing as sensor_description
 from imu_sim_ros.nodes.parameters import ConfiguredNode
-from imu_sim_ros.nodes.topics import Taken, sensor_description
+from imu_sim_ros.nodes.raw_subscription import Taken
 
 _PATIENCE: Final = 0.5
 """[s] After the first reading; a description that somebody publishes arrives by then."""

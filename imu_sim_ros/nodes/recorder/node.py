@@ -13,28 +13,24 @@ from typing import Any
 from rclpy.clock import Clock, ClockType, ROSClock
 from rclpy.exceptions import NameValidationException
 
-from imu_sim_ros.bags import Writer, open_writer
-from imu_sim_ros.commands import common
-from imu_sim_ros.config import RecorderParameters
+from imu_sim_ros import program
+from imu_sim_ros.bags.recorder_parameters import RecorderParameters
+from imu_sim_ros.bags.write import open_writer
+from imu_sim_ros.bags.writer import Writer
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.json_text import as_json
 from imu_sim_ros.nodes import run
+from imu_sim_ros.nodes.messages import definition, message_class, stamp_offset, type_hash
 from imu_sim_ros.nodes.parameters import ConfiguredNode
-from imu_sim_ros.nodes.recorder.duration_limit import DurationLimit
-from imu_sim_ros.nodes.recorder.messages import Timestamps
-from imu_sim_ros.nodes.recorder.recording import Recording, Topic
-from imu_sim_ros.nodes.recorder.stamp_statistics import StampStatistics
-from imu_sim_ros.nodes.topics import (
+from imu_sim_ros.nodes.raw_subscription import (
     RawSubscriptions,
     Taken,
-    definition,
     is_weaker,
     matching_qos,
-    message_class,
     offered_qos,
-    stamp_offset,
-    type_hash,
 )
+from imu_sim_ros.nodes.recorder.recording import DurationLimit, Recording, Timestamps, Topic
+from imu_sim_ros.nodes.recorder.stamp_statistics import StampStatistics
 
 MEGABYTE = 1_000_000
 
@@ -232,7 +228,7 @@ class Recorder(ConfiguredNode):
                 "duplicates",
                 "out of order",
             )
-            common.print_table(header, rows, where)
+            program.print_table(header, rows, where)
         else:
             print(f"{where}: no message was recorded", flush=True)
         if recording.dropped:
@@ -306,7 +302,7 @@ def plain_arguments(arguments: Sequence[str]) -> list[str]:
 
 def _seconds(name: str, words: str) -> str:
     try:
-        return repr(common.duration(words))
+        return repr(program.duration(words))
     except argparse.ArgumentTypeError as error:
         raise ConfigurationError(f"{name}: {error}") from None
 

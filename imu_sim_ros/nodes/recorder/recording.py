@@ -4,21 +4,153 @@
 """A bag that is written while messages arrive: in its own thread, safe against a sudden end."""
 
 import queue
+import struct
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from rclpy.clock import ROSClock
+from rclpy.node import Node
 
-from imu_sim_ros.bags import Writer, active_path
-from imu_sim_ros.bags.messages import BrokenMessageError, Qos, recorded_type
+from imu_sim_ros.bags.messages.schemas import BrokenMessageError, Qos, recorded_type
+from imu_sim_ros.bags.outputs import active_path
+from imu_sim_ros.bags.writer import Writer
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.nodes.recorder.messages import Message
+from imu_sim_ros.nodes.raw_subscription import Taken
 from imu_sim_ros.nodes.recorder.stamp_statistics import StampStatistics
 from imu_sim_ros.nodes.supervised_thread import Fail, SupervisedThread
+
+_STAMPS = {0: struct.Struct(">iI"), 1: struct.Struct("<iI")}
+
+
+class Message(NamedTuple):
+    """One message as received."""
+
+    topic: str
+    t_ns: int
+    """The time that a bag records: that of the stamp or of the reception."""
+    payload: bytes
+    stamp_ns: int | None = None
+    """The stamp; None where there is none or it was never set."""
+
+
+class Timestamps:
+    """Gives the messages that were taken their times.
+
+    :param node: its clock counts where time is simulated.
+    :param by_reception: a message's time is that of its reception, stamp or not.
+    """
+
+    def __init__(self, node: Node, by_reception: bool) -> None:
+        self._node, self._by_reception = node, by_reception
+        self._offsets: dict[str, int | None] = {}
+
+    def add_topic(self, topic: str, stamp_offset: int | None) -> None:
+        """Add a topic.
+
+        :param stamp_offset: where the stamp is in the bytes; None: the time of reception counts.
+        """
+        self._offsets[topic] = stamp_offset
+
+    def messages(self, topic: str, taken: Iterable[Taken]) -> list[Message]:
+        """Return the messages of one topic with their times."""
+        offset = self._offsets[topic]
+        result: list[Message] = []
+        for payload, info in taken:
+            stamp_ns = _stamp_ns(payload, offset)
+            t_ns = stamp_ns
+            if t_ns is None or self._by_reception:
+                t_ns = self._now(info)
+            result.append(Message(topic, t_ns, payload, stamp_ns))
+        return result
+
+    def _now(self, info: dict[str, int]) -> int:
+        clock = self._node.get_clock()
+        if isinstance(clock, ROSClock) and clock.ros_time_is_active:
+            return clock.now().nanoseconds
+        return info["received_timestamp"] or time.time_ns()
+
+
+def _stamp_ns(payload: bytes, offset: int | None) -> int | None:
+    """Return the stamp [ns] in a message's bytes; None where there is none that a bag can hold.
+
+    A stamp of zero, the header's default, was never set.
+    """
+    if offset is None or len(payload) < offset + 8:  # a TFMessage may be empty
+        return None
+    second, nanosecond = _STAMPS[payload[1] & 1].unpack_from(payload, offset)
+    t_ns: int = second * 1_000_000_000 + nanosecond
+    return t_ns if t_ns > 0 else None
+
+
+_QUIET = 1.0
+"""[s] A topic that has been silent for this long is not waited for."""
+
+
+@dataclass
+class _Topic:
+    first_ns: int
+    last_ns: int
+    seen_at: float
+    complete: bool = False
+
+
+class DurationLimit:
+    """Lets the messages of a topic pass until their stamps exceed its first one by the limit.
+
+    So 8 s of a topic at 200 Hz are 1600 messages, at whatever speed they arrive.
+    """
+
+    def __init__(self, duration: float) -> None:
+        """Set the limit [s]; 0: none."""
+        self._duration = duration
+        self._length_ns = round(duration * 1e9)
+        self._topics: dict[str, _Topic] = {}
+
+    def take(self, messages: list[Message], now: float) -> list[Message]:
+        """Return those of one topic's messages that lie within its time.
+
+        :param now: on the steady clock [s].
+        """
+        if not self._length_ns or not messages:
+            return messages
+        first, last = messages[0], messages[-1]
+        topic = self._topics.get(first.topic)
+        if topic is None:
+            topic = self._topics[first.topic] = _Topic(first.t_ns, first.t_ns, now)
+        topic.last_ns, topic.seen_at = last.t_ns, now
+        # For a first stamp that was never set the time of reception, perhaps much later, is used.
+        topic.first_ns = min(topic.first_ns, *(message.t_ns for message in messages))
+        end_ns = topic.first_ns + self._length_ns
+        if max(message.t_ns for message in messages) < end_ns:
+            return messages
+        topic.complete = True
+        return [message for message in messages if message.t_ns < end_ns]
+
+    def reached(self, elapsed: float, now: float) -> bool:
+        """Return whether every topic that is still active has reached the limit.
+
+        :param elapsed: since the first message, on the clock of the node [s]. Decides where stamps
+            do not advance, or nothing arrives any more.
+        """
+        if not self._length_ns:
+            return False
+        topics = list(self._topics.values())
+        if not any(topic.complete for topic in topics) and elapsed < self._duration:
+            return False
+        return bool(topics) and not any(_is_awaited(topics, now))
+
+
+def _is_awaited(topics: Iterable[_Topic], now: float) -> Iterable[bool]:
+    """Yield for each topic whether it is active and has not reached the limit."""
+    for topic in topics:
+        moves = topic.last_ns != topic.first_ns and now - topic.seen_at <= _QUIET
+        yield moves and not topic.complete
+
 
 FLUSH_PERIOD = 0.5
 """[s] Period of flushing: older data survive the process. Half of the second that is promised."""

@@ -24,12 +24,10 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import serialize_message
 
-from imu_sim_ros.bags import read_poses
-from imu_sim_ros.bags.messages import Stamped
-from imu_sim_ros.camera import Rig
-from imu_sim_ros.config import build, simulator_section
+from imu_sim_ros.bags.messages.encode_cameras import Stamped
+from imu_sim_ros.bags.read import read_poses
 from imu_sim_ros.conventions import FEATURES_TOPIC, LANDMARKS_TOPIC, MARKERS_TOPIC
-from imu_sim_ros.datasets import (
+from imu_sim_ros.datasets.features import (
     CameraMessages,
     FeatureStream,
     camera_topics,
@@ -39,10 +37,13 @@ from imu_sim_ros.datasets import (
 from imu_sim_ros.errors import explain
 from imu_sim_ros.json_text import as_json
 from imu_sim_ros.nodes import run
+from imu_sim_ros.nodes.publishing import Counter, create
 from imu_sim_ros.nodes.simulator.cameras import MARKERS, TOKEN
-from imu_sim_ros.nodes.simulator.markers import markers
-from imu_sim_ros.nodes.topics import Counter, create
-from imu_sim_ros.trajectory import build_trajectory
+from imu_sim_ros.nodes.simulator.visualisation import markers
+from imu_sim_ros.parameters.sections import build
+from imu_sim_ros.sensors.camera.rig import Rig
+from imu_sim_ros.simulation.playback import simulator_section
+from imu_sim_ros.trajectory.build import build_trajectory
 
 ORIGIN_NS: Final = 10**12
 """Time zero of frames that are made ahead: no stamp is negative, whatever the time offset."""

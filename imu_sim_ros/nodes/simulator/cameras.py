@@ -22,17 +22,19 @@ from typing import IO, Any, Final
 import numpy as np
 
 from imu_sim_ros import timebase
-from imu_sim_ros.camera import View
-from imu_sim_ros.config import SimulatorParameters, flatten
-from imu_sim_ros.config.cameras import CameraParameters, RigParameters
 from imu_sim_ros.conventions import MARKERS_TOPIC
-from imu_sim_ros.datasets import camera_topics
+from imu_sim_ros.datasets.features import camera_topics
 from imu_sim_ros.errors import ConfigurationError, MachineError
 from imu_sim_ros.json_text import as_json
 from imu_sim_ros.nodes import run
 from imu_sim_ros.nodes.simulator.publish_queue import Piece
-from imu_sim_ros.nodes.simulator.transforms import Mount
+from imu_sim_ros.nodes.simulator.visualisation import Mount
 from imu_sim_ros.nodes.supervised_thread import Fail, SupervisedThread
+from imu_sim_ros.parameters.sections import flatten
+from imu_sim_ros.sensors.camera.parameters import CameraParameters
+from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
+from imu_sim_ros.sensors.camera.view import View
+from imu_sim_ros.simulation.playback import SimulatorParameters
 
 TOKEN: Final = struct.Struct("<qq")
 """Number of a frame, and time zero [ns]."""

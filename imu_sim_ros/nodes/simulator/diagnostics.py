@@ -9,8 +9,8 @@ from typing import Any, Final
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from imu_sim_ros.nodes.topics import Counter
-from imu_sim_ros.sensor import Fault
+from imu_sim_ros.nodes.publishing import Counter
+from imu_sim_ros.sensors.faults import Fault
 
 LATE_US: Final = 500.0
 """A 99th percentile above this is a warning."""

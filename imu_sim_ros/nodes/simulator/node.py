@@ -3,9 +3,9 @@
 
 """``simulator``: an IMU on a moving body, live.
 
-Samples come from :mod:`imu_sim_ros.simulation`, are turned into the bytes of messages block by
-block, and are published by a thread of their own on absolute deadlines of the steady clock. rclpy's
-executor keeps parameters, services and diagnostics in the main thread.
+Samples come from :mod:`imu_sim_ros.simulation.engine`, are turned into the bytes of messages
+block by block, and are published by a thread of their own on absolute deadlines of the steady
+clock. rclpy's executor keeps parameters, services and diagnostics in the main thread.
 
 The node is a plain one with ``autostart``, not a managed one: a VIO stack's launch file expects a
 driver that streams once it runs, and ``autostart: false`` with ``~/pause`` gives the same control
@@ -26,35 +26,36 @@ from rclpy.time import Time
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
-from imu_sim_ros import conventions, timebase, topics
-from imu_sim_ros.bags.messages import CLOCK, TF_MESSAGE, ClockEncoder
-from imu_sim_ros.config import (
-    BODY,
-    DEFAULT_TRAJECTORY,
-    SimulatorParameters,
-    has_cameras,
-    layer_simulator,
-    simulations,
-    simulator_section,
-)
+from imu_sim_ros import conventions, timebase
+from imu_sim_ros.bags.messages.encode import CLOCK, ClockEncoder
+from imu_sim_ros.bags.messages.encode_cameras import TF_MESSAGE
 from imu_sim_ros.errors import ConfigurationError, MissingDependencyError
+from imu_sim_ros.nodes import publishing as sensor_description
 from imu_sim_ros.nodes import run
 from imu_sim_ros.nodes.parameters import ConfiguredNode
-from imu_sim_ros.nodes.simulator import transforms
+from imu_sim_ros.nodes.publishing import Counter, check_overrides, create
+from imu_sim_ros.nodes.simulator import visualisation as transforms
 from imu_sim_ros.nodes.simulator.diagnostics import Histogram, Report, fault_message
-from imu_sim_ros.nodes.simulator.engine import Engine
-from imu_sim_ros.nodes.simulator.pacing import Pacer, RosClockPacer, Stall
+from imu_sim_ros.nodes.simulator.engine import Engine, is_wanted, wanted_fault
+from imu_sim_ros.nodes.simulator.pacing import Pacer, RosClockPacer, Settling, Stall
 from imu_sim_ros.nodes.simulator.publish_queue import (
     PublishQueue,
     SimulationStream,
     Stream,
     TickStream,
 )
-from imu_sim_ros.nodes.simulator.settling import Settling
-from imu_sim_ros.nodes.simulator.wanted import is_wanted, wanted_fault
-from imu_sim_ros.nodes.topics import Counter, check_overrides, create, sensor_description
 from imu_sim_ros.poses import PoseSequence
-from imu_sim_ros.simulation import Simulation
+from imu_sim_ros.simulation import topics
+from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.parameters import DEFAULT_TRAJECTORY
+from imu_sim_ros.simulation.playback import (
+    BODY,
+    SimulatorParameters,
+    has_cameras,
+    layer_simulator,
+    simulations,
+    simulator_section,
+)
 
 QUEUE: Final = 4000
 """Messages kept for a reliable subscriber that has not acknowledged them: 2 s at 2 kHz."""
@@ -68,7 +69,7 @@ _STEP_TIMEOUT: Final = 5.0
 def _layered(given: Mapping[str, object]) -> dict[str, object]:
     """Return what was given above the files that it names, with a target that suits the cameras."""
     if has_cameras(given):
-        from imu_sim_ros.camera import fitted
+        from imu_sim_ros.sensors.camera.target import fitted
 
         given = fitted(given)
     return layer_simulator(given)
@@ -390,7 +391,7 @@ _OF_THE_NODE: Final = ("inject", "real_time_factor", "catch_up", "step_samples")
 
 
 def _read_poses(path: str, *options: Any) -> PoseSequence:
-    from imu_sim_ros.bags import read_poses  # readers of all bags, which few trajectories need
+    from imu_sim_ros.bags.read import read_poses  # readers of all bags, which few trajectories need
 
     return read_poses(path, *options)
 

@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros import timebase
-from imu_sim_ros.config import BODY, SimulationParameters
-from imu_sim_ros.sensor import Fault
-from imu_sim_ros.simulation import Simulation
-from imu_sim_ros.topics import Encode
+from imu_sim_ros.sensors.faults import Fault
+from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.parameters import SimulationParameters
+from imu_sim_ros.simulation.playback import BODY
+from imu_sim_ros.simulation.topics import Encode
 
 Times = NDArray[np.int64]
 

@@ -7,7 +7,19 @@ import numpy as np
 import pytest
 from rosbags.typesys import Stores, get_typestore
 
-from imu_sim_ros.bags import messages
+from imu_sim_ros.bags.messages.encode_cameras import (
+    CAMERA_INFO,
+    COMPRESSED_IMAGE,
+    IMAGE,
+    POINT_CLOUD,
+    POINT_CLOUD2,
+    CameraInfo,
+    CameraInfoEncoder,
+    CompressedImageEncoder,
+    ImageEncoder,
+    PointCloud2Encoder,
+    PointCloudEncoder,
+)
 
 STORES = {"cdr": get_typestore(Stores.ROS2_JAZZY), "ros1": get_typestore(Stores.ROS1_NOETIC)}
 T_NS = 1_700_000_000_123_456_789
@@ -33,8 +45,8 @@ def read(data, kind, encoding):
 )
 def test_an_image(encoding, frame, pixels, shape, kind):
     image = (RNG.random(shape) * 255).astype(kind)
-    encoder = messages.ImageEncoder(frame, shape[0], shape[1], pixels, encoding)
-    found = read(encoder.encode(T_NS, image), messages.IMAGE, encoding)
+    encoder = ImageEncoder(frame, shape[0], shape[1], pixels, encoding)
+    found = read(encoder.encode(T_NS, image), IMAGE, encoding)
     assert (found.header.frame_id, found.encoding) == (frame, pixels)
     assert (found.height, found.width, found.step) == (*shape[:2], image.strides[0])
     assert not found.is_bigendian
@@ -45,8 +57,8 @@ def test_an_image(encoding, frame, pixels, shape, kind):
 @pytest.mark.parametrize("pixels", ["mono8", "rgb8"])
 def test_a_compressed_image(encoding, pixels):
     data = RNG.bytes(37)
-    encoder = messages.CompressedImageEncoder("cam0", pixels, encoding)
-    found = read(encoder.encode(T_NS, data), messages.COMPRESSED_IMAGE, encoding)
+    encoder = CompressedImageEncoder("cam0", pixels, encoding)
+    found = read(encoder.encode(T_NS, data), COMPRESSED_IMAGE, encoding)
     assert found.data.tobytes() == data
     # image_transport's subscriber takes what stands before the semicolon for the encoding.
     assert found.format.split(";")[0] == pixels
@@ -58,9 +70,9 @@ def test_a_compressed_image(encoding, pixels):
 @pytest.mark.parametrize("frame", ["cam0", "camera"])
 def test_camera_info(encoding, d, frame):
     k, r, p = RNG.random((3, 3)), np.eye(3), RNG.random((3, 4))
-    info = messages.CameraInfo(480, 752, "plumb_bob", d, k, r, p)
-    encoder = messages.CameraInfoEncoder(frame, info, encoding)
-    found = read(encoder.encode(T_NS), messages.CAMERA_INFO, encoding)
+    info = CameraInfo(480, 752, "plumb_bob", d, k, r, p)
+    encoder = CameraInfoEncoder(frame, info, encoding)
+    found = read(encoder.encode(T_NS), CAMERA_INFO, encoding)
     given = {name.lower(): getattr(found, name) for name in found.__dataclass_fields__}
     assert (given["height"], given["width"]) == (480, 752)
     assert given["distortion_model"] == "plumb_bob"
@@ -74,8 +86,8 @@ def test_camera_info(encoding, d, frame):
 @pytest.mark.parametrize("size", [0, 7])
 def test_a_point_cloud_with_channels(encoding, size):
     points, values = RNG.random((size, 3)), RNG.random((size, 2))
-    encoder = messages.PointCloudEncoder("world", ("id", "camera_id"), encoding)
-    found = read(encoder.encode(T_NS, points, values), messages.POINT_CLOUD, encoding)
+    encoder = PointCloudEncoder("world", ("id", "camera_id"), encoding)
+    found = read(encoder.encode(T_NS, points, values), POINT_CLOUD, encoding)
     assert [channel.name for channel in found.channels] == ["id", "camera_id"]
     for channel, column in zip(found.channels, values.T, strict=True):
         assert np.array_equal(channel.values, column.astype("f4"))
@@ -87,8 +99,8 @@ def test_a_point_cloud_with_channels(encoding, size):
 @pytest.mark.parametrize("size", [0, 7])
 def test_a_cloud_of_landmarks(encoding, size):
     points, ids = RNG.random((size, 3)), np.arange(size) + 5
-    encoder = messages.PointCloud2Encoder("world", encoding)
-    found = read(encoder.encode(T_NS, points, {"id": ids}), messages.POINT_CLOUD2, encoding)
+    encoder = PointCloud2Encoder("world", encoding)
+    found = read(encoder.encode(T_NS, points, {"id": ids}), POINT_CLOUD2, encoding)
     assert (found.height, found.width, found.point_step, found.row_step) == (1, size, 16, 16 * size)
     fields = [(f.name, f.offset, f.datatype, f.count) for f in found.fields]
     assert fields == [("x", 0, 7, 1), ("y", 4, 7, 1), ("z", 8, 7, 1), ("id", 12, 6, 1)]

@@ -8,7 +8,8 @@ import sys
 
 import pytest
 
-from imu_sim_ros.bags.messages.definitions import MD5_SUMS, RIHS01
+from imu_sim_ros.bags.messages.definitions.ros1 import MD5_SUMS
+from imu_sim_ros.bags.messages.definitions.ros2 import RIHS01
 from imu_sim_ros.bags.messages.schemas import known_types, ros2_name, schema
 
 

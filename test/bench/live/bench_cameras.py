@@ -23,7 +23,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from imu_sim_ros.commands.common import print_table
+from imu_sim_ros.program import print_table
 
 HERE = Path(__file__).resolve()
 FLIGHT = HERE.parents[4] / "shared" / "data" / "euroc_V1_02_medium_groundtruth.csv"
@@ -60,7 +60,7 @@ def listen(images: str | None) -> None:
     from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
     from rclpy.qos import QoSProfile
 
-    from imu_sim_ros.nodes.topics import message_class
+    from imu_sim_ros.nodes.messages import message_class
 
     rclpy.init()
     node = rclpy.create_node("listener")
@@ -160,8 +160,8 @@ def live(label: str, images: str | None, recorder: list[str] | None, duration: f
 
 def made(trajectory: str, **more: object) -> Any:
     """Return EuRoC's first camera on a trajectory."""
-    from imu_sim_ros.camera import build_rig
-    from imu_sim_ros.config.files import trajectory_layer
+    from imu_sim_ros.parameters.files import trajectory_layer
+    from imu_sim_ros.sensors.camera.rig import build_rig
 
     given = {"cameras": ["cam0"], "cam0.camera.preset": "euroc_cam0", "duration": 60.0}
     axes = {} if trajectory.endswith(".csv") else {"camera.body_axes": "flu"}
@@ -178,7 +178,9 @@ def per_second(work: Callable[[], int]) -> str:
 
 def speeds(trajectory: str) -> list[list[str]]:
     """Return what one core makes: images, PNG, tracks."""
-    from imu_sim_ros.camera.images import imagers, opencv, png
+    from imu_sim_ros.sensors.camera.images.files import png
+    from imu_sim_ros.sensors.camera.images.imager import imagers
+    from imu_sim_ros.sensors.camera.images.renderer import opencv
 
     opencv().setNumThreads(1)
     rows, frames = [], range(100, 700, 12)

@@ -19,14 +19,13 @@ from resource import RUSAGE_CHILDREN, getrusage
 import numpy as np
 
 import imu_sim_ros as ims
-from imu_sim_ros.commands.common import print_table
-from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.navigation.covariance import Covariance
+from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.noise import ImuErrors, TriadErrors, noise_of
-from imu_sim_ros.navigation.preintegration.deltas import preintegrate
-from imu_sim_ros.navigation.preintegration.intervals import Readings
+from imu_sim_ros.navigation.preintegration import Readings, preintegrate
 from imu_sim_ros.navigation.state import AT_REST
-from imu_sim_ros.navigation.strapdown.dead_reckoning import dead_reckon
+from imu_sim_ros.program import print_table
+from imu_sim_ros.simulation.parameters import load_simulation
 
 FLIGHT = Path(__file__).parents[3].parent / "shared/data/euroc_V1_02_medium_groundtruth.csv"
 STATIC = ["--trajectory", "static", "--imu", "lecture", "--rate", "200", "--imu-only"]

@@ -14,7 +14,7 @@ import pytest
 from imu_sim_ros import rotation
 from imu_sim_ros.commands import convert_bag, generate
 from imu_sim_ros.commands.evaluate import main
-from imu_sim_ros.navigation.comparison import tilt_and_heading
+from imu_sim_ros.navigation.evaluation import tilt_and_heading
 
 RATE, DURATION = 200.0, 10.0
 FOUR_SIGMA = 4.0 / math.sqrt(2.0 * RATE * DURATION)

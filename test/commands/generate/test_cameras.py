@@ -10,9 +10,9 @@ import pytest
 
 from imu_sim_ros import rotation
 from imu_sim_ros.commands import generate
-from imu_sim_ros.config import files
-from imu_sim_ros.config.cameras import load_rig, split_rig
+from imu_sim_ros.parameters import files
 from imu_sim_ros.poses import read_poses
+from imu_sim_ros.sensors.camera.rig_parameters import load_rig, split_rig
 
 STEREO = [
     "--camera",
@@ -72,7 +72,7 @@ def test_the_truth_of_the_tracks_is_that_of_the_poses(tmp_path):
     truth = read_poses(folder / "groundtruth.tum")
     landmarks = np.loadtxt(folder / "landmarks.csv", delimiter=",", skiprows=1)
     arrays = np.load(folder / "tracks.npz")
-    from imu_sim_ros.camera import CameraModel
+    from imu_sim_ros.sensors.camera.model import CameraModel
 
     for k, name in enumerate(rig.cameras):
         mine = arrays["camera"] == k

@@ -18,10 +18,10 @@ import yaml
 
 from imu_sim_ros.bags.read import open_bag, read_imu, read_odometry, read_poses
 from imu_sim_ros.commands.generate import main
-from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.rotation import rotate
-from imu_sim_ros.sensor.errors.variance import gyro_variance_discrete
-from imu_sim_ros.simulation import Simulation
+from imu_sim_ros.sensors.errors.noise import gyro_variance_discrete
+from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.parameters import load_simulation
 
 LAYER = {"trajectory.type": "lecture", "imu.preset": "lecture", "duration": 4.0, "seed": 3}
 ARGUMENTS = ["--trajectory", "lecture", "--imu", "lecture", "--duration", "4s", "--seed", "3"]

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 import yaml
 
-from imu_sim_ros.camera import build_rig
 from imu_sim_ros.commands import generate
-from imu_sim_ros.config.files import trajectory_layer
 from imu_sim_ros.datasets.images import millimetres
+from imu_sim_ros.parameters.files import trajectory_layer
+from imu_sim_ros.sensors.camera.rig import build_rig
 
 RIG = [
     "--camera",

@@ -13,9 +13,9 @@ from rosbags.typesys import Stores, get_typestore
 
 import imu_sim_ros as ims
 from imu_sim_ros.commands import generate
-from imu_sim_ros.config.simulation import load_simulation
-from imu_sim_ros.sensor.block import ImuBlock
-from imu_sim_ros.simulation import Simulation
+from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.parameters import load_simulation
 
 PARAMETERS: dict[str, Any] = {
     "imu.preset": "mpu9250",

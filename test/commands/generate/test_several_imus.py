@@ -13,12 +13,14 @@ import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 
-from imu_sim_ros import topics
-from imu_sim_ros.bags import read_imu, read_odometry
+from imu_sim_ros.bags.read import read_imu, read_odometry
 from imu_sim_ros.commands import convert_bag, generate
-from imu_sim_ros.config import BODY, files, load_simulation, load_simulator, simulations
 from imu_sim_ros.nodes.simulator.publish_queue import PublishQueue, SimulationStream
-from imu_sim_ros.simulation import SimulatedBody, Simulation
+from imu_sim_ros.parameters import files
+from imu_sim_ros.simulation import topics
+from imu_sim_ros.simulation.engine import SimulatedBody, Simulation
+from imu_sim_ros.simulation.parameters import load_simulation
+from imu_sim_ros.simulation.playback import BODY, load_simulator, simulations
 
 GIVEN = {
     "imus": ["left", "right"],

@@ -10,10 +10,14 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
-from imu_sim_ros.bags import read_imu
-from imu_sim_ros.commands import calibrate, dead_reckon, generate, shared
-from imu_sim_ros.config import RecorderParameters, build, files, load_simulation, load_simulator
-from imu_sim_ros.config.cameras import load_rig, split_rig
+from imu_sim_ros.bags.read import read_imu
+from imu_sim_ros.bags.recorder_parameters import RecorderParameters
+from imu_sim_ros.commands import calibrate, camera_output, dead_reckon, generate
+from imu_sim_ros.parameters import files
+from imu_sim_ros.parameters.sections import build
+from imu_sim_ros.sensors.camera.rig_parameters import load_rig, split_rig
+from imu_sim_ros.simulation.parameters import load_simulation
+from imu_sim_ros.simulation.playback import load_simulator
 
 SHORT = ["--duration", "0.1s", "--quiet"]
 
@@ -131,7 +135,7 @@ def test_every_shipped_file_is_understood_by_node_and_command(path):
     if more:
         load_rig(of_rig)
     words = ["-o", "x", "--params-file", str(path), *(["--set", "cameras=[cam0]"] if more else [])]
-    asked = shared.camera_output.parameters(generate.parser().parse_args([*words, "--quiet"]))
+    asked = camera_output.parameters(generate.parser().parse_args([*words, "--quiet"]))
     assert (asked.rig is not None) == bool(more)
 
 

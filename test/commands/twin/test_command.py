@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
-from imu_sim_ros.commands import generate, twin
+from imu_sim_ros.commands import generate
+from imu_sim_ros.commands.twin import main
 
 ARM = [0.1, -0.05, 0.02]
 
@@ -25,7 +26,7 @@ def bag(tmp_path_factory):
 def test_the_twin_of_a_bag_is_written_printed_and_flown_again(bag, tmp_path, capsys):
     truth = ["--truth", str(bag), "--truth-topic", "/ground_truth/odom"]
     folder = tmp_path / "twin"
-    assert twin.main([str(bag), *truth, "-o", str(folder), "--fit", "11s"]) == 0
+    assert main([str(bag), *truth, "-o", str(folder), "--fit", "11s"]) == 0
     out = capsys.readouterr().out
     for words in ("lever_arm x", "White floor", "dead-reckoned for 5 s", "a classifier tells"):
         assert words in out
@@ -34,13 +35,13 @@ def test_the_twin_of_a_bag_is_written_printed_and_flown_again(bag, tmp_path, cap
     parameters = ["--params-file", str(folder / "twin.yaml"), "--trajectory", "figure_eight"]
     assert generate.main([*parameters, "--duration", "2s", "-o", str(again), "--quiet"]) == 0
     assert len(ims.read_imu(again)) == 100
-    assert twin.main([str(bag), *truth, "-o", str(folder)]) == 2
+    assert main([str(bag), *truth, "-o", str(folder)]) == 2
     assert "already exists" in capsys.readouterr().err
 
 
 def test_json_is_one_object_with_every_number(bag, capsys):
     truth = ["--truth", str(bag), "--truth-topic", "/ground_truth/odom"]
-    assert twin.main([str(bag), *truth, "--no-files", "--json"]) == 0
+    assert main([str(bag), *truth, "--no-files", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     arm = found["errors"]["lever_arm"]
     z = (np.array(arm["value"]) - ARM) / arm["sigma"]
@@ -60,7 +61,7 @@ def test_json_is_one_object_with_every_number(bag, capsys):
 )
 def test_bad_arguments_end_with_a_line_and_status_2(bag, extra, words, tmp_path, capsys):
     truth = ["--truth", str(bag), "--truth-topic", "/ground_truth/odom"]
-    assert twin.main([str(bag), *truth, "-o", str(tmp_path / "twin"), *extra]) == 2
+    assert main([str(bag), *truth, "-o", str(tmp_path / "twin"), *extra]) == 2
     lines = capsys.readouterr().err.splitlines()
     assert any(words in line for line in lines)
     assert all(line.startswith("twin: ") for line in lines)
@@ -71,5 +72,5 @@ def test_missing_and_empty_files_are_reported(bag, tmp_path, capsys):
     empty = tmp_path / "empty.tum"
     empty.write_text("")
     for truth in (empty, tmp_path / "missing.tum"):
-        assert twin.main([str(bag), "--truth", str(truth), "--no-files"]) == 2
+        assert main([str(bag), "--truth", str(truth), "--no-files"]) == 2
         assert truth.name in capsys.readouterr().err

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from imu_sim_ros import rotation
-from imu_sim_ros.config.integrator import IntegratorParameters, layer_integrator
-from imu_sim_ros.config.parameter import build
-from imu_sim_ros.config.simulation import load_simulation
+from imu_sim_ros.navigation.parameters import IntegratorParameters, layer_integrator
 from imu_sim_ros.nodes.integrator.odometer import Odometer
-from imu_sim_ros.nodes.topics.decode import ImuReading, Truth
-from imu_sim_ros.simulation import Simulation
+from imu_sim_ros.nodes.messages import ImuReading, Truth
+from imu_sim_ros.parameters.sections import build
+from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.parameters import load_simulation
 
 RUNS = 40
 TURN_ON = {"gyroscope_turn_on_bias_sigma": 2e-3, "accelerometer_turn_on_bias_sigma": 0.05}

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from imu_sim_ros import rotation
-from imu_sim_ros.config.integrator import IntegratorParameters, layer_integrator
-from imu_sim_ros.config.parameter import build
 from imu_sim_ros.inputs import gate
+from imu_sim_ros.navigation.dead_reckoning import dead_reckon
+from imu_sim_ros.navigation.parameters import IntegratorParameters, layer_integrator
 from imu_sim_ros.navigation.state import AT_REST
-from imu_sim_ros.navigation.strapdown.dead_reckoning import dead_reckon
 from imu_sim_ros.nodes.integrator.odometer import Odometer, Row
-from imu_sim_ros.nodes.topics.decode import ImuReading, Truth
+from imu_sim_ros.nodes.messages import ImuReading, Truth
+from imu_sim_ros.parameters.sections import build
 
 STEP_NS = 5_000_000
 LEVEL = (0.0, 0.0, 9.81)

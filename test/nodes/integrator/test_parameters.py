@@ -5,14 +5,14 @@
 
 import pytest
 
-from imu_sim_ros.config.integrator import (
+from imu_sim_ros.bags.recorder_parameters import RecorderParameters
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.navigation.parameters import (
     IntegratorParameters,
     layer_integrator,
     outside_covariance,
 )
-from imu_sim_ros.config.parameter import build
-from imu_sim_ros.config.recorder import RecorderParameters
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.parameters.sections import build
 
 
 def integrator(**values: object) -> IntegratorParameters:

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from imu_sim_ros.config import load_simulation
-from imu_sim_ros.config.files import load
+from imu_sim_ros.parameters.files import load
+from imu_sim_ros.simulation.parameters import load_simulation
 
 pytestmark = pytest.mark.ros
 

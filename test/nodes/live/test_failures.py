@@ -26,7 +26,7 @@ def faulty(tmp_path):
 
             import numpy as np
 
-            from imu_sim_ros.config.trajectory import TrajectoryParameters
+            from imu_sim_ros.trajectory.parameters import TrajectoryParameters
             from imu_sim_ros.trajectory import Motion
 
 
@@ -93,7 +93,7 @@ def test_an_error_in_the_integration_ends_the_integrator(start, feed, tmp_path):
     # A bug that no input is known to reach, put where readings are integrated.
     program = textwrap.dedent("""
         import sys
-        from imu_sim_ros.navigation.strapdown import stepper
+        from imu_sim_ros.navigation import stepper
 
         def broken(self, *reading):
             raise ZeroDivisionError("a bug")

@@ -15,7 +15,7 @@ import pytest
 from imu_sim_ros import rotation
 from imu_sim_ros.bags.messages.encode import ImuEncoder, OdometryEncoder
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.nodes.topics import decode
+from imu_sim_ros.nodes import messages as decode
 
 pytestmark = pytest.mark.ros
 

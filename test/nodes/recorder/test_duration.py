@@ -5,8 +5,7 @@
 
 import pytest
 
-from imu_sim_ros.nodes.recorder.duration_limit import DurationLimit
-from imu_sim_ros.nodes.recorder.messages import Message
+from imu_sim_ros.nodes.recorder.recording import DurationLimit, Message
 
 pytestmark = pytest.mark.ros
 

@@ -12,16 +12,15 @@ import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from imu_sim_ros.bags.messages.encode import ImuEncoder
-from imu_sim_ros.bags.messages.installed import recorded_type
+from imu_sim_ros.bags.messages.schemas import recorded_type
+from imu_sim_ros.bags.recorder_parameters import RecorderParameters
 from imu_sim_ros.bags.write import open_writer
-from imu_sim_ros.config import RecorderParameters
 from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.nodes import messages as message_types
 from imu_sim_ros.nodes.arguments import ros_arguments
-from imu_sim_ros.nodes.recorder.messages import Message
 from imu_sim_ros.nodes.recorder.node import _left, plain_arguments
-from imu_sim_ros.nodes.recorder.recording import Recording, Topic
+from imu_sim_ros.nodes.recorder.recording import Message, Recording, Topic
 from imu_sim_ros.nodes.recorder.stamp_statistics import StampStatistics
-from imu_sim_ros.nodes.topics import message_types
 
 pytestmark = pytest.mark.ros
 

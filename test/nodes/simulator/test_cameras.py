@@ -14,7 +14,7 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from imu_sim_ros.commands import generate
-from imu_sim_ros.config.cameras import load_rig
+from imu_sim_ros.sensors.camera.rig_parameters import load_rig
 
 pytestmark = pytest.mark.ros
 
@@ -151,7 +151,7 @@ def test_the_frames_of_the_cameras_are_on_tf_static(start, listener):
     from rosbags.typesys import Stores, get_typestore
 
     from imu_sim_ros import rotation
-    from imu_sim_ros.nodes.topics import message_class
+    from imu_sim_ros.nodes.messages import message_class
 
     kind = "tf2_msgs/msg/TFMessage"
     from rclpy.qos import DurabilityPolicy

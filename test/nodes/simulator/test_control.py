@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from imu_sim_ros.config.simulation import load_simulation
-from imu_sim_ros.sensor.faults import Fault
-from imu_sim_ros.simulation import Simulation
+from imu_sim_ros.sensors.faults import Fault
+from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.parameters import load_simulation
 
 pytestmark = pytest.mark.ros
 

@@ -8,15 +8,11 @@ from typing import Any
 
 import pytest
 
-from imu_sim_ros.config.parameter import build, parameters
-from imu_sim_ros.config.simulator import (
-    SimulatorParameters,
-    layer_simulator,
-    simulator_section,
-)
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.nodes import help
 from imu_sim_ros.nodes.arguments import ros_arguments
+from imu_sim_ros.parameters.sections import build, parameters
+from imu_sim_ros.simulation.playback import SimulatorParameters, layer_simulator, simulator_section
 
 pytestmark = pytest.mark.ros
 

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from imu_sim_ros import topics
-from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.conventions import IMU_TOPIC
 from imu_sim_ros.nodes.simulator.publish_queue import PublishQueue, SimulationStream
-from imu_sim_ros.simulation import Simulation
+from imu_sim_ros.simulation import topics
+from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.parameters import load_simulation
 
 pytestmark = pytest.mark.ros
 

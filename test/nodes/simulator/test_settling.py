@@ -5,7 +5,7 @@
 
 import pytest
 
-from imu_sim_ros.nodes.simulator.settling import Settling
+from imu_sim_ros.nodes.simulator.pacing import Settling
 
 pytestmark = pytest.mark.ros
 

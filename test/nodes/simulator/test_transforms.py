@@ -12,7 +12,7 @@ import pytest
 from rosbags.typesys import Stores, get_typestore
 
 from imu_sim_ros import rotation
-from imu_sim_ros.nodes.topics import definition, message_class, stamp_offset, type_hash
+from imu_sim_ros.nodes.messages import definition, message_class, stamp_offset, type_hash
 
 pytestmark = pytest.mark.ros
 

@@ -6,7 +6,7 @@
 import numpy as np
 import pytest
 
-from imu_sim_ros.nodes.topics.pace import Pace
+from imu_sim_ros.nodes.publishing import Pace
 
 PERIOD = 0.002
 OVERSLEPT_NS = 60_000

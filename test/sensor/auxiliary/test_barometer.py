@@ -13,14 +13,14 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from imu_sim_ros.config import files
-from imu_sim_ros.config.auxiliary import AtmosphereParameters
-from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.sensor import Fault
-from imu_sim_ros.sensor.auxiliary import Atmosphere
-from imu_sim_ros.sensor.block import PressureBlock
-from imu_sim_ros.simulation import Simulation
+from imu_sim_ros.parameters import files
+from imu_sim_ros.sensors.barometer.model import Atmosphere
+from imu_sim_ros.sensors.block import PressureBlock
+from imu_sim_ros.sensors.environment import AtmosphereParameters
+from imu_sim_ros.sensors.faults import Fault
+from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.parameters import load_simulation
 
 BASE: dict[str, Any] = {"imu.preset": "perfect", "trajectory.type": "lecture", "rate": 200.0}
 RANDOM = {

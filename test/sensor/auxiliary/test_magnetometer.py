@@ -12,12 +12,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.sensor import Fault
-from imu_sim_ros.sensor.auxiliary import MagneticField, realised_magnetometer
-from imu_sim_ros.sensor.block import MagneticBlock
-from imu_sim_ros.simulation import SimulatedBody, Simulation
+from imu_sim_ros.sensors.block import MagneticBlock
+from imu_sim_ros.sensors.faults import Fault
+from imu_sim_ros.sensors.magnetometer.model import MagneticField, realised_magnetometer
+from imu_sim_ros.simulation.engine import SimulatedBody, Simulation
+from imu_sim_ros.simulation.parameters import load_simulation
 
 BASE = {"imu.preset": "perfect", "trajectory.type": "lecture", "rate": 200.0}
 MOUNTING = Rotation.from_euler("zyx", [0.4, -0.2, 1.1])

@@ -11,11 +11,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.sensor import realised_imu
-from imu_sim_ros.sensor.block import OrientationBlock
-from imu_sim_ros.simulation import Simulation
+from imu_sim_ros.sensors.block import OrientationBlock
+from imu_sim_ros.sensors.realised import realised_imu
+from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.parameters import load_simulation
 
 BASE: dict[str, Any] = {"imu.preset": "perfect", "trajectory.type": "figure_eight", "rate": 100.0}
 MOUNTING = Rotation.from_euler("zyx", [0.4, -0.2, 1.1])

@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.rotation import skew, to_matrix
-from imu_sim_ros.sensor.block import ImuBlock
-from imu_sim_ros.sensor.curved_earth import CurvedEarth
-from imu_sim_ros.sensor.gravity import EARTH_RATE, normal_gravity
-from imu_sim_ros.simulation import Simulation
+from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.sensors.gravity import EARTH_RATE, CurvedEarth, normal_gravity
+from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.parameters import load_simulation
 
 A, E2 = 6378137.0, 6.69437999014e-3
 PLACE: dict[str, Any] = {

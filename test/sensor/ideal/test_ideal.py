@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from imu_sim_ros import rotation
-from imu_sim_ros.config.simulation import SimulationParameters, load_simulation
-from imu_sim_ros.sensor.gravity import EARTH_RATE, SEMI_MAJOR_AXIS, normal_gravity
-from imu_sim_ros.sensor.imu import Imu
+from imu_sim_ros.sensors.gravity import EARTH_RATE, SEMI_MAJOR_AXIS, normal_gravity
+from imu_sim_ros.sensors.imu.model import Imu
+from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
 from imu_sim_ros.trajectory.build import build_trajectory
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
 

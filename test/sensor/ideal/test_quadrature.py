@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 
 from imu_sim_ros import rotation
-from imu_sim_ros.config.simulation import load_simulation
-from imu_sim_ros.sensor.ideal import IdealImu
-from imu_sim_ros.sensor.quadrature import Quadrature, lobatto, quadrature
-from imu_sim_ros.simulation import Simulation
-from imu_sim_ros.trajectory import Trajectory, highest_frequency
-from imu_sim_ros.trajectory.splines.bspline import PoseSpline, UniformKnots
+from imu_sim_ros.sensors.imu.ideal import IdealImu, Quadrature, lobatto, quadrature
+from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.parameters import load_simulation
+from imu_sim_ros.trajectory.bspline import PoseSpline, UniformKnots
+from imu_sim_ros.trajectory.motion import Trajectory, highest_frequency
 
 Array = np.ndarray
 BOARD = {"imu.lever_arm": [0.1, 0.2, -0.3], "earth_rotation": True, "latitude_deg": 48.0}

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from imu_sim_ros import rotation
-from imu_sim_ros.config.simulation import load_simulation
 from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.simulation.parameters import load_simulation
 
 CORNERS = [0.0, 0.0, 0.0, 4.0, 0.0, 0.0, 4.0, 4.0, 0.5, 0.0, 4.0, 1.0]
 HEADINGS = [0.0, 0.8, 2.4, 3.9]

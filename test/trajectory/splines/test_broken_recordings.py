@@ -11,7 +11,7 @@ import pytest
 from imu_sim_ros import rotation
 from imu_sim_ros.commands.generate import main
 from imu_sim_ros.poses import PoseSequence, read_poses, write_tum
-from imu_sim_ros.trajectory.splines import Recorded
+from imu_sim_ros.trajectory.recorded import Recorded
 
 EUROC = Path(__file__).parents[3].parent / "shared/data/euroc_V1_02_medium_groundtruth.csv"
 RATE = 100.0

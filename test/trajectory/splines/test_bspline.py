@@ -7,13 +7,7 @@ from numpy.polynomial import Polynomial
 from scipy.interpolate import BSpline
 
 from imu_sim_ros import rotation
-from imu_sim_ros.trajectory.splines.bspline import (
-    BASIS,
-    CUMULATIVE,
-    ORDER,
-    PoseSpline,
-    UniformKnots,
-)
+from imu_sim_ros.trajectory.bspline import BASIS, CUMULATIVE, ORDER, PoseSpline, UniformKnots
 
 RNG = np.random.default_rng(2)
 

@@ -11,8 +11,8 @@ import pytest
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.poses import PoseSequence, read_poses, write_tum
-from imu_sim_ros.trajectory import build_trajectory
-from imu_sim_ros.trajectory.splines.recorded import fit_report
+from imu_sim_ros.trajectory.build import build_trajectory
+from imu_sim_ros.trajectory.recorded import fit_report
 
 DATA = Path(__file__).parents[3].parent / "shared/data"
 EUROC = DATA / "euroc_V1_02_medium_groundtruth.csv"
@@ -301,7 +301,7 @@ def test_a_file_must_be_named(build):
 
 
 def test_the_reader_gets_the_topic_only_where_there_is_one():
-    from imu_sim_ros.config.simulation import load_simulation
+    from imu_sim_ros.simulation.parameters import load_simulation
 
     calls = []
 
@@ -317,7 +317,7 @@ def test_the_reader_gets_the_topic_only_where_there_is_one():
 
 
 def test_stamps_of_another_reader_are_checked_too():
-    from imu_sim_ros.config.simulation import load_simulation
+    from imu_sim_ros.simulation.parameters import load_simulation
 
     def reader(path):
         t = np.array([0, 1, 3, 2, 4]) * 100_000_000

@@ -1,0 +1,294 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Images, points and transforms as the bytes of ROS messages."""
+
+import struct
+from collections.abc import Mapping, Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from imu_sim_ros.bags.messages.encode import ROS_ORDER, Times, seconds
+from imu_sim_ros.bags.messages.layouts import Builder, Bytes
+from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
+
+IMAGE: Final = "sensor_msgs/msg/Image"
+COMPRESSED_IMAGE: Final = "sensor_msgs/msg/CompressedImage"
+CAMERA_INFO: Final = "sensor_msgs/msg/CameraInfo"
+_CDR_STAMP: Final = 4
+"""Bytes before the stamp of a message that begins with a header."""
+_PIXEL_BYTES: Final = {
+    "mono8": 1,
+    "rgb8": 3,
+    "rgba8": 4,
+    "mono16": 2,
+    "rgb16": 6,
+    "16UC1": 2,
+    "32FC1": 4,
+}
+_PNG_COLOURS: Final = {"rgb8": "bgr8", "rgba8": "bgra8", "rgb16": "bgr16"}
+"""What image_transport calls the colours of an encoded image; it has no word for grey ones."""
+
+
+class CameraInfo(NamedTuple):
+    """A camera's model in the terms of sensor_msgs/CameraInfo."""
+
+    height: int
+    width: int
+    distortion_model: str
+    d: tuple[float, ...]
+    """Parameters of the distortion."""
+    k: NDArray[np.float64]
+    """(3, 3) intrinsic matrix."""
+    r: NDArray[np.float64]
+    """(3, 3) rectification."""
+    p: NDArray[np.float64]
+    """(3, 4) projection of the rectified image."""
+
+
+class StampedBuilder(Builder):
+    """A message that begins with a header; its texts and lengths are known."""
+
+    def __init__(self, frame_id: str, encoding: str) -> None:
+        super().__init__(encoding)
+        self._encoding = encoding
+        self.field("stamp", "header")
+        self.text(frame_id)
+
+    def values(self, values: ArrayLike, code: str) -> None:
+        """Add numbers that are known."""
+        data = np.asarray(values, dtype=code)
+        if data.size:
+            self.align(data.dtype.itemsize)
+            self.constant(data.tobytes())
+
+    def stamped(self, t_ns: int) -> bytearray:
+        """Return the message with a stamp.
+
+        :raises InputError: for a stamp that a message cannot hold.
+        """
+        second, nanosecond = seconds(np.array([t_ns]), self._encoding)
+        result = bytearray(self.template)
+        for name, value in (("sec", second), ("nanosec", nanosecond)):
+            at = self.offsets[self.names.index(name)]
+            result[at : at + 4] = int(value[0]).to_bytes(4, "little")
+        return result
+
+
+class Stamped:
+    """Messages in CDR that begin with a header."""
+
+    @staticmethod
+    def moved(payload: bytes, by_ns: int) -> bytes:
+        """Return a message with its stamp moved by so many nanoseconds.
+
+        :raises InputError: for a stamp that a message cannot hold.
+        """
+        second, nanosecond = struct.unpack_from("<iI", payload, _CDR_STAMP)
+        t_ns = np.array([second * NANOSECONDS_PER_SECOND + nanosecond + by_ns])
+        (second,), (nanosecond,) = seconds(t_ns, "cdr")
+        stamp = struct.pack("<iI", second, nanosecond)
+        return b"".join([payload[:_CDR_STAMP], stamp, payload[_CDR_STAMP + len(stamp) :]])
+
+
+class ImageEncoder:
+    """sensor_msgs/Image of one size and pixel encoding."""
+
+    type_name = IMAGE
+
+    def __init__(
+        self, frame_id: str, height: int, width: int, pixels: str = "mono8", encoding: str = "cdr"
+    ) -> None:
+        """Set up the messages.
+
+        :param pixels: mono8, mono16, rgb8, rgba8, rgb16, 16UC1 or 32FC1.
+        """
+        step = width * _PIXEL_BYTES[pixels]
+        self._head = StampedBuilder(frame_id, encoding)
+        self._head.values([height, width], "<u4")
+        self._head.text(pixels)
+        self._head.values([0], "u1")  # little-endian
+        self._head.values([step, step * height], "<u4")
+
+    def encode(self, t_ns: int, image: NDArray[np.generic]) -> bytes:
+        """Return the message of an image (h, w) or (h, w, 3)."""
+        return bytes(self._head.stamped(t_ns) + np.ascontiguousarray(image).data.cast("B"))
+
+
+class CompressedImageEncoder:
+    """sensor_msgs/CompressedImage with PNG or JPEG, as image_transport names it."""
+
+    type_name = COMPRESSED_IMAGE
+
+    def __init__(
+        self, frame_id: str, pixels: str = "mono8", encoding: str = "cdr", form: str = "png"
+    ) -> None:
+        """Set up the messages.
+
+        :param pixels: mono8, mono16, rgb8, rgba8 or rgb16.
+        :param form: png or jpeg.
+        """
+        self._head = StampedBuilder(frame_id, encoding)
+        self._head.text(f"{pixels}; {form} compressed {_PNG_COLOURS.get(pixels, '')}")
+        self._head.align(4)
+
+    def encode(self, t_ns: int, image: bytes) -> bytes:
+        """Return the message of an encoded image."""
+        return bytes(self._head.stamped(t_ns) + len(image).to_bytes(4, "little") + image)
+
+
+class CameraInfoEncoder:
+    """sensor_msgs/CameraInfo of one camera."""
+
+    type_name = CAMERA_INFO
+
+    def __init__(self, frame_id: str, info: CameraInfo, encoding: str = "cdr") -> None:
+        self._all = StampedBuilder(frame_id, encoding)
+        self._all.values([info.height, info.width], "<u4")
+        self._all.text(info.distortion_model)
+        self._all.length(len(info.d))
+        self._all.values(info.d, "<f8")
+        for matrix in (info.k, info.r, info.p):
+            self._all.values(matrix, "<f8")
+        # Binning 0 x 0, region of interest 0: the whole image; not rectified.
+        self._all.values([0] * 6, "<u4")
+        self._all.values([0], "u1")
+
+    def encode(self, t_ns: int) -> bytes:
+        """Return the message."""
+        return bytes(self._all.stamped(t_ns))
+
+
+POINT_CLOUD: Final = "sensor_msgs/msg/PointCloud"
+POINT_CLOUD2: Final = "sensor_msgs/msg/PointCloud2"
+
+# sensor_msgs/PointField's numbers of the types.
+_UINT32: Final = 6
+_FLOAT32: Final = 7
+
+
+class PointCloudEncoder:
+    """sensor_msgs/PointCloud: points with channels of float32."""
+
+    type_name = POINT_CLOUD
+
+    def __init__(self, frame_id: str, channels: Sequence[str], encoding: str = "cdr") -> None:
+        """Set up the messages.
+
+        :param channels: names of the m channels.
+        """
+        self._frame_id, self._channels, self._encoding = frame_id, channels, encoding
+
+    def encode(self, t_ns: int, points: ArrayLike, values: NDArray[np.float64]) -> bytes:
+        """Return a message.
+
+        :param points: (n, 3).
+        :param values: (n, m) of the channels.
+        """
+        place = np.asarray(points, dtype="<f4")
+        message = StampedBuilder(self._frame_id, self._encoding)
+        message.length(len(place))
+        message.values(place, "<f4")
+        message.length(len(self._channels))
+        for name, column in zip(self._channels, values.T, strict=True):
+            message.text(name)
+            message.length(len(column))
+            message.values(column, "<f4")
+        return bytes(message.stamped(t_ns))
+
+
+class PointCloud2Encoder:
+    """sensor_msgs/PointCloud2: x, y, z [m] and further numbers of each point, one row."""
+
+    type_name = POINT_CLOUD2
+
+    def __init__(self, frame_id: str, encoding: str = "cdr") -> None:
+        self._frame_id, self._encoding = frame_id, encoding
+
+    def encode(
+        self, t_ns: int, points: ArrayLike, numbers: Mapping[str, NDArray[np.int64]]
+    ) -> bytes:
+        """Return a message.
+
+        :param points: (n, 3) [m].
+        :param numbers: of each point, (n,) by name, as uint32.
+        """
+        names = ["x", "y", "z", *numbers]
+        kinds = [_FLOAT32] * 3 + [_UINT32] * len(numbers)
+        place = np.asarray(points)
+        codes = {_FLOAT32: "<f4", _UINT32: "<u4"}
+        fields = [(name, codes[kind]) for name, kind in zip(names, kinds, strict=True)]
+        rows = np.zeros(len(place), fields)
+        for k, name in enumerate("xyz"):
+            rows[name] = place[:, k]
+        for name, column in numbers.items():
+            rows[name] = column
+        message = StampedBuilder(self._frame_id, self._encoding)
+        message.values([1, len(rows)], "<u4")
+        message.length(len(names))
+        for k, (name, kind) in enumerate(zip(names, kinds, strict=True)):
+            message.text(name)
+            message.values([4 * k], "<u4")
+            message.values([kind], "u1")
+            message.values([1], "<u4")
+        message.values([0], "u1")  # little-endian
+        message.values([rows.itemsize, rows.nbytes, rows.nbytes], "<u4")
+        message.constant(rows.tobytes())
+        message.values([1], "u1")  # dense: all points are there
+        return bytes(message.stamped(t_ns))
+
+
+TF_MESSAGE: Final = "tf2_msgs/msg/TFMessage"
+
+
+class TransformsEncoder:
+    """tf2_msgs/TFMessage with the same frames in each message."""
+
+    type_name = TF_MESSAGE
+
+    def __init__(self, frames: Sequence[tuple[str, str]], encoding: str = "cdr") -> None:
+        """Set up the messages.
+
+        :param frames: parent and child of each of the m transforms in a message.
+        """
+        builder = Builder(encoding)
+        builder.length(len(frames))
+        for k, (parent, child) in enumerate(frames):
+            builder.field("stamp", "header", suffix=f"_{k}")
+            builder.text(parent)
+            builder.text(child)
+            builder.field("translation", "f8", 3, f"_{k}")
+            builder.field("rotation", "f8", 4, f"_{k}")
+        self._count, self._encoding = len(frames), encoding
+        self._dtype = builder.dtype()
+        self._template = np.frombuffer(bytes(builder.template), np.uint8)
+
+    @staticmethod
+    def stamp_offset() -> int:
+        """Return where the stamp of the first transform begins, in CDR."""
+        builder = Builder("cdr")
+        builder.length(1)
+        builder.field("stamp", "header")
+        return builder.offsets[builder.names.index("sec")]
+
+    def encode(self, t_ns: Times, translation: ArrayLike, q: ArrayLike) -> Bytes:
+        """Return messages (n, size).
+
+        :param t_ns: (n,) stamps.
+        :param translation: (n, m, 3) origin of the child in its parent [m].
+        :param q: (n, m, 4) rotation from the child to its parent.
+        :raises InputError: for stamps that a message cannot hold.
+        """
+        t_ns = np.asarray(t_ns, dtype=np.int64)
+        second, nanosecond = seconds(t_ns, self._encoding)
+        translation, q = np.asarray(translation), np.asarray(q)[..., ROS_ORDER]
+        rows = np.empty((len(t_ns), len(self._template)), np.uint8)
+        rows[:] = self._template
+        fields: NDArray[np.void] = rows.view(self._dtype)[:, 0]
+        for k in range(self._count):
+            fields[f"sec_{k}"], fields[f"nanosec_{k}"] = second, nanosecond
+            fields[f"translation_{k}"] = translation[:, k]
+            fields[f"rotation_{k}"] = q[:, k]
+        return rows

@@ -1,0 +1,329 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""ROS 1 bags (format 2.0) as blocks of messages; damaged ones as far as readable."""
+
+import struct
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.bags.chunks import decompress
+from imu_sim_ros.bags.messages.blocks import MessageBlock, TopicInfo
+from imu_sim_ros.bags.messages.layouts import Bytes
+from imu_sim_ros.bags.messages.schemas import Qos, Schema, ros2_name
+from imu_sim_ros.bags.reader import DAMAGE, ChunkedBag, ContradictionError, gather, in_order
+from imu_sim_ros.bags.ros1_writer import (
+    INDEX_ENTRY,
+    MAGIC,
+    OP_BAG_HEADER,
+    OP_CHUNK,
+    OP_CHUNK_INFO,
+    OP_CONNECTION,
+    OP_INDEX,
+    OP_MESSAGE,
+)
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
+
+_LONGEST_HEADER = 1 << 24
+
+
+class _Record(NamedTuple):
+    """A record: its header's fields, and where its data lies in the file or chunk."""
+
+    fields: dict[str, bytes]
+    start: int
+    size: int
+    whole: bool
+
+    @property
+    def op(self) -> int:
+        return self.fields["op"][0]
+
+    def number(self, name: str) -> int:
+        """Return a field as a number of its own size."""
+        return int.from_bytes(self.fields[name], "little")
+
+    def time(self, name: str) -> int:
+        """Return a field as nanoseconds."""
+        second, nanosecond = struct.unpack("<II", self.fields[name][:8])
+        return int(second * NANOSECONDS_PER_SECOND + nanosecond)
+
+
+class _Chunk(NamedTuple):
+    position: int
+    start_ns: int
+    indexed: bool
+
+
+class Rosbag1Bag(ChunkedBag):
+    """One ROS 1 bag.
+
+    One that is to be recovered is read without its index, and what is damaged is left out.
+    """
+
+    encoding = "ros1"
+
+    def __init__(self, path: Path, recover: bool = False) -> None:
+        """Open a bag; arguments as for :class:`ChunkedBag`."""
+        self._found: dict[int, tuple[str, str, Schema, bool]] = {}
+        super().__init__(path, recover)
+
+    def _open(self) -> None:
+        if self._file.read(len(MAGIC)) != MAGIC:
+            raise InputError(f"{self.path}: not a ROS 1 bag of format 2.0")
+        try:
+            self._name_topics(self._scan() if self._recover else self._read_index())
+        except DAMAGE:
+            hint = "" if self._recover else "; --recover salvages what is there"
+            raise InputError(f"{self.path}: the index is damaged{hint}") from None
+
+    def _read_index(self) -> Mapping[int, int]:
+        """Read connections and the list of chunks at the end of the bag; return the counts."""
+        counts: dict[int, int] = {}
+        header = self._record(len(MAGIC))
+        if header.op != OP_BAG_HEADER:
+            raise InputError(f"{self.path}: not a ROS 1 bag of format 2.0")
+        position = header.number("index_pos")
+        if not position or position > self._end:
+            raise InputError(
+                f"{self.path}: not indexed (interrupted or damaged); "
+                "--recover salvages what is there"
+            )
+        while position < self._end:
+            record = self._record(position)
+            if not record.whole:
+                raise ValueError("the index is truncated")
+            if record.op == OP_CONNECTION:
+                self._note_connection(record, self._data(record))
+            elif record.op == OP_CHUNK_INFO:
+                self._chunks.append(
+                    _Chunk(record.number("chunk_pos"), record.time("start_time"), True)
+                )
+                for connection, count in struct.iter_unpack("<II", self._data(record)):
+                    counts[connection] = counts.get(connection, 0) + count
+            position = record.start + record.size
+        if len(self._chunks) != header.number("chunk_count") or (
+            len(self._found) != header.number("conn_count")
+        ):
+            raise ValueError("the index is not complete")
+        return counts
+
+    def _scan(self) -> Mapping[int, int]:
+        """Find all chunks without an index, and count the messages."""
+        counts: dict[int, int] = {}
+        position, indexed = len(MAGIC), False
+        try:
+            while position < self._end:
+                try:
+                    record = self._record(position)
+                    op = record.op
+                except DAMAGE:
+                    break  # the header of the last record is torn
+                if op == OP_CHUNK:
+                    self._scan_chunk(position, counts)
+                elif not record.whole:
+                    break
+                elif op == OP_CONNECTION:
+                    self._try_connection(record, self._data(record))
+                indexed |= op == OP_CHUNK_INFO
+                position = record.start + record.size
+        except ContradictionError as error:
+            self._leave_out_rest(position, str(error))
+        else:
+            if position < self._end:
+                self._leave_out_rest(position, "no whole record")
+        if not indexed:
+            self.found.append("no index: the recording was interrupted, or its end is lost")
+        return counts
+
+    def _try_connection(self, record: _Record, data: bytes) -> None:
+        """Take a connection; a damaged one is left out."""
+        try:
+            self._note_connection(record, data)
+        except ContradictionError:
+            raise
+        except DAMAGE as error:
+            self.damage.append(f"connection at byte {record.start}: {error}")
+
+    def _scan_chunk(self, position: int, counts: dict[int, int]) -> None:
+        try:
+            data = self._chunk(position)[0]
+        except DAMAGE as error:
+            self.damage.append(f"chunk at byte {position}: {error}")
+            return
+        times, end, found = list[int](), 0, dict[int, int]()
+        for record in _records(data):
+            if record.op == OP_CONNECTION:
+                self._try_connection(record, data[record.start : record.start + record.size])
+            elif record.op == OP_MESSAGE and {"conn", "time"} <= set(record.fields):
+                connection = record.number("conn")
+                found[connection] = found.get(connection, 0) + 1
+                times.append(record.time("time"))
+            end = record.start + record.size
+        for connection, count in found.items():
+            counts[connection] = counts.get(connection, 0) + count
+        if not self._record(position).whole:
+            self.damage.append(
+                f"chunk at byte {position}: cut off by the end of the file; "
+                f"{len(times)} messages before that are kept"
+            )
+        elif end < len(data):
+            self.damage.append(f"chunk at byte {position}: damaged {end} bytes after its beginning")
+        if times:
+            self._chunks.append(_Chunk(position, min(times), False))
+
+    def _record(self, position: int) -> _Record:
+        """Return the record at an offset of the file.
+
+        :raises ValueError: where there is no record header.
+        """
+        self._file.seek(position)
+        (length,) = struct.unpack("<I", self._file.read(4))
+        if length > _LONGEST_HEADER:
+            raise ValueError("not a record")
+        fields = _fields(self._file.read(length), length)
+        (size,) = struct.unpack("<I", self._file.read(4))
+        start = position + 8 + length
+        return _Record(fields, start, size, start + size <= self._end)
+
+    def _data(self, record: _Record) -> bytes:
+        self._file.seek(record.start)
+        return self._file.read(max(min(record.size, self._end - record.start), 0))
+
+    def _note_connection(self, record: _Record, data: bytes) -> None:
+        details = _fields(data, len(data))
+        # The data has the name before remapping; the header's is the one that counts.
+        id_ = record.number("conn")
+        now = record.fields["topic"].decode(), ros2_name(details["type"].decode())
+        before = self._found[id_][:2] if id_ in self._found else now
+        if before != now:
+            raise ContradictionError(
+                f"connection {id_} is {now[0]} from here on, and {before[0]} before"
+            )
+        self._found[id_] = (
+            *now,
+            Schema(
+                details["message_definition"].decode("utf-8", "replace"),
+                details["md5sum"].decode(),
+            ),
+            details.get("latching") == b"1",
+        )
+
+    def _name_topics(self, counts: Mapping[int, int]) -> None:
+        """Make a topic of all connections with the same name and type."""
+        groups: dict[tuple[str, str], list[int]] = {}
+        for connection, (name, type_name, _, _) in self._found.items():
+            groups.setdefault((name, type_name), []).append(connection)
+        for (name, type_name), connections in groups.items():
+            _, _, schema, latched = self._found[connections[0]]
+            qos = Qos(durability="transient_local") if latched else Qos()
+            count = sum(counts.get(connection, 0) for connection in connections)
+            topic = TopicInfo(name, type_name, count, schema, (qos,))
+            self.topics.append(topic)
+            self._topic_of.update(dict.fromkeys(connections, topic))
+
+    def _chunk(self, position: int) -> tuple[bytes, int]:
+        """Return the content of a chunk, and where what follows it begins."""
+        record = self._record(position)
+        if record.op != OP_CHUNK:
+            raise ValueError("there is no chunk")
+        compression = record.fields["compression"].decode()
+        torn = not record.whole
+        data = decompress(self._data(record), compression, record.number("size"), torn)
+        return data, record.start + record.size
+
+    def _blocks(self, chunk: _Chunk, wanted: Mapping[int, TopicInfo]) -> list[MessageBlock]:
+        content, after = self._chunk(chunk.position)
+        data = np.frombuffer(content, np.uint8)
+        index = self._indexed(after) if chunk.indexed else _scanned(content)
+        by_topic: dict[TopicInfo, list[MessageBlock]] = {}
+        for connection, entries in index.items():
+            if connection in wanted and len(entries):
+                topic = wanted[connection]
+                by_topic.setdefault(topic, []).append(_block(topic, data, entries))
+        return [in_order(blocks) for blocks in by_topic.values()]
+
+    def _indexed(self, position: int) -> dict[int, NDArray[np.void]]:
+        """Return the index records that follow a chunk, by connection."""
+        found: dict[int, list[Any]] = {}
+        while position < self._end:
+            record = self._record(position)
+            if record.op != OP_INDEX:
+                break
+            entries = np.frombuffer(self._data(record), INDEX_ENTRY, record.number("count"))
+            found.setdefault(record.number("conn"), []).append(entries)
+            position = record.start + record.size
+        return {connection: np.concatenate(parts) for connection, parts in found.items()}
+
+
+def _block(topic: TopicInfo, data: Bytes, entries: NDArray[np.void]) -> MessageBlock:
+    """Return the messages whose records begin at an index's places."""
+    t_ns = entries["sec"].astype(np.int64) * NANOSECONDS_PER_SECOND + entries["nanosec"]
+    places = entries["offset"].astype(np.int64)
+    after_header = places + 4 + _numbers(data, places)
+    sizes = _numbers(data, after_header)
+    return MessageBlock(topic, t_ns, gather(data, after_header + 4, sizes))
+
+
+def _numbers(data: Bytes, places: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the four-byte numbers at given offsets."""
+    rows = gather(data, places, np.full(len(places), 4, dtype=np.int64))
+    numbers: NDArray[np.int64] = np.ascontiguousarray(rows).view("<u4")[:, 0].astype(np.int64)
+    return numbers
+
+
+def _scanned(data: bytes) -> dict[int, NDArray[np.void]]:
+    """Return the index of a chunk, found by going from record to record."""
+    found: dict[int, list[tuple[int, int, int]]] = {}
+    for record in _records(data):
+        if record.op == OP_MESSAGE and {"conn", "time"} <= set(record.fields):
+            second, nanosecond = struct.unpack("<II", record.fields["time"][:8])
+            header = sum(len(name) + len(value) + 5 for name, value in record.fields.items())
+            place = record.start - 8 - header
+            found.setdefault(record.number("conn"), []).append((second, nanosecond, place))
+    return {connection: np.array(rows, INDEX_ENTRY) for connection, rows in found.items()}
+
+
+def _records(data: bytes) -> Iterator[_Record]:
+    """Yield the complete records of a chunk, up to the first malformed one."""
+    position = 0
+    while position + 4 <= len(data):
+        (length,) = struct.unpack_from("<I", data, position)
+        start = position + 8 + length
+        if start > len(data):
+            return
+        (size,) = struct.unpack_from("<I", data, start - 4)
+        if start + size > len(data):
+            return
+        try:
+            fields = _fields(data[position + 4 : start - 4], length)
+        except (ValueError, struct.error):
+            return
+        if len(fields.get("op", b"")) != 1:
+            return
+        yield _Record(fields, start, size, True)
+        position = start + size
+
+
+def _fields(data: bytes, length: int) -> dict[str, bytes]:
+    """Return the fields of a record header.
+
+    :raises ValueError: where the header is torn or is none.
+    """
+    if len(data) != length:
+        raise ValueError("a record header is truncated")
+    fields = {}
+    position = 0
+    while position < length:
+        (size,) = struct.unpack_from("<I", data, position)
+        name, equals, value = data[position + 4 : position + 4 + size].partition(b"=")
+        if not equals or position + 4 + size > length:
+            raise ValueError("not a record header")
+        fields[name.decode()] = value
+        position += 4 + size
+    return fields

@@ -1,0 +1,339 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""SQLite files and folders of rosbag2 as blocks of messages."""
+
+import re
+import shutil
+import sqlite3
+import tempfile
+from collections.abc import Callable, Collection, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from imu_sim_ros.bags import rosbag2_metadata as rosbag2_metadata
+from imu_sim_ros.bags.mcap_reader import McapBag
+from imu_sim_ros.bags.messages.blocks import MessageBlock, TopicInfo
+from imu_sim_ros.bags.messages.layouts import Bytes
+from imu_sim_ros.bags.messages.schemas import Schema, parse_qos
+from imu_sim_ros.bags.reader import Bag, Timed, told
+from imu_sim_ros.errors import InputError, MachineError
+from imu_sim_ros.inputs.rows import is_present, open_regular, read_text
+from imu_sim_ros.parameters.yaml_text import parse_yaml
+
+_END_ID: Final = 2**63 - 1
+_ROWS: Final = 4096
+_MOST_TOPICS: Final = 10_000
+
+
+class SqliteBag(Bag):
+    """One SQLite file of rosbag2, of any schema version."""
+
+    encoding = "cdr"
+
+    def __init__(self, path: Path, recover: bool = False) -> None:
+        """Open a file.
+
+        :param recover: roll an unfinished transaction back, in a copy, and stop at what is damaged.
+        """
+        super().__init__(path)
+        self._recover = recover
+        self._last_id = _END_ID
+        self._stack = ExitStack()
+        try:
+            file, mode = self._recoverable() if recover else (path, "mode=ro")
+            self._database = sqlite3.connect(
+                f"{file.absolute().as_uri()}?{mode}", uri=True, check_same_thread=False
+            )
+            self._stack.callback(self._database.close)
+            self._database.execute("PRAGMA trusted_schema = OFF")
+            if recover:
+                # SQLite then opens files whose end, or whose index, is missing.
+                self._database.execute("PRAGMA writable_schema = ON")
+            self._topics = self._read_topics()
+        except sqlite3.Error as error:
+            self._stack.close()
+            hint = "" if recover else " (--recover salvages what is there)"
+            raise InputError(f"{path}: {error}{hint}") from None
+        self.topics = list(self._topics.values())
+
+    def close(self) -> None:
+        """Close the database."""
+        self._stack.close()
+
+    def _recoverable(self) -> tuple[Path, str]:
+        """Return the file to open, and how, so that the original stays as it was found.
+
+        Without a journal it is itself. SQLite rolls one back by writing: that needs a copy of both
+        in the folder for temporary files, because the disk of the original may be full.
+        """
+        open_regular(self.path).close()
+        sources = [self.path.with_name(self.path.name + suffix) for suffix in ("-journal", "-wal")]
+        journals = [source for source in sources if is_present(source) and source.stat().st_size]
+        if not journals:
+            return self.path, "immutable=1"
+        self.found.append(f"{journals[0].name}: a transaction that did not end is rolled back")
+        try:
+            folder = Path(self._stack.enter_context(tempfile.TemporaryDirectory()))
+            for source in (self.path, *journals):
+                shutil.copyfile(source, folder / source.name)
+        except OSError as error:
+            self._stack.close()
+            raise MachineError(
+                f"{self.path}: cannot be copied into {tempfile.gettempdir()}: {error.strerror}; "
+                "the variable TMPDIR names a folder with more room"
+            ) from None
+        return folder / self.path.name, "mode=rw"
+
+    def _read_topics(self) -> dict[int, TopicInfo]:
+        columns = self._columns("topics")
+        if not {"id", "name", "type"} <= columns or (
+            not {"topic_id", "timestamp", "data"} <= self._columns("messages")
+        ):
+            raise InputError(f"{self.path}: not a database of rosbag2")
+        schemas = {}
+        if self._columns("message_definitions"):
+            schemas = {
+                name: Schema(str(text), str(digest), str(language))
+                for name, text, digest, language in self._database.execute(
+                    "SELECT topic_type, encoded_message_definition, type_description_hash, "
+                    "encoding FROM message_definitions"
+                )
+            }
+        counts = self._counts()
+        qos = "offered_qos_profiles" if "offered_qos_profiles" in columns else "''"
+        rows = self._database.execute(f"SELECT id, name, type, {qos} FROM topics ORDER BY id")
+        topics = rows.fetchmany(_MOST_TOPICS)
+        if not all(isinstance(word, str) for _, *words in topics for word in words[:2]):
+            raise InputError(f"{self.path}: the names of its topics are not strings")
+        return {
+            id_: TopicInfo(
+                name,
+                type_name,
+                counts.get(id_, 0),
+                schemas.get(type_name, Schema("", "")),
+                parse_qos(profiles),
+            )
+            for id_, name, type_name, profiles in topics
+        }
+
+    def _columns(self, name: str) -> set[str]:
+        """Return the columns of a table; none for anything but a plain table.
+
+        A view, or a computed column, may never end.
+        """
+        kind = self._database.execute(
+            "SELECT type, sql FROM sqlite_master WHERE name = ?", (name,)
+        ).fetchone()
+        if kind is None:
+            return set()
+        columns = self._database.execute(f"PRAGMA table_xinfo({name})").fetchall()
+        plain = kind[0] == "table" and re.match(r"\s*CREATE\s+TABLE\b", str(kind[1]), re.I)
+        if not plain or any(column[6] for column in columns):
+            raise InputError(f"{self.path}: {name} is not a plain table")
+        return {column[1] for column in columns}
+
+    def _counts(self) -> dict[int, int]:
+        if self._recover:
+            return self._scan()
+        statement = "SELECT topic_id, count(*) FROM messages GROUP BY topic_id"
+        return dict(self._database.execute(statement).fetchall())
+
+    def _scan(self) -> dict[int, int]:
+        """Read all messages, note where that ends and why, and count them."""
+        counts: dict[int, int] = {}
+        bad = last = 0
+        rows = self._database.execute(
+            "SELECT id, topic_id, timestamp, data FROM messages ORDER BY id"
+        )
+        try:
+            for number, id_, t_ns, payload in rows:
+                last, good = number, isinstance(t_ns, int) and isinstance(payload, bytes)
+                counts[id_] = counts.get(id_, 0) + good
+                bad += not good
+        except sqlite3.Error as error:
+            self._last_id = last
+            self.damage.append(f"the messages after number {last}: {error}")
+        if bad:
+            self.damage.append(f"{bad} messages whose times are no numbers, or data no bytes")
+        return counts
+
+    def _timed(self, names: Collection[str]) -> Iterator[Timed]:
+        ids = [id_ for id_, topic in self._topics.items() if topic.name in names]
+        # A torn file is read in the order of the table: its index may lead to missing pages.
+        order = "id" if self._recover else "timestamp, id"
+        cursor = self._database.execute(
+            "SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN "
+            f"({','.join('?' * len(ids))}) AND id <= ? ORDER BY {order}",
+            (*ids, self._last_id),
+        )
+        try:
+            while rows := cursor.fetchmany(_ROWS):
+                yield Timed(rows[-1][1], self._blocks(rows))
+        except sqlite3.Error as error:
+            raise InputError(f"{self.path}: {error} (--recover salvages what is there)") from None
+
+    def _blocks(self, rows: list[tuple[int, Any, Any]]) -> list[MessageBlock]:
+        by_topic: dict[int, tuple[list[int], list[bytes]]] = {}
+        for id_, t_ns, payload in rows:
+            if not isinstance(t_ns, int) or not isinstance(payload, bytes):
+                if not self._recover:
+                    raise ValueError(
+                        "a message whose time is not a number or whose data are not bytes"
+                    )
+                continue
+            times, payloads = by_topic.setdefault(id_, ([], []))
+            times.append(t_ns)
+            payloads.append(payload)
+        return [
+            MessageBlock(self._topics[id_], np.array(times, dtype=np.int64), _table(payloads))
+            for id_, (times, payloads) in by_topic.items()
+        ]
+
+
+class Rosbag2Folder(Bag):
+    """A rosbag2 folder: its files one after the other."""
+
+    encoding = "cdr"
+
+    def __init__(self, path: Path, recover: bool = False) -> None:
+        """Open a folder.
+
+        :param recover: do without metadata.yaml, and leave out what is damaged.
+        :raises InputError: where there is no metadata.yaml, unless the bag is to be recovered.
+        """
+        super().__init__(path)
+        self._stack = ExitStack()
+        self._parts: list[Bag] = []
+        try:
+            for file in self._files_there() if recover else self._files_listed():
+                self._add(file, recover)
+            self.topics = _merged([topic for part in self._parts for topic in part.topics])
+        except BaseException:
+            self._stack.close()
+            raise
+
+    def close(self) -> None:
+        """Close all files."""
+        self._stack.close()
+
+    def _add(self, file: Path, recover: bool) -> None:
+        """Open a file; one that cannot be opened is left out when recovering."""
+        opener: Callable[..., Bag] = SqliteBag if file.suffix == ".db3" else McapBag
+        try:
+            with told(file):
+                part = opener(file, recover)
+        except InputError as error:
+            if not recover:
+                raise
+            self.damage += [line.removeprefix(f"{self.path}/") for line in error.problems]
+            return
+        self._stack.callback(part.close)
+        self._parts.append(part)
+        self.found += [f"{file.name}: {line}" for line in part.found]
+        self.damage += [f"{file.name}: {line}" for line in part.damage]
+
+    def _files_there(self) -> list[Path]:
+        """Return the storage files that a folder has, and note how its metadata differ."""
+        files = _files_found(self.path)
+        try:
+            content = read_metadata(self.path)
+        except InputError as error:
+            self.found += [line.partition("; --recover")[0] for line in error.problems]
+            return files
+        listed, there = set(_named(self.path, content)), set(files)
+        self.damage += [
+            f"{file.name}: metadata.yaml lists it, and it is not there"
+            for file in sorted(listed - there)
+        ]
+        self.found += [
+            f"{file.name}: metadata.yaml does not list it" for file in sorted(there - listed)
+        ]
+        return files
+
+    def _files_listed(self) -> list[Path]:
+        content = read_metadata(self.path)
+        if content.get("compression_format") or content.get("compression_mode"):
+            raise InputError(
+                f"{self.path}: compressed as a whole or message by message "
+                f"({content.get('compression_format')}); ros2 bag convert unpacks it"
+            )
+        files = _named(self.path, content)
+        if len(set(files)) != len(files):
+            raise InputError(f"{self.path}: metadata.yaml lists a file twice")
+        missing = [file for file in files if not is_present(file)]
+        if missing:
+            raise InputError(f"{missing[0]}: missing; metadata.yaml lists it")
+        return files
+
+    def _timed(self, names: Collection[str]) -> Iterator[Timed]:
+        topics = {(topic.name, topic.type): topic for topic in self.topics}
+        for part in self._parts:
+            for next_start_ns, blocks in part._timed(names):
+                # Each file is in order of its own; what overlaps between files stays apart.
+                yield Timed(
+                    next_start_ns,
+                    [
+                        MessageBlock(topics[topic.name, topic.type], t_ns, payloads)
+                        for topic, t_ns, payloads in blocks
+                    ],
+                )
+
+
+def read_metadata(folder: Path) -> dict[str, Any]:
+    """Return the content of metadata.yaml below its root.
+
+    :raises InputError: where it is missing or has another form.
+    """
+    file = folder / rosbag2_metadata.FILE_NAME
+    if not is_present(file):
+        hint = "; --recover salvages what is there" if _files_found(folder) else ""
+        raise InputError(f"{folder}: no metadata.yaml, so not a whole rosbag2 bag{hint}")
+    try:
+        content = parse_yaml(read_text(file))
+    except ValueError as error:
+        raise InputError(f"{file}: not the metadata of a rosbag2 bag: {error}") from None
+    content = content.get("rosbag2_bagfile_information") if isinstance(content, dict) else None
+    content = content if isinstance(content, dict) else {}
+    names = content.get("relative_file_paths")
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise InputError(f"{file}: not the metadata of a rosbag2 bag")
+    return content
+
+
+def _named(folder: Path, content: dict[str, Any]) -> list[Path]:
+    """Return the files that metadata list."""
+    return [folder / Path(name).name for name in content["relative_file_paths"]]
+
+
+def _files_found(folder: Path) -> list[Path]:
+    """Return the storage files of a folder in the order of their numbers."""
+    files = [file for file in folder.iterdir() if file.suffix in (".mcap", ".db3")]
+
+    def number(file: Path) -> tuple[int, str]:
+        digits = re.search(r"_(\d+)$", file.stem)
+        return (int(digits[1]) if digits else -1, file.name)
+
+    return sorted(files, key=number)
+
+
+def _merged(topics: Collection[TopicInfo]) -> list[TopicInfo]:
+    """Return the topics of several files, each once, with all their messages."""
+    from dataclasses import replace
+
+    merged: dict[tuple[str, str], TopicInfo] = {}
+    for topic in topics:
+        key = (topic.name, topic.type)
+        before = merged[key].count if key in merged else 0
+        merged[key] = replace(merged.get(key, topic), count=before + topic.count)
+    return list(merged.values())
+
+
+def _table(payloads: list[bytes]) -> Bytes | list[bytes]:
+    size = len(payloads[0])
+    if size == 0 or any(len(payload) != size for payload in payloads):
+        return payloads
+    return np.frombuffer(b"".join(payloads), np.uint8).reshape(-1, size)

@@ -1,0 +1,160 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What a camera on a simulated flight sees, in one call: pixels, tracks, images."""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from imu_sim_ros import arguments, rotation
+from imu_sim_ros.sensors.camera.model import CameraModel, Projection
+from imu_sim_ros.sensors.camera.parameters import CameraParameters
+from imu_sim_ros.sensors.camera.rig import BLOCK, Rig, build_rig, on_simulation
+from imu_sim_ros.sensors.camera.rig_parameters import scene_layer
+from imu_sim_ros.sensors.camera.tracker import Tracks
+from imu_sim_ros.simulation.parameters import SimulationParameters
+
+Array = NDArray[np.float64]
+
+
+def reprojection_errors(
+    camera: CameraParameters, position: Array, q_wb: Array, landmarks: Array, uv: Array
+) -> Array:
+    """Return ``uv - project(T_bc^-1 T_wb^-1 p_w)`` (n, 2) [px].
+
+    Not a number where a landmark would be behind the camera or outside its model.
+
+    :param position: (n, 3) p_wb [m] of the body when each feature was seen.
+    :param q_wb: (n, 4).
+    :param landmarks: (n, 3) p_w [m] of what was seen.
+    :param uv: (n, 2) where it was seen.
+    """
+    r_bc, p_bc = camera.pose()
+    in_body = rotation.rotate_inverse(q_wb, landmarks - position)
+    pixels, valid = CameraModel(camera).project((in_body - p_bc) @ r_bc)
+    errors: Array = np.where(valid[:, None], uv - pixels, np.nan)
+    return errors
+
+
+_NAME = "cam0"
+_LARGEST_BLOCK: Final = 1 << 20
+"""Frames."""
+
+
+class Flown(Protocol):
+    """A simulated flight."""
+
+    @property
+    def parameters(self) -> SimulationParameters:
+        """All parameters of the simulation."""
+
+
+def project(points: ArrayLike, camera: str | Path | Mapping[str, Any] = "euroc_cam0") -> Projection:
+    """Return the pixels of points, without noise: ``uv`` (n, 2) [px] and ``valid`` (n,).
+
+    :param points: (n, 3) in the camera's frame, z along the view [m].
+    :param camera: a name in config/cameras, a parameter file, or the ``camera.*`` parameters.
+    :raises ConfigurationError: with a line for each problem.
+
+    >>> import imu_sim_ros as ims
+    >>> ims.camera.project([[0.0, 0.0, 1.0]], camera={"preset": "euroc_cam0"}).uv.round(3)
+    array([[367.215, 248.375]])
+    """
+    given = arguments.array("points", points, (None, 3))
+    rig = build_rig({**_camera(camera), "trajectory.type": "static", "duration": 1.0})
+    return rig.views[_NAME].model.project(given)
+
+
+def tracks(
+    flight: Flown,
+    camera: str | Path | Mapping[str, Any] = "euroc_cam0",
+    scene: str | Path = "room",
+    block: int = BLOCK,
+) -> Iterator[Tracks]:
+    """Yield what a camera on the flight's body tracks, in blocks of frames, in order.
+
+    A block has arrays over its features: ``id``, ``uv`` and ``uv_true`` (n, 2) [px], ``depth`` [m],
+    ``frame``, the row of each in ``frames``, which holds numbers and times. The tracks are those of
+    ``generate`` with the same parameters and seed, whatever the size of the blocks.
+
+    :param flight: what :func:`imu_sim_ros.simulate` returns.
+    :param camera: a name in config/cameras, a parameter file, or the ``camera.*`` parameters:
+        ``{"preset": "euroc_cam0", "pixel_noise": 0.5}``.
+    :param scene: a name in config/scenes, a parameter file, or a file of points.
+    :param block: frames in a block.
+    :raises ConfigurationError: with a line for each problem.
+    :raises InputError: for a file that cannot be used.
+
+    >>> import imu_sim_ros as ims
+    >>> flight = ims.simulate(imu="adis16448", trajectory="figure_eight", duration=2, seed=1)
+    >>> blocks = list(ims.camera.tracks(flight, camera="euroc_cam0", scene="room"))
+    >>> blocks[0].uv.shape == (len(blocks[0].id), 2), sum(len(b.frames.t_ns) for b in blocks)
+    (True, 40)
+    """
+    most = f"an integer from 1 to {_LARGEST_BLOCK}"
+    size = arguments.whole("block", block, most, 1, _LARGEST_BLOCK)
+    return _rig(flight, camera, scene).tracks(_NAME, size)
+
+
+def frames(
+    flight: Flown,
+    camera: str | Path | Mapping[str, Any] = "euroc_cam0",
+    scene: str | Path = "room",
+) -> Iterator[tuple[int, NDArray[np.uint8]]]:
+    """Yield the stamp [ns] and the image of each frame of a camera on the flight.
+
+    Grey values (h, w), or red, green and blue (h, w, 3) with ``camera.encoding`` rgb8.
+
+    The images are those of ``generate`` with the same parameters and seed; frames that are lost are
+    left out. Needs OpenCV.
+
+    :param flight: what :func:`imu_sim_ros.simulate` returns.
+    :param camera: as in :func:`tracks`.
+    :param scene: as in :func:`tracks`, with surfaces.
+    :raises ConfigurationError: with a line for each problem.
+    :raises InputError: for a file that cannot be used.
+    :raises MissingDependencyError: where OpenCV is not installed.
+    """
+    return _rig(flight, camera, scene).images(_NAME)
+
+
+def depths(
+    flight: Flown,
+    camera: str | Path | Mapping[str, Any] = "euroc_cam0",
+    scene: str | Path = "room",
+) -> Iterator[tuple[int, NDArray[np.float32]]]:
+    """Yield the stamp [ns] and the depth along the view (h, w) [m] of each frame of a camera.
+
+    Without any error, in the middle of the exposure; 0 where nothing is seen. Needs OpenCV.
+
+    :param flight: what :func:`imu_sim_ros.simulate` returns.
+    :param camera: as in :func:`tracks`.
+    :param scene: as in :func:`tracks`, with surfaces.
+    :raises ConfigurationError: with a line for each problem.
+    :raises InputError: for a file that cannot be used.
+    :raises MissingDependencyError: where OpenCV is not installed.
+    """
+    return _rig(flight, camera, scene).depths(_NAME)
+
+
+def _rig(flight: Flown, camera: str | Path | Mapping[str, Any], scene: str | Path) -> Rig:
+    if not isinstance(getattr(flight, "parameters", None), SimulationParameters):
+        arguments.refuse("flight", flight, "what simulate() returns", wrong_type=True)
+    file = arguments.path("scene", scene, "a name or the path of a file")
+    return on_simulation({**_camera(camera), **scene_layer(str(file))}, flight.parameters)
+
+
+def _camera(camera: str | Path | Mapping[str, Any]) -> dict[str, object]:
+    allowed = "a name, the path of a file, or parameters by name"
+    if isinstance(camera, Mapping):
+        own = dict(camera)
+    else:
+        own = {"preset": str(arguments.path("camera", camera, allowed))}
+    if not all(isinstance(name, str) for name in own):
+        arguments.refuse("camera", camera, allowed, wrong_type=True)
+    values = {name: v.tolist() if hasattr(v, "tolist") else v for name, v in own.items()}
+    return {"cameras": [_NAME], **{f"{_NAME}.camera.{name}": v for name, v in values.items()}}

@@ -1,0 +1,485 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""An estimator that is a program: its dataset, its process, its trajectory."""
+
+import dataclasses
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from imu_sim_ros.bags.text.writer import Dataset
+from imu_sim_ros.bags.write import open_writer
+from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
+from imu_sim_ros.datasets.consumers.folder import write_all
+from imu_sim_ros.datasets.consumers.rig import RigValues
+from imu_sim_ros.datasets.consumers.values import ImuValues
+from imu_sim_ros.datasets.topics import BagTarget, DatasetTarget, resolved
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.parameters import files
+from imu_sim_ros.parameters.sections import flatten
+from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.sensors.realised import realised_imu
+from imu_sim_ros.simulation.engine import Simulation
+
+if TYPE_CHECKING:
+    from imu_sim_ros.campaign.runs import CellRuns
+    from imu_sim_ros.sensors.camera.rig import Rig
+    from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
+
+import contextlib
+import ctypes
+import functools
+import json
+import os
+import re
+import resource
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Collection, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+from imu_sim_ros.campaign.metrics import Metrics
+from imu_sim_ros.campaign.parameters import CommandEstimator
+from imu_sim_ros.campaign.plan import program
+from imu_sim_ros.errors import ImuSimError, InputError
+from imu_sim_ros.inputs.rows import open_regular
+from imu_sim_ros.names import shown
+
+if TYPE_CHECKING:
+    from imu_sim_ros.campaign.runs import CellRuns
+
+_BAGS: Final = {"rosbag2": "dataset", "ros1": "dataset.bag", "mcap": "dataset.mcap"}
+_BLOCK: Final = 512
+"""Samples in a block where there are cameras: the images of a block lie in memory."""
+
+
+def write_dataset(runs: "CellRuns", form: str, seed: int, block: ImuBlock, place: Path) -> Path:
+    """Write the readings, the truth, and what the cameras see where there are some.
+
+    :param form: euroc, tracks, rosbag2, ros1 or mcap.
+    :param block: all samples of the run.
+    :param place: folder of the run.
+    :returns: the dataset.
+    """
+    simulation = runs.simulation(seed)
+    rig = _rig(runs, simulation)
+    blocks = iter([block]) if rig is None else _blocks(simulation, runs.total)
+    if form in _BAGS:
+        return _bag(runs, place / _BAGS[form], rig, blocks)
+    if form == "tracks":
+        return _tracks(place / "dataset", rig, blocks)
+    path = place / "dataset"
+    path.mkdir()
+    with Dataset(path / "mav0", "euroc", True) as dataset:
+        if rig is None:
+            _write(DatasetTarget(dataset), None, blocks)
+        else:
+            from imu_sim_ros.datasets.images import ImageFolders
+
+            comment = f"simulated by imu_sim_ros, seed {seed}"
+            with ImageFolders(path / "mav0", rig, "euroc", 1, comment) as images:
+                _write(DatasetTarget(dataset), images, blocks)
+    return path
+
+
+def write_config(runs: "CellRuns", seed: int, place: Path) -> Path:
+    """Write ``simulation.yaml`` and every stack's files for the sensor of this seed.
+
+    With cameras the files hold the whole rig, as those of ``generate --with-configs`` do.
+    """
+    parameters = dataclasses.replace(runs.parameters, seed=seed)
+    path = place / "config"
+    values = ImuValues(
+        realised_imu(parameters.imu, parameters.seed),
+        parameters.rate,
+        float(np.linalg.norm(parameters.gravity)),
+        resolved(IMU_TOPIC),
+        runs.total / parameters.rate,
+    )
+    write_all(path, values, None if runs.rig is None else _rig_values(values, runs.rig))
+    seen = {} if runs.rig is None else flatten(runs.rig)
+    all_values: dict[str, Any] = {**flatten(parameters), **seen}
+    files.write(all_values, path / "simulation.yaml", comment="All parameters of this run.")
+    return path
+
+
+def _rig_values(values: ImuValues, rig: "RigParameters") -> RigValues | None:
+    """Return the cameras beside an IMU; None where there are none."""
+    if not rig.cameras:
+        return None
+    from imu_sim_ros.datasets.features import camera_topics, image_topic
+
+    names = {topic: topic for topic in camera_topics(rig)}
+    topics = {camera: image_topic(camera, names) for camera in rig.cameras}
+    return RigValues(values, rig.each(), topics, rig.scene)
+
+
+def _rig(runs: "CellRuns", simulation: Simulation) -> "Rig | None":
+    if runs.rig is None:
+        return None
+    from imu_sim_ros.sensors.camera.rig import Rig
+
+    seconds = runs.total / runs.parameters.rate
+    seed = simulation.parameters.seed
+    return Rig(runs.rig, simulation.trajectory, simulation.t0_ns, seconds, seed)
+
+
+def _blocks(simulation: Simulation, total: int) -> Iterator[ImuBlock]:
+    """Yield all samples in blocks small enough for their images to lie in memory."""
+    for first in range(0, total, _BLOCK):
+        yield simulation.next_block(min(_BLOCK, total - first))
+
+
+def _write(target: Any, seen: Any, blocks: Iterator[ImuBlock]) -> None:
+    """Write the rows of all blocks, and the frames taken until the end of each."""
+    for block in blocks:
+        target.write({"": block})
+        if seen is not None:
+            seen.until(int(block.true_t_ns[-1]) + 1)
+
+
+def _tracks(path: Path, rig: "Rig | None", blocks: Iterator[ImuBlock]) -> Path:
+    if rig is None:
+        raise ConfigurationError("dataset tracks: there is no camera")
+    from imu_sim_ros.datasets.tracks import TrackFiles
+
+    with Dataset(path, "csv", True) as dataset, TrackFiles(path, rig) as tracks:
+        _write(DatasetTarget(dataset), tracks, blocks)
+    return path
+
+
+def _bag(runs: "CellRuns", path: Path, rig: "Rig | None", blocks: Iterator[ImuBlock]) -> Path:
+    topics = {IMU_TOPIC: IMU_TOPIC, TRUTH_TOPIC: TRUTH_TOPIC}
+    with open_writer(path) as writer:
+        target = BagTarget(writer, {"": runs.parameters}, topics)
+        if rig is None:
+            _write(target, None, blocks)
+            return path
+        from imu_sim_ros.datasets.camera_bag import CameraBag
+        from imu_sim_ros.datasets.features import camera_topics
+
+        names = {name: name for name in camera_topics(rig.parameters)}
+        with CameraBag(target, rig, names, 1, target.world_frame) as bag:
+            _write(bag, None, blocks)
+    return path
+
+
+METRICS: Final = "metrics.json"
+"""What the program may write of the plan's own metrics."""
+_LARGEST_METRICS: Final = 1_000_000
+OUTPUT: Final = "output.txt"
+"""What the program printed."""
+_POLL: Final = 0.2
+"""[s] Period of checking the folder's size; the program's end is noticed at once."""
+_PR_SET_PDEATHSIG: Final = 1
+_PR_SET_CHILD_SUBREAPER: Final = 36
+_ONE_AT_A_TIME: Final = threading.Lock()
+"""Orphans do not say whose they are: in a worker of several threads one program runs at a time."""
+_ESTIMATE: Final = {"tum": "estimate.txt", "euroc": "estimate.csv", "bag": "estimate"}
+
+
+class Outcome(NamedTuple):
+    """How a program ended."""
+
+    status: int | None
+    """Exit status, negative for a signal; None: it was killed for ``reason``."""
+    reason: str
+    wall_s: float
+    peak_memory_mb: float
+
+
+def run_command(
+    runs: "CellRuns",
+    estimator: CommandEstimator,
+    name: str,
+    seed: int,
+    block: ImuBlock,
+    folder: Path,
+) -> Metrics:
+    """Write the dataset, run the program, and compare its trajectory with the truth.
+
+    :param folder: of the campaign; the run's own folder is made in it.
+    :raises InputError: where there is no usable trajectory, with the reason.
+    """
+    # Absolute: the program works in its own folder, where a relative name would lead elsewhere.
+    place = folder.absolute() / "runs" / f"{runs.cell.number:06d}" / str(seed) / name
+    shutil.rmtree(place, ignore_errors=True)
+    keep = runs.plan.options.keep
+    failed = True
+    try:
+        place.mkdir(parents=True)
+        words = _words(runs, estimator, seed, block, place)
+        if not estimator.shell:
+            variables = runs.plan.environment.get(name, {})
+            words[0] = program(runs.plan, words[0], variables.get("PATH")) or words[0]
+        outcome = _run(words, estimator, runs.plan.environment.get(name, {}), place)
+        if outcome.reason:
+            raise InputError(outcome.reason)
+        if outcome.status != 0:
+            raise InputError(f"{_ended(outcome.status)}{_last_line(place)}")
+        metrics = _compare(runs, estimator, str(runs.plan.alignment(name)), block, place)
+        metrics.update(_own_metrics(runs.plan.own, place / METRICS))
+        metrics["wall_s"] = outcome.wall_s
+        metrics["real_time_factor"] = _duration(block) / max(outcome.wall_s, 1e-9)
+        metrics["peak_memory_mb"] = outcome.peak_memory_mb
+        failed = False
+        return metrics
+    except OSError as error:
+        raise InputError(f"{error.strerror or error}") from None
+    finally:
+        if keep == "none" or (keep == "failed" and not failed):
+            shutil.rmtree(place, ignore_errors=True)
+            with contextlib.suppress(OSError):
+                place.parent.rmdir()
+
+
+def _duration(block: ImuBlock) -> float:
+    return float(block.true_t_ns[-1] - block.true_t_ns[0]) * 1e-9
+
+
+def _words(
+    runs: "CellRuns", estimator: CommandEstimator, seed: int, block: ImuBlock, place: Path
+) -> list[str]:
+    """Write the files that the command refers to; return its words with all placeholders filled."""
+
+    wanted = set(re.findall(r"{(\w+)}", estimator.command))
+    values = {
+        "folder": str(place),
+        "seed": str(seed),
+        "python": sys.executable,
+        "share": str(files.config_folder().parent),
+        "plan": str(runs.plan.folder),
+        "estimate": str(place / _ESTIMATE[estimator.estimate]),
+        "dataset": "",
+        "config": "",
+    }
+    if "dataset" in wanted:
+        values["dataset"] = str(write_dataset(runs, estimator.dataset, seed, block, place))
+    if "config" in wanted:
+        values["config"] = str(write_config(runs, seed, place))
+
+    def fill(word: str, quote: bool) -> str:
+        return re.sub(
+            r"{(\w+)}",
+            lambda match: shlex.quote(values[match[1]]) if quote else values[match[1]],
+            word,
+        )
+
+    if estimator.shell:
+        return ["/bin/sh", "-c", fill(estimator.command, quote=True)]
+    return [fill(word, quote=False) for word in shlex.split(estimator.command)]
+
+
+def _run(
+    words: Sequence[str], estimator: CommandEstimator, variables: dict[str, str], place: Path
+) -> Outcome:
+    """Run a program to its end and remove everything that it leaves running."""
+    with _ONE_AT_A_TIME:
+        return _run_alone(words, estimator, variables, place)
+
+
+def _run_alone(
+    words: Sequence[str], estimator: CommandEstimator, variables: dict[str, str], place: Path
+) -> Outcome:
+    libc, others, worker = _libc(), _children(), os.getpid()
+    libc.prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
+    started = time.monotonic()
+    with (place / OUTPUT).open("wb") as output:
+        try:
+            process = subprocess.Popen(
+                words,
+                cwd=place,
+                env=_environment(variables, words),
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+                preexec_fn=lambda: _begin_program(estimator, libc, worker),
+            )
+        except (OSError, ValueError, subprocess.SubprocessError) as error:
+            raise InputError(f"{words[0] if words else ''}: cannot be started: {error}") from None
+    try:
+        status, reason, peak = _wait(process, estimator, place, started)
+    finally:
+        _kill_all(process.pid, others)
+    return Outcome(status, reason, time.monotonic() - started, peak)
+
+
+def _environment(variables: dict[str, str], words: Sequence[str]) -> dict[str, str]:
+    """Return a program's environment: this one's; for others without this Python's variables."""
+    if words[:1] == [sys.executable]:
+        return {**os.environ, **variables}
+    own = ("_ROS_WHEELS_BOOTSTRAP_COMPLETE", "PYTHONPATH", "PYTHONHOME")
+    kept = {name: value for name, value in os.environ.items() if name not in own}
+    if "_ROS_WHEELS_BOOTSTRAP_COMPLETE" in os.environ:
+        kept.pop("LD_LIBRARY_PATH", None)
+    return {**kept, **variables}
+
+
+def _begin_program(estimator: CommandEstimator, libc: ctypes.CDLL, worker: int) -> None:
+    """Set the limits of the program, in its process before it begins."""
+    libc.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+    if os.getppid() != worker:  # it died before
+        os._exit(1)
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    largest = int(estimator.disk_limit)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (largest, largest))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    if estimator.memory_limit:
+        memory = int(estimator.memory_limit)
+        resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
+
+
+def _wait(
+    process: "subprocess.Popen[bytes]", estimator: CommandEstimator, place: Path, started: float
+) -> tuple[int | None, str, float]:
+    """Wait for the program's end; return status, why it was ended, and its peak memory [MB]."""
+    deadline = started + estimator.timeout
+    pause, look = 0.001, started + _POLL
+    while True:
+        pid, status, usage = os.wait4(process.pid, os.WNOHANG)
+        if pid:
+            process.returncode = os.waitstatus_to_exitcode(status)
+            # The limit of a single file's size ends a program before the folder is checked.
+            full = process.returncode == -signal.SIGXFSZ or (
+                process.returncode != 0 and _size(place) >= estimator.disk_limit
+            )
+            reason = _too_much(estimator) if full else ""
+            return process.returncode, reason, usage.ru_maxrss / 1024.0
+        now = time.monotonic()
+        if now >= deadline:
+            return None, f"did not finish within {estimator.timeout:g} s", 0.0
+        if now >= look:
+            look = now + _POLL
+            if _size(place) > estimator.disk_limit:
+                return None, _too_much(estimator), 0.0
+        time.sleep(min(pause, max(deadline - now, 0.0)))
+        pause = min(pause * 1.5, 0.05)
+
+
+def _too_much(estimator: CommandEstimator) -> str:
+    return f"more than {estimator.disk_limit:g} bytes written"
+
+
+def _size(folder: Path) -> int:
+    total = 0
+    for path, _, names in os.walk(folder):
+        for name in names:
+            with contextlib.suppress(OSError):
+                total += os.lstat(os.path.join(path, name)).st_size
+    return total
+
+
+@functools.cache
+def _libc() -> ctypes.CDLL:
+    return ctypes.CDLL(None)
+
+
+def end_programs() -> None:
+    """Kill all that this worker has started: for one that is told to end."""
+    for pid in _children():
+        with contextlib.suppress(OSError):
+            os.killpg(pid, signal.SIGKILL)
+    _kill_children(set())
+
+
+def _kill_all(group: int, others: set[int]) -> None:
+    """Kill a process group and every orphan of it, and take their exit statuses.
+
+    :param others: children that this process had before.
+    """
+    with contextlib.suppress(OSError):
+        os.killpg(group, signal.SIGKILL)
+    _kill_children(others)
+
+
+def _kill_children(others: set[int]) -> None:
+    """Kill all children but some until there are none, and take their exit statuses."""
+    for _ in range(1000):
+        children = _children() - others
+        if not children:
+            return
+        for pid in children:
+            with contextlib.suppress(OSError):
+                os.kill(pid, signal.SIGKILL)
+        for pid in children:
+            with contextlib.suppress(OSError):
+                os.waitpid(pid, 0)
+
+
+def _children() -> set[int]:
+    """Return the child processes of this one."""
+    found: set[int] = set()
+    for task in Path("/proc/self/task").iterdir():
+        with contextlib.suppress(OSError):
+            found.update(map(int, (task / "children").read_text().split()))
+    return found
+
+
+def _ended(status: int | None) -> str:
+    if status is not None and status < 0:
+        with contextlib.suppress(ValueError):
+            return f"ended by {signal.Signals(-status).name}"
+    return f"exit status {status}"
+
+
+def _last_line(place: Path) -> str:
+    """Return the last line that the program printed."""
+    try:
+        with (place / OUTPUT).open("rb") as file:
+            file.seek(max(file.seek(0, os.SEEK_END) - 4096, 0))
+            lines = file.read().decode("utf-8", "replace").split("\n")
+    except OSError:
+        return ""
+    words = [line.strip() for line in lines if line.strip()]
+    printable = "".join(c if c.isprintable() else "?" for c in words[-1]) if words else ""
+    return f": {printable[:160]}" if printable else ""
+
+
+def _own_metrics(names: Collection[str], path: Path) -> Metrics:
+    """Return the plan's own metrics, of those that the program wrote."""
+    if not names or not os.path.lexists(path):
+        return {}
+    with open_regular(path) as file:
+        text = file.read(_LARGEST_METRICS)
+    try:
+        found = json.loads(text)
+    except (ValueError, RecursionError):
+        raise InputError(f"{METRICS}: must hold a JSON object of names and numbers") from None
+    metrics: Metrics = {}
+    for name in names:
+        value = found.get(name) if isinstance(found, dict) else None
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if value is not None and not (number and abs(value) <= sys.float_info.max):
+            raise InputError(f"{METRICS}: {name} = {shown(value)}: must be a finite number")
+        metrics[name] = None if value is None else float(value)
+    return metrics
+
+
+def _compare(
+    runs: "CellRuns", estimator: CommandEstimator, alignment: str, block: ImuBlock, place: Path
+) -> Metrics:
+    """Return the metrics of the trajectory that the program wrote."""
+    from imu_sim_ros.campaign.estimators import estimate_metrics, read_estimate
+
+    path = place / _ESTIMATE[estimator.estimate]
+    if estimator.estimate == "bag":
+        found = [p for p in place.glob("estimate*") if p.is_dir() or p.suffix in (".mcap", ".bag")]
+        path = found[0] if found else path
+    if not path.exists():
+        raise InputError("no estimate was written")
+    try:
+        estimate = read_estimate(path, estimator.estimate_topic or None)
+        return estimate_metrics(estimate, block, alignment, runs.plan.relative)
+    except ImuSimError as error:
+        # Without the run's own folder, so that the same failure of many runs reads the same.
+        words = error.problems[0].removeprefix(f"{path}: ").replace(f"{place}/", "")
+        raise InputError(f"estimate: {words}") from None

@@ -1,0 +1,289 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Estimators of the package: dead reckoning, ``allan``, ``calibrate``."""
+
+import contextlib
+import dataclasses
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.bags.messages.encode import ODOMETRY
+from imu_sim_ros.bags.read import open_bag, read_odometry, read_poses
+from imu_sim_ros.bags.text.reader import is_text
+from imu_sim_ros.calibration.deterministic import correction
+from imu_sim_ros.calibration.deterministic.positions import NORM, calibrate_six_position
+from imu_sim_ros.calibration.deterministic.steady import Steady, find_steady
+from imu_sim_ros.calibration.deterministic.temperature import calibrate_temperature, temperatures_at
+from imu_sim_ros.calibration.deterministic.turntable import (
+    calibrate_turntable,
+    specific_force,
+    true_rates,
+)
+from imu_sim_ros.calibration.noise import truth
+from imu_sim_ros.calibration.noise.analysis import analyse
+from imu_sim_ros.campaign.metrics import CALIBRATED, NOISE, THERMAL, Metrics, Relative, pose_metrics
+from imu_sim_ros.campaign.parameters import CalibrationEstimator
+from imu_sim_ros.conventions import TRIADS
+from imu_sim_ros.errors import ImuSimError, InputError
+from imu_sim_ros.inputs import gate
+from imu_sim_ros.navigation.association import (
+    Alignment,
+    align,
+    common_rows,
+    interpolate_poses,
+    interpolate_vectors,
+)
+from imu_sim_ros.navigation.evaluation import (
+    LARGEST_SIGMA,
+    absolute_errors,
+    attitude_sigma,
+    gauge_at_first,
+    invertible,
+    nees,
+    without_gauge,
+)
+from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.rotation import rotate, rotate_inverse
+from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.sensors.realised import realised_imu
+from imu_sim_ros.simulation.parameters import SimulationParameters
+from imu_sim_ros.simulation.topics import delivered
+
+if TYPE_CHECKING:
+    from imu_sim_ros.campaign.runs import CellRuns
+
+Array = NDArray[np.float64]
+
+
+class Estimate(NamedTuple):
+    """A trajectory with what its source has beside the poses."""
+
+    poses: PoseSequence
+    velocity: Array | None = None
+    """(n, 3) in the world [m/s]."""
+    velocity_covariance: Array | None = None
+    """(n, 3, 3) in the body."""
+
+
+def read_estimate(path: Path, topic: str | None) -> Estimate:
+    """Read a file of poses (TUM, EuRoC), or a topic of a bag.
+
+    :param topic: None: the only topic of Odometry, else of PoseStamped.
+    :raises InputError: for what cannot be read or is not a trajectory.
+    """
+    if is_text(path) or not _has_odometry(path, topic):
+        found = Estimate(read_poses(path, topic, covariance=True))
+    else:
+        odometry = read_odometry(path, topic)
+        pose, twist = odometry.pose_covariance, odometry.twist_covariance[:, :3, :3]
+        poses = PoseSequence(odometry.t_ns, odometry.position, odometry.q_wb)
+        found = Estimate(
+            poses._replace(covariance=pose if pose.any() else None),
+            rotate(odometry.q_wb, odometry.velocity_b),
+            twist if twist.any() else None,
+        )
+    t_ns, position, q_wb, *_ = found.poses
+    if len(t_ns) < 2:
+        raise InputError(f"{len(t_ns)} poses; a trajectory needs two or more")
+    passed = gate.poses(t_ns, position, q_wb)
+    if len(passed.bad):
+        first = int(passed.bad[0])
+        raise InputError(f"pose {first}: {passed.why(first)}")
+    if np.any(np.diff(t_ns) <= 0):
+        raise InputError("stamps do not increase")
+    return found
+
+
+def _has_odometry(path: Path, topic: str | None) -> bool:
+    with open_bag(path) as bag:
+        return any(
+            info.type == ODOMETRY and (topic is None or info.name.strip("/") == topic.strip("/"))
+            for info in bag.topics
+        )
+
+
+def estimate_metrics(
+    found: Estimate, block: ImuBlock, alignment: str, relative: tuple[Relative, ...]
+) -> Metrics:
+    """Return the metrics of an estimate of the motion of a block of samples.
+
+    :param alignment: of the estimate with the truth. There is a NEES with ``none`` and with
+        ``yaw``, which fixes the gauge at the first pose for it.
+    :raises ImuSimError: where both do not overlap in time, or cannot be aligned.
+    """
+    motion = block.motion
+    truth = PoseSequence(block.true_t_ns, motion.position, motion.q_wb)
+    rows = common_rows(found.poses.t_ns, truth.t_ns)
+    estimate = _at_rows(found.poses, rows)
+    there = interpolate_poses(truth, estimate.t_ns)
+    aligned = align(estimate.position, there.position, alignment)
+    metrics = pose_metrics(aligned.apply(estimate), there, relative)
+    with contextlib.suppress(ImuSimError):
+        metrics["scale_error"] = align(estimate.position, there.position, "sim3").scale - 1.0
+    metrics["initialisation_s"] = float(found.poses.t_ns[0] - block.true_t_ns[0]) * 1e-9
+    velocity = _velocity_error(found, rows[-1:], aligned, block)
+    if velocity is not None:
+        metrics["final_velocity_error_m_s"] = float(np.linalg.norm(velocity))
+    if alignment == "yaw" and found.poses.covariance is not None:
+        aligned = gauge_at_first(estimate, there)
+        position = aligned.apply(found.poses).position
+        stated = without_gauge(found.poses.covariance[rows], position[rows], aligned)
+        covariance = np.zeros_like(found.poses.covariance)
+        covariance[rows] = stated
+        found = found._replace(
+            poses=aligned.apply(found.poses)._replace(covariance=covariance),
+            velocity=None if found.velocity is None else found.velocity @ aligned.r.T,
+        )
+        velocity = _velocity_error(found, rows[-1:], Alignment(1.0, np.eye(3), np.zeros(3)), block)
+    if alignment in ("none", "yaw"):
+        metrics.update(_consistency(found, rows[-1:], _at_rows(there, np.array([-1])), velocity))
+    return metrics
+
+
+def _at_rows(poses: PoseSequence, rows: NDArray[np.intp]) -> PoseSequence:
+    return PoseSequence(poses.t_ns[rows], poses.position[rows], poses.q_wb[rows])
+
+
+def _velocity_error(
+    found: Estimate, row: NDArray[np.intp], aligned: Alignment, block: ImuBlock
+) -> Array | None:
+    """Return truth minus estimate (1, 3), in the world; None where there is no velocity."""
+    if found.velocity is None:
+        return None
+    at_ns = found.poses.t_ns[row]
+    true = interpolate_vectors(block.true_t_ns, block.motion.velocity, at_ns)
+    error: Array = true - aligned.scale * found.velocity[row] @ aligned.r.T
+    return error
+
+
+def _consistency(
+    found: Estimate, row: NDArray[np.intp], truth: PoseSequence, velocity: Array | None
+) -> Metrics:
+    """Return the NEES of the last state, of what has a covariance.
+
+    :param truth: at that time, (1,).
+    :param velocity: (1, 3) its error in the world.
+    """
+    result: Metrics = {}
+    estimate = _at_rows(found.poses, row)
+    if found.poses.covariance is not None:
+        errors, covariance = absolute_errors(estimate, truth), found.poses.covariance[row]
+        if np.isfinite(covariance).all():
+            sigma = float(attitude_sigma(covariance[:, 3:, 3:])[0])
+            result["attitude_sigma_rad"] = sigma
+            if sigma > LARGEST_SIGMA:
+                return result
+        result["nees_position"] = _nees(errors.position, covariance[:, :3, :3])
+        result["nees_attitude"] = _nees(errors.attitude, covariance[:, 3:, 3:])
+    velocities, covariances = found.velocity, found.velocity_covariance
+    if velocity is not None and velocities is not None and covariances is not None:
+        # The twist's covariance is that of the velocity in the body.
+        true = rotate_inverse(truth.q_wb, velocities[row] + velocity)
+        error = true - rotate_inverse(estimate.q_wb, velocities[row])
+        result["nees_velocity"] = _nees(error, covariances[row])
+    return result
+
+
+def _nees(error: Array, covariance: Array) -> float | None:
+    """Return the NEES of one error (1, 3); None where its covariance has no inverse."""
+    if not invertible(covariance)[0]:
+        return None
+    return float(nees(error, covariance)[0])
+
+
+_BLOCK: Final = 50_000
+"""Samples in a block: a record of hours never lies in memory."""
+
+
+class _Readings(NamedTuple):
+    t_ns: NDArray[np.int64]
+    gyro: Array
+    accel: Array
+
+
+def run_calibration(runs: "CellRuns", estimator: CalibrationEstimator, seed: int) -> Metrics:
+    """Return how far the result of a seed's record lies from the sensor.
+
+    :raises InputError: for a record that yields no result.
+    """
+    parameters = dataclasses.replace(runs.parameters, seed=seed)
+    if estimator.type == "allan":
+        return _allan(_blocks(runs, seed), parameters, estimator.model)
+    return _deterministic(runs, parameters, estimator.type)
+
+
+def _blocks(runs: "CellRuns", seed: int) -> Iterator[_Readings]:
+    simulation = runs.simulation(seed)
+    for first in range(0, runs.total, _BLOCK):
+        block = simulation.next_block(min(_BLOCK, runs.total - first))
+        yield _Readings(*delivered(block))
+
+
+def _allan(blocks: Iterator[_Readings], parameters: SimulationParameters, model: str) -> Metrics:
+    result = analyse([blocks], model=model)
+    found: Metrics = {}
+    compared = truth.compare(result, realised_imu(parameters.imu, parameters.seed))
+    for key in NOISE:
+        for number, triad in enumerate(TRIADS):
+            axes = [one for one in compared if one.key == key and one.axis // 3 == number]
+            ratios = [
+                one.estimate.value / one.truth for one in axes if one.estimate.value and one.truth
+            ]
+            name = f"{triad}_{key}"
+            found[f"{name}_ratio"] = float(np.mean(ratios)) if ratios else None
+            found[f"{name}_covered"] = float(np.mean([a.covered for a in axes])) if axes else None
+    return found
+
+
+def _deterministic(runs: "CellRuns", parameters: SimulationParameters, kind: str) -> Metrics:
+    block = runs.block(parameters.seed)
+    gravity = float(np.linalg.norm(parameters.gravity))
+    imu = realised_imu(parameters.imu, parameters.seed)
+    by_norm = False
+    if kind == "six_position":
+        steady = find_steady(*delivered(block))
+        positions = calibrate_six_position(steady, gravity)
+        values = correction.six_position_parameters(positions)
+        by_norm = positions.fixture == NORM
+    elif kind == "turntable":
+        steady, rate = _steady(block, rotating=True)
+        table = calibrate_turntable(steady, rate, gravity)
+        values = correction.turntable_parameters(table)
+    else:
+        steady, rate = _steady(block, rotating=False)
+        at = temperatures_at(steady, block.true_t_ns, block.temperature)
+        force = specific_force(steady, gravity)
+        soak = calibrate_temperature(steady, at, rate, force, imu.reference_temperature)
+        values = correction.temperature_parameters(soak)
+    truth = correction.true_parameters(imu, values)
+    if by_norm:
+        correction.turn_to_upper_triangular(truth)
+    return _deviations(values, truth)
+
+
+def _steady(block: ImuBlock, *, rotating: bool) -> tuple[Steady, Array]:
+    """Return the steady pieces and their true rates (m, 3)."""
+    steady = find_steady(*delivered(block), rotating=rotating)
+    return true_rates(steady, block.true_t_ns, block.motion.angular_velocity)
+
+
+def _deviations(values: correction.Parameters, truth: dict[str, Array]) -> Metrics:
+    found: Metrics = {}
+    for name in (*CALIBRATED, *THERMAL):
+        if name in values:
+            value, sigma = (np.asarray(part, dtype=np.float64) for part in values[name])
+            error = value - truth[name][: len(value)]
+            known = sigma > 0.0
+            if name in CALIBRATED:
+                found[f"{name}_error"] = _rms(error)
+            found[f"{name}_sigmas"] = _rms(error[known] / sigma[known]) if known.any() else None
+    return found
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))

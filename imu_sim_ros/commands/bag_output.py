@@ -1,0 +1,124 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What the commands that write bags and datasets share: their arguments."""
+
+import argparse
+import re
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from imu_sim_ros import program
+from imu_sim_ros.bags.outputs import Outputs
+from imu_sim_ros.bags.split import MAX_PARTS
+from imu_sim_ros.bags.text import writer as text_writer
+from imu_sim_ros.bags.write import COMPRESSIONS, STORAGES, check_writer
+from imu_sim_ros.commands.outputs import add_force, outputs
+from imu_sim_ros.errors import InputError
+
+DATASET_SUFFIXES: Final = {".csv": "csv", ".tum": "tum", ".txt": "tum"}
+_LONGEST_SIZE: Final = 20
+_SIZE_UNITS: Final = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9}
+
+
+def add_arguments(group: Any, formats: Sequence[str] = text_writer.FORMATS) -> None:
+    """Add what chooses the output's place, form and names to a parser or a group of it.
+
+    :param formats: of datasets.
+    """
+    group.add_argument(
+        "-o",
+        "--output",
+        required=True,
+        type=Path,
+        metavar="PATH",
+        help="NAME.bag: ROS 1; NAME.mcap: one MCAP file; NAME.csv, NAME.tum: text; "
+        "another name: a rosbag2 folder",
+    )
+    group.add_argument("--format", choices=formats, help="a dataset instead of a bag")
+    group.add_argument("--storage", choices=STORAGES, help="of the bag (mcap)")
+    group.add_argument(
+        "--compression",
+        choices=sorted({name for names in COMPRESSIONS.values() for name in names}),
+        help="of chunks (none): "
+        + "; ".join(f"{storage}: {', '.join(names)}" for storage, names in COMPRESSIONS.items()),
+    )
+    group.add_argument(
+        "--split-duration", metavar="TIME", type=program.duration, default=0.0, help="of one file"
+    )
+    group.add_argument(
+        "--split-size", metavar="SIZE", type=size, default=0, help="of one file: 500M, 2G"
+    )
+    group.add_argument(
+        "--topic",
+        metavar="NAME=NEW",
+        type=renaming,
+        action="append",
+        default=[],
+        help="another name in the bag, for instance imu/data_raw=/imu0; repeatable",
+    )
+    add_force(group, parts=True)
+
+
+def form(arguments: argparse.Namespace) -> str | None:
+    """Return the form of the dataset that is asked for; None: a bag.
+
+    :raises InputError: for arguments that do not fit that form.
+    """
+    result: str | None = arguments.format or DATASET_SUFFIXES.get(arguments.output.suffix.lower())
+    unfit = [
+        f"--{name.replace('_', '-')}: does not apply to {result}"
+        for name in ("storage", "compression", "split_duration", "split_size")
+        if result and getattr(arguments, name)
+    ]
+    if unfit:
+        raise InputError(unfit)
+    return result
+
+
+def check_split(split_duration: float, period: float, duration: float) -> None:
+    """Refuse parts that are shorter than the time between two messages, or very many.
+
+    :param split_duration: of one part [s]; 0: no parts.
+    :param period: between two messages [s].
+    :param duration: of all [s].
+    :raises InputError: with what is allowed.
+    """
+    shortest = max(period, duration / MAX_PARTS)
+    if 0.0 < split_duration < shortest:
+        raise InputError(
+            f"--split-duration {split_duration:g}s: must be at least {shortest:g} s, which gives "
+            f"every message a part of its own, or {MAX_PARTS} parts"
+        )
+
+
+def bag_outputs(arguments: argparse.Namespace, inputs: Iterable[object] = ()) -> Outputs:
+    """Return the outputs of a command, with its bag or dataset added.
+
+    :param inputs: what may be the name of a file that is read besides: values of parameters.
+    :raises InputError: for what cannot be the name of an output.
+    """
+    if not arguments.output.name:  # the files beside it are named after it
+        raise InputError(f"{str(arguments.output)!r}: is not a file name")
+    if form(arguments) is None:
+        check_writer(arguments.output, arguments.storage, arguments.compression)
+    written = outputs(arguments, inputs)
+    written.add(arguments.output, kept=True)
+    return written
+
+
+def size(words: str) -> int:
+    """Return the bytes of ``500M``, ``2G`` or a plain number."""
+    match = re.fullmatch(r"(\d+\.?\d*)\s*([kmg]?)b?", words.strip().lower())
+    if match is None or len(words) > _LONGEST_SIZE:
+        raise argparse.ArgumentTypeError(f"{words[:40]!r} is not a size such as 500M or 2G")
+    return round(float(match[1]) * _SIZE_UNITS[match[2]])
+
+
+def renaming(words: str) -> tuple[str, str]:
+    """Return both names of ``old=new``."""
+    old, equals, new = words.partition("=")
+    if not equals or not re.fullmatch(r"/?[A-Za-z_~][\w/]*", new.strip()):
+        raise argparse.ArgumentTypeError(f"{words!r} is not of the form imu/data_raw=/imu0")
+    return old.strip().lstrip("/"), new.strip()

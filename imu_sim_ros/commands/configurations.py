@@ -1,0 +1,141 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The configuration of each stack for what ``generate`` wrote, and kalibr's files of a sequence."""
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from imu_sim_ros import rotation
+from imu_sim_ros.bags.outputs import make_folder
+from imu_sim_ros.bags.text import writer as text_writer
+from imu_sim_ros.conventions import IMAGE_TOPIC, IMU_TOPIC
+from imu_sim_ros.datasets.consumers import kalibr
+from imu_sim_ros.datasets.consumers.folder import write_all
+from imu_sim_ros.datasets.consumers.rig import RigValues, Start, start_warnings
+from imu_sim_ros.datasets.consumers.values import ImuValues
+from imu_sim_ros.datasets.topics import resolved
+from imu_sim_ros.sensors.realised import realised_imu
+from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.parameters import SimulationParameters
+
+if TYPE_CHECKING:
+    from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
+
+_START: Final = 60.0
+"""How much of a flight is searched for where stacks can initialise [s]."""
+_EVERY: Final = 0.01
+"""[s]"""
+
+
+def write_configs(
+    folder: Path,
+    imus: Mapping[str, Simulation],
+    names: Mapping[str, str],
+    rig: "RigParameters | None",
+) -> list[str]:
+    """Write the files of all stacks; several IMUs have a folder each, of their names.
+
+    Returns why stacks will initialise badly from these cameras and IMUs, a line each.
+
+    :param names: of the topics that are written, by their own names.
+    :param rig: the cameras, where there are some.
+    """
+    warnings = []
+    if "" not in imus:
+        make_folder(folder)
+    for name, simulation in imus.items():
+        own = f"{name}/{IMU_TOPIC}".lstrip("/")
+        duration = simulation.position / simulation.parameters.rate
+        values = _values(simulation.parameters, resolved(names.get(own, own)), duration)
+        seen = None
+        if rig is not None and rig.cameras:
+            from imu_sim_ros.datasets.features import image_topic
+
+            topics = {camera: image_topic(camera, names) for camera in rig.cameras}
+            lines = tuple(start_warnings(values, _start(simulation)))
+            warnings += [f"{name}: {line}" if name else line for line in lines]
+            seen = RigValues(values, rig.each(), topics, rig.scene, lines)
+        write_all(folder / name, values, seen)
+    return warnings
+
+
+def _start(simulation: Simulation) -> Start:
+    """Return the true motion at the start of a flight, every 10 ms."""
+    length = min(simulation.position / simulation.parameters.rate, _START)
+    t = np.arange(0.0, max(length, 2.0 * _EVERY), _EVERY)
+    motion = simulation.trajectory.sample(np.minimum(t, simulation.trajectory.duration))
+    force = motion.acceleration - np.asarray(simulation.parameters.gravity)
+    speed = np.linalg.norm(motion.velocity, axis=1)
+    return Start(t, rotation.rotate_inverse(motion.q_wb, force), speed)
+
+
+def bagcreater_topics(imus: Iterable[str]) -> dict[str, str]:
+    """Return the topics that kalibr_bagcreater makes of a folder's files, by our names of them.
+
+    It names them after the files: imu0.csv becomes /imu0. Those of cameras have our names.
+    """
+    return {f"{imu}/{IMU_TOPIC}".lstrip("/"): f"imu{k}" for k, imu in enumerate(imus)}
+
+
+def write_tum_vi_calibration(
+    folder: Path, parameters: SimulationParameters, rig: "RigParameters | None"
+) -> None:
+    """Write camchain.yaml and imu_config.yaml of a TUM VI sequence, in kalibr's form."""
+    if rig is None:
+        return
+    values = _values(parameters, "/imu0")
+    topics = {camera: f"/{camera}/{IMAGE_TOPIC}" for camera in rig.cameras}
+    chain = kalibr.camchain(RigValues(values, rig.each(), topics, rig.scene))
+    (folder / "camchain.yaml").write_text(chain, encoding="utf-8")
+    (folder / "imu_config.yaml").write_text(kalibr.imu_yaml(values), encoding="utf-8")
+
+
+def describe(
+    folder: Path,
+    index: int,
+    parameters: SimulationParameters,
+    states: bool,
+    beside: Iterable[str] = (),
+) -> None:
+    """Write the sensor.yaml files of an IMU of a EuRoC folder.
+
+    :param index: of the IMU.
+    :param states: whether the folder has its truth.
+    :param beside: the further tables of this IMU.
+    """
+    imu = parameters.imu
+    mounting, lever_arm = np.reshape(imu.mounting, (3, 3)), np.asarray(imu.lever_arm)
+    comment = f"simulated by imu_sim_ros, preset {imu.preset}, seed {parameters.seed}"
+    rates = {
+        "mag": imu.magnetometer.rate,
+        "pressure": imu.barometer.rate,
+        "orientation": imu.orientation.rate or parameters.rate,
+    }
+    for name in beside:
+        text_writer.write_euroc_beside(
+            folder, name, index, rates[name], mounting, lever_arm, comment
+        )
+    text_writer.write_euroc_descriptions(
+        folder,
+        parameters.rate,
+        _values(parameters, f"/imu{index}").densities(),
+        mounting,
+        lever_arm,
+        comment,
+        states,
+        index,
+    )
+
+
+def _values(parameters: SimulationParameters, topic: str, duration: float = 0.0) -> ImuValues:
+    return ImuValues(
+        realised_imu(parameters.imu, parameters.seed),
+        parameters.rate,
+        float(np.linalg.norm(parameters.gravity)),
+        topic,
+        duration,
+    )

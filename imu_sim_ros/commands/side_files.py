@@ -1,0 +1,128 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What ``generate`` puts next to its output: the realised truth, and each stack's configuration."""
+
+import dataclasses
+import glob
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from imu_sim_ros.commands.outputs import named
+from imu_sim_ros.datasets.topics import imus_of
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.parameters import files
+from imu_sim_ros.parameters.sections import flatten
+from imu_sim_ros.sensors.realised import realised_imu
+from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
+
+if TYPE_CHECKING:
+    pass
+
+_SUFFIXES: Final = (".bag", ".mcap", ".csv")
+"""What is not part of the name of the truth; folders have none of them."""
+
+
+def configs(output: Path) -> Path:
+    """Return the folder of the configurations that belong to an output."""
+    return output.parent / f"{output.name}_configs"
+
+
+_WORLD: Final = (
+    "gravity",
+    "gravity_model",
+    "latitude_deg",
+    "height",
+    "earth_rotation",
+    "curved_earth",
+)
+"""What the readings depend on besides sensor and motion; ``dead_reckon`` takes it from there."""
+
+
+def world_of(bag: Path) -> SimulationParameters | None:
+    """Return what was simulated, as the realised truth beside a bag tells; None without one.
+
+    :raises ConfigurationError: for a file that is not what ``generate`` wrote.
+    """
+    bag = named(bag)
+    path = _truth(bag, "")
+    if not path.is_file():
+        path = next(iter(sorted(bag.parent.glob(f"{glob.escape(_stem(bag))}_truth_*.yaml"))), path)
+    if not path.is_file():
+        return None
+    values = files.load(path)
+    return load_simulation({name: values[name] for name in _WORLD if name in values})
+
+
+def new_truths(output: Path, simulated: Mapping[str, SimulationParameters]) -> dict[Path, str]:
+    """Return the files of the realised truth that are to be written, each with its text.
+
+    One that stands already there with the same text is left out: the outputs share it.
+
+    :raises InputError: where another output of this name has another sensor.
+    """
+    result, problems = {}, []
+    for name in imus_of(simulated):
+        path, text = _truth(output, name), _truth_text(simulated[name])
+        there = _read(path)
+        if there == text:
+            continue
+        result[path] = text
+        other = next(_siblings(output), None)
+        if there is not None and other is not None:
+            problems.append(
+                f"{path}: is the truth of {other}, which has a different sensor or seed; "
+                "give this output another name"
+            )
+    if problems:
+        raise InputError(problems)
+    return result
+
+
+def _truth(output: Path, imu: str) -> Path:
+    own = f"_{imu}" if imu else ""
+    return output.parent / f"{_stem(output)}_truth{own}.yaml"
+
+
+def _stem(output: Path) -> str:
+    return output.stem if output.suffix.lower() in _SUFFIXES else output.name
+
+
+def _siblings(output: Path) -> Iterator[Path]:
+    """Yield the other outputs whose realised truth has the same name."""
+    stem = _stem(output)
+    for name in (stem, *(f"{stem}{part}{suffix}" for suffix in _SUFFIXES for part in ("", "_0"))):
+        path = output.parent / name
+        of_this = name in (output.name, f"{stem}_0{output.suffix}")
+        if not of_this and path.exists():
+            yield path
+
+
+def _read(path: Path) -> str | None:
+    """Return the text of a file; an empty one where it is none, None where nothing is there."""
+    if not path.exists():
+        return None
+    try:
+        return path.read_text(encoding="utf-8") if path.is_file() else ""
+    except (OSError, UnicodeDecodeError):
+        return ""
+
+
+def _truth_text(parameters: SimulationParameters) -> str:
+    """Return the sensor of this run: every constant that its seed drew, in its parameter's place.
+
+    ``calibrate --truth`` and ``allan --truth`` take it, and ``--imu`` for the same unit again.
+    """
+    imu = dataclasses.replace(realised_imu(parameters.imu, parameters.seed), preset="perfect")
+    world = {
+        name: getattr(parameters, name)
+        for name in _WORLD
+        if getattr(parameters, name) != getattr(SimulationParameters, name)
+    }
+    return files.text(
+        {"rate": parameters.rate, **world, **{f"imu.{k}": v for k, v in flatten(imu).items()}},
+        comment=f"The sensor of this run: preset {parameters.imu.preset}, with the turn-on "
+        f"biases and scales\nthat seed {parameters.seed} drew in the places of the parameters. "
+        "For calibrate --truth and allan --truth;\ngenerate --imu FILE simulates the same unit.",
+    )

@@ -1,0 +1,134 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Trajectories from wherever the commands find them: text, folders, topics of bags."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.bags.messages.encode import ODOMETRY
+from imu_sim_ros.bags.read import odometry_blocks, open_bag, read_poses
+from imu_sim_ros.bags.text.reader import has_states, is_text
+from imu_sim_ros.conventions import TRUTH_TOPIC
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs.rows import Skipped
+from imu_sim_ros.navigation.state import NavigationStates
+from imu_sim_ros.poses import PoseSequence, write_tum
+from imu_sim_ros.rotation import rotate
+
+Array = NDArray[np.float64]
+
+
+class Track(NamedTuple):
+    """A trajectory with what its source has beside the poses."""
+
+    poses: PoseSequence
+    velocity: Array | None = None
+    """(n, 3) in the world [m/s]."""
+    pose_covariance: Array | None = None
+    """(n, 6, 6) position, rotation about the world's axes."""
+    twist_covariance: Array | None = None
+    """(n, 6, 6) velocity and angular rate, in the body."""
+
+
+def odometry_topics(path: Path) -> list[str]:
+    """Return the names of the Odometry topics of a bag."""
+    with open_bag(path) as bag:
+        return [info.name for info in bag.topics if info.type == ODOMETRY]
+
+
+def truth_topic(path: Path, topic: str | None) -> str | None:
+    """Return the topic of the truth: the given one, or the one that is named so, if any is."""
+    if topic is not None or is_text(path):
+        return topic
+    named = [name for name in odometry_topics(path) if name.strip("/").endswith(TRUTH_TOPIC)]
+    return named[0] if len(named) == 1 else None
+
+
+def has_truth(path: Path) -> bool:
+    """Return whether a bag has Odometry, or a folder EuRoC's states."""
+    if not is_text(path):
+        return bool(odometry_topics(path))
+    return has_states(path)
+
+
+def read_track(
+    path: Path,
+    topic: str | None = None,
+    covariance: bool = False,
+    reader: Callable[..., PoseSequence] = read_poses,
+    skipped: Skipped | None = None,
+) -> Track:
+    """Return a trajectory.
+
+    :param topic: of a bag; None: the only one of Odometry, else of PoseStamped.
+    :param covariance: read the covariances as well, which need five times the memory of all else.
+    :param reader: of a text file of poses.
+    :param skipped: of Odometry and of a EuRoC folder's states: receives the number of bad ones
+        that are skipped; None: they are errors.
+    :raises InputError: for what cannot be read or is not a trajectory: stamps that do not increase,
+        poses that the gate refuses, fewer than two poses.
+    """
+    if path.is_file() if is_text(path) else not odometry_topics(path):
+        poses = reader(path, topic, covariance=covariance)
+        track = Track(poses, pose_covariance=poses.covariance)
+    else:
+        track = _odometry(path, topic, covariance, skipped)
+    _check(f"{path}{'' if topic is None else f', {topic}'}", track.poses)
+    return track
+
+
+def _odometry(
+    path: Path,
+    topic: str | None,
+    covariance: bool,
+    skipped: Skipped | None,
+) -> Track:
+    parts: list[tuple[Array | NDArray[np.int64], ...]] = []
+    for block in odometry_blocks(path, topic, skipped=skipped):
+        velocity = rotate(block.q_wb, block.velocity_b)
+        matrices = (block.pose_covariance, block.twist_covariance) if covariance else ()
+        parts.append((block.t_ns, block.position, block.q_wb, velocity, *matrices))
+    if not parts:
+        raise InputError(f"{path}: 0 poses; a trajectory needs two or more")
+    t_ns, position, q_wb, velocity, *joined = map(np.concatenate, zip(*parts, strict=True))
+    return Track(PoseSequence(t_ns.astype(np.int64), position, q_wb), velocity, *joined)
+
+
+def _check(name: str, poses: PoseSequence) -> None:
+    if len(poses.t_ns) < 2:
+        raise InputError(f"{name}: {len(poses.t_ns)} poses; a trajectory needs two or more")
+    bad = np.diff(poses.t_ns) <= 0
+    if bad.any():
+        first = int(np.argmax(bad)) + 1
+        raise InputError(
+            f"{name}: {np.count_nonzero(bad)} stamps do not increase, the first is "
+            f"number {first} ({poses.t_ns[first]} ns)"
+        )
+
+
+def write_states(path: Path, states: NavigationStates) -> None:
+    """Write a dead-reckoned trajectory: ``.csv`` with velocity, anything else in TUM format.
+
+    :raises OSError: where the file cannot be written.
+    """
+    if path.suffix.lower() == ".csv":
+        _write_csv(path, states)
+    else:
+        write_tum(path, PoseSequence(states.t_ns, states.position, states.q_wb))
+
+
+def _write_csv(path: Path, states: NavigationStates) -> None:
+    """Return the columns of EuRoC's states, without the biases, so that everything reads it."""
+    names = ["#timestamp", *(f"p_RS_R_{axis} [m]" for axis in "xyz")]
+    names += [f"q_RS_{axis} []" for axis in "wxyz"]
+    names += [f"v_RS_R_{axis} [m s^-1]" for axis in "xyz"]
+    table = np.column_stack([states.position, states.q_wb, states.velocity])
+    with path.open("w", encoding="utf-8") as file:
+        file.write(",".join(names) + "\n")
+        for t_ns, row in zip(states.t_ns.tolist(), table.tolist(), strict=True):
+            file.write(f"{t_ns}," + ",".join(f"{value:.12g}" for value in row) + "\n")

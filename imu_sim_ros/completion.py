@@ -1,0 +1,73 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Completion by tab, where argcomplete is installed and the shell asks."""
+
+import argparse
+import os
+from contextlib import suppress
+from typing import Any, Final
+
+from imu_sim_ros.parameters import files
+
+_ASKED: Final = "_ARGCOMPLETE"
+"""Set by the shell's side of argcomplete: which word of the line names the program, from 1."""
+_FOLDERS: Final = {
+    "imu": "imus",
+    "truth": "imus",
+    "trajectory": "trajectories",
+    "camera": "cameras",
+    "scene": "scenes",
+    "plan": "campaigns",
+}
+"""Arguments that take a name in config/, by their names in the parsers."""
+
+
+def is_asked() -> bool:
+    """Return whether the shell asks what could follow, instead of running the program."""
+    return _ASKED in os.environ
+
+
+def complete(parser: argparse.ArgumentParser) -> None:
+    """Answer the shell and end the process, if it asks and argcomplete is installed."""
+    if is_asked():
+        with suppress(ImportError):
+            import argcomplete
+
+            completer: Any = _names_and_files  # any callable will do; its type asks for a class
+            argcomplete.autocomplete(parser, default_completer=completer)
+
+
+def subcommand() -> str | None:
+    """Return the first whole word after the program's name, and begin the line there.
+
+    For ``imu_sim PROGRAM ...``, which hands the rest of the line to PROGRAM.
+    """
+    words = os.environ.get("COMP_LINE", "")[: int(os.environ.get("COMP_POINT", "0"))].split(" ")
+    words = [word for word in words[:-1] if word]  # the last one is being written
+    if len(words) < 2:
+        return None
+    os.environ[_ASKED] = "2"
+    return words[1]
+
+
+def _names_and_files(
+    prefix: str, action: argparse.Action, parser: argparse.ArgumentParser, **_: Any
+) -> list[str]:
+    from argcomplete.completers import FilesCompleter
+
+    if action.dest == "set":
+        return [f"{name}=" for name in _parameters(parser) if name.startswith(prefix)]
+    folder = _FOLDERS.get(action.dest)
+    names = files.names(folder) if folder else []
+    return [*(name for name in names if name.startswith(prefix)), *FilesCompleter()(prefix)]
+
+
+def _parameters(parser: argparse.ArgumentParser) -> list[str]:
+    """Return the names of the parameters that ``--set`` takes."""
+    from imu_sim_ros.navigation.parameters import IntegratorParameters
+    from imu_sim_ros.parameters.sections import flatten
+    from imu_sim_ros.simulation.parameters import SimulationParameters
+
+    of_integrator = parser.prog == "dead_reckon"
+    return list(flatten(IntegratorParameters() if of_integrator else SimulationParameters()))

@@ -1,0 +1,123 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Basalt: the calibration JSON (basalt-headers, calibration.hpp, calib_bias.hpp)."""
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros import rotation
+from imu_sim_ros.datasets.consumers.rig import RigValues, four, kind
+from imu_sim_ros.datasets.consumers.values import SMALLEST, ImuValues, remarks
+from imu_sim_ros.json_text import as_json
+from imu_sim_ros.sensors.camera.parameters import CameraParameters
+
+Array = NDArray[np.float64]
+
+_EXPRESSED: Final = (
+    "gyroscope_bias",
+    "accelerometer_bias",
+    "gyroscope_scale_misalignment",
+    "accelerometer_scale_misalignment",
+)
+_LOWER: Final = ([0, 1, 2, 1, 2, 2], [0, 0, 0, 1, 1, 2])
+"""Rows and columns of the accelerometer's six entries: the lower triangle, column by column."""
+
+
+def calibration(values: ImuValues, rig: RigValues | None = None) -> str:
+    """Return the calibration: whole with the cameras of a rig, else with the IMU's part alone.
+
+    Basalt corrects a reading as ``x = (I + M) reading - b``, with a full M for the gyroscope and
+    the lower triangle for the accelerometer; ``reading = S x + bias`` gives ``I + M = S^-1`` and
+    ``b = S^-1 bias``. Densities are continuous, per axis; their inverses are the weights.
+    """
+    expressed = list(_EXPRESSED)
+    accel = np.linalg.inv(values.response("accelerometer"))
+    if np.triu(accel, 1).any():
+        expressed.remove("accelerometer_scale_misalignment")
+    cameras = rig.cameras if rig is not None else {}
+    notes = [
+        "Basalt calibration, whole: cameras and IMU as they are simulated."
+        if cameras
+        else "Basalt calibration, fragment: T_imu_cam, intrinsics, resolution come with cameras.",
+        "Continuous-time densities, as the simulation has them; the biases are those of this run.",
+        *remarks(values, expressed, per_axis=True, above_zero=True),
+    ]
+    if rig is not None:
+        notes += rig.remarks(("time_offset", "k3"), offsets=False)
+    lenses = [_lens(camera) for camera in cameras.values()]
+    if any(lens["camera_type"] == "pinhole-radtan8" for lens in lenses):
+        notes.append("pinhole-radtan8 needs a Basalt that knows it; that of 2021 does not.")
+    content: dict[str, Any] = {
+        "T_imu_cam": [_pose(rig.imu_camera(name)) for name in cameras] if rig else [],
+        "intrinsics": lenses,
+        "resolution": [[camera.width, camera.height] for camera in cameras.values()],
+        "vignette": [],
+        "calib_accel_bias": _static(values, "accelerometer", _LOWER),
+        "calib_gyro_bias": _static(values, "gyroscope", np.unravel_index(range(9), (3, 3), "F")),
+        "imu_update_rate": values.rate,
+        "accel_noise_std": _above_zero(values, "accelerometer_noise_density"),
+        "gyro_noise_std": _above_zero(values, "gyroscope_noise_density"),
+        "accel_bias_std": _above_zero(values, "accelerometer_random_walk"),
+        "gyro_bias_std": _above_zero(values, "gyroscope_random_walk"),
+        # Added to the stamps of all images, which have one offset in Basalt.
+        "cam_time_offset_ns": next(
+            (round(camera.time_offset * 1e9) for camera in cameras.values()), 0
+        ),
+        # Members that Basalt does not know are passed over, as those of its own files are.
+        "comment": notes,
+    }
+    return as_json({"value0": content}, indent=2) + "\n"
+
+
+def _pose(matrix: Array) -> dict[str, float]:
+    """Return a rigid motion (4, 4) in Basalt's terms."""
+    w, x, y, z = rotation.from_matrix(matrix[:3, :3]).tolist()
+    place = zip(("px", "py", "pz"), matrix[:3, 3].tolist(), strict=True)
+    return {**dict(place), "qx": x, "qy": y, "qz": z, "qw": w}
+
+
+def _lens(camera: CameraParameters) -> dict[str, Any]:
+    """Return a camera's model in Basalt's terms (basalt/camera/*.hpp).
+
+    Mei's sphere without distortion is its ``ucm`` with ``alpha = xi / (1 + xi)`` and focal lengths
+    divided by ``1 + xi``; with distortion Basalt has none, and the model is written without it.
+    """
+    fx, fy, cx, cy = camera.intrinsics
+    center: dict[str, float] = {"fx": fx, "fy": fy, "cx": cx, "cy": cy}
+    k = four(camera)
+    match kind(camera):
+        case "equidistant":
+            return _model("kb4", {**center, "k1": k[0], "k2": k[1], "k3": k[2], "k4": k[3]})
+        case "double_sphere":
+            return _model("ds", {**center, "xi": camera.xi, "alpha": camera.alpha})
+        case "unified":
+            part = 1.0 + camera.xi
+            own = {"fx": fx / part, "fy": fy / part, "alpha": camera.xi / part}
+            return _model("ucm", {**center, **own})
+    if not any(camera.distortion):
+        return _model("pinhole", center)
+    k3 = camera.distortion[4] if len(camera.distortion) == 5 else 0.0
+    radtan = {"k1": k[0], "k2": k[1], "p1": k[2], "p2": k[3], "k3": k3}
+    rest = {"k4": 0.0, "k5": 0.0, "k6": 0.0, "rpmax": 0.0}
+    return _model("pinhole-radtan8", {**center, **radtan, **rest})
+
+
+def _model(name: str, intrinsics: dict[str, float]) -> dict[str, Any]:
+    return {"camera_type": name, "intrinsics": intrinsics}
+
+
+def _static(values: ImuValues, triad: str, places: Any) -> list[float]:
+    """Return the static calibration of a triad: b, and the entries of M at the places."""
+    inverse = np.linalg.inv(values.response(triad))
+    bias = inverse @ values.axes(f"{triad}_bias")
+    correction = (inverse - np.eye(3))[places[0], places[1]]
+    result: list[float] = [*bias.tolist(), *correction.tolist()]
+    return result
+
+
+def _above_zero(values: ImuValues, name: str) -> list[float]:
+    result: list[float] = np.maximum(values.filter_axes(name), SMALLEST).tolist()
+    return result

@@ -1,0 +1,96 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Configuration of imu_utils and of allan_variance_ros (src/AllanVarianceComputor.cpp)."""
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.bags.text.decimals import decimal
+from imu_sim_ros.datasets.consumers.values import ImuValues, comment, remarks
+
+Array = NDArray[np.float64]
+
+UNITS: Final = {"gyroscope": " rad/s", "accelerometer": " m/s^2"}
+"""The string that imu_utils writes as the unit, with its leading blank, for both _n and _w."""
+_NAMES: Final = {"gyroscope": ("Gyr", "gyr"), "accelerometer": ("Acc", "acc")}
+_AXES: Final = ("avg-axis", "x-axis", "y-axis", "z-axis")
+
+
+def result(values: ImuValues) -> str:
+    """Return what imu_utils should find in these readings."""
+    head = comment(
+        [
+            "What imu_utils finds in these data, in the form of its result: _n is the noise of one "
+            f"sample at {values.rate:g} Hz, density * sqrt(rate); _w is the lowest point of the "
+            "Allan deviation (the bias instability), not a random walk.",
+            "A single axis' _w varies by 15 % and more between records of 4 h.",
+            *remarks(
+                values,
+                ("gyroscope_bias_instability", "accelerometer_bias_instability"),
+                per_axis=True,
+            ),
+        ]
+    )
+    root = math.sqrt(values.rate)
+    pairs = {
+        triad: np.stack(
+            [values.axes(f"{triad}_noise_density") * root, values.lowest_deviation(triad)], axis=1
+        )
+        for triad in UNITS
+    }
+    return document(head, pairs, UNITS)
+
+
+def document(
+    head: str,
+    pairs: dict[str, Array],
+    units: dict[str, str],
+    notes: dict[str, Sequence[Sequence[str]]] | None = None,
+) -> str:
+    """Return the text of imu_utils' form.
+
+    :param head: comments.
+    :param pairs: by triad, (3, 2): _n and _w of each axis.
+    :param units: by triad.
+    :param notes: by triad, (3, 2) ends of the axes' lines, such as a comment.
+    """
+    lines = [f"%YAML:1.0\n---\n{head}type: IMU\nname: imu_sim_ros\n"]
+    for triad, table in pairs.items():
+        section, short = _NAMES[triad]
+        ends = [["", ""], *(notes[triad] if notes else [["", ""]] * 3)]
+        lines.append(f'{section}:\n   unit: "{units[triad]}"\n')
+        # The average is that of the axes, as imu_utils takes it.
+        for axis, pair, end in zip(_AXES, [table.mean(axis=0), *table], ends, strict=True):
+            lines.append(
+                f"   {axis}:\n      {short}_n: {pair[0]:.16e}{end[0]}\n"
+                f"      {short}_w: {pair[1]:.16e}{end[1]}\n"
+            )
+    return "".join(lines)
+
+
+_LONGEST = 2**31 - 1  # the length is an int there; a record that ends before it is read to its end
+
+
+def config(values: ImuValues) -> str:
+    """Return the configuration that reads the whole record, every sample of it.
+
+    ``imu_rate`` is a double, ``measure_rate`` and ``sequence_time`` are integers there; it takes
+    one sample out of ``int(imu_rate / measure_rate)``.
+    """
+    head = comment(
+        [
+            "allan_variance_ros config.yaml, whole. It cannot express noise, which the program "
+            "finds. Its gyroscope random walk comes out about twice too high (a line through all "
+            "averaging times), its accelerometer random walk about 15 %; it wants 3 h and more."
+        ]
+    )
+    length = math.ceil(values.duration) if values.duration else _LONGEST
+    return (
+        f'{head}imu_topic: "{values.topic}"\nimu_rate: {decimal(values.rate)}\n'
+        f"measure_rate: {max(1, math.floor(values.rate))}\nsequence_time: {length}\n"
+    )

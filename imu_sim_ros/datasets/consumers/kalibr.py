@@ -1,0 +1,93 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""kalibr: ``imu.yaml``, ``camchain.yaml`` and ``target.yaml`` (kalibr_common/ConfigReader.py)."""
+
+from itertools import pairwise
+
+from imu_sim_ros.bags.text.decimals import decimal
+from imu_sim_ros.datasets.consumers.rig import RigValues, four, kind, listed, real
+from imu_sim_ros.datasets.consumers.values import ImuValues, comment, remarks, rows
+from imu_sim_ros.sensors.camera.parameters import CameraParameters
+from imu_sim_ros.sensors.camera.scene_parameters import (
+    AprilgridParameters,
+    CheckerboardParameters,
+    SceneParameters,
+)
+
+
+def imu_yaml(values: ImuValues) -> str:
+    """Return kalibr's imu.yaml, whole; it refuses densities that are not above 0."""
+    numbers = values.positive_densities().items()
+    head = comment(
+        [
+            "kalibr imu.yaml, whole: continuous-time densities, as the simulation has them.",
+            "rad/s/sqrt(Hz), rad/s^2/sqrt(Hz), m/s^2/sqrt(Hz), m/s^3/sqrt(Hz)",
+            *remarks(values, above_zero=True),
+        ]
+    )
+    lines = "".join(f"{name}: {decimal(value)}\n" for name, value in numbers)
+    return f"{head}{lines}rostopic: {values.topic}\nupdate_rate: {decimal(values.rate)}\n"
+
+
+def camchain(rig: RigValues) -> str:
+    """Return camchain.yaml, whole, with what a calibration against the IMU is to find.
+
+    ``T_cam_imu`` maps the IMU to the camera, ``T_cn_cnm1`` the camera before to this one, and
+    ``t_imu = t_cam + timeshift_cam_imu``.
+    """
+    text = comment(
+        [
+            "kalibr camchain.yaml, whole: the cameras as they are simulated. T_cam_imu and "
+            "timeshift_cam_imu are what kalibr_calibrate_imu_camera is to find.",
+            *rig.remarks(("time_offset", "unified.distortion")),
+        ]
+    )
+    for number, (earlier, name) in enumerate(pairwise([None, *rig.cameras])):
+        if name is None:
+            continue
+        camera = rig.cameras[name]
+        others = [k for k in range(len(rig.cameras)) if k != number]
+        text += f"cam{number}:\n  cam_overlaps: {others}\n"
+        if earlier is not None:
+            text += f"  T_cn_cnm1:\n{rows(rig.between(name, earlier), '  ')}"
+        text += f"  T_cam_imu:\n{rows(rig.camera_imu(name), '  ')}"
+        text += lens(camera)
+        text += f"  resolution: [{camera.width}, {camera.height}]\n"
+        text += f"  rostopic: {rig.topics[name]}\n"
+        text += f"  timeshift_cam_imu: {real(camera.time_offset)}\n"
+    return text
+
+
+def lens(camera: CameraParameters) -> str:
+    """Return model, intrinsics and distortion in kalibr's keys."""
+    own = {"unified": (camera.xi,), "double_sphere": (camera.xi, camera.alpha)}
+    model = {"unified": "omni", "double_sphere": "ds"}.get(kind(camera), "pinhole")
+    distortion = "equidistant" if kind(camera) == "equidistant" else "radtan"
+    coefficients = four(camera)
+    if kind(camera) == "double_sphere":
+        distortion, coefficients = "none", []
+    return (
+        f"  camera_model: {model}\n"
+        f"  intrinsics: {listed([*own.get(kind(camera), ()), *camera.intrinsics])}\n"
+        f"  distortion_model: {distortion}\n"
+        f"  distortion_coeffs: {listed(coefficients)}\n"
+    )
+
+
+def target(scene: SceneParameters) -> str | None:
+    """Return target.yaml, whole; None where the scene is no calibration target."""
+    match scene:
+        case AprilgridParameters():
+            return (
+                f"target_type: 'aprilgrid'\ntagCols: {scene.columns}\ntagRows: {scene.rows}\n"
+                f"tagSize: {real(scene.tag_size)} # m\n"
+                f"tagSpacing: {real(scene.tag_spacing)} # of a tag's size\n"
+            )
+        case CheckerboardParameters():
+            return (
+                f"target_type: 'checkerboard'\ntargetCols: {scene.columns} # inner corners\n"
+                f"targetRows: {scene.rows}\nrowSpacingMeters: {real(scene.square)}\n"
+                f"colSpacingMeters: {real(scene.square)}\n"
+            )
+    return None

@@ -1,0 +1,235 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A rig as the stacks want it, and whether they can start from the flight's start."""
+
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.bags.text.decimals import decimal
+from imu_sim_ros.datasets.consumers.values import ImuValues
+from imu_sim_ros.parameters.sections import parameters
+from imu_sim_ros.sensors.camera.parameters import CameraParameters
+from imu_sim_ros.sensors.camera.scene_parameters import SceneParameters
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class RigValues:
+    """One IMU and the cameras beside it, as their consumers see them."""
+
+    imu: ImuValues
+    cameras: Mapping[str, CameraParameters]
+    """By name, in order."""
+    topics: Mapping[str, str]
+    """Of each camera's images."""
+    scene: SceneParameters
+    warnings: tuple[str, ...] = ()
+    """Of :func:`~imu_sim_ros.datasets.consumers.rig.start_warnings`."""
+
+    def start_remarks(self, stack: str) -> Iterator[str]:
+        """Yield why a stack will initialise badly, a sentence each."""
+        yield from (f"WARNING: {line}" for line in self.warnings if line.startswith(f"{stack}:"))
+
+    def imu_camera(self, name: str) -> Array:
+        """Return T_ic (4, 4), which maps coordinates from a camera to the IMU."""
+        imu = self.imu.imu
+        t_bi = _pose(np.reshape(imu.mounting, (3, 3)), np.asarray(imu.lever_arm))
+        result: Array = _inverse(t_bi) @ _pose(*self.cameras[name].pose())
+        return result
+
+    def between(self, first: str, second: str) -> Array:
+        """Return T (4, 4), which maps coordinates from the second camera to the first."""
+        result: Array = _inverse(self.imu_camera(first)) @ self.imu_camera(second)
+        return result
+
+    def camera_imu(self, name: str) -> Array:
+        """Return T_ci (4, 4), which maps coordinates from the IMU to a camera."""
+        return _inverse(self.imu_camera(name))
+
+    def fits(self, *models: str) -> bool:
+        """Return whether all cameras are of the models named by :func:`kind`."""
+        return all(kind(camera) in models for camera in self.cameras.values())
+
+    def remarks(
+        self, expressed: Collection[str] = (), cameras: int | None = None, offsets: bool = True
+    ) -> Iterator[str]:
+        """Yield what a format cannot express of the cameras, a sentence each.
+
+        :param expressed: parameters that it can express besides lens, place and rate; ``k3``: the
+            fifth coefficient of a pinhole; ``unified.distortion``: four of that sphere.
+        :param cameras: how many it describes, the first ones; None: all.
+        :param offsets: it has a time offset for each camera; else one for all, the first one's.
+        """
+        described = list(self.cameras.items())[:cameras]
+        for name, camera in described:
+            terms = list(_simulated(camera, expressed))
+            alike = camera.time_offset == described[0][1].time_offset
+            if "time_offset" in expressed and not (offsets or alike):
+                terms.append(f"time_offset = {decimal(camera.time_offset)} s")
+            if terms:
+                yield f"{name}: simulated, but not expressible in this format: {', '.join(terms)}"
+
+
+_NO_TERMS: Final = frozenset(
+    [
+        *("preset", "model", "distortion_model", "width", "height", "intrinsics", "xi", "alpha"),
+        *("distortion", "lever_arm", "mounting", "body_axes", "rig_mounting"),
+        *("rate", "trigger", "phase", "images", "encoding", "depth", "frame"),
+        *("supersampling", "mip_levels", "blur_samples", "exposure_period", "gain", "gain_period"),
+        *("pixel_noise", "read_noise", "track_lifetime", "max_features", "grid_rows"),
+        *("grid_columns", "border", "min_depth", "max_depth"),
+    ]
+)
+"""What a format has its own place for, what a front end chooses, and what is no error."""
+
+
+def _simulated(camera: CameraParameters, expressed: Collection[str]) -> Iterator[str]:
+    """Yield the errors of a camera that a format does not have, with their values."""
+    sphere = camera.model != "pinhole"
+    if sphere and any(camera.distortion) and f"{camera.model}.distortion" not in expressed:
+        yield f"distortion = [{', '.join(map(decimal, camera.distortion))}]"
+    elif any(camera.distortion[4:]) and (sphere or "k3" not in expressed):
+        yield f"k3 = {decimal(camera.distortion[4])}"
+    perfect = CameraParameters()
+    for name, parameter in parameters(CameraParameters).items():
+        value = getattr(camera, name)
+        if name in _NO_TERMS or name in expressed or value == getattr(perfect, name):
+            continue
+        shown = f" {parameter.unit}" if parameter.unit not in ("", "1") else ""
+        rolling = " (rolling shutter)" if name == "row_time" else ""
+        yield f"{name} = {decimal(value)}{shown}{rolling}"
+
+
+def kind(camera: CameraParameters) -> str:
+    """Return the kind of lens: radtan, equidistant, unified or double_sphere.
+
+    A pinhole without distortion is radtan with zeros, which every stack knows.
+    """
+    if camera.model != "pinhole":
+        return camera.model
+    return "equidistant" if camera.distortion_model == "equidistant" else "radtan"
+
+
+def four(camera: CameraParameters) -> list[float]:
+    """Return four coefficients of distortion, zeros where there is none."""
+    return [*camera.distortion, 0.0, 0.0, 0.0, 0.0][:4]
+
+
+def real(value: float) -> str:
+    """Return a number that YAML readers parse as floating point."""
+    words = decimal(value)
+    return words if "." in words else f"{words}.0"
+
+
+def listed(values: Iterator[float] | list[float] | tuple[float, ...]) -> str:
+    """Return numbers as a list of YAML."""
+    return f"[{', '.join(real(value) for value in values)}]"
+
+
+def opencv_matrix(matrix: Array, code: str = "d") -> str:
+    """Return a matrix (r, c) as OpenCV's YAML has it.
+
+    :param code: d: double; f: float.
+    """
+    rows, columns = matrix.shape
+    data = ",\n          ".join(", ".join(real(v) for v in row) for row in matrix.tolist())
+    return (
+        f"!!opencv-matrix\n   rows: {rows}\n   cols: {columns}\n   dt: {code}\n   data: [{data}]\n"
+    )
+
+
+def _pose(r: Array, p: Array) -> Array:
+    result = np.eye(4)
+    result[:3, :3], result[:3, 3] = r, p
+    return result
+
+
+def _inverse(t: Array) -> Array:
+    """Return the inverse of a rigid motion, exact in its last row."""
+    r = t[:3, :3].T
+    return _pose(r, -r @ t[:3, 3])
+
+
+REST_THRESHOLD: Final = 0.5
+"""``init_imu_thresh`` of the estimator_config.yaml that is written [m/s^2]."""
+_WINDOW: Final = 1.0
+"""Half of its ``init_window_time`` [s]."""
+_STATIC: Final = "ov_init/src/static/StaticInitializer.cpp"
+_VELOCITY_SIGMA: Final = 0.01
+"""Of the velocity 0 that it starts with [m/s]."""
+_TILT_SIGMA: Final = 0.02
+"""Of the attitude that it takes from gravity [rad]."""
+_MANY: Final = 2.0
+"""Standard deviations beyond which a start is called bad."""
+_GRAVITY: Final = {"VINS-Mono": 1.0, "VINS-Fusion": 0.5}
+"""How far the magnitude of gravity may be off, initial_aligment.cpp [m/s^2]."""
+
+
+class Start(NamedTuple):
+    """The true motion of an IMU at the start of a flight, at n times."""
+
+    t: Array
+    """(n,) after the start, evenly spaced [s]."""
+    accel: Array
+    """(n, 3) specific force, without errors [m/s^2]."""
+    speed: Array
+    """(n,) [m/s]."""
+
+
+def start_warnings(values: ImuValues, start: Start) -> Iterator[str]:
+    """Yield a line for each stack that will initialise badly, with its threshold and the source."""
+    yield from _openvins(values, start)
+    bias = values.axes("accelerometer_bias")
+    size = float(np.linalg.norm(bias))
+    for stack, limit in _GRAVITY.items():
+        if size > limit:
+            yield (
+                f"{stack}: the accelerometer's bias of this run, {size:.2f} m/s^2, can put gravity "
+                f"further off than the {limit:g} m/s^2 at which it rejects an initialisation with "
+                "one camera (initial_aligment.cpp, LinearAlignment)"
+            )
+
+
+def _openvins(values: ImuValues, start: Start) -> Iterator[str]:
+    rest, speed = _rest(values, start)
+    if rest is None:
+        yield (
+            f"OpenVINS: starts late or wrongly: in the first {start.t[-1]:.0f} s there is no rest "
+            f"of {_WINDOW:g} s (accelerometer's deviation below {REST_THRESHOLD:g} m/s^2, "
+            f"init_imu_thresh, and velocity 0 +- {_VELOCITY_SIGMA:g} m/s, {_STATIC}) with a jerk "
+            f"after it{speed}; trajectory.lead_in.rest=2 begins with both"
+        )
+        return
+    force = start.accel[np.searchsorted(start.t, rest)]
+    across = np.cross(values.axes("accelerometer_bias"), force / np.linalg.norm(force))
+    tilt = float(np.linalg.norm(across)) / values.gravity
+    if tilt > _MANY * _TILT_SIGMA:
+        yield (
+            "OpenVINS: the accelerometer's bias of this run tilts its first attitude by "
+            f"{tilt:.3f} rad; it takes that to be within +- {_TILT_SIGMA:g} rad ({_STATIC})"
+        )
+
+
+def _rest(values: ImuValues, start: Start) -> tuple[float | None, str]:
+    """Return the end of a rest before a jerk [s]; None: why the accelerometer alone would err."""
+    count = round(_WINDOW / (start.t[1] - start.t[0]))
+    if len(start.t) < 2 * count:
+        return None, ""
+    white = values.axes("accelerometer_noise_density") ** 2 * values.rate
+    windows = np.lib.stride_tricks.sliding_window_view(start.accel, count, axis=0)
+    deviation = np.sqrt(windows.var(axis=2).sum(axis=1) + white.sum())
+    before, after = deviation[:-count], deviation[count:]
+    found = np.flatnonzero((before <= REST_THRESHOLD) & (after >= REST_THRESHOLD)) + count
+    still = found[start.speed[found] <= _MANY * _VELOCITY_SIGMA]
+    if len(still):
+        return float(start.t[still[0]]), ""
+    if not len(found):
+        return None, ""
+    moving = start.speed[found[0]]
+    return None, f" (at {start.t[found[0]]:.1f} s it seems so, at a speed of {moving:.2g} m/s)"

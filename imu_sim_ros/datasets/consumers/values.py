@@ -1,0 +1,197 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The source of the stacks' files: the values of one simulated IMU."""
+
+import math
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.bags.text.decimals import decimal
+from imu_sim_ros.conventions import TRIADS
+from imu_sim_ros.parameters.sections import flatten
+from imu_sim_ros.sensors.imu.parameters import ImuParameters
+
+Array = NDArray[np.float64]
+
+DENSITIES: Final = tuple(f"{t}_{key}" for t in TRIADS for key in ("noise_density", "random_walk"))
+"""The four numbers that every stack uses in some form."""
+SMALLEST: Final = 1e-12
+"""Replaces 0 where a stack divides by the number, or refuses 0 as kalibr does."""
+_SMALLEST_DETERMINANT: Final = 1e-6
+_FLICKER: Final = math.sqrt(2.0 * math.log(2.0) / math.pi)
+HORIZON: Final = 1.0
+"""[s] at which a walk is as large as the 1/f noise.
+
+A smoother in gtsam with CombinedImuFactors and a pose every 0.2 s (good to 1 mm or 1 cm; 32 runs of
+30 s of icm42688p without scale errors) then has a NEES of 1.0 to 1.2 per degree of freedom for
+velocity and pose; with 10 s it is 1.7 to 4.4, with hardly any walk 3 to 10.
+"""
+# These determine how another parameter is interpreted, or choose among forms of the same.
+_NO_TERMS: Final = frozenset(
+    [
+        "preset",
+        "reference_temperature",
+        "bandwidth_order",
+        *(f"{triad}_correlation_time" for triad in TRIADS),
+    ]
+)
+_OTHER_SENSORS: Final = ("magnetometer_", "barometer_", "orientation_")
+"""The stacks do not read them."""
+_VIBRATION: Final = ("vibration.line_amplitude", "vibration.band_density")
+"""The strengths of the vehicle's vibration; the rest of it says where and when."""
+# Poses: consumers take the trajectory of the IMU from the truth, and its place from the user.
+_EXTRINSICS: Final = frozenset(["lever_arm", "mounting"])
+
+
+@dataclass(frozen=True)
+class ImuValues:
+    """One IMU as its consumers see it."""
+
+    imu: ImuParameters
+    """All simulated parameters, with the drawn constants of this run in their places."""
+    rate: float
+    """Samples per second [Hz]."""
+    gravity: float
+    """Magnitude [m/s^2]."""
+    topic: str
+    """Of the readings."""
+    duration: float = 0.0
+    """Length of the record [s]; 0: not known."""
+
+    def axes(self, name: str) -> Array:
+        """Return a parameter of the IMU per axis (3,)."""
+        return np.asarray(flatten(self.imu)[name], dtype=np.float64)
+
+    def filter_axes(self, name: str) -> Array:
+        """Return a density (3,) for an estimator, whose walk stands for the 1/f noise as well.
+
+        The Allan deviations of a walk and of 1/f noise, ``K sqrt(t / 3)`` and ``0.664 B``, meet at
+        the horizon T if ``K^2 = 3 (0.664 B)^2 / T``, which is added to the square of the walk.
+        """
+        triad, _, key = name.partition("_")
+        if key != "random_walk":
+            return self.axes(name)
+        flicker = math.sqrt(3.0 / HORIZON) * _FLICKER * self.axes(f"{triad}_bias_instability")
+        return np.hypot(self.axes(name), flicker)
+
+    def one(self, name: str) -> float:
+        """Return a density for an estimator, one for three axes: their root mean square."""
+        return _root_mean_square(self.filter_axes(name))
+
+    def densities(self) -> dict[str, float]:
+        """Return the four numbers of kalibr as simulated, continuous time, one for three axes."""
+        return {name: _root_mean_square(self.axes(name)) for name in DENSITIES}
+
+    def positive_densities(self) -> dict[str, float]:
+        """Return the same for an estimator, above 0."""
+        return {name: max(self.one(name), SMALLEST) for name in DENSITIES}
+
+    def response(self, triad: str) -> Array:
+        """Return S (3, 3) of ``reading = S x + ...``; the identity where no stack can undo it."""
+        if self.is_reversible(triad):
+            return np.reshape(self.axes(f"{triad}_scale_misalignment"), (3, 3))
+        return np.eye(3)
+
+    def is_reversible(self, triad: str) -> bool:
+        """Return whether S has an inverse and does not mirror."""
+        s = np.reshape(self.axes(f"{triad}_scale_misalignment"), (3, 3))
+        return float(np.linalg.det(s)) > _SMALLEST_DETERMINANT
+
+    def lowest_deviation(self, triad: str) -> Array:
+        """Return the minimum of the Allan deviation (3,): white noise, flicker and random walk.
+
+        ``N^2 / tau + 0.664^2 B^2 + K^2 tau / 3`` is smallest at ``tau = sqrt(3) N / K``.
+        """
+        n, k, b = (
+            self.axes(f"{triad}_{key}")
+            for key in ("noise_density", "random_walk", "bias_instability")
+        )
+        return np.sqrt(2.0 * n * k / math.sqrt(3.0) + (_FLICKER * b) ** 2)
+
+    def missing(self, expressed: Collection[str] = ()) -> list[str]:
+        """Return the simulated terms that a format cannot express, by parameter.
+
+        :param expressed: the parameters that it can express besides the four densities.
+        """
+        default = flatten(ImuParameters())
+        passed_over = {*DENSITIES, *expressed, *_NO_TERMS, *_EXTRINSICS}
+        passed_over -= {f"{t}_scale_misalignment" for t in TRIADS if not self.is_reversible(t)}
+        return [
+            name
+            for name, value in flatten(self.imu).items()
+            if name not in passed_over and value != default[name] and _of_the_imu(name)
+        ]
+
+    def uneven(self) -> list[str]:
+        """Return the densities that differ between the axes."""
+        return [name for name in DENSITIES if len(set(self.axes(name).tolist())) > 1]
+
+
+def _root_mean_square(axes: Array) -> float:
+    return math.sqrt(float(np.mean(axes**2)))
+
+
+def _of_the_imu(name: str) -> bool:
+    """Return whether a parameter is an error of the IMU's readings, whatever its value."""
+    if name.startswith("vibration."):
+        return name in _VIBRATION
+    return not name.startswith(_OTHER_SENSORS)
+
+
+def remarks(
+    values: ImuValues,
+    expressed: Collection[str] = (),
+    *,
+    per_axis: bool = False,
+    above_zero: bool = False,
+) -> Iterator[str]:
+    """Yield the notes of a file on its numbers, a sentence each.
+
+    :param expressed: parameters of the IMU that the format can express, besides the densities.
+    :param per_axis: the format has a number for each axis.
+    :param above_zero: the format wants numbers above 0.
+    """
+    zero = [name for name in DENSITIES if values.one(name) == 0.0]
+    walks = [f"{t}_random_walk" for t in TRIADS if values.axes(f"{t}_bias_instability").any()]
+    if walks and not set(expressed).issuperset(f"{t}_bias_instability" for t in TRIADS):
+        yield (
+            f"{', '.join(walks)}: sqrt(K^2 + 3 (0.664 B)^2 / T), T = {HORIZON:g} s: the simulated "
+            "walk K and a walk whose Allan deviation is that of the simulated 1/f noise B at T, "
+            "with which velocity and pose of a smoother in gtsam have the covariance it states. "
+            + "; ".join(f"{w}: K = {decimal(values.densities()[w])}" for w in walks)
+        )
+    if above_zero and zero:
+        yield f"0 in the simulation, where a number above 0 is required: {', '.join(zero)}"
+    if not per_axis and values.uneven():
+        yield f"The root mean square of axes that differ: {', '.join(values.uneven())}"
+    missing = values.missing(expressed)
+    if missing:
+        yield f"Simulated, but not expressible in this format: {', '.join(missing)}"
+    else:
+        yield "This format expresses everything that is simulated."
+
+
+def comment(lines: Iterator[str] | list[str]) -> str:
+    """Return sentences as YAML comments, wrapped at 100 columns."""
+    import textwrap
+
+    return "".join(
+        f"{row}\n"
+        for line in lines
+        for row in textwrap.wrap(line, 100, initial_indent="# ", subsequent_indent="#   ")
+    )
+
+
+def rows(matrix: Array, indent: str) -> str:
+    """Return a matrix as YAML, a list for each row, all of it floating point."""
+    return "".join(f"{indent}- [ {', '.join(map(_floating, row.tolist()))} ]\n" for row in matrix)
+
+
+def _floating(value: float) -> str:
+    words = decimal(value)
+    return words if "." in words else f"{words}.0"

@@ -1,0 +1,436 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The cameras of a recorded dataset: its folder, their tables, and what an image's file is."""
+
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.bags.messages.encode_cameras import CameraInfo
+from imu_sim_ros.bags.text import reader as text_reader
+from imu_sim_ros.bags.text.decimals import decimal
+from imu_sim_ros.datasets.images import DEPTH_FOLDER, pose_text
+from imu_sim_ros.errors import InputError, naming, system_error
+from imu_sim_ros.inputs.rows import (
+    COLUMNS,
+    STAMPS,
+    VALUES,
+    BadRows,
+    Skipped,
+    is_present,
+    names_in,
+    open_regular,
+    read_text,
+    row_blocks,
+    shortened,
+)
+from imu_sim_ros.parameters.yaml_text import parse_yaml
+from imu_sim_ros.sensors.camera.images.files import JPEG, PNG, Size, decoded, examined, png
+from imu_sim_ros.sensors.imu.parameters import rotation_problems
+from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
+
+_TO_EUROC: Final = {
+    "plumb_bob": "radial-tangential",
+    "rational_polynomial": "radial-tangential8",
+    "equidistant": "equidistant",
+}
+_TO_ROS: Final = {
+    **{euroc: ros for ros, euroc in _TO_EUROC.items()},
+    "none": "plumb_bob",
+    "radtan": "plumb_bob",
+    "radtan8": "rational_polynomial",
+}
+_SHAPES: Final = {"pinhole": (), "unified": ("xi",), "double_sphere": ("xi", "alpha")}
+"""Numbers of each camera model beside the intrinsics of a pinhole."""
+_KALIBR: Final = {"pinhole": "pinhole", "omni": "unified", "ds": "double_sphere"}
+_LARGEST: Final = 1 << 20
+"""Pixels along a side; larger ones are a mistake."""
+_PLUMB_BOB: Final = 5
+
+
+class Description(NamedTuple):
+    """What is known about a camera; None: not known."""
+
+    info: CameraInfo | None = None
+    pose: NDArray[np.float64] | None = None
+    """T_bc (4, 4): maps points of the camera into the body."""
+
+
+def sensor_yaml(found: Description, stamps: Sequence[int], comment: str) -> str:
+    """Return EuRoC's description of a camera; what is not known is left out."""
+    text = f"# Camera\nsensor_type: camera\ncomment: {comment}\n\n"
+    if found.pose is not None:
+        text += f"# T_BS maps points of the camera into the body.\n{pose_text(found.pose)}\n"
+    if len(stamps) > 1:
+        period = float(np.median(np.diff(sorted(stamps))))
+        text += f"rate_hz: {round(NANOSECONDS_PER_SECOND / period, 3):g}\n"
+    if found.info is None:
+        return text
+    info, d = found.info, found.info.d
+    model, kind = "pinhole", _TO_EUROC.get(info.distortion_model, info.distortion_model or "none")
+    names = _SHAPES.get(info.distortion_model, ())
+    if names:  # the spheres, whose numbers come first in D
+        model, kind = info.distortion_model, "radial-tangential" if len(d) > len(names) else "none"
+    shape = "".join(f"{name}: {decimal(value)}\n" for name, value in zip(names, d, strict=False))
+    d = d[len(names) :] or (0.0,) * (4 if names else 0)
+    if info.distortion_model == "plumb_bob" and len(d) == _PLUMB_BOB and d[4] == 0.0:
+        d = d[:4]
+    numbers = ", ".join(decimal(float(info.k[at])) for at in ((0, 0), (1, 1), (0, 2), (1, 2)))
+    return (
+        f"{text}resolution: [{info.width}, {info.height}]\ncamera_model: {model}\n{shape}"
+        f"intrinsics: [{numbers}] # fu, fv, cu, cv\ndistortion_model: {kind}\n"
+        f"distortion_coefficients: [{', '.join(decimal(float(value)) for value in d)}]\n"
+    )
+
+
+def read_sensor_yaml(path: Path) -> Description:
+    """Return what a EuRoC folder's sensor.yaml says about a camera.
+
+    :raises InputError: with a line for each value that cannot be used.
+    """
+    keys = _Keys(path, _mapping(path))
+    pose = keys.pose("T_BS", "data")
+    if "intrinsics" not in keys.tree:
+        return keys.finished(None, pose)
+    model = keys.one_of("camera_model", tuple(_SHAPES))
+    shape = [keys.numbers(name, (1,))[0] for name in _SHAPES[model]]
+    focal = keys.numbers("intrinsics", (4,))
+    return keys.finished(keys.info(model, shape, focal, "distortion_coefficients"), pose)
+
+
+def read_camchain(path: Path, camera: str) -> Description:
+    """Return what kalibr's camchain says about a camera; the body is the IMU.
+
+    :raises InputError: with a line for each value that cannot be used.
+    """
+    tree = _mapping(path).get(camera)
+    if not isinstance(tree, dict):
+        return Description()
+    keys = _Keys(path, tree, f"{camera}: ")
+    t_ci = keys.pose("T_cam_imu")
+    model = _KALIBR[keys.one_of("camera_model", tuple(_KALIBR))]
+    count = len(_SHAPES[model])
+    numbers = keys.numbers("intrinsics", (count + 4,))
+    info = keys.info(model, numbers[:count], numbers[count:], "distortion_coeffs")
+    return keys.finished(info, None if t_ci is None else inverse(t_ci))
+
+
+def inverse(pose: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the transform (4, 4) the other way."""
+    result = np.eye(4)
+    result[:3, :3] = pose[:3, :3].T
+    result[:3, 3] = -pose[:3, :3].T @ pose[:3, 3]
+    return result
+
+
+def _mapping(path: Path) -> dict[str, Any]:
+    lines = read_text(path).splitlines(keepends=True)
+    if lines and lines[0].startswith("%YAML:"):  # OpenCV's own first line, which is no YAML
+        lines = lines[1:]
+    try:
+        tree = parse_yaml("".join(lines))
+    except ValueError as error:
+        raise InputError(f"{path}: not YAML: {error}") from None
+    if not isinstance(tree, dict):
+        raise InputError(f"{path}: must hold names and values")
+    return tree
+
+
+class _Keys:
+    """The values of a description, and what is wrong with them."""
+
+    def __init__(self, path: Path, tree: dict[str, Any], prefix: str = "") -> None:
+        self.tree = tree
+        self._name, self._problems = f"{path}: {prefix}", list[str]()
+
+    def finished(self, info: CameraInfo | None, pose: NDArray[np.float64] | None) -> Description:
+        if self._problems:
+            raise InputError(self._problems)
+        return Description(info, pose)
+
+    def one_of(self, key: str, allowed: Sequence[str]) -> str:
+        value = self.tree.get(key)
+        if value in allowed:
+            return str(value)
+        self._refuse(key, value, f"must be one of {', '.join(allowed)}")
+        return allowed[0]
+
+    def numbers(self, key: str, counts: Sequence[int]) -> list[float]:
+        """Return as many finite numbers as one of the counts; of none given any number."""
+        value = self.tree.get(key)
+        entries: list[Any] = value if isinstance(value, list) else [value]
+        try:
+            found = [float(entry) for entry in entries if not isinstance(entry, bool)]
+        except (TypeError, ValueError):
+            found = []
+        fits = len(found) == len(entries) and (not counts or len(found) in counts)
+        if fits and np.isfinite(found).all():
+            return found
+        words = f"{' or '.join(map(str, counts))} finite numbers" if counts else "finite numbers"
+        self._refuse(key, value, f"must be {words}")
+        return [0.0] * (counts[0] if counts else 0)
+
+    def pose(self, key: str, below: str = "") -> NDArray[np.float64] | None:
+        """Return a transform (4, 4), of 16 numbers or of four rows; None where there is none."""
+        value = self.tree.get(key)
+        if value is not None and below:
+            value = value.get(below) if isinstance(value, dict) else value
+        if value is None:
+            return None
+        try:
+            matrix = np.array(value, dtype=np.float64).reshape(4, 4)
+        except (TypeError, ValueError):
+            self._refuse(key, value, "must be a matrix of 4 x 4 numbers")
+            return None
+        if not np.isfinite(matrix).all() or not np.allclose(matrix[3], (0, 0, 0, 1)):
+            self._refuse(key, value, "must be finite, its last row 0, 0, 0, 1")
+            return None
+        nine: Any = tuple(matrix[:3, :3].ravel().tolist())
+        self._problems += rotation_problems(nine, f"{self._name}{key}")
+        return matrix
+
+    def info(
+        self, model: str, shape: Sequence[float], focal: Sequence[float], coefficients: str
+    ) -> CameraInfo:
+        """Return the model in the terms of sensor_msgs/CameraInfo."""
+        width, height = self.numbers("resolution", (2,))
+        if not all(1 <= side <= _LARGEST and side == int(side) for side in (width, height)):
+            self._refuse("resolution", self.tree.get("resolution"), "must be width, height [px]")
+        told = self.tree.get("distortion_model", "none")
+        kind = _TO_ROS.get(told, told if isinstance(told, str) else "")
+        d = self.numbers(coefficients, ()) if self.tree.get(coefficients) else []
+        if kind == "plumb_bob":
+            d = [*d, *[0.0] * (_PLUMB_BOB - len(d))]
+        if model != "pinhole":
+            kind, d = model, [*shape, *(d if told != "none" else [])]
+        fx, fy, cx, cy = focal
+        k = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+        p = np.column_stack([k, np.zeros(3)])
+        return CameraInfo(int(height), int(width), kind, tuple(d), k, np.eye(3), p)
+
+    def _refuse(self, key: str, value: Any, allowed: str) -> None:
+        words = "missing" if value is None else repr(value)
+        shown = words if len(words) <= 60 else words[:57] + "..."
+        self._problems.append(f"{self._name}{key} = {shown}: {allowed}")
+
+
+_WHAT: Final = "a table of stamps and file names"
+_STAMP: Final = re.compile(r"[0-9]{1,19}")
+_IMAGE: Final = re.compile(r"[0-9]{1,19}\.(png|jpe?g|bmp|pgm|tiff?)", re.IGNORECASE)
+_PIXELS: Final = {
+    (1, 1): "mono8",
+    (1, 2): "mono16",
+    (3, 1): "rgb8",
+    (3, 2): "rgb16",
+    (4, 1): "rgba8",
+}
+"""By number of channels, and bytes of each."""
+_PNG_CHANNELS: Final = {0: 1, 2: 3, 3: 3, 4: 4, 6: 4}
+"""Of PNG's kinds of colour, as OpenCV decodes them: grey, colour, palette, and with alpha."""
+
+
+class Frames(NamedTuple):
+    """n images of a camera, in time order."""
+
+    folder: Path
+    t_ns: NDArray[np.int64]
+    names: list[str]
+
+
+class FolderCamera(NamedTuple):
+    """What a folder has of one camera."""
+
+    name: str
+    images: Frames
+    depth: Frames | None
+    described: Description
+    text: str
+    """Of its sensor.yaml; empty where there is none."""
+
+    @property
+    def frame(self) -> str:
+        """The frame of its messages, as the simulator names it."""
+        return f"{self.name}_optical_frame"
+
+
+def folder_cameras(path: Path, skipped: Skipped | None = None) -> list[FolderCamera]:
+    """Return the cameras of a EuRoC, TUM VI or kalibr_bagcreater folder: cam0, cam1, ...
+
+    :param skipped: receives the number of bad rows skipped in a table; None: they are errors.
+    :raises InputError: with a line for each row and each description that cannot be used.
+    """
+    found: dict[str, FolderCamera] = {}
+    for place in text_reader.places(path):
+        for name in text_reader.sensor_folders(place, "cam"):
+            folder = place / name
+            if name not in found:
+                images = _images(folder, skipped)
+                if images is not None:
+                    depth = _listed(folder / DEPTH_FOLDER)
+                    described, text = _described(path, folder)
+                    camera = FolderCamera(name, images, depth, described, text)
+                    found[name] = camera
+    return list(found.values())
+
+
+def _images(folder: Path, skipped: Skipped | None) -> Frames | None:
+    table = folder / "data.csv"
+    return _tabled(table, skipped) if is_present(table) else _listed(folder)
+
+
+def _listed(folder: Path) -> Frames | None:
+    """Return the images of a folder that are named by their stamps [ns]; None without any."""
+    found = filter(_IMAGE.fullmatch, names_in(folder))
+    names = sorted(found, key=lambda name: int(name.partition(".")[0]))
+    stamps = [int(name.partition(".")[0]) for name in names]
+    if stamps and stamps[-1] >= 1 << 63:
+        raise InputError(f"{folder / names[-1]}: not a stamp in nanoseconds")
+    return Frames(folder, np.array(stamps, dtype=np.int64), names) if names else None
+
+
+def _tabled(table: Path, skipped: Skipped | None) -> Frames:
+    """Return the images that a data.csv lists, all of which exist."""
+    folder = table.parent / "data"
+    there = set(names_in(folder))
+    bad = BadRows(table)
+    stamps: list[int] = []
+    names: list[str] = []
+    for number, fields in _rows(table):
+        problem = _problem(fields, there, stamps[-1] if stamps else 0)
+        if problem is None:
+            stamps.append(int(fields[0]))
+            names.append(fields[1])
+            bad.good += 1
+        else:
+            bad.rows += 1
+            bad.note(problem[0], number, problem[1])
+    if skipped is None:
+        bad.complain()
+    elif bad.rows:
+        skipped(bad.rows)
+    return Frames(folder, np.array(stamps, dtype=np.int64), names)
+
+
+def _rows(table: Path) -> Iterator[tuple[int, list[str]]]:
+    """Yield number and fields of each row."""
+    first = True
+    for rows in row_blocks(table, _WHAT):
+        for number, line in rows:
+            header = first and not line[:1].isdigit()
+            first = False
+            if not header:
+                words = line.decode("utf-8", "replace").split(",")
+                yield number, [word.strip() for word in words]
+
+
+def _problem(fields: list[str], there: set[str], last_ns: int) -> tuple[str, str] | None:
+    """Return class and words of what is wrong with a row; None for a good one."""
+    if len(fields) != 2:
+        return COLUMNS, f"{len(fields)} columns; expected nanoseconds and a file name"
+    stamp, name = fields
+    if not _STAMP.fullmatch(stamp) or int(stamp) >= 1 << 63:
+        return STAMPS, f"{shortened(stamp)} is not a stamp in nanoseconds"
+    if int(stamp) < last_ns:
+        step = (last_ns - int(stamp)) * 1e-9
+        return STAMPS, f"the stamp is {step:.9g} s before that of an earlier line"
+    if name not in there:
+        return VALUES, f"the image {shortened(name)} is not in data/"
+    return None
+
+
+def _described(path: Path, folder: Path) -> tuple[Description, str]:
+    """Return what a dataset says about a camera, and the text of its sensor.yaml."""
+    file = folder / "sensor.yaml"
+    if is_present(file):
+        return read_sensor_yaml(file), read_text(file)
+    for root in (path, path.parent) if path.name == "mav0" else (path,):
+        chain = root / "dso" / "camchain.yaml"
+        if is_present(chain):
+            return read_camchain(chain, folder.name), ""
+    return Description(), ""
+
+
+def read_image(path: Path) -> tuple[bytes, Size]:
+    """Return the bytes of an image's file, and its size.
+
+    :raises InputError: for what is no file, or no whole image.
+    """
+    with open_regular(path) as file, naming(path):
+        try:
+            data = file.read()
+        except OSError as error:
+            raise system_error(path, error) from None
+        return data, image_size(data)
+
+
+def image_size(data: bytes) -> Size:
+    """Return the size of an encoded image, which is whole.
+
+    :raises InputError: for one that is not.
+    """
+    size = examined(data)[0]
+    if size is None:
+        height, width = decoded(data).shape[:2]
+        size = height, width
+    return size
+
+
+class OneSize:
+    """The size that all images of a camera have: that of the first."""
+
+    def __init__(self) -> None:
+        self._first: Size | None = None
+
+    def check(self, name: Path | str, size: Size) -> None:
+        """Refuse an image of another size.
+
+        :raises InputError: with both sizes.
+        """
+        first = self._first = self._first or size
+        if size != first:
+            raise InputError(
+                f"{name}: {size[1]} x {size[0]} pixels; the images before it have "
+                f"{first[1]} x {first[0]}"
+            )
+
+
+def as_png(data: bytes) -> bytes:
+    """Return an encoded image as PNG; one that is PNG already stays as it is.
+
+    :raises InputError: for bytes that are no image.
+    """
+    if data.startswith(PNG):
+        return data
+    image = decoded(data)
+    return png(image[..., :3] if image.ndim > 2 else image)
+
+
+def as_sent(data: bytes) -> tuple[str, str, bytes]:
+    """Return form (png, jpeg), pixels' encoding and bytes of an image as CompressedImage has it.
+
+    PNG and JPEG stay as they are.
+    """
+    if data.startswith(PNG):
+        size = (_PNG_CHANNELS.get(data[25], 0), 2 if data[24] > 8 else 1)
+        if size in _PIXELS:
+            return "png", _PIXELS[size], data
+    image = decoded(data)
+    pixels = pixel_encoding(image)
+    return ("jpeg", pixels, data) if data.startswith(JPEG) else ("png", pixels, png(image))
+
+
+def pixel_encoding(image: NDArray[Any]) -> str:
+    """Return the encoding of sensor_msgs/Image for an image (h, w) or (h, w, channels).
+
+    :raises InputError: for pixels that it has no name for.
+    """
+    channels = 1 if image.ndim == 2 else image.shape[2]
+    size = (channels, image.dtype.itemsize)
+    if size not in _PIXELS or image.dtype.kind != "u":
+        raise InputError(f"{channels} channels of {image.dtype}: a message cannot hold such pixels")
+    return _PIXELS[size]

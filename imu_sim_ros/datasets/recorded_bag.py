@@ -1,0 +1,300 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Images of a bag as files: EuRoC's ``cam0/data``, with ``sensor.yaml``, or kalibr_bagcreater's.
+
+The description of a camera is what the bag says: model from CameraInfo, place from /tf_static.
+"""
+
+import re
+from collections import deque
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros import rotation
+from imu_sim_ros.bags.messages.blocks import TopicInfo
+from imu_sim_ros.bags.messages.encode_cameras import (
+    CAMERA_INFO,
+    COMPRESSED_IMAGE,
+    IMAGE,
+    TF_MESSAGE,
+    CameraInfo,
+)
+from imu_sim_ros.bags.read import decoded_messages
+from imu_sim_ros.bags.reader import Bag
+from imu_sim_ros.conventions import COMPRESSED_TOPIC, DEPTH_TOPIC, IMAGE_TOPIC, TF_STATIC_TOPIC
+from imu_sim_ros.datasets.images import DEPTH_FOLDER, image_name, millimetres, write_table
+from imu_sim_ros.datasets.recorded import Description, OneSize, as_png, image_size, sensor_yaml
+from imu_sim_ros.errors import InputError, naming, system_error
+from imu_sim_ros.machine import cores
+from imu_sim_ros.sensors.camera.images.files import Size, png
+from imu_sim_ros.sensors.camera.images.renderer import opencv
+from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
+
+Transforms = dict[str, tuple[str, NDArray[np.float64]]]
+"""By child: its parent, and T_parent_child (4, 4)."""
+
+_ENDINGS: Final = (
+    f"/{COMPRESSED_TOPIC}",
+    "/image/compressed",
+    f"/{DEPTH_TOPIC}",
+    f"/{IMAGE_TOPIC}",
+)
+_DEPTH: Final = "32FC1"
+_PIXELS: Final = {
+    **dict.fromkeys(("mono8", "8UC1"), ("u1", 1)),
+    **{f"bayer_{order}8": ("u1", 1) for order in ("rggb", "bggr", "gbrg", "grbg")},
+    **dict.fromkeys(("mono16", "16UC1"), ("u2", 1)),
+    **dict.fromkeys(("rgb8", "bgr8", "8UC3"), ("u1", 3)),
+    **dict.fromkeys(("rgb16", "bgr16"), ("u2", 3)),
+    **dict.fromkeys(("rgba8", "bgra8", "8UC4"), ("u1", 4)),
+    _DEPTH: ("f4", 1),
+}
+"""Type and number of the values of a pixel."""
+_AHEAD: Final = 4
+"""Images in progress for each thread."""
+
+
+class RecordedCamera(NamedTuple):
+    """The topics of one camera in a bag."""
+
+    name: str
+    """Of its folder."""
+    base: str
+    """What its topics have in common."""
+    images: TopicInfo | None
+    depth: TopicInfo | None
+
+
+def recorded_cameras(topics: Sequence[TopicInfo]) -> list[RecordedCamera]:
+    """Return the cameras among a bag's topics; of two topics of the same images the raw one.
+
+    Names such as cam0 stay; others are numbered in the order of their topics.
+    """
+    found: dict[str, dict[str, TopicInfo]] = {}
+    for topic in sorted(topics, key=lambda topic: (topic.type == COMPRESSED_IMAGE, topic.name)):
+        if topic.type in (IMAGE, COMPRESSED_IMAGE):
+            kind = "depth" if topic.name.endswith(f"/{DEPTH_TOPIC}") else "images"
+            found.setdefault(_base(topic.name), {}).setdefault(kind, topic)
+    bases = sorted(found)
+    kept = [base.rpartition("/")[2] for base in bases]
+    if not all(re.fullmatch(r"cam\d+", name) for name in kept) or len(set(kept)) < len(kept):
+        kept = [f"cam{k}" for k in range(len(bases))]
+    return [
+        RecordedCamera(name, base, found[base].get("images"), found[base].get("depth"))
+        for name, base in zip(kept, bases, strict=True)
+    ]
+
+
+def _base(topic: str) -> str:
+    for ending in _ENDINGS:
+        if topic.endswith(ending):
+            return topic.removesuffix(ending)
+    return topic.rpartition("/")[0]
+
+
+class RecordedImages:
+    """The images of a bag on their way into a dataset's folder."""
+
+    def __init__(self, bag: Bag, cameras: Sequence[RecordedCamera], folder: Path, form: str):
+        """Make the folders.
+
+        :param folder: that exists.
+        :param form: euroc, or csv, which has neither tables nor depth.
+        :raises MissingDependencyError: where OpenCV is not installed.
+        """
+        opencv().setNumThreads(1)  # the threads are ours
+        self._bag, self._folder, self._euroc = bag, folder, form == "euroc"
+        self._places: dict[str, Path] = {}
+        self._cameras = {camera.name: camera for camera in cameras}
+        self._stamps: dict[str, dict[int, None]] = {}
+        self._frames: dict[str, str] = {}
+        """Of each camera's messages, by base."""
+        self._infos: dict[str, Any] = {}
+        """The first CameraInfo of each camera, by base."""
+        self._transforms: Transforms = {}
+        for camera in cameras:
+            self._place(camera.images, folder / camera.name / ("data" if self._euroc else ""))
+            if self._euroc:
+                self._place(camera.depth, folder / camera.name / DEPTH_FOLDER)
+
+    def _place(self, topic: TopicInfo | None, folder: Path) -> None:
+        if topic is None:
+            return
+        try:
+            folder.mkdir(parents=True)
+        except OSError as error:
+            raise system_error(folder, error) from None
+        self._places[topic.name], self._stamps[topic.name] = folder, {}
+
+    @property
+    def topics(self) -> list[TopicInfo]:
+        """The topics that are written."""
+        return [topic for topic in self._bag.topics if topic.name in self._places]
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Images by topic."""
+        return {name: len(stamps) for name, stamps in self._stamps.items()}
+
+    @property
+    def last_ns(self) -> int:
+        """The last stamp [ns]; -1 without any image."""
+        return max((max(stamps, default=-1) for stamps in self._stamps.values()), default=-1)
+
+    def write(self, advance: Callable[[int], object], comment: str) -> None:
+        """Write all images, then tables and descriptions.
+
+        :param advance: receives the number of images written.
+        :raises InputError: for messages that are no images, with the topic.
+        """
+        waiting: deque[tuple[str, Future[Size]]] = deque()
+        sizes = {name: OneSize() for name in self._places}
+
+        def take() -> None:
+            name, future = waiting.popleft()
+            sizes[name].check(name, future.result())
+            advance(1)
+
+        jobs = cores()
+        pool = ThreadPoolExecutor(jobs, thread_name_prefix="images")
+        try:
+            for topic, message in decoded_messages(self._bag, self._wanted()):
+                if topic.name not in self._places:
+                    self._learn(topic, message)
+                    continue
+                t_ns = _stamp(message)
+                self._stamps[topic.name][t_ns] = None
+                self._frames.setdefault(_base(topic.name), message.header.frame_id)
+                path = self._places[topic.name] / image_name(t_ns)
+                waiting.append((topic.name, pool.submit(_write, topic, message, path)))
+                if len(waiting) >= _AHEAD * jobs:
+                    take()
+            while waiting:
+                take()
+        finally:
+            pool.shutdown(cancel_futures=True)
+        if self._euroc:
+            self._describe(comment)
+
+    def _wanted(self) -> set[str]:
+        """Return the topics to read: images, and what describes their cameras."""
+        bases = {camera.base for camera in self._cameras.values()}
+        told = {
+            topic.name
+            for topic in self._bag.topics
+            if (topic.type == CAMERA_INFO and _base(topic.name) in bases)
+            or (topic.name, topic.type) == (TF_STATIC_TOPIC, TF_MESSAGE)
+        }
+        return {*self._places, *(told if self._euroc else ())}
+
+    def _learn(self, topic: TopicInfo, message: Any) -> None:
+        if topic.type == CAMERA_INFO:
+            self._infos.setdefault(_base(topic.name), message)
+        else:
+            self._transforms.update(_fixed(message))
+
+    def _describe(self, comment: str) -> None:
+        for name, camera in self._cameras.items():
+            if camera.images is None:
+                continue
+            stamps = list(self._stamps[camera.images.name])
+            write_table(self._folder / name, stamps)
+            pose = to_root(self._transforms, self._frames.get(camera.base, ""))
+            found = Description(_described(self._infos.get(camera.base)), pose)
+            text = sensor_yaml(found, stamps, comment)
+            (self._folder / name / "sensor.yaml").write_text(text, encoding="utf-8")
+
+
+def _stamp(message: Any) -> int:
+    stamp = message.header.stamp
+    return int(stamp.sec) * NANOSECONDS_PER_SECOND + int(stamp.nanosec)
+
+
+def _write(topic: TopicInfo, message: Any, path: Path) -> Size:
+    """Write the image of a message as PNG, and return its size.
+
+    One that is PNG already stays as it is.
+    """
+    if topic.type == COMPRESSED_IMAGE:
+        data = message.data.tobytes()
+        with naming(topic.name):
+            size, data = image_size(data), as_png(data)
+    else:
+        image = pixels(topic.name, message)
+        size = image.shape[0], image.shape[1]
+        data = png(millimetres(image) if image.dtype == np.float32 else image)
+    try:
+        path.write_bytes(data)
+    except OSError as error:
+        path.unlink(missing_ok=True)
+        raise system_error(path, error) from None
+    return size
+
+
+def pixels(topic: str, message: Any) -> NDArray[Any]:
+    """Return the image of a sensor_msgs/Image: (h, w), or (h, w, 3) in red, green and blue.
+
+    :raises InputError: for an encoding that is not known, and sizes that contradict each other.
+    """
+    if message.encoding not in _PIXELS:
+        raise InputError(
+            f"{topic}: encoding {message.encoding!r}: must be one of {', '.join(_PIXELS)}"
+        )
+    code, count = _PIXELS[message.encoding]
+    dtype = np.dtype(code).newbyteorder(">" if message.is_bigendian else "<")
+    height, width, step = int(message.height), int(message.width), int(message.step)
+    row = width * count * dtype.itemsize
+    if step < row or len(message.data) < step * height or not row * height:
+        raise InputError(
+            f"{topic}: an image of {width} x {height} pixels, {message.encoding}, step {step}, "
+            f"in {len(message.data)} bytes"
+        )
+    rows = np.asarray(message.data, np.uint8)[: step * height].reshape(height, step)[:, :row]
+    values: NDArray[Any] = np.ascontiguousarray(rows).view(dtype).astype(dtype.newbyteorder("="))
+    if count == 1:
+        return values
+    values = values.reshape(height, width, count)[..., :3]
+    return values if message.encoding.startswith("rgb") else values[..., ::-1]
+
+
+def _fixed(message: Any) -> Transforms:
+    """Return the transforms of a message of /tf_static."""
+    found: Transforms = {}
+    for t in message.transforms:
+        q, p = t.transform.rotation, t.transform.translation
+        pose = np.eye(4)
+        pose[:3, :3] = rotation.to_matrix(np.array([[q.w, q.x, q.y, q.z]]))[0]
+        pose[:3, 3] = (p.x, p.y, p.z)
+        found[t.child_frame_id] = (t.header.frame_id, pose)
+    return found
+
+
+def to_root(transforms: Transforms, frame: str) -> NDArray[np.float64] | None:
+    """Return T (4, 4) from a frame to the one that everything is fixed to; None: not known."""
+    if frame not in transforms:
+        return None
+    pose, seen = np.eye(4), set()
+    while frame in transforms and frame not in seen:
+        seen.add(frame)
+        frame, step = transforms[frame]
+        pose = step @ pose
+    return pose
+
+
+def _described(info: Any) -> CameraInfo | None:
+    """Return a message of CameraInfo, of ROS 1 or ROS 2, as values."""
+    if info is None:
+        return None
+    d, k, r, p = (
+        np.asarray(getattr(info, name) if hasattr(info, name) else getattr(info, name.upper()))
+        for name in "dkrp"
+    )
+    kind = str(info.distortion_model)
+    matrices = k.reshape(3, 3), r.reshape(3, 3), p.reshape(3, 4)
+    return CameraInfo(int(info.height), int(info.width), kind, tuple(d.tolist()), *matrices)

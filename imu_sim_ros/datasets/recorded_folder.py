@@ -1,0 +1,248 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Images of a dataset's folder as messages, or in another folder.
+
+EuRoC's and TUM VI's ``cam0/data.csv`` and ``cam0/data``, or kalibr_bagcreater's
+``cam0/<stamp>.png``; the camera's model and place from ``sensor.yaml``, or TUM VI's
+``dso/camchain.yaml``. Threads decode images ahead of the writer; how many are in memory does not
+depend on the length of the dataset.
+"""
+
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from itertools import islice
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from imu_sim_ros import rotation
+from imu_sim_ros.bags.messages.encode_cameras import (
+    CAMERA_INFO,
+    COMPRESSED_IMAGE,
+    IMAGE,
+    TF_MESSAGE,
+    CameraInfoEncoder,
+    CompressedImageEncoder,
+    ImageEncoder,
+    TransformsEncoder,
+)
+from imu_sim_ros.bags.writer import Block, Topic, Writer
+from imu_sim_ros.conventions import (
+    BODY_FRAME,
+    CAMERA_INFO_TOPIC,
+    COMPRESSED_TOPIC,
+    DEPTH_TOPIC,
+    IMAGE_TOPIC,
+    TF_STATIC_TOPIC,
+)
+from imu_sim_ros.datasets.features import LATCHED
+from imu_sim_ros.datasets.images import DEPTH_FOLDER, image_name, write_table
+from imu_sim_ros.datasets.recorded import (
+    FolderCamera,
+    Frames,
+    OneSize,
+    as_png,
+    as_sent,
+    folder_cameras,
+    pixel_encoding,
+    read_image,
+    sensor_yaml,
+)
+from imu_sim_ros.errors import naming, system_error
+from imu_sim_ros.inputs.rows import Skipped
+from imu_sim_ros.machine import cores
+from imu_sim_ros.sensors.camera.images.files import Size, decoded
+
+KINDS: Final = {
+    "raw": (IMAGE_TOPIC,),
+    "compressed": (COMPRESSED_TOPIC,),
+    "both": (IMAGE_TOPIC, COMPRESSED_TOPIC),
+}
+"""As ``camera.images`` has them: the topics of a camera's images, below its name."""
+_TYPES: Final = {
+    IMAGE_TOPIC: IMAGE,
+    COMPRESSED_TOPIC: COMPRESSED_IMAGE,
+    DEPTH_TOPIC: IMAGE,
+    CAMERA_INFO_TOPIC: CAMERA_INFO,
+}
+_BATCH: Final = 8
+"""Images of a camera that are written at once."""
+_AHEAD: Final = 4
+"""Images in progress for each thread, beyond those."""
+
+Messages = dict[str, bytes]
+"""Of one frame, by topic below the camera's name."""
+
+
+class FolderImages:
+    """The images of a folder on their way elsewhere; use as a context manager."""
+
+    def __init__(self, path: Path, skipped: Skipped | None = None) -> None:
+        """Look for cameras.
+
+        :param path: of the folder; what is none has no images.
+        :param skipped: receives the number of bad rows skipped in a table; None: they are errors.
+        :raises InputError: with a line for each row and each description that cannot be used.
+        """
+        self.cameras = folder_cameras(path, skipped)
+        jobs = cores()
+        self._ahead = _BATCH + _AHEAD * jobs
+        self._pool = ThreadPoolExecutor(jobs, thread_name_prefix="images")
+
+    def __enter__(self) -> "FolderImages":
+        return self
+
+    def __exit__(self, kind: object, error: object, trace: object) -> None:
+        self._pool.shutdown(cancel_futures=True)
+
+    def streams(
+        self, writer: Writer, renamed: Mapping[str, str], kind: str
+    ) -> list[Iterator[list[Block]]]:
+        """Return streams of blocks in time order, one for each camera, its depth, and its place.
+
+        :param renamed: new names by old ones.
+        :param kind: raw, compressed or both.
+        """
+        found = [self._places(writer, renamed)]
+        for camera in self.cameras:
+            keys = (*KINDS[kind], *([CAMERA_INFO_TOPIC] if camera.described.info else []))
+            found.append(self._stream(writer, renamed, camera, camera.images, keys))
+            if camera.depth is not None:
+                found.append(self._stream(writer, renamed, camera, camera.depth, (DEPTH_TOPIC,)))
+        return found
+
+    def _stream(
+        self,
+        writer: Writer,
+        renamed: Mapping[str, str],
+        camera: FolderCamera,
+        frames: Frames,
+        keys: Sequence[str],
+    ) -> Iterator[list[Block]]:
+        topics: dict[str, Topic] = {}
+        for key in keys:
+            name = f"/{camera.name}/{key}"
+            topics[key] = writer.add_topic(renamed.get(name, name), _TYPES[key])
+        maker = _Maker(camera, keys, writer.encoding)
+        count = len(frames.t_ns)
+        orders = iter(range(count))
+        sizes = OneSize()
+        waiting: deque[tuple[Path, Future[tuple[Size, Messages]]]] = deque()
+        for start in range(0, count, _BATCH):
+            for k in islice(orders, self._ahead - len(waiting)):
+                t_ns, path = int(frames.t_ns[k]), frames.folder / frames.names[k]
+                waiting.append((path, self._pool.submit(maker.messages, t_ns, path)))
+            t_ns_here, made = frames.t_ns[start : start + _BATCH], list[Messages]()
+            for _ in t_ns_here:
+                path, future = waiting.popleft()
+                size, messages = future.result()
+                sizes.check(path, size)
+                made.append(messages)
+            yield [Block(topics[key], t_ns_here, [one[key] for one in made]) for key in keys]
+
+    def _places(self, writer: Writer, renamed: Mapping[str, str]) -> Iterator[list[Block]]:
+        """Yield where the cameras are on the body, once."""
+        placed = [c for c in self.cameras if c.described.pose is not None and len(c.images.t_ns)]
+        if not placed:
+            return
+        poses = np.stack([c.described.pose for c in placed if c.described.pose is not None])
+        names = [(BODY_FRAME, c.frame) for c in placed]
+        t_ns = np.array([min(int(c.images.t_ns[0]) for c in placed)])
+        q = rotation.from_matrix(poses[:, :3, :3])
+        rows = TransformsEncoder(names, writer.encoding).encode(
+            t_ns, poses[None, :, :3, 3], q[None]
+        )
+        name = renamed.get(TF_STATIC_TOPIC, TF_STATIC_TOPIC)
+        yield [Block(writer.add_topic(name, TF_MESSAGE, [LATCHED]), t_ns, rows)]
+
+    def copy(
+        self, folder: Path, form: str, comment: str, advance: Callable[[int], object]
+    ) -> dict[str, int]:
+        """Put all images into another folder, as PNG; return their number by topic.
+
+        :param folder: that exists.
+        :param form: euroc, or csv, which has neither tables nor depth.
+        """
+        counts = {}
+        for camera in self.cameras:
+            place = folder / camera.name
+            self._copy(camera.images, place / ("data" if form == "euroc" else ""), advance)
+            counts[f"/{camera.name}/{IMAGE_TOPIC}"] = len(camera.images.t_ns)
+            if form != "euroc":
+                continue
+            stamps = camera.images.t_ns.tolist()
+            write_table(place, stamps)
+            text = camera.text or sensor_yaml(camera.described, stamps, comment)
+            try:
+                (place / "sensor.yaml").write_text(text, encoding="utf-8")
+            except OSError as error:
+                raise system_error(place / "sensor.yaml", error) from None
+            if camera.depth is not None:
+                self._copy(camera.depth, place / DEPTH_FOLDER, advance)
+                counts[f"/{camera.name}/{DEPTH_TOPIC}"] = len(camera.depth.t_ns)
+        return counts
+
+    def _copy(self, frames: Frames, place: Path, advance: Callable[[int], object]) -> None:
+        try:
+            place.mkdir(parents=True)
+        except OSError as error:
+            raise system_error(place, error) from None
+        orders = zip(frames.t_ns.tolist(), frames.names, strict=True)
+        sizes = OneSize()
+        waiting: deque[tuple[Path, Future[Size]]] = deque()
+        while True:
+            for t_ns, name in islice(orders, self._ahead - len(waiting)):
+                path, target = frames.folder / name, place / image_name(t_ns)
+                waiting.append((path, self._pool.submit(_copy_image, path, target)))
+            if not waiting:
+                return
+            path, future = waiting.popleft()
+            sizes.check(path, future.result())
+            advance(1)
+
+
+def _copy_image(path: Path, target: Path) -> Size:
+    data, size = read_image(path)
+    with naming(path):
+        data = as_png(data)
+    try:
+        target.write_bytes(data)
+    except OSError as error:
+        target.unlink(missing_ok=True)
+        raise system_error(target, error) from None
+    return size
+
+
+class _Maker:
+    """Files of one camera as the messages of its topics; may be used by several threads."""
+
+    def __init__(self, camera: FolderCamera, keys: Sequence[str], encoding: str) -> None:
+        self._frame, self._keys, self._encoding = camera.frame, keys, encoding
+        self._info = None
+        if camera.described.info is not None:
+            self._info = CameraInfoEncoder(camera.frame, camera.described.info, encoding)
+
+    def messages(self, t_ns: int, path: Path) -> tuple[Size, Messages]:
+        """Return the size and the messages of an image."""
+        data, size = read_image(path)
+        with naming(path):
+            return size, {key: self._message(key, t_ns, data) for key in self._keys}
+
+    def _message(self, key: str, t_ns: int, data: bytes) -> bytes:
+        if key == CAMERA_INFO_TOPIC:
+            assert self._info is not None
+            return self._info.encode(t_ns)
+        if key == COMPRESSED_TOPIC:
+            form, pixels, data = as_sent(data)
+            return CompressedImageEncoder(self._frame, pixels, self._encoding, form).encode(
+                t_ns, data
+            )
+        image = decoded(data)
+        pixels = pixel_encoding(image)
+        if key == DEPTH_TOPIC and pixels == "mono16":
+            pixels = "16UC1"  # millimetres (REP 118), not grey values
+        height, width = image.shape[:2]
+        return ImageEncoder(self._frame, height, width, pixels, self._encoding).encode(t_ns, image)

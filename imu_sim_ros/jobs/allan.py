@@ -1,0 +1,190 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Allan analysis: noise parameters by triad and axis, with confidence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros import arguments
+from imu_sim_ros.calibration.noise import noise_files
+from imu_sim_ros.calibration.noise.analysis import MODELS, AllanResult, analyse
+from imu_sim_ros.calibration.noise.terms import quantity
+from imu_sim_ros.conventions import AXES, TRIADS
+from imu_sim_ros.jobs.flight import Flight, readings_of
+from imu_sim_ros.jobs.output import checked_place, saved
+from imu_sim_ros.jobs.readings import BAG_OR_FILE, Readings
+
+if TYPE_CHECKING:
+    from imu_sim_ros.plots.style import Figure
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, repr=False)
+class Estimated:
+    """A parameter of three axes with its 95 % interval."""
+
+    value: Array
+    """(3,) x, y, z; NaN where the data cannot distinguish it from zero."""
+    low: Array
+    """(3,) lower ends of the intervals; 0 where there is no value."""
+    high: Array
+    """(3,) upper ends of the intervals; where there is no value, its upper bound; infinite for an
+    axis that is not analysed."""
+    unit: str
+
+    def __repr__(self) -> str:
+        axes = [
+            _in_words(value, low, high)
+            for value, low, high in zip(self.value, self.low, self.high, strict=True)
+        ]
+        named = (f"{axis} {words}" for axis, words in zip(AXES, axes, strict=True))
+        return f"<Estimated {', '.join(named)} {self.unit}>"
+
+
+def _in_words(value: float, low: float, high: float) -> str:
+    if np.isinf(high):
+        return "not analysed"
+    return f"< {high:.3g}" if np.isnan(value) else f"{value:.3g} [{low:.3g}, {high:.3g}]"
+
+
+@dataclass(frozen=True, repr=False)
+class TriadNoise:
+    """The noise of gyroscope or accelerometer."""
+
+    noise_density: Estimated
+    """White noise, continuous time."""
+    random_walk: Estimated | None
+    """Random walk of the bias, continuous time; None under the model gauss_markov."""
+    bias_instability: Estimated | None
+    """B; the flat Allan deviation is 0.664 B."""
+    all: dict[str, Estimated]
+    """Every parameter of the model by name."""
+    deviation: Array
+    """(m, 3) overlapping Allan deviation at the averaging times."""
+
+    def __repr__(self) -> str:
+        lines = [f"  {name}: {value!r}" for name, value in self.all.items()]
+        return "\n".join(["<TriadNoise", *lines]) + ">"
+
+
+@dataclass(frozen=True, repr=False)
+class Noise:
+    """What :func:`imu_sim_ros.allan` found."""
+
+    gyroscope: TriadNoise
+    accelerometer: TriadNoise
+    tau: Array
+    """(m,) averaging times of the Allan deviations [s]."""
+    rate: float
+    """Samples per second [Hz]."""
+    duration: float
+    """Seconds at rest that were used."""
+    warnings: tuple[str, ...]
+    result: AllanResult
+    name: str = ""
+    """Of the sensor or the file, for titles."""
+
+    def __repr__(self) -> str:
+        density = np.nanmean(self.gyroscope.noise_density.value)
+        force = np.nanmean(self.accelerometer.noise_density.value)
+        return (
+            f"<Noise of {self.duration:.6g} s at {self.rate:.4g} Hz: gyroscope {density:.3g} "
+            f"rad/s/sqrt(Hz), accelerometer {force:.3g} m/s^2/sqrt(Hz)>"
+        )
+
+    def plot(self) -> Figure:
+        """Return a matplotlib figure of the Allan deviations, their bands and the fitted terms."""
+        from imu_sim_ros.plots import allan as pictures
+
+        return pictures.figure(self.result, self.name)
+
+    def save(self, path: str | Path, topic: str = "/imu0", *, force: bool = False) -> Path:
+        """Write a file that takes these values; returns its path.
+
+        :param path: ``.csv``: the Allan deviation; ``.yaml``: kalibr's imu.yaml.
+        :param topic: of kalibr's file.
+        :param force: replace what exists.
+        :raises InputError: for a path that cannot be used or exists, and for kalibr's file where
+            an axis is not analysed.
+        """
+        path = checked_place(path, force)
+        arguments.text("topic", topic, "the name of a topic")
+        with saved(path, force) as place:
+            if path.suffix == ".csv":
+                noise_files.write_csv(self.result, place)
+            else:
+                noise_files.write_kalibr(self.result, place, topic)
+        return path
+
+
+def allan(
+    source: Flight | Readings | str | Path,
+    *,
+    model: str = "standard",
+    force: bool = False,
+    topic: str | None = None,
+) -> Noise:
+    """Return the noise parameters of an IMU at rest, with confidence.
+
+    :param source: a flight, readings, or a file that :func:`imu_sim_ros.read_imu` reads.
+    :param model: ``standard`` (quantisation, white noise, flicker, walk, ramp as far as the data
+        show them) or ``gauss_markov``.
+    :param force: continue when a check of the data fails.
+    :param topic: of a bag with several IMUs.
+    :raises InputError: with a line for each check that fails.
+
+    >>> import imu_sim_ros as ims
+    >>> noise = ims.allan(ims.simulate(imu="lecture", trajectory="static", duration="10min"))
+    >>> noise.gyroscope.noise_density.value.round(3)
+    array([0.015, 0.015, 0.015])
+    """
+    arguments.one_of("model", model, MODELS)
+    arguments.switch("force", force)
+    if isinstance(source, str | PathLike):  # piece by piece: these records are long
+        from imu_sim_ros.bags.read import imu_blocks
+
+        path = arguments.path("source", source, BAG_OR_FILE)
+        name, blocks = path.name, imu_blocks(path, arguments.topic("topic", topic))
+        result = analyse([blocks], model=model, force=force)
+    else:
+        readings = readings_of("source", source, topic)
+        name, result = readings.name, analyse([[readings]], model=model, force=force)
+    gyroscope, accelerometer = (_triad(result, k) for k in range(2))
+    return Noise(
+        gyroscope,
+        accelerometer,
+        result.deviation.tau,
+        result.timing.rate,
+        result.duration,
+        result.warnings,
+        result,
+        name,
+    )
+
+
+def _triad(result: AllanResult, triad: int) -> TriadNoise:
+    found = {key: _estimated(result, triad, key) for key in result.keys}
+    columns = slice(3 * triad, 3 * triad + 3)
+    return TriadNoise(
+        found["noise_density"],
+        found.get("random_walk"),
+        found.get("bias_instability"),
+        found,
+        result.deviation.deviation[:, columns],
+    )
+
+
+def _estimated(result: AllanResult, triad: int, key: str) -> Estimated:
+    axes = [result.estimate(3 * triad + k, key) for k in range(3)]
+    value = np.array([np.nan if axis.value is None else axis.value for axis in axes])
+    low, high = np.array([axis.low for axis in axes]), np.array([axis.high for axis in axes])
+    return Estimated(value, low, high, quantity(TRIADS[triad], key).unit)

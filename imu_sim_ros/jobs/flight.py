@@ -1,0 +1,269 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A simulated flight: readings, and the truth beside them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros import arguments
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs import gate
+from imu_sim_ros.jobs.output import checked_place, saved
+from imu_sim_ros.jobs.readings import (
+    BAG_OR_FILE,
+    MagneticReadings,
+    Odometry,
+    Orientations,
+    PressureReadings,
+    Readings,
+    frame,
+    joined,
+    read_imu,
+    span,
+)
+from imu_sim_ros.parameters.sections import flatten
+from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.simulation.parameters import SimulationParameters
+
+if TYPE_CHECKING:
+    from imu_sim_ros.plots.style import Figure
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, repr=False, kw_only=True)
+class Truth(Odometry):
+    """The true motion and the true errors at the n times at which the sensor took its samples."""
+
+    acceleration: Array
+    """(n, 3) of the body in the world, without gravity [m/s^2]."""
+    gyro: Array
+    """(n, 3) what a perfect gyroscope reads at its place in the body [rad/s]."""
+    accel: Array
+    """(n, 3) what a perfect accelerometer reads at its place in the body [m/s^2]."""
+    gyro_bias: Array
+    """(n, 3) sum of all biases of the gyroscope [rad/s]."""
+    accel_bias: Array
+    """(n, 3) sum of all biases of the accelerometer [m/s^2]."""
+
+    def __repr__(self) -> str:
+        return f"<Truth: {span(self.t_ns)}>"
+
+
+def readings_of(
+    name: str,
+    given: Flight | Readings | str | Path,
+    topic: str | None = None,
+    topic_name: str = "topic",
+) -> Readings:
+    """Return the readings that somebody gives, checked.
+
+    :param name: of the argument.
+    :param topic: of a bag.
+    :param topic_name: of the argument that is the topic.
+    :raises ConfigurationError: for anything else.
+    :raises InputError: for what cannot be read, no readings, and what no sensor reads.
+    """
+    if isinstance(given, str | PathLike):
+        arguments.path(name, given, BAG_OR_FILE)
+        return read_imu(given, arguments.topic(topic_name, topic))
+    if not isinstance(given, Flight | Readings):
+        arguments.refuse(name, given, f"a Flight, Readings, or {BAG_OR_FILE}", wrong_type=True)
+    arguments.topic(topic_name, topic, of_a_file=False)
+    found = given.readings if isinstance(given, Flight) else given
+    if not len(found):
+        raise InputError(f"{name}: holds no readings")
+    gate.readings(found.t_ns, found.gyro, found.accel).complain(name)
+    return found
+
+
+class Flight:
+    """What :func:`imu_sim_ros.simulate` returns: the readings that are delivered, and the truth.
+
+    Readings that the transport loses are missing, and those it duplicates occur twice, as in a bag.
+    """
+
+    def __init__(
+        self, parameters: SimulationParameters, blocks: Sequence[ImuBlock], name: str
+    ) -> None:
+        self.parameters = parameters
+        """All parameters of the simulation, a frozen dataclass."""
+        self.name = name
+        """Sensor and motion in words."""
+        self._blocks = blocks
+
+    def _joined(self, name: str) -> Array:
+        return np.concatenate([getattr(block, name)[block.delivered] for block in self._blocks])
+
+    @cached_property
+    def t_ns(self) -> NDArray[np.int64]:
+        """(n,) stamps of the readings [ns], with the errors of the sensor's clock."""
+        return np.concatenate([block.t_ns[block.delivered] for block in self._blocks])
+
+    @cached_property
+    def gyro(self) -> Array:
+        """(n, 3) angular rates as read [rad/s], in the IMU's frame."""
+        return self._joined("gyro")
+
+    @cached_property
+    def accel(self) -> Array:
+        """(n, 3) specific forces as read [m/s^2], in the IMU's frame."""
+        return self._joined("accel")
+
+    @cached_property
+    def temperature(self) -> Array:
+        """(n,) temperature of the sensor [degC]."""
+        return self._joined("temperature")
+
+    @cached_property
+    def magnetic_field(self) -> MagneticReadings:
+        """What the magnetometer read, at its own rate and stamps.
+
+        :raises ConfigurationError: where no magnetometer was simulated.
+        """
+        return joined(self._blocks, "magnetic_field", MagneticReadings)
+
+    @cached_property
+    def orientation(self) -> Orientations:
+        """What the board states of its orientation, in the world.
+
+        :raises ConfigurationError: where no orientation was simulated.
+        """
+        return joined(self._blocks, "orientation", Orientations)
+
+    @cached_property
+    def pressure(self) -> PressureReadings:
+        """What the barometer read, at its own rate and stamps.
+
+        :raises ConfigurationError: where no barometer was simulated.
+        """
+        return joined(self._blocks, "pressure", PressureReadings)
+
+    @cached_property
+    def truth(self) -> Truth:
+        """The truth at all samples, lost ones too."""
+
+        def joined(name: str) -> Array:
+            return np.concatenate([getattr(block, name) for block in self._blocks])
+
+        def motion(name: str) -> Array:
+            return np.concatenate([getattr(block.motion, name) for block in self._blocks])
+
+        return Truth(
+            np.concatenate([block.true_t_ns for block in self._blocks]),
+            motion("position"),
+            motion("q_wb"),
+            motion("velocity"),
+            motion("angular_velocity"),
+            self.name,
+            acceleration=motion("acceleration"),
+            gyro=joined("ideal_gyro"),
+            accel=joined("ideal_accel"),
+            gyro_bias=joined("gyro_bias"),
+            accel_bias=joined("accel_bias"),
+        )
+
+    @property
+    def readings(self) -> Readings:
+        """The readings alone."""
+        return Readings(self.t_ns, self.gyro, self.accel, self.name)
+
+    def __len__(self) -> int:
+        return len(self.t_ns)
+
+    def __repr__(self) -> str:
+        return f"<Flight {self.name}: {span(self.t_ns)}, seed {self.parameters.seed}>"
+
+    def to_frame(self) -> Any:
+        """Return the readings as a pandas DataFrame: index t_ns, columns gyro_x ... accel_z.
+
+        :raises MissingDependencyError: without pandas.
+        """
+        return frame(self.t_ns, {"gyro": self.gyro, "accel": self.accel})
+
+    def plot(self) -> Figure:
+        """Return a matplotlib figure of the readings over time."""
+        return self.readings.plot()
+
+    def save(
+        self,
+        path: str | Path,
+        *,
+        format: str | None = None,
+        topics: Sequence[str] = (),
+        imu_only: bool = False,
+        rename: Mapping[str, str] | None = None,
+        force: bool = False,
+    ) -> Path:
+        """Write a bag or a dataset, the same as ``generate`` writes; returns its path.
+
+        :param path: ``NAME.bag`` is a ROS 1 bag, ``NAME.mcap`` one MCAP file, ``NAME.csv`` a table,
+            anything else a rosbag2 folder. Parents are made.
+        :param format: ``euroc`` or ``csv`` for a dataset.
+        :param topics: by default the readings and ``ground_truth/odom``.
+        :param imu_only: without the truth.
+        :param rename: another name in the bag for a topic, ``{"imu/data_raw": "/imu0"}``.
+        :param force: replace what exists, but never the file of the trajectory.
+        :raises InputError: for a place that cannot be used, something that exists, and a topic that
+            does not.
+
+        >>> import imu_sim_ros as ims
+        >>> flight = ims.simulate(trajectory="figure_eight", duration=1)
+        >>> flight.save(folder / "flight.bag", rename={"imu/data_raw": "/imu0"}).name
+        'flight.bag'
+        """
+        from imu_sim_ros.datasets.topics import chosen_topics
+        from imu_sim_ros.simulation.topics import sensors_of
+
+        path = checked_place(path, force)
+        wanted = arguments.words("topics", topics)
+        arguments.switch("imu_only", imu_only)
+        if format is not None:
+            arguments.one_of("format", format, ("csv", "euroc"))
+        names = chosen_topics(wanted, imu_only, _renamed(rename))
+        for sensor in sensors_of(names):
+            getattr(self, sensor)  # refused before anything is written
+        with saved(path, force, flatten(self.parameters).values()) as place:
+            self._write(place, format, names)
+        return path
+
+    def _write(self, path: Path, format: str | None, names: Mapping[str, str]) -> None:
+        from imu_sim_ros.bags.text import writer as text
+        from imu_sim_ros.bags.write import open_writer
+        from imu_sim_ros.conventions import TRUTH_TOPIC
+        from imu_sim_ros.datasets.topics import BagTarget, DatasetTarget, in_tables
+
+        if format is None and path.suffix != ".csv":
+            with open_writer(path) as writer:
+                bag = BagTarget(writer, {"": self.parameters}, names)
+                for block in self._blocks:
+                    bag.write({"": block})
+            return
+        form = format or "csv"
+        tables = in_tables(names, form)
+        with text.Dataset(path, form, TRUTH_TOPIC in names, beside=tables) as dataset:
+            rows = DatasetTarget(dataset)
+            for block in self._blocks:
+                rows.write({"": block})
+
+
+def _renamed(given: Mapping[str, str] | None) -> Mapping[str, str]:
+    if given is None:
+        return {}
+    allowed = "names of topics by names of topics"
+    if not isinstance(given, Mapping):
+        arguments.refuse("rename", given, allowed, wrong_type=True)
+    return {
+        arguments.text("rename", a, allowed): arguments.text("rename", b, allowed)
+        for a, b in given.items()
+    }

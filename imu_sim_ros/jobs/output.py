@@ -1,0 +1,45 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""How every ``save`` writes: refused where something exists, renamed when it is complete."""
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from imu_sim_ros import arguments
+
+
+def checked_place(path: str | Path, force: bool) -> Path:
+    """Return the path of an output.
+
+    :raises ConfigurationError: for arguments of ``save`` that are no path and no switch.
+    """
+    arguments.switch("force", force)
+    return arguments.path("path", path, "the path of an output")
+
+
+@contextmanager
+def saved(path: str | Path, force: bool, inputs: Iterable[object] = ()) -> Iterator[Path]:
+    """Yield where to write an output, which is renamed into place at the end of the block.
+
+    Parents are created. An error leaves what was there before.
+
+    :param force: replace what exists.
+    :param inputs: possible names of input files, which are never overwritten.
+    :raises InputError: for a path that cannot be used or exists.
+    """
+    from imu_sim_ros.bags.outputs import Outputs
+
+    path = checked_place(path, force)
+    outputs = Outputs([word for word in inputs if _is_file(word)], force)  # type: ignore[misc]
+    place = outputs.add(path)
+    with outputs:
+        yield place
+
+
+def _is_file(word: object) -> bool:
+    try:
+        return isinstance(word, str | Path) and bool(str(word)) and Path(word).is_file()
+    except (OSError, ValueError):  # no name of a file
+        return False

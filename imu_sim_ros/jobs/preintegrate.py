@@ -1,0 +1,79 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Preintegrated readings between frames."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from imu_sim_ros import arguments
+from imu_sim_ros.arguments import array, number, stamps
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs import gate
+from imu_sim_ros.jobs.flight import Flight, readings_of
+from imu_sim_ros.jobs.readings import Readings
+from imu_sim_ros.navigation.noise import noise_of
+from imu_sim_ros.navigation.preintegration import METHODS, Preintegration, between
+from imu_sim_ros.navigation.preintegration import preintegrate as over_intervals
+
+
+def preintegrate(
+    readings: Flight | Readings | str | Path,
+    edges_ns: ArrayLike | None = None,
+    *,
+    every: float | None = None,
+    gyro_bias: ArrayLike = 0.0,
+    accel_bias: ArrayLike = 0.0,
+    method: str = "midpoint",
+) -> Preintegration:
+    """Preintegrate the readings between neighbouring times, all intervals at once.
+
+    ``alpha``, ``beta``, ``gamma`` are position, velocity and attitude in the frame of an interval's
+    start, without gravity, with the Jacobian by the biases and the covariance (15, 15), ordered
+    alpha, theta, beta, accelerometer's bias, gyroscope's bias. The noise of a flight is known;
+    for other readings the covariance is zero.
+
+    :param readings: a flight, readings, or a file that :func:`imu_sim_ros.read_imu` reads.
+    :param edges_ns: (B + 1,) times of the frames [ns], increasing, within the stamps.
+    :param every: instead, the time from frame to frame [s].
+    :param gyro_bias: (B, 3), (3,) or one number [rad/s], subtracted from the readings.
+    :param accel_bias: likewise [m/s^2].
+    :param method: euler or midpoint.
+    :raises InputError: for times outside the stamps.
+
+    >>> import imu_sim_ros as ims
+    >>> flight = ims.simulate(imu="adis16448", trajectory="figure_eight", duration=10)
+    >>> found = ims.preintegrate(flight, every=0.5)
+    >>> found.alpha.shape, found.covariance.shape
+    ((19, 3), (19, 15, 15))
+    """
+    arguments.one_of("method", method, METHODS)
+    noise = noise_of(readings.parameters.imu) if isinstance(readings, Flight) else None
+    imu = readings_of("readings", readings)
+    if (edges_ns is None) == (every is None):
+        raise InputError("give the times of the frames, edges_ns, or the time between them, every")
+    if every is not None:
+        number("every", every, "a number of seconds from 1e-9 to 1e9", 1e-9, 1e9)
+        step = round(every * 1e9)
+        edges_ns = np.arange(imu.t_ns[0], imu.t_ns[-1] + 1, step)
+    pieces = between(imu.t_ns, imu.gyro, imu.accel, stamps("edges_ns", edges_ns))
+    count = len(pieces.h)
+    gyro_bias = _bias("gyro_bias", gyro_bias, count, gate.RATE)
+    accel_bias = _bias("accel_bias", accel_bias, count, gate.FORCE)
+    return over_intervals(pieces, noise, gyro_bias, accel_bias, method)
+
+
+def _bias(name: str, given: ArrayLike, count: int, quantity: gate.Quantity) -> NDArray[np.float64]:
+    """Return a bias (count, 3), (3,) or () that readings can have."""
+    try:
+        dimensions = min(np.ndim(np.asarray(given)), 2)
+    except ValueError:  # rows of different lengths
+        dimensions = 2
+    found = array(name, given, ((), (3,), (count, 3))[dimensions])
+    if (np.abs(found) > quantity.largest).any():
+        arguments.refuse(name, given, f"at most {quantity.largest:g} {quantity.unit}")
+    return found

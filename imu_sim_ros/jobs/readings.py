@@ -1,0 +1,361 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Readings and odometry as arrays: of a file, or of what a simulated board carries."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros import arguments
+from imu_sim_ros.arguments import array, refuse, stamps
+from imu_sim_ros.errors import MissingDependencyError
+from imu_sim_ros.inputs import gate
+from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.rotation import from_euler, rotate
+
+if TYPE_CHECKING:
+    from imu_sim_ros.plots.style import Figure
+
+
+from collections.abc import Collection
+from dataclasses import fields
+from typing import TypeVar
+
+from imu_sim_ros.arguments import words
+from imu_sim_ros.conventions import BESIDE
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.names import suggestion
+from imu_sim_ros.sensors.block import ImuBlock
+
+Array = NDArray[np.float64]
+Times = NDArray[np.int64]
+
+
+BAG_OR_FILE: Final = "the path of a bag, a folder or a file"
+
+
+class HasPoses(Protocol):
+    """Anything with poses in time: a :class:`Track`, a :class:`Truth`, an :class:`Odometry`."""
+
+    @property
+    def t_ns(self) -> Times:
+        """(n,) [ns]."""
+
+    @property
+    def position(self) -> Array:
+        """(n, 3) p_wb [m]."""
+
+    @property
+    def q_wb(self) -> Array:
+        """(n, 4) unit quaternions (w, x, y, z)."""
+
+
+@dataclass(frozen=True, repr=False)
+class Readings:
+    """n readings of an IMU, in the order in which they were delivered."""
+
+    t_ns: Times
+    """(n,) stamps [ns]."""
+    gyro: Array
+    """(n, 3) angular rates [rad/s], in the IMU's frame."""
+    accel: Array
+    """(n, 3) specific forces [m/s^2], in the IMU's frame: +9.81 on z when level and at rest."""
+    name: str = "readings"
+
+    def __post_init__(self) -> None:
+        """Check the arrays; lists become arrays.
+
+        :raises ConfigurationError: for another type or shape.
+        :raises InputError: for a reading that no sensor gives.
+        """
+        _check_arrays(self, ("gyro", "accel"), finite=False)
+        gate.readings(self.t_ns, self.gyro, self.accel).complain(self.name)
+
+    def __len__(self) -> int:
+        return len(self.t_ns)
+
+    def __repr__(self) -> str:
+        return f"<Readings {self.name}: {span(self.t_ns)}>"
+
+    def to_frame(self) -> Any:
+        """Return a pandas DataFrame: index t_ns, columns gyro_x ... accel_z.
+
+        :raises MissingDependencyError: without pandas.
+        """
+        return frame(self.t_ns, {"gyro": self.gyro, "accel": self.accel})
+
+    def plot(self) -> Figure:
+        """Return a matplotlib figure of the readings over time."""
+        from imu_sim_ros.plots import readings as pictures
+
+        return pictures.readings(self.t_ns, self.gyro, self.accel, self.name)
+
+
+@dataclass(frozen=True, repr=False)
+class Odometry:
+    """n poses with velocities, in the world frame."""
+
+    t_ns: Times
+    """(n,) stamps [ns]."""
+    position: Array
+    """(n, 3) p_wb [m]."""
+    q_wb: Array
+    """(n, 4) unit quaternions (w, x, y, z)."""
+    velocity: Array
+    """(n, 3) of the body in the world [m/s]."""
+    angular_velocity: Array
+    """(n, 3) of the body, in the body frame [rad/s]."""
+    name: str = "odometry"
+
+    def __post_init__(self) -> None:
+        """Check the arrays; lists become arrays.
+
+        :raises ConfigurationError: for another type or shape, and what is not finite.
+        """
+        _check_arrays(self, ("position", "q_wb", "velocity", "angular_velocity"))
+
+    def __len__(self) -> int:
+        return len(self.t_ns)
+
+    def __repr__(self) -> str:
+        return f"<Odometry {self.name}: {span(self.t_ns)}>"
+
+    def to_frame(self) -> Any:
+        """Return a pandas DataFrame: index t_ns, columns position_x, q_w, velocity_x, ...
+
+        :raises MissingDependencyError: without pandas.
+        """
+        return frame(
+            self.t_ns,
+            {
+                "position": self.position,
+                "q": self.q_wb,
+                "velocity": self.velocity,
+                "angular_velocity": self.angular_velocity,
+            },
+        )
+
+
+def read_imu(path: str | Path, topic: str | None = None) -> Readings:
+    """Return the IMU readings of a bag of any form, a EuRoC folder or a CSV file.
+
+    :param path: the file or folder.
+    :param topic: of type sensor_msgs/Imu; needed where a bag has several.
+    :raises InputError: for what cannot be read, or holds no readings.
+
+    >>> import imu_sim_ros as ims
+    >>> flight = ims.simulate(trajectory="circle", duration=2, rate=100)
+    >>> _ = flight.save(folder / "circle.mcap")
+    >>> ims.read_imu(folder / "circle.mcap")
+    <Readings circle.mcap: 200 at 100 Hz, 1.99 s>
+    """
+    from imu_sim_ros.bags.read import read_imu as read
+
+    path = arguments.path("path", path, BAG_OR_FILE)
+    messages = read(path, arguments.topic("topic", topic))
+    return Readings(messages.t_ns, messages.gyro, messages.accel, Path(path).name)
+
+
+def read_odometry(path: str | Path, topic: str | None = None) -> Odometry:
+    """Return the odometry of a bag, its velocity turned into the world frame.
+
+    :param path: the file or folder.
+    :param topic: of type nav_msgs/Odometry, for instance ``ground_truth/odom``; needed where a bag
+        has several.
+    :raises InputError: for what cannot be read, or holds no odometry.
+
+    >>> import imu_sim_ros as ims
+    >>> _ = ims.simulate(trajectory="circle", duration=2, rate=100).save(folder / "odometry.bag")
+    >>> ims.read_odometry(folder / "odometry.bag", "ground_truth/odom")
+    <Odometry odometry.bag: 200 at 100 Hz, 1.99 s>
+    """
+    from imu_sim_ros.bags.read import read_odometry as read
+
+    path = arguments.path("path", path, BAG_OR_FILE)
+    topic = arguments.topic("topic", topic)
+    found = read(path, topic if topic is None else "/" + topic.lstrip("/"))
+    return Odometry(
+        found.t_ns,
+        found.position,
+        found.q_wb,
+        rotate(found.q_wb, found.velocity_b),
+        found.angular_velocity_b,
+        Path(path).name,
+    )
+
+
+def _check_arrays(rows: Any, names: Sequence[str], finite: bool = True) -> None:
+    """Check the arrays of a frozen dataclass: a name, ``t_ns`` (n,), and others (n, 3) or (n, 4).
+
+    :raises ConfigurationError: for another type or shape, and what is not finite.
+    """
+    arguments.text("name", rows.name, "a name")
+    found: dict[str, NDArray[Any]] = {"t_ns": stamps("t_ns", rows.t_ns)}
+    for name in names:
+        columns = 4 if name == "q_wb" else 3
+        found[name] = array(name, getattr(rows, name), (len(found["t_ns"]), columns), finite)
+    for name, values in found.items():
+        object.__setattr__(rows, name, values)  # frozen
+
+
+def checked_poses(name: str, given: HasPoses, increasing: bool = True) -> PoseSequence:
+    """Return poses that somebody gives, checked.
+
+    :param name: of the argument.
+    :param increasing: the stamps must increase strictly.
+    :raises ConfigurationError: for arrays of another type, shape or order.
+    :raises InputError: for a pose that is not finite, possible or a unit quaternion.
+    """
+    if not all(hasattr(given, each) for each in ("t_ns", "position", "q_wb")):
+        refuse(name, given, "a Track, an Odometry or another object with poses", True)
+    t_ns = stamps(f"{name}.t_ns", given.t_ns, increasing)
+    position = array(f"{name}.position", given.position, (len(t_ns), 3), finite=False)
+    q_wb = array(f"{name}.q_wb", given.q_wb, (len(t_ns), 4), finite=False)
+    gate.poses(t_ns, position, q_wb).complain(name)
+    return PoseSequence(t_ns, position, q_wb)
+
+
+def poses_of_rows(given: Array) -> PoseSequence:
+    """Return poses that are rows of an array.
+
+    :param given: (n, 8) time [s], position [m], quaternion (w, x, y, z); or (n, 7) time [s],
+        position [m], roll, pitch, yaw [rad].
+    :raises ConfigurationError: for another shape.
+    """
+    if given.ndim != 2 or given.shape[1] not in (7, 8):
+        columns = "time [s], x, y, z [m], then the quaternion w, x, y, z or roll, pitch, yaw [rad]"
+        refuse("trajectory", given, f"an array (n, 8) or (n, 7): {columns}; not {given.shape}")
+    rows = array("trajectory", given, (None, given.shape[1]))
+    t_ns = np.round(rows[:, 0] * 1e9)
+    if (np.abs(t_ns) > gate.LAST_STAMP).any():
+        refuse("trajectory", given, "an array with times in seconds in its first column")
+    q_wb = rows[:, 4:] if given.shape[1] == 8 else from_euler(rows[:, 4:])
+    return PoseSequence(t_ns.astype(np.int64), rows[:, 1:4], q_wb)
+
+
+def frame(t_ns: Times, columns: Mapping[str, Array]) -> Any:
+    """Return arrays (n, 3) and (n, 4) as a pandas DataFrame with a column for each component."""
+    try:
+        import pandas
+    except ImportError:
+        raise MissingDependencyError(
+            "to_frame() needs pandas: apt install python3-pandas, or pip install pandas"
+        ) from None
+    data = {
+        f"{name}_{component}": values[:, k]
+        for name, values in columns.items()
+        for k, component in enumerate("wxyz" if values.shape[1] == 4 else "xyz")
+    }
+    return pandas.DataFrame(data, index=pandas.Index(t_ns, name="t_ns"))
+
+
+def span(t_ns: Times) -> str:
+    """Return how many rows there are, at which rate and for how long."""
+    n = len(t_ns)
+    if n < 2:
+        return f"{n} row{'s' if n != 1 else ''}"
+    seconds = float(t_ns[-1] - t_ns[0]) * 1e-9
+    rate = 1e9 / float(np.median(np.diff(t_ns))) if seconds > 0.0 else 0.0
+    return f"{n} at {rate:.4g} Hz, {seconds:.6g} s"
+
+
+_Any = TypeVar("_Any", "MagneticReadings", "PressureReadings", "Orientations")
+
+
+class _Readings:
+    """n readings with stamps."""
+
+    t_ns: Times
+
+    def __len__(self) -> int:
+        return len(self.t_ns)
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {span(self.t_ns)}>"
+
+
+@dataclass(frozen=True, repr=False)
+class MagneticReadings(_Readings):
+    """The n readings of a magnetometer that are delivered, and the truth of each."""
+
+    t_ns: Times
+    """(n,) stamps [ns], with the errors of the board's clock."""
+    field: Array
+    """(n, 3) as read [T]."""
+    true_t_ns: Times
+    """(n,) when the sample was taken [ns]."""
+    ideal_field: Array
+    """(n, 3) the field at the IMU in its own frame, without any error [T]."""
+    bias: Array
+    """(n, 3) what is added to the field times the sensor's response [T]."""
+
+
+@dataclass(frozen=True, repr=False)
+class PressureReadings(_Readings):
+    """The n readings of a barometer that are delivered, and the truth of each."""
+
+    t_ns: Times
+    """(n,) stamps [ns], with the errors of the board's clock."""
+    pressure: Array
+    """(n,) as read [Pa]."""
+    true_t_ns: Times
+    """(n,) when the sample was taken [ns]."""
+    ideal_pressure: Array
+    """(n,) of the still air at the IMU's height [Pa]."""
+    bias: Array
+    """(n,) what is added to it, without white noise and rounding [Pa]."""
+
+
+@dataclass(frozen=True, repr=False)
+class Orientations(_Readings):
+    """The n orientations that a board states and delivers, and the truth of each."""
+
+    t_ns: Times
+    """(n,) stamps [ns]."""
+    q_wi: Array
+    """(n, 4) of the IMU in the world, as stated: unit quaternions (w, x, y, z)."""
+    variance: Array
+    """(n, 3) stated, of the error about the world's axes [rad^2]; 0: unknown."""
+    true_t_ns: Times
+    """(n,) when the sample was taken [ns]."""
+    ideal_q_wi: Array
+    """(n, 4) the true ones."""
+
+
+def checked_sensors(names: Collection[str]) -> frozenset[str]:
+    """Return the names of sensors beside the IMU.
+
+    :raises ConfigurationError: with a line for each that does not exist.
+    """
+    given = words("sensors", names)
+    unknown = [
+        f"sensors: {name!r}: {suggestion(name, BESIDE)}" for name in given if name not in BESIDE
+    ]
+    if unknown:
+        raise ConfigurationError(unknown)
+    return frozenset(given)
+
+
+def joined(blocks: Sequence[ImuBlock], sensor: str, readings: type[_Any]) -> _Any:
+    """Return what a sensor beside the IMU delivered in all blocks.
+
+    :raises ConfigurationError: where it was not simulated.
+    """
+    parts: list[Any] = [getattr(block, sensor) for block in blocks]
+    if any(part is None for part in parts):
+        raise ConfigurationError(
+            f"{sensor}: was not simulated; simulate(..., sensors=[{sensor!r}]) does"
+        )
+    return readings(
+        **{
+            field.name: np.concatenate([getattr(p, field.name)[p.delivered] for p in parts])
+            for field in fields(readings)
+        }
+    )

@@ -1,0 +1,252 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Parameters in, a flight or a stream of blocks out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Mapping
+from os import PathLike
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros import arguments, timebase
+from imu_sim_ros.arguments import number, refuse, whole
+from imu_sim_ros.conventions import BESIDE
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.jobs.flight import Flight
+from imu_sim_ros.jobs.readings import checked_poses, checked_sensors, poses_of_rows
+from imu_sim_ros.machine import memory
+from imu_sim_ros.parameters import files
+from imu_sim_ros.parameters.kinds import EMPTY_LIST
+from imu_sim_ros.parameters.sections import OF_EVERY_NODE, bad_values
+from imu_sim_ros.parameters.sections import parameters as described
+from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.simulation.engine import BLOCK_SIZE, Simulation
+from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
+from imu_sim_ros.simulation.playback import SimulatorParameters, of_the_node
+
+BYTES_A_SAMPLE: Final = 384
+"""Of the arrays of an ImuBlock without further sensors."""
+
+
+def simulate(
+    *,
+    imu: str | Path | Mapping[str, Any] | None = None,
+    trajectory: str | Path | Mapping[str, Any] | PoseSequence | NDArray[Any] | None = None,
+    duration: float | str | None = None,
+    rate: float | None = None,
+    seed: int | None = None,
+    params_file: str | Path | None = None,
+    sensors: Collection[str] | None = None,
+    **parameters: Any,
+) -> Flight:
+    """Simulate an IMU on a moving body; the same samples as ``generate`` and the node give.
+
+    :param imu: a name in config/imus, a parameter file or kalibr's imu.yaml, or parameters by name:
+        of which ``preset`` names a file below them.
+    :param trajectory: a name in config/trajectories, a file of recorded poses, parameters by name:
+        of which ``type`` may name a file below them, or poses, which keep their stamps: a
+        :class:`PoseSequence`, or an array (n, 8) of time [s], x, y, z [m], quaternion w, x, y, z,
+        or (n, 7) with roll, pitch, yaw [rad].
+    :param duration: [s], or words such as ``"2h"``; by default the trajectory's length.
+    :param rate: samples per second [Hz].
+    :param seed: of all random streams.
+    :param params_file: a ROS 2 parameter file below all other arguments.
+    :param sensors: what is simulated beside the IMU: ``magnetic_field``, ``orientation``,
+        ``pressure``; by default what the file publishes (``publish.magnetic_field``, ...).
+    :param parameters: any other parameter by its ROS name; sections are mappings:
+        ``gravity=[0, 0, -9.8]``.
+    :raises ConfigurationError: with a line for each problem.
+    :raises InputError: for a file that cannot be read.
+
+    >>> import imu_sim_ros as ims
+    >>> flight = ims.simulate(imu="adis16448", trajectory="figure_eight", duration=60, seed=1)
+    >>> flight
+    <Flight adis16448 on figure_eight: 12000 at 200 Hz, 59.995 s, seed 1>
+    >>> flight.gyro.shape, flight.truth.position.shape
+    ((12000, 3), (12000, 3))
+    >>> warm = ims.simulate(
+    ...     imu={"preset": "mpu6000", "gyroscope_bias": [0.01, 0, 0]},
+    ...     trajectory={"type": "circle", "x": {"amplitude": [3.0]}, "y": {"amplitude": [3.0]}},
+    ...     temperature={"value": 40.0},
+    ...     duration=10,
+    ... )
+    >>> warm.truth.position[0].round(3)
+    array([3., 0., 0.])
+    """
+    given = (imu, trajectory, duration, rate, seed, params_file, sensors)
+    simulation = _simulation(*given, parameters)
+    _check_memory(simulation)
+    built = simulation.parameters
+    return Flight(built, list(simulation.blocks()), _name(imu, trajectory, built))
+
+
+def blocks(
+    *,
+    imu: str | Path | Mapping[str, Any] | None = None,
+    trajectory: str | Path | Mapping[str, Any] | PoseSequence | NDArray[Any] | None = None,
+    duration: float | str | None = None,
+    rate: float | None = None,
+    seed: int | None = None,
+    params_file: str | Path | None = None,
+    sensors: Collection[str] | None = None,
+    block_size: int = BLOCK_SIZE,
+    **parameters: Any,
+) -> Iterator[ImuBlock]:
+    """Yield the samples of a simulation in blocks, in memory that does not grow with the duration.
+
+    :param block_size: samples in a block; the samples do not depend on it.
+
+    The other arguments and the errors are those of :func:`simulate`.
+
+    >>> import imu_sim_ros as ims
+    >>> [len(block.t_ns) for block in ims.blocks(duration="1min", rate=200, block_size=5000)]
+    [5000, 5000, 2000]
+    """
+    simulation = _simulation(
+        imu, trajectory, duration, rate, seed, params_file, sensors, parameters
+    )
+    most = memory() // BYTES_A_SAMPLE
+    size = whole("block_size", block_size, f"an integer from 1 to {most}", 1, most)
+    return simulation.blocks(size)
+
+
+def _check_memory(simulation: Simulation) -> None:
+    samples, most = simulation.total or 0, memory() // BYTES_A_SAMPLE
+    if samples > most:
+        raise ConfigurationError(
+            f"duration: its {samples} samples do not fit into memory, which has room for {most}; "
+            "blocks() yields them piece by piece"
+        )
+
+
+def _simulation(
+    imu: object,
+    trajectory: object,
+    duration: float | str | None,
+    rate: float | None,
+    seed: int | None,
+    params_file: str | Path | None,
+    sensors: Collection[str] | None,
+    parameters: Mapping[str, Any],
+) -> Simulation:
+    below: dict[str, object] = {}
+    beside = frozenset[str]() if sensors is None else checked_sensors(sensors)
+    if params_file is not None:
+        below, published = _of_file(arguments.path("params_file", params_file))
+        beside = published if sensors is None else beside
+    own: dict[str, object] = {**_imu(imu), **_flat("parameters", parameters)}
+    motion, pose_reader = _motion(trajectory)
+    own.update(motion)
+    given = {"duration": None if duration is None else _seconds(duration), "rate": rate}
+    given["seed"] = seed
+    own.update({name: value for name, value in given.items() if value is not None})
+    built: SimulationParameters = load_simulation(below, own)
+    simulation = Simulation(built, pose_reader=pose_reader, sensors=beside)
+    if simulation.total is None:
+        raise ConfigurationError(
+            "duration: this trajectory has no end; give a duration, duration=60"
+        )
+    return simulation
+
+
+def _of_file(path: Path) -> tuple[dict[str, object], frozenset[str]]:
+    """Return the simulation's parameters of a file, and the sensors that it publishes.
+
+    That of the node simulator will do.
+    """
+    given = files.load(path)
+    of_node = of_the_node(given)
+    known = {**OF_EVERY_NODE, **described(SimulatorParameters)}
+    problems = list(bad_values(known, {name: given[name] for name in of_node}))
+    if problems:
+        raise ConfigurationError([f"{path}: {line}" for line in problems])
+    unset = [name for name in ("imus", "cameras") if given.get(name) in ((), [], EMPTY_LIST)]
+    own = {n: value for n, value in given.items() if n not in (*of_node, *unset)}
+    return own, frozenset(name for name in BESIDE if given.get(f"publish.{name}") is True)
+
+
+def _motion(trajectory: object) -> tuple[dict[str, object], Callable[..., PoseSequence]]:
+    """Return the parameters that a trajectory stands for, and what reads its poses."""
+    if isinstance(trajectory, np.ndarray):
+        trajectory = poses_of_rows(trajectory)
+    if isinstance(trajectory, PoseSequence):
+        own = {"trajectory.type": "poses", "trajectory.file": "poses given as arrays"}
+        return {**own}, _given(checked_poses("trajectory", trajectory))
+    if isinstance(trajectory, Mapping):
+        flat = _flat("trajectory", trajectory)
+        return {f"trajectory.{name}": value for name, value in flat.items()}, _poses_of_any_file
+    if isinstance(trajectory, str | PathLike):
+        path = arguments.path("trajectory", trajectory, "a name or the path of a file")
+        return files.trajectory_layer(str(path)), _poses_of_any_file
+    if trajectory is not None:
+        refuse(
+            "trajectory",
+            trajectory,
+            "a name, a file, parameters by name, a PoseSequence, or an array (n, 8): time [s], "
+            "x, y, z [m], quaternion w, x, y, z; a function of time is sampled into such an array",
+            wrong_type=True,
+        )
+    return {}, _poses_of_any_file
+
+
+def _poses_of_any_file(path: str | Path, *options: Any) -> PoseSequence:
+    from imu_sim_ros.bags.read import read_poses  # of which most trajectories have no need
+
+    return read_poses(path, *options)
+
+
+def _given(poses: PoseSequence) -> Callable[..., PoseSequence]:
+    return lambda *_: poses
+
+
+def _name(imu: object, trajectory: object, built: SimulationParameters) -> str:
+    """Return sensor and motion in words."""
+    changed = "modified " if isinstance(imu, Mapping) and set(imu) - {"preset"} else ""
+    motion = built.trajectory.type
+    if isinstance(trajectory, str | Path):
+        motion = Path(trajectory).stem
+    return f"{changed}{Path(built.imu.preset).stem} on {motion}"
+
+
+def _imu(imu: object) -> dict[str, object]:
+    if imu is None:
+        return {}
+    if isinstance(imu, Mapping):
+        return {f"imu.{name}": value for name, value in _flat("imu", imu).items()}
+    allowed = "a name, the path of a file, or parameters by name"
+    return {"imu.preset": str(arguments.path("imu", imu, allowed))}
+
+
+def _flat(argument: str, values: Mapping[str, Any], prefix: str = "") -> dict[str, object]:
+    """Return nested sections by dotted name; arrays become lists.
+
+    :raises ConfigurationError: for a name that is none.
+    """
+    result: dict[str, object] = {}
+    for name, value in values.items():
+        if not isinstance(name, str):
+            refuse(argument, values, "parameters by name", wrong_type=True)
+        if isinstance(value, Mapping):
+            result.update(_flat(argument, value, f"{prefix}{name}."))
+        else:
+            result[prefix + name] = value.tolist() if hasattr(value, "tolist") else value
+    return result
+
+
+def _seconds(duration: float | str) -> float:
+    """Return a duration [s] given as a number or in words.
+
+    :raises ConfigurationError: for words that are not a duration.
+    """
+    if not isinstance(duration, str):
+        return number("duration", duration, "seconds, or words such as '2h'", 0.0)
+    try:
+        return timebase.parse_duration(duration)
+    except ValueError as error:
+        raise ConfigurationError(f"duration: {error}") from None

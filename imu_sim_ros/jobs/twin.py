@@ -1,0 +1,495 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A twin of a sensor on its vehicle: values with their uncertainty, and a simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros import arguments
+from imu_sim_ros.arguments import number, whole
+from imu_sim_ros.calibration.record import StepFinder
+from imu_sim_ros.calibration.twin import model
+from imu_sim_ros.calibration.twin.analysis import (
+    Analysis,
+    analyse,
+    constant_errors,
+    foreseen,
+    noise_residuals,
+)
+from imu_sim_ros.calibration.twin.fit import PRIOR, Fit, Recording
+from imu_sim_ros.calibration.twin.model import perfect
+from imu_sim_ros.calibration.twin.parameters import (
+    MOTION_FLOOR,
+    MOTION_TIME,
+    clock_offset,
+    clock_skew,
+    simulator_parameters,
+)
+from imu_sim_ros.calibration.twin.pose_noise import PoseNoise
+from imu_sim_ros.conventions import GRAVITY
+from imu_sim_ros.errors import ArgumentTypeError, ConfigurationError, InputError, system_error
+from imu_sim_ros.jobs.calibrate import Calibrated
+from imu_sim_ros.jobs.flight import Flight
+from imu_sim_ros.jobs.output import saved
+from imu_sim_ros.jobs.readings import HasPoses, Readings
+from imu_sim_ros.jobs.twin_check import Check, check, flown_again, simulation
+from imu_sim_ros.jobs.twin_recording import Recorded, moving, recorded
+from imu_sim_ros.json_text import plain
+from imu_sim_ros.parameters import files
+from imu_sim_ros.parameters.kinds import Value
+from imu_sim_ros.rotation import from_matrix, log
+from imu_sim_ros.sensors.imu.vibration import MotionSize
+
+if TYPE_CHECKING:
+    from imu_sim_ros.plots.style import Figure
+
+Array = NDArray[np.float64]
+
+MATRIX: Final = tuple(row + column for row in "xyz" for column in "xyz")
+_OF: Final = (
+    ("stamp_offset", ("",)),
+    ("clock_skew_ppm", ("",)),
+    ("mounting", tuple("xyz")),
+    ("gyroscope_scale_misalignment", MATRIX),
+    ("accelerometer_scale_misalignment", ("xx", "xy", "xz", "yy", "yz", "zz")),
+    ("gyroscope_g_sensitivity", MATRIX),
+    ("lever_arm", tuple("xyz")),
+    ("gyroscope_bias", tuple("xyz")),
+    ("accelerometer_bias", tuple("xyz")),
+    ("truth_curvature", ("",)),
+    ("truth_turn", tuple("xyz")),
+)
+NAMES: Final = tuple(f"{name} {part}".strip() for name, parts in _OF for part in parts)
+"""Of the 42 parameters, in their order."""
+_UNDETERMINED: Final = 0.7
+"""Standard error over the prior's above which a motion says nothing of a parameter."""
+_NOT_GIVEN: Final = 5.0
+"""Standard errors by which the poses' noise may move a number that is given."""
+_SAID: Final = 2.0
+_DISAGREE: Final = 3.0
+"""Standard errors, RMS of four quarters of the recording: by chance once in a million numbers, as
+the chi-square of four degrees of freedom is 36."""
+_SURE: Final = 5.0
+"""Standard errors."""
+_TILT: Final = 0.02
+"""[rad] of a truth that is levelled."""
+_SCALE: Final = 0.05
+"""Error of scale, and misalignment, that no calibrated sensor and few others have."""
+_BIAS: Final = (0.35, 0.5)
+"""[rad/s], [m/s^2] that few sensors have: 20 deg/s and 50 mg."""
+
+
+class Trust(NamedTuple):
+    """What can be believed."""
+
+    fit: Fit
+    """With standard errors no smaller than the recording itself shows."""
+    given: NDArray[np.bool_]
+    """(42,) whether a number is given."""
+    undetermined: tuple[str, ...]
+    """Numbers that this motion does not determine."""
+    warnings: tuple[str, ...]
+
+
+def judged(found: Fit, disagreement: Array, noise: PoseNoise) -> Trust:
+    """Return what can be believed of a fit.
+
+    :param disagreement: (42,) of fits to parts of the recording, in standard errors.
+    """
+    sigma = found.sigma
+    disagree = disagreement > _DISAGREE
+    larger = np.where(disagree, disagreement, 1.0)
+    wider = found._replace(covariance=found.covariance * np.outer(larger, larger))
+    given = found.hanging <= _NOT_GIVEN
+    weak = sigma > _UNDETERMINED * PRIOR
+    undetermined = tuple(
+        NAMES[k] for k in range(model.GYROSCOPE.start, model.BIAS.start) if weak[k]
+    )
+    warnings = [*_of_noise(found, given, noise), *_of_quarters(disagree, larger)]
+    warnings += _contradictions(wider)
+    return Trust(wider, given, undetermined, tuple(warnings))
+
+
+def _of_noise(found: Fit, given: NDArray[np.bool_], noise: PoseNoise) -> Iterator[str]:
+    angle, distance = 1e3 * noise.deviation
+    poses = f"noise of the poses, {distance:.2g} mm and {angle:.2g} mrad"
+    hidden = [NAMES[k] for k in np.flatnonzero(~given)]
+    if hidden:
+        yield f"not given, since they hang on the {poses}: {', '.join(hidden)}"
+    moved = given & (found.hanging > _SAID)
+    if moved.any():
+        sizes = [f"{NAMES[k]} by {found.hanging[k]:.1f}" for k in np.flatnonzero(moved)]
+        yield f"corrected for the {poses}, in standard errors: {', '.join(sizes)}"
+
+
+def _of_quarters(disagree: NDArray[np.bool_], larger: Array) -> Iterator[str]:
+    if disagree.any():
+        sizes = [f"{NAMES[k]} ({larger[k]:.0f} times)" for k in np.flatnonzero(disagree)]
+        yield (
+            "quarters of the recording contradict each other, so the sensor or its truth changes; "
+            f"standard errors are enlarged to these differences: {', '.join(sizes)}"
+        )
+
+
+def _contradictions(found: Fit) -> Iterator[str]:
+    """Return lines for what is not a sensor's."""
+    errors, sigma = found.errors, found.sigma
+    tilt, unsure = errors.world[:2], sigma[model.WORLD][:2]
+    angle = float(np.linalg.norm(tilt))
+    if angle > _TILT and np.any(np.abs(tilt) > _SURE * unsure):
+        yield (
+            f"the truth's attitudes are turned by {np.degrees(angle):.2g} degrees against gravity: "
+            "accelerometer biases and scales with another truth would be others"
+        )
+    deviation = errors.deviation()
+    for part, limit in (
+        (model.GYROSCOPE, _SCALE),
+        (model.ACCELEROMETER, _SCALE),
+        (slice(model.BIAS.start, model.BIAS.start + 3), _BIAS[0]),
+        (slice(model.BIAS.start + 3, model.BIAS.stop), _BIAS[1]),
+    ):
+        for k in range(part.start, part.stop):
+            beyond = abs(deviation[k]) - limit
+            if beyond > 0.0 and abs(deviation[k]) > _SURE * sigma[k]:
+                yield (
+                    f"{NAMES[k]} is {deviation[k]:+.3g} from a perfect sensor's, more than a "
+                    f"sensor has ({limit:g}): the truth, its frame or the gravity contradicts the "
+                    "readings"
+                )
+
+
+_LEAST_FIT: Final = 8.0
+"""[s]"""
+_LEAST_FREEDOM: Final = 2.0
+"""Degrees of freedom of a density below which it is mostly noise of the poses, and not given."""
+_SECONDS: Final = 0.25
+"""[s] over which readings are averaged to be compared with the truth."""
+_LEFT: Final = 0.5
+"""Share of the gyroscope's variance that no truth may leave."""
+
+
+@dataclass(frozen=True, repr=False)
+class Twin:
+    """What :func:`imu_sim_ros.twin` found."""
+
+    errors: dict[str, Calibrated]
+    """Constant errors by parameter, with standard errors; ``mounting`` is the rotation vector of
+    R_ib [rad], ``stamp_offset`` that at the truth's first pose. Two belong to the truth:
+    ``truth_curvature`` [s^2] is ``-s^2 / 2`` where its attitudes are smoothed over s, and
+    ``truth_turn`` [rad] the rotation vector from their world to that of positions and gravity.
+    NaN: not given, since it hangs on the noise of the poses."""
+    undetermined: tuple[str, ...]
+    """Numbers that this motion does not determine; they are a perfect IMU's but for their prior."""
+    given: NDArray[np.bool_]
+    """(42,) which numbers are given, in the order of ``calibration.twin.model``."""
+    warnings: tuple[str, ...]
+    """What hangs on the poses' noise, and what contradicts itself: a line each."""
+    parameters: dict[str, Value]
+    """Of the simulator, by name."""
+    analysis: Analysis
+    """Bias over time, lines, bands, white floor and intensities."""
+    check: Check | None
+    """The comparison with the part that was not used, where there is one."""
+    source: Recorded
+
+    def __repr__(self) -> str:
+        seconds = np.ptp(self.source.recording.stamps)
+        return (
+            f"<Twin of {Path(self.source.name).name}, {seconds:.3g} s: "
+            f"{len(self.analysis.lines.frequency)} lines, {len(self.analysis.vibration.low)} bands>"
+        )
+
+    def as_json(self) -> Any:
+        """Return all numbers by name, in plain types; null where one is not finite."""
+        found, noise = self.analysis, self.source.noise
+        white, bands, lines = found.white, found.bands, found.lines
+        known = np.where(bands.freedom < _LEAST_FREEDOM, np.nan, bands.density)
+        return plain(
+            {
+                "rate_hz": self.source.recording.rate,
+                "seconds": float(np.ptp(found.bias_t)) if len(found.bias_t) else 0.0,
+                "errors": {
+                    name: {"value": v.value, "sigma": v.sigma} for name, v in self.errors.items()
+                },
+                "warnings": list(self.warnings),
+                "pose_noise": {**noise.as_json(), "cutoff_hz": self.source.cutoff},
+                "undetermined": list(self.undetermined),
+                "clock_wander_s": self.clock_wander,
+                "white_floor": {
+                    "value": white.density,
+                    "low": white.low,
+                    "high": white.high,
+                },
+                "lines": lines._asdict(),
+                "bands": {
+                    "low_hz": bands.low,
+                    "high_hz": bands.high,
+                    "density": known,
+                    "density_low": known * bands.interval[0],
+                    "density_high": known * bands.interval[1],
+                },
+                "ranges_hz": found.range_edges,
+                "exponents": {
+                    "value": found.exponents.value,
+                    "sigma": found.exponents.sigma,
+                },
+                "bias_over_time": {
+                    "t_s": found.bias_t,
+                    "value": found.bias,
+                    "sigma": found.bias_sigma,
+                },
+                "check": None if self.check is None else self.check.as_json(),
+            }
+        )
+
+    @property
+    def clock_wander(self) -> float:
+        """RMS of how the truth's clock wanders beside offset and skew [s]; 0: it is steady."""
+        return float(np.std(self.analysis.fit.wander))
+
+    def save(self, path: str | Path, *, force: bool = False) -> Path:
+        """Write the parameter file for ``simulator`` and ``generate``; returns its path.
+
+        :param force: replace what exists.
+        :raises InputError: for a place that cannot be used, and one that is taken.
+        """
+        with saved(path, force) as place:
+            self.write(place)
+        return Path(path)
+
+    def write(self, path: Path) -> None:
+        """Write the parameter file.
+
+        :raises ConfigurationError: for what is no path.
+        """
+        path = arguments.path("path", path, "the path of an output")
+        name = Path(self.source.name).name
+        try:
+            files.write(self.parameters, path, comment=f"Digital twin of {name}.")
+        except OSError as error:
+            raise system_error(path, error) from None
+
+    def plot(self) -> Figure:
+        """Return a matplotlib figure: spectra and time series, real beside simulated."""
+        from imu_sim_ros.plots import calibration as pictures
+
+        real, simulated = self.flown()
+        name = Path(self.source.name).name
+        return pictures.draw(real, simulated, self.source.recording.rate, name)
+
+    def flown(self, seed: int = 0) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+        """Return times (n,) and residuals (n, 6) of the real sensor, and those of the twin.
+
+        :raises ConfigurationError: for a seed that is none.
+        """
+        _check_seed(seed)
+        if self.check is not None and seed == 0:
+            real, simulated = self.check.flown
+            return (real.t, real.residuals), (simulated.t, simulated.residuals)
+        return flown_again(self.source, self.analysis.fit, self.parameters, seed)
+
+    def simulate(self, seed: int = 0) -> Flight:
+        """Return the twin's flight along the truth.
+
+        :raises ConfigurationError: for a seed that is none.
+        """
+        _check_seed(seed)
+        engine = simulation(self.source, self.parameters, seed)
+        return Flight(engine.parameters, list(engine.blocks()), f"twin of {self.source.name}")
+
+
+def twin(
+    recording: Flight | Readings | str | Path,
+    truth: HasPoses | str | Path,
+    *,
+    fit: float | None = None,
+    gravity: float = -GRAVITY[2],
+    cutoff: float = 12.0,
+    max_offset: float = 0.5,
+    topic: str | None = None,
+    truth_topic: str | None = None,
+) -> Twin:
+    """Return the digital twin of a sensor on its vehicle, from a recording in motion and its truth.
+
+    The recording is compared with what a perfect IMU reads along a spline through the truth. Time
+    offset and skew, mounting, lever arm, biases, scale and misalignment and g-sensitivity are found
+    by one weighted least squares, and with them how the truth is smoothed and aligned; what they
+    leave is described by lines, bands and a white floor on six axes, and by how they follow the
+    motion.
+
+    :param recording: a flight, readings, or a file that :func:`imu_sim_ros.read_imu` reads.
+    :param truth: poses of the body, from motion capture for instance: arrays or a file.
+    :param fit: use this much of the recording [s], and compare the twin with the rest.
+    :param gravity: its magnitude where the recording was made [m/s^2].
+    :param cutoff: motion at higher frequencies [Hz] counts as vibration.
+    :param max_offset: between the clocks of recording and truth that is looked for [s].
+    :param topic: of the readings in a bag that has several.
+    :param truth_topic: of the poses in a bag that has several.
+    :raises InputError: with a line for each reason why there is no twin.
+
+    >>> import imu_sim_ros as ims
+    >>> sensor = {"preset": "adis16448", "lever_arm": [0.1, 0.0, 0.0]}
+    >>> flight = ims.simulate(imu=sensor, trajectory="figure_eight", duration=15, rate=100)
+    >>> arm = ims.twin(flight, flight.truth).errors["lever_arm"]
+    >>> bool(abs(arm.value[0] - 0.1) < 4.0 * arm.sigma[0])
+    True
+    """
+    _check_numbers(fit, gravity, cutoff, max_offset)
+    source = recorded(
+        recording,
+        truth,
+        gravity=gravity,
+        cutoff=cutoff,
+        max_offset=max_offset,
+        topic=topic,
+        truth_topic=truth_topic,
+    )
+    return _found(source, fit)
+
+
+def _found(source: Recorded, fit: float | None) -> Twin:
+    whole = source.recording
+    used, held_out = whole, None
+    if fit is not None:
+        used, held_out = _split(whole, fit, source.name)
+    found = constant_errors(used, source.truth, perfect(source.r_ib, source.offset))
+    _check_likeness(source, used, found)
+    others = foreseen(used, source.truth, found)
+    trust = judged(found, others.disagreement, source.noise)
+    analysis = _analysed(source, used, found, others.residuals)
+    parameters = simulator_parameters(analysis, whole.rate, _steps(whole.readings))
+    if source.gravity != -GRAVITY[2]:
+        parameters["gravity"] = (0.0, 0.0, -source.gravity)
+    checked = None if held_out is None else check(source, held_out, analysis, parameters)
+    errors = _errors(trust.fit, trust.given)
+    return Twin(
+        errors,
+        trust.undetermined,
+        trust.given,
+        trust.warnings,
+        parameters,
+        analysis,
+        checked,
+        source,
+    )
+
+
+def _check_likeness(source: Recorded, used: Recording, found: Fit) -> None:
+    """Refuse readings that are not those of the truth's motion.
+
+    :raises InputError: where the truth explains too little of them.
+    """
+    count = max(round(_SECONDS * used.rate), 1)
+    rows = len(used.stamps) // count * count
+    means = [
+        x[:rows, :3].reshape(-1, count, 3).mean(axis=1)
+        for x in (used.readings - found.errors.bias, found.residuals)
+    ]
+    read, left = (float(np.sum(x**2)) for x in means)
+    if left > _LEFT * read:
+        share = 100.0 * max(1.0 - left / read, 0.0)
+        raise InputError(
+            f"{source.name}: the truth explains {share:.0f} % of what the gyroscope reads: they "
+            "are not of one flight, or farther apart in time than max_offset"
+        )
+
+
+def _check_seed(seed: int) -> None:
+    whole("seed", seed, "an integer of at least 0", 0, 2**63 - 1)
+
+
+def _check_numbers(fit: float | None, gravity: float, cutoff: float, max_offset: float) -> None:
+    limits = [
+        ("gravity", gravity, 1.0, 30.0, "m/s^2"),
+        ("cutoff", cutoff, 0.5, 1000.0, "Hz"),
+        ("max_offset", max_offset, 0.0, 60.0, "s"),
+    ]
+    if fit is not None:
+        limits.append(("fit", fit, _LEAST_FIT, 1e7, "s"))
+    problems: list[str] = []
+    for name, value, low, high, unit in limits:
+        try:
+            number(name, value, f"between {low:g} and {high:g} {unit}", low, high)
+        except ArgumentTypeError:
+            raise
+        except ConfigurationError as error:
+            problems += error.problems
+    if problems:
+        raise ConfigurationError(problems)
+
+
+def _split(whole: Recording, seconds: float, name: str) -> tuple[Recording, Recording]:
+    first, last = float(whole.stamps[0]), float(whole.stamps[-1])
+    if last - first - seconds < _LEAST_FIT:
+        raise InputError(
+            f"fit = {seconds:g}: must leave {_LEAST_FIT:g} s of the {last - first:.4g} s of {name} "
+            "to compare the twin with"
+        )
+    return whole.part(first, first + seconds), whole.part(first + seconds, np.inf)
+
+
+def _analysed(source: Recorded, used: Recording, found: Fit, unseen: Array) -> Analysis:
+    t = model.true_times(found.errors, used.stamps, found.reference, found.wander)
+    motion = source.motion(t)
+    norms = tuple(
+        np.linalg.norm(v, axis=1)
+        for v in (motion.angular_velocity, motion.acceleration, motion.velocity)
+    )
+
+    def sizes(reference: Array) -> Array:
+        x, y, z = (float(value) for value in reference)
+        return MotionSize(used.rate, (x, y, z), MOTION_FLOOR, MOTION_TIME).logs(motion)
+
+    noises = noise_residuals(used, source.truth, found)
+    size = (norms[0], norms[1], norms[2])
+    return analyse(used, found, unseen, noises, sizes, size, moving(motion))
+
+
+def _steps(readings: Array) -> Array:
+    """Return the digital steps (6,) of the readings; 0 where there are none."""
+    finder = StepFinder(6)
+    finder.look(np.ascontiguousarray(readings.T))
+    return finder.step
+
+
+def _errors(found: Fit, given: NDArray[np.bool_]) -> dict[str, Calibrated]:
+    """Return the constant errors by name; NaN for those that are not given."""
+    errors, covariance = found.errors, found.covariance
+    span = np.array([1.0, -found.reference])
+    sigma = np.where(given, found.sigma, np.nan)
+    offset_sigma = np.sqrt(span @ covariance[:2, :2] @ span) if given[:2].all() else np.nan
+
+    def of(value: Any, sigmas: Any) -> Calibrated:
+        sigmas = np.ravel(sigmas).astype(np.float64)
+        return Calibrated(np.where(np.isnan(sigmas), np.nan, np.ravel(value)), sigmas)
+
+    upper = np.zeros((3, 3))
+    upper[model.UPPER] = sigma[model.ACCELEROMETER]
+    return {
+        "stamp_offset": of(clock_offset(found), offset_sigma),
+        "clock_skew_ppm": of(1e6 * clock_skew(found), 1e6 * sigma[1]),
+        "mounting": of(log(from_matrix(errors.r_ib)), sigma[model.MOUNTING]),
+        "lever_arm": of(errors.lever_arm, sigma[model.LEVER_ARM]),
+        "gyroscope_bias": of(errors.bias[:3], sigma[model.BIAS][:3]),
+        "gyroscope_scale_misalignment": of(errors.gyroscope, sigma[model.GYROSCOPE]),
+        "gyroscope_g_sensitivity": of(errors.g_sensitivity, sigma[model.G_SENSITIVITY]),
+        "accelerometer_bias": of(errors.bias[3:], sigma[model.BIAS][3:]),
+        "accelerometer_scale_misalignment": of(errors.accelerometer, upper),
+        "truth_curvature": of(errors.curvature, sigma[model.CURVATURE]),
+        "truth_turn": of(errors.world, sigma[model.WORLD]),
+    }
+
+
+def labels(count: int) -> list[str]:
+    """Return names of the components of a number, a vector or a matrix."""
+    if count == 9:
+        return list(MATRIX)
+    return list("xyz") if count == 3 else [""]

@@ -1,0 +1,273 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A twin flown on a part of the recording that it has not seen, against the real readings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros import rotation, timebase
+from imu_sim_ros.calibration.twin import comparison, intensity, model
+from imu_sim_ros.calibration.twin import comparison as truth
+from imu_sim_ros.calibration.twin.analysis import Analysis
+from imu_sim_ros.calibration.twin.fit import Fit, Recording
+from imu_sim_ros.calibration.twin.model import Errors
+from imu_sim_ros.calibration.twin.pose_noise import Poses, noise_over, scatter
+from imu_sim_ros.jobs.twin_recording import Recorded, moving
+from imu_sim_ros.json_text import plain
+from imu_sim_ros.navigation.dead_reckoning import dead_reckon
+from imu_sim_ros.navigation.state import NavigationState
+from imu_sim_ros.parameters.kinds import Value
+from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.parameters import load_simulation
+from imu_sim_ros.trajectory.motion import Motion
+
+Array = NDArray[np.float64]
+
+WINDOWS: Final = (1.0, 2.0, 5.0)
+"""[s] over which positions are dead-reckoned."""
+_EVERY: Final = 0.5
+"""[s] between two starts."""
+SEEDS: Final = 5
+"""Twins that are flown."""
+_TRUTH_FROM: Final = 1.0
+"""[Hz] from which on a residual follows the truth's noise."""
+
+
+class Flown(NamedTuple):
+    """Readings on a known motion, real or simulated."""
+
+    t: Array
+    """(n,) true times [s]."""
+    readings: Array
+    """(n, 6)"""
+    residuals: Array
+    """(n, 6) readings minus what the twin's constant errors explain."""
+
+
+@dataclass(frozen=True, repr=False)
+class Check:
+    """How far the twin is from the real sensor, on a part of the flight that it was not fitted to.
+
+    Lists of five are the bands 0.2-1, 1-5, 5-20, 20-50 and 50-100 Hz; six are gyroscope x, y, z and
+    accelerometer x, y, z.
+    """
+
+    seconds: float
+    """Length of the part [s]."""
+    real: Array
+    """(5, 6) densities of the real residual."""
+    simulated: Array
+    """(5, 6) densities of the twin's, mean square over the seeds."""
+    decibels: Array
+    """(5, 6) twin over real; NaN above half the rate."""
+    real_drift: Array
+    """(3,) median position error of the real IMU after 1, 2 and 5 s [m]."""
+    simulated_drift: Array
+    """(3,) the twin's."""
+    truth_noise: Array
+    """(6,) RMS noise of the truth on this part, over that where the twin was fitted."""
+    told_apart: float
+    """Share of windows of half a second that a classifier assigns right; 0.5: it cannot."""
+    flown: tuple[Flown, Flown]
+    """The real readings, and those of the first twin."""
+
+    def __repr__(self) -> str:
+        worst = float(np.nanmax(np.abs(self.decibels)))
+        drift = 100.0 * float(np.nanmax(np.abs(self.simulated_drift / self.real_drift - 1.0)))
+        return (
+            f"<Check over {self.seconds:.3g} s: densities within {worst:.2g} dB, drift within "
+            f"{drift:.2g} %, told apart {100.0 * self.told_apart:.0f} %>"
+        )
+
+    def as_json(self) -> Any:
+        """Return the numbers by name; null where there is none."""
+        return plain(
+            {
+                "seconds": self.seconds,
+                "bands_hz": [list(band) for band in comparison.BANDS],
+                "real_density": self.real,
+                "simulated_density": self.simulated,
+                "decibels": self.decibels,
+                "windows_s": list(WINDOWS),
+                "real_drift_m": self.real_drift,
+                "simulated_drift_m": self.simulated_drift,
+                "truth_noise_ratio": self.truth_noise,
+                "told_apart": self.told_apart,
+            }
+        )
+
+
+def check(
+    source: Recorded, part: Recording, analysis: Analysis, parameters: dict[str, Value]
+) -> Check:
+    """Compare a twin with a part of the recording.
+
+    The truth's clock and smoothing are found again on this part, and the twins are held against a
+    truth with noise of its poses, as much as these show here: none of these is the sensor's doing.
+    All else stays.
+    """
+    fit = analysis.fit
+    real = _laid(source, part, fit)
+    parts = _parts(source, real.t, part)
+    rate = part.rate
+    twins = [_simulated(source, real.t, fit.errors, parameters, seed) for seed in range(SEEDS)]
+    noise = _truth_noise(source, fit, analysis.parts, twins[0].t)
+    twins = [_with_truth_noise(twin, noise, rate, source.cutoff) for twin in twins]
+    flown = [slice(0, len(twins[0].t))]
+    levels = comparison.levels(real.residuals, parts, rate)
+    others = [comparison.levels(twin.residuals, flown, rate) for twin in twins]
+    simulated = np.sqrt(np.mean(np.square(others), axis=0))
+    seen = comparison.features(real.residuals, parts, rate)
+    shares = [
+        comparison.told_apart(seen, comparison.features(twin.residuals, flown, rate), seed)
+        for seed, twin in enumerate(twins)
+    ]
+    drifts = [_drift(source, twin, fit.errors, np.zeros(3)) for twin in twins]
+    return Check(
+        float(real.t[-1] - real.t[0]),
+        levels,
+        simulated,
+        comparison.decibels(simulated, levels),
+        _median(_drift(source, real, fit.errors, fit.errors.world)),
+        np.array([_median([np.concatenate(d) for d in zip(*drifts, strict=True)])])[0],
+        np.sqrt(np.mean(noise**2, axis=0)),
+        float(np.mean(shares)),
+        (real, twins[0]),
+    )
+
+
+def _median(errors: list[Array]) -> Array:
+    return np.array([np.median(e) if len(e) else np.nan for e in errors])
+
+
+def _laid(source: Recorded, part: Recording, fit: Fit) -> Flown:
+    """Return readings on the truth, whose clock and smoothing are found again on this part."""
+    again = truth.laid_on(part, source.truth, fit)
+    t = model.true_times(again.errors, part.stamps, again.reference, again.wander)
+    return Flown(t, part.readings, again.residuals)
+
+
+def _truth_noise(source: Recorded, fit: Fit, parts: tuple[slice, ...], t: Array) -> Array:
+    """Return the truth's noise at times (n,) [s] over that where the twin was fitted (n, 6).
+
+    :param parts: rows of the recording whose residual is simulated.
+    """
+    poses = source.poses
+    t_poses = timebase.seconds_since(poses.t_ns, source.t0_ns)
+    times, noise = scatter(Poses(t_poses, poses.position, poses.q_wb))
+    noise = np.concatenate([noise[:, k : k + 3] @ fit.errors.r_ib.T for k in (0, 3)], axis=1)
+    stamps = source.recording.stamps[parts[0].start : parts[-1].stop]
+    return noise_over(times, noise, (float(stamps[0]), float(stamps[-1])), t)
+
+
+def _with_truth_noise(flown: Flown, size: Array, rate: float, cutoff: float) -> Flown:
+    """Return a twin's readings whose residual from 1 Hz to half the cut-off follows the truth's.
+
+    There, above its slow errors and below vibration, a residual is mostly the truth's noise.
+
+    :param size: (n, 6) of that noise over the one that the twin simulates.
+    """
+    whole = [slice(0, len(flown.t))]
+    noise = intensity.in_range(flown.residuals, whole, rate, _TRUTH_FROM, 0.5 * cutoff)
+    extra = (size - 1.0) * noise
+    return Flown(flown.t, flown.readings + extra, flown.residuals + extra)
+
+
+def _parts(source: Recorded, t: Array, part: Recording) -> list[slice]:
+    """Return the rows in motion, piece by piece."""
+    rows = moving(source.motion(t))
+    result = []
+    for piece in part.pieces:
+        there = np.flatnonzero(rows[piece])
+        if len(there):
+            result.append(slice(piece.start + int(there[0]), piece.start + int(there[-1]) + 1))
+    return result or list(part.pieces)
+
+
+def simulation(source: Recorded, parameters: dict[str, Value], seed: int) -> Simulation:
+    """Return the twin's simulation on the truth's own motion."""
+    own: dict[str, object] = {
+        **parameters,
+        "seed": seed,
+        "start_time": 1.0,
+        "trajectory.type": "poses",
+        "trajectory.file": source.name,
+        "gravity": [0.0, 0.0, -source.gravity],
+    }
+    return Simulation(load_simulation(own), trajectory=source.trajectory)
+
+
+def _simulated(
+    source: Recorded, t: Array, errors: Errors, parameters: dict[str, Value], seed: int
+) -> Flown:
+    """Return the twin's readings over the times of the real ones, against a noisy truth."""
+    engine = simulation(source, parameters, seed)
+    blocks = list(engine.blocks())
+    true = np.concatenate([b.true_t_ns for b in blocks])
+    times = timebase.seconds_since(true, engine.t0_ns)
+    inside = (times >= t[0]) & (times <= t[-1])
+    readings = np.concatenate(
+        [np.concatenate([getattr(b, name) for b in blocks]) for name in ("gyro", "accel")], axis=1
+    )[inside]
+    times = times[inside]
+    seen = source.truth.noisy[seed % len(source.noisy)] if source.noisy else source.body_motion
+    residuals = readings - model.readings(errors, seen(times))
+    return Flown(times, readings, residuals)
+
+
+def _drift(source: Recorded, flown: Flown, errors: Errors, world: Array) -> list[Array]:
+    """Return the position errors [m] after each length of window, from the true state."""
+    motion = _imu_motion(source, flown.t, errors, world)
+    t_ns = np.round(flown.t * 1e9).astype(np.int64)
+    x = flown.readings - errors.bias
+    result = []
+    for length in WINDOWS:
+        found = []
+        for start in np.arange(flown.t[0], flown.t[-1] - length, _EVERY):
+            first, last = np.searchsorted(flown.t, [start, start + length])
+            rows = slice(first, last + 1)
+            if flown.t[last] - flown.t[first] > length + 0.1:
+                continue
+            state = NavigationState(
+                motion.position[first], motion.velocity[first], motion.q_wb[first]
+            )
+            track = dead_reckon(
+                t_ns[rows], x[rows, :3], x[rows, 3:], state, gravity=(0.0, 0.0, -source.gravity)
+            )
+            found.append(float(np.linalg.norm(track.position[-1] - motion.position[last])))
+        result.append(np.array(found))
+    return result
+
+
+def _imu_motion(source: Recorded, t: Array, errors: Errors, world: Array) -> Motion:
+    """Return the motion of the IMU itself, at its lever arm and in its mounting.
+
+    :param world: (3,) turn of the attitudes' world to that of positions and gravity [rad].
+    """
+    motion = source.motion(t)
+    motion = motion._replace(q_wb=rotation.multiply(rotation.exp(world), motion.q_wb))
+    arm = errors.lever_arm
+    sweep = np.cross(motion.angular_velocity, arm)
+    q_bi = rotation.from_matrix(errors.r_ib.T)
+    return motion._replace(
+        position=motion.position + rotation.rotate(motion.q_wb, arm),
+        velocity=motion.velocity + rotation.rotate(motion.q_wb, sweep),
+        q_wb=rotation.multiply(motion.q_wb, q_bi),
+    )
+
+
+def flown_again(
+    source: Recorded, fit: Fit, parameters: dict[str, Value], seed: int
+) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """Return times and residuals of the part that was fitted, and those of a twin on it."""
+    rows = len(fit.residuals)
+    stamps = source.recording.stamps[:rows]
+    t = model.true_times(fit.errors, stamps, fit.reference, fit.wander)
+    twin = _simulated(source, t, fit.errors, parameters, seed)
+    return (t, fit.residuals), (twin.t, twin.residuals)

@@ -1,0 +1,337 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A recording beside its truth: readings that lie on the truth's spline."""
+
+from __future__ import annotations
+
+from functools import partial
+from itertools import pairwise
+from os import PathLike
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros import arguments, timebase
+from imu_sim_ros.calibration.twin.alignment import coarse_offset, mounting
+from imu_sim_ros.calibration.twin.fit import Recording
+from imu_sim_ros.calibration.twin.model import BodyMotion, Truth
+from imu_sim_ros.calibration.twin.pose_noise import (
+    PoseNoise,
+    Poses,
+    highest_motion,
+    noise_of,
+    spoiled,
+)
+from imu_sim_ros.conventions import TRIADS
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs import gate
+from imu_sim_ros.jobs.flight import Flight, readings_of
+from imu_sim_ros.jobs.readings import BAG_OR_FILE, HasPoses, Readings, checked_poses
+from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.rotation import to_matrix
+from imu_sim_ros.trajectory.build import build_trajectory
+from imu_sim_ros.trajectory.motion import Motion, Trajectory
+from imu_sim_ros.trajectory.parameters import PosesParameters
+
+Array = NDArray[np.float64]
+
+_MARGIN: Final = 0.2
+"""[s] at both ends of the truth, where a spline has neighbours on one side only."""
+_SHORTEST: Final = 10.0
+"""[s] of readings with a truth."""
+_TURNING: Final = 0.02
+"""[rad/s] RMS below which a motion shows nothing."""
+_STILL: Final = (0.05, 0.03)
+"""[rad/s], [m/s] above which a body is in motion."""
+_SCALE: Final = 8.0
+"""Between typical sizes of readings and truth, vibration and biases included; g is 9.8 m/s^2."""
+_GAP: Final = 1.5
+"""Intervals between two samples from which on one is missing."""
+_FILLED: Final = 10
+"""Samples: shorter losses are filled by straight lines."""
+_PIECE: Final = 512
+"""Samples without a longer loss that a spectrum needs."""
+
+
+_DRAWS: Final = 2
+"""Times that the poses' noise is drawn."""
+_ROOM: Final = 2.0
+"""Cut-off over the highest frequency of the motion, up to which a fit goes."""
+_SMOOTH: Final = 2.0
+"""[Hz] cut-off of a path with next to no noise, on which rounding is drawn: its speed matters."""
+_LOWEST: Final = 1.0
+"""[Hz] cut-off at least."""
+_FEWEST: Final = 200
+"""Times for a spectrum of the motion."""
+
+
+class Recorded(NamedTuple):
+    """A recording on the spline of its truth."""
+
+    recording: Recording
+    poses: PoseSequence
+    trajectory: Trajectory
+    duration: float
+    cutoff: float
+    """[Hz] above which motion does not stand out of the poses' noise, or counts as vibration."""
+    noise: PoseNoise
+    """Of the poses."""
+    noisy: tuple[Trajectory, ...]
+    """The trajectory with more noise of the poses; none where they have no noise."""
+    gravity: float
+    offset: float
+    """First guess of true time minus stamp [s]."""
+    r_ib: Array
+    """(3, 3) first guess of the mounting."""
+    t0_ns: int
+    """Stamp of the truth's first pose [ns]."""
+    name: str
+
+    def motion(self, t: Array) -> Motion:
+        """Return the body's motion at times (n,) [s]."""
+        return self.trajectory.sample(np.clip(t, 0.0, self.duration))
+
+    def body_motion(self, t: Array) -> BodyMotion:
+        """Return rate, specific force and angular acceleration in the body at times (n,) [s]."""
+        return self._moved(self.trajectory, t)
+
+    @property
+    def truth(self) -> Truth:
+        """What is known of the motion."""
+        noisy = tuple(partial(self._moved, other) for other in self.noisy)
+        return Truth(self.body_motion, self.cutoff, noisy)
+
+    def _moved(self, trajectory: Trajectory, t: Array) -> BodyMotion:
+        return body_motion(trajectory.sample(np.clip(t, 0.0, self.duration)), self.gravity)
+
+
+def body_motion(motion: Motion, gravity: float) -> BodyMotion:
+    """Return what an IMU in the body's origin is moved by."""
+    up = motion.acceleration + np.array([0.0, 0.0, gravity])
+    r_bw = np.swapaxes(to_matrix(motion.q_wb), -1, -2)
+    force = np.einsum("nij,nj->ni", r_bw, up)
+    return BodyMotion(motion.angular_velocity, force, motion.angular_acceleration, r_bw)
+
+
+def moving(motion: Motion) -> NDArray[np.bool_]:
+    """Return which rows (n,) of a motion are no rest."""
+    rate, speed = (np.linalg.norm(v, axis=1) for v in (motion.angular_velocity, motion.velocity))
+    result: NDArray[np.bool_] = (rate > _STILL[0]) | (speed > _STILL[1])
+    return result
+
+
+def recorded(
+    recording: Flight | Readings | str | Path,
+    truth: HasPoses | str | Path,
+    *,
+    gravity: float,
+    cutoff: float,
+    max_offset: float,
+    topic: str | None,
+    truth_topic: str | None,
+) -> Recorded:
+    """Return readings on the spline through their truth.
+
+    :raises InputError: with a line for each reason why there is no twin.
+    """
+    readings = readings_of("recording", recording, topic)
+    _check(readings)
+    poses, name = _poses(truth, truth_topic)
+    splines = _Splines(poses, name)
+    noise, cutoff = splines.noise(cutoff)
+    trajectory, *noisy = splines.drawn(noise, cutoff)
+    duration = min(trajectory.duration, float(splines.t[-1]))
+    t0_ns = int(poses.t_ns[0])
+    stamps = timebase.seconds_since(readings.t_ns, t0_ns)
+    near = (stamps > -max_offset) & (stamps < duration + max_offset)
+    if np.count_nonzero(near) < 2 or np.ptp(stamps[near]) < _SHORTEST:
+        raise InputError(
+            f"{readings.name}: has {_common(stamps, duration):.3g} s in common with {name}; a twin "
+            f"needs {_SHORTEST:g} s: their stamps must be of one clock"
+        )
+    empty = Recording(np.zeros(0), np.zeros((0, 6)), (), 1.0)
+    half = Recorded(
+        recording=empty,
+        poses=poses,
+        trajectory=trajectory,
+        duration=duration,
+        cutoff=cutoff,
+        noise=noise,
+        noisy=tuple(noisy),
+        gravity=gravity,
+        offset=0.0,
+        r_ib=np.eye(3),
+        t0_ns=t0_ns,
+        name=readings.name,
+    )
+    return _placed(half, readings, stamps, near, max_offset, name)
+
+
+class _Splines:
+    """Splines through the poses of a truth, and through the same with more noise."""
+
+    def __init__(self, poses: PoseSequence, name: str) -> None:
+        self.t = timebase.seconds_since(poses.t_ns, int(poses.t_ns[0]))
+        self._poses, self._name = poses, name
+        motion = self._spline(poses, _SMOOTH).sample(self.t)
+        self._smooth = Poses(self.t, motion.position, motion.q_wb)
+
+    def noise(self, cutoff: float) -> tuple[PoseNoise, float]:
+        """Return the poses' noise, and the cut-off [Hz] that it leaves of a given one."""
+        given = Poses(self.t, self._poses.position, self._poses.q_wb)
+        noise = noise_of(given, self._smooth)
+        if not noise.there:
+            return noise, cutoff
+        times = np.arange(_MARGIN, self.t[-1] - _MARGIN, 0.25 / cutoff)
+        if len(times) < _FEWEST:
+            return noise, cutoff
+        signal, *noisy = (
+            np.concatenate([m.angular_velocity, m.acceleration], axis=1)
+            for m in (spline.sample(times) for spline in self.drawn(noise, cutoff))
+        )
+        highest = highest_motion(signal, noisy, 4.0 * cutoff)
+        return noise, float(np.clip(_ROOM * highest, min(_LOWEST, cutoff), cutoff))
+
+    def drawn(self, noise: PoseNoise, cutoff: float) -> list[Trajectory]:
+        """Return the spline through the poses, and those with more noise."""
+        result = [self._spline(self._poses, cutoff)]
+        if noise.there:
+            rng = np.random.default_rng(0)
+            given = Poses(self.t, self._poses.position, self._poses.q_wb)
+            for _ in range(_DRAWS):
+                _, position, q_wb = spoiled(given, *noise.drawn(self._smooth, rng))
+                other = self._poses._replace(position=position, q_wb=q_wb)
+                result.append(self._spline(other, cutoff))
+        return result
+
+    def _spline(self, poses: PoseSequence, cutoff: float) -> Trajectory:
+        return build_trajectory(PosesParameters(file=self._name, cutoff=cutoff), lambda *_: poses)
+
+
+def _placed(
+    half: Recorded,
+    readings: Readings,
+    stamps: Array,
+    near: NDArray[np.bool_],
+    max_offset: float,
+    name: str,
+) -> Recorded:
+    """Return the recording with a first guess of clock and mounting.
+
+    :param stamps: (n,) of the readings [s].
+    :param near: (n,) those that may have a truth.
+    :param name: of the truth.
+    """
+    duration = half.duration
+    offset = coarse_offset(
+        stamps[near], readings.gyro[near], half.body_motion, duration, max_offset
+    )
+    inside = (stamps + offset > _MARGIN) & (stamps + offset < duration - _MARGIN)
+    if np.count_nonzero(inside) < 2 or np.ptp(stamps[inside]) < _SHORTEST:
+        raise InputError(
+            f"{readings.name}: has {_common(stamps + offset, duration):.3g} s in common with "
+            f"{name}; a twin needs {_SHORTEST:g} s"
+        )
+    stamps = stamps[inside]
+    y = np.concatenate([readings.gyro[inside], readings.accel[inside]], axis=1)
+    motion = half.body_motion(stamps + offset)
+    if np.sqrt(np.mean(motion.rate**2)) < _TURNING:
+        raise InputError(f"{name}: hardly turns; a twin is found in motion, not at rest")
+    _check_units(y, motion, readings.name)
+    return half._replace(
+        recording=_in_pieces(stamps, y, readings.name),
+        offset=offset,
+        r_ib=mounting(y[:, :3], y[:, 3:], motion),
+    )
+
+
+def _poses(truth: HasPoses | str | Path, topic: str | None) -> tuple[PoseSequence, str]:
+    if isinstance(truth, str | PathLike):
+        from imu_sim_ros.bags.read import read_poses
+
+        path = arguments.path("truth", truth, BAG_OR_FILE)
+        return read_poses(path, arguments.topic("truth_topic", topic)), f"the truth {truth}"
+    arguments.topic("truth_topic", topic, of_a_file=False)
+    return checked_poses("truth", truth), "the truth"
+
+
+def _check(readings: Readings) -> None:
+    verdict = gate.readings(readings.t_ns, readings.gyro, readings.accel)
+    problems = verdict.problems(readings.name)
+    steps = np.diff(readings.t_ns)
+    if np.any(steps < 0):
+        row = int(np.argmax(steps < 0)) + 1
+        problems.append(f"{readings.name}: stamps run backwards at sample {row}")
+    for name, values in (("gyroscope", readings.gyro), ("accelerometer", readings.accel)):
+        if len(values) and np.any(np.ptp(values, axis=0) == 0.0):
+            axis = "xyz"[int(np.argmin(np.ptp(values, axis=0)))]
+            problems.append(f"{readings.name}: {name} {axis}: all readings are equal")
+    if problems:
+        raise InputError(problems)
+
+
+def _check_units(readings: Array, motion: BodyMotion, name: str) -> None:
+    """Refuse degrees and g: sizes that no sensor's scale can explain.
+
+    :param readings: (n, 6)
+    :raises InputError: with a line for each triad.
+    """
+    read = [float(np.median(np.linalg.norm(x, axis=1))) for x in (readings[:, :3], readings[:, 3:])]
+    true = [float(np.median(np.linalg.norm(x, axis=1))) for x in (motion.rate, motion.force)]
+    problems = [
+        f"{name}: the {triad} reads {r / t:.3g} times what the truth moves: readings must be in "
+        f"{unit}"
+        for triad, unit, r, t, least in zip(
+            TRIADS, ("rad/s", "m/s^2"), read, true, (_TURNING, 1.0), strict=True
+        )
+        if t > least and not 1.0 / _SCALE < r / t < _SCALE
+    ]
+    if problems:
+        raise InputError(problems)
+
+
+def _common(stamps: Array, duration: float) -> float:
+    if not len(stamps):
+        return 0.0
+    return max(min(float(stamps[-1]), duration) - max(float(stamps[0]), 0.0), 0.0)
+
+
+def _in_pieces(stamps: Array, readings: Array, name: str) -> Recording:
+    """Return a recording without repeated stamps, short losses filled, cut at long ones.
+
+    :raises InputError: where no piece is long enough for a spectrum.
+    """
+    keep = np.concatenate([[True], np.diff(stamps) > 0.0])
+    stamps, readings = stamps[keep], readings[keep]
+    steps = np.diff(stamps)
+    usual = float(np.median(steps))
+    regular = steps[steps < _GAP * usual]
+    interval = float(regular.mean())
+    # Stamps that jitter make no loss.
+    limit = _GAP * usual + 4.0 * float(np.median(np.abs(steps - usual)))
+    missing = np.where(steps > limit, np.round(steps / interval) - 1.0, 0.0).astype(int)
+    filled = np.where(missing <= _FILLED, missing, 0)
+    if filled.any():
+        after = np.repeat(np.arange(len(steps)), filled)
+        place = np.arange(len(after)) - np.repeat(np.cumsum(filled) - filled, filled) + 1
+        extra = stamps[after] + steps[after] * place / (filled[after] + 1)
+        every = np.sort(np.concatenate([stamps, extra]))
+        columns = [np.interp(every, stamps, readings[:, k]) for k in range(6)]
+        stamps, readings = every, np.column_stack(columns)
+    cuts = np.flatnonzero(np.diff(stamps) > limit) + 1
+    edges = [0, *cuts.tolist(), len(stamps)]
+    pieces = tuple(slice(a, b) for a, b in pairwise(edges))
+    longest = max(piece.stop - piece.start for piece in pieces)
+    if longest < _PIECE:
+        raise InputError(
+            f"{name}: the longest piece without a loss has {longest} samples; a twin needs {_PIECE}"
+        )
+    return Recording(stamps, readings, pieces, _rounded(1.0 / interval))
+
+
+def _rounded(rate: float) -> float:
+    """Return the nearest whole rate where a clock's skew can explain the difference."""
+    return float(round(rate)) if abs(rate - round(rate)) < 1e-3 * rate else round(rate, 3)

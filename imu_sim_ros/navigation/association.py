@@ -1,0 +1,255 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""An estimate and its truth: same times, the offset between their clocks, the alignment."""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros import rotation
+from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.names import suggestion
+from imu_sim_ros.poses import PoseSequence
+
+Array = NDArray[np.float64]
+Times = NDArray[np.int64]
+
+
+def interpolate_vectors(t_ns: Times, values: Array, at_ns: Times) -> Array:
+    """Return values (m, k) at other times, linear between stamps.
+
+    :param t_ns: (n,) stamps [ns], increasing.
+    :param values: (n, k).
+    :param at_ns: (m,) times within the stamps [ns].
+    """
+    before, part = _places(t_ns, at_ns)
+    start = values[before]
+    result: Array = start + part[:, None] * (values[before + 1] - start)
+    return result
+
+
+def interpolate_poses(poses: PoseSequence, at_ns: Times) -> PoseSequence:
+    """Return the poses at other times: linear in position, at constant rate in attitude."""
+    before, part = _places(poses.t_ns, at_ns)
+    start = poses.q_wb[before]
+    turn = rotation.log(rotation.multiply(rotation.conjugate(start), poses.q_wb[before + 1]))
+    q_wb = rotation.multiply(start, rotation.exp(part[:, None] * turn))
+    return PoseSequence(at_ns, interpolate_vectors(poses.t_ns, poses.position, at_ns), q_wb)
+
+
+def _places(t_ns: Times, at_ns: Times) -> tuple[NDArray[np.intp], Array]:
+    """Return for each time the row before it and its fraction of the way to the next, 0..1."""
+    before = np.clip(np.searchsorted(t_ns, at_ns, side="right") - 1, 0, len(t_ns) - 2)
+    part = (at_ns - t_ns[before]) / (t_ns[before + 1] - t_ns[before])
+    return before, part
+
+
+def common_rows(estimate_ns: Times, truth_ns: Times, max_gap: float = 0.5) -> NDArray[np.intp]:
+    """Return the rows of the estimate at which the truth is known.
+
+    :param estimate_ns: (n,) stamps of the estimate [ns], increasing.
+    :param truth_ns: (m,) stamps of the truth [ns], increasing.
+    :param max_gap: the truth is not interpolated over more than this [s].
+    :raises InputError: where fewer than two rows remain.
+    """
+    if len(truth_ns) < 2:
+        raise InputError(f"{len(truth_ns)} poses of the truth: at least two are needed")
+    inside = (estimate_ns >= truth_ns[0]) & (estimate_ns <= truth_ns[-1])
+    before, part = _places(truth_ns, estimate_ns)
+    long = np.diff(truth_ns)[before] * 1e-9 > max_gap
+    on_stamp = (part == 0.0) | (part == 1.0)
+    rows = np.flatnonzero(inside & (~long | on_stamp))
+    if len(rows) < 2:
+        raise InputError(
+            "estimate and truth do not overlap in time: the estimate lasts from "
+            f"{_seconds(estimate_ns[0])} to {_seconds(estimate_ns[-1])}, the truth from "
+            f"{_seconds(truth_ns[0])} to {_seconds(truth_ns[-1])}"
+        )
+    return rows
+
+
+def _seconds(t_ns: np.int64) -> str:
+    return f"{int(t_ns) / 1e9:.3f} s"
+
+
+ALIGNMENTS: Final = ("none", "yaw", "se3", "sim3")
+
+
+class Alignment(NamedTuple):
+    """``p_truth ~ scale R p_estimate + t``."""
+
+    scale: float
+    r: Array
+    """(3, 3) rotation."""
+    t: Array
+    """(3,) [m]."""
+
+    def apply(self, poses: PoseSequence) -> PoseSequence:
+        """Return the poses in the frame of the truth."""
+        position = self.scale * poses.position @ self.r.T + self.t
+        q_wb = rotation.multiply(rotation.from_matrix(self.r), poses.q_wb)
+        return poses._replace(position=position, q_wb=q_wb)
+
+
+def align(estimate: Array, truth: Array, kind: str) -> Alignment:
+    """Return the alignment with the least sum of squared distances.
+
+    :param estimate: (n, 3) positions [m].
+    :param truth: (n, 3) positions at the same times [m].
+    :param kind: none, yaw (rotation about z, and translation), se3, or sim3 (scale as well).
+    :raises InputError: for positions that leave the rotation undetermined: all in one place or on a
+        line.
+    """
+    if kind not in ALIGNMENTS:
+        raise ConfigurationError(f"alignment {kind!r}: {suggestion(kind, ALIGNMENTS)}")
+    if kind == "none":
+        return Alignment(1.0, np.eye(3), np.zeros(3))
+    mean_estimate, mean_truth = estimate.mean(axis=0), truth.mean(axis=0)
+    centred = estimate - mean_estimate
+    cross_covariance = (truth - mean_truth).T @ centred / len(estimate)
+    r = _yaw(cross_covariance) if kind == "yaw" else _rotation(cross_covariance)
+    scale = 1.0
+    if kind == "sim3":
+        scale = float(np.trace(r.T @ cross_covariance) / np.mean(np.sum(centred**2, axis=1)))
+    return Alignment(scale, r, mean_truth - scale * r @ mean_estimate)
+
+
+def _rotation(cross_covariance: Array) -> Array:
+    u, values, vt = np.linalg.svd(cross_covariance)
+    if values[1] < 1e-12 * max(values[0], 1e-300):
+        raise InputError(
+            "the positions lie on a line or in one place: no rotation can be found for se3 or "
+            "sim3; use the alignment yaw or none"
+        )
+    # A reflection would fit better where the last sign is negative; it is not a rotation.
+    sign = np.sign(np.linalg.det(u) * np.linalg.det(vt))
+    result: Array = u @ np.diag([1.0, 1.0, sign]) @ vt
+    return result
+
+
+def _yaw(cross_covariance: Array) -> Array:
+    """Rz with the largest trace of ``Rz.T @ cross_covariance``."""
+    sine = cross_covariance[1, 0] - cross_covariance[0, 1]
+    cosine = cross_covariance[0, 0] + cross_covariance[1, 1]
+    return rotation.to_matrix(rotation.exp([0.0, 0.0, np.arctan2(sine, cosine)]))
+
+
+Rows = NDArray[np.intp]
+
+LARGEST: Final = 1.0
+"""[s] The offset is searched up to this, in both directions."""
+_INTERVAL: Final = 0.5
+"""[s] Length of the relative poses: long against the noise of one pose, short against drift."""
+_STEPS: Final = (0.02, 0.002, 0.0002)
+"""[s] Grids, each around the best value of the one before; a parabola gives the rest."""
+_PAIRS: Final = 4000
+_LEAST_PAIRS: Final = 10
+_SHARPNESS: Final = 1.1
+"""The errors at most offsets must be at least this much larger than at the best one."""
+_ROUNDING: Final = 1e-12
+
+
+def time_offset(
+    estimate: PoseSequence, truth: PoseSequence, max_gap: float = 0.5, scaled: bool = False
+) -> float:
+    """Return the offset to add to the stamps of the estimate [s], at most :data:`LARGEST`.
+
+    :param max_gap: the truth is not interpolated across longer gaps [s].
+    :param scaled: the estimate's scale is unknown.
+    :raises InputError: where the two overlap too little, or their motion does not reveal it.
+    """
+    pairs = _pairs(estimate, truth, max_gap)
+    coarse = np.arange(-LARGEST, LARGEST + 0.5 * _STEPS[0], _STEPS[0])
+    costs = np.array([pairs.cost(offset, scaled) for offset in coarse])
+    best = float(coarse[np.argmin(costs)])
+    if np.median(costs) - costs.min() < 2.0 * np.log(_SHARPNESS):
+        raise InputError(
+            "--time-offset: the motion does not show a time offset: it looks the same at any; "
+            "it shows where speed or turning change"
+        )
+    if abs(best) > LARGEST - 1.5 * _STEPS[0]:
+        raise InputError(
+            f"--time-offset: no time offset within {LARGEST:g} s brings estimate and truth together"
+        )
+    for step in _STEPS[1:]:
+        offsets = best + step * np.arange(-10, 11)
+        costs = np.array([pairs.cost(offset, scaled) for offset in offsets])
+        k = int(np.clip(np.argmin(costs), 1, len(costs) - 2))
+        best = float(offsets[k])
+    left, middle, right = costs[k - 1 : k + 2]
+    curvature = left - 2.0 * middle + right
+    if curvature > 0.0:
+        best += float(np.clip(0.5 * (left - right) / curvature, -1.0, 1.0)) * _STEPS[-1]
+    return best
+
+
+class _Pairs:
+    """Relative poses of the estimate, to be compared with those of the truth at other times."""
+
+    def __init__(
+        self, estimate: PoseSequence, truth: PoseSequence, first: Rows, second: Rows
+    ) -> None:
+        self._truth = truth
+        self._first_ns, self._second_ns = estimate.t_ns[first], estimate.t_ns[second]
+        self._position, self._turn = _relative(_rows(estimate, first), _rows(estimate, second))
+        self._least = len(first) * (np.square(_chord_errors(truth)) + _ROUNDING)
+
+    def cost(self, offset: float, scaled: bool) -> float:
+        """Return J at an offset [s]."""
+        shift = round(offset * 1e9)
+        position, turn = _relative(
+            interpolate_poses(self._truth, self._first_ns + shift),
+            interpolate_poses(self._truth, self._second_ns + shift),
+        )
+        own = self._position
+        if scaled:
+            own = own * (np.sum(own * position) / max(np.sum(own * own), _ROUNDING))
+        turned = rotation.log(rotation.multiply(rotation.conjugate(turn), self._turn))
+        squares = np.array([np.sum((own - position) ** 2), np.sum(turned**2)])
+        return float(np.sum(np.log(squares + self._least)))
+
+
+def _chord_errors(truth: PoseSequence) -> tuple[float, float]:
+    """Return by how much interpolation is off, rms [m, rad]: a h^2 / 8 half way between stamps.
+
+    Without it an offset at which stamps coincide would be preferred to all others.
+    """
+    bend = np.diff(truth.position, n=2, axis=0)
+    turns = rotation.log(rotation.multiply(rotation.conjugate(truth.q_wb[:-1]), truth.q_wb[1:]))
+    position, turn = (
+        float(np.sqrt(np.mean(np.sum(np.square(steps), axis=1)))) / 8 if len(steps) else 0.0
+        for steps in (bend, np.diff(turns, axis=0))
+    )
+    return position, turn
+
+
+def _pairs(estimate: PoseSequence, truth: PoseSequence, max_gap: float) -> _Pairs:
+    """Return the pairs whose truth is known at every offset examined."""
+    margin = round(LARGEST * 1e9)
+    rows = common_rows(estimate.t_ns, truth.t_ns, max_gap)
+    t_ns = estimate.t_ns[rows]
+    behind = np.searchsorted(t_ns, t_ns + round(_INTERVAL * 1e9))
+    start = np.flatnonzero(
+        (t_ns >= truth.t_ns[0] + margin)
+        & (behind < len(t_ns))
+        & (t_ns[np.minimum(behind, len(t_ns) - 1)] <= truth.t_ns[-1] - margin)
+    )
+    if len(start) < _LEAST_PAIRS:
+        raise InputError(
+            f"--time-offset: estimate and truth have too little time in common; the truth has to "
+            f"reach {LARGEST:g} s beyond {_LEAST_PAIRS} poses of the estimate on either side"
+        )
+    start = start[:: -(-len(start) // _PAIRS)]
+    return _Pairs(estimate, truth, rows[start], rows[behind[start]])
+
+
+def _rows(poses: PoseSequence, rows: Rows) -> PoseSequence:
+    return PoseSequence(poses.t_ns[rows], poses.position[rows], poses.q_wb[rows])
+
+
+def _relative(first: PoseSequence, second: PoseSequence) -> tuple[Array, Array]:
+    """Return the motion between poses in the body: positions (n, 3), rotations (n, 4)."""
+    position = rotation.rotate_inverse(first.q_wb, second.position - first.position)
+    return position, rotation.multiply(rotation.conjugate(first.q_wb), second.q_wb)

@@ -1,0 +1,280 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Slow errors, large tilts and the rest at the start: what they add to a state's covariance."""
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros import rotation
+from imu_sim_ros.navigation.evaluation import attitude_sigma
+from imu_sim_ros.navigation.noise import ImuErrors
+
+Array = NDArray[np.float64]
+
+_LONGEST: Final = 1e4
+SHORTEST: Final = 0.1
+"""[s] correlation times of the Gauss-Markov processes whose sum is 1/f noise, a decade apart."""
+
+
+class SlowErrors:
+    """The vector a, its covariance C with the error of the state, and how it acts on readings."""
+
+    def __init__(self, noise: ImuErrors, size: int) -> None:
+        """Start with errors that are uncorrelated with the state.
+
+        :param size: n, how many numbers the error of the state has; its last six are the biases.
+        """
+        entries, scales = processes(noise), response_terms(noise)
+        axes = [axis for axis, _, _ in entries] + [axis for axis, _, _ in scales]
+        self.count = len(axes)
+        """m"""
+        times = [tau for _, tau, _ in entries] + [np.inf] * len(scales)
+        self._decay_rate = -1.0 / np.array(times)
+        self.cross = np.zeros((size, self.count))
+        """(n, m) C"""
+        self._in_state = np.zeros((size, self.count))
+        """(n, m) H at the biases' places in the state, zero elsewhere"""
+        self.effect = self._in_state[-6:]
+        """(6, m) H, gyroscope first; a scale's entry is that of the latest reading."""
+        sigmas = [sigma for _, _, sigma in entries]
+        self.effect[axes[: len(entries)], np.arange(len(entries))] = sigmas
+        columns = np.arange(len(entries), self.count, dtype=np.intp)
+        self._scale_places = (
+            np.array([axis for axis, _, _ in scales], np.intp) * self.count + columns
+        )
+        self._scale_inputs = np.array([source for _, source, _ in scales], dtype=np.intp)
+        self._scale_sigmas = np.array([sigma for _, _, sigma in scales])
+        self.of_rate = np.flatnonzero(np.array(axes, dtype=np.intp) < 3)
+        """Places in a of the gyroscope's errors."""
+        self.gain = self._in_state
+        """(n, m) G H of the latest step."""
+        self._h, self._decay = 0.0, np.ones(self.count)
+
+    def __bool__(self) -> bool:
+        """Return whether there is any such error."""
+        return self.count > 0
+
+    def step(
+        self,
+        h: float,
+        transition: Array,
+        by_bias: Array,
+        rate_b: Array | Sequence[float],
+        force_b: Array | Sequence[float],
+    ) -> Array:
+        """Propagate over an interval of length h [s]; return half of what it adds to P.
+
+        :param transition: (n, n) F.
+        :param by_bias: (n, n) whose last six columns are G; the others do not matter.
+        :param rate_b: (3,) corrected rate in the interval, in the body [rad/s].
+        :param force_b: (3,) corrected specific force [m/s^2].
+        :returns: (n, n); with its transpose it is the whole.
+        """
+        if h != self._h:
+            self._h, self._decay = h, self.decay(h)
+        self.act_on(rate_b, force_b)
+        self.gain = gain = by_bias.dot(self._in_state)
+        half = 0.5 * gain
+        passed: Array = transition.dot(self.cross)
+        passed += half
+        result: Array = passed.dot(gain.T)
+        passed += half
+        passed *= self._decay
+        self.cross = passed
+        return result
+
+    def over(self, time: float) -> tuple[Array, Array]:
+        """Return :func:`of_mean` (m,) of a time [s]."""
+        return of_mean(-self._decay_rate * time)
+
+    def decay(self, time: float) -> Array:
+        """Return what is left of each after a time [s] (m,)."""
+        return np.exp(self._decay_rate * time)
+
+    def act_on(self, rate_b: Array | Sequence[float], force_b: Array | Sequence[float]) -> None:
+        """Let the scales act on a reading."""
+        if len(self._scale_places):
+            inputs = np.array([*rate_b, *force_b] * 2)
+            inputs[6:] *= inputs[6:]
+            self.effect.reshape(-1)[self._scale_places] = (
+                inputs.take(self._scale_inputs) * self._scale_sigmas
+            )
+
+    def bias(self) -> Array:
+        """Return (n, n); with its transpose it is what H a, added to the biases, adds to P."""
+        result: Array = (self.cross + 0.5 * self._in_state).dot(self._in_state.T)
+        return result
+
+
+def of_mean(u: Array) -> tuple[Array, Array]:
+    """Return the variance of a process' mean over a time, and its covariance with the end.
+
+    ``2 (u - 1 + exp(-u)) / u^2`` and ``(1 - exp(-u)) / u``, of a process of unit variance.
+
+    :param u: the time over the correlation time, of any shape.
+    """
+    small, u = u, np.maximum(u, 1e-5)  # below, the series: to 1e-11
+    gone = -np.expm1(-u)
+    short = small < 1e-5
+    mean = np.where(short, 1.0 - small / 3.0, 2.0 * (u - gone) / u**2)
+    return mean, np.where(short, 1.0 - 0.5 * small, gone / u)
+
+
+_Entry = tuple[int, float, float]
+"""Axis 0 to 5, gyroscope first; correlation time [s]; standard deviation."""
+
+
+def processes(noise: ImuErrors, shortest: float = SHORTEST) -> list[_Entry]:
+    """Return the Gauss-Markov biases and the processes of the 1/f noise.
+
+    :param shortest: correlation time of the latter [s]; 0.1 is short enough for what accumulates.
+    """
+    return [*_gauss_markov(noise), *_flicker(noise, shortest)]
+
+
+def _gauss_markov(noise: ImuErrors) -> list[_Entry]:
+    """Return the Gauss-Markov biases, in whichever of the two forms their strength is given."""
+    entries = []
+    for k, triad in enumerate(noise):
+        tau = triad.correlation_time
+        # The density b drives a stationary variance of b^2 tau / 2.
+        sigma = triad.gauss_markov_sigma + triad.gauss_markov_density * np.sqrt(0.5 * tau)
+        entries += [(3 * k + i, float(tau[i]), float(sigma[i])) for i in range(3) if sigma[i] > 0]
+    return entries
+
+
+def _flicker(noise: ImuErrors, shortest: float) -> list[_Entry]:
+    """Return the processes of the 1/f noise.
+
+    Processes of the variance ``B^2 ln(r) / pi``, their correlation times a ratio r of about ten
+    apart, have together the density ``B^2 / (2 pi f)`` of IEEE Std 952-1997.
+    """
+    times = np.geomspace(shortest, _LONGEST, max(2, round(np.log10(_LONGEST / shortest)) + 1))
+    share = float(np.sqrt(np.log(times[1] / times[0]) / np.pi))
+    return [
+        (3 * k + i, tau, float(b) * share)
+        for k, triad in enumerate(noise)
+        for i, b in enumerate(triad.bias_instability)
+        if b > 0
+        for tau in times.tolist()
+    ]
+
+
+def response_terms(noise: ImuErrors) -> list[tuple[int, int, float]]:
+    """Return the terms that scale with a reading: axis, its input, and the deviation of the factor.
+
+    The inputs are the readings 0 to 5, gyroscope first, and their squares 6 to 11: scale and
+    misalignment, g-sensitivity, and second-order non-linearity.
+    """
+    entries = []
+    for k, triad in enumerate(noise):
+        scale, cross = triad.turn_on_scale_sigma, triad.misalignment_sigma
+        for i in range(3):
+            axis = 3 * k + i
+            for j in range(3):
+                entries.append((axis, 3 * k + j, float(scale[i] if i == j else cross[i])))
+            entries.append((axis, 6 + axis, float(triad.quadratic_sigma[i])))
+    for i, sigma in enumerate(noise.gyroscope.g_sensitivity_sigma):
+        entries += [(i, 3 + j, float(sigma)) for j in range(3)]
+    return [entry for entry in entries if entry[2] > 0.0]
+
+
+_SIZE: Final = 9
+_EYE: Final = np.eye(3)
+_CROSS: Final = 0.5 * rotation.skew(_EYE)
+"""(3, 3, 3): row k of ``theta x theta' / 2`` is ``-theta^T _CROSS[k] theta'``."""
+
+
+class SecondOrder:
+    """Mean and covariance of the second-order errors of attitude, velocity and position."""
+
+    def __init__(self, rates: int) -> None:
+        """Start with no error.
+
+        :param rates: r, how many errors of the rate the state x has beside theta.
+        """
+        n = 3 + rates
+        self.largest_sigma = 0.0
+        """[rad] of the attitude, along its worst axis, so far."""
+        self._mean, self._covariance = np.zeros(_SIZE), np.zeros((_SIZE, _SIZE))
+        self._with_state = np.zeros((_SIZE, n, n))
+        self._forms = np.zeros((_SIZE, 6, 6))
+        self._forms[:3, :3, 3:] = -0.5 * _CROSS
+        self._forms[:3, 3:, :3] = 0.5 * _CROSS
+
+    def step(
+        self,
+        h: float,
+        acceleration: Array,
+        before: Array,
+        after: Array,
+        by_rates: Array,
+        decay: Array,
+    ) -> None:
+        """Propagate over an interval.
+
+        :param h: its length [s].
+        :param acceleration: (3,) mean specific force, in the world [m/s^2].
+        :param before: (n, n) covariance of x at the start.
+        :param after: (n, n) at the end.
+        :param by_rates: (3, r) how theta at the end depends on the errors of the rate at the start.
+        :param decay: (r,) what is left at the end of the errors of the rate at the start.
+        """
+        theta = slice(0, 3)
+        self.largest_sigma = max(self.largest_sigma, float(attitude_sigma(after[theta, theta])))
+        forms = self._forms
+        forms[3:6, theta, theta] = forms[6:, 3:, 3:] = _shortening(acceleration)
+        at_end = _carried(before[:, theta], by_rates, decay)  # E[x theta^T], x at the end
+        k = np.concatenate([at_end, after[:, theta]], axis=1)
+        g = np.block(
+            [[before[theta, theta], at_end[theta].T], [at_end[theta], after[theta, theta]]]
+        )
+        weighed = forms @ g
+        own = 2.0 * np.einsum("iab,jba->ij", weighed, weighed)
+        keep, gain = _transition(h, acceleration)
+        c = self._with_state
+        u = np.concatenate([np.eye(len(before))[theta], np.eye(len(before))[theta]])
+        u[3:, 3:] = by_rates
+        shared = np.einsum("iab,kab->ki", forms, u @ c @ u.T)
+        crossed = keep @ shared @ gain.T
+        y = keep @ self._covariance @ keep.T + crossed + crossed.T + gain @ own @ gain.T
+        self._covariance = y
+        self._mean = keep @ self._mean + gain @ weighed.trace(axis1=1, axis2=2)
+        c = _carried(_carried(c, by_rates, decay).swapaxes(1, 2), by_rates, decay)
+        c = np.tensordot(keep, c, 1) + np.tensordot(gain, 2.0 * (k @ forms @ k.T), 1)
+        self._with_state = c
+
+    def mean_square(self) -> Array:
+        """Return (9, 9): the mean square of the errors of attitude, velocity and position."""
+        result: Array = self._covariance + np.outer(self._mean, self._mean)
+        return result
+
+
+def _shortening(a: Array) -> Array:
+    """Return (3, 3, 3): row k of ``(Z - tr(Z) I) a / 2`` is ``theta^T _[k] theta``."""
+    along = _EYE[:, :, None] * a
+    result: Array = 0.25 * (along + along.swapaxes(1, 2)) - 0.5 * a[:, None, None] * _EYE
+    return result
+
+
+def _transition(h: float, a: Array) -> tuple[Array, Array]:
+    """Return L and M (9, 9) of an interval, by the trapezoid of its ends.
+
+    The forms are: what theta2 gains, and what shortens the force at the start and at the end.
+    """
+    tilted = -h * rotation.skew(a)  # theta2 x a h
+    keep, gain = np.eye(_SIZE), np.zeros((_SIZE, _SIZE))
+    keep[3:6, :3], gain[:3, :3], gain[3:6, :3] = tilted, _EYE, 0.5 * tilted
+    gain[3:6, 3:6] = gain[3:6, 6:] = 0.5 * h * _EYE
+    keep[6:, :3], keep[6:, 3:6], gain[6:] = 0.5 * h * tilted, h * _EYE, 0.5 * h * gain[3:6]
+    return keep, gain
+
+
+def _carried(rows: Array, by_rates: Array, decay: Array) -> Array:
+    """Return ``F rows`` for rows (..., n, k): theta gains from the rates, the rates decay."""
+    theta, rates = rows[..., :3, :], rows[..., 3:, :]
+    return np.concatenate([theta + by_rates @ rates, decay[:, None] * rates], axis=-2)

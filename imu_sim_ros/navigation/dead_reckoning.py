@@ -1,0 +1,236 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Dead reckoning of whole records: readings in, positions, velocities and attitudes out.
+
+Between two readings the attitude turns by an increment that depends on the readings alone, so the
+attitudes are the running product of the increments, and velocity and position are running sums of
+the specific force turned into the world: nothing is done per sample in Python. The steps, with
+``h`` the interval, ``w`` and ``f`` the corrected readings and ``a = R f + g``:
+
+``euler``  (lecture eq. 30, 31)  the reading at the interval's start holds throughout;
+           ``v += a h``, ``p += v h + a h^2 / 2``.
+``midpoint``  (lecture eq. 32, 33)  the mean of the rates at both ends turns the attitude, the mean
+           of both ends' accelerations, each turned by its own attitude, moves the body.
+``rk4``    the classical Runge-Kutta scheme on attitude, velocity and position together, with
+           readings that are linear between both ends.
+
+Attitude updates:
+
+``quaternion``  (lecture eq. 34)  ``q (1, w h / 2)``, normalised; under rk4 the four slopes are
+           those of ``dq/dt = q (0, w) / 2``.
+``so3``    (lecture eq. 35)  ``R Exp(w h)``; under rk4 the slopes are those of the rotation vector,
+           ``dphi/dt = Jr(phi)^-1 w`` (Munthe-Kaas 1998).
+``euler_angles``  (lecture eq. 36, 38)  roll, pitch and yaw; under midpoint the matrix of eq. 38 is
+           that of the interval's middle, else the order would stay 1. The slope depends on the
+           attitude, so roll and pitch go step by step, which takes several times as long; in a
+           world that turns all of it does, through :class:`Stepper`.
+
+Where the world turns (``earth_rate``, in the world frame), the gyroscope reads that rate too, the
+world turns under the attitude, and the velocity is subject to Coriolis' acceleration; the
+centrifugal one is part of gravity.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros import rotation
+from imu_sim_ros.conventions import GRAVITY
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.navigation import angles, increments
+from imu_sim_ros.navigation.increments import Increments
+from imu_sim_ros.navigation.state import (
+    NO_CORRECTION,
+    Correction,
+    NavigationState,
+    NavigationStates,
+)
+from imu_sim_ros.navigation.stepper import Stepper, check_method, check_readings
+from imu_sim_ros.rotation import components
+
+__all__ = ["Stepper", "dead_reckon", "dead_reckon_integrals"]
+
+Array = NDArray[np.float64]
+_Vector = tuple[float, float, float]
+
+_STILL: Final[_Vector] = (0.0, 0.0, 0.0)
+_BLOCK: Final = 16384
+"""Intervals processed at a time: their arrays stay in the processor's cache."""
+
+
+def dead_reckon(
+    t_ns: NDArray[np.int64],
+    gyro: Array,
+    accel: Array,
+    initial: NavigationState,
+    method: str = "midpoint",
+    attitude: str = "so3",
+    gravity: Sequence[float] = GRAVITY,
+    correction: Correction = NO_CORRECTION,
+    max_gap: float = math.inf,
+    earth_rate: Sequence[float] = _STILL,
+) -> NavigationStates:
+    """Integrate readings.
+
+    :param t_ns: (n,) stamps [ns], increasing.
+    :param gyro: (n, 3) angular rates as read [rad/s].
+    :param accel: (n, 3) specific forces as read [m/s^2].
+    :param initial: the state at the first stamp.
+    :param method: euler, midpoint or rk4.
+    :param attitude: quaternion, so3 or euler_angles.
+    :param gravity: (3,) in the world frame [m/s^2].
+    :param correction: the known errors of the readings.
+    :param max_gap: longest interval that is integrated over [s].
+    :param earth_rate: (3,) rate of the world, in the world frame [rad/s].
+    :returns: the states at all stamps, the initial one first.
+    :raises ConfigurationError: for an unknown method or attitude update.
+    :raises InputError: for readings that cannot be integrated, and for Euler angles that come
+        near their gimbal lock.
+    """
+    check_method(method, attitude)
+    check_readings(t_ns, gyro, accel, max_gap)
+    if attitude == "euler_angles" and any(earth_rate):
+        stepper = Stepper(
+            initial, method, attitude, gravity, correction, math.inf, earth_rate=earth_rate
+        )
+        return _step_through(stepper, t_ns, gyro, accel)
+    states = _States(t_ns, initial, gravity, earth_rate)
+    between: Callable[[Array, Array, Array], Increments] = partial(
+        increments.of_readings, method, attitude
+    )
+    if attitude == "euler_angles":
+        between = angles.AngleIncrements(method, states.attitude)
+    for first in range(0, len(t_ns) - 1, _BLOCK):
+        rows = slice(first, first + _BLOCK + 1)
+        h = np.diff(t_ns[rows]) * 1e-9
+        rate, force = correction.apply(gyro[rows], accel[rows])
+        rate, force = np.ascontiguousarray(rate.T), np.ascontiguousarray(force.T)
+        states.extend(h, between(h, rate, force))
+    return states.result()
+
+
+def dead_reckon_integrals(
+    t_ns: NDArray[np.int64],
+    delta_angle: Array,
+    delta_velocity: Array,
+    initial: NavigationState,
+    gravity: Sequence[float] = GRAVITY,
+    correction: Correction = NO_CORRECTION,
+    max_gap: float = math.inf,
+    earth_rate: Sequence[float] = _STILL,
+) -> NavigationStates:
+    """Integrate the output of an IMU that gives integrals, with coning and sculling corrected.
+
+    :param t_ns: (n + 1,) stamps [ns]: of the start, and of the end of each interval.
+    :param delta_angle: (n, 3) integrals of the angular rate over each interval [rad].
+    :param delta_velocity: (n, 3) integrals of the specific force over each interval [m/s].
+
+    The other arguments, the result and the errors are those of :func:`dead_reckon`.
+    """
+    if len(t_ns) != len(delta_angle) + 1:
+        raise InputError(
+            f"{len(delta_angle)} intervals need {len(delta_angle) + 1} stamps: got {len(t_ns)}"
+        )
+    # The start has a stamp and no integral; it repeats the first one's for the check alone.
+    with_start = np.r_[0, : len(delta_angle)]
+    check_readings(t_ns, delta_angle[with_start], delta_velocity[with_start], max_gap)
+    states = _States(t_ns, initial, gravity, earth_rate)
+    for first in range(0, len(delta_angle), _BLOCK):
+        # One interval more in front: coning and sculling need the one before.
+        ahead = min(first, 1)
+        rows = slice(first - ahead, first + _BLOCK)
+        h = np.diff(t_ns[first - ahead : first + _BLOCK + 1]) * 1e-9
+        angle, velocity = correction.apply(delta_angle[rows], delta_velocity[rows], h[:, None])
+        dq, dv, dp = increments.of_integrals(h, angle.T.copy(), velocity.T.copy())
+        states.extend(h[ahead:], Increments(dq[:, ahead:], dv[:, ahead:], dp[:, ahead:]))
+    return states.result()
+
+
+class _States:
+    """The states of a record as they are filled in, block by block."""
+
+    def __init__(
+        self,
+        t_ns: NDArray[np.int64],
+        initial: NavigationState,
+        gravity: Sequence[float],
+        earth_rate: Sequence[float],
+    ) -> None:
+        n = len(t_ns)
+        self._t_ns = t_ns
+        self._position, self._velocity = np.empty((n, 3)), np.empty((n, 3))
+        self._q = np.empty((n, 4))
+        self._position[0], self._velocity[0] = initial.position, initial.velocity
+        self._q[0] = rotation.normalise(initial.q_wb)
+        self._gravity = np.asarray(gravity, dtype=np.float64)[:, None]
+        self._earth_rate = np.asarray(earth_rate, dtype=np.float64)[:, None]
+        self._last = 0
+
+    @property
+    def attitude(self) -> Array:
+        """The last attitude so far (4,)."""
+        last: Array = self._q[self._last]
+        return last
+
+    def extend(self, h: Array, increment: Increments) -> None:
+        """Append the states at the ends of intervals of lengths h (n,)."""
+        first, self._last = self._last, self._last + len(h)
+        rows = slice(first, self._last + 1)
+        chain = np.concatenate([self._q[first][:, None], increment.dq], axis=1)
+        q = components.normalise(components.cumulative_product(chain))
+        velocity = np.empty((3, len(h) + 1))
+        velocity[:, 0] = self._velocity[first]
+        if self._earth_rate.any():
+            q = self._turned_world(h, increment, q, velocity)
+        else:
+            np.add(
+                components.rotate(q[:, :-1], increment.dv), self._gravity * h, out=velocity[:, 1:]
+            )
+            np.cumsum(velocity, axis=1, out=velocity)
+        position = np.empty_like(velocity)
+        position[:, 0] = self._position[first]
+        np.multiply(velocity[:, :-1] + velocity[:, 1:], 0.5 * h, out=position[:, 1:])
+        if increment.dp is not None:
+            position[:, 1:] += components.rotate(q[:, :-1], increment.dp)
+        np.cumsum(position, axis=1, out=position)
+        self._q[rows], self._velocity[rows] = q.T, velocity.T
+        self._position[rows] = position.T
+
+    def _turned_world(self, h: Array, increment: Increments, q: Array, velocity: Array) -> Array:
+        """Fill in the velocity and return the attitude in a world that turns.
+
+        The sums are taken in frames that do not turn: ``q_wb(t) = Exp(-E t) q(t)``, and
+        ``u(t) = Exp(2 E t) v(t)`` is free of Coriolis' acceleration.
+        """
+        t = np.concatenate([np.zeros(1), np.cumsum(h)])
+        back = components.exp(-self._earth_rate * t)
+        q_wb = components.multiply(back, q)
+        half = components.exp(-self._earth_rate * (0.5 * h))
+        force = components.rotate(components.multiply(half, q_wb[:, :-1]), increment.dv)
+        middle = components.exp(self._earth_rate * (t[:-1] + t[1:]))
+        velocity[:, 1:] = components.rotate(middle, force + self._gravity * h)
+        np.cumsum(velocity, axis=1, out=velocity)
+        velocity[:] = components.rotate(components.multiply(back, back), velocity)
+        return q_wb
+
+    def result(self) -> NavigationStates:
+        return NavigationStates(self._t_ns, self._position, self._velocity, self._q)
+
+
+def _step_through(
+    stepper: Stepper, t_ns: NDArray[np.int64], gyro: Array, accel: Array
+) -> NavigationStates:
+    """Integrate one step at a time where there are no increments."""
+    rows: list[tuple[float, ...]] = []
+    for t, rate, force in zip(t_ns.tolist(), gyro.tolist(), accel.tolist(), strict=True):
+        stepper.add(t, rate, force)
+        if stepper.counts.gimbal_lock:
+            raise angles.gimbal_lock((t - int(t_ns[0])) * 1e-9)
+        rows.append((*stepper.position, *stepper.velocity, *stepper.q_wb))
+    table = np.array(rows)
+    return NavigationStates(t_ns, table[:, :3], table[:, 3:6], table[:, 6:])

@@ -1,0 +1,409 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""How far an estimated trajectory is from the truth, and whether its covariance states it."""
+
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros import rotation
+from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.names import suggestion
+from imu_sim_ros.navigation.association import (
+    Alignment,
+    common_rows,
+    interpolate_poses,
+    interpolate_vectors,
+)
+from imu_sim_ros.navigation.state import NavigationState, NavigationStates
+from imu_sim_ros.poses import PoseSequence
+
+Array = NDArray[np.float64]
+
+
+class Truth(NamedTuple):
+    """The true motion at n times."""
+
+    poses: PoseSequence
+    velocity: Array
+    """(n, 3) in the world [m/s]."""
+
+    def at(self, t_ns: int) -> NavigationState:
+        """Return the state at one time within the stamps."""
+        at_ns = np.array([t_ns])
+        poses = interpolate_poses(self.poses, at_ns)
+        velocity = interpolate_vectors(self.poses.t_ns, self.velocity, at_ns)
+        return NavigationState(poses.position[0], velocity[0], poses.q_wb[0])
+
+
+class Drift(NamedTuple):
+    """Truth less estimate at the m times common to both; vectors in the world."""
+
+    t_ns: NDArray[np.int64]
+    position: Array
+    """(m, 3) [m]."""
+    velocity: Array
+    """(m, 3) [m/s]."""
+    attitude: Array
+    """(m, 3) rotation vectors [rad]."""
+    distance: float
+    """Length of the true path over these times [m]."""
+
+    def final(self, name: str) -> float:
+        """Return the length of the last error of ``position``, ``velocity`` or ``attitude``."""
+        return float(np.linalg.norm(getattr(self, name)[-1]))
+
+    def rms(self, name: str) -> float:
+        """Return the root mean square of the lengths of an error."""
+        return float(np.sqrt(np.mean(np.sum(np.square(getattr(self, name)), axis=1))))
+
+
+def drift_from(states: NavigationStates, truth: Truth) -> Drift:
+    """Return the errors of states at all stamps at which the truth is known.
+
+    :raises InputError: where both do not overlap in time.
+    """
+    rows = common_rows(states.t_ns, truth.poses.t_ns)
+    t_ns = states.t_ns[rows]
+    poses = interpolate_poses(truth.poses, t_ns)
+    velocity = interpolate_vectors(truth.poses.t_ns, truth.velocity, t_ns)
+    return Drift(
+        t_ns,
+        poses.position - states.position[rows],
+        velocity - states.velocity[rows],
+        attitude_errors(states.q_wb[rows], poses.q_wb),
+        float(distances(poses.position)[-1]),
+    )
+
+
+_GAUGE: Final = np.array([0, 1, 2, 5])
+"""Position and yaw among the numbers of a pose's error."""
+
+
+def gauge_at_first(estimate: PoseSequence, truth: PoseSequence) -> Alignment:
+    """Return the turn about z and the translation that give the first pose the truth's gauge.
+
+    :param truth: (n,) at the times of the estimate.
+    """
+    heading = tilt_and_heading(estimate.q_wb[:1], truth.q_wb[:1])[1][0]
+    r = rotation.to_matrix(rotation.exp(np.array([0.0, 0.0, heading])))
+    return Alignment(1.0, r, truth.position[0] - r @ estimate.position[0])
+
+
+def without_gauge(covariance: Array, position: Array, alignment: Alignment) -> Array:
+    """Return the covariances (n, 6, 6) of what is left when the first pose's gauge is fixed.
+
+    :param covariance: (n, 6, 6) of position and rotation about the world's axes, as the estimator
+        states them, in its own frame.
+    :param position: (n, 3) after the alignment [m].
+    :param alignment: from :func:`gauge_at_first`.
+    :returns: in the truth's frame; that of the first pose has rank 2, its tilt.
+    """
+    turn = np.kron(np.eye(2), alignment.r)
+    p = turn @ covariance @ turn.T
+    n = np.zeros((len(p), 6, 4))
+    n[:, :3, :3], n[:, 5, 3] = np.eye(3), 1.0
+    x, y, _ = (position - position[0]).T
+    n[:, 0, 3], n[:, 1, 3] = -y, x
+    result: Array = p - n @ p[0][np.ix_(_GAUGE, _GAUGE)] @ n.swapaxes(1, 2)
+    return result
+
+
+LARGEST_SIGMA: Final = 0.5
+"""[rad] of an attitude, along its worst axis: beyond, no covariance is right, nor any NEES."""
+
+
+def straightened(attitude: Array, error: Array) -> Array:
+    """Return ``Jl(theta)^-1 e`` (n, 3): an error of velocity or position along the arc.
+
+    It belongs to a covariance that was propagated along the estimate. Attitude and error are in one
+    frame, that of the covariance.
+
+    :param attitude: (n, 3) the error of the attitude, truth minus estimate, as rotation vector
+        theta with ``R_true = Exp(theta) R`` in the world, or ``R_true = R Exp(theta)`` in the body.
+    :param error: (n, 3) truth minus estimate.
+    """
+    # Jl(v) is Jr(-v).
+    result: Array = (rotation.right_jacobian_inverse(-attitude) @ error[..., None])[..., 0]
+    return result
+
+
+def attitude_sigma(covariances: Array) -> Array:
+    """Return the standard deviation (n,) along the worst axis [rad].
+
+    :param covariances: (n, 3, 3) of attitudes, finite.
+    """
+    largest = np.linalg.eigvalsh(covariances)[..., -1]
+    result: Array = np.sqrt(np.maximum(largest, 0.0))
+    return result
+
+
+class Band(NamedTuple):
+    """Where a chi-square mean lies with a given probability."""
+
+    low: float
+    high: float
+
+
+def invertible(covariances: Array) -> NDArray[np.bool_]:
+    """Return which covariances (n, k, k) have a NEES: at a true start they are zero."""
+    result: NDArray[np.bool_] = np.asarray(np.isfinite(covariances).all(axis=(1, 2)))
+    sizes = np.linalg.eigvalsh(covariances[result])
+    least = covariances.shape[-1] * np.finfo(float).eps * np.abs(sizes).max(axis=1, initial=0.0)
+    result[result] = sizes[:, 0] > least
+    return result
+
+
+def nees(errors: Array, covariances: Array) -> Array:
+    """Return ``e^T P^-1 e`` (n,).
+
+    :param errors: (n, k).
+    :param covariances: (n, k, k), or one (k, k) for all; each invertible.
+    """
+    solved = np.linalg.solve(covariances, errors[..., None])[..., 0]
+    result: Array = np.sum(errors * solved, axis=-1)
+    return result
+
+
+def anees_band(freedom: int, runs: int, probability: float = 0.95) -> Band:
+    """Return the two-sided band of the mean NEES over independent runs.
+
+    :param freedom: numbers in the error.
+    :param runs: independent errors in the mean.
+    """
+    from scipy.stats import chi2  # 0.3 s that only this needs
+
+    tail = 0.5 * (1.0 - probability)
+    low, high = chi2.ppf([tail, 1.0 - tail], freedom * runs) / runs
+    return Band(float(low), float(high))
+
+
+def stated_nees(
+    pose: Array,
+    poses: PoseSequence,
+    truth: PoseSequence,
+    alignment: str,
+    velocity_b: Array | None = None,
+    linear: Array | None = None,
+) -> dict[str, Any] | None:
+    """Return the NEES of position, attitude and velocity; None where all covariances are singular.
+
+    :param pose: (n, 6, 6) covariances of position and rotation about the world's axes.
+    :param poses: (n,) of the estimate, not aligned.
+    :param truth: (n,) at the same times.
+    :param alignment: none, or yaw: then the gauge is fixed at the first pose.
+    :param velocity_b: (n, 3) error of the velocity in the body; the gauge does not change it.
+    :param linear: (n, 3, 3) its covariances.
+    """
+    if alignment == "yaw":
+        gauge = gauge_at_first(poses, truth)
+        poses = gauge.apply(poses)
+        pose = without_gauge(pose, poses.position, gauge)
+    errors = absolute_errors(poses, truth)
+    usable = invertible(pose)
+    if not usable.any():
+        return None
+    band = anees_band(3, 1)
+    result: dict[str, Any] = {
+        "poses": int(np.count_nonzero(usable)),
+        "gauge": "first pose" if alignment == "yaw" else None,
+        "band_95": list(band),
+        "position": _nees(errors.position[usable], pose[usable, :3, :3], band),
+        "attitude": _nees(errors.attitude[usable], pose[usable, 3:, 3:], band),
+        "velocity": None,
+    }
+    if velocity_b is not None and linear is not None and np.all(invertible(linear[usable])):
+        result["velocity"] = _nees(velocity_b[usable], linear[usable], band)
+    return result
+
+
+def why_no_nees(alignment: str, pose: Array | None) -> str | None:
+    """Return why there can be no NEES; None where there can.
+
+    :param pose: (n, 6, 6) covariances; None: the estimate states none.
+    """
+    if alignment not in ("none", "yaw"):
+        return (
+            f"alignment {alignment} removes a part of the error that the covariance still includes"
+        )
+    if pose is None:
+        return (
+            "the estimate has no covariance, which nav_msgs/Odometry in a bag has, or text with "
+            "OpenVINS' 12 columns"
+        )
+    attitude = pose[:, 3:, 3:]
+    sigma = float(attitude_sigma(attitude[np.isfinite(attitude).all(axis=(1, 2))]).max(initial=0.0))
+    if sigma > LARGEST_SIGMA:
+        return (
+            f"not valid: the estimate knows its attitude to {sigma:.3g} rad (one sigma); errors "
+            f"are linear up to {LARGEST_SIGMA:g} rad"
+        )
+    return None
+
+
+def _nees(errors: Array, covariances: Array, band: Band) -> dict[str, float]:
+    values = nees(errors, covariances)
+    return {
+        "mean": float(values.mean()),
+        "final": float(values[-1]),
+        "inside_band": float(np.mean((values >= band.low) & (values <= band.high))),
+    }
+
+
+DELTA_UNITS: Final = ("s", "m", "frames")
+
+
+class Statistics(NamedTuple):
+    """Statistics of n errors, each a length or an angle."""
+
+    rmse: float
+    mean: float
+    median: float
+    std: float
+    min: float
+    max: float
+
+
+def statistics(errors: Array) -> Statistics:
+    """Return the statistics of errors (n,), which are not negative."""
+    return Statistics(
+        rmse=float(np.sqrt(np.mean(np.square(errors)))),
+        mean=float(np.mean(errors)),
+        median=float(np.median(errors)),
+        std=float(np.std(errors)),
+        min=float(np.min(errors)),
+        max=float(np.max(errors)),
+    )
+
+
+def distances(position: Array) -> Array:
+    """Return the path's length (n,) from the first position to each [m]."""
+    steps = np.linalg.norm(np.diff(position, axis=0), axis=1)
+    return np.concatenate([np.zeros(1), np.cumsum(steps)])
+
+
+def attitude_errors(estimate: Array, truth: Array) -> Array:
+    """Return ``Log(q_truth q_estimate^-1)`` (n, 3) [rad]: the missing turn about the world's axes.
+
+    :param estimate: (n, 4) q_wb.
+    :param truth: (n, 4) q_wb.
+    """
+    return rotation.log(rotation.multiply(truth, rotation.conjugate(estimate)))
+
+
+def tilt_and_heading(estimate: Array, truth: Array) -> tuple[Array, Array]:
+    """Return what the missing turn does to the vertical (n,), and the turn about it (n,) [rad].
+
+    ``q_truth q_estimate^-1`` is a turn by the heading error about the world's z, followed by one
+    about a horizontal axis, the tilt error (swing and twist): with its parts (w, x, y, z) the tilt
+    is ``2 atan2(|(x, y)|, |(w, z)|)``, the heading ``2 atan2(z, w)``.
+
+    :param estimate: (n, 4).
+    :param truth: (n, 4).
+    """
+    w, x, y, z = rotation.multiply(truth, rotation.conjugate(estimate)).T
+    tilt = 2.0 * np.arctan2(np.hypot(x, y), np.hypot(w, z))
+    heading = 2.0 * np.arctan2(np.copysign(1.0, w) * z, np.abs(w))
+    return tilt, heading
+
+
+class AbsoluteErrors(NamedTuple):
+    """The errors at n times."""
+
+    position: Array
+    """(n, 3) truth minus estimate, in the world [m]."""
+    attitude: Array
+    """(n, 3) rotation vectors about the world's axes [rad]."""
+
+
+def absolute_errors(estimate: PoseSequence, truth: PoseSequence) -> AbsoluteErrors:
+    """Return the absolute errors (ATE) of an aligned estimate; both (n,) at the same times."""
+    return AbsoluteErrors(
+        truth.position - estimate.position, attitude_errors(estimate.q_wb, truth.q_wb)
+    )
+
+
+class RelativeErrors(NamedTuple):
+    """The errors of m relative poses, each between two times."""
+
+    first: NDArray[np.intp]
+    """(m,) rows where the pairs start."""
+    second: NDArray[np.intp]
+    """(m,) rows where they end."""
+    translation: Array
+    """(m,) length of the error of the relative position [m]."""
+    rotation: Array
+    """(m,) angle of the error of the relative attitude [rad]."""
+    length: Array
+    """(m,) distance that the truth travels in between [m]."""
+
+
+def relative_errors(
+    estimate: PoseSequence, truth: PoseSequence, first: NDArray[np.intp], second: NDArray[np.intp]
+) -> RelativeErrors:
+    """Return the errors of relative poses (RPE): ``E = (T_i^-1 T_j)_truth^-1 (T_i^-1 T_j)``.
+
+    :param first: (m,) rows i, from :func:`pairs`.
+    :param second: (m,) rows j.
+    """
+    p_truth, q_truth = _relative(truth, first, second)
+    p_estimate, q_estimate = _relative(estimate, first, second)
+    turn = rotation.log(rotation.multiply(rotation.conjugate(q_truth), q_estimate))
+    travelled = distances(truth.position)
+    return RelativeErrors(
+        first,
+        second,
+        np.linalg.norm(p_estimate - p_truth, axis=1),
+        np.linalg.norm(turn, axis=1),
+        travelled[second] - travelled[first],
+    )
+
+
+def _relative(
+    poses: PoseSequence, first: NDArray[np.intp], second: NDArray[np.intp]
+) -> tuple[Array, Array]:
+    position = rotation.rotate_inverse(
+        poses.q_wb[first], poses.position[second] - poses.position[first]
+    )
+    turn = rotation.multiply(rotation.conjugate(poses.q_wb[first]), poses.q_wb[second])
+    return position, turn
+
+
+def pairs(
+    truth: PoseSequence, delta: float, unit: str, overlapping: bool = True
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return first and second rows of pairs that lie a time or a distance apart.
+
+    The second row is the first one at least ``delta`` behind the first row.
+
+    :param delta: > 0.
+    :param unit: s, m (along the truth's path), or frames.
+    :param overlapping: every row starts a pair; else each pair starts where the previous one ended.
+    :raises InputError: where the trajectory is shorter than delta.
+    """
+    if unit not in DELTA_UNITS:
+        raise ConfigurationError(f"unit {unit!r}: {suggestion(unit, DELTA_UNITS)}")
+    if not delta > 0:
+        raise ConfigurationError(f"delta = {delta}: must be above 0 {unit}")
+    mark = _marks(truth, unit)
+    # A tenth of a nanosecond, or of a nanometre, of rounding must not cost a whole sample.
+    behind = np.searchsorted(mark, mark + delta * (1.0 - 1e-12) - 1e-10)
+    first = np.flatnonzero(behind < len(mark))
+    if not len(first):
+        raise InputError(f"delta = {delta:g} {unit}: the trajectory has only {mark[-1]:.6g} {unit}")
+    if not overlapping:
+        chain = [0]
+        while behind[chain[-1]] < len(mark):
+            chain.append(int(behind[chain[-1]]))
+        first = np.array(chain[:-1])
+    return first, behind[first]
+
+
+def _marks(truth: PoseSequence, unit: str) -> Array:
+    if unit == "m":
+        return distances(truth.position)
+    if unit == "s":
+        return np.asarray((truth.t_ns - truth.t_ns[0]) * 1e-9)
+    return np.arange(len(truth.t_ns), dtype=np.float64)

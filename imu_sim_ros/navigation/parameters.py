@@ -1,0 +1,241 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Parameters of the integrator node."""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from imu_sim_ros.conventions import BODY_FRAME, GRAVITY, TRIADS, WORLD_FRAME
+from imu_sim_ros.parameters.files import load, sensor_layer
+from imu_sim_ros.parameters.kinds import (
+    IDENTITY_MATRIX,
+    ZERO_MATRIX,
+    ZERO_VECTOR,
+    Matrix,
+    Parameter,
+    Vector,
+    choice,
+    flag,
+    matrix,
+    number,
+    text,
+    vector,
+)
+from imu_sim_ros.parameters.sections import parameters, section
+from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.sensors.imu.triads import TriadParameters, invertible_problems, triad
+
+DEFAULT_IMU = "lecture"
+METHODS = ("euler", "midpoint", "rk4")
+ATTITUDE_UPDATES = ("quaternion", "so3", "euler_angles")
+INITIAL_STATES = ("parameters", "truth", "level")
+
+_EARTH_GRAVITY_MAXIMUM = 30.0
+"""[m/s^2] above any planet's that an IMU flies on; a larger value is a typing mistake."""
+
+
+def _of_the_imu(name: str, words: str = "") -> Any:
+    """Describe a parameter that the simulator has, too: its unit and range, by default its text."""
+    described = parameters(TriadParameters)[name]
+    return vector(
+        ZERO_VECTOR, words or described.text, unit=described.unit, minimum=described.minimum
+    )
+
+
+@dataclass(frozen=True)
+class TriadNoiseParameters:
+    """Errors of a triad as the covariance of the odometry takes them; each as in the simulator."""
+
+    noise_density: Vector = _of_the_imu("noise_density")
+    random_walk: Vector = _of_the_imu("random_walk")
+    gauss_markov_sigma: Vector = _of_the_imu("gauss_markov_sigma")
+    gauss_markov_density: Vector = _of_the_imu("gauss_markov_density")
+    correlation_time: Vector = _of_the_imu("correlation_time")
+    bias_instability: Vector = _of_the_imu("bias_instability")
+    turn_on_bias_sigma: Vector = _of_the_imu(
+        "turn_on_bias_sigma", "uncertainty of {triad}_bias at the start"
+    )
+    turn_on_scale_sigma: Vector = _of_the_imu(
+        "turn_on_scale_sigma", "uncertainty of the diagonal of {triad}_scale_misalignment"
+    )
+    misalignment_sigma: Vector = _of_the_imu(
+        "misalignment_sigma", "uncertainty of each off-diagonal term of the same"
+    )
+    quadratic_sigma: Vector = _of_the_imu(
+        "quadratic_sigma", "uncertainty of the {triad}'s second-order non-linearity"
+    )
+    g_sensitivity_sigma: Vector = _of_the_imu(
+        "g_sensitivity_sigma", "uncertainty of each term of the g-sensitivity"
+    )
+    resolution: Vector = _of_the_imu("resolution")
+
+
+@dataclass(frozen=True)
+class IntegratorNoiseParameters:
+    """The IMU's errors as the covariance of the odometry takes them; each as in the simulator."""
+
+    preset: str = text(
+        DEFAULT_IMU,
+        "file in config/imus, or a path, with the noise parameters; where no imu.* is given, "
+        "the node uses those that the simulator publishes",
+    )
+    gyroscope: TriadNoiseParameters = triad(TriadNoiseParameters, "gyroscope")
+    accelerometer: TriadNoiseParameters = triad(TriadNoiseParameters, "accelerometer")
+
+
+@dataclass(frozen=True)
+class IntegratorParameters:
+    """How readings become a pose."""
+
+    method: str = choice("midpoint", METHODS, "how position and velocity are integrated")
+    attitude_update: str = choice(
+        "so3",
+        ATTITUDE_UPDATES,
+        "how the attitude is integrated: quaternion (lecture eq. 34), so3 (eq. 35) or "
+        "euler_angles (eq. 36)",
+    )
+    max_gap: float = number(
+        0.1,
+        "a step longer than this is a gap: it is counted, and integration continues after it",
+        unit="s",
+        minimum=0.0,
+        above_minimum=True,
+    )
+    gravity: Vector = vector(GRAVITY, "gravity in the world frame", unit="m/s^2")
+    earth_rate: Vector = vector(
+        ZERO_VECTOR, "angular rate of the world in the world frame, if it rotates", unit="rad/s"
+    )
+    calibration: str = text(
+        "", "parameter file with biases, scale and misalignment, as written by calibrate; or none"
+    )
+    gyroscope_bias: Vector = vector(
+        ZERO_VECTOR, "subtracted from the gyroscope's readings", unit="rad/s", live=True
+    )
+    accelerometer_bias: Vector = vector(
+        ZERO_VECTOR, "subtracted from the accelerometer's readings", unit="m/s^2", live=True
+    )
+    gyroscope_scale_misalignment: Matrix = matrix(
+        IDENTITY_MATRIX, "S of reading = S x + b, lecture eq. 7, for the gyroscope"
+    )
+    accelerometer_scale_misalignment: Matrix = matrix(
+        IDENTITY_MATRIX, "S of reading = S x + b, lecture eq. 7, for the accelerometer"
+    )
+    gyroscope_g_sensitivity: Matrix = matrix(
+        ZERO_MATRIX, "gyroscope reading per specific force", unit="rad/s/(m/s^2)"
+    )
+    initial_state: str = choice(
+        "parameters",
+        INITIAL_STATES,
+        "where integration starts: at initial_*, at the first ground_truth/odom, or level: "
+        "roll, pitch and gyroscope bias from readings at rest",
+    )
+    initial_position: Vector = vector(ZERO_VECTOR, "position in the world at the start", unit="m")
+    initial_velocity: Vector = vector(ZERO_VECTOR, "velocity in the world at the start", unit="m/s")
+    initial_orientation: Vector = vector(
+        ZERO_VECTOR, "roll, pitch, yaw at the start; level takes the yaw only", unit="rad"
+    )
+    level_time: float = number(
+        2.0, "length of the rest period averaged by level", unit="s", minimum=0.01, maximum=3600.0
+    )
+    world_frame: str = text(WORLD_FRAME, "frame of the pose")
+    body_frame: str = text(BODY_FRAME, "frame of the body, in which the twist is given")
+    covariance: bool = flag(True, "propagate the covariance of pose and twist from imu.*")
+    imu: IntegratorNoiseParameters = section(IntegratorNoiseParameters)
+    path_rate: float = number(
+        0.0, "rate of dead_reckoned/path; 0: none", unit="Hz", minimum=0.0, maximum=50.0
+    )
+    path_length: float = number(
+        600.0, "time span covered by dead_reckoned/path", unit="s", minimum=1.0
+    )
+    diagnostics: bool = flag(True, "publish /diagnostics once per second")
+    roll_pitch_yaw: bool = flag(
+        False, "publish dead_reckoned/roll_pitch_yaw, in degrees, for plots"
+    )
+    error: bool = flag(
+        False,
+        "compare with ground_truth/odom: dead_reckoned/position_error, attitude_error and "
+        "/diagnostics",
+    )
+
+    @staticmethod
+    def passed_over() -> dict[str, Parameter]:
+        """Return what a file made for the simulator says of the same IMU, and has no use here."""
+        return {f"imu.{name}": parameter for name, parameter in parameters(ImuParameters).items()}
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Yield problems that involve several parameters."""
+        if max(self.gravity) == min(self.gravity) != 0:
+            such = ", ".join(f"{component:g}" for component in GRAVITY)
+            yield f"{prefix}gravity = {self.gravity[0]}: must be a vector such as [{such}]"
+        elif math.hypot(*self.gravity) > _EARTH_GRAVITY_MAXIMUM:
+            yield (
+                f"{prefix}gravity = {list(self.gravity)}: must be at most "
+                f"{_EARTH_GRAVITY_MAXIMUM:g} m/s^2 in magnitude"
+            )
+        both = (self.gyroscope_scale_misalignment, self.accelerometer_scale_misalignment)
+        for name, values in zip(TRIADS, both, strict=True):
+            yield from invertible_problems(values, f"{prefix}{name}_scale_misalignment")
+
+
+def layer_integrator(
+    given: Mapping[str, object], sensor: Mapping[str, object] | None = None
+) -> dict[str, object]:
+    """Return parameters above those of the IMU preset and of the calibration that they name.
+
+    :param given: by dotted name.
+    :param sensor: what is known of the sensor, in the place of a preset.
+    :raises ConfigurationError: for a preset or a calibration that cannot be read.
+    """
+    own = parameters(IntegratorParameters)
+    result: dict[str, object] = {}
+    preset = given.get("imu.preset", DEFAULT_IMU)
+    for name, value in (sensor_layer(str(preset)) if sensor is None else sensor).items():
+        if name in own:
+            result[name] = value
+    if given.get("calibration"):
+        for name, value in load(str(given["calibration"])).items():
+            short = name.removeprefix("imu.")
+            result.update({key: value for key in (name, short) if key in own})
+    return {**result, **given}
+
+
+def outside_covariance(
+    integrator: IntegratorParameters,
+    given: Mapping[str, object],
+    sensor: Mapping[str, object] | None = None,
+) -> list[str]:
+    """Return the names of the sensor's errors that the covariance does not include.
+
+    What integration corrects for is none of them; nor are range and bandwidth, which do not matter
+    to readings within them.
+
+    :param given: by dotted name.
+    :param sensor: what is known of the sensor, in the place of the preset.
+    :raises ConfigurationError: for a preset that cannot be read.
+    """
+    known = {**(sensor_layer(integrator.imu.preset) if sensor is None else sensor), **given}
+    own = parameters(IntegratorParameters)
+    corrected = {"gyroscope_bias"} if integrator.initial_state == "level" else set()
+    for name in own:
+        if name.startswith(TRIADS) and getattr(integrator, name) != own[name].default:
+            corrected.add(name)
+    return [
+        f"imu.{name}"
+        for name, described in parameters(ImuParameters).items()
+        if name.startswith(TRIADS)
+        and f"imu.{name}" not in own
+        and name not in corrected
+        and not name.endswith(("_range", "_bandwidth"))
+        and _differs(known.get(f"imu.{name}", described.default), described.default)
+    ]
+
+
+def _differs(value: object, other: object) -> bool:
+    """Return whether two values differ; a number stands for as many as are needed."""
+    first, second = (v if isinstance(v, list | tuple) else [v] for v in (value, other))
+    count = max(len(first), len(second))
+    first, second = (list(v) * (count if len(v) == 1 else 1) for v in (first, second))
+    return first != second

@@ -1,0 +1,394 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Preintegrated readings between given times: deltas, Jacobians, covariance."""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from imu_sim_ros import rotation
+from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.names import suggestion
+from imu_sim_ros.navigation.association import interpolate_vectors
+from imu_sim_ros.navigation.noise import ImuErrors
+from imu_sim_ros.navigation.preintegration_slow_errors import SlowErrorsOfIntervals
+
+Array = NDArray[np.float64]
+
+
+class Readings(NamedTuple):
+    """The readings of B intervals of at most m steps; shorter ones end in steps of length 0."""
+
+    h: Array
+    """(B, m) lengths of the steps [s]."""
+    gyro: Array
+    """(B, m + 1, 3) at the ends of the steps [rad/s]."""
+    accel: Array
+    """(B, m + 1, 3) at the ends of the steps [m/s^2]."""
+
+
+def between(t_ns: NDArray[np.int64], gyro: Array, accel: Array, edges_ns: ArrayLike) -> Readings:
+    """Return the readings between neighbouring times; at these, readings are interpolated.
+
+    :param t_ns: (n,) stamps [ns], increasing.
+    :param gyro: (n, 3) [rad/s].
+    :param accel: (n, 3) [m/s^2].
+    :param edges_ns: (B + 1,) times within the stamps, increasing [ns].
+    :raises InputError: for times outside of the stamps or out of order.
+    """
+    edges = np.asarray(edges_ns, dtype=np.int64)
+    if len(edges) < 2 or np.any(np.diff(edges) <= 0):
+        raise InputError("the times between which to preintegrate must increase, two or more")
+    if edges[0] < t_ns[0] or edges[-1] > t_ns[-1]:
+        raise InputError(
+            f"preintegration from {edges[0]} to {edges[-1]} ns needs readings over all of it: "
+            f"they last from {t_ns[0]} to {t_ns[-1]} ns"
+        )
+    times = np.union1d(t_ns, edges)
+    first, last = np.searchsorted(times, edges[:-1]), np.searchsorted(times, edges[1:])
+    most = int(np.max(last - first))
+    # Behind an interval's end its last row is repeated, which makes steps of length 0.
+    rows = np.minimum(first[:, None] + np.arange(most + 1), last[:, None])
+    return Readings(
+        np.diff(times[rows], axis=1) * 1e-9,
+        interpolate_vectors(t_ns, gyro, times)[rows],
+        interpolate_vectors(t_ns, accel, times)[rows],
+    )
+
+
+SIZE: Final = 15
+ALPHA, THETA, BETA = slice(0, 3), slice(3, 6), slice(6, 9)
+ACCEL_BIAS, GYRO_BIAS = slice(9, 12), slice(12, 15)
+METHODS: Final = ("euler", "midpoint")
+
+ACCEL_BIAS_LIMIT: Final = 0.1
+"""[m/s^2] beyond this change of a bias, integrate again instead of a first-order correction."""
+GYRO_BIAS_LIMIT: Final = 0.01
+"""[rad/s] likewise."""
+
+_EYE: Final[Array] = np.eye(3)
+_JOINED: Final = 8
+"""Steps whose F are multiplied before they are applied: a power of two."""
+_BLOCK: Final = 512
+"""Steps, of all intervals together, whose F and G are computed at a time."""
+
+
+class Preintegration(NamedTuple):
+    """The result of B intervals, and how it depends on the biases."""
+
+    duration: Array
+    """(B,) [s]"""
+    alpha: Array
+    """(B, 3) [m]"""
+    beta: Array
+    """(B, 3) [m/s]"""
+    gamma: Array
+    """(B, 4) unit quaternions"""
+    jacobian: Array
+    """(B, 15, 15) of the error at the end with respect to that at the start, the product of F."""
+    covariance: Array
+    """(B, 15, 15) of the error at the end; zero at the start."""
+    accel_bias: Array
+    """(B, 3) that was taken off [m/s^2]."""
+    gyro_bias: Array
+    """(B, 3) that was taken off [rad/s]."""
+
+
+def preintegrate(
+    readings: Readings,
+    noise: ImuErrors | None = None,
+    gyro_bias: ArrayLike = 0.0,
+    accel_bias: ArrayLike = 0.0,
+    method: str = "midpoint",
+    shared_noise: bool = True,
+) -> Preintegration:
+    """Preintegrate B intervals.
+
+    Under midpoint each reading serves two steps, so its noise comes in twice. With ``shared_noise``
+    this is accounted for and the covariance is that of many runs. Without it, the noises of both
+    ends of a step are taken as new ones each time, as VINS does, and the white noise comes out with
+    half its variance. Euler uses each reading once, where both are the same.
+
+    :param readings: B intervals.
+    :param noise: the IMU's noise; None leaves the covariance zero.
+    :param gyro_bias: (B, 3), (3,) or one number [rad/s].
+    :param accel_bias: likewise [m/s^2].
+    :param method: euler or midpoint.
+    """
+    if method not in METHODS:
+        raise ConfigurationError(f"method = {method!r}: {suggestion(method, METHODS)}")
+    batch = len(readings.h)
+    gyro_bias = np.array(np.broadcast_to(np.asarray(gyro_bias, dtype=float), (batch, 3)))
+    accel_bias = np.array(np.broadcast_to(np.asarray(accel_bias, dtype=float), (batch, 3)))
+    rate = readings.gyro - gyro_bias[:, None]
+    force = readings.accel - accel_bias[:, None]
+    alpha, beta = np.zeros((batch, 3)), np.zeros((batch, 3))
+    gamma = _attitudes(method, readings.h, rate)
+    errors = _Errors(batch, noise, _period(readings.h), shared_noise)
+    step = _midpoint if method == "midpoint" else _euler
+    block = max(_JOINED, _BLOCK // batch // _JOINED * _JOINED)
+    for first in range(0, readings.h.shape[1], block):
+        h = np.ascontiguousarray(readings.h[:, first : first + block].T)
+        ends = slice(first, first + block + 1)
+        rates, forces = _pairs(rate[:, ends]), _pairs(force[:, ends])
+        gammas = gamma[first : first + len(h)]
+        flat = (values.reshape(-1, *values.shape[2:]) for values in (gammas, rates, forces))
+        acceleration, f, g = step(h.reshape(-1, 1), *flat)
+        gained = acceleration.reshape(*h.shape, 3) * h[..., None]
+        # One after the other from what there is: the same sums whatever the block.
+        betas = np.cumsum(np.concatenate([beta[None], gained]), axis=0)
+        moved = (betas[:-1] + 0.5 * gained) * h[..., None]
+        alpha = np.cumsum(np.concatenate([alpha[None], moved]), axis=0)[-1]
+        beta = betas[-1]
+        f, g = f.reshape(*h.shape, SIZE, SIZE), g.reshape(*h.shape, SIZE, 12)
+        errors.extend(h, f, g, forces, rates)
+    mean = (readings.h.sum(axis=1), alpha, beta, gamma[-1])
+    return Preintegration(*mean, errors.jacobian, errors.total(), accel_bias, gyro_bias)
+
+
+def _pairs(values: Array) -> Array:
+    """Return readings (B, m + 1, 3) as those of both ends of each step (m, B, 2, 3)."""
+    result: Array = np.stack([values[:, :-1], values[:, 1:]], axis=2).swapaxes(0, 1)
+    return result
+
+
+def _turn(method: str, h: Array, rates: Array) -> Array:
+    """Rotation vectors (..., 3) of steps h (..., 1) with rates (..., 2, 3) at their ends."""
+    rate = rates[..., 0, :] if method == "euler" else 0.5 * (rates[..., 0, :] + rates[..., 1, :])
+    result: Array = rate * h
+    return result
+
+
+def _attitudes(method: str, h: Array, rate: Array) -> Array:
+    """Gamma (m + 1, B, 4) before each of m steps, and after the last.
+
+    :param h: (B, m) their lengths [s].
+    :param rate: (B, m + 1, 3) the rates at their ends [rad/s].
+    """
+    turns = _turn(method, h.T[..., None], _pairs(rate))
+    result = np.concatenate([np.tile(rotation.IDENTITY, (1, len(h), 1)), rotation.exp(turns)])
+    step = 1
+    while step < len(result):  # a scan by doubling: each is the product of up to 2 step of them
+        result[step:] = rotation.multiply(result[:-step], result[step:])
+        step *= 2
+    return rotation.normalise(result)
+
+
+def _period(h: Array) -> float:
+    """Return the sensor's sampling interval: partial steps at the edges are shorter, no noisier."""
+    return float(np.median(h[h > 0.0])) if np.any(h > 0.0) else 1.0
+
+
+_Step = tuple[Array, Array, Array]
+"""Acceleration (n, 3), F (n, 15, 15), G (n, 15, 12) of n steps."""
+
+
+def _euler(h: Array, gamma: Array, rate: Array, force: Array) -> _Step:
+    """Hold the reading at the start throughout; G has no part for that of the end."""
+    r = rotation.to_matrix(gamma)
+    turn = _turn("euler", h, rate)
+    acceleration = (r @ force[:, 0, :, None])[..., 0]
+    h3 = h[..., None]
+    tilt = -r @ rotation.skew(force[:, 0])
+    f, g = _blank(len(h))
+    _turn_rows(f, g, turn, h3, weights=(1.0, 0.0))
+    zero = np.zeros_like(r)
+    _move_rows(f, g, h3, (tilt, -r, zero), (-r, zero, zero, zero))
+    return acceleration, f, g
+
+
+def _midpoint(h: Array, gamma: Array, rate: Array, force: Array) -> _Step:
+    """Mean rate; mean of both ends' accelerations (the form of VINS' program)."""
+    turn = _turn("midpoint", h, rate)
+    r0 = rotation.to_matrix(gamma)
+    r1 = r0 @ rotation.to_matrix(rotation.exp(turn))
+    acceleration = 0.5 * (r0 @ force[:, 0, :, None] + r1 @ force[:, 1, :, None])[..., 0]
+    h3 = h[..., None]
+    f, g = _blank(len(h))
+    _turn_rows(f, g, turn, h3, weights=(0.5, 0.5))
+    # The acceleration of the end turns with the attitude of the end, which the step has turned.
+    tilt0 = -0.5 * r0 @ rotation.skew(force[:, 0])
+    tilt1 = -0.5 * r1 @ rotation.skew(force[:, 1])
+    by_theta = tilt0 + tilt1 @ f[:, THETA, THETA]
+    by_gyro_bias = tilt1 @ f[:, THETA, GYRO_BIAS]
+    by_gyro_noise = 0.5 * by_gyro_bias
+    f_parts = (by_theta, -0.5 * (r0 + r1), by_gyro_bias)
+    _move_rows(f, g, h3, f_parts, (-0.5 * r0, by_gyro_noise, -0.5 * r1, by_gyro_noise))
+    return acceleration, f, g
+
+
+def _blank(batch: int) -> tuple[Array, Array]:
+    f = np.tile(np.eye(SIZE), (batch, 1, 1))
+    # Noise of accelerometer and gyroscope at the start, then at the end of the step.
+    return f, np.zeros((batch, SIZE, 12))
+
+
+def _turn_rows(f: Array, g: Array, turn: Array, h: Array, weights: tuple[float, float]) -> None:
+    """``theta <- Exp(-turn) theta - Jr h (db_g + n_g)``."""
+    by_rate = -rotation.right_jacobian(turn) * h
+    f[:, THETA, THETA] = rotation.to_matrix(rotation.exp(-turn))
+    f[:, THETA, GYRO_BIAS] = by_rate
+    g[:, THETA, 3:6] = weights[0] * by_rate
+    g[:, THETA, 9:12] = weights[1] * by_rate
+
+
+def _move_rows(
+    f: Array,
+    g: Array,
+    h: Array,
+    by_state: tuple[Array, Array, Array],
+    by_noise: tuple[Array, Array, Array, Array],
+) -> None:
+    """Rows of beta and alpha from the derivatives of the acceleration.
+
+    :param by_state: with respect to theta, bias of the accelerometer, bias of the gyroscope.
+    :param by_noise: accelerometer and gyroscope at the start, then at the end.
+    """
+    f[:, ALPHA, BETA] = h * _EYE
+    places = (THETA, ACCEL_BIAS, GYRO_BIAS)
+    for place, derivative in zip(places, by_state, strict=True):
+        f[:, BETA, place] = derivative * h
+        f[:, ALPHA, place] = derivative * (0.5 * h * h)
+    for k, derivative in enumerate(by_noise):
+        g[:, BETA, 3 * k : 3 * k + 3] = derivative * h
+        g[:, ALPHA, 3 * k : 3 * k + 3] = derivative * (0.5 * h * h)
+
+
+class _Errors:
+    """Jacobian and covariance of B intervals, step by step."""
+
+    def __init__(self, batch: int, noise: ImuErrors | None, period: float, shared: bool) -> None:
+        self.jacobian = np.tile(np.eye(SIZE), (batch, 1, 1))
+        self.covariance = np.zeros((batch, SIZE, SIZE))
+        self._noise = noise
+        if noise is None:
+            return
+        triads = (noise.accelerometer, noise.gyroscope)
+        self._slow = SlowErrorsOfIntervals(noise, batch, period)
+        # Rounding is white noise of LSB^2 / 12 per reading (Widrow 1956).
+        self._white = np.concatenate(
+            [t.noise_density**2 / period + t.resolution**2 / 12.0 for t in triads]
+        )
+        walks = (noise.accelerometer.random_walk, noise.gyroscope.random_walk)
+        self._walk = np.square(np.concatenate(walks))
+        self._diagonal = np.arange(ACCEL_BIAS.start, SIZE)
+        self._shared = shared
+        # Covariance of the error with the noise of the reading that the next step begins with.
+        self._with_noise = np.zeros((batch, SIZE, 6))
+
+    def total(self) -> Array:
+        """Return the covariance (B, 15, 15), the slow errors included."""
+        if self._noise is None or not self._slow:
+            return self.covariance
+        return self.covariance + self._slow.covariance(self.jacobian)
+
+    def extend(self, h: Array, f: Array, g: Array, force: Array, rate: Array) -> None:
+        """Take m steps of lengths h (m, B) with F (m, B, 15, 15) and G (m, B, 15, 12).
+
+        :param force: (m, B, 2, 3) at both ends of the steps.
+        :param rate: likewise.
+        """
+        if self._noise is None:
+            for transition in _joined(f)[0]:
+                self.jacobian = transition @ self.jacobian
+            return
+        start_t = g[..., :6].swapaxes(-1, -2)
+        from_end = g[..., 6:] * self._white
+        added = (g[..., :6] * self._white) @ start_t + from_end @ g[..., 6:].swapaxes(-1, -2)
+        added[..., self._diagonal, self._diagonal] += h[..., None] * self._walk
+        if self._shared:
+            # A step of length 0, behind the end of a shorter interval, has no noise.
+            with_noise = np.concatenate([self._with_noise[None], from_end[:-1]])
+            crossed = f @ (with_noise @ start_t)
+            added += crossed + crossed.swapaxes(-1, -2)
+            self._with_noise = from_end[-1]
+        f, added = _joined(f, added)
+        jacobians = []
+        for transition, gained in zip(f, added, strict=True):
+            self.jacobian = transition @ self.jacobian
+            self.covariance = transition @ self.covariance @ transition.swapaxes(1, 2) + gained
+            jacobians.append(self.jacobian)
+        if self._slow:
+            readings = np.concatenate([force, rate], axis=-1).mean(axis=2)
+            self._slow.extend(np.stack(jacobians), h, readings, _JOINED)
+
+
+def _joined(f: Array, q: Array | None = None) -> tuple[Array, Array]:
+    """Return steps ``P <- F P F^T + Q`` joined eight by eight, the last ones fewer.
+
+    Neighbours are joined, then pairs, then fours: two steps after one another are ``F = F2 F1`` and
+    ``Q = F2 Q1 F2^T + Q2``. Each takes a few calls of NumPy for all of them.
+
+    :param f: (m, B, 15, 15), m > 0.
+    :param q: likewise; None: without.
+    """
+    joined = 1
+    while joined < _JOINED:
+        even = len(f) // 2 * 2
+        later = f[1:even:2]
+        if q is not None:
+            q2 = later @ q[:even:2] @ later.swapaxes(-1, -2) + q[1:even:2]
+            q = np.concatenate([q2, q[even:]])
+        f = np.concatenate([later @ f[:even:2], f[even:]])
+        joined *= 2
+    return f, f if q is None else q
+
+
+class Deltas(NamedTuple):
+    """Preintegrated quantities at other biases than they were integrated with."""
+
+    alpha: Array
+    """(B, 3) [m]"""
+    beta: Array
+    """(B, 3) [m/s]"""
+    gamma: Array
+    """(B, 4) unit quaternions"""
+
+
+def corrected(pre: Preintegration, gyro_bias: ArrayLike, accel_bias: ArrayLike) -> Deltas:
+    """Return alpha, beta and gamma at other biases, to first order (Forster eq. 44).
+
+    :param gyro_bias: (B, 3) or (3,) [rad/s].
+    :param accel_bias: (B, 3) or (3,) [m/s^2].
+    """
+    moved = np.concatenate(
+        [
+            np.asarray(accel_bias, dtype=float) - pre.accel_bias,
+            np.asarray(gyro_bias, dtype=float) - pre.gyro_bias,
+        ],
+        axis=1,
+    )
+    change = (pre.jacobian[:, :9, 9:] @ moved[..., None])[..., 0]
+    return Deltas(
+        pre.alpha + change[:, ALPHA],
+        pre.beta + change[:, BETA],
+        rotation.multiply(pre.gamma, rotation.exp(change[:, THETA])),
+    )
+
+
+def repropagated(
+    readings: Readings,
+    pre: Preintegration,
+    gyro_bias: ArrayLike,
+    accel_bias: ArrayLike,
+    noise: ImuErrors | None = None,
+    method: str = "midpoint",
+) -> tuple[Preintegration, NDArray[np.bool_]]:
+    """Integrate intervals again whose biases moved far; return all intervals, and which these are.
+
+    The others stay as they are; :func:`corrected` serves them.
+    """
+    gyro_bias = np.broadcast_to(np.asarray(gyro_bias, dtype=float), pre.gyro_bias.shape)
+    accel_bias = np.broadcast_to(np.asarray(accel_bias, dtype=float), pre.accel_bias.shape)
+    far = np.linalg.norm(gyro_bias - pre.gyro_bias, axis=1) > GYRO_BIAS_LIMIT
+    far |= np.linalg.norm(accel_bias - pre.accel_bias, axis=1) > ACCEL_BIAS_LIMIT
+    if not far.any():
+        return pre, far
+    chosen = Readings(*(values[far] for values in readings))
+    again = preintegrate(chosen, noise, gyro_bias[far], accel_bias[far], method)
+    result = Preintegration(*(values.copy() for values in pre))
+    for old, new in zip(result, again, strict=True):
+        old[far] = new
+    return result, far

@@ -1,0 +1,229 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The residuals of visual-inertial estimation, with their analytic Jacobians, in batches.
+
+Qin, Li and Shen, "VINS-Mono", T-RO 2018, eq. 24 and 25; the derivatives here are exact for these
+residuals. A pose is perturbed by ``p + dp`` and ``q Exp(dtheta)``, all else by addition.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros import rotation
+from imu_sim_ros.navigation.preintegration import (
+    ACCEL_BIAS,
+    ALPHA,
+    BETA,
+    GYRO_BIAS,
+    SIZE,
+    THETA,
+    Preintegration,
+    corrected,
+)
+
+Array = NDArray[np.float64]
+
+_EYE = np.eye(3)
+
+
+class States(NamedTuple):
+    """B states; their perturbation has 15 numbers in this order: p, theta, v, b_a, b_g."""
+
+    position: Array
+    """(B, 3) p_wb [m]."""
+    q_wb: Array
+    """(B, 4)."""
+    velocity: Array
+    """(B, 3) in the world [m/s]."""
+    accel_bias: Array
+    """(B, 3) [m/s^2]."""
+    gyro_bias: Array
+    """(B, 3) [rad/s]."""
+
+
+class ImuResidual(NamedTuple):
+    """The residual of B pairs of states, and its derivatives."""
+
+    residual: Array
+    """(B, 15) alpha, theta, beta, b_a, b_g: prediction from the states less the readings."""
+    by_first: Array
+    """(B, 15, 15) with respect to the first state."""
+    by_second: Array
+    """(B, 15, 15) with respect to the second state."""
+
+
+def imu_residual(
+    pre: Preintegration, first: States, second: States, gravity: Sequence[float]
+) -> ImuResidual:
+    """Return the residual of preintegrated readings between two states (VINS eq. 24).
+
+        R_i^T (p_j - p_i - v_i T - g T^2 / 2) - alpha
+        2 vec(gamma^-1 q_i^-1 q_j)
+        R_i^T (v_j - v_i - g T) - beta
+        b_a,j - b_a,i,   b_g,j - b_g,i
+
+    with alpha, beta, gamma corrected to the biases of state i. Its covariance is that of ``pre``.
+
+    :param gravity: (3,) in the world [m/s^2].
+    """
+    t = pre.duration[:, None]
+    g = np.asarray(gravity, dtype=float)
+    deltas = corrected(pre, first.gyro_bias, first.accel_bias)
+    moved = second.position - first.position - first.velocity * t - 0.5 * g * t * t
+    moved = rotation.rotate_inverse(first.q_wb, moved)
+    gained = rotation.rotate_inverse(first.q_wb, second.velocity - first.velocity - g * t)
+    between = rotation.multiply(rotation.conjugate(first.q_wb), second.q_wb)
+    back = rotation.conjugate(deltas.gamma)
+    turn = rotation.multiply(back, between)
+    # -q is the same rotation, and its vector part would be a residual of the other sign.
+    sign = np.where(turn[:, :1] < 0.0, -1.0, 1.0)
+    turn, between = turn * sign, between * sign
+    residual = np.concatenate(
+        [
+            moved - deltas.alpha,
+            2.0 * turn[:, 1:],
+            gained - deltas.beta,
+            second.accel_bias - first.accel_bias,
+            second.gyro_bias - first.gyro_bias,
+        ],
+        axis=1,
+    )
+    by_first = _by_first(pre, first, moved, gained, back, between, turn)
+    by_second = np.tile(np.eye(SIZE), (len(residual), 1, 1))
+    to_body = rotation.to_matrix(first.q_wb).swapaxes(1, 2)
+    by_second[:, ALPHA, ALPHA] = by_second[:, BETA, BETA] = to_body
+    by_second[:, THETA, THETA] = _left(turn)
+    return ImuResidual(residual, by_first, by_second)
+
+
+def _by_first(
+    pre: Preintegration,
+    first: States,
+    moved: Array,
+    gained: Array,
+    back: Array,
+    between: Array,
+    turn: Array,
+) -> Array:
+    to_body = rotation.to_matrix(first.q_wb).swapaxes(1, 2)
+    result = np.zeros((len(moved), SIZE, SIZE))
+    result[:, ALPHA, ALPHA] = -to_body
+    result[:, ALPHA, THETA] = rotation.skew(moved)
+    result[:, ALPHA, BETA] = -to_body * pre.duration[:, None, None]
+    result[:, BETA, THETA] = rotation.skew(gained)
+    result[:, BETA, BETA] = -to_body
+    for bias in (ACCEL_BIAS, GYRO_BIAS):
+        result[:, ALPHA, bias] = -pre.jacobian[:, ALPHA, bias]
+        result[:, BETA, bias] = -pre.jacobian[:, BETA, bias]
+        result[:, bias, bias] = -_EYE
+    result[:, THETA, THETA] = -_product_block(back, between)
+    by_bias = pre.jacobian[:, THETA, GYRO_BIAS]
+    shift = (by_bias @ (first.gyro_bias - pre.gyro_bias)[..., None])[..., 0]
+    result[:, THETA, GYRO_BIAS] = -_right(turn) @ rotation.right_jacobian(shift) @ by_bias
+    return result
+
+
+def _left(q: Array) -> Array:
+    """Vector part of ``q (0, v)`` as a matrix on v."""
+    return q[:, :1, None] * _EYE + rotation.skew(q[:, 1:])
+
+
+def _right(q: Array) -> Array:
+    """Vector part of ``(0, v) q`` as a matrix on v."""
+    return q[:, :1, None] * _EYE - rotation.skew(q[:, 1:])
+
+
+def _product_block(p: Array, q: Array) -> Array:
+    """Vector part of ``p (0, v) q`` as a matrix on v."""
+    # (0, v) q = (-v . q_v, right(q) v); p takes the scalar part along its own vector part.
+    return _left(p) @ _right(q) - p[:, 1:, None] * q[:, None, 1:]
+
+
+class Poses(NamedTuple):
+    """B poses; their perturbation has 6 numbers: p, theta."""
+
+    position: Array
+    """(B, 3) [m]"""
+    q: Array
+    """(B, 4)"""
+
+
+class ReprojectionResidual(NamedTuple):
+    """The residual of B sightings of features, and its derivatives."""
+
+    residual: Array
+    """(B, 2) in the plane at distance 1; times the focal length it is in pixels."""
+    by_first: Array
+    """(B, 2, 6) with respect to the pose of the body at the first sighting."""
+    by_second: Array
+    """(B, 2, 6) with respect to the pose of the body at the second sighting."""
+    by_camera: Array
+    """(B, 2, 6) with respect to ``T_bc``, the camera in the body."""
+    by_inverse_depth: Array
+    """(B, 2)"""
+    depth: Array
+    """(B,) of the feature before the second camera [m]; not positive behind it."""
+
+
+def reprojection_residual(
+    first: Poses,
+    second: Poses,
+    camera: Poses,
+    inverse_depth: Array,
+    seen_first: Array,
+    seen_second: Array,
+) -> ReprojectionResidual:
+    """Return where features of one image appear in another, less where they are seen there.
+
+    ``x_cj = T_bc^-1 T_wbj^-1 T_wbi T_bc x_ci``, projected to the plane at distance 1 (VINS eq. 25,
+    which has the sphere in place of the plane).
+
+    :param first: T_wb at the first sighting.
+    :param second: T_wb at the second sighting.
+    :param camera: T_bc, for all features or each.
+    :param inverse_depth: (B,) in the first camera [1/m].
+    :param seen_first: (B, 2) x / z and y / z in the first camera.
+    :param seen_second: (B, 2) likewise in the second.
+    """
+    ray = np.concatenate([seen_first, np.ones((len(seen_first), 1))], axis=1)
+    in_first = ray / inverse_depth[:, None]
+    in_body = rotation.rotate(camera.q, in_first) + camera.position
+    in_world = rotation.rotate(first.q, in_body) + first.position
+    in_second_body = rotation.rotate_inverse(second.q, in_world - second.position)
+    in_second = rotation.rotate_inverse(camera.q, in_second_body - camera.position)
+    x, y, z = in_second.T
+    residual = np.stack([x / z, y / z], axis=1) - seen_second
+
+    projection = _by_point(x, y, z)
+    r_bc = rotation.to_matrix(camera.q)
+    r_cb = r_bc.swapaxes(-1, -2)
+    from_world = r_cb @ rotation.to_matrix(second.q).swapaxes(1, 2)
+    from_first_body = from_world @ rotation.to_matrix(first.q)
+    from_first = from_first_body @ r_bc
+    by_first = [from_world, -from_first_body @ rotation.skew(in_body)]
+    by_second = [-from_world, r_cb @ rotation.skew(in_second_body)]
+    by_camera = [
+        from_first_body - r_cb,
+        rotation.skew(in_second) - from_first @ rotation.skew(in_first),
+    ]
+    by_depth = -(from_first @ (ray / inverse_depth[:, None] ** 2)[..., None])
+    return ReprojectionResidual(
+        residual,
+        projection @ np.concatenate(by_first, axis=-1),
+        projection @ np.concatenate(by_second, axis=-1),
+        projection @ np.concatenate(by_camera, axis=-1),
+        (projection @ by_depth)[..., 0],
+        z,
+    )
+
+
+def _by_point(x: Array, y: Array, z: Array) -> Array:
+    """Return the derivatives (B, 2, 3) of x / z and y / z by the point."""
+    projection = np.zeros((len(z), 2, 3))
+    projection[:, 0, 0] = projection[:, 1, 1] = 1.0 / z
+    projection[:, 0, 2], projection[:, 1, 2] = -x / (z * z), -y / (z * z)
+    return projection

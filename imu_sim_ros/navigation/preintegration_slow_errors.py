@@ -1,0 +1,138 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What 1/f noise, Gauss-Markov biases and unknown scales add to a preintegration's covariance.
+
+:mod:`imu_sim_ros.navigation.covariance_terms` says what they are. A preintegration is given
+the biases at its start, so that what acts on it is their change since then. The interval is cut
+into pieces. With J_k the Jacobian of the nine numbers alpha, theta, beta at the end of piece k by
+those at the start, and B_k that by a constant bias, the biases' mean over piece k acts on the end
+by
+
+    W_k = J (S_k - S_k-1),   S_k = J_k^-1 B_k,
+
+the last J that of the interval's end, and the change of the biases b(t) by
+
+    x = sum_k W_k (mean_k b - b(0)),   and in the rows of the biases   b(T) - b(0):
+
+a linear function of means over pieces and of the values at both ends. The covariance of a process
+of variance s^2 and correlation time tau between the means over two pieces of lengths L and M, a
+time g apart, is ``s^2 m(L) m(M) exp(-g / tau)`` with ``m(L) = (1 - exp(-L / tau)) tau / L``, 1 for
+a single value (:func:`~imu_sim_ros.navigation.covariance_terms.of_mean`). In the block of the
+biases this makes ``2 s^2 (1 - exp(-T / tau))``, the change of a process over the interval.
+
+An unknown term of the response multiplies the readings r: ``x = sum_k W_k r_k e`` with one number
+e for the interval. It is no bias, and the rows of the biases do not have it.
+"""
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.navigation.covariance_terms import of_mean, processes, response_terms
+from imu_sim_ros.navigation.noise import ImuErrors
+
+Array = NDArray[np.float64]
+
+_MOST_PIECES: Final = 128
+"""Of an interval: longer ones have longer pieces, of half a second in a minute."""
+_AT_ONCE: Final = 1_000_000
+"""Pairs of pieces whose covariances are computed at a time."""
+
+
+class SlowErrorsOfIntervals:
+    """The share of the slow errors in the covariances of B intervals."""
+
+    def __init__(self, noise: ImuErrors, batch: int, period: float) -> None:
+        """Start with nothing integrated; axes are in VINS' order, accelerometer first.
+
+        :param period: the sensor's sampling interval [s]. The bias at the start is that of one
+            reading, which has all of the 1/f noise up to half the sampling rate.
+        """
+        self._variances: dict[float, Array] = {}
+        """(6,) of the processes by their correlation time."""
+        for axis, tau, sigma in processes(noise, period):
+            self._variances.setdefault(tau, np.zeros(6))[(axis + 3) % 6] += sigma**2
+        self._terms = np.zeros((6, 12))
+        """Variances of the factors of the readings and of their squares, by axis and source."""
+        for axis, source, sigma in response_terms(noise):
+            place = (source + 3) % 6 + source // 6 * 6
+            self._terms[(axis + 3) % 6, place] += sigma**2
+        self._ends = [np.zeros((1, batch))]
+        self._sums = [np.zeros((1, batch, 9, 6))]
+        """S at the ends of the pieces."""
+        self._by_terms = np.zeros((batch, 54, 12))
+        """Of the end, back in the terms of the start, by the factors of each axis."""
+
+    def __bool__(self) -> bool:
+        """Return whether there is any such error."""
+        return bool(self._variances) or bool(self._terms.any())
+
+    def extend(self, jacobians: Array, h: Array, readings: Array, steps: int) -> None:
+        """Take pieces of so many steps each, the last one shorter.
+
+        :param jacobians: (n, B, 15, 15) at the ends of the pieces, from the interval's start.
+        :param h: (m, B) lengths of the steps [s].
+        :param readings: (m, B, 6) mean readings of the steps, accelerometer first.
+        """
+        sums: Array = np.asarray(
+            np.linalg.solve(jacobians[..., :9, :9], jacobians[..., :9, 9:]), dtype=np.float64
+        )
+        starts = np.arange(0, len(h), steps)
+        lengths = np.add.reduceat(h, starts)
+        if self._terms.any():
+            both = np.concatenate([readings, readings**2], axis=-1) * h[..., None]
+            mean = np.add.reduceat(both, starts) / np.where(lengths > 0.0, lengths, 1.0)[..., None]
+            gained = np.diff(sums, axis=0, prepend=self._sums[-1][-1:])
+            gained = gained.reshape(*lengths.shape, 54)
+            self._by_terms += gained.transpose(1, 2, 0) @ mean.swapaxes(0, 1)
+        self._ends.append(np.asarray(self._ends[-1][-1] + np.cumsum(lengths, axis=0)))
+        self._sums.append(sums)
+
+    def covariance(self, jacobian: Array) -> Array:
+        """Return what is added to the covariances (B, 15, 15).
+
+        :param jacobian: (B, 15, 15) at the ends of the intervals.
+        """
+        result = np.zeros_like(jacobian)
+        if self._variances:
+            ends, sums = np.concatenate(self._ends), np.concatenate(self._sums)
+            chosen = np.r_[0 : len(ends) - 1 : -(-(len(ends) - 1) // _MOST_PIECES), len(ends) - 1]
+            ends, sums = ends[chosen].T, sums[chosen].swapaxes(0, 1)
+            size = max(1, _AT_ONCE // len(chosen) ** 2)
+            for first in range(0, len(result), size):
+                part = slice(first, first + size)
+                result[part] = self._of_processes(jacobian[part], ends[part], sums[part])
+        by_terms = self._by_terms.reshape(-1, 9, 6, 12) * np.sqrt(self._terms)
+        by_terms = jacobian[:, :9, :9] @ by_terms.reshape(-1, 9, 72)
+        result[:, :9, :9] += by_terms @ by_terms.swapaxes(1, 2)
+        return result
+
+    def _of_processes(self, jacobian: Array, ends: Array, sums: Array) -> Array:
+        """Return (B, 15, 15) from the pieces' ends (B, N + 1), first 0, and S (B, N + 1, 9, 6)."""
+        batch, count = ends.shape
+        # The value at the start, the means over the pieces, the value at the end.
+        weights = np.zeros((batch, count + 1, 15, 6))
+        weights[:, 1:-1, :9] = jacobian[:, None, :9, :9] @ np.diff(sums, axis=1)
+        weights[:, 0, :9] = -jacobian[:, :9, 9:]
+        weights[:, 0, 9:], weights[:, -1, 9:] = -np.eye(6), np.eye(6)
+        start = np.concatenate([ends[:, :1], ends], axis=1)
+        end = np.concatenate([ends, ends[:, -1:]], axis=1)
+        length = end - start
+        gap = np.maximum(start[:, None], start[:, :, None])
+        gap -= np.minimum(end[:, None], end[:, :, None])
+        np.maximum(gap, 0.0, out=gap)
+        diagonal = np.arange(count + 1)
+        flat = weights.reshape(batch, count + 1, 90)
+        acting = np.zeros_like(flat)
+        for tau, variances in self._variances.items():
+            of_itself, with_end = of_mean(length / tau)
+            kernel = np.exp(gap * (-1.0 / tau))
+            kernel *= with_end[:, None] * with_end[:, :, None]
+            kernel[:, diagonal, diagonal] = of_itself
+            acting += kernel @ (flat * np.tile(variances, 15))
+        rows = weights.swapaxes(1, 2).reshape(batch, 15, -1)
+        acting = acting.reshape(weights.shape).swapaxes(1, 2).reshape(batch, 15, -1)
+        half: Array = 0.5 * rows @ acting.swapaxes(1, 2)
+        return np.asarray(half + half.swapaxes(1, 2))

@@ -1,0 +1,217 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Message classes by name, and the fields of Imu and Odometry messages from their bytes."""
+
+import importlib
+import importlib.util
+import json
+import os
+import re
+import sys
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from imu_sim_ros.bags.messages.decode import MessageDecoder
+from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY
+from imu_sim_ros.bags.messages.encode_cameras import TransformsEncoder
+from imu_sim_ros.bags.messages.layouts import STAMP_OFFSET
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs import gate
+from imu_sim_ros.nodes import transform_type
+from imu_sim_ros.rotation.scalars import normalise
+from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
+
+_BUILTIN = frozenset(
+    [
+        "bool",
+        "byte",
+        "char",
+        "float32",
+        "float64",
+        "int8",
+        "uint8",
+        "int16",
+        "uint16",
+        "int32",
+        "uint32",
+        "int64",
+        "uint64",
+        "string",
+        "wstring",
+    ]
+)
+_FIELD = re.compile(r"^\s*([A-Za-z][\w/]*)\s*(?:<=\d+)?\s*(?:\[[^\]]*\])?\s+[A-Za-z]\w*")
+_SEPARATOR = "=" * 80
+_KNOWN_HERE = {"tf2_msgs/TFMessage": transform_type.DEFINITION}
+
+
+def message_class(type_name: str) -> Any:
+    """Return the Python class of a type such as ``sensor_msgs/msg/Imu``.
+
+    :raises InputError: where its package is not installed.
+    :raises MissingDependencyError: where tf2_msgs is not installed and cannot be replaced.
+    """
+    if type_name == transform_type.TYPE:
+        return transform_type.transform_message_class()
+    package, _, name = type_name.split("/")
+    try:
+        return getattr(importlib.import_module(f"{package}.msg"), name)
+    except (ImportError, AttributeError):
+        raise InputError(f"{type_name}: the package {package} is not installed here") from None
+
+
+def stamp_offset(message: Any) -> int | None:
+    """Return where in the CDR bytes of a message class its stamp begins; None without a stamp.
+
+    A stamp is the first field of ``std_msgs/Header``; a time at the beginning of a message
+    (rosgraph_msgs/Clock) serves as well. Of several transforms the first one counts.
+    """
+    fields = message.get_fields_and_field_types()
+    first = next(iter(fields.values()), "")
+    if first == "sequence<geometry_msgs/TransformStamped>":
+        return TransformsEncoder.stamp_offset()
+    return STAMP_OFFSET if first in ("std_msgs/Header", "builtin_interfaces/Time") else None
+
+
+@cache
+def definition(type_name: str) -> str:
+    """Return the full definition: the .msg text, then those of all types within it.
+
+    The form is that of MCAP's ``ros2msg`` and of ROS 1: each further type follows a line of
+    80 ``=`` and ``MSG: package/Name``. Empty where the .msg files are not installed.
+    """
+    package, _, name = type_name.split("/")
+    texts: dict[str, str] = {}
+    wanted = [f"{package}/{name}"]
+    while wanted:
+        key = wanted.pop(0)
+        if key in texts:
+            continue
+        path = _find(key.split("/")[0], f"{key.split('/')[1]}.msg")
+        if path is None and key not in _KNOWN_HERE:
+            return ""
+        texts[key] = _KNOWN_HERE[key] if path is None else path.read_text(encoding="utf-8")
+        wanted += _nested(texts[key], key.split("/")[0])
+    (_, first), *others = texts.items()
+    return first + "".join(f"\n{_SEPARATOR}\nMSG: {key}\n{text}" for key, text in others)
+
+
+@cache
+def type_hash(type_name: str) -> str:
+    """Return the hash (RIHS01) of a type's definition; empty where it is not installed."""
+    package, _, name = type_name.split("/")
+    path = _find(package, f"{name}.json")
+    if path is None:
+        return transform_type.HASH if type_name == transform_type.TYPE else ""
+    hashes = json.loads(path.read_text(encoding="utf-8")).get("type_hashes", [])
+    return next((h["hash_string"] for h in hashes if h["type_name"] == type_name), "")
+
+
+def _nested(text: str, package: str) -> Iterator[str]:
+    for line in text.splitlines():
+        match = _FIELD.match(line.split("#")[0])
+        if match is None or match[1] in _BUILTIN:
+            continue
+        parts = match[1].split("/")
+        if parts == ["Header"]:
+            yield "std_msgs/Header"
+        else:
+            yield f"{package if len(parts) == 1 else parts[0]}/{parts[-1]}"
+
+
+def _find(package: str, name: str) -> Path | None:
+    """Return a file of a package's messages: from ament's index, or beside the Python package."""
+    folders = [
+        Path(prefix) for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(":") if prefix
+    ]
+    folders.append(Path(sys.prefix))
+    module = importlib.util.find_spec(package)
+    if module is not None and module.origin is not None:
+        folders += Path(module.origin).parents
+    paths = (folder / "share" / package / "msg" / name for folder in folders)
+    return next((path for path in paths if path.is_file()), None)
+
+
+Vector = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+
+
+class ImuReading(NamedTuple):
+    """The fields of a sensor_msgs/Imu that the integrator uses."""
+
+    t_ns: int
+    gyro: Vector
+    """[rad/s]"""
+    accel: Vector
+    """[m/s^2]"""
+
+
+class Truth(NamedTuple):
+    """The fields of a nav_msgs/Odometry that the integrator uses."""
+
+    t_ns: int
+    position: Vector
+    """[m]"""
+    q_wb: Quaternion
+    """(w, x, y, z)"""
+    velocity_b: Vector
+    """of the body, in the body frame [m/s]"""
+    angular_velocity_b: Vector
+    """[rad/s]"""
+
+
+_READINGS: Final = ("angular_velocity", "linear_acceleration")
+_STATES: Final = ("position", "orientation", "linear", "angular")
+_ROUNDING: Final = 1e-12
+"""Of the squared length of a quaternion that was written as a unit one."""
+_imu = MessageDecoder(IMU, _READINGS)
+_odometry = MessageDecoder(ODOMETRY, _STATES)
+
+
+def imu_reading(payload: bytes) -> ImuReading:
+    """Return the reading in a sensor_msgs/Imu.
+
+    :raises InputError: for bytes that are not such a message in little-endian CDR, and for a
+        reading that the gate refuses.
+    """
+    second, nanosecond, gx, gy, gz, ax, ay, az = _imu.numbers(payload)
+    t_ns = _stamp(second, nanosecond)
+    result = ImuReading(t_ns, (gx, gy, gz), (ax, ay, az))
+    if not gate.is_reading(*result):
+        raise _refused(t_ns, (gate.RATE, result.gyro), (gate.FORCE, result.accel))
+    return result
+
+
+def truth(payload: bytes) -> Truth:
+    """Return the state in a nav_msgs/Odometry.
+
+    :raises InputError: for bytes that are not such a message in little-endian CDR, and for a
+        state that the gate refuses.
+    """
+    second, nanosecond, *values = _odometry.numbers(payload)
+    t_ns = _stamp(second, nanosecond)
+    px, py, pz, x, y, z, w, vx, vy, vz, rx, ry, rz = values
+    position, q_wb, velocity, rate = (px, py, pz), (w, x, y, z), (vx, vy, vz), (rx, ry, rz)
+    sound = gate.is_pose(t_ns, position, q_wb)
+    if not (sound and gate.within(velocity, gate.VELOCITY) and gate.within(rate, gate.RATE)):
+        pose = (gate.POSITION, position), (gate.ORIENTATION, q_wb)
+        raise _refused(t_ns, *pose, (gate.VELOCITY, velocity), (gate.RATE, rate))
+    off = abs(w * w + x * x + y * y + z * z - 1.0) > _ROUNDING
+    return Truth(t_ns, position, normalise(q_wb) if off else q_wb, velocity, rate)
+
+
+def _stamp(second: int, nanosecond: int) -> int:
+    if second < 0:
+        raise InputError(f"negative timestamp: {second} s")
+    return second * NANOSECONDS_PER_SECOND + nanosecond
+
+
+def _refused(t_ns: int, *columns: tuple[gate.Quantity, tuple[float, ...]]) -> InputError:
+    rows = [(quantity, np.array([values])) for quantity, values in columns]
+    words = gate.Verdict(np.array([t_ns]), rows).why(0)
+    return InputError(f"{gate.stamp_words(t_ns)}: {words}")

@@ -1,0 +1,187 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Subscriptions that one thread empties at its own pace, as bytes.
+
+An executor wakes up for every message and builds a new wait set each time, some 70 us of Python; a
+thread that takes whatever has accumulated every few milliseconds needs a few microseconds. The
+middleware's queue holds the messages meanwhile.
+"""
+
+import threading
+import time
+from collections.abc import Callable, Iterable
+from typing import Any, Final, NamedTuple
+
+from rclpy.callback_groups import CallbackGroup
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+from imu_sim_ros.bags.messages.schemas import Qos
+from imu_sim_ros.nodes.publishing import Pace
+from imu_sim_ros.nodes.supervised_thread import Fail, SupervisedThread
+
+DEPTH = 5000
+"""Messages that wait in the middleware: 2.5 s at 2 kHz, while the machine does other things."""
+
+Taken = tuple[bytes, dict[str, int]]
+"""A message's bytes, and what the middleware says about it: ``received_timestamp`` and so on."""
+
+
+_NO_WARNINGS: Final = SubscriptionEventCallbacks(use_default_callbacks=False)
+"""The nodes request what is offered as soon as a publisher of less appears; rclpy's warning comes
+before."""
+
+
+class _OutsideTheExecutor(CallbackGroup):
+    """A group whose members the executor leaves alone."""
+
+    def can_execute(self, entity: Any) -> bool:
+        return False
+
+    def beginning_execution(self, entity: Any) -> bool:
+        return False
+
+    def ending_execution(self, entity: Any) -> None:
+        raise AssertionError("nothing of this group is ever executed")
+
+
+class _Source(NamedTuple):
+    name: str
+    subscription: Any
+
+
+class RawSubscriptions:
+    """Takes the messages of all subscribed topics and delivers them in batches.
+
+    :param deliver: receives a topic and messages of it, in the reader's thread.
+    :param fail: receives the error that this raised; no more messages are taken.
+    :param period: between looks for messages [s].
+    :param leading: a topic in step with which messages are looked for where they arrive regularly,
+        see :class:`~imu_sim_ros.nodes.publishing.Pace`; None: none.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        deliver: Callable[[str, list[Taken]], None],
+        fail: Fail,
+        period: float,
+        leading: str | None = None,
+    ) -> None:
+        self.first_at = 0.0
+        """When the first message was taken, on the steady clock [s]; 0 before."""
+        self._node, self._deliver, self._period = node, deliver, period
+        self._leading, self._pace = leading, Pace(period)
+        self._group = _OutsideTheExecutor()
+        self._sources: dict[str, _Source] = {}
+        self._lock = threading.Lock()
+        self._ended = threading.Event()
+        self._thread = SupervisedThread("reader", self._run, fail)
+        self._thread.start()
+
+    def subscribe(self, name: str, message: Any, qos: QoSProfile) -> None:
+        """Subscribe to a topic; an older subscription of it is emptied and replaced."""
+        with self._lock:
+            old = self._sources.pop(name, None)
+            if old is not None:
+                self._pass_on(old)
+                self._node.destroy_subscription(old.subscription)
+            subscription = self._node.create_subscription(
+                message,
+                name,
+                _never,
+                qos,
+                raw=True,
+                callback_group=self._group,
+                event_callbacks=_NO_WARNINGS,
+            )
+            self._sources[name] = _Source(name, subscription)
+
+    def close(self) -> None:
+        """Take what has arrived and end the thread."""
+        self._ended.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        delay = self._period
+        while not self._ended.is_set():
+            # Waiting for the event would take longer; the end waits for this instead.
+            time.sleep(delay)
+            leading = self._look()
+            if self._leading is not None:
+                last_ns = leading[-1][1]["received_timestamp"] if leading else 0
+                delay = self._pace.wait(len(leading), last_ns, time.time_ns())
+        self._look()
+
+    def _look(self) -> list[Taken]:
+        """Pass on what has arrived; return what has of the leading topic."""
+        leading: list[Taken] = []
+        with self._lock:
+            for source in self._sources.values():
+                taken = self._pass_on(source)
+                if source.name == self._leading:
+                    leading = taken
+        return leading
+
+    def _pass_on(self, source: _Source) -> list[Taken]:
+        taken = self._take(source)
+        if taken:
+            self.first_at = self.first_at or time.monotonic()
+            self._deliver(source.name, taken)
+        return taken
+
+    def _take(self, source: _Source) -> list[Taken]:
+        take, message = source.subscription.handle.take_message, source.subscription.msg_type
+        result: list[Taken] = []
+        while len(result) < DEPTH and (taken := take(message, True)) is not None:
+            result.append(taken)
+        return result
+
+
+def _never(message: bytes) -> None:
+    raise AssertionError("the reader takes messages itself")
+
+
+def offered_qos(publishers: Iterable[Any]) -> tuple[Qos, ...]:
+    """Return what the publishers offer, each distinct profile once, in the terms of a bag."""
+    profiles = (publisher.qos_profile for publisher in publishers)
+    words = {
+        Qos(
+            _word(profile.reliability),
+            _word(profile.durability),
+            # The graph does not reveal the history of others: rosbag2 writes keep_last, too.
+            "keep_last",
+            max(profile.depth, 10),
+        ): None
+        for profile in profiles
+    }
+    return tuple(words)
+
+
+def _word(policy: Any) -> str:
+    return str(policy.name).lower()
+
+
+def matching_qos(publishers: Iterable[Any], depth: int = DEPTH) -> QoSProfile:
+    """Return the strictest profile that all of the publishers satisfy.
+
+    :param publishers: ``TopicEndpointInfo`` of each.
+    """
+    profiles = [publisher.qos_profile for publisher in publishers]
+    reliable = all(p.reliability == ReliabilityPolicy.RELIABLE for p in profiles)
+    keeps = all(p.durability == DurabilityPolicy.TRANSIENT_LOCAL for p in profiles)
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=depth,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if keeps else DurabilityPolicy.VOLATILE,
+    )
+
+
+def is_weaker(new: QoSProfile, old: QoSProfile) -> bool:
+    """Return whether a subscription must request less than before to match all publishers."""
+    less_reliable = new.reliability == ReliabilityPolicy.BEST_EFFORT != old.reliability
+    less_durable = new.durability == DurabilityPolicy.VOLATILE != old.durability
+    return bool(less_reliable or less_durable)

@@ -1,0 +1,267 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Sections of parameters: frozen dataclasses that nest, built from values by dotted name."""
+
+import dataclasses
+import re
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, Final, TypeVar, cast
+
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.names import shown, suggestion
+from imu_sim_ros.parameters.kinds import LARGEST, METADATA, SMALLEST, Parameter, SizeError, Value
+
+_T = TypeVar("_T")
+_SECTION_NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+OF_EVERY_NODE: Final = {
+    "use_sim_time": Parameter("flag", False, "take the time from /clock"),
+    "start_type_description_service": Parameter("flag", True, "offer the types' descriptions"),
+}
+"""What ROS gives to every node; ``ros2 param dump`` writes it into files."""
+_QOS: Final = "qos_overrides."
+
+
+@dataclass(frozen=True)
+class _Nested:
+    """A section within another, see :func:`section`."""
+
+    cls: type
+    joint: str = "."
+    words: Mapping[str, str] | None = None
+    without: Collection[str] = ()
+
+
+def section(
+    cls: type,
+    *,
+    joint: str = ".",
+    words: Mapping[str, str] | None = None,
+    without: Collection[str] = (),
+) -> Any:
+    """Describe a nested section; its parameters' names are the field's, the joint, and their own.
+
+    :param words: what stands in the section's texts and units for ``{word}``.
+    :param without: fields of the section that are not parameters here and keep their default.
+    """
+    nested = _Nested(cls, joint, words, without)
+    return dataclasses.field(default_factory=cls, metadata={"section": nested})
+
+
+def variant(key: str, default: str, find: Callable[[str], type]) -> Any:
+    """Describe a nested section whose class depends on the text at ``key`` within it.
+
+    :param find: returns the class for a string, or raises ConfigurationError with one line.
+    """
+    return dataclasses.field(
+        default_factory=lambda: find(default)(),
+        metadata={"variant": (key, default, find)},
+    )
+
+
+def parameters(cls: type, values: Mapping[str, object] | None = None) -> dict[str, Parameter]:
+    """Return every parameter of a section by its dotted name.
+
+    :param values: chosen values; they decide which class a variant has.
+    """
+    return dict(_walk(cls, values or {}, ""))
+
+
+def _walk(cls: type, values: Mapping[str, object], prefix: str) -> Iterator[tuple[str, Parameter]]:
+    fixed = _fixed(cls)
+    if fixed is not None:
+        yield from ((prefix + name, parameter) for name, parameter in fixed)
+    else:
+        yield from _walk_fields(cls, values, prefix)
+
+
+@cache
+def _fixed(cls: type) -> tuple[tuple[str, Parameter], ...] | None:
+    """Return the parameters of a section that are the same whatever the values; None: of others."""
+    for field in dataclasses.fields(cls):
+        if METADATA not in field.metadata and (
+            "section" not in field.metadata or _fixed(field.metadata["section"].cls) is None
+        ):
+            return None
+    return tuple(_walk_fields(cls, {}, ""))
+
+
+def _walk_fields(
+    cls: type, values: Mapping[str, object], prefix: str
+) -> Iterator[tuple[str, Parameter]]:
+    for field in dataclasses.fields(cls):
+        name = prefix + field.name
+        if METADATA in field.metadata:
+            yield name, field.metadata[METADATA]
+            continue
+        nested = _nested(field, values, name)
+        below = name + nested.joint
+        absent = [below + other for other in nested.without]
+        for dotted, parameter in _walk(nested.cls, values, below):
+            if dotted not in absent:
+                yield dotted, parameter.worded(nested.words) if nested.words else parameter
+
+
+def _nested(field: Any, values: Mapping[str, object], name: str) -> _Nested:
+    if "section" in field.metadata:
+        return cast(_Nested, field.metadata["section"])
+    key, default, find = field.metadata["variant"]
+    chosen = values.get(f"{name}.{key}", default)
+    return _Nested(find(str(chosen)))
+
+
+def is_of_ros(name: str) -> bool:
+    """Return whether a parameter is one of ROS' own."""
+    return name in OF_EVERY_NODE or name.startswith(_QOS)
+
+
+def build(cls: type[_T], values: Mapping[str, object]) -> _T:
+    """Return the section with the given values and the defaults of all others.
+
+    A section may have ``passed_over()``: parameters by name that it has no use for. Their values,
+    and those of ROS' own parameters, are checked and left.
+
+    :param values: by dotted name, as :func:`imu_sim_ros.parameters.files.load` returns them.
+    :raises ConfigurationError: with a line for every unknown name and every bad value.
+    """
+    values, problems = _without_bad_variants(cls, values, "")
+    known = parameters(cls, values)
+    unused = {**OF_EVERY_NODE, **getattr(cls, "passed_over", dict)()}
+    unused = {name: parameter for name, parameter in unused.items() if name not in known}
+    every = known.keys() | unused.keys()
+    problems += [unknown(n, known) for n in values if n not in every and not is_of_ros(n)]
+    problems += bad_values(unused, values)
+    parsed: dict[str, Value] = {}
+    for name, parameter in known.items():
+        if name not in values:
+            parsed[name] = parameter.parsed_default
+            continue
+        try:
+            parsed[name] = parse(name, parameter, values[name])
+        except ConfigurationError as error:
+            problems += error.problems
+    if problems:
+        raise ConfigurationError(problems)
+    result = _construct(cls, parsed, values, "")
+    problems = list(_checks(result, ""))
+    if problems:
+        raise ConfigurationError(problems)
+    return result
+
+
+def parse(name: str, parameter: Parameter, value: object) -> Value:
+    """Return the value in the parameter's own type.
+
+    :raises ConfigurationError: with the line that names the parameter and what is allowed.
+    """
+    try:
+        return parameter.parse(value)
+    except SizeError:
+        raise ConfigurationError(
+            f"{name} = {shown(value)}: must be 0 or of a size from {SMALLEST:g} to {LARGEST:g}"
+        ) from None
+    except (ValueError, TypeError, OverflowError):
+        allowed = f"must be {parameter.allowed()}"
+        if parameter.kind == "choice":
+            allowed = suggestion(value, parameter.choices)
+        raise ConfigurationError(f"{name} = {shown(value)}: {allowed}") from None
+
+
+def bad_values(known: Mapping[str, Parameter], values: Mapping[str, object]) -> Iterator[str]:
+    """Yield a line for every bad value of a known name; other names are passed over."""
+    for name in values.keys() & known.keys():
+        try:
+            parse(name, known[name], values[name])
+        except ConfigurationError as error:
+            yield from error.problems
+
+
+def _without_bad_variants(
+    cls: type, values: Mapping[str, object], prefix: str
+) -> tuple[Mapping[str, object], list[str]]:
+    """Set aside variants whose class cannot be found, so that all else is still checked."""
+    problems: list[str] = []
+    for field in dataclasses.fields(cls):
+        name = prefix + field.name
+        if "variant" not in field.metadata:
+            continue
+        try:
+            _nested(field, values, name)
+        except ConfigurationError as error:
+            problems += error.problems
+            values = {key: v for key, v in values.items() if not key.startswith(name + ".")}
+    return values, problems
+
+
+def _construct(
+    cls: type[_T], parsed: Mapping[str, Value], values: Mapping[str, object], prefix: str
+) -> _T:
+    arguments: dict[str, object] = {}
+    for field in dataclasses.fields(cast(Any, cls)):
+        name = prefix + field.name
+        if METADATA not in field.metadata:
+            nested = _nested(field, values, name)
+            arguments[field.name] = _construct(nested.cls, parsed, values, name + nested.joint)
+        elif name in parsed:
+            arguments[field.name] = parsed[name]
+    return cls(**arguments)
+
+
+def _checks(instance: object, prefix: str) -> Iterator[str]:
+    """Collect what the sections' own ``problems(prefix)`` say: rules over several parameters."""
+    own = getattr(instance, "problems", None)
+    if own is not None:
+        yield from own(prefix)
+    for field in dataclasses.fields(cast(Any, instance)):
+        if METADATA not in field.metadata:
+            below = f"{prefix}{field.name}{_built(field).joint}"
+            yield from _checks(getattr(instance, field.name), below)
+
+
+def flatten(instance: object, prefix: str = "") -> dict[str, Value]:
+    """Return all values of a section by dotted name; :func:`build` of it gives an equal section."""
+    result: dict[str, Value] = {}
+    for field in dataclasses.fields(cast(Any, instance)):
+        value = getattr(instance, field.name)
+        if METADATA in field.metadata:
+            result[prefix + field.name] = value
+            continue
+        nested = _built(field)
+        below = f"{prefix}{field.name}{nested.joint}"
+        result.update(flatten(value, below))
+        for absent in nested.without:
+            result.pop(below + absent, None)
+    return result
+
+
+def _built(field: Any) -> _Nested:
+    """Return how a section that is built lies within another."""
+    return cast(_Nested, field.metadata.get("section", _Nested(object)))
+
+
+def section_names(parameter: str, names: Iterable[object], taken: Collection[str]) -> list[str]:
+    """Return the names that a parameter gives to sections: each is the first part of theirs.
+
+    :param taken: names of other parameters.
+    :raises ConfigurationError: with a line for each name that cannot be used.
+    """
+    result = [str(name) for name in names]
+    problems = [
+        f"{parameter}: {name!r}: must be letters, digits and underscores, and not "
+        "a parameter's name"
+        for name in result
+        if not _SECTION_NAME.fullmatch(name) or name in taken
+    ]
+    if len(set(result)) < len(result):
+        problems.append(f"{parameter} = {result}: names must differ")
+    if problems:
+        raise ConfigurationError(problems)
+    return result
+
+
+def unknown(name: str, known: Mapping[str, object]) -> str:
+    """Return the line for a name that does not exist, with the nearest one that does."""
+    hint = suggestion(name, known, "see the parameter reference for all names")
+    return f"{name}: unknown parameter; {hint}"

@@ -1,0 +1,501 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A program's parser and run: arguments, exit status, error messages, tables, JSON and progress."""
+
+import argparse
+import os
+import re
+import shutil
+import sys
+from bisect import bisect_right
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from typing import Any, Final, NoReturn
+
+from imu_sim_ros import __version__, signals, timebase
+from imu_sim_ros.completion import complete
+from imu_sim_ros.errors import ConfigurationError, explain
+from imu_sim_ros.json_text import as_json
+from imu_sim_ros.names import unknown
+from imu_sim_ros.parameters import files
+
+
+def open_standard_streams() -> None:
+    """Point closed standard streams at nothing, so that no file opened later becomes one."""
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # the lowest free number is this one
+        if getattr(sys, name) is None:
+            mode = "r+" if number else "r"
+            setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115
+
+
+def duration(words: str) -> float:
+    """Return the seconds of ``20s``, ``10min``, ``4h``, ``2d`` or a plain number."""
+    try:
+        return timebase.parse_duration(words)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
+def assignment(words: str) -> tuple[str, object]:
+    """Return name and value of ``key=value``; the value is YAML, none an empty string."""
+    name, equals, value = words.partition("=")
+    if not equals or not name.strip():
+        raise argparse.ArgumentTypeError(f"{words!r} is not of the form key=value")
+    try:
+        return name.strip(), files.parse_yaml(value) if value.strip() else ""
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{name}: {error}") from None
+
+
+def add_parameter_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments that set parameters: files and single values."""
+    group = parser.add_argument_group("parameters (later ones win)")
+    group.add_argument(
+        "--params-file",
+        metavar="FILE",
+        action="append",
+        default=[],
+        help="ROS 2 parameter file, or a kalibr imu.yaml; repeatable",
+    )
+    group.add_argument(
+        "--set",
+        metavar="KEY=VALUE",
+        type=assignment,
+        action="append",
+        default=[],
+        help="one parameter, for instance imu.gyroscope_bias=[0.01,0,0]; repeatable",
+    )
+
+
+def add_simulation_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments that choose what is simulated."""
+    add_parameter_arguments(parser)
+    group = parser.add_argument_group("simulation")
+    group.add_argument(
+        "--imu",
+        metavar="NAME|FILE",
+        help=f"the sensor: {', '.join(files.names('imus'))}, or a file",
+    )
+    group.add_argument(
+        "--trajectory",
+        metavar="NAME|FILE",
+        help=f"the motion: {', '.join(files.names('trajectories'))}, a parameter file, "
+        "or recorded poses in TUM or EuRoC format",
+    )
+    group.add_argument(
+        "--robust",
+        action="store_true",
+        help="repair recorded poses: drop outliers, close jumps, even out stamps of "
+        "arrival (trajectory.robust)",
+    )
+    group.add_argument("--rate", metavar="HZ", type=float, help="samples per second")
+    group.add_argument("--duration", metavar="TIME", type=duration, help="20s, 10min, 4h")
+    group.add_argument("--seed", metavar="N", type=int, help="seed of all random streams")
+
+
+def add_output_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add ``--json`` and ``--quiet``."""
+    parser.add_argument("--json", action="store_true", help="print the result as one JSON object")
+    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
+
+
+def parameter_layers(arguments: argparse.Namespace, node: str) -> list[Mapping[str, object]]:
+    """Return what files and ``--set`` give to a node, in order; all bad files are reported."""
+    layers: list[Mapping[str, object]] = []
+    problems: list[str] = []
+    for path in arguments.params_file:
+        try:
+            layers.append(files.load(path, node))
+        except ConfigurationError as error:
+            problems += error.problems
+    if problems:
+        raise ConfigurationError(problems)
+    return [*layers, dict(arguments.set)]
+
+
+def simulation_layers(arguments: argparse.Namespace) -> list[Mapping[str, object]]:
+    """Return the layers of a simulation: short arguments are above the files, below ``--set``."""
+    short: dict[str, object] = {}
+    if arguments.imu is not None:
+        short["imu.preset"] = arguments.imu
+    if arguments.trajectory is not None:
+        short.update(files.trajectory_layer(arguments.trajectory))
+    if arguments.robust:
+        short["trajectory.robust"] = True
+    for name in ("rate", "duration", "seed"):
+        if getattr(arguments, name) is not None:
+            short[name] = getattr(arguments, name)
+    layers = parameter_layers(arguments, "simulator")
+    return [*layers[:-1], short, layers[-1]]
+
+
+_UNKNOWN_TIME: Final = "-:--:--"
+_LONGEST_TIME: Final = 3.6e7
+"""[s]; ten thousand hours."""
+_BURST: Final = 1.1
+"""What comes until this multiple of the first part's time is counted as one burst."""
+
+
+def print_json(result: Mapping[str, Any] | Sequence[Any]) -> None:
+    """Print a result as one JSON object; what is not finite is null."""
+    print(as_json(result))
+
+
+def print_table(header: Sequence[str], rows: Sequence[Sequence[str]], title: str = "") -> None:
+    """Print an aligned table: the first column to the left, the others to the right.
+
+    On a terminal too narrow for it the columns move together; where that is not enough, each row
+    becomes a block with a line for each column: no number is ever cut.
+    """
+    widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
+    needed = sum(widths) + 3 * len(widths)
+    if sys.stdout.isatty() and needed > (terminal := shutil.get_terminal_size().columns):
+        close = sum(widths) + 2 * (len(widths) - 1) <= terminal
+        print("\n".join((_close if close else stacked)(header, rows, title)))
+        return
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD)
+    for k, name in enumerate(header):
+        table.add_column(name, justify="right" if k else "left", no_wrap=True)
+    for row in rows:
+        table.add_row(*row)
+    # A pipe has no width: every row stays on one line. Units stand in brackets, which are markup to
+    # rich.
+    width = None if sys.stdout.isatty() else max(160, needed + 4)
+    console = Console(width=width, highlight=False, markup=False)
+    with console.capture() as captured:
+        console.print(table)
+    lines = [line.rstrip() for line in captured.get().splitlines()]
+    # A title may be longer than its table is wide; the table's own would be wrapped.
+    print("\n".join([title, *lines] if title else lines))
+
+
+def _close(header: Sequence[str], rows: Sequence[Sequence[str]], title: str) -> list[str]:
+    """Return a table as lines, two spaces between its columns."""
+    widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
+    lines = [title] if title else []
+    for row in (header, ["\N{BOX DRAWINGS LIGHT HORIZONTAL}" * width for width in widths], *rows):
+        first, *others = row
+        cells = [f"{cell:>{width}}" for cell, width in zip(others, widths[1:], strict=True)]
+        lines.append("  ".join([f"{first:{widths[0]}}", *cells]))
+    return lines
+
+
+def stacked(header: Sequence[str], rows: Sequence[Sequence[str]], title: str = "") -> list[str]:
+    """Return a table as lines: a block for each row, a line for each further column."""
+    width = max((len(name) for name in header[1:]), default=0)
+    lines = [title] if title else []
+    for row in rows:
+        lines.append(f"{header[0]}: {row[0]}" if header[0] else row[0])
+        pairs = zip(header[1:], row[1:], strict=True)
+        lines += [f"  {name:{width}}  {value}" for name, value in pairs]
+    return lines
+
+
+@contextmanager
+def progress(
+    text: str, total: int, quiet: bool = False, done: int = 0
+) -> Iterator[Callable[..., None]]:
+    """Show a bar with speed and time left on a terminal; yields ``advance(count, text)``.
+
+    On a narrow terminal the text is cut off, the numbers never. Nothing is shown, and nothing
+    imported, where standard error is not a terminal.
+
+    :param done: how much of the total was there before; speed and time left are those of the rest.
+    """
+    if quiet or not sys.stderr.isatty():
+        yield lambda count, text="": None
+        return
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        TaskProgressColumn,
+        TextColumn,
+    )
+    from rich.table import Column
+
+    columns = (
+        TextColumn("{task.description}", table_column=Column(no_wrap=True, ratio=2)),
+        BarColumn(None, table_column=Column(ratio=1)),
+        TaskProgressColumn(),
+        TextColumn("{task.fields[speed]}"),
+        TextColumn("{task.fields[left]}"),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True, expand=True) as bar:
+        pace = Pace()
+        task = bar.add_task(text, total=total, completed=done, speed="", left=_UNKNOWN_TIME)
+
+        def advance(count: int, now: str = "") -> None:
+            """Count on; what there is to say now stands behind the text."""
+            words = f"{text}: {now}" if now else text
+            bar.update(task, advance=count, description=words)
+            now_done = bar.tasks[0].completed
+            speed, left = pace.after(now_done - done, total - now_done, bar.tasks[0].elapsed or 0)
+            bar.update(task, speed=speed, left=left)
+
+        yield advance
+
+
+class Pace:
+    """Speed and time left of something that is done in parts, perhaps by several processes.
+
+    What they deliver arrives in bursts, the first only after the processes have started: neither a
+    moment nor the time since the start tells the speed. It is taken over the second half of the
+    time so far, and not before as much time has passed after the first burst as until then.
+    """
+
+    def __init__(self) -> None:
+        self._times, self._done = [0.0], [0.0]
+
+    def after(self, done: float, rest: float, elapsed: float) -> tuple[str, str]:
+        """Return speed and time left in words.
+
+        :param done: since the start.
+        :param rest: what is still to be done.
+        :param elapsed: since the start [s].
+        """
+        if done > self._done[-1] and elapsed > self._times[-1]:
+            self._times.append(elapsed)
+            self._done.append(done)
+        first = _BURST * self._times[min(1, len(self._times) - 1)]
+        base = bisect_right(self._times, max(0.5 * elapsed, first)) - 1
+        gone, took = done - self._done[base], elapsed - max(self._times[base], first)
+        if elapsed < 2.0 * first or not (gone > 0.0 and took > 0.0):
+            return "", _UNKNOWN_TIME
+        speed = gone / took
+        minutes, seconds = divmod(round(min(max(rest, 0.0) / speed, _LONGEST_TIME)), 60)
+        return speed_in_words(speed), f"{minutes // 60}:{minutes % 60:02}:{seconds:02}"
+
+
+def speed_in_words(speed: float | None) -> str:
+    """Return a number per second in few digits; nothing where it is not known yet."""
+    if not speed:
+        return ""
+    if speed < 1e4:
+        return f"{speed:,.0f}/s" if speed >= 10.0 else f"{speed:.2g}/s"
+    return f"{speed / 1e3:,.0f} k/s"
+
+
+_LONGEST_LINE: Final = 1000
+
+
+class Formatter(argparse.HelpFormatter):
+    """Wraps the description to the terminal and leaves the examples as they are."""
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        if text.startswith("examples:"):
+            return "".join(indent + line for line in text.splitlines(keepends=True))
+        return super()._fill_text(text, width, indent)
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser whose complaint is one line, and that knows ``--debug``, ``--version``.
+
+    Options are written in full: an abbreviation of one may be that of another tomorrow. What it
+    parses has ``words``: the names of the arguments that are one of a few words, and so
+    never the name of a file.
+    """
+
+    def __init__(self, prog: str | None = None, *, examples: str = "", **options: Any) -> None:
+        """Set up the parser.
+
+        :param examples: command lines, one a line; the help ends with them.
+        """
+        if examples:
+            lines = "".join(f"\n  {line.strip()}" for line in examples.strip().splitlines())
+            options |= {"epilog": "examples:" + lines, "formatter_class": Formatter}
+        if options.get("description"):
+            options["description"] = options["description"].replace("``", "")
+        super().__init__(prog, allow_abbrev=False, **options)
+        # `-1s` and `-5%` are values, not options: each is refused with its own line.
+        self._negative_number_matcher = re.compile(r"-\.?\d")
+        self.add_argument(
+            "--debug",
+            action="store_true",
+            default=argparse.SUPPRESS,  # a subcommand's default must not hide what stands before it
+            help="show the traceback of an error",
+        )
+        self.add_argument(
+            "--version",
+            action="version",
+            version=f"imu_sim_ros {__version__}",
+            help="print the package's version and exit",
+        )
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        """Print; argparse would ignore a help text that standard output cannot take."""
+        if message and file is sys.stdout:
+            file.write(message)
+            file.flush()
+        else:
+            super()._print_message(message, file)
+
+    def parse_known_args(  # type: ignore[override]  # the overloads say the same
+        self, args: Sequence[str] | None = None, namespace: argparse.Namespace | None = None
+    ) -> tuple[argparse.Namespace, list[str]]:
+        """Parse, subcommands included, and note which arguments are one of a few words.
+
+        An unknown option is said before what is missing because of it.
+        """
+        self._refuse(self._unknown_options(sys.argv[1:] if args is None else args))
+        found, rest = super().parse_known_args(args, namespace)
+        return self._with_words(found), rest
+
+    def parse_args(  # type: ignore[override]  # the overloads say the same
+        self, args: Sequence[str] | None = None, namespace: argparse.Namespace | None = None
+    ) -> argparse.Namespace:
+        """Parse; whatever is left over is an error."""
+        found, rest = self.parse_known_args(args, namespace)
+        self._refuse(rest)
+        return found
+
+    def parse_every(self, argv: Sequence[str] | None) -> argparse.Namespace:
+        """Parse a command line on which options may also stand between several inputs."""
+        if not any(action.nargs == "+" for action in self._get_positional_actions()):
+            return self.parse_args(argv)
+        found, rest = self.parse_known_intermixed_args(argv)
+        self._refuse(rest)
+        return self._with_words(found)
+
+    def _with_words(self, found: argparse.Namespace) -> argparse.Namespace:
+        words = {action.dest for action in self._actions if action.choices is not None}
+        found.words = getattr(found, "words", frozenset()) | words
+        return found
+
+    def _unknown_options(self, words: Sequence[str]) -> Iterator[str]:
+        """Yield the options that this parser does not have; a subcommand looks at its own."""
+        choices = [action.choices for action in self._actions if action.nargs == argparse.PARSER]
+        for word in words:
+            name = word.partition("=")[0]
+            if word == "--" or any(word in each for each in choices if each is not None):
+                return
+            if (
+                name.startswith("--")
+                and " " not in name
+                and name not in self._option_string_actions
+            ):
+                yield word
+
+    def _refuse(self, words: Iterable[str]) -> None:
+        """End if a word is left over that is no argument."""
+        for word in words:
+            if not word.startswith("-"):
+                self.error(f"unexpected argument {word!r}")
+            self.error(unknown("option", word.partition("=")[0], self._options(), ""))
+
+    def _options(self) -> Iterator[str]:
+        """Yield the options of this parser and of its subcommands."""
+        yield from self._option_string_actions
+        for action in self._actions:
+            if action.nargs == argparse.PARSER and isinstance(action.choices, dict):
+                for parser in action.choices.values():
+                    yield from parser._options()
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        if action.choices is not None and value not in action.choices:
+            name = (action.option_strings or [str(action.metavar or action.dest).lower()])[-1]
+            raise argparse.ArgumentError(None, unknown(name, value, action.choices))
+
+    def _get_values(self, action: argparse.Action, arg_strings: list[str]) -> Any:
+        """Return the value of ``--name=--``, too; argparse would pass an empty list on."""
+        if arg_strings == ["--"] and action.option_strings and action.nargs is None:
+            value = self._get_value(action, "--")
+            self._check_value(action, value)
+            return value
+        return super()._get_values(action, arg_strings)
+
+    def error(self, message: str) -> NoReturn:
+        """Say what is wrong in one line and end with status 2."""
+        self.exit(2, f"{self.prog}: {_shortened(message)} (--help lists the arguments)\n")
+
+
+def examples_of(examples: str, command: str) -> str:
+    """Return the example lines of one subcommand, such as ``calibrate turntable``."""
+    return "\n".join(
+        line for line in examples.splitlines() if f"{line.strip()} ".startswith(command)
+    )
+
+
+def main(
+    parser: Callable[[], Parser],
+    command: Callable[[argparse.Namespace], None],
+    argv: Sequence[str] | None = None,
+) -> int:
+    """Run a program: read its arguments, do its work, report what went wrong.
+
+    :param command: does the work; raises what goes wrong.
+    :param argv: the command line without the program's name; None: that of the process.
+    :returns: exit status: 0; 2 after a line for each problem of the input; 1 for anything else.
+    :raises SystemExit: for arguments that cannot be read, with status 2, and after ``--help``.
+    """
+    open_standard_streams()
+    made = parser()
+    complete(made)
+    try:
+        arguments = made.parse_every(argv)
+    except BrokenPipeError:
+        _give_up_output()
+        return 1
+    except Exception as error:  # an argument of an unforeseen kind
+        return _told(made.prog, error, debug=False)
+    return run(made.prog, lambda: command(arguments), getattr(arguments, "debug", False))
+
+
+def run(program: str, command: Callable[[], None], debug: bool = False) -> int:
+    """Run a command; return its exit status after printing a line for each problem.
+
+    :param debug: print tracebacks as well.
+    """
+    try:
+        with signals.raised():
+            command()
+        sys.stdout.flush()
+    except BrokenPipeError:  # `| head` closed standard output
+        _give_up_output()
+        return 1
+    except KeyboardInterrupt as error:
+        for line in error.args or ["nothing was written"]:
+            print(f"{program}: interrupted; {line}", file=sys.stderr)
+        return signals.status()
+    except Exception as error:
+        return _told(program, error, debug)
+    return 0
+
+
+def _told(program: str, error: Exception, debug: bool) -> int:
+    """Print what an error means; return the exit status."""
+    if debug:
+        import traceback
+
+        traceback.print_exception(error)
+    lines, status = explain(error)
+    for line in lines:
+        print(f"{program}: {_shortened(line)}", file=sys.stderr)
+    try:
+        sys.stdout.flush()
+    except OSError:
+        _give_up_output()
+    return status
+
+
+def _shortened(line: str) -> str:
+    """Return a line without what a hostile name may put into it: line ends, control characters."""
+    words = "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in line)
+    if len(words) <= _LONGEST_LINE:
+        return words
+    return f"{words[: _LONGEST_LINE // 2]} ... {words[-_LONGEST_LINE // 2 :]}"
+
+
+def _give_up_output() -> None:
+    """Forget what standard output cannot take; the interpreter's end would try again."""
+    with suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

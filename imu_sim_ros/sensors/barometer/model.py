@@ -1,0 +1,161 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The barometer of a board: the standard atmosphere at the IMU's height, and its errors."""
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.conventions import STANDARD_GRAVITY
+from imu_sim_ros.random_streams import generator
+from imu_sim_ros.rotation.components import rotate
+from imu_sim_ros.sensors.block import ImuBlock, PressureBlock
+from imu_sim_ros.sensors.environment import AtmosphereParameters, EnvironmentParameters
+from imu_sim_ros.sensors.errors.response import TemperatureProfile
+from imu_sim_ros.sensors.errors.triad import Triad
+from imu_sim_ros.sensors.faults import Fault
+from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.sensors.own_rate import OwnRate, instantaneous
+from imu_sim_ros.trajectory.motion import Trajectory
+
+Array = NDArray[np.float64]
+
+EARTH_RADIUS: Final = 6356766.0
+"""[m] of the geopotential height."""
+_GAS_CONSTANT: Final = 8.31432 / 0.0289644
+"""[J/(kg K)] of dry air, with the constants of 1976."""
+_STANDARD_TEMPERATURE: Final = 288.15
+_ZERO_CELSIUS: Final = 273.15
+_BASES: Final = np.array([0.0, 11e3, 20e3, 32e3, 47e3, 51e3, 71e3, 84852.0])
+"""[m] geopotential height where each layer begins; the first reaches below 0 as well."""
+_LAPSE: Final = np.array([-6.5e-3, 0.0, 1e-3, 2.8e-3, 0.0, -2.8e-3, -2e-3, 0.0])
+"""[K/m]; beyond the standard's seven layers, which end at 86 km, the temperature stays."""
+
+
+class Atmosphere:
+    """Air at rest; a day that is warmer at sea level is as much warmer at every height."""
+
+    def __init__(self, parameters: AtmosphereParameters) -> None:
+        steps = np.diff(_BASES) * _LAPSE[:-1]
+        warmth = parameters.sea_level_temperature + _ZERO_CELSIUS
+        self._temperature = warmth + np.concatenate([[0.0], np.cumsum(steps)])
+        self._pressure = np.full(len(_BASES), parameters.sea_level_pressure)
+        for k in range(1, len(_BASES)):
+            layer = np.array([k - 1])
+            self._pressure[k] = self._in_layer(layer, _BASES[k : k + 1])[0]
+
+    def pressure(self, height: Array) -> Array:
+        """Return the pressure (n,) [Pa] at heights (n,) above sea level [m].
+
+        With the geopotential height ``H = R z / (R + z)``, in a layer from H_b on with lapse rate L
+        ``p = p_b (1 + L (H - H_b) / T_b)^(-g / (R_air L))``, or
+        ``p = p_b exp(-g (H - H_b) / (R_air T_b))`` where L is 0.
+        """
+        geopotential = EARTH_RADIUS * height / (EARTH_RADIUS + height)
+        layer = np.searchsorted(_BASES[1:], geopotential, side="right")
+        return self._in_layer(layer, geopotential)
+
+    def _in_layer(self, layer: NDArray[np.intp], geopotential: Array) -> Array:
+        above = geopotential - _BASES[layer]
+        lapse, warmth = _LAPSE[layer], self._temperature[layer]
+        exponent = STANDARD_GRAVITY / _GAS_CONSTANT
+        isothermal = lapse == 0.0
+        own = np.where(isothermal, 1.0, lapse)
+        # One expression for both: the exponential is the limit of the power.
+        log_ratio = np.where(
+            isothermal,
+            -exponent * above / warmth,
+            -exponent / own * np.log1p(own * above / warmth),
+        )
+        result: Array = self._pressure[layer] * np.exp(log_ratio)
+        return result
+
+
+NAME: Final = "barometer"
+
+
+class Gusts:
+    """Steps of the pressure at random times: each draws the pressure that is held until the next.
+
+    Between two samples a step occurs with the probability ``1 - exp(-rate dt)`` that a Poisson
+    process has an event.
+    """
+
+    def __init__(self, seed: int, rate: float, sigma: float, dt: float) -> None:
+        """Start in still air.
+
+        :param rate: mean number of steps in a second.
+        :param sigma: of the pressure [Pa].
+        """
+        self._times, self._sizes = (generator(seed, f"{NAME}.gust{part}") for part in ("", "_size"))
+        self._probability = -math.expm1(-rate * dt)
+        self._sigma = sigma
+        self._held = 0.0
+
+    def next(self, count: int) -> Array:
+        """Return the next values (count,) [Pa]."""
+        if not self._probability:
+            return np.zeros(count)
+        starts = np.flatnonzero(self._times.random(count) < self._probability)
+        sizes = self._sigma * self._sizes.standard_normal(len(starts))
+        values = np.concatenate([[self._held], sizes])
+        result: Array = values[np.searchsorted(starts, np.arange(count), side="right")]
+        self._held = float(values[-1])
+        return result
+
+
+class Barometer:
+    """One barometer; its samples are read in order."""
+
+    def __init__(self, imu: ImuParameters, environment: EnvironmentParameters, t0_ns: int) -> None:
+        """Set up all errors at their start.
+
+        :param t0_ns: time of the IMU's sample 0 [ns].
+        """
+        own = imu.barometer
+        self._own = OwnRate(NAME, own, imu, environment, t0_ns)
+        self._atmosphere = Atmosphere(environment.atmosphere)
+        self._height = environment.height
+        self._lever_arm_b = np.reshape(imu.lever_arm, (3, 1))
+        self._gusts = Gusts(environment.seed, own.gust_rate, own.gust_sigma, 1.0 / own.rate)
+        self._triad = Triad(NAME, instantaneous(imu), environment.seed, own.rate)
+        self.configure(imu)
+
+    def configure(self, imu: ImuParameters) -> None:
+        """Take new values of live parameters, from the next sample on."""
+        own = imu.barometer
+        self._reference_temperature = imu.reference_temperature
+        self._limits = (own.minimum, own.maximum or math.inf)
+        self._own.configure(imu)
+        self._triad.configure(instantaneous(imu))
+
+    def inject(self, fault: Fault, first: int) -> None:
+        """Let a fault begin with the first sample not before the IMU's sample ``first``."""
+        self._own.inject(fault, first)
+
+    def read(
+        self, block: ImuBlock, trajectory: Trajectory, temperature: TemperatureProfile
+    ) -> PressureBlock:
+        """Return the samples that were not read yet and lie before the end of the IMU's block."""
+        samples = self._own.next(block.first + len(block.true_t_ns), trajectory.duration)
+        position, q_wb, celsius = self._own.place(samples, block, trajectory, temperature)
+        arm_w = rotate(q_wb, self._lever_arm_b)
+        # In a curved world, too, z is the height above the origin's (CurvedEarth).
+        ideal = self._atmosphere.pressure(self._height + position[2] + arm_w[2])
+        gust = self._gusts.next(len(samples.t))
+        values = np.zeros((3, len(samples.t)))
+        np.add(ideal, gust, out=values[0])
+        offset = celsius - self._reference_temperature
+        made = self._triad.read(
+            samples.first, values, np.zeros(values.shape), offset, self._own.faults
+        )
+        return PressureBlock(
+            samples.true_t_ns,
+            *self._own.stamp(samples),
+            np.clip(made.reading[0], *self._limits),
+            ideal,
+            made.bias[0] + gust,
+        )

@@ -1,0 +1,132 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Parameters of the barometer on the board of an IMU: ``imu.barometer_...``.
+
+Where an error is one that gyroscopes and accelerometers have as well, its name is the same.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Final
+
+from imu_sim_ros.parameters.kinds import number, numbers, text
+from imu_sim_ros.sensors.imu.triads import TriadParameters
+from imu_sim_ros.sensors.own_rate_parameters import OwnRateParameters
+
+_AS_IN_TRIADS: Final = (
+    "noise_density",
+    "random_walk",
+    "gauss_markov_sigma",
+    "correlation_time",
+    "bias_instability",
+    "bias",
+    "turn_on_bias_sigma",
+    "temperature_bias_sigma",
+    "resolution",
+)
+
+
+@dataclass(frozen=True)
+class BarometerParameters(OwnRateParameters):
+    """One barometer; every error is off at zero."""
+
+    preset: str = text("", "file in config/barometers, or a path, to start from; empty: none")
+    noise_density: float = number(
+        0.0,
+        "white noise, continuous time, two-sided: the variance of a sample is density^2 * rate",
+        unit="Pa/sqrt(Hz)",
+        minimum=0.0,
+        live=True,
+    )
+    random_walk: float = number(
+        0.0,
+        "random walk of the bias, continuous time",
+        unit="Pa/s/sqrt(Hz)",
+        minimum=0.0,
+        live=True,
+    )
+    gauss_markov_sigma: float = number(
+        0.0,
+        "stationary standard deviation of a first-order Gauss-Markov drift (weather)",
+        unit="Pa",
+        minimum=0.0,
+        live=True,
+    )
+    correlation_time: float = number(
+        0.0, "correlation time of the Gauss-Markov drift", unit="s", minimum=0.0
+    )
+    bias_instability: float = number(
+        0.0,
+        "bias instability B: 1/f noise of two-sided density B^2 / (2 pi f)",
+        unit="Pa",
+        minimum=0.0,
+        live=True,
+    )
+    bias: float = number(0.0, "constant offset", unit="Pa", live=True)
+    turn_on_bias_sigma: float = number(
+        0.0,
+        "standard deviation of the offset from unit to unit, drawn from the seed",
+        unit="Pa",
+        minimum=0.0,
+    )
+    temperature_bias: tuple[float, ...] = numbers(
+        (),
+        "bias polynomial: entry k is the coefficient of (T - T0)^(k+1)",
+        unit="Pa/K^(k+1)",
+        live=True,
+    )
+    temperature_bias_sigma: float = number(
+        0.0,
+        "standard deviation from unit to unit of the linear drift with temperature, drawn from the "
+        "seed",
+        unit="Pa/K",
+        minimum=0.0,
+    )
+    gust_rate: float = number(
+        0.0,
+        "mean rate of steps of the pressure at the port, by wind, doors or fans",
+        unit="1/s",
+        minimum=0.0,
+        maximum=1000.0,
+    )
+    gust_sigma: float = number(
+        0.0,
+        "standard deviation of the pressure after each step; it is held until the next",
+        unit="Pa",
+        minimum=0.0,
+    )
+    minimum: float = number(
+        0.0, "lowest pressure that can be read", unit="Pa", minimum=0.0, live=True
+    )
+    maximum: float = number(
+        0.0, "highest pressure that can be read; 0: no limit", unit="Pa", minimum=0.0, live=True
+    )
+    resolution: float = number(
+        0.0, "step of the digital output (1 LSB); 0: none", unit="Pa", minimum=0.0, live=True
+    )
+
+    def as_triad(self) -> TriadParameters:
+        """Return the errors as those of a triad's first axis."""
+        values: dict[str, Any] = {name: (getattr(self, name), 0.0, 0.0) for name in _AS_IN_TRIADS}
+        rows = [entry for c in self.temperature_bias for entry in (c, 0.0, 0.0)]
+        return TriadParameters(**values, temperature_bias=tuple(rows))
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Yield a line for each contradiction between parameters."""
+        yield from super().problems(prefix)
+        if self.gauss_markov_sigma and not self.correlation_time:
+            yield (
+                f"{prefix}correlation_time = 0.0: must be above 0 s where "
+                f"{prefix}gauss_markov_sigma is"
+            )
+        if self.maximum and self.maximum <= self.minimum:
+            yield (
+                f"{prefix}maximum = {self.maximum:g}: must be 0 or above {prefix}minimum, "
+                f"{self.minimum:g} Pa"
+            )
+        if bool(self.gust_rate) != bool(self.gust_sigma):
+            yield (
+                f"{prefix}gust_rate = {self.gust_rate:g} and {prefix}gust_sigma = "
+                f"{self.gust_sigma:g}: must both be 0 or both be above 0"
+            )

@@ -1,0 +1,341 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""From parameters to a scene: places and sizes drawn from the scene's seed."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros import rotation
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.random_streams import generator
+from imu_sim_ros.sensors.camera.scene import Scene, Surfaces, joined, read_points, surfaces
+from imu_sim_ros.sensors.camera.scene_parameters import (
+    AprilgridParameters,
+    CheckerboardParameters,
+    CloudParameters,
+    HouseParameters,
+    PathSceneParameters,
+    PlanesParameters,
+    PointFileParameters,
+    RoomParameters,
+    SceneParameters,
+    TargetParameters,
+)
+from imu_sim_ros.sensors.camera.tracker import Tracker
+from imu_sim_ros.sensors.camera.view import View, in_camera
+from imu_sim_ros.trajectory.motion import Trajectory
+
+Array = NDArray[np.float64]
+
+_LOOKS: Final = 20_000
+"""Positions along a path at which a scene is fitted to it."""
+_LONGEST: Final = 600.0
+"""How much of an endless path is looked at whether it leaves its room [s]."""
+_FRAMES: Final = 64
+"""Frames of a cloud that are counted at once."""
+_TRIES: Final = 20
+"""How often a frame may get more points of a cloud."""
+_SAMPLES: Final = 1000
+"""Points of a cloud from which it is seen whether a camera sees any."""
+_AHEAD: Final = 0.1
+"""Cosine of the largest angle from the axis at which a cloud has points."""
+_FURNITURE: Final = 0.8
+"""How far a box may extend into the room, in distances of the path from the wall."""
+
+
+def build_scene(
+    parameters: SceneParameters, views: Sequence[View], trajectory: Trajectory, span: float
+) -> Scene:
+    """Return the scene that the parameters describe.
+
+    :param views: the cameras that see it; a cloud is generated for them, a room encloses them all.
+    :param span: of the trajectory that the scene is made for, :func:`scene_span` [s].
+    :raises InputError: for a file of points that cannot be used.
+    """
+    match parameters:
+        case RoomParameters():
+            return _room(parameters, _path(views, trajectory, span))
+        case HouseParameters():
+            return _house(parameters)
+        case CloudParameters():
+            return _cloud(parameters, views, trajectory, span)
+        case PlanesParameters():
+            return _planes(parameters)
+        case AprilgridParameters():
+            return _target(parameters, *_aprilgrid(parameters))
+        case CheckerboardParameters():
+            return _target(parameters, *_checkerboard(parameters))
+        case PointFileParameters():
+            return Scene.of_points(read_points(Path(parameters.file)))
+    raise ConfigurationError(f"scene.type = {parameters.type!r}: cannot be built as a scene")
+
+
+def scene_span(parameters: SceneParameters, duration: float) -> float:
+    """Return how much of a trajectory a scene is made for [s]: all of it, if it has an end.
+
+    :param duration: of the trajectory [s]; may be infinite.
+    """
+    if math.isfinite(duration) or not isinstance(parameters, PathSceneParameters):
+        return duration
+    return parameters.horizon
+
+
+def check_path(
+    parameters: SceneParameters, views: Sequence[View], trajectory: Trajectory, scene: Scene
+) -> None:
+    """Refuse a path that leaves its room.
+
+    :param views: the cameras, with the duration of the simulation.
+    :raises ConfigurationError: with what to give.
+    """
+    if not isinstance(parameters, RoomParameters):
+        return
+    path = _path(views, trajectory, min(views[0].duration, _LONGEST))
+    low, high = path.min(axis=0), path.max(axis=0)
+    walls = scene.surfaces.origin[:6]
+    ends = walls + scene.surfaces.across[:6] + scene.surfaces.up[:6]
+    corner, end = np.minimum(walls, ends).min(axis=0), np.maximum(walls, ends).max(axis=0)
+    if (low <= corner).any() or (high >= end).any():
+        given = f"size = {list(parameters.size)}"
+        if not any(parameters.size):
+            given = f"horizon = {parameters.horizon:g}"
+        raise ConfigurationError(
+            f"scene.{given}: the path, from {_shown(low)} to {_shown(high)} m, "
+            f"leaves the room, from {_shown(corner)} to {_shown(end)} m"
+        )
+
+
+def _path(views: Sequence[View], trajectory: Trajectory, duration: float) -> Array:
+    """Return places (n, 3) of all cameras along the path."""
+    t = np.linspace(0.0, duration, _LOOKS)
+    return np.concatenate([view.poses(trajectory, t).position for view in views])
+
+
+def _room(p: RoomParameters, path: Array) -> Scene:
+    low, high = path.min(axis=0), path.max(axis=0)
+    if any(p.size):
+        size, center = np.asarray(p.size), np.asarray(p.center)
+        corner, end = center - 0.5 * size, center + 0.5 * size
+    else:
+        corner, end = low - p.margin, high + p.margin
+    walls = surfaces(_inner_faces(corner, end), hides=False)
+    stream = generator(p.seed, "scene.boxes")
+    boxes: list[tuple[Array, Array, Array]] = []
+    for _ in range(p.boxes):
+        boxes += _outer_faces(*_box(stream, corner, end, low, high))
+    everything = joined(walls, surfaces(boxes, hides=True))
+    landmarks, normals = _scattered(everything, p.landmarks, p.seed)
+    extent = float(np.linalg.norm(end - corner))
+    return Scene(landmarks, normals, np.zeros((0, 2, 3)), everything, extent)
+
+
+def _shown(place: Array) -> str:
+    return "(" + ", ".join(f"{x:.2f}" for x in place) + ")"
+
+
+def _box(
+    stream: np.random.Generator, corner: Array, end: Array, low: Array, high: Array
+) -> tuple[Array, Array]:
+    """Return two opposite corners of a box that stands against a wall, off the path."""
+    axis, side = int(stream.integers(0, 2)), int(stream.integers(0, 2))
+    free = (low - corner)[axis] if side == 0 else (end - high)[axis]
+    depth = _FURNITURE * free * stream.uniform(0.4, 1.0)
+    size = (end - corner) * stream.uniform(0.08, 0.2, 3)
+    size[axis] = depth
+    size[2] = (end - corner)[2] * stream.uniform(0.2, 0.7)
+    first = corner + (end - corner - size) * stream.random(3)
+    first[axis] = corner[axis] if side == 0 else end[axis] - depth
+    first[2] = corner[2]
+    return first, first + size
+
+
+def _inner_faces(low: Array, high: Array) -> list[tuple[Array, Array, Array]]:
+    """Return the six faces of a box, their normals inwards."""
+    return [(o + b, a, -b) for o, a, b in _outer_faces(low, high)]
+
+
+def _outer_faces(low: Array, high: Array) -> list[tuple[Array, Array, Array]]:
+    """Return the six faces of a box, their normals outwards."""
+    x, y, z = np.diag(high - low)
+    return [
+        (low, z, y),
+        (low + x, y, z),
+        (low, x, z),
+        (low + y, z, x),
+        (low, y, x),
+        (low + z, x, y),
+    ]
+
+
+def _scattered(
+    where: Surfaces, count: int, seed: int, both_sides: bool = False
+) -> tuple[Array, Array]:
+    """Return landmarks (n, 3) spread evenly over all surfaces, and their normals (n, 3)."""
+    stream = generator(seed, "scene.landmarks")
+    areas = np.linalg.norm(np.cross(where.across, where.up), axis=1)
+    surface = np.searchsorted(np.cumsum(areas) / areas.sum(), stream.random(count))
+    surface = np.minimum(surface, len(areas) - 1)
+    s, t = stream.uniform(0.02, 0.98, (2, count, 1))
+    points = where.origin[surface] + s * where.across[surface] + t * where.up[surface]
+    normals = np.zeros_like(points) if both_sides else where.normal[surface]
+    return points, normals
+
+
+def _planes(p: PlanesParameters) -> Scene:
+    corners = np.reshape(p.corners, (-1, 3, 3))
+    where = surfaces([(o, a - o, b - o) for o, a, b in corners], hides=True, texture="plane")
+    landmarks, normals = _scattered(where, p.landmarks, p.seed, both_sides=True)
+    extent = float(np.linalg.norm(np.ptp(corners.reshape(-1, 3), axis=0)))
+    return Scene(landmarks, normals, np.zeros((0, 2, 3)), where, extent)
+
+
+def _house(p: HouseParameters) -> Scene:
+    """Return the lines' end points, each once, in the order of their first mention."""
+    ends = np.reshape(p.lines, (-1, 3))
+    _, first = np.unique(ends, axis=0, return_index=True)
+    points = ends[np.sort(first)]
+    if any(p.second_points):
+        points = np.concatenate([points, points + np.asarray(p.second_points)])
+    return Scene.of_points(points)._replace(lines=ends.reshape(-1, 2, 3))
+
+
+def _cloud(
+    p: CloudParameters, views: Sequence[View], trajectory: Trajectory, duration: float
+) -> Scene:
+    """Return points such that every frame sees ``visible`` of them, as OpenVINS' simulator does.
+
+    Where a camera sees too few of the points so far, random pixels become points at random depths:
+    first at viewpoints along the path, then in the frames between them.
+    """
+    _check_depths(p, views)
+    stream = generator(p.seed, "scene.landmarks")
+    times = np.arange(0.0, duration, p.spacing)
+    all_poses = [view.poses(trajectory, times) for view in views]
+    points = np.zeros((0, 3))
+    for k in range(len(times)):
+        for view, poses in zip(views, all_poses, strict=True):
+            pose = type(poses)(poses.position[k : k + 1], poses.q_wc[k : k + 1])
+            missing = p.visible - _count_seen(view, in_camera(pose, points))
+            if missing > 0:
+                local = _in_view(view, missing, p, stream)
+                points = np.concatenate([points, pose.position + rotation.rotate(pose.q_wc, local)])
+    more = generator(p.seed, "scene.landmarks.frames")
+    for view in views:
+        points = _completed(points, p, view, trajectory, duration, more)
+    return Scene.of_points(points)
+
+
+def _check_depths(p: CloudParameters, views: Sequence[View]) -> None:
+    """Refuse a cloud whose points a camera never sees, which no number of them would change.
+
+    :raises ConfigurationError: with both ranges.
+    """
+    for view in views:
+        camera, stream = view.parameters, generator(p.seed, "scene.depths")
+        depth = _in_view(view, _SAMPLES, p, stream)[:, 2]
+        if not ((depth > camera.min_depth) & (depth < camera.max_depth)).any():
+            raise ConfigurationError(
+                f"scene.near = {p.near:g}, scene.far = {p.far:g}: no point between them is in the "
+                f"depths that {view.name} sees, {view.name}.camera.min_depth = "
+                f"{camera.min_depth:g} to max_depth = {camera.max_depth:g} m"
+            )
+
+
+def _completed(
+    points: Array,
+    p: CloudParameters,
+    view: View,
+    trajectory: Trajectory,
+    duration: float,
+    stream: np.random.Generator,
+) -> Array:
+    """Return the points (n, 3), and more behind them, so that every single frame sees enough.
+
+    Frames lie between the viewpoints, and a border or a rolling shutter takes some of the points.
+    """
+    total = view.total
+    total = math.ceil(duration * view.parameters.rate) if total is None else total
+    tracker, first, tries = Tracker(view, Scene.of_points(points), trajectory), 0, 0
+    while first < total:
+        counts = tracker.counts(first, min(_FRAMES, total - first))
+        few = np.flatnonzero((counts >= 0) & (counts < p.visible))
+        if not len(few):
+            first, tries = first + len(counts), 0
+            continue
+        first, tries = first + int(few[0]), tries + 1 if few[0] == 0 else 0
+        if tries > _TRIES:  # out of the depths that it sees, for instance
+            first, tries = first + 1, 0
+            continue
+        pose = view.poses(trajectory, view.seconds(view.frames(first, 1).true_t_ns))
+        local = _in_view(view, p.visible - int(counts[few[0]]), p, stream)
+        points = np.concatenate([points, pose.position + rotation.rotate(pose.q_wc, local)])
+        tracker = Tracker(view, Scene.of_points(points), trajectory)
+    return points
+
+
+def _in_view(view: View, count: int, p: CloudParameters, stream: np.random.Generator) -> Array:
+    """Return points (count, 3) in the camera's frame, each in a random pixel."""
+    found = np.zeros((0, 3))
+    while len(found) < count:
+        pixel = stream.random((count, 2)) * (view.model.width, view.model.height) - 0.5
+        ray = view.model.unproject(pixel)
+        local = ray.direction * stream.uniform(p.near, p.far, (count, 1))
+        # A wide lens sees beyond 90 degrees, where a landmark has no depth.
+        found = np.concatenate([found, local[ray.valid & (local[:, 2] > p.near * _AHEAD)]])
+    return found[:count]
+
+
+def _count_seen(view: View, local: Array) -> int:
+    near = local[(local[:, 2] > view.parameters.min_depth)]
+    uv, valid = view.model.project(near)
+    return int(np.count_nonzero(valid & view.model.inside(uv)))
+
+
+def _aprilgrid(p: AprilgridParameters) -> tuple[Array, Array, Array]:
+    """Return the tags' corners (n, 3) in the target's frame, and the board's corner and size.
+
+    kalibr's order: tags row by row from the lower left, of each tag lower left, lower right, upper
+    right, upper left (GridCalibrationTargetAprilgrid.cpp).
+    """
+    pitch = p.tag_size * (1.0 + p.tag_spacing)
+    tags = [(column * pitch, row * pitch) for row in range(p.rows) for column in range(p.columns)]
+    corners = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]) * p.tag_size
+    plane = (np.array(tags)[:, None] + corners).reshape(-1, 2)
+    # Black squares in the gaps close the pattern on all four sides.
+    gap = p.tag_spacing * p.tag_size
+    size = np.array([p.columns, p.rows]) * pitch + gap
+    return np.pad(plane, ((0, 0), (0, 1))), np.array([-gap, -gap]), size
+
+
+def aprilgrid_corners(p: AprilgridParameters) -> Array:
+    """Return the corners of an AprilGrid's tags (4 n, 3) in the world [m], in kalibr's order."""
+    corners, _, _ = _aprilgrid(p)
+    return _in_world(p, corners)
+
+
+def _checkerboard(p: CheckerboardParameters) -> tuple[Array, Array, Array]:
+    """Return the inner corners (n, 3), row by row from the lower left, board's corner and size."""
+    row, column = np.divmod(np.arange(p.rows * p.columns), p.columns)
+    plane = np.stack([column, row], axis=1) * p.square
+    size = np.array([p.columns + 1, p.rows + 1]) * p.square
+    return np.pad(plane, ((0, 0), (0, 1))), np.array([-p.square, -p.square]), size
+
+
+def _in_world(p: TargetParameters, corners: Array) -> Array:
+    moved: Array = np.asarray(p.position) + corners @ np.reshape(p.orientation, (3, 3)).T
+    return moved
+
+
+def _target(p: TargetParameters, corners: Array, first: Array, size: Array) -> Scene:
+    r_wt, p_wt = np.reshape(p.orientation, (3, 3)), np.asarray(p.position)
+    landmarks = _in_world(p, corners)
+    normals = np.broadcast_to(r_wt[:, 2], landmarks.shape)
+    board = (p_wt + r_wt[:, :2] @ first, size[0] * r_wt[:, 0], size[1] * r_wt[:, 1])
+    where = surfaces([board], hides=True, texture=p.type)
+    return Scene(landmarks, normals, np.zeros((0, 2, 3)), where, float(np.linalg.norm(size)))

@@ -1,0 +1,213 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The images of one camera: pictures over the exposure, optics, noise, grey values."""
+
+import math
+from collections.abc import Mapping
+from functools import cache, cached_property
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.sensors.camera.images.renderer import Renderer, look_up, opencv
+from imu_sim_ros.sensors.camera.images.texture import Atlas, atlas
+from imu_sim_ros.sensors.camera.scene import Scene
+from imu_sim_ros.sensors.camera.scene_parameters import SceneParameters
+from imu_sim_ros.sensors.camera.view import View
+from imu_sim_ros.trajectory.motion import Trajectory
+
+Array = NDArray[np.float64]
+Single = NDArray[np.float32]
+Bytes = NDArray[np.uint8]
+
+_FULL: Final = 255.0
+_FAR: Final = np.float32(1e9)
+"""Beyond any grey value, and what OpenCV still rounds to an integer."""
+
+
+class Imager:
+    """Images of one camera, each from its number alone; may be used by several threads."""
+
+    def __init__(self, view: View, scene: Scene, atlas: Atlas, trajectory: Trajectory) -> None:
+        """Set up the camera.
+
+        :raises MissingDependencyError: where OpenCV is not installed.
+        """
+        opencv()
+        self.view, self.atlas, self._trajectory = view, atlas, trajectory
+        self._scene = scene
+        p = view.parameters
+        self._renderer = Renderer(
+            view.model, scene.surfaces, atlas, p.supersampling, p.mip_levels == "trilinear"
+        )
+        self._colours = atlas.image.shape[2:]
+        self._vignette = _vignette(view, len(self._colours))
+
+    def image(self, number: int) -> Bytes:
+        """Return frame ``number``: grey values (h, w), or red, green and blue (h, w, 3)."""
+        content = self._content(number)
+        p = self.view.parameters
+        total, count = self._light(content)
+        noisy = p.read_noise > 0.0 or p.shot_noise > 0.0
+        seconds = self._seconds(content)
+        gain = p.gain * _wave(p.gain_change, p.gain_period, seconds)
+        gain *= _wave(p.exposure_change, p.exposure_period, seconds)
+        plain = gain == 1.0 and self._vignette is None
+        if plain and not noisy:
+            rounded: Bytes = ((total + count // 2) // count).astype(np.uint8)
+            return rounded
+        level = total.astype(np.float32)
+        if not plain or count > 1:
+            level *= np.float32(gain / count)
+        if self._vignette is not None:
+            level *= self._vignette
+        cv2 = opencv()
+        # The sum in float32, then the nearest of 0 to 255; of two the even one.
+        noise = self._noise(content, level) if noisy else np.zeros_like(level)
+        grey: Bytes = cv2.add(level, noise, dtype=cv2.CV_8U)
+        return grey
+
+    def _noise(self, number: int, level: Single) -> Single:
+        """Return the errors of grey values (h, w), or of each colour (h, w, 3).
+
+        Read noise has one deviation; that of shot noise goes with the root of the value.
+        """
+        p = self.view.parameters
+        stream = self.view.stream("image_noise", number)
+        places = stream.integers(0, 1 << 16, level.shape, dtype=np.uint16)
+        if p.shot_noise == 0.0:
+            return self._read_noise.take(places)
+        noise = normal_quantiles().take(places)
+        variance = level * np.float32(p.shot_noise**2 / _FULL)
+        variance += np.float32(p.read_noise**2)
+        noise *= np.sqrt(variance, out=variance)
+        np.clip(noise, -_FAR, _FAR, out=noise)
+        return noise
+
+    @cached_property
+    def _read_noise(self) -> Single:
+        noise: Single = normal_quantiles() * np.float32(self.view.parameters.read_noise)
+        return noise
+
+    def depth(self, number: int) -> NDArray[np.float32]:
+        """Return the depth z (h, w) [m] at each pixel's centre in the middle of the exposure.
+
+        0 where nothing is seen. A frame that repeats another has its depth, too.
+        """
+        t = np.array([self._seconds(self._content(number))])
+        renderer = self._centres
+        times = self._row_times(t, renderer.rows)
+        return renderer.depth(self.view.poses(self._trajectory, times))
+
+    @property
+    def vignette(self) -> Single:
+        """(h, w) share of the light that each pixel gets."""
+        p = self.view.parameters
+        if self._vignette is None:
+            return np.ones((p.height, p.width), np.float32)
+        return self._vignette.reshape(p.height, p.width)
+
+    def exposure(self, number: int) -> float:
+        """Return how long the shutter was open for what a frame shows [s]."""
+        p = self.view.parameters
+        seconds = self._seconds(self._content(number))
+        return p.exposure_time * _wave(p.exposure_change, p.exposure_period, seconds)
+
+    @cached_property
+    def _centres(self) -> Renderer:
+        """One ray for each pixel."""
+        return Renderer(self.view.model, self._scene.surfaces, self.atlas, 1)
+
+    def _seconds(self, number: int) -> float:
+        """Return the middle of a frame's exposure after the start [s]."""
+        return float(self.view.seconds(self.view.frames(number, 1).true_t_ns)[0])
+
+    def _content(self, number: int) -> int:
+        """Return which frame's content a frame shows: its own, or that of an earlier one."""
+        p = self.view.parameters
+        while number > 0 and p.repeat_probability > 0.0:
+            if self.view.stream("repeat", number).random() >= p.repeat_probability:
+                break
+            number -= 1
+        return number
+
+    def _light(self, number: int) -> tuple[NDArray[np.uint32] | Bytes, int]:
+        """Return the sum (h, w) of the values of all rays of a pixel, and their number."""
+        p = self.view.parameters
+        middle = np.array([self._seconds(number)])
+        exposure = p.exposure_time * _wave(p.exposure_change, p.exposure_period, float(middle[0]))
+        pictures = p.blur_samples if p.exposure_time > 0.0 else 1
+        n, count = p.supersampling, pictures * p.supersampling**2
+        kind = np.uint32 if count > 1 else np.uint8
+        total = np.zeros((p.height, p.width, *self._colours), kind)
+        for k in range(pictures):
+            t = middle + exposure * ((k + 0.5) / pictures - 0.5)
+            poses = self.view.poses(self._trajectory, self._row_times(t, self._renderer.rows))
+            for rows, maps in self._renderer.maps(poses):
+                picture = look_up(self.atlas.image, maps)
+                for row, column in np.ndindex(n, n):
+                    total[rows] += picture[row::n, column::n]
+        return total, count
+
+    def _row_times(self, t: Array, rows: Array) -> Array:
+        """Return the time of each row of rays with a rolling shutter, else the one time."""
+        p = self.view.parameters
+        if p.row_time == 0.0:
+            return t
+        return t + p.row_time * (rows - 0.5 * (p.height - 1))
+
+
+def imagers(
+    views: Mapping[str, View], scene: Scene, parameters: SceneParameters, trajectory: Trajectory
+) -> dict[str, Imager]:
+    """Return the imager of each camera; those of one encoding share the scene's textures.
+
+    :raises ConfigurationError: for a scene without surfaces.
+    :raises MissingDependencyError: where OpenCV is not installed.
+    """
+    coloured = {name: view.parameters.encoding == "rgb8" for name, view in views.items()}
+    textures = {
+        colour: atlas(scene.surfaces, parameters, colour) for colour in set(coloured.values())
+    }
+    return {
+        name: Imager(view, scene, textures[coloured[name]], trajectory)
+        for name, view in views.items()
+    }
+
+
+def _wave(amplitude: float, period: float, seconds: float) -> float:
+    """Return the factor of a slow change."""
+    return 1.0 + amplitude * math.sin(2.0 * math.pi * seconds / period)
+
+
+@cache
+def normal_quantiles() -> Single:
+    """Return the 65536 quantiles of the normal distribution at ``(k + 1/2) / 65536``.
+
+    One of them, drawn evenly, is a normal number in steps that are far below those of a grey value:
+    its deviation is 1 to 1e-5, the largest is 4.3. Rounded to 2^-16, so that the last bits of a
+    logarithm decide nothing.
+    """
+    from statistics import NormalDist
+
+    inverse = NormalDist().inv_cdf
+    upper = np.array([inverse((k + 0.5) / 65536.0) for k in range(32768, 65536)])
+    upper = np.round(upper * 65536.0) / 65536.0
+    return np.concatenate([-upper[::-1], upper]).astype(np.float32)
+
+
+def _vignette(view: View, more: int) -> Single | None:
+    """Return ``1 - v (r / r_corner)^2`` (h, w) with r from the principal point; None: all 1.
+
+    :param more: further dimensions, of length 1.
+    """
+    p, model = view.parameters, view.model
+    if p.vignetting == 0.0:
+        return None
+    u, v = np.meshgrid(np.arange(p.width) - model.cx, np.arange(p.height) - model.cy)
+    square = u * u + v * v
+    factor: Array = 1.0 - p.vignetting * square / square.max()
+    result: Single = factor.astype(np.float32).reshape(*square.shape, *(1,) * more)
+    return result

@@ -1,0 +1,355 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Pictures of textured rectangles: each pixel's ray meets the nearest surface."""
+
+import math
+import os
+from collections.abc import Iterator
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros import rotation
+from imu_sim_ros.errors import MissingDependencyError
+from imu_sim_ros.sensors.camera.images.texture import (
+    CELL,
+    SHARES,
+    Atlas,
+    Levels,
+    Planes,
+    Probes,
+    in_atlas,
+    in_pixels,
+    levels,
+    within,
+)
+from imu_sim_ros.sensors.camera.model import CameraModel
+from imu_sim_ros.sensors.camera.scene import Surfaces
+from imu_sim_ros.sensors.camera.view import Poses
+
+Single = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+Integers = NDArray[np.int64]
+
+
+class Corners(NamedTuple):
+    """The corners of all cells of an image."""
+
+    rays: Single
+    """(3, a + 1, b + 1) in the camera's frame."""
+    rows: Integers
+    """(a + 1,) their rows."""
+
+    @classmethod
+    def of(cls, rays: Single, cell: int) -> "Corners":
+        """Return those of square cells.
+
+        :param rays: (3, h, w) of all pixels.
+        :param cell: pixels along its side.
+        """
+        rows, columns = (
+            np.minimum(np.arange(0, length + cell, cell), length - 1) for length in rays.shape[1:]
+        )
+        return cls(np.ascontiguousarray(rays[:, rows[:, None], columns]), rows)
+
+
+def covered(planes: Planes, corners: Corners) -> Mask:
+    """Return in which cells (m, a, b) of the image each of m rectangles may be seen."""
+    rows = corners.rows if planes.start.shape[2] > 1 else slice(None)
+    x, y, z = corners.rays
+    count, (height, width) = len(planes.start), x.shape
+    result = np.empty((count, height - 1, width - 1), np.bool_)
+    for m in range(count):  # one at a time: those of all take a hundred times the image's memory
+        vectors = planes.vectors[m][..., rows, None]
+        n, s, r = vectors[:, 0] * x + vectors[:, 1] * y + vectors[:, 2] * z
+        start = planes.start[m][..., rows, None]
+        possible = _any_corner(n > 0.0)
+        for value in (s + start[0] * n, r + start[1] * n):
+            possible &= _any_corner(value >= 0.0)
+            possible &= _any_corner(value <= n)
+        result[m] = possible
+    return _with_neighbours(result)
+
+
+def _any_corner(holds: Mask) -> Mask:
+    """Return where any of a cell's corners (a + 1, b + 1) fulfils a condition: (a, b)."""
+    rows = holds[:-1] | holds[1:]
+    return np.asarray(rows[:, :-1] | rows[:, 1:])
+
+
+def _with_neighbours(cells: Mask) -> Mask:
+    """Return cells (m, a, b) and the eight around each."""
+    rows: Mask = cells.copy()
+    rows[:, 1:] |= cells[:, :-1]
+    rows[:, :-1] |= cells[:, 1:]
+    result: Mask = rows.copy()
+    result[..., 1:] |= rows[..., :-1]
+    result[..., :-1] |= rows[..., 1:]
+    return result
+
+
+def regions(cells: Mask) -> Iterator[tuple[int, slice, slice]]:
+    """Yield the number of each rectangle in some rows of cells (m, a, b), and where it may be."""
+    rows, columns = np.asarray(cells.any(axis=2)), np.asarray(cells.any(axis=1))
+    for m in np.flatnonzero(rows.any(axis=1)).tolist():
+        yield m, _extent(rows[m]), _extent(columns[m])
+
+
+def _extent(cells: Mask) -> slice:
+    """Return the range of those (n,) that are set; one is."""
+    places = np.flatnonzero(cells)
+    return slice(int(places[0]), int(places[-1]) + 1)
+
+
+Array = NDArray[np.float64]
+Bytes = NDArray[np.uint8]
+
+_GRID: Final = 2.0**30
+"""Poses are rounded to steps of 1e-9, so that the last bits of a sine decide nothing."""
+_BAND: Final = 64_000
+"""Rays that are processed at once, about: their arrays stay in a processor's cache."""
+
+_SIDEWAYS: Final = 0.05
+"""Least cosine between the axis and a ray of a lens whose rays are in one cone."""
+_SLACK: Final = 1e-3
+"""By which the cone of all rays is wider."""
+
+
+class Maps(NamedTuple):
+    """Where in the atlas each pixel looks, in fixed point."""
+
+    whole: NDArray[np.int16]
+    """(h, w, 2) column and row."""
+    part: NDArray[np.uint16]
+    """(h, w) 32 * fraction of the row + fraction of the column, in 1/32."""
+    coarse: "Maps | None" = None
+    """The same in the next level, where there are two."""
+    share: NDArray[np.uint16] | None = None
+    """(h, w) what the coarse level contributes, in 1/256."""
+
+
+class _Visible(NamedTuple):
+    """The surfaces that may be in an image."""
+
+    planes: Planes
+    cells: NDArray[np.bool_]
+    """(m, a, b) where each may be."""
+    levels: dict[int, Levels]
+    """Of those that are anywhere, around these cells."""
+
+
+class _Drawn(NamedTuple):
+    """What a band of rays sees so far."""
+
+    nearest: Single
+    """(h, w) inverse distance."""
+    places: list[Single]
+    """Column and row (2, h, w) in the atlas, of one level or of two."""
+    share: NDArray[np.uint16] | None
+    """(h, w) of the second level."""
+
+
+class Renderer:
+    """Pictures of one camera in one scene."""
+
+    def __init__(
+        self,
+        model: CameraModel,
+        surfaces: Surfaces,
+        atlas: Atlas,
+        scale: int,
+        trilinear: bool = False,
+    ) -> None:
+        """Set up the rays.
+
+        :param scale: rays along each side of a pixel.
+        :param trilinear: look at two mip levels.
+        """
+        self._trilinear = trilinear
+        self.model, self.surfaces, self.atlas, self.scale = model, surfaces, atlas, scale
+        self.height, self.width = model.height * scale, model.width * scale
+        self.rows = (np.arange(self.height) + 0.5) / scale - 0.5
+        """Row of the image of each row of rays."""
+        self._rays = self._directions()
+        self._corners_of_cells = Corners.of(self._rays, CELL)
+        self._probes = Probes.of(self._rays)
+        self._cone = self._cone_of_rays()
+
+    def _directions(self) -> Single:
+        """Return the directions (3, h, w) of all rays in the camera's frame."""
+        result = np.empty((3, self.height, self.width), np.float32)
+        columns = (np.arange(self.width) + 0.5) / self.scale - 0.5
+        for band in self._bands():
+            rows = _pixels(band, self.height)
+            grid = np.stack(np.meshgrid(columns, self.rows[rows]), axis=-1).reshape(-1, 2)
+            rays = self.model.unproject(grid)
+            # A pixel without a direction looks backwards through nothing.
+            direction = np.where(rays.valid[:, None], rays.direction, 0.0)
+            result[:, rows] = direction.T.reshape(3, -1, self.width)
+        return result
+
+    def maps(self, poses: Poses) -> Iterator[tuple[slice, Maps]]:
+        """Yield the look-up for one pose, or one pose for each row of rays, a band at a time.
+
+        :returns: rows of the image, and the maps (h, w) of all their rays.
+        """
+        cv2 = opencv()
+        visible = self._visible(poses)
+        for band in self._bands():
+            rows = _pixels(band, self.height)
+            drawn = self._drawn(visible, band)
+            # The nearest steps of 1/32 texel, of two the even one.
+            fixed = [cv2.convertMaps(x, y, cv2.CV_16SC2) for x, y in drawn.places]
+            fine, *coarse = (Maps(*each) for each in fixed)
+            image = slice(rows.start // self.scale, rows.stop // self.scale)
+            yield image, fine._replace(coarse=coarse[0] if coarse else None, share=drawn.share)
+
+    def depth(self, poses: Poses) -> Single:
+        """Return the distance along the axis (h, w) [m] of what each pixel sees; 0: nothing."""
+        visible = self._visible(poses)
+        nearest = np.concatenate([self._drawn(visible, band).nearest for band in self._bands()])
+        safe = np.where(nearest > 0.0, nearest, np.float32(1.0))
+        result: Single = np.where(nearest > 0.0, self._rays[2] / safe, np.float32(0.0))
+        return result
+
+    def _bands(self) -> list[slice]:
+        """Return the rows of cells of the image in pieces, each of whole pixels."""
+        count, least = -(-self.height // CELL), self.scale // math.gcd(self.scale, CELL)
+        size = least * max(1, _BAND // (least * CELL * self.width))
+        return [slice(k, min(k + size, count)) for k in range(0, count, size)]
+
+    def _visible(self, poses: Poses) -> _Visible:
+        """Return the surfaces that may be in the image, and where."""
+        position = np.round(poses.position * _GRID) / _GRID
+        r_wc = np.round(rotation.to_matrix(poses.q_wc) * _GRID) / _GRID
+        facing = self._facing(position)
+        # A surface is not seen where all its corners lie beyond one side of the cone of all rays.
+        if len(position) == 1 and self._cone is not None:
+            corners = self._corners(facing) - position[0]
+            beyond = (np.matmul(np.matmul(corners, r_wc[0]), self._cone) > 0.0).all(axis=1)
+            facing = facing[~beyond.any(axis=1)]
+        planes = Planes.of(self.surfaces, facing, position, r_wc)
+        cells = covered(planes, self._corners_of_cells)
+        found = {}
+        for m, rows, columns in regions(cells):
+            probes = self._probes.part(rows, columns)
+            _, _, places = planes.meet(m, probes.rays, probes.rows)
+            corner = rows.start, columns.start
+            found[m] = levels(places, self.atlas, int(facing[m]), self._trilinear, corner)
+        return _Visible(planes, cells, found)
+
+    def _cone_of_rays(self) -> Array | None:
+        """Return the normals (3, 4) of planes through the camera that have all rays on one side.
+
+        None where a ray looks sideways or backwards.
+        """
+        bounds = []
+        for band in self._bands():
+            rays = self._rays[:, _pixels(band, self.height)]
+            x, y, z = rays[:, rays.any(axis=0)].astype(np.float64)
+            if not len(z):
+                continue
+            if z.min() <= _SIDEWAYS:
+                return None
+            u, v = x / z, y / z
+            bounds.append((u.max(), -u.min(), v.max(), -v.min()))
+        if not bounds:
+            return None
+        right, left, below, above = np.max(bounds, axis=0) + _SLACK
+        return np.array(
+            [[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0], [-right, -left, -below, -above]]
+        )
+
+    def _corners(self, surfaces: NDArray[np.int64]) -> Array:
+        """Return the corners (n, 4, 3) of surfaces."""
+        o, a, b = (part[surfaces] for part in self.surfaces[:3])
+        return np.stack([o, o + a, o + b, o + a + b], axis=1)
+
+    def _facing(self, position: Array) -> NDArray[np.int64]:
+        """Return the surfaces whose front is seen from one of some places (n, 3)."""
+        s = self.surfaces
+        offset = position[:, None] - s.origin
+        front = ((offset * s.normal).sum(axis=2) > 0.0).any(axis=0)
+        return np.flatnonzero(front | (np.array(s.texture) == "plane"))
+
+    def _drawn(self, visible: _Visible, band: slice) -> _Drawn:
+        """Return what a band of cells sees."""
+        rows = _pixels(band, self.height)
+        shape = (rows.stop - rows.start, self.width)
+        count = 1 + self._trilinear
+        background = [np.ones((2, *shape), np.float32) for _ in range(count)]  # the atlas' corner
+        share = np.zeros(shape, np.uint16) if self._trilinear else None
+        drawn = _Drawn(np.zeros(shape, np.float32), background, share)
+        for m, cells, columns in regions(visible.cells[:, band]):
+            first = slice(band.start + cells.start, band.start + cells.stop)
+            self._draw(visible, m, first, columns, rows.start, drawn)
+        return drawn
+
+    def _draw(
+        self, visible: _Visible, m: int, cells: slice, across: slice, top: int, drawn: _Drawn
+    ) -> None:
+        """Put a surface where it is nearer than what was drawn before.
+
+        :param cells: rows of cells of the image.
+        :param across: columns of cells.
+        :param top: row of the image that is the first of what is drawn into.
+        """
+        rows, columns = _pixels(cells, self.height), _pixels(across, self.width)
+        rays = self._rays[:, rows, columns]
+        ahead, inverse, places = visible.planes.meet(m, rays, rows)
+        below = slice(rows.start - top, rows.stop - top)
+        here = below, columns
+        nearest = drawn.nearest[here]
+        shown = inverse > nearest
+        shown &= ahead
+        shown &= within(places)
+        if not shown.any():
+            return
+        np.copyto(nearest, inverse, where=shown)
+        found = visible.levels[m].part(cells, across)
+        if found.share is not None and drawn.share is not None:
+            np.copyto(drawn.share[here], in_pixels(found.share, *shown.shape), where=shown)
+        for level, target in zip(found.each, drawn.places, strict=True):
+            np.copyto(target[:, below, columns], in_atlas(places, level), where=shown)
+
+
+def _pixels(cells: slice, length: int) -> slice:
+    """Return the pixels of a range of cells along one side of an image."""
+    return slice(cells.start * CELL, min(cells.stop * CELL, length))
+
+
+def look_up(atlas: Bytes, maps: Maps) -> Bytes:
+    """Return the picture (h, w[, 3]): bilinear in integers, ``(sum w_i a_i + 2^14) >> 15``.
+
+    Of two levels: ``((256 - share) fine + share coarse + 128) >> 8``.
+    """
+    cv2 = opencv()
+    picture: Bytes = cv2.remap(
+        atlas, maps.whole, maps.part, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+    )
+    if maps.coarse is None or maps.share is None:
+        return picture
+    share = maps.share.reshape(*maps.share.shape, *(1,) * (picture.ndim - 2))
+    total = picture * (SHARES - share)
+    total += look_up(atlas, maps.coarse) * share
+    total += SHARES // 2
+    total >>= 8
+    return total.astype(np.uint8)
+
+
+def opencv() -> Any:
+    """Return OpenCV's module.
+
+    :raises MissingDependencyError: where it is not installed.
+    """
+    try:
+        os.environ.setdefault("OPENCV_LOG_LEVEL", "OFF")  # what it logs goes to standard error
+        import cv2
+    except ImportError as error:
+        raise MissingDependencyError(
+            f"images need OpenCV ({error}): apt install python3-opencv, or pip install "
+            "opencv-python-headless"
+        ) from None
+    return cv2

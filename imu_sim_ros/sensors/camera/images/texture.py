@@ -1,0 +1,411 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The textures on the surfaces of a scene, with corners at every scale, and their mip levels."""
+
+import math
+from collections.abc import Iterator
+from typing import Final, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.random_streams import generator_at
+from imu_sim_ros.sensors.camera.images.tag36h11 import tag
+from imu_sim_ros.sensors.camera.scene import Surfaces
+from imu_sim_ros.sensors.camera.scene_parameters import (
+    AprilgridParameters,
+    CheckerboardParameters,
+    SceneParameters,
+    TargetParameters,
+)
+
+Bytes = NDArray[np.uint8]
+Integers = NDArray[np.int64]
+
+MOST_TEXELS: Final = 24_000_000
+SMALLEST_TEXEL: Final = 0.0025
+"""Of a wall [m]."""
+LEVELS: Final = 8
+BACKGROUND: Final = 110
+"""Grey value of the background."""
+_WIDTH: Final = 8192
+_EDGE: Final = 1
+"""Texels around each texture that repeat its edge, for interpolation."""
+_CELLS: Final = ((4, 1), (8, 1), (16, 2), (32, 2), (64, 3), (128, 3))
+"""Edge of an octave's cells [texels], and its weight."""
+_CONTRAST: Final = 8
+"""In fifths: the sum of the octaves is stretched by 1.6 around the middle."""
+_TINT: Final = 40
+"""Largest difference of a colour from the grey value in one octave."""
+_TINT_CELLS: Final = (16, 64)
+_TAG_CELL: Final = 8
+"""Texels of a tag's cell at least; edges lie between texels."""
+_SQUARE: Final = 64
+"""Texels along the edge of a checkerboard's square."""
+_ROWS: Final = 128
+"""Rows of a texture that are made at once: a multiple of the largest cell."""
+
+
+class Atlas(NamedTuple):
+    """All textures of a scene."""
+
+    image: Bytes
+    """(height, width) grey values, or (height, width, 3) red, green and blue."""
+    size: NDArray[np.float32]
+    """(m, 2) columns and rows of each surface's texture."""
+    place: NDArray[np.float32]
+    """(m, LEVELS, 2) column and row of each level's first texel."""
+
+
+def atlas(surfaces: Surfaces, parameters: SceneParameters, colour: bool = False) -> Atlas:
+    """Return the textures of all surfaces with their mip levels.
+
+    :param colour: in colour; targets stay black and white.
+    :raises ConfigurationError: for a scene without surfaces.
+    """
+    if not len(surfaces.origin):
+        raise ConfigurationError(
+            f"scene.type = {parameters.type!r}: has points and lines only, nothing to make images "
+            "of; room, planes, aprilgrid and checkerboard have surfaces"
+        )
+    shapes = [_shape(surfaces, m, parameters) for m in range(len(surfaces.origin))]
+    of_levels = [shape for height, width in shapes for shape in _shapes_of_levels(height, width)]
+    corners, height = _packed([(rows + 2 * _EDGE, cols + 2 * _EDGE) for rows, cols in of_levels])
+    width = max(_WIDTH, *(columns + 2 * _EDGE for _, columns in of_levels))
+    image = np.zeros((height, width, *(3,) * colour), np.uint8)
+    image[:_BLANK, :_BLANK] = BACKGROUND
+    around = [(_EDGE, _EDGE), (_EDGE, _EDGE), *[(0, 0)] * colour]
+    for m in range(len(shapes)):
+        level = _texture(surfaces, m, parameters)
+        if colour:
+            level = _coloured(parameters, m, level)
+        for k, (row, column) in enumerate(corners[m * LEVELS : (m + 1) * LEVELS]):
+            level = _next_level(level) if k else level
+            padded = np.pad(level, around, mode="edge")
+            image[row : row + padded.shape[0], column : column + padded.shape[1]] = padded
+    size = np.array(shapes, dtype=np.float32).reshape(-1, 2)[:, ::-1]
+    place = np.array(corners, dtype=np.float32).reshape(len(shapes), LEVELS, 2)[..., ::-1]
+    return Atlas(image, size, place + np.float32(_EDGE))
+
+
+_BLANK: Final = 4
+"""Edge of the corner that holds the background."""
+
+
+def _packed(shapes: list[tuple[int, int]]) -> tuple[list[tuple[int, int]], int]:
+    """Return row and column of each rectangle on shelves, and the height of them all."""
+    corners: list[tuple[int, int]] = [(0, 0)] * len(shapes)
+    row, column, shelf = 0, _BLANK, _BLANK
+    for k in sorted(range(len(shapes)), key=lambda k: -shapes[k][0]):
+        height, width = shapes[k]
+        if column + width > _WIDTH and column:
+            row, column, shelf = row + shelf, 0, 0
+        corners[k] = (row, column)
+        column, shelf = column + width, max(shelf, height)
+    return corners, row + shelf
+
+
+def _shapes_of_levels(height: int, width: int) -> Iterator[tuple[int, int]]:
+    """Yield the shapes of a texture and its mip levels."""
+    for _ in range(LEVELS):
+        yield height, width
+        height, width = -(-height // 2), -(-width // 2)
+
+
+def _next_level(above: Bytes) -> Bytes:
+    """Return the mip level after one: each texel the rounded mean of four."""
+    odd = [(0, above.shape[0] % 2), (0, above.shape[1] % 2), *[(0, 0)] * (above.ndim - 2)]
+    even = np.pad(above, odd, mode="edge")
+    four = even[::2, ::2].astype(np.uint16)
+    for part in (even[1::2, ::2], even[::2, 1::2], even[1::2, 1::2]):
+        four += part
+    four += 2
+    four >>= 2
+    return four.astype(np.uint8)
+
+
+def _shape(surfaces: Surfaces, m: int, parameters: SceneParameters) -> tuple[int, int]:
+    """Return rows and columns of a surface's texture."""
+    match parameters:
+        case AprilgridParameters() if surfaces.texture[m] == "aprilgrid":
+            pitch, gap = _tag_texels(parameters)
+            return parameters.rows * pitch + gap, parameters.columns * pitch + gap
+        case CheckerboardParameters() if surfaces.texture[m] == "checkerboard":
+            return (parameters.rows + 1) * _SQUARE, (parameters.columns + 1) * _SQUARE
+    sides = [np.sqrt((side * side).sum(axis=1)) for side in (surfaces.across, surfaces.up)]
+    texel = max(SMALLEST_TEXEL, math.sqrt(float((sides[0] * sides[1]).sum()) / MOST_TEXELS))
+    width, height = (max(4, round(float(side[m]) / texel)) for side in sides)
+    return min(height, _WIDTH - 8), min(width, _WIDTH - 8)
+
+
+def _texture(surfaces: Surfaces, m: int, parameters: SceneParameters) -> Bytes:
+    """Return a surface's texture; its first row lies at t = 0, its first column at s = 0."""
+    match parameters:
+        case AprilgridParameters() if surfaces.texture[m] == "aprilgrid":
+            return _aprilgrid(parameters)
+        case CheckerboardParameters() if surfaces.texture[m] == "checkerboard":
+            return _checkerboard(parameters)
+    return _blocks(parameters.seed, m, *_shape(surfaces, m, parameters))
+
+
+def _blocks(seed: int, number: int, height: int, width: int) -> Bytes:
+    """Return squares of random grey values, octave upon octave: corners at every scale."""
+    grids = []
+    for cell, weight in _CELLS:
+        stream = generator_at(seed, f"scene.texture.{cell}", number)
+        shape = -(-height // cell), -(-width // cell)
+        grids.append(weight * stream.integers(0, 256, shape, dtype=np.int32))
+    everything = sum(weight for _, weight in _CELLS)
+    result = np.empty((height, width), np.uint8)
+    for top in range(0, height, _ROWS):
+        part = result[top : top + _ROWS]
+        total = np.zeros(part.shape, np.int32)
+        for (cell, _), grid in zip(_CELLS, grids, strict=True):
+            cells = grid[top // cell : (top + _ROWS) // cell]
+            total += cells.repeat(cell, axis=0).repeat(cell, axis=1)[: len(part), :width]
+        total //= everything
+        total -= 128
+        part[:] = np.clip(128 + total * _CONTRAST // 5, 0, 255)
+    return result
+
+
+def _coloured(parameters: SceneParameters, number: int, texture: Bytes) -> Bytes:
+    """Return a texture in red, green and blue: squares of random tints on its grey values."""
+    if isinstance(parameters, TargetParameters):
+        return np.repeat(texture[..., None], 3, axis=2)
+    height, width = texture.shape
+    total = np.repeat(texture[..., None], 3, axis=2).astype(np.int16)
+    for cell in _TINT_CELLS:
+        stream = generator_at(parameters.seed, f"scene.tint.{cell}", number)
+        shape = (-(-height // cell), -(-width // cell), 3)
+        tint = stream.integers(-_TINT, _TINT + 1, shape, dtype=np.int16)
+        total += tint.repeat(cell, axis=0).repeat(cell, axis=1)[:height, :width]
+    return np.clip(total, 0, 255).astype(np.uint8)
+
+
+def _tag_texels(p: AprilgridParameters) -> tuple[int, int]:
+    """Return the distance between tags, and the gap that is a part of it [texels]."""
+    gap = max(1, round(p.tag_spacing * 10 * _TAG_CELL))
+    return 10 * _TAG_CELL + gap, gap
+
+
+def _aprilgrid(p: AprilgridParameters) -> Bytes:
+    """Return kalibr's grid: tags of ten cells, a black square in each corner between them.
+
+    Texels divide cells and gaps alike where the spacing is a multiple of 1/80 of a tag.
+    """
+    pitch, gap = _tag_texels(p)
+    tag_texels = pitch - gap
+    image = np.full((p.rows * pitch + gap, p.columns * pitch + gap), 255, np.uint8)
+    for number in range(p.rows * p.columns):
+        row, column = divmod(number, p.columns)
+        cells = tag(number).repeat(_TAG_CELL, axis=0).repeat(_TAG_CELL, axis=1)
+        top, left = gap + row * pitch, gap + column * pitch
+        # Rows of the texture go up, those of a printed tag down.
+        image[top : top + tag_texels, left : left + tag_texels] = cells[::-1]
+    for row in range(p.rows + 1):
+        for column in range(p.columns + 1):
+            image[row * pitch : row * pitch + gap, column * pitch : column * pitch + gap] = 0
+    return image
+
+
+def _checkerboard(p: CheckerboardParameters) -> Bytes:
+    """Return (columns + 1) x (rows + 1) squares, black in the lower left."""
+    row, column = np.indices((p.rows + 1, p.columns + 1))
+    squares = np.where((row + column) % 2, 255, 0).astype(np.uint8)
+    return squares.repeat(_SQUARE, axis=0).repeat(_SQUARE, axis=1)
+
+
+Single = NDArray[np.float32]
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_ONE = np.float32(1.0)
+_AHEAD = np.float32(1e-6)
+"""Least 1 / t of what is in front of the camera."""
+
+
+class Planes(NamedTuple):
+    """m rectangles in the camera's frame, for one pose (n = 1) or for one each row of rays."""
+
+    vectors: Single
+    """(m, 3, 3, n): n / (n (o - c)), a / a^2 and b / b^2, each with its x, y, z."""
+    start: Single
+    """(m, 2, n) s and r of the camera's own place."""
+
+    @classmethod
+    def of(cls, surfaces: Surfaces, numbers: Integers, position: Array, r_wc: Array) -> "Planes":
+        """Return some surfaces (m,) as poses (n, 3), (n, 3, 3) see them."""
+        o, a, b, normal = (
+            part[numbers, None]
+            for part in (surfaces.origin, surfaces.across, surfaces.up, surfaces.normal)
+        )
+        distance = ((o - position) * normal).sum(axis=2, keepdims=True)
+        safe = np.where(distance == 0.0, 1e-12, distance)
+        sides = [side / (side * side).sum(axis=2, keepdims=True) for side in (a, b)]
+        shape = (len(numbers), len(position), 3)
+        world = np.stack([np.broadcast_to(x, shape) for x in (normal / safe, *sides)], axis=1)
+        vectors = (world[..., None] * r_wc).sum(axis=3)
+        start = np.stack([((position - o) * side).sum(axis=2) for side in sides], axis=1)
+        return cls(vectors.swapaxes(2, 3).astype(np.float32), start.astype(np.float32))
+
+    def meet(self, m: int, rays: Single, rows: Integers | slice) -> tuple[Mask, Single, Single]:
+        """Return which rays (3, ..., w) have a plane before them, 1 / t, and s and r (2, ..., w).
+
+        :param m: number of the rectangle among these.
+        :param rows: (...) of the rays.
+        """
+        vectors, start = self.vectors[m], self.start[m]
+        if start.shape[1] == 1:
+            around = (1,) * (rays.ndim - 1)
+            vectors, start = vectors.reshape(3, 3, *around), start.reshape(2, *around)
+        else:
+            vectors, start = vectors[..., rows, None], start[..., rows, None]
+        dots = vectors[:, 0] * rays[0]
+        term = vectors[:, 1] * rays[1]
+        dots += term
+        dots += np.multiply(vectors[:, 2], rays[2], out=term)
+        inverse, places = dots[0], dots[1:]
+        ahead = inverse > _AHEAD
+        places *= _ONE / np.where(ahead, inverse, _ONE)
+        places += start
+        return ahead, inverse, places
+
+
+def within(places: Single) -> Mask:
+    """Tell which places (2, ...) lie on a rectangle."""
+    inside = places >= 0.0
+    inside &= places <= 1.0
+    inside[0] &= inside[1]
+    return np.asarray(inside[0])
+
+
+Shares = NDArray[np.uint16]
+_T = TypeVar("_T", bound=np.generic)
+
+CELL: Final = 8
+"""Pixels along which the mip level is constant, in both directions."""
+SHARES: Final = 256
+"""Steps of the share of the coarser of two levels."""
+_HALF: Final = np.float32(0.5)
+_FACTOR: Final = _HALF ** np.arange(LEVELS, dtype=np.float32)
+"""Size of a level, of the first one's."""
+_NEAREST: Final = np.float32(2.0) ** np.arange(1, 2 * LEVELS - 1, 2, dtype=np.float32)
+"""Squares of the steps between levels: those are sqrt(2) times 1, 2, 4, ..."""
+_NEXT: Final = np.float32(4.0) ** np.arange(1, LEVELS - 1, dtype=np.float32)
+"""Squares of the steps of levels, of which a pixel looks at two."""
+
+
+class Level(NamedTuple):
+    """Where places s and r on a rectangle lie in the atlas: ``scale s + offset`` [texels]."""
+
+    scale: Single
+    """(2, a, b) in each cell."""
+    offset: Single
+    """(2, a, b)."""
+
+
+class Levels(NamedTuple):
+    """The level of each cell of a part of an image, or two of them, the finer first."""
+
+    each: list[Level]
+    share: Shares | None
+    """(a, b) of the coarser of two."""
+    corner: tuple[int, int]
+    """Row and column of the part's first cell."""
+
+    def part(self, rows: slice, columns: slice) -> "Levels":
+        """Return those of some of the cells, by their rows and columns in the image."""
+        top, left = self.corner
+        at = (
+            slice(rows.start - top, rows.stop - top),
+            slice(columns.start - left, columns.stop - left),
+        )
+        each = [Level(*(values[:, at[0], at[1]] for values in level)) for level in self.each]
+        share = None if self.share is None else self.share[at]
+        return Levels(each, share, (rows.start, columns.start))
+
+
+class Probes(NamedTuple):
+    """For each cell (a, b) of an image a pixel, and those on its right and below it."""
+
+    rays: Single
+    """(3, 3, a, b): x, y, z of the pixel, of the one on its right, of the one below."""
+    rows: Integers
+    """(3, a) their rows."""
+
+    def part(self, rows: slice, columns: slice) -> "Probes":
+        """Return those of some of the cells."""
+        return Probes(self.rays[:, :, rows, columns], self.rows[:, rows])
+
+    @classmethod
+    def of(cls, rays: Single) -> "Probes":
+        """Return the pixels in the middle of cells.
+
+        :param rays: (3, h, w) of all pixels.
+        """
+        height, width = rays.shape[1:]
+        i, j = (
+            np.maximum(np.minimum(np.arange(0, length, CELL) + CELL // 2, length - 2), 0)
+            for length in (height, width)
+        )
+        below, right = np.minimum(i + 1, height - 1), np.minimum(j + 1, width - 1)
+        places = [(i, j), (i, right), (below, j)]
+        found = [rays[:, rows[:, None], columns] for rows, columns in places]
+        return cls(np.stack(found, axis=1), np.stack([i, i, below]))
+
+
+def levels(
+    places: Single, atlas: Atlas, m: int, trilinear: bool, corner: tuple[int, int]
+) -> Levels:
+    """Return the levels of cells (a, b).
+
+    :param places: (2, 3, a, b) s and r of their probes.
+    :param m: number of the rectangle's texture in the atlas.
+    :param corner: row and column of the first cell.
+    """
+    square = _squares(places * atlas.size[m][:, None, None, None])
+    if not trilinear:
+        return Levels([_level(np.searchsorted(_NEAREST, square), atlas, m)], None, corner)
+    level = np.searchsorted(_NEXT, square, side="right")
+    # Between 2^k and 2^(k + 1) the share goes from 0 to 1; a square root is exact everywhere.
+    excess = np.sqrt(square) * _FACTOR[level] - np.float32(1.0)
+    share = np.rint(np.clip(excess, 0.0, 1.0) * np.float32(SHARES)).astype(np.uint16)
+    return Levels([_level(k, atlas, m) for k in (level, level + 1)], share, corner)
+
+
+def _squares(places: Single) -> Single:
+    """Return the square of the step from one pixel to the next (a, b) [texels^2].
+
+    :param places: (2, 3, a, b) column and row of probes.
+    """
+    steps = places[:, 1:] - places[:, :1]
+    steps *= steps
+    squares = steps[0] + steps[1]
+    return np.asarray(np.maximum(squares[0], squares[1]))
+
+
+def _level(level: Integers, atlas: Atlas, m: int) -> Level:
+    """Return a level (a, b) in each cell."""
+    # Texel k of a level covers k to k + 1 in its own units; a look-up at k is its centre.
+    corner = (atlas.place[m] - _HALF).T
+    return Level(atlas.size[m][:, None, None] * _FACTOR[level], corner[:, level])
+
+
+def in_atlas(places: Single, level: Level) -> Single:
+    """Return where places s and r (2, h, w) in cells (2, a, b) lie in the atlas [texels]."""
+    _, height, width = places.shape
+    scale, offset = (cells.repeat(CELL, axis=2)[..., :width] for cells in level)
+    if height % CELL:  # of the last cells a part
+        scale, offset = (rows.repeat(CELL, axis=1)[:, :height] for rows in (scale, offset))
+        return np.asarray(places * scale + offset)
+    texels = places.reshape(2, -1, CELL, width) * scale[:, :, None]
+    texels += offset[:, :, None]
+    return np.asarray(texels.reshape(places.shape))
+
+
+def in_pixels(cells: NDArray[_T], height: int, width: int) -> NDArray[_T]:
+    """Return what cells (..., a, b) have for each of their pixels (..., h, w)."""
+    return cells.repeat(CELL, axis=-1)[..., :width].repeat(CELL, axis=-2)[..., :height, :]

@@ -1,0 +1,175 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""All cameras of a body, and the scene that they see."""
+
+import itertools
+from collections.abc import Iterator, Mapping
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros import timebase
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.sensors.camera.build import build_scene, check_path, scene_span
+from imu_sim_ros.sensors.camera.rig_parameters import (
+    RigParameters,
+    load_rig,
+    rig_problems,
+    split_rig,
+)
+from imu_sim_ros.sensors.camera.target import fitted, target_warning
+from imu_sim_ros.sensors.camera.tracker import Tracker, Tracks
+from imu_sim_ros.sensors.camera.view import View
+from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
+from imu_sim_ros.trajectory.build import build_trajectory
+from imu_sim_ros.trajectory.motion import Trajectory
+
+BLOCK: Final = 64
+"""Frames generated at once."""
+
+
+class Rig:
+    """The cameras of one simulation."""
+
+    def __init__(
+        self,
+        parameters: RigParameters,
+        trajectory: Trajectory,
+        t0_ns: int,
+        duration: float,
+        seed: int,
+    ) -> None:
+        """Set up cameras and scene.
+
+        :param t0_ns: start of the simulation [ns].
+        :param duration: of the simulation [s]; may be infinite.
+        :param seed: of the simulation.
+        :raises ConfigurationError: for a scene that does not fit the path.
+        :raises InputError: for a file of points that cannot be used.
+        """
+        self.parameters, self.trajectory = parameters, trajectory
+        self.duration = min(duration, trajectory.duration)
+        self.views = {
+            name: View(name, camera, seed, t0_ns, self.duration)
+            for name, camera in parameters.each().items()
+        }
+        # A scene belongs to the trajectory, however much of it is flown.
+        span = scene_span(parameters.scene, trajectory.duration)
+        seen_by = [
+            View(name, camera, seed, t0_ns, span) for name, camera in parameters.each().items()
+        ]
+        self.scene = build_scene(parameters.scene, seen_by, trajectory, span)
+        check_path(parameters.scene, list(self.views.values()), trajectory, self.scene)
+
+    def warnings(self, name: str) -> list[str]:
+        """Return a line for whatever keeps a camera from seeing what it was put before."""
+        return target_warning(self.parameters.scene, self.views[name], self.trajectory)
+
+    def tracker(self, name: str) -> Tracker:
+        """Return the tracker of one camera."""
+        return Tracker(self.views[name], self.scene, self.trajectory)
+
+    def tracks(self, name: str, block: int = BLOCK) -> Iterator[Tracks]:
+        """Yield the tracks of all frames of a camera, in blocks of frames."""
+        tracker = self.tracker(name)
+        total = self.views[name].total
+        first = 0
+        while total is None or first < total:
+            size = block if total is None else min(block, total - first)
+            yield tracker.tracks(first, size)
+            first += size
+
+    def images(self, name: str) -> Iterator[tuple[int, NDArray[np.uint8]]]:
+        """Yield the stamp [ns] and the image (h, w), or (h, w, 3), of all frames of a camera.
+
+        Frames that are lost are left out.
+
+        :raises ConfigurationError: for a scene without surfaces.
+        :raises MissingDependencyError: where OpenCV is not installed.
+        """
+        return self._frames(name, "image")
+
+    def depths(self, name: str) -> Iterator[tuple[int, NDArray[np.float32]]]:
+        """Yield the stamp [ns] and the true depth (h, w) [m] of all frames of a camera.
+
+        0 where nothing is seen; frames that are lost are left out.
+
+        :raises ConfigurationError: for a scene without surfaces.
+        :raises MissingDependencyError: where OpenCV is not installed.
+        """
+        return self._frames(name, "depth")
+
+    def _frames(self, name: str, what: str) -> Iterator[tuple[int, NDArray[Any]]]:
+        from imu_sim_ros.sensors.camera.images.imager import imagers  # they need OpenCV
+
+        view = self.views[name]
+        made = imagers({name: view}, self.scene, self.parameters.scene, self.trajectory)
+        make = getattr(made[name], what)
+        numbers = itertools.count() if view.total is None else range(view.total)
+        for number in numbers:
+            frames = view.frames(number, 1)
+            if frames.delivered[0]:
+                yield int(frames.t_ns[0]), make(number)
+
+
+def build_rig(parameters: Mapping[str, object]) -> Rig:
+    """Return the cameras that parameters by dotted name describe, on their trajectory.
+
+    The frames are those of ``generate`` with the same parameters.
+
+    :param parameters: for instance ``{"cameras": ["cam0"], "camera.preset": "euroc_cam0",
+        "trajectory.type": "figure_eight", "duration": 10.0, "seed": 1}``.
+    :raises ConfigurationError: with a line for each problem.
+    :raises InputError: for a file that cannot be used.
+    """
+    of_rig, others = split_rig(fitted(parameters))
+    return on_simulation(of_rig, load_simulation(others))
+
+
+def on_simulation(of_rig: Mapping[str, object], simulation: SimulationParameters) -> Rig:
+    """Return the cameras that parameters by dotted name describe, on a simulation's body.
+
+    :raises ConfigurationError: with a line for each problem.
+    :raises InputError: for a file that cannot be used.
+    """
+    rig = load_rig(of_rig)
+    problems = list(rig_problems(rig, simulation))
+    if problems:
+        raise ConfigurationError(problems)
+    start = simulation.start_time
+    t0_ns = timebase.to_nanoseconds(start if start >= 0.0 else 1.0)
+    trajectory = build_trajectory(simulation.trajectory)
+    duration = simulation.duration or trajectory.duration
+    return Rig(rig, trajectory, t0_ns, duration, simulation.seed)
+
+
+class Blindness:
+    """Where a camera sees nothing: the time spans without any landmark."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.spans: list[list[float]] = []
+        self._open = False
+
+    def look(self, tracks: Tracks, t0_ns: int) -> None:
+        """Record a block of frames; blocks come in order."""
+        counts = np.bincount(tracks.frame, minlength=len(tracks.frames.number))
+        times = (tracks.frames.true_t_ns - t0_ns) * 1e-9
+        for t, count, there in zip(times, counts, tracks.frames.delivered, strict=True):
+            if count or not there:
+                self._open = self._open and not count
+            elif self._open:
+                self.spans[-1][1] = float(t)
+            else:
+                self.spans.append([float(t), float(t)])
+                self._open = True
+
+    def warnings(self) -> list[str]:
+        """Return a line for the spans without landmarks; nothing where there are none."""
+        if not self.spans:
+            return []
+        shown = ", ".join(f"{a:.2f} to {b:.2f} s" for a, b in self.spans[:5])
+        more = f" and {len(self.spans) - 5} more times" if len(self.spans) > 5 else ""
+        return [f"{self.name}: no landmark in view from {shown}{more}"]

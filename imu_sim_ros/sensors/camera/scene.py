@@ -1,0 +1,239 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What cameras see: landmarks and surfaces; landmarks from a file (CSV, PLY)."""
+
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.errors import InputError, system_error
+from imu_sim_ros.inputs.rows import open_regular
+
+Array = NDArray[np.float64]
+
+_SELF: float = 1e-6
+"""Relative depth within which a landmark lies on a surface and is not hidden by it."""
+
+
+class Surfaces(NamedTuple):
+    """m rectangles: ``origin + s across + t up`` for s and t from 0 to 1."""
+
+    origin: Array
+    """(m, 3) p_w of a corner [m]."""
+    across: Array
+    """(m, 3) the side from the origin, s [m]."""
+    up: Array
+    """(m, 3) the other side from the origin, t [m]."""
+    hides: NDArray[np.bool_]
+    """(m,) something may be behind it; false for the walls of a room seen from inside."""
+    texture: tuple[str, ...]
+    """m names of what is on it."""
+
+    @property
+    def normal(self) -> Array:
+        """(m, 3) unit vectors, across x up."""
+        n = np.cross(self.across, self.up)
+        unit: Array = n / np.linalg.norm(n, axis=1, keepdims=True)
+        return unit
+
+
+def surfaces(
+    rectangles: list[tuple[Array, Array, Array]], hides: bool, texture: str = "wall"
+) -> Surfaces:
+    """Return rectangles (origin, across, up) as one."""
+    columns = np.array(rectangles, dtype=np.float64).reshape(-1, 3, 3)
+    count = len(columns)
+    return Surfaces(
+        columns[:, 0],
+        columns[:, 1],
+        columns[:, 2],
+        np.full(count, hides),
+        (texture,) * count,
+    )
+
+
+def joined(first: Surfaces, second: Surfaces) -> Surfaces:
+    """Return the surfaces of both."""
+    return Surfaces(
+        np.concatenate([first.origin, second.origin]),
+        np.concatenate([first.across, second.across]),
+        np.concatenate([first.up, second.up]),
+        np.concatenate([first.hides, second.hides]),
+        first.texture + second.texture,
+    )
+
+
+NO_SURFACES = surfaces([], hides=True)
+
+
+class Scene(NamedTuple):
+    """A scene at rest in the world."""
+
+    landmarks: Array
+    """(n, 3) p_w [m]; a landmark's id is its row."""
+    normals: Array
+    """(n, 3) the side from which each is seen; zero: from everywhere."""
+    lines: Array
+    """(l, 2, 3) both ends of each line [m]."""
+    surfaces: Surfaces
+    extent: float
+    """Largest distance of anything from anything else, about [m]."""
+
+    @classmethod
+    def of_points(cls, points: Array) -> "Scene":
+        """Return a scene of landmarks (n, 3) alone, seen from everywhere."""
+        extent = float(np.linalg.norm(np.ptp(points, axis=0))) if len(points) else 0.0
+        return cls(points, np.zeros_like(points), np.zeros((0, 2, 3)), NO_SURFACES, extent)
+
+
+def hidden(surfaces: Surfaces, eye: Array, points: Array) -> NDArray[np.bool_]:
+    """Tell which points are behind a surface.
+
+    The line of sight ``eye + s (point - eye)`` meets the plane of a surface at
+    ``s = n (origin - eye) / n (point - eye)``.
+
+    :param eye: (n, 3) where each point is seen from [m].
+    :param points: (n, 3) [m].
+    """
+    result = np.zeros(len(points), dtype=bool)
+    sight = [points[:, k] - eye[:, k] for k in range(3)]
+    normals = surfaces.normal
+    for m in np.flatnonzero(surfaces.hides):
+        n, o = normals[m], surfaces.origin[m]
+        along = n[0] * sight[0] + n[1] * sight[1] + n[2] * sight[2]
+        start = n[0] * (o[0] - eye[:, 0]) + n[1] * (o[1] - eye[:, 1]) + n[2] * (o[2] - eye[:, 2])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            s = start / along
+        between = (s > 0.0) & (s < 1.0 - _SELF)
+        if not between.any():
+            continue
+        rows = np.flatnonzero(between)
+        at = [eye[rows, k] + s[rows] * sight[k][rows] - o[k] for k in range(3)]
+        within = np.ones(len(rows), dtype=bool)
+        for side in (surfaces.across[m], surfaces.up[m]):
+            place = at[0] * side[0] + at[1] * side[1] + at[2] * side[2]
+            within &= (place >= 0.0) & (place <= float(side @ side))
+        result[rows[within]] = True
+    return result
+
+
+_MOST: Final = 10_000_000
+_PLY_TYPES: Final = {
+    "char": "i1",
+    "int8": "i1",
+    "uchar": "u1",
+    "uint8": "u1",
+    "short": "i2",
+    "int16": "i2",
+    "ushort": "u2",
+    "uint16": "u2",
+    "int": "i4",
+    "int32": "i4",
+    "uint": "u4",
+    "uint32": "u4",
+    "float": "f4",
+    "float32": "f4",
+    "double": "f8",
+    "float64": "f8",
+}
+
+
+def read_points(path: str | Path) -> Array:
+    """Return the points (n, 3) of a file [m].
+
+    :raises InputError: naming the line that cannot be read.
+    """
+    path = Path(path)
+    try:
+        with open_regular(path) as file:
+            content = file.read()
+    except OSError as error:
+        raise system_error(path, error) from None
+    points = _ply(path, content) if content[:3] == b"ply" else _csv(path, content)
+    if not len(points):
+        raise InputError(f"{path}: contains no points")
+    bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
+    if len(bad):
+        raise InputError(f"{path}: point {bad[0] + 1}: a value that is not finite")
+    return points
+
+
+def _csv(path: Path, content: bytes) -> Array:
+    try:
+        lines = content.decode("utf-8").splitlines()
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: neither CSV nor PLY") from None
+    rows: list[list[float]] = []
+    for number, line in enumerate(lines, start=1):
+        text = line.split("#")[0].strip()
+        fields = text.replace(",", " ").split()
+        if not fields or (not rows and not any(map(_is_number, fields))):
+            continue  # a comment, or the header
+        if len(fields) not in (3, 4) or (rows and len(fields) != len(rows[0])):
+            raise InputError(f"{path}: line {number}: {len(fields)} columns; must be x, y, z")
+        try:
+            rows.append([float(field) for field in fields])
+        except ValueError:
+            raise InputError(f"{path}: line {number}: {text!r} is not numeric") from None
+    table = np.array(rows, dtype=np.float64)
+    return table[:, -3:] if len(rows) else np.zeros((0, 3))
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+def _ply(path: Path, content: bytes) -> Array:
+    """Read the vertices: the first element of the file."""
+    end = content.find(b"end_header")
+    if end < 0:
+        raise InputError(f"{path}: the PLY header is not terminated")
+    header = content[:end].decode("ascii", "replace").splitlines()
+    body = content[content.index(b"\n", end) + 1 :] if b"\n" in content[end:] else b""
+    form, count, names, types = _ply_header(path, header)
+    if form == "ascii":
+        text = body.decode("ascii", "replace").split("\n")[:count]
+        try:
+            table = np.array([[float(x) for x in row.split()[: len(names)]] for row in text])
+            points = table.reshape(count, len(names))[:, [names.index(axis) for axis in "xyz"]]
+        except ValueError:
+            raise InputError(
+                f"{path}: must hold {count} vertices of {len(names)} numbers"
+            ) from None
+        return np.asarray(points, dtype=np.float64)
+    order = "<" if form == "binary_little_endian" else ">"
+    dtype = np.dtype([(name, order + kind) for name, kind in zip(names, types, strict=True)])
+    if len(body) < count * dtype.itemsize:
+        raise InputError(f"{path}: ends before the {count} vertices announced in its header")
+    vertices = np.frombuffer(body, dtype, count)
+    return np.stack([vertices[axis].astype(np.float64) for axis in "xyz"], axis=1)
+
+
+def _ply_header(path: Path, lines: list[str]) -> tuple[str, int, list[str], list[str]]:
+    """Return format, number of vertices, and names and types of a vertex's properties."""
+    form, count, names, types, element = "", -1, [], [], ""
+    for line in lines:
+        match line.split():
+            case ["format", found, _]:
+                form = found
+            case ["element", name, number] if number.isdigit():
+                if count < 0 and name != "vertex":
+                    raise InputError(f"{path}: the first element must be vertex, not {name}")
+                element = name
+                count = int(number) if name == "vertex" else count
+            case ["property", kind, name] if element == "vertex":
+                names.append(name)
+                types.append(_PLY_TYPES.get(kind, ""))
+            case ["property", "list", *_] if element == "vertex":
+                raise InputError(f"{path}: a vertex with a list property is not supported")
+    known = form in ("ascii", "binary_little_endian", "binary_big_endian")
+    if not known or not {"x", "y", "z"} <= set(names) or "" in types or not 0 <= count <= _MOST:
+        raise InputError(f"{path}: the PLY header does not describe vertices with x, y and z")
+    return form, count, names, types

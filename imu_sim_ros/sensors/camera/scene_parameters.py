@@ -1,0 +1,238 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Parameters of what cameras see, one section for each ``scene.type``."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.names import suggestion
+from imu_sim_ros.parameters.included import names
+from imu_sim_ros.parameters.kinds import (
+    IDENTITY_MATRIX,
+    ZERO_VECTOR,
+    Matrix,
+    Vector,
+    integer,
+    matrix,
+    number,
+    numbers,
+    text,
+    vector,
+)
+from imu_sim_ros.sensors.imu.parameters import rotation_problems
+
+TYPE_TEXT = "kind of scene, or the name of a file in config/scenes"
+
+
+@dataclass(frozen=True)
+class SceneParameters:
+    """What every scene has."""
+
+    type: str = text("room", TYPE_TEXT)
+    seed: int = integer(0, "of places and textures", minimum=0, maximum=2**63 - 1)
+
+
+@dataclass(frozen=True)
+class PathSceneParameters(SceneParameters):
+    """What scenes along the path share; they do not depend on the duration of the simulation."""
+
+    horizon: float = number(
+        60.0,
+        "how much of a trajectory without end the scene is made for; of others it is all",
+        unit="s",
+        minimum=0.1,
+        maximum=1e4,
+    )
+
+
+@dataclass(frozen=True)
+class RoomParameters(PathSceneParameters):
+    """A box around the path, with boxes that stand in it; landmarks on all surfaces."""
+
+    type: str = text("room", TYPE_TEXT)
+    size: Vector = vector(
+        ZERO_VECTOR,
+        "length along x, y, z; 0: the path and a margin",
+        unit="m",
+        minimum=0.0,
+        maximum=1e6,
+    )
+    center: Vector = vector(ZERO_VECTOR, "of the room, where it has a size", unit="m")
+    margin: float = number(
+        2.0,
+        "distance of the walls from the path, where the room has no size",
+        unit="m",
+        minimum=0.0,
+        above_minimum=True,
+        maximum=1e6,
+    )
+    boxes: int = integer(4, "boxes against the walls, as furniture", minimum=0, maximum=100)
+    landmarks: int = integer(1000, "points on the surfaces", minimum=1, maximum=1_000_000)
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Yield whether only some sides are given."""
+        if any(self.size) and not all(self.size):
+            yield f"{prefix}size = {list(self.size)}: must be 0 or above 0 m on all axes"
+
+
+@dataclass(frozen=True)
+class HouseParameters(SceneParameters):
+    """A frame house of lines and their end points, seen from outside."""
+
+    type: str = text("house", TYPE_TEXT)
+    lines: tuple[float, ...] = numbers((), "x, y, z of both ends of each line", unit="m", group=6)
+    second_points: Vector = vector(
+        (0.5, 0.5, -0.5), "each end point is repeated with this offset; 0: not repeated", unit="m"
+    )
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Yield whether there are no lines."""
+        if not self.lines:
+            yield f"{prefix}lines = []: must hold at least one line; the scene house has some"
+
+
+@dataclass(frozen=True)
+class CloudParameters(PathSceneParameters):
+    """Random points along the path, so many that every frame sees enough of them."""
+
+    type: str = text("cloud", TYPE_TEXT)
+    visible: int = integer(
+        100,
+        "minimum number of points seen in each frame",
+        minimum=1,
+        maximum=10_000,
+    )
+    spacing: float = number(
+        0.2, "time between two viewpoints", unit="s", minimum=0.001, maximum=1e6
+    )
+    near: float = number(
+        3.0,
+        "smallest distance of a point from the camera",
+        unit="m",
+        minimum=0.0,
+        above_minimum=True,
+        maximum=1e6,
+    )
+    far: float = number(
+        10.0, "largest distance of a point from the camera", unit="m", minimum=0.0, maximum=1e6
+    )
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Yield whether the distances are in disorder."""
+        if self.far <= self.near:
+            yield f"{prefix}far = {self.far:g}: must be above {prefix}near, {self.near:g} m"
+
+
+@dataclass(frozen=True)
+class PlanesParameters(SceneParameters):
+    """Rectangles anywhere, seen from both sides, with landmarks on them."""
+
+    type: str = text("planes", TYPE_TEXT)
+    corners: tuple[float, ...] = numbers(
+        (),
+        "three corners of each rectangle: a first one and its two neighbours",
+        unit="m",
+        group=9,
+    )
+    landmarks: int = integer(300, "points on the rectangles", minimum=1, maximum=1_000_000)
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Yield which rectangles are none."""
+        if not self.corners:
+            yield f"{prefix}corners = []: must hold at least one rectangle"
+        for k in range(0, len(self.corners), 9):
+            o, a, b = (self.corners[k + j : k + j + 3] for j in (0, 3, 6))
+            first = [x - y for x, y in zip(a, o, strict=True)]
+            second = [x - y for x, y in zip(b, o, strict=True)]
+            lengths = [sum(x * x for x in side) ** 0.5 for side in (first, second)]
+            dot = sum(x * y for x, y in zip(first, second, strict=True))
+            if min(lengths) <= 0.0 or abs(dot) > 1e-6 * lengths[0] * lengths[1]:
+                name = f"{prefix}corners: rectangle {k // 9 + 1}"
+                yield f"{name} has no right angle at its first corner"
+
+
+@dataclass(frozen=True)
+class TargetParameters(SceneParameters):
+    """What calibration targets share: the target's x to the right and y up, seen from its +z."""
+
+    position: Vector = vector(ZERO_VECTOR, "of the target's origin in the world", unit="m")
+    orientation: Matrix = matrix(
+        IDENTITY_MATRIX, "rotation R_wt of the target in the world; it is seen from its +z side"
+    )
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Yield whether the orientation is not a rotation."""
+        yield from rotation_problems(self.orientation, f"{prefix}orientation")
+
+
+@dataclass(frozen=True)
+class AprilgridParameters(TargetParameters):
+    """kalibr's AprilGrid of 36h11 tags; the origin is the lower left corner of tag 0."""
+
+    type: str = text("aprilgrid", TYPE_TEXT)
+    columns: int = integer(6, "tags in x, kalibr's tagCols", minimum=1, maximum=24)
+    rows: int = integer(6, "tags in y, kalibr's tagRows", minimum=1, maximum=24)
+    tag_size: float = number(
+        0.088, "edge of a tag", unit="m", minimum=0.0, above_minimum=True, maximum=100.0
+    )
+    tag_spacing: float = number(
+        0.3, "gap between two tags, in tag sizes", minimum=0.0, above_minimum=True, maximum=2.0
+    )
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Yield whether there are more tags than the family has."""
+        yield from super().problems(prefix)
+        if self.rows * self.columns > 587:
+            yield (
+                f"{prefix}rows = {self.rows}: with {self.columns} columns exceeds the 587 tags "
+                "of the family 36h11"
+            )
+
+
+@dataclass(frozen=True)
+class CheckerboardParameters(TargetParameters):
+    """A checkerboard; the origin is its lower left inner corner."""
+
+    type: str = text("checkerboard", TYPE_TEXT)
+    columns: int = integer(7, "inner corners in x, kalibr's targetCols", minimum=2, maximum=100)
+    rows: int = integer(6, "inner corners in y, kalibr's targetRows", minimum=2, maximum=100)
+    square: float = number(
+        0.06, "edge of a square", unit="m", minimum=0.0, above_minimum=True, maximum=100.0
+    )
+
+
+@dataclass(frozen=True)
+class PointFileParameters(SceneParameters):
+    """Points of a file: CSV with x, y, z (or id, x, y, z), or PLY."""
+
+    type: str = text("file", TYPE_TEXT)
+    file: str = text("", "CSV or PLY")
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Yield whether the file is missing."""
+        if not self.file:
+            yield f"{prefix}file = '': must name a file of points"
+
+
+TYPES: dict[str, type[SceneParameters]] = {
+    "room": RoomParameters,
+    "house": HouseParameters,
+    "cloud": CloudParameters,
+    "planes": PlanesParameters,
+    "aprilgrid": AprilgridParameters,
+    "checkerboard": CheckerboardParameters,
+    "file": PointFileParameters,
+}
+
+
+def find_scene(name: str) -> type[SceneParameters]:
+    """Return the section of a scene type.
+
+    :raises ConfigurationError: for a type that does not exist.
+    """
+    if name not in TYPES:
+        known = [*TYPES, *(each for each in names("scenes") if each not in TYPES)]
+        raise ConfigurationError(f"scene.type = {name!r}: {suggestion(name, known)}")
+    return TYPES[name]

@@ -1,0 +1,226 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""AprilGrids: how cameras see their tags, and the board and motion that suit a lens."""
+
+import dataclasses
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros import rotation
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.parameters import files
+from imu_sim_ros.sensors.camera.build import aprilgrid_corners
+from imu_sim_ros.sensors.camera.rig_parameters import load_rig, split_rig
+from imu_sim_ros.sensors.camera.scene_parameters import AprilgridParameters, SceneParameters
+from imu_sim_ros.sensors.camera.view import View
+from imu_sim_ros.simulation.parameters import load_simulation
+from imu_sim_ros.trajectory.build import build_trajectory
+from imu_sim_ros.trajectory.motion import Trajectory
+from imu_sim_ros.trajectory.parameters import SeriesParameters, TrajectoryParameters
+
+Array = NDArray[np.float64]
+
+COVERAGE: Final = 0.8
+"""Share of an image's width and height that the tags' corners should cover over a flight."""
+BITS: Final = 4.0
+"""Pixels that a bit of a tag in view should have."""
+_TAG: Final = 10
+"""Bits along the edge of a tag: six of data, two of border on either side."""
+_MARGIN: Final = 1.03
+"""By how much a fitted board and motion exceed these limits."""
+_HORIZON: Final = 60.0
+"""How much of a motion is looked at [s]."""
+_LOOKS: Final = 300
+"""Moments of it that are looked at."""
+_BODY: Final = (0.0, 0.0, 1.0)
+"""Where the body of config/trajectories/target.yaml is on average [m]."""
+_DISTANCE: Final = 1.35
+"""From there to the board along x [m]; the tags' size follows from the lens, not the distance."""
+_ALONG: Final = 0.9
+"""Least cosine of the angle between a view and the body's x axis for which a board is fitted."""
+_TURNS: Final = {"yaw": 0, "pitch": 1}
+"""Angles whose amplitudes follow from the lens, and whether they cover its width or height."""
+_TURN: Final = 1.15
+"""Step of their amplitudes, and how often it is taken at most."""
+_TURN_STEPS: Final = 10
+_TAGS: Final = (6, 5, 4, 3)
+"""Tags along a side, kalibr's 6 first; it takes no fewer than 3."""
+_TINY: Final = 0.01
+"""Size of a tag that is in view as a whole wherever its middle is [m]."""
+_BOARD: Final = ("columns", "rows", "tag_size", "tag_spacing", "position", "orientation")
+_GROWTH: Final = tuple(1.08**k for k in range(8))
+"""Sizes of tags that are tried: at the ends of a large board they are seen aslant, and a fisheye
+bends their edges, which detectors take for straight."""
+
+
+class Sight(NamedTuple):
+    """How a camera sees the tags over a flight."""
+
+    coverage: tuple[float, float]
+    """Shares of the image's width and height between the outermost corners in view."""
+    bits: float
+    """Pixels of a bit at the shortest edge of any tag in view."""
+    tags: int
+    """Fewest tags in view at a time."""
+
+
+def sight(view: View, trajectory: Trajectory, corners: Array) -> Sight:
+    """Return how a camera sees tags.
+
+    :param corners: (4 n, 3) of all tags, in order around each [m].
+    """
+    t = np.linspace(0.0, min(trajectory.duration, _HORIZON), _LOOKS)
+    poses = view.poses(trajectory, t)
+    local = rotation.rotate_inverse(poses.q_wc[:, None], corners - poses.position[:, None])
+    uv, seen = view.model.project(local.reshape(-1, 3))
+    seen &= view.model.inside(uv)
+    tags = seen.reshape(_LOOKS, -1, 4).all(axis=2)
+    if not tags.any():
+        return Sight((0.0, 0.0), 0.0, 0)
+    width, height = np.ptp(uv[seen], axis=0) / (view.model.width, view.model.height)
+    around = uv.reshape(*tags.shape, 4, 2)[tags]
+    edges = np.linalg.norm(np.roll(around, -1, axis=1) - around, axis=2)
+    return Sight((float(width), float(height)), float(edges.min()) / _TAG, int(tags.sum(1).min()))
+
+
+def target_warning(parameters: SceneParameters, view: View, trajectory: Trajectory) -> list[str]:
+    """Return a line if a camera sees too little of an AprilGrid, or too small tags."""
+    if not isinstance(parameters, AprilgridParameters):
+        return []
+    (width, height), bits, _ = sight(view, trajectory, aprilgrid_corners(parameters))
+    if bits == 0.0:
+        return ["no tag of the AprilGrid comes into view as a whole"]
+    if bits >= BITS and min(width, height) >= COVERAGE:
+        return []
+    return [
+        f"a bit of the AprilGrid's tags has {bits:.1f} px at the least ({BITS:g} are wanted), "
+        f"their corners cover {width:.0%} of the image's width and {height:.0%} of its height "
+        f"({COVERAGE:.0%} are wanted)"
+    ]
+
+
+def fitted(given: Mapping[str, object]) -> dict[str, object]:
+    """Return parameters by dotted name with the board and the motion that suit the cameras.
+
+    The trajectory ``target`` before the scene ``aprilgrid`` gets a board before the middle of the
+    images, the smallest tags that have enough pixels a bit in every place, fewer of them for wide
+    lenses, and turns as far as the corners need to cover the images. What is given stays as it is,
+    and so do all other trajectories and scenes, and rigs that look in other directions than x.
+
+    :param given: as for :func:`imu_sim_ros.sensors.camera.rig.build_rig`; not checked here.
+    """
+    given = dict(given)
+    if given.get("scene.type") != "aprilgrid" or "cameras" not in given:
+        return given
+    try:
+        turns = _free_turns(given)
+        if turns is None:
+            return given
+        rig = load_rig(split_rig(given)[0])
+        moves = load_simulation({k: v for k, v in given.items() if k.startswith("trajectory.")})
+    except ConfigurationError:
+        return given  # whoever loads them says what is wrong
+    own = {k: getattr(rig.scene, k) for k in _BOARD if f"scene.{k}" in given}
+    views = [View(name, one, 0, 0, _HORIZON) for name, one in rig.each().items()]
+    best, values = -1.0, {}
+    for board in _boards(views, moves.trajectory, own):
+        motion, score = _turned(board, views, moves.trajectory, turns)
+        if score > best:
+            best, values = score, _values(board, motion, turns)
+        if score >= _MARGIN:
+            break
+    return {**given, **values}
+
+
+def _free_turns(given: Mapping[str, object]) -> list[str] | None:
+    """Return which angles of ``target`` have amplitudes that nobody gave; None: another motion."""
+    base = files.load(files.find("trajectories", "target"))
+    if given.get("trajectory.type") != "target":
+        same = [k for k in base if k == "trajectory.type" or k.endswith(".angular_frequency")]
+        if any(_plain(given.get(k)) != base[k] for k in same):
+            return None
+    names = {angle: f"trajectory.{angle}.amplitude" for angle in _TURNS}
+    return [a for a, name in names.items() if _plain(given.get(name, base[name])) == base[name]]
+
+
+def _plain(value: object) -> object:
+    return list(value) if isinstance(value, tuple | np.ndarray) else value
+
+
+def _boards(
+    views: Sequence[View], motion: TrajectoryParameters, own: Mapping[str, Any]
+) -> Iterator[AprilgridParameters]:
+    """Yield boards upright and square to the body's x axis, most and smallest tags first.
+
+    :param own: their parameters that are given.
+    """
+    centers = []
+    for view in views:
+        middle = 0.5 * np.array([[view.model.width - 1.0, view.model.height - 1.0]])
+        ray = rotation.rotate(view.q_bc, view.model.unproject(middle).direction[0])
+        centers.append(view.p_bc + ray / max(abs(ray[0]), 1e-9) * _DISTANCE)
+        if abs(ray[0]) < _ALONG or np.sign(ray[0]) != np.sign(centers[0][0]):
+            return
+    center, side = np.mean(centers, axis=0) + _BODY, float(np.sign(centers[0][0]))
+    r_wt = np.array([[0.0, 0.0, -side], [-side, 0.0, 0.0], [0.0, 1.0, 0.0]])
+
+    def board(tags: int, size: float) -> AprilgridParameters:
+        values = {"columns": tags, "rows": tags, "tag_size": size, **own}
+        there = AprilgridParameters(**values)
+        pitch = there.tag_size * (1.0 + there.tag_spacing)
+        extent = np.array([there.columns, there.rows]) * pitch - there.tag_size * there.tag_spacing
+        corner = np.round(center - 0.5 * r_wt[:, :2] @ extent, 4)
+        placed = {"position": tuple(corner.tolist()), "orientation": tuple(r_wt.ravel().tolist())}
+        return AprilgridParameters(**{**placed, **values})
+
+    sizes = _GROWTH
+    if "tag_size" not in own:
+        trajectory = build_trajectory(motion)
+        bits = min(sight(v, trajectory, aprilgrid_corners(board(1, _TINY)))[1] for v in views)
+        if bits == 0.0:
+            return
+        sizes = tuple(round(_TINY * BITS * _MARGIN / bits * growth, 3) for growth in _GROWTH)
+    yield from dict.fromkeys(board(tags, size) for tags in _TAGS for size in sizes)
+
+
+def _turned(
+    board: AprilgridParameters,
+    views: Sequence[View],
+    motion: TrajectoryParameters,
+    turns: Iterable[str],
+) -> tuple[TrajectoryParameters, float]:
+    """Return the motion with the least turns that cover the images, and how good it is.
+
+    1 is as good as the limits.
+
+    :param turns: the angles that may grow.
+    """
+    corners = aprilgrid_corners(board)
+    for _ in range(_TURN_STEPS):
+        trajectory = build_trajectory(motion)
+        sights = [sight(view, trajectory, corners) for view in views]
+        bits = min(one.bits for one in sights) / BITS
+        cover = np.min([one.coverage for one in sights], axis=0) / COVERAGE
+        score = min(bits, float(cover.min()))
+        short = [angle for angle in turns if cover[_TURNS[angle]] < _MARGIN]
+        if not short or bits < _MARGIN:
+            break
+        more: dict[str, Any] = {angle: _more(getattr(motion, angle)) for angle in short}
+        motion = dataclasses.replace(motion, **more)
+    return motion, score
+
+
+def _more(series: SeriesParameters) -> SeriesParameters:
+    larger = tuple(round(_TURN * amplitude, 4) for amplitude in series.amplitude)
+    return dataclasses.replace(series, amplitude=larger)
+
+
+def _values(board: AprilgridParameters, motion: Any, turns: Iterable[str]) -> dict[str, object]:
+    values = {f"scene.{name}": getattr(board, name) for name in _BOARD}
+    for angle in turns:
+        values[f"trajectory.{angle}.amplitude"] = getattr(motion, angle).amplitude
+    return {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()}

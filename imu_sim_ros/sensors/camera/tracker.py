@@ -1,0 +1,258 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Feature tracks: which landmarks a camera sees, where, and with which errors.
+
+A frame depends on nothing but the seed and its number: visibility from the exact pose, the choice
+of features from priorities drawn once, noise from streams of its own. So tracks are the same bit
+for bit in blocks of any size, live and in a file.
+"""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.random_streams import generator
+from imu_sim_ros.sensors.camera.scene import Scene, hidden
+from imu_sim_ros.sensors.camera.view import Frames, Poses, View, in_camera
+from imu_sim_ros.trajectory.motion import Trajectory
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+_PAIRS: Final = 1 << 17
+"""Landmarks examined at once, over all frames: about as many as fit into a processor's cache."""
+_SHUTTER_STEPS: Final = 10
+"""Iterations, always all of them: a result must not depend on the rest of the block."""
+_SLACK: Final = 0.1
+"""Rolling shutter: how far outside the image a landmark may seem at first, in heights."""
+
+
+class Tracks(NamedTuple):
+    """n features of f frames of one camera, frame by frame, by landmark within a frame."""
+
+    frames: Frames
+    frame: Rows
+    """(n,) row of each feature's frame in ``frames``."""
+    id: Rows
+    """(n,) id of the track."""
+    landmark: Rows
+    """(n,) what is seen: row in the scene's landmarks."""
+    uv: Array
+    """(n, 2) measured pixel."""
+    uv_true: Array
+    """(n, 2) exact pixel."""
+    depth: Array
+    """(n,) z of the landmark in the camera's frame [m]."""
+    wrong: Mask
+    """(n,) an outlier, or the pixel of another feature."""
+
+
+class Lines(NamedTuple):
+    """n lines in f frames of one camera; a line is seen where both of its ends are."""
+
+    frame: Rows
+    """(n,) row of the frame."""
+    id: Rows
+    """(n,) row in the scene's lines."""
+    ends: Array
+    """(n, 2, 2) measured pixels of both ends."""
+    ends_true: Array
+    """(n, 2, 2) exact pixels."""
+
+
+class _Seen(NamedTuple):
+    """Landmarks that are visible."""
+
+    frame: Rows
+    landmark: Rows
+    uv: Array
+    depth: Array
+
+
+class Tracker:
+    """The tracks of one camera in one scene."""
+
+    def __init__(self, view: View, scene: Scene, trajectory: Trajectory) -> None:
+        self.view, self.scene, self.trajectory = view, scene, trajectory
+        stream = generator(view.seed, f"{view.name}.priority")
+        self._priority = stream.permutation(len(scene.landmarks))
+        life = view.parameters.track_lifetime
+        ages = generator(view.seed, f"{view.name}.lifetime")
+        self._age = ages.integers(0, max(life, 1), len(scene.landmarks))
+
+    def tracks(self, first: int, count: int) -> Tracks:
+        """Return the features of frames ``first .. first + count - 1``; lost ones have none."""
+        frames = self.view.frames(first, count)
+        seen = self._chosen(self._visible(frames))
+        uv, wrong = self._measured(frames, seen)
+        return Tracks(
+            frames,
+            seen.frame,
+            self._ids(frames.number[seen.frame], seen.landmark),
+            seen.landmark,
+            uv,
+            seen.uv,
+            seen.depth,
+            wrong,
+        )
+
+    def counts(self, first: int, count: int) -> Rows:
+        """Return how many landmarks (count,) each of some frames sees, before any cap.
+
+        -1 for lost frames.
+        """
+        frames = self.view.frames(first, count)
+        seen = np.bincount(self._visible(frames).frame, minlength=count)
+        return np.where(frames.delivered, seen, -1)
+
+    def lines(self, first: int, count: int) -> Lines:
+        """Return the lines of frames ``first .. first + count - 1``."""
+        frames = self.view.frames(first, count)
+        ends = self.scene.lines.reshape(-1, 3)
+        seen = self._look(frames, ends, np.zeros_like(ends))
+        found = np.full((count, len(ends), 2), np.nan)
+        found[seen.frame, seen.landmark] = seen.uv
+        both = found.reshape(count, -1, 2, 2)
+        frame, line = np.nonzero(np.isfinite(both).all(axis=(2, 3)))
+        true = both[frame, line]
+        measured = true.copy()
+        sigma = self.view.parameters.pixel_noise
+        for k in np.unique(frame) if sigma > 0.0 else ():
+            rows = slice(*np.searchsorted(frame, [k, k + 1]))
+            noise = self.view.stream("line_noise", int(frames.number[k]))
+            measured[rows] += sigma * noise.standard_normal(true[rows].shape)
+        return Lines(frame, line, measured, true)
+
+    def _ids(self, index: Rows, landmark: Rows) -> Rows:
+        """Return the tracks' ids: the landmark's, plus the number of landmarks for each life."""
+        life = self.view.parameters.track_lifetime
+        if not life:
+            return landmark
+        result: Rows = landmark + len(self._age) * ((index + self._age[landmark]) // life)
+        return result
+
+    def _visible(self, frames: Frames) -> _Seen:
+        return self._look(frames, self.scene.landmarks, self.scene.normals)
+
+    def _look(self, frames: Frames, points: Array, normals: Array) -> _Seen:
+        """Return which points are seen in which frames, in as many steps as memory requires."""
+        delivered = np.flatnonzero(frames.delivered)
+        step = max(1, _PAIRS // max(1, len(points)))
+        parts = [
+            self._look_at_once(frames, delivered[k : k + step], points, normals)
+            for k in range(0, len(delivered), step)
+        ]
+        if not parts:
+            empty = np.zeros(0, dtype=np.int64)
+            return _Seen(empty, empty, np.zeros((0, 2)), np.zeros(0))
+        return _Seen(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+    def _look_at_once(self, frames: Frames, rows: Rows, points: Array, normals: Array) -> _Seen:
+        p, model = self.view.parameters, self.view.model
+        t = self.view.seconds(frames.true_t_ns[rows])
+        poses = self.view.poses(self.trajectory, t)
+        slack = _SLACK * model.height if p.row_time > 0.0 else 0.0
+        frame, point, local = self._ahead(poses, points)
+        uv, valid = model.project(local)
+        seen = valid & model.inside(uv, p.border - slack)
+        frame, point, uv, depth = frame[seen], point[seen], uv[seen], local[seen, 2]
+        eye = Poses(poses.position[frame], poses.q_wc[frame])
+        if slack:
+            eye, uv, depth, seen = self._through_rolling_shutter(t[frame], points[point], uv)
+            eye = Poses(eye.position[seen], eye.q_wc[seen])
+            frame, point, uv, depth = frame[seen], point[seen], uv[seen], depth[seen]
+        shown = self._shown(eye.position, points[point], normals[point])
+        return _Seen(rows[frame[shown]], point[shown], uv[shown], depth[shown])
+
+    def _ahead(self, poses: Poses, points: Array) -> tuple[Rows, Rows, Array]:
+        """Return frames and rows of all points within the depths, and the points in the camera."""
+        p = self.view.parameters
+        count = len(points)
+        local = in_camera(
+            Poses(poses.position[:, None], poses.q_wc[:, None]), points[None]
+        ).reshape(-1, 3)
+        near = np.flatnonzero((local[:, 2] > p.min_depth) & (local[:, 2] < p.max_depth))
+        return near // count, near % count, local[near]
+
+    def _through_rolling_shutter(
+        self, t: Array, points: Array, uv: Array
+    ) -> tuple[Poses, Array, Array, Mask]:
+        """Return poses, pixels and depths at the time at which each pixel's row is exposed.
+
+        The row decides the time, and the time the row: ``t = t_frame + row_time (v - (h - 1) / 2)``
+        is iterated, which converges as fast as rows move slower in the image than the shutter.
+        """
+        p, model = self.view.parameters, self.view.model
+        for _ in range(_SHUTTER_STEPS):
+            shift = p.row_time * (uv[:, 1] - 0.5 * (model.height - 1))
+            poses = self.view.poses(self.trajectory, t + shift)
+            local = in_camera(poses, points)
+            uv, valid = model.project(local)
+        depth = local[:, 2]
+        seen = valid & model.inside(uv, p.border) & (depth > p.min_depth) & (depth < p.max_depth)
+        return poses, uv, depth, seen
+
+    def _shown(self, eye: Array, points: Array, normals: Array) -> Mask:
+        """Tell which points (n, 3) face the eye (n, 3) and are behind no surface."""
+        facing = (normals * (eye - points)).sum(axis=1)
+        shown: Mask = (facing > 0.0) | ~normals.any(axis=1)
+        rows = np.flatnonzero(shown)
+        shown[rows[hidden(self.scene.surfaces, eye[rows], points[rows])]] = False
+        return shown
+
+    def _chosen(self, seen: _Seen) -> _Seen:
+        """Return at most ``max_features`` of each frame: of each cell those of highest priority."""
+        p = self.view.parameters
+        if not p.max_features or not len(seen.frame):
+            return seen
+        row = ((seen.uv[:, 1] + 0.5) * p.grid_rows / p.height).astype(np.int64)
+        column = ((seen.uv[:, 0] + 0.5) * p.grid_columns / p.width).astype(np.int64)
+        cells = p.grid_rows * p.grid_columns
+        cell = row.clip(0, p.grid_rows - 1) * p.grid_columns + column.clip(0, p.grid_columns - 1)
+        priority = self._priority[seen.landmark]
+        place = _rank(seen.frame * cells + cell, priority)
+        # The best of every cell come before the second best of any.
+        order = place * len(self._priority) + priority
+        keep = _rank(seen.frame, order) < p.max_features
+        return _kept(seen, keep)
+
+    def _measured(self, frames: Frames, seen: _Seen) -> tuple[Array, Mask]:
+        """Return the pixels with noise, outliers and mismatches, and which are wrong."""
+        p = self.view.parameters
+        uv, wrong = seen.uv.copy(), np.zeros(len(seen.uv), dtype=bool)
+        if not (p.pixel_noise or p.outlier_probability or p.mismatch_probability):
+            return uv, wrong
+        edges = np.searchsorted(seen.frame, np.arange(len(frames.number) + 1))
+        for k, index in enumerate(frames.number.tolist()):
+            part = slice(edges[k], edges[k + 1])
+            if p.pixel_noise > 0.0:
+                noise = self.view.stream("pixel_noise", index)
+                uv[part] += p.pixel_noise * noise.standard_normal(uv[part].shape)
+            if p.outlier_probability > 0.0:
+                stream = self.view.stream("outlier", index)
+                hit = stream.random(len(uv[part])) < p.outlier_probability
+                anywhere = stream.random(uv[part].shape) * (p.width, p.height) - 0.5
+                uv[part][hit], wrong[part][hit] = anywhere[hit], True
+            if p.mismatch_probability > 0.0:
+                stream = self.view.stream("mismatch", index)
+                mixed = np.flatnonzero(stream.random(len(uv[part])) < p.mismatch_probability)
+                if len(mixed) > 1:  # a single one has nothing to be mistaken for
+                    uv[part][mixed], wrong[part][mixed] = uv[part][np.roll(mixed, 1)], True
+        return uv, wrong
+
+
+def _kept(seen: _Seen, rows: Mask) -> _Seen:
+    return _Seen(seen.frame[rows], seen.landmark[rows], seen.uv[rows], seen.depth[rows])
+
+
+def _rank(group: Rows, order: Rows) -> Rows:
+    """Return each item's place (n,) within its group (n,) when sorted by ``order`` (n,)."""
+    by = np.lexsort((order, group))
+    sorted_group = group[by]
+    starts = np.searchsorted(sorted_group, sorted_group)
+    result = np.empty(len(group), dtype=np.int64)
+    result[by] = np.arange(len(group)) - starts
+    return result

@@ -1,0 +1,110 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A camera on a body: when it takes frames, and where it is then."""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros import rotation, timebase
+from imu_sim_ros.random_streams import generator_at
+from imu_sim_ros.sensors.camera.model import CameraModel
+from imu_sim_ros.sensors.camera.parameters import CameraParameters
+from imu_sim_ros.trajectory.motion import Trajectory
+
+Array = NDArray[np.float64]
+Times = NDArray[np.int64]
+
+LARGEST_JITTER: Final = 0.45
+"""Where the stamps' error is cut off, in intervals, so that stamps always increase."""
+
+
+class Frames(NamedTuple):
+    """n consecutive frames of one camera."""
+
+    number: NDArray[np.int64]
+    """(n,) which frames."""
+    true_t_ns: Times
+    """(n,) the middle of the exposure, of the middle row [ns]."""
+    t_ns: Times
+    """(n,) the stamps, by the camera's clock [ns]."""
+    release_t_ns: Times
+    """(n,) when the messages leave the driver [ns]."""
+    delivered: NDArray[np.bool_]
+    """(n,) false: the frame is lost."""
+
+
+class Poses(NamedTuple):
+    """Where a camera is at n times."""
+
+    position: Array
+    """(n, 3) p_wc [m]."""
+    q_wc: Array
+    """(n, 4)."""
+
+
+class View:
+    """One camera of a simulation."""
+
+    def __init__(
+        self, name: str, parameters: CameraParameters, seed: int, t0_ns: int, duration: float
+    ) -> None:
+        """Set up the camera.
+
+        :param name: of the camera; its random streams have it in their names.
+        :param t0_ns: start of the simulation [ns].
+        :param duration: of the simulation [s]; may be infinite; no frame is taken after it.
+        """
+        self.name, self.parameters, self.seed = name, parameters, seed
+        self.t0_ns, self.duration = t0_ns, duration
+        self.model = CameraModel(parameters)
+        r_bc, self.p_bc = parameters.pose()
+        self.q_bc = rotation.from_matrix(r_bc)
+        self.phase_ns = timebase.to_nanoseconds(parameters.phase)
+
+    @property
+    def total(self) -> int | None:
+        """Number of frames; None: endless."""
+        rest = self.duration - self.parameters.phase
+        if np.isinf(rest):
+            return None
+        return timebase.sample_count(max(rest, 0.0), self.parameters.rate)
+
+    def stream(self, source: str, index: int) -> np.random.Generator:
+        """Return the random stream of one source for one frame."""
+        return generator_at(self.seed, f"{self.name}.{source}", index)
+
+    def frames(self, first: int, count: int) -> Frames:
+        """Return frames ``first .. first + count - 1``."""
+        p = self.parameters
+        index = np.arange(first, first + count, dtype=np.int64)
+        true = timebase.sample_times_ns(first, count, p.rate, self.t0_ns + self.phase_ns)
+        stamps = true - timebase.to_nanoseconds(p.time_offset)
+        if p.jitter > 0.0:
+            limit = LARGEST_JITTER / p.rate
+            errors = [self.stream("stamp", int(k)).standard_normal() * p.jitter for k in index]
+            stamps = stamps + np.rint(np.clip(errors, -limit, limit) * 1e9).astype(np.int64)
+        delivered = np.ones(count, dtype=bool)
+        if p.dropout_probability > 0.0:
+            drawn = [self.stream("dropout", int(k)).random() for k in index]
+            delivered = np.array(drawn) >= p.dropout_probability
+        release = true + timebase.to_nanoseconds(p.latency)
+        return Frames(index, true, stamps, release, delivered)
+
+    def seconds(self, t_ns: Times) -> Array:
+        """Return times after the start, within the trajectory's length [s]."""
+        t = timebase.seconds_since(t_ns, self.t0_ns)
+        return np.clip(t, 0.0, self.duration)
+
+    def poses(self, trajectory: Trajectory, t: Array) -> Poses:
+        """Return where the camera is at times t (n,) [s]: ``T_wc = T_wb T_bc``."""
+        motion = trajectory.sample(np.clip(t, 0.0, trajectory.duration))
+        position = motion.position + rotation.rotate(motion.q_wb, self.p_bc)
+        return Poses(position, rotation.multiply(motion.q_wb, self.q_bc))
+
+
+def in_camera(poses: Poses, points: Array) -> Array:
+    """Return points (n, 3) of the world in the camera's frame, each by the pose of its row."""
+    return rotation.rotate_inverse(poses.q_wc, points - poses.position)

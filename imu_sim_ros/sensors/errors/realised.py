@@ -1,0 +1,106 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Constants of a unit drawn from its seed: what a data sheet gives as a tolerance.
+
+Which constants there are, and what a turn-on scale does to them, the declarations of a sensor's
+parameters say: a constant is a parameter NAME beside which there is a NAME_sigma.
+"""
+
+import dataclasses
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.parameters.kinds import ZERO_VECTOR
+from imu_sim_ros.parameters.sections import parameters as declared
+from imu_sim_ros.random_streams import axis_generators
+from imu_sim_ros.sensors.errors.response import TurnOn
+from imu_sim_ros.sensors.imu.triads import NO_CROSS_AXIS, TriadParameters
+
+Array = NDArray[np.float64]
+
+
+def _constants(cls: type) -> dict[str, int]:
+    """Return the constants of a section that are drawn, and how many numbers for each axis."""
+    known = declared(cls)
+    return {
+        name: 3 if parameter.kind == "matrix" else 1
+        for name, parameter in known.items()
+        if f"{name}_sigma" in known
+    }
+
+
+def with_constants(section: Any, sensor: str, seed: int) -> Any:
+    """Return a section of parameters with the drawn part of each constant added.
+
+    Each constant has a stream of its own per axis, so that adding one changes no other.
+
+    :param sensor: as in the streams' names.
+    """
+    changed: dict[str, Any] = {}
+    for name, count in _constants(type(section)).items():
+        sigma = getattr(section, f"{name}_sigma")
+        if any(sigma):
+            added = _drawn(seed, f"{sensor}.{name}", sigma, count)
+            sums = np.array(getattr(section, name) or ZERO_VECTOR)
+            sums[: added.size] += added.ravel()
+            changed |= {name: tuple(sums.tolist()), f"{name}_sigma": ZERO_VECTOR}
+    return dataclasses.replace(section, **changed) if changed else section
+
+
+@lru_cache(maxsize=16)
+def unit_of_seed(parameters: TriadParameters, triad: str, seed: int) -> TriadParameters:
+    """Return the triad with the drawn part of each constant added and nothing left to draw.
+
+    The turn-on bias and scale, which differ from run to run, are :class:`TurnOn`'s.
+
+    :param triad: name of the triad, as in the streams' names.
+    """
+    p: TriadParameters = with_constants(parameters, triad, seed)
+    if not any(p.misalignment_sigma):
+        return p
+    matrix = p.response()
+    added = _drawn(seed, f"{triad}.misalignment", p.misalignment_sigma, 2)
+    matrix[~np.eye(3, dtype=bool)] += added.ravel()
+    return dataclasses.replace(p, **as_matrix(matrix), misalignment_sigma=ZERO_VECTOR)
+
+
+def with_turn_on(section: Any, turn_on: TurnOn, gain: Array | None = None) -> Any:
+    """Return a section of parameters with the turn-on bias and scale in it, and none left to draw.
+
+    With parts c of the scale by temperature and age, ``(1 + s + c) (S x + ...)`` becomes
+    ``(1 + c / (1 + s)) ((1 + s) S x + ...)``; readings differ by rounding only.
+
+    :param gain: (3, 3) what multiplies the response, in its axes; None: that of each axis.
+    """
+    scale = 1.0 + turn_on.scale
+    gain = np.diag(scale) if gain is None else gain
+    changed: dict[str, Any] = {"bias": np.asarray(section.bias) + turn_on.bias}
+    for name, parameter in declared(type(section)).items():
+        value = np.asarray(getattr(section, name)) if parameter.turn_on_scale else np.empty(0)
+        if parameter.turn_on_scale == "multiplies":
+            changed[name] = gain @ value.reshape(3, -1)
+        elif parameter.turn_on_scale == "divides":
+            changed[name] = value.reshape(-1, 3) / scale
+    changed = {name: tuple(np.ravel(value).tolist()) for name, value in changed.items()}
+    changed |= {"turn_on_bias_sigma": ZERO_VECTOR, "turn_on_scale_sigma": ZERO_VECTOR}
+    return dataclasses.replace(section, **changed)
+
+
+def as_matrix(response: Array) -> dict[str, Any]:
+    """Return the parameters that give S (3, 3) as a matrix, and no part of it in percent."""
+    return {
+        "scale_misalignment": tuple(np.ravel(response).tolist()),
+        "scale_error_percent": ZERO_VECTOR,
+        "misalignment_percent": NO_CROSS_AXIS,
+    }
+
+
+def _drawn(seed: int, name: str, sigma: tuple[float, ...], count: int) -> Array:
+    """Return count numbers for each axis (3, count)."""
+    numbers = [stream.standard_normal(count) for stream in axis_generators(seed, name)]
+    result: Array = np.array(numbers) * np.array(sigma)[:, None]
+    return result

@@ -1,0 +1,329 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The chain of a triad: scale, misalignment, temperature, low-pass, range, resolution."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.parameters.kinds import Vector
+from imu_sim_ros.random_streams import axis_generators
+from imu_sim_ros.rotation.components import transform
+from imu_sim_ros.sensors.environment import TemperatureParameters
+from imu_sim_ros.sensors.imu.triads import TriadParameters
+
+Array = NDArray[np.float64]
+
+
+class Response:
+    """The response of a triad to its input x: ``S x + q x^2 + G f + H f^2`` (lecture eq. 7 and 25).
+
+    G, the g-sensitivity, and H, that to the square of each axis, are the gyroscope's only; f is the
+    ideal specific force.
+    """
+
+    def __init__(self) -> None:
+        self._s = np.eye(3)
+        self._quadratic: list[tuple[int, float]] = []
+        self._g: Array | None = None
+        self._h: Array | None = None
+
+    def configure(self, parameters: TriadParameters) -> None:
+        """Take the coefficients."""
+        self._s = parameters.response()
+        self._quadratic = [(k, q) for k, q in enumerate(parameters.quadratic) if q]
+        self._g = _matrix(parameters.g_sensitivity)
+        self._h = _matrix(parameters.g_squared_sensitivity)
+
+    def apply(self, ideal: Array, force: Array) -> Array:
+        """Return the response (3, n), a new array.
+
+        :param ideal: (3, n) input of the triad.
+        :param force: (3, n) specific force [m/s^2].
+        """
+        result = transform(self._s, ideal)
+        for k, quadratic in self._quadratic:
+            square = quadratic * ideal[k]
+            square *= ideal[k]
+            result[k] += square
+        if self._g is not None:
+            result += transform(self._g, force)
+        if self._h is not None:
+            result += transform(self._h, force * force)
+        return result
+
+
+def _matrix(values: Sequence[float]) -> Array | None:
+    """Return nine numbers as a matrix (3, 3); None where all are zero."""
+    return np.reshape(values, (3, 3)) if any(values) else None
+
+
+class ConstantBias:
+    """The constant bias."""
+
+    active = False
+
+    def __init__(self) -> None:
+        self._bias = np.zeros((3, 1))
+
+    def configure(self, parameters: TriadParameters) -> None:
+        """Take the bias."""
+        self._bias = np.asarray(parameters.bias)[:, None]
+        self.active = any(parameters.bias)
+
+    def add_to(self, values: Array) -> None:
+        """Add n samples to values (3, n)."""
+        if self.active:
+            values += self._bias
+
+
+class TurnOn:
+    """Bias and scale that differ from run to run, drawn from the seed."""
+
+    def __init__(self, seed: int, triad: str, parameters: TriadParameters) -> None:
+        self.bias = _drawn(seed, f"{triad}.turn_on_bias", parameters.turn_on_bias_sigma)
+        """(3,)"""
+        self.scale = _drawn(seed, f"{triad}.turn_on_scale", parameters.turn_on_scale_sigma)
+        """(3,) relative."""
+
+
+def _drawn(seed: int, name: str, sigma: Vector) -> Array:
+    if not any(sigma):
+        return np.zeros(3)
+    numbers = [stream.standard_normal() for stream in axis_generators(seed, name)]
+    return np.array(numbers) * sigma
+
+
+class TemperatureProfile:
+    """Piecewise linear ambient temperature, followed by the sensor with a first-order lag.
+
+    On a piece ``T_a = A + B (t - t_j)`` the lag ``tau dT/dt = T_a - T`` has the solution
+    ``T = T_a - B tau + (T_j - A + B tau) exp(-(t - t_j) / tau)``: closed form, so times can be
+    asked for in any order. The sensor starts at the ambient temperature. Power P from the start on
+    warms it further, by ``P sum_i R_i (1 - exp(-t / tau_i))`` of package and board.
+    """
+
+    def __init__(self, parameters: TemperatureParameters) -> None:
+        times = list(parameters.profile[::2])
+        values = list(parameters.profile[1::2])
+        if not times or times[0] > 0.0:
+            times.insert(0, 0.0)
+            values.insert(0, parameters.value)
+        self._times = np.array(times)
+        self._ambient = np.array(values)
+        self._slope = np.zeros(len(times))
+        if parameters.interpolation == "linear":
+            self._slope[:-1] = np.diff(self._ambient) / np.diff(self._times)
+        self._tau = parameters.time_constant
+        self._excess = self._start_excess()
+        rises = parameters.power * np.array(parameters.thermal_resistance)
+        self._warm_up = [
+            (float(rise), tau)
+            for rise, tau in zip(rises, parameters.warm_up_time, strict=True)
+            if rise
+        ]
+
+    def _start_excess(self) -> Array:
+        """Return the decaying part at the start of each piece: ``T_j - A + B tau``."""
+        excess = np.zeros(len(self._times))
+        sensor = self._ambient[0]
+        for j, (ambient, slope) in enumerate(zip(self._ambient, self._slope, strict=True)):
+            excess[j] = sensor - ambient + slope * self._tau
+            if j + 1 < len(self._times) and self._tau:
+                length = self._times[j + 1] - self._times[j]
+                sensor = ambient + slope * (length - self._tau)
+                sensor += excess[j] * np.exp(-length / self._tau)
+        return excess
+
+    @property
+    def constant(self) -> bool:
+        """Whether the temperature never changes."""
+        return len(self._times) == 1 and not self._warm_up
+
+    def at(self, t: Array) -> Array:
+        """Return the sensor's temperature (n,) [degC] at times t (n,) [s] since the start."""
+        if self.constant:
+            return np.full(t.shape, self._ambient[0])
+        temperature = self._following(t)
+        for rise, tau in self._warm_up:
+            temperature += rise if tau == 0.0 else -rise * np.expm1(-t / tau)
+        return temperature
+
+    def _following(self, t: Array) -> Array:
+        """Return the temperature of a sensor that only follows the ambient one."""
+        piece = np.searchsorted(self._times, t, side="right") - 1
+        since = t - self._times[piece]
+        temperature: Array = self._ambient[piece] + self._slope[piece] * (since - self._tau)
+        if self._tau:
+            temperature += self._excess[piece] * np.exp(-since / self._tau)
+        return temperature
+
+
+def polynomial(coefficients: Sequence[float], difference: Array) -> Array | None:
+    """Return ``sum_k c_k dT^(k+1)`` per axis, (3, n); None without coefficients.
+
+    :param coefficients: x y z of k = 0, then of k = 1, and so on.
+    :param difference: (n,) temperature above the reference [K].
+    """
+    if not any(coefficients):
+        return None
+    rows = np.reshape(coefficients, (-1, 3))
+    result = np.zeros((3, len(difference)))
+    for row in rows[::-1]:
+        result += row[:, None]
+        result *= difference
+    return result
+
+
+@dataclass
+class _Group:
+    """Axes with the same cut-off, filtered together."""
+
+    axes: NDArray[np.intp]
+    sections: Array
+    settled: Array
+    """(sections, 2) state of one axis whose input has always been 1."""
+    state: Array | None = None
+    """(axes, sections, 2)."""
+
+    @property
+    def rows(self) -> slice | NDArray[np.intp]:
+        """The axes, as a slice where they are neighbours: rows are then filtered in place."""
+        first, last = int(self.axes[0]), int(self.axes[-1])
+        neighbours = last - first + 1 == len(self.axes)
+        return slice(first, last + 1) if neighbours else self.axes
+
+
+class LowPass:
+    """A Butterworth low-pass on each axis that has a cut-off.
+
+    The bilinear transform with the cut-off matched: -3 dB exactly at the cut-off. The filter starts
+    settled on the first sample.
+    """
+
+    def __init__(self, cutoffs: Array, order: int, rate: float) -> None:
+        """Set up the filters.
+
+        :param cutoffs: (3,) [Hz]; 0: none.
+        :param rate: [Hz] of what is filtered.
+        """
+        self._groups: list[_Group] = []
+        if cutoffs.any():
+            from scipy import signal  # half a second of import that only a low-pass costs
+
+            self._filter = signal.sosfilt
+            for cutoff in np.unique(cutoffs[cutoffs > 0.0]):
+                sections = signal.butter(order, cutoff, fs=rate, output="sos")
+                axes = np.flatnonzero(cutoffs == cutoff)
+                self._groups.append(_Group(axes, sections, signal.sosfilt_zi(sections)))
+
+    def apply(self, values: Array) -> None:
+        """Filter the next n samples (3, n) in place."""
+        if values.shape[1] == 0:
+            return
+        for group in self._groups:
+            rows = group.rows
+            x = values[rows]
+            if group.state is None:
+                group.state = group.settled * x[:, :1, None]
+            zi = group.state.transpose(1, 0, 2)
+            values[rows], after = self._filter(group.sections, x, zi=zi)
+            group.state = after.transpose(1, 0, 2)
+
+
+_WHOLE: Final = 1.0 + 1e-6
+"""A range this close to whole steps counts as whole steps: files round their numbers."""
+
+
+class Digitiser:
+    """Rounding to whole steps, and saturation: at the last whole step within the range."""
+
+    def __init__(self) -> None:
+        self._axes: list[tuple[int, float, float]] = []
+
+    def configure(self, parameters: TriadParameters) -> None:
+        """Take range and resolution; 0 is none."""
+        limits = zip(parameters.range, parameters.resolution, strict=True)
+        self._axes = [(k, r, step) for k, (r, step) in enumerate(limits) if r or step]
+
+    def apply(self, values: Array) -> None:
+        """Saturate and round values (3, n) in place."""
+        for k, limit, step in self._axes:
+            row = values[k]
+            if step:
+                row /= step
+                np.rint(row, out=row)
+                if limit:
+                    _clip(row, float(np.floor(limit / step * _WHOLE)))
+                row *= step
+            else:
+                _clip(row, limit)
+
+
+def _clip(values: Array, limit: float) -> None:
+    """Limit values to +-limit in place."""
+    np.minimum(np.maximum(values, -limit, out=values), limit, out=values)
+
+
+class IncrementRounding:
+    """Delta angles or velocities in whole steps, as a counter of pulses gives them.
+
+    The sum of all increments is rounded, and an increment is the difference of two rounded sums:
+    the remainder of the rounding is carried over, so that angles do not drift. That is the
+    quantisation noise of IEEE Std 952-1997, C.1.5, with ``Q = step / sqrt(12)``.
+    """
+
+    def __init__(self, interval: float) -> None:
+        """Start with a sum of 0.
+
+        :param interval: nominal time between two samples [s].
+        """
+        self._interval = interval
+        self._step = [0.0] * 3
+        self._active = False
+        self._sum = [0.0] * 3
+
+    def configure(self, parameters: TriadParameters) -> None:
+        """Take the steps; 0 is none."""
+        step = np.asarray(parameters.increment_resolution).tolist()
+        for k, (old, new) in enumerate(zip(self._step, step, strict=True)):
+            if old != new:
+                self._sum[k] = 0.0
+        self._step, self._active = step, any(step)
+
+    def apply(self, values: Array) -> None:
+        """Round the increments of mean readings (3, n) in place."""
+        if not self._active:
+            return
+        for k, (row, step) in enumerate(zip(values, self._step, strict=True)):
+            if not (step and len(row)):
+                continue
+            sums = np.empty(len(row) + 1)
+            sums[0] = self._sum[k]
+            np.multiply(row, self._interval / step, out=sums[1:])
+            np.cumsum(sums, out=sums)  # adds one after the other, whatever the block's size
+            self._sum[k] = float(sums[-1])
+            row[:] = np.diff(np.rint(sums)) * (step / self._interval)
+
+
+def noise_gain(cutoff: float, order: int, rate: float) -> float:
+    """Return the share of white-noise variance that passes a low-pass, 0 to 1.
+
+    The mean of ``|H|^2 = 1 / (1 + u^(2 n))`` over all frequencies up to half the rate, with
+    ``u = tan(pi f / rate) / tan(pi cutoff / rate)``, the bilinear transform's frequency.
+
+    :param cutoff: [Hz]; 0: no low-pass.
+    """
+    if not cutoff:
+        return 1.0
+    t = np.tan(np.pi * cutoff / rate)
+    # In s = ln u the integrand is smooth and dies out at both ends: the trapezoid rule is exact to
+    # rounding.
+    s, step = np.linspace(-30.0, 30.0, 1201, retstep=True)
+    u = np.exp(s)
+    density = 2.0 / np.pi * t * u / ((1.0 + (t * u) ** 2) * (1.0 + u ** (2 * order)))
+    return float(density.sum() * step)

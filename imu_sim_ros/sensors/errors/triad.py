@@ -1,0 +1,179 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The error chain of one triad, from the ideal reading to the digital output."""
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.conventions import Measured
+from imu_sim_ros.sensors.errors.noise import (
+    BiasInstability,
+    GaussMarkov,
+    RandomWalk,
+    RateRamp,
+    Term,
+    WhiteNoise,
+)
+from imu_sim_ros.sensors.errors.realised import unit_of_seed
+from imu_sim_ros.sensors.errors.response import (
+    ConstantBias,
+    Digitiser,
+    IncrementRounding,
+    LowPass,
+    Response,
+    TurnOn,
+    polynomial,
+)
+from imu_sim_ros.sensors.faults import FaultSchedule
+from imu_sim_ros.sensors.imu.board import Surroundings, aged, board_terms
+from imu_sim_ros.sensors.imu.parameters import ImuParameters
+
+Array = NDArray[np.float64]
+
+
+class Reading(NamedTuple):
+    """What a triad reads and why; all (3, n)."""
+
+    reading: Array
+    bias: Array
+    scale: Array
+
+
+class Triad:
+    """One triad; see the package's docstring for the order of the errors."""
+
+    def __init__(self, triad: Measured, imu: ImuParameters, seed: int, rate: float) -> None:
+        """Set up the errors at their start.
+
+        :param rate: samples per second [Hz].
+        """
+        self._ratio = int(imu.internal_ratio(rate))
+        internal = rate * self._ratio
+        dt = 1.0 / internal
+        self._triad, self._seed = triad, seed
+        own = imu.triad(triad)
+        turn_on = TurnOn(seed, triad, own)
+        self._turn_on_bias = turn_on.bias[:, None] if turn_on.bias.any() else None
+        self._turn_on_scale = (1.0 + turn_on.scale)[:, None] if turn_on.scale.any() else None
+        self._response = Response()
+        self._bias_terms: tuple[Term, ...] = (
+            ConstantBias(),
+            RandomWalk(seed, triad, dt),
+            GaussMarkov(seed, triad, dt, own),
+            BiasInstability(seed, triad, dt),
+            RateRamp(dt),
+        )
+        self._board_terms = board_terms(seed, triad, imu, dt)
+        ages = any(own.ageing_scale)
+        self._ageing_scale = np.asarray(own.ageing_scale)[:, None] if ages else None
+        self._age_days, self._dt, self._done = imu.age_days, dt, 0
+        self._white = WhiteNoise(seed, triad, dt)
+        self._low_pass = LowPass(np.asarray(own.bandwidth), imu.bandwidth_order, internal)
+        self._digitiser = Digitiser()
+        self._increments = IncrementRounding(1.0 / rate)
+        self._last: Array | None = None
+        self.configure(imu)
+
+    def configure(self, imu: ImuParameters) -> None:
+        """Take new values of live parameters, from the next sample on."""
+        own = unit_of_seed(imu.triad(self._triad), self._triad, self._seed)
+        self._parameters = own
+        self._response.configure(own)
+        for term in self._bias_terms:
+            term.configure(own)
+        self._active_terms = [term for term in self._bias_terms if term.active]
+        self._white.configure(own)
+        self._digitiser.configure(own)
+        self._increments.configure(own)
+
+    def read(
+        self,
+        first: int,
+        ideal: Array,
+        force: Array,
+        temperature_offset: Array,
+        faults: FaultSchedule,
+        vibration: Array | None = None,
+    ) -> Reading:
+        """Return the next n samples.
+
+        Inside an oversampled sensor there are m = ratio readings for each, 1 elsewhere.
+
+        :param first: index of the first of them.
+        :param ideal: (3, n m) ideal reading of this triad.
+        :param force: (3, n m) ideal specific force [m/s^2].
+        :param temperature_offset: (n m,) temperature above the reference [K].
+        :param vibration: (3, n) what the vehicle adds to the filtered readings.
+        """
+        surroundings = Surroundings(force, temperature_offset)
+        reading = self._response.apply(ideal, force)
+        scale = self._scale(temperature_offset)
+        if scale is None:
+            scale = _ones(reading.shape[1])
+        else:
+            reading *= scale
+        bias = self._bias(first, surroundings, faults)
+        reading += bias
+        self._white.add_to(reading, temperature_offset)
+        self._low_pass.apply(reading)
+        if self._ratio > 1:
+            last = slice(self._ratio - 1, None, self._ratio)
+            reading, bias, scale = (
+                np.ascontiguousarray(values[:, last]) for values in (reading, bias, scale)
+            )
+        if vibration is not None:
+            reading += vibration
+        if faults.any:
+            faults.saturate(self._triad, first, reading)
+        self._digitiser.apply(reading)
+        self._increments.apply(reading)
+        if faults.any:
+            faults.hold(self._triad, first, reading, self._last)
+        if reading.shape[1]:
+            self._last = reading[:, -1].copy()
+        return Reading(reading, bias, scale)
+
+    def _scale(self, temperature_offset: Array) -> Array | None:
+        """Return the scale by temperature, turn-on and age (3, n); None where it is 1."""
+        thermal = polynomial(self._parameters.temperature_scale, temperature_offset)
+        n = len(temperature_offset)
+        if self._ageing_scale is not None:
+            seconds = np.arange(self._done, self._done + n) * self._dt
+            drift = self._ageing_scale * aged(self._age_days, seconds)
+            thermal = drift if thermal is None else thermal + drift
+        self._done += n
+        drawn = self._turn_on_scale
+        if thermal is None:
+            return None if drawn is None else np.broadcast_to(drawn, (3, n))
+        thermal += 1.0 if drawn is None else drawn
+        return thermal
+
+    def _bias(self, first: int, surroundings: Surroundings, faults: FaultSchedule) -> Array:
+        """Return the sum of all biases (3, n)."""
+        offset = surroundings.temperature_offset
+        bias = polynomial(self._parameters.temperature_bias, offset)
+        if bias is None:
+            bias = np.zeros((3, len(offset)))
+        if self._turn_on_bias is not None:
+            bias += self._turn_on_bias
+        for term in self._active_terms:
+            term.add_to(bias)
+        for board_term in self._board_terms:
+            board_term.add_to(bias, surroundings)
+        if not faults.any:
+            return bias
+        jumps = bias if self._ratio == 1 else np.zeros((3, bias.shape[1] // self._ratio))
+        faults.add_bias(self._triad, first, jumps)
+        if jumps is not bias:
+            bias += np.repeat(jumps, self._ratio, axis=1)
+        return bias
+
+
+@lru_cache(maxsize=4)
+def _ones(count: int) -> Array:
+    """Return the scale (3, count) of a triad that has no error of scale; read-only."""
+    return np.broadcast_to(1.0, (3, count))

@@ -1,0 +1,197 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Gravity and the rotation of the Earth, flat and with the Earth's curvature for long flights."""
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from imu_sim_ros.rotation.components import cross, rotate_inverse
+from imu_sim_ros.sensors.environment import EnvironmentParameters
+from imu_sim_ros.trajectory.motion import Motion
+
+Array = NDArray[np.float64]
+
+EARTH_RATE: Final = 7.292115e-5
+"""[rad/s]"""
+SEMI_MAJOR_AXIS: Final = 6378137.0
+"""[m]"""
+FLATTENING: Final = 1.0 / 298.257223563
+ECCENTRICITY_SQUARED: Final = 6.69437999014e-3
+_EQUATOR_GRAVITY: Final = 9.7803253359
+_SOMIGLIANA_CONSTANT: Final = 0.00193185265241
+_CENTRIFUGAL_RATIO: Final = 0.00344978650684
+
+
+def normal_gravity(latitude: float, height: float) -> float:
+    """Return the magnitude of gravity, the centrifugal part included [m/s^2].
+
+    :param latitude: geodetic [rad].
+    :param height: above the ellipsoid [m]; the series is of second order, good to 1e-6 m/s^2 below
+        10 km.
+    """
+    return float(gravity_on_ellipsoid(math.sin(latitude) ** 2, height))
+
+
+def gravity_on_ellipsoid(sine_squared: ArrayLike, height: ArrayLike) -> Array:
+    """Return normal gravity (...) [m/s^2] for the squared sine of latitudes, and heights [m]."""
+    s, h = np.asarray(sine_squared), np.asarray(height)
+    # Somigliana, eq. 4-1
+    surface = (
+        _EQUATOR_GRAVITY
+        * (1.0 + _SOMIGLIANA_CONSTANT * s)
+        / np.sqrt(1.0 - ECCENTRICITY_SQUARED * s)
+    )
+    # eq. 4-3
+    a, f, m = SEMI_MAJOR_AXIS, FLATTENING, _CENTRIFUGAL_RATIO
+    linear = 2.0 / a * (1.0 + f + m - 2.0 * f * s)
+    result: Array = surface * (1.0 - linear * h + 3.0 / a**2 * h**2)
+    return result
+
+
+def gravity_vector(environment: EnvironmentParameters) -> Array:
+    """Return g_w (3,) [m/s^2] as set by the parameters; one vector for the whole world."""
+    if environment.gravity_model == "constant":
+        return np.array(environment.gravity)
+    latitude = math.radians(environment.latitude_deg)
+    return np.array([0.0, 0.0, -normal_gravity(latitude, environment.height)])
+
+
+def earth_rate_vector(environment: EnvironmentParameters) -> Array:
+    """Return the Earth's rotation omega_ie in the world frame, ENU (3,) [rad/s]; 0 where off."""
+    if not environment.earth_rotation:
+        return np.zeros(3)
+    latitude = math.radians(environment.latitude_deg)
+    return EARTH_RATE * np.array([0.0, math.cos(latitude), math.sin(latitude)])
+
+
+class Place(NamedTuple):
+    """Where a body is on the Earth; all (n,)."""
+
+    latitude: Array
+    """Geodetic [rad]."""
+    longitude: Array
+    """[rad], not wrapped."""
+    height: Array
+    """Above the ellipsoid [m]."""
+
+
+class OverGround(NamedTuple):
+    """Motion over ground, resolved in east, north, up at the place; all (3, n)."""
+
+    velocity: Array
+    """[m/s]"""
+    acceleration: Array
+    """Derivative of the velocity's components [m/s^2]."""
+    transport_rate: Array
+    """Rotation of east, north, up relative to the Earth, omega_en [rad/s]."""
+    transport_acceleration: Array
+    """Derivative of the transport rate's components [rad/s^2]."""
+    earth_rate: Array
+    """omega_ie; 0 where the world does not rotate [rad/s]."""
+    gravity: Array
+    """[m/s^2]"""
+
+
+class CurvedEarth:
+    """The places of a trajectory on WGS84, and what an IMU senses of them."""
+
+    def __init__(self, environment: EnvironmentParameters) -> None:
+        """Take the origin."""
+        latitude, height = math.radians(environment.latitude_deg), environment.height
+        meridian, vertical = radii_of_curvature(np.array([latitude]))
+        self._latitude, self._height = latitude, height
+        self._longitude = math.radians(environment.longitude_deg)
+        self._north = float(meridian[0]) + height
+        self._east = (float(vertical[0]) + height) * math.cos(latitude)
+        self._earth_rate = EARTH_RATE if environment.earth_rotation else 0.0
+
+    def place(self, position: Array) -> Place:
+        """Return the places of positions (n, 3) in the world."""
+        x, y, z = position.T
+        return Place(
+            self._latitude + y / self._north, self._longitude + x / self._east, self._height + z
+        )
+
+    def over_ground(self, motion: Motion) -> OverGround:
+        """Return a motion of the world's coordinates as motion over ground.
+
+        With the radii M, N and latitude phi, longitude lambda, height h (Groves, 2nd ed., eq. 2.111
+        and 5.44)::
+
+            v_n = ((N + h) cos phi lambda', (M + h) phi', h')
+            omega_en = (-phi', lambda' cos phi, lambda' sin phi)
+
+        and their derivatives, with ``d((N + h) cos phi) / dphi = -(M + h) sin phi``.
+        """
+        phi, _, h = self.place(motion.position)
+        sine, cosine = np.sin(phi), np.cos(phi)
+        meridian, vertical = radii_of_curvature(phi)
+        north, east = meridian + h, (vertical + h) * cosine
+        v, a = motion.velocity.T, motion.acceleration.T
+        lon_1, lat_1, h_1 = v[0] / self._east, v[1] / self._north, v[2]
+        lon_2, lat_2, h_2 = a[0] / self._east, a[1] / self._north, a[2]
+        curving = 3.0 * meridian * ECCENTRICITY_SQUARED * sine * cosine  # dM/dphi, with the next
+        curving /= 1.0 - ECCENTRICITY_SQUARED * sine * sine
+        zero = np.zeros_like(phi)
+        return OverGround(
+            velocity=np.stack([east * lon_1, north * lat_1, h_1]),
+            acceleration=np.stack(
+                [
+                    east * lon_2 + (h_1 * cosine - north * sine * lat_1) * lon_1,
+                    north * lat_2 + (h_1 + curving * lat_1) * lat_1,
+                    h_2,
+                ]
+            ),
+            transport_rate=np.stack([-lat_1, lon_1 * cosine, lon_1 * sine]),
+            transport_acceleration=np.stack(
+                [
+                    -lat_2,
+                    lon_2 * cosine - lon_1 * lat_1 * sine,
+                    lon_2 * sine + lon_1 * lat_1 * cosine,
+                ]
+            ),
+            earth_rate=self._earth_rate * np.stack([zero, cosine, sine]),
+            gravity=np.stack([zero, zero, -gravity_on_ellipsoid(sine * sine, h)]),
+        )
+
+    def read(self, motion: Motion, arm_b: Array) -> tuple[Array, Array]:
+        """Return angular rate and specific force in the body frame, both (3, n).
+
+        ``omega_ib = omega_nb + omega_en + omega_ie`` and
+        ``f = v_n' + (2 omega_ie + omega_en) x v_n - g_n`` (Groves, 2nd ed., eq. 5.53), at a lever
+        arm r with ``alpha x r + omega x (omega x r)`` and Coriolis' ``2 omega_ie x (omega x r)`` of
+        the body's rotation relative to the Earth, omega = omega_nb + omega_en.
+
+        :param arm_b: (3, 1) lever arm [m].
+        """
+        ground = self.over_ground(motion)
+        q_wb = motion.q_wb.T
+        turning = ground.transport_rate + 2.0 * ground.earth_rate
+        force_n = ground.acceleration + cross(turning, ground.velocity) - ground.gravity
+        force = rotate_inverse(q_wb, force_n)
+        body_rate = motion.angular_velocity.T
+        transport = rotate_inverse(q_wb, ground.transport_rate)
+        earth_rate = rotate_inverse(q_wb, ground.earth_rate)
+        rate = body_rate + transport
+        if arm_b.any():
+            change = motion.angular_acceleration.T - cross(body_rate, transport)
+            change += rotate_inverse(q_wb, ground.transport_acceleration)
+            swing = cross(rate, arm_b)
+            force += cross(change, arm_b) + cross(rate, swing) + 2.0 * cross(earth_rate, swing)
+        return rate + earth_rate, force
+
+
+def radii_of_curvature(latitude: Array) -> tuple[Array, Array]:
+    """Return the radii of the meridian M and of the prime vertical N [m] at latitudes [rad].
+
+    ``M = a (1 - e^2) / (1 - e^2 sin^2)^(3/2)``, ``N = a / sqrt(1 - e^2 sin^2)`` (Groves, 2nd ed.,
+    eq. 2.105 and 2.106).
+    """
+    sine = np.sin(latitude)
+    w = 1.0 - ECCENTRICITY_SQUARED * sine * sine
+    vertical = SEMI_MAJOR_AXIS / np.sqrt(w)
+    return vertical * (1.0 - ECCENTRICITY_SQUARED) / w, vertical

@@ -1,0 +1,251 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The ideal reading: specific force and angular rate, at an instant or averaged."""
+
+from functools import lru_cache
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.rotation.components import cross, rotate_inverse, transform
+from imu_sim_ros.sensors.environment import EnvironmentParameters
+from imu_sim_ros.sensors.gravity import earth_rate_vector, gravity_vector
+from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.trajectory.motion import Felt, Later, Motion, Trajectory, delayed, felt
+
+if TYPE_CHECKING:
+    from imu_sim_ros.sensors.gravity import CurvedEarth
+
+Array = NDArray[np.float64]
+
+_MOST_PERIODS: Final = 50.0
+"""Of the highest frequency in the interval; they take 187 nodes."""
+_NEWTON_STEPS: Final = 8
+"""Enough for any number of nodes; from cosines 4 reach the last digit."""
+_ACCURACY: Final = 1e-7
+"""Error of the mean of a sinusoid, over its amplitude."""
+_ROUNDING: Final = 1e-12
+"""An error that is lost in the rounding of a motion's numbers."""
+
+
+Quadrature = tuple[Array, Array]
+"""Nodes and weights (m,) on [0, 1]; the first and the last node are the ends."""
+
+
+@lru_cache(maxsize=16)
+def quadrature(frequency: float, interval: float) -> Quadrature:
+    """Return Gauss-Lobatto nodes that average motions up to a frequency to 1e-7 of their size.
+
+    Twice the frequency is assumed: turning and shaking at once gives products of both. Between
+    the ends, which neighbouring intervals share, there are three nodes up to 0.14 of a period in
+    the interval, 6 for half a period, 13 for two; and two where they are exact to rounding, up to
+    0.0085 of a period.
+
+    :param frequency: highest frequency of the motion [Hz]; 0: not known.
+    :param interval: averaged over [s].
+    :raises ConfigurationError: where there are more than 50 periods in the interval.
+    """
+    # In terms of the half interval, sin and cos of up to c x, x in [-1, 1]; the mean of cos(c x)
+    # is sin(c) / c, and its error grows with c until the nodes are too few for it.
+    periods = frequency * interval
+    if periods > _MOST_PERIODS:
+        raise ConfigurationError(
+            f"imu.sampling = averaged: the motion has frequencies up to {frequency:g} Hz, "
+            f"{periods:.3g} times the rate; at most {_MOST_PERIODS:g} times can be averaged"
+        )
+    c = 2.0 * np.pi * periods
+    fewest = lobatto(4)
+    if c and _error(fewest, c) < _ROUNDING:
+        return fewest
+    count = max(5, int(0.5 * c))
+    while _error(found := lobatto(count), c) >= _ACCURACY:
+        count += max(1, count // 16)
+    return found
+
+
+def lobatto(count: int) -> Quadrature:
+    """Return the Gauss-Lobatto nodes and weights on [0, 1], exact for powers up to 2 count - 3.
+
+    On [-1, 1] the nodes are the ends and the zeros of ``P'_N``, N = count - 1, with the weights
+    ``2 / (N (N + 1) P_N(x)^2)`` (Abramowitz and Stegun, eq. 25.4.32); by Newton's method on
+    ``(1 - x^2) P'_N(x) = N (P_(N-1) - x P_N)``, whose derivative is ``-N (N + 1) P_N``.
+
+    :param count: of nodes, at least 2.
+    """
+    x = -np.cos(np.pi * np.arange(count) / (count - 1))
+    for _ in range(_NEWTON_STEPS):
+        before, value = np.ones(count), x
+        for k in range(2, count):
+            before, value = value, ((2 * k - 1) * x * value - (k - 1) * before) / k
+        x = x - (x * value - before) / (count * value)
+    return 0.5 + 0.5 * x, 1.0 / (count * (count - 1) * value**2)
+
+
+def _error(rule: Quadrature, c: float) -> float:
+    """Return the largest error of the mean of ``cos(b x)`` over [-1, 1] for b up to c."""
+    nodes, weights = rule
+    trials = np.append(np.arange(1.0, 9.0) / 8.0 * c, 1e-12)
+    means = weights @ np.cos(np.outer(2.0 * nodes - 1.0, trials))
+    return float(np.max(np.abs(means - np.sinc(trials / np.pi))))
+
+
+_TOGETHER: Final = 8192
+"""Times at which a motion is sampled at once, for the processor's cache; a short block has all its
+nodes in one call."""
+
+
+class IdealImu:
+    """An IMU without errors at its mounting position on the body."""
+
+    def __init__(self, imu: ImuParameters, environment: EnvironmentParameters) -> None:
+        self._curved_earth = _curved_earth(environment) if environment.curved_earth else None
+        self._gravity_w = gravity_vector(environment)[:, None]
+        self._earth_rate_w = earth_rate_vector(environment)[:, None]
+        self._lever_arm_b = np.reshape(imu.lever_arm, (3, 1))
+        self._has_lever_arm = bool(self._lever_arm_b.any())
+        self._earth_turns = bool(self._earth_rate_w.any())
+        self._r_ib = np.reshape(imu.mounting, (3, 3)).T
+        self._elements_i = np.reshape(imu.accelerometer_positions, (3, 3))
+        self._has_size = bool(self._elements_i.any())
+        self._only_feels = not (
+            self._curved_earth or self._has_lever_arm or self._earth_turns or self._has_size
+        )
+        """Whether :class:`Felt` is all it needs of a motion."""
+
+    def read(self, motion: Felt | Motion) -> tuple[Array, Array]:
+        """Return angular rate [rad/s] and specific force [m/s^2], both (3, n), in the IMU's frame.
+
+        Without Earth rotation ``omega_b`` and ``f_b = R_wb.T (a_w - g_w)`` (lecture eq. 22); at a
+        lever arm r the IMU also sees the acceleration ``alpha x r + omega x (omega x r)``, and each
+        accelerometer that of its own position in the IMU (:func:`size_effect`).
+        With Earth rotation the gyroscope also reads ``R_wb.T omega_ie`` and the accelerometer the
+        Coriolis term ``2 omega_ie x v`` of the IMU's velocity (Groves, "Principles of GNSS,
+        Inertial, and Multisensor Integrated Navigation Systems", 2nd ed., eq. 5.41); the
+        centrifugal term is a part of gravity. The world is flat, unless `curved_earth` is set
+        (:class:`imu_sim_ros.sensors.gravity.CurvedEarth`).
+        """
+        if _at_rest(motion):
+            rate, force = self._read(type(motion)(*(values[:1] for values in motion)))
+            n = len(motion.q_wb)
+            return np.broadcast_to(rate, (3, n)), np.broadcast_to(force, (3, n))
+        return self._read(motion)
+
+    def _read(self, motion: Felt | Motion) -> tuple[Array, Array]:
+        rate, force = self._of_the_body(motion)
+        rate_i, force_i = transform(self._r_ib, rate), transform(self._r_ib, force)
+        if self._has_size and isinstance(motion, Motion):
+            turning_i = transform(self._r_ib, motion.angular_velocity.T)
+            change_i = transform(self._r_ib, motion.angular_acceleration.T)
+            force_i += size_effect(self._elements_i, turning_i, change_i)
+        return rate_i, force_i
+
+    def _of_the_body(self, motion: Felt | Motion) -> tuple[Array, Array]:
+        """Return angular rate and specific force at the lever arm in the body frame, (3, n)."""
+        if self._curved_earth and isinstance(motion, Motion):
+            return self._curved_earth.read(motion, self._lever_arm_b)
+        q_wb = motion.q_wb.T
+        rate = motion.angular_velocity.T
+        force = rotate_inverse(q_wb, motion.acceleration.T - self._gravity_w)
+        if isinstance(motion, Felt) or not (self._has_lever_arm or self._earth_turns):
+            return rate, force
+        arm = self._lever_arm_b
+        swing = cross(rate, arm)
+        if self._has_lever_arm:
+            force += cross(motion.angular_acceleration.T, arm)
+            force += cross(rate, swing)
+        if self._earth_turns:
+            earth_rate = rotate_inverse(q_wb, self._earth_rate_w)
+            swing += rotate_inverse(q_wb, motion.velocity.T)
+            coriolis = cross(earth_rate, swing)
+            coriolis *= 2.0
+            force += coriolis
+            rate = np.add(rate, earth_rate, out=earth_rate)
+        return rate, force
+
+    def read_mean(
+        self,
+        trajectory: Trajectory,
+        t: Array,
+        quadrature: Quadrature,
+        interval: float | None = None,
+    ) -> tuple[Motion, Array, Array]:
+        """Return the motion at n + 1 times, and the mean readings between them (lecture eq. 11).
+
+        Times the interval's length the means (3, n) are the delta angle and the delta velocity.
+        Gauss-Lobatto quadrature; with two nodes between the ends the error falls with the sixth
+        power of the interval, with three with the eighth.
+
+        :param t: (n + 1,) ends of the intervals [s], not decreasing.
+        :param quadrature: nodes and weights on [0, 1], see :func:`quadrature`.
+        :param interval: [s] where all intervals have the same length, but for rounding.
+        """
+        nodes, weights = (values[1:-1] for values in quadrature)
+        motion, between = self._sampled(trajectory, t, nodes, interval)
+        of_ends = quadrature[1][0]
+        means = [of_ends * (ends[:, :-1] + ends[:, 1:]) for ends in self.read(motion)]
+        n = len(t) - 1
+        piece, together = max(1, min(n, _TOGETHER)), max(1, _TOGETHER // max(n, 1))
+        for begin in range(0, n, piece):
+            rows = slice(begin, min(begin + piece, n))
+            for first in range(0, len(nodes), together):
+                part = slice(first, min(first + together, len(nodes)))
+                readings = self.read(between(rows, part, self._only_feels))
+                for mean, values in zip(means, readings, strict=True):
+                    apart = values.reshape(3, part.stop - part.start, -1)
+                    for k, weight in enumerate(weights[part]):
+                        mean[:, rows] += weight * apart[:, k]
+        rate, force = means
+        return motion, rate, force
+
+    def _sampled(
+        self, trajectory: Trajectory, t: Array, nodes: Array, interval: float | None
+    ) -> tuple[Motion, Later]:
+        """Return the motion at times t and, for each but the last, at the nodes before the next."""
+        if interval is not None:
+            found = delayed(trajectory, t, nodes * interval)
+            if found is not None:
+                return found
+        start, length = t[:-1], np.diff(t)
+
+        def later(rows: slice, which: slice, only_felt: bool) -> Felt | Motion:
+            times = (start[rows] + nodes[which, None] * length[rows]).ravel()
+            return felt(trajectory, times) if only_felt else trajectory.sample(times)
+
+        return trajectory.sample(t), later
+
+
+def _curved_earth(environment: EnvironmentParameters) -> "CurvedEarth":
+    from imu_sim_ros.sensors.gravity import CurvedEarth  # most worlds are flat
+
+    return CurvedEarth(environment)
+
+
+def size_effect(positions: Array, omega: Array, alpha: Array) -> Array:
+    """Return what three accelerometers read because they do not sit in one point (3, n) [m/s^2].
+
+    Axis k of ``alpha x r_k + omega x (omega x r_k)``, r_k the position of accelerometer k (Savage,
+    "Strapdown Analytics", "size effect").
+
+    :param positions: (3, 3) r_x, r_y, r_z row by row [m].
+    :param omega: (3, n) angular rate [rad/s].
+    :param alpha: (3, n) angular acceleration [rad/s^2].
+    """
+    result = np.empty_like(omega)
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        r = positions[k]
+        result[k] = alpha[i] * r[j] - alpha[j] * r[i]
+        result[k] += omega[k] * (omega[i] * r[i] + omega[j] * r[j])
+        result[k] -= r[k] * (omega[i] * omega[i] + omega[j] * omega[j])
+    return result
+
+
+def _at_rest(motion: Felt | Motion) -> bool:
+    """Return whether a motion is one row that stands for all times (see the static trajectory)."""
+    first, *others = motion
+    if first.strides[0] != 0 or len(first) < 2:
+        return False
+    return all(values.strides[0] == 0 for values in others)

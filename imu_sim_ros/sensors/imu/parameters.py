@@ -1,0 +1,461 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Parameters of the IMU: the triads' errors, mounting, timing, and the vehicle's vibration."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros import timebase
+from imu_sim_ros.conventions import TRIADS, Measured, Triad
+from imu_sim_ros.parameters.kinds import (
+    IDENTITY_MATRIX,
+    ZERO_MATRIX,
+    Matrix,
+    Vector,
+    choice,
+    integer,
+    matrix,
+    number,
+    numbers,
+    text,
+    vector,
+)
+from imu_sim_ros.parameters.sections import section
+from imu_sim_ros.sensors.barometer.parameters import BarometerParameters
+from imu_sim_ros.sensors.imu.triads import TriadParameters, TriadsParameters
+from imu_sim_ros.sensors.magnetometer.parameters import MagnetometerParameters
+from imu_sim_ros.sensors.orientation.parameters import OrientationParameters
+
+AXES_READ = 6
+"""Gyroscope x, y, z, accelerometer x, y, z."""
+PAIRS = 15
+"""Of six axes: gx gy, gx gz, gx ax, ..., ay az."""
+ROUNDING = 0.01
+"""By how much rounded coherence may miss the nearest possible one (the least eigenvalue)."""
+
+
+@dataclass(frozen=True)
+class BoardVibrationParameters:
+    """Vibration of the vehicle in the readings: lines and bands, coherent between the six axes.
+
+    Six numbers are gyroscope x, y, z and accelerometer x, y, z.
+    """
+
+    line_frequency: tuple[float, ...] = numbers(
+        (),
+        "frequency of each sinusoid; those from half the rate on are left out",
+        unit="Hz",
+        minimum=0.0,
+        above_minimum=True,
+    )
+    line_amplitude: tuple[float, ...] = numbers(
+        (),
+        "six amplitudes of each sinusoid, gyroscope x y z and accelerometer x y z",
+        unit="rad/s, m/s^2",
+        group=AXES_READ,
+        minimum=0.0,
+    )
+    line_phase: tuple[float, ...] = numbers(
+        (),
+        "six phases of each sinusoid; one more, common to the six, is drawn from the seed; "
+        "none: all 0",
+        unit="rad",
+        group=AXES_READ,
+    )
+    band_low: tuple[float, ...] = numbers(
+        (), "lower end of each band of noise", unit="Hz", minimum=0.0
+    )
+    band_high: tuple[float, ...] = numbers(
+        (),
+        "upper end of each band; what lies above half the rate is left out",
+        unit="Hz",
+        minimum=0.0,
+        above_minimum=True,
+    )
+    band_density: tuple[float, ...] = numbers(
+        (),
+        "six two-sided densities of each band, gyroscope x y z and accelerometer x y z",
+        unit="rad/s/sqrt(Hz), m/s^2/sqrt(Hz)",
+        group=AXES_READ,
+        minimum=0.0,
+    )
+    band_coherence: tuple[float, ...] = numbers(
+        (),
+        "complex coherence of the 15 pairs of axes in each band, gx gy, gx gz, gx ax, ..., ay az: "
+        "real and imaginary part in turn; none: the axes are independent",
+        unit="1",
+        group=2 * PAIRS,
+        minimum=-1.0,
+        maximum=1.0,
+    )
+    range_edges: tuple[float, ...] = numbers(
+        (),
+        "frequencies that separate ranges; in each the intensity follows the motion in its own "
+        "way; none: one range",
+        unit="Hz",
+        minimum=0.0,
+        above_minimum=True,
+    )
+    gyroscope_exponents: tuple[float, ...] = numbers(
+        (),
+        "three exponents for each range, of the body's rate, acceleration and speed: the "
+        "gyroscope's vibration follows them to these powers; none: all 0",
+        unit="1",
+        group=3,
+        minimum=-4.0,
+        maximum=4.0,
+    )
+    accelerometer_exponents: tuple[float, ...] = numbers(
+        (), "the same for the accelerometer", unit="1", group=3, minimum=-4.0, maximum=4.0
+    )
+    reference_motion: Vector = vector(
+        1.0,
+        "rate, acceleration and speed (RMS) at which the vibration has the given size",
+        unit="rad/s, m/s^2, m/s",
+        minimum=0.0,
+        above_minimum=True,
+    )
+    motion_floor: float = number(
+        0.2,
+        "share of the reference that is added to rate, acceleration and speed, as squares: the "
+        "vibration that remains without motion",
+        unit="1",
+        minimum=0.01,
+        maximum=10.0,
+    )
+    motion_time: float = number(
+        1.0,
+        "time constant of the averages of squared rate, acceleration and speed",
+        unit="s",
+        minimum=0.0,
+        above_minimum=True,
+        maximum=1000.0,
+    )
+
+    @property
+    def there(self) -> bool:
+        """Whether there is any vibration."""
+        return any(self.line_amplitude) or any(self.band_density)
+
+    @property
+    def ranges(self) -> int:
+        """Number of ranges."""
+        return len(self.range_edges) + 1
+
+    def coherence(self) -> NDArray[np.complex128]:
+        """Return the Hermitian matrices (bands, 6, 6) of coherence between the axes."""
+        result = np.zeros((len(self.band_low), AXES_READ, AXES_READ), dtype=np.complex128)
+        result[:, range(AXES_READ), range(AXES_READ)] = 1.0
+        if self.band_coherence:
+            parts = np.reshape(self.band_coherence, (len(result), PAIRS, 2))
+            i, j = np.triu_indices(AXES_READ, 1)
+            result[:, i, j] = parts[..., 0] + 1j * parts[..., 1]
+            result[:, j, i] = parts[..., 0] - 1j * parts[..., 1]
+        return result
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Yield a line for each list that does not match, and for each impossible band."""
+        lines, bands = len(self.line_frequency), len(self.band_low)
+        for name, count, each in (
+            ("line_amplitude", AXES_READ * lines, "six for each line"),
+            ("band_high", bands, "one for each band"),
+            ("band_density", AXES_READ * bands, "six for each band"),
+        ):
+            if len(getattr(self, name)) != count:
+                yield f"{prefix}{name}: {len(getattr(self, name))} entries; must be {count}, {each}"
+        for name, count, each in (
+            ("line_phase", AXES_READ * lines, "six for each line"),
+            ("band_coherence", 2 * PAIRS * bands, "30 for each band"),
+            ("gyroscope_exponents", 3 * self.ranges, "three for each range"),
+            ("accelerometer_exponents", 3 * self.ranges, "three for each range"),
+        ):
+            if len(getattr(self, name)) not in (0, count):
+                yield (
+                    f"{prefix}{name}: {len(getattr(self, name))} entries; must be 0 or {count}, "
+                    f"{each}"
+                )
+        yield from self._band_problems(prefix)
+        if any(after <= before for before, after in pairwise(self.range_edges)):
+            yield f"{prefix}range_edges = {list(self.range_edges)}: must increase"
+
+    def _band_problems(self, prefix: str) -> Iterator[str]:
+        """Say which bands have no width, overlap, or have an impossible coherence."""
+        if len(self.band_coherence) == 2 * PAIRS * len(self.band_low) > 0:
+            least = np.linalg.eigvalsh(self.coherence())[:, 0]
+            for k in np.flatnonzero(least < -ROUNDING):
+                yield (
+                    f"{prefix}band_coherence: band {k + 1}, from {self.band_low[k]:g} Hz: its "
+                    f"matrix must be positive semidefinite; the least eigenvalue is {least[k]:.2g}"
+                )
+        for low, high in zip(self.band_low, self.band_high, strict=False):
+            if high <= low:
+                yield f"{prefix}band_high = {high:g}: must be above band_low, {low:g} Hz"
+        for (low, high), following in zip(
+            zip(self.band_low, self.band_high, strict=False), self.band_low[1:], strict=False
+        ):
+            if low < high and following < high:
+                yield (
+                    f"{prefix}band_low = {following:g}: must be at least {high:g} Hz, where the "
+                    "band before ends"
+                )
+
+
+_USUAL_RATIO = 8
+"""Readings inside a sensor for each sample."""
+ORTHONORMAL_TOLERANCE = 1e-6
+LARGEST_LATENCY = 10.0
+"""[s] of a message: the node keeps what is under way in memory."""
+LONGEST = 1e6
+"""[s] for times that must only stay within what stamps can hold."""
+
+_CAUSES = {"stress_step_sigma": "stress_step_rate", "shock_bias_sigma": "shock_threshold"}
+"""Errors of a triad, and the parameter of the board that makes them happen."""
+
+
+@dataclass(frozen=True)
+class TimingParameters:
+    """Errors of stamps and transport. The samples themselves are taken at the true times."""
+
+    stamp_offset: float = number(
+        0.0,
+        "constant error of the stamps: stamp = true time + offset",
+        unit="s",
+        minimum=-LONGEST,
+        maximum=LONGEST,
+    )
+    clock_skew_ppm: float = number(
+        0.0,
+        "rate error of the sensor's clock at the start; above 0: it runs fast",
+        unit="ppm",
+        minimum=-10000.0,
+        maximum=10000.0,
+    )
+    clock_drift_ppm_per_hour: float = number(
+        0.0, "change of the clock's skew", unit="ppm/h", minimum=-10.0, maximum=10.0
+    )
+    jitter: float = number(
+        0.0,
+        "standard deviation of the stamps' error, after the cut-off at 0.45 of the interval that "
+        "keeps stamps increasing; at most a quarter of the interval",
+        unit="s",
+        minimum=0.0,
+        live=True,
+    )
+    latency: float = number(
+        0.0,
+        "minimum delay from a sample to its message; where lowered, messages in transit "
+        "arrive at once",
+        unit="s",
+        minimum=0.0,
+        maximum=LARGEST_LATENCY,
+        live=True,
+    )
+    latency_jitter: float = number(
+        0.0,
+        "mean of the exponentially distributed extra delay of the message; order is kept",
+        unit="s",
+        minimum=0.0,
+        maximum=LARGEST_LATENCY / 10,
+        live=True,
+    )
+    dropout_probability: float = number(
+        0.0,
+        "probability that a single message is lost",
+        unit="1",
+        minimum=0.0,
+        maximum=1.0,
+        live=True,
+    )
+    dropout_burst_rate: float = number(
+        0.0,
+        "mean rate of bursts of lost messages",
+        unit="1/s",
+        minimum=0.0,
+        maximum=20000.0,
+        live=True,
+    )
+    dropout_burst_duration: float = number(
+        0.0,
+        "mean duration of a burst (exponentially distributed)",
+        unit="s",
+        minimum=0.0,
+        maximum=LONGEST,
+        live=True,
+    )
+    duplicate_probability: float = number(
+        0.0,
+        "probability that a message is delivered twice",
+        unit="1",
+        minimum=0.0,
+        maximum=1.0,
+        live=True,
+    )
+
+
+@dataclass(frozen=True)
+class BoardParameters:
+    """What the triads of a board have in common: its age, its shocks, where its elements sit."""
+
+    accelerometer_positions: Matrix = matrix(
+        ZERO_MATRIX,
+        "positions in the IMU's frame of the x, the y and the z accelerometer, one after the "
+        "other (size effect)",
+        unit="m",
+    )
+    age_days: float = number(
+        0.0,
+        "days from the IMU's calibration to the start of the run, for ageing_bias and ageing_scale",
+        unit="day",
+        minimum=0.0,
+        maximum=100000.0,
+    )
+    hysteresis_temperature: float = number(
+        5.0,
+        "change of temperature over which the hysteresis goes 63 % of the way to its other branch",
+        unit="K",
+        minimum=0.0,
+        above_minimum=True,
+    )
+    stress_step_rate: float = number(
+        0.0,
+        "mean rate at which stress in the board is relieved; each time all biases jump by "
+        "stress_step_sigma",
+        unit="1/s",
+        minimum=0.0,
+        maximum=10.0,
+    )
+    shock_threshold: float = number(
+        0.0,
+        "specific force above which a shock leaves a bias of shock_bias_sigma; 0: none does",
+        unit="m/s^2",
+        minimum=0.0,
+    )
+    shock_recovery_time: float = number(
+        0.0,
+        "time constant with which the bias left by a shock decays; 0: it stays",
+        unit="s",
+        minimum=0.0,
+        maximum=LONGEST,
+    )
+
+
+@dataclass(frozen=True)
+class ImuParameters(TimingParameters, BoardParameters, TriadsParameters):
+    """One IMU."""
+
+    preset: str = text("lecture", "file in config/imus, or a path, to start from")
+    sampling: str = choice(
+        "instantaneous",
+        ("instantaneous", "averaged", "oversampled"),
+        "a reading is the value at its time, or the mean since the previous sample, or one of many "
+        "readings inside the sensor after the low-pass (aliasing and rectification as in reality)",
+    )
+    internal_rate: float = number(
+        0.0,
+        "readings per second inside a sensor whose sampling is oversampled, an integer multiple of "
+        "`rate`; errors, noise and low-pass act at this rate; 0: 8 times `rate`",
+        unit="Hz",
+        minimum=0.0,
+        maximum=1e6,
+    )
+    lever_arm: Vector = vector(0.0, "position of the IMU in the body frame, p_bi", unit="m")
+    mounting: Matrix = matrix(IDENTITY_MATRIX, "rotation R_bi of the IMU in the body")
+    reference_temperature: float = number(
+        25.0, "temperature T0 of the temperature polynomials", unit="degC", live=True
+    )
+    bandwidth_order: int = integer(
+        2, "order of the low-pass filters (Butterworth)", minimum=1, maximum=8
+    )
+    magnetometer: MagnetometerParameters = section(MagnetometerParameters, joint="_")
+    barometer: BarometerParameters = section(BarometerParameters, joint="_")
+    vibration: BoardVibrationParameters = section(BoardVibrationParameters)
+    orientation: OrientationParameters = section(OrientationParameters, joint="_")
+
+    def triad(self, name: Measured) -> TriadParameters:
+        """Return the errors of one triad, or of a sensor beside them as if it were one."""
+        if name == "magnetometer":
+            return self.magnetometer.as_triad()
+        if name == "barometer":
+            return self.barometer.as_triad()
+        return super().triad(name)
+
+    def internal_ratio(self, rate: float) -> Fraction:
+        """Return how many readings inside the sensor make one sample.
+
+        :param rate: samples per second [Hz].
+        """
+        if self.sampling != "oversampled":
+            return Fraction(1)
+        if self.internal_rate == 0.0:
+            return Fraction(_USUAL_RATIO)
+        return timebase.exact_rate(self.internal_rate) / timebase.exact_rate(rate)
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Yield a line for each contradiction between parameters."""
+        yield from rotation_problems(self.mounting, f"{prefix}mounting")
+        for triad in TRIADS:
+            yield from self._sampling_problems(triad, prefix)
+        yield from self._board_problems(prefix)
+        if self.dropout_burst_rate > 0.0 and self.dropout_burst_duration == 0.0:
+            yield (
+                f"{prefix}dropout_burst_duration = 0.0: must be above 0 s "
+                f"where {prefix}dropout_burst_rate is"
+            )
+
+    def _board_problems(self, prefix: str) -> Iterator[str]:
+        """Say which strengths have no event or age that would show them."""
+        for name, cause in _CAUSES.items():
+            for triad in TRIADS:
+                if any(getattr(self.triad(triad), name)) and not getattr(self, cause):
+                    yield (
+                        f"{prefix}{cause} = 0: must be above 0 where {prefix}{triad}_{name} is "
+                        f"given; without it there is none"
+                    )
+
+    def _sampling_problems(self, triad: Triad, prefix: str) -> Iterator[str]:
+        bandwidth = self.triad(triad).bandwidth
+        if self.sampling == "oversampled" and min(bandwidth) == 0.0:
+            yield (
+                f"{prefix}{triad}_bandwidth = {bandwidth}: must be above 0 Hz on every axis where "
+                f"{prefix}sampling is oversampled; it is the filter before decimation"
+            )
+        step = self.triad(triad).increment_resolution
+        if any(step) and self.sampling != "averaged":
+            yield (
+                f"{prefix}{triad}_increment_resolution = {step}: must be 0 where "
+                f"{prefix}sampling is not averaged; only averaged readings are increments"
+            )
+
+    def warnings(self, prefix: str, gravity: float) -> Iterator[str]:
+        """Yield a line for each allowed value that looks like a mistake.
+
+        :param gravity: magnitude [m/s^2].
+        """
+        limits = [limit for limit in self.accelerometer.range if limit > 0.0]
+        if limits and min(limits) < gravity:
+            yield (
+                f"{prefix}accelerometer_range = {min(limits):g}: smaller than gravity "
+                f"({gravity:g} m/s^2), so an IMU at rest saturates"
+            )
+
+
+def rotation_problems(values: Matrix, name: str) -> Iterator[str]:
+    """Say why nine numbers, row by row, are not a rotation matrix.
+
+    :param name: of the parameter, for the message.
+    """
+    r = np.reshape(values, (3, 3))
+    error = float(np.abs(r @ r.T - np.eye(3)).max())
+    if error > ORTHONORMAL_TOLERANCE:
+        yield (
+            f"{name}: must be a rotation matrix; "
+            f"R R^T differs from the identity by {error:.2g}, allowed is {ORTHONORMAL_TOLERANCE:g}"
+        )
+    elif np.linalg.det(r) < 0:
+        yield f"{name}: must be a rotation matrix; this one is a reflection (determinant -1)"

@@ -1,0 +1,364 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Parameters of the errors of a triad, gyroscope or accelerometer: each off at zero, each per axis.
+
+One table describes both; where their words and units differ they stand in braces.
+``imu.gyroscope.bias`` in Python is the parameter ``imu.gyroscope_bias``. Names and units of the
+noise are kalibr's. ``live`` marks what may change between two blocks without a jump of anything
+else.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.conventions import Measured, Triad
+from imu_sim_ros.parameters.kinds import (
+    IDENTITY_MATRIX,
+    ZERO_MATRIX,
+    Matrix,
+    Vector,
+    matrix,
+    numbers,
+    vector,
+)
+from imu_sim_ros.parameters.sections import section
+
+NO_CROSS_AXIS = (0.0,) * 6
+_SMALLEST_DETERMINANT: Final = 1e-3
+
+_WORDS: Final[Mapping[Triad, Mapping[str, str]]] = {
+    "gyroscope": {
+        "triad": "gyroscope",
+        "quantity": "rate",
+        "unit": "rad/s",
+        "change": "rad/s^2",
+        "increment": "rad",
+        "increments": "delta angles",
+    },
+    "accelerometer": {
+        "triad": "accelerometer",
+        "quantity": "specific force",
+        "unit": "m/s^2",
+        "change": "m/s^3",
+        "increment": "m/s",
+        "increments": "delta velocities",
+    },
+}
+"""What the descriptions say of each; ``change`` is the unit per second, ``increment`` times it."""
+_OF_THE_GYROSCOPE: Final = ("g_sensitivity", "g_sensitivity_sigma", "g_squared_sensitivity")
+"""An accelerometer's response to specific force is its scale and its non-linearity."""
+
+
+def triad(cls: type, name: Triad) -> Any:
+    """Describe the section of one triad, whose parameters are ``gyroscope_...`` in ROS.
+
+    :param cls: with fields of :class:`TriadParameters`, all or some.
+    """
+    without = () if name == "gyroscope" else _OF_THE_GYROSCOPE
+    return section(cls, joint="_", words=_WORDS[name], without=without)
+
+
+@dataclass(frozen=True)
+class TriadParameters:
+    """Errors of a gyroscope or an accelerometer."""
+
+    noise_density: Vector = vector(
+        0.0,
+        "white noise of the {triad}, continuous time, two-sided: the variance of a sample is "
+        "density^2 * rate; a data sheet's one-sided density D is D / sqrt(2) here",
+        unit="{unit}/sqrt(Hz)",
+        minimum=0.0,
+        live=True,
+    )
+    noise_correlation: Vector = vector(
+        0.0,
+        "correlation of the {triad}'s white noise between its axes: xy, xz, yz",
+        unit="1",
+        minimum=-1.0,
+        maximum=1.0,
+        live=True,
+    )
+    noise_temperature_coefficient: Vector = vector(
+        0.0,
+        "relative change of the {triad}'s white noise with temperature: its deviation is "
+        "multiplied by 1 + coefficient (T - T0), at least 0",
+        unit="1/K",
+        live=True,
+    )
+    random_walk: Vector = vector(
+        0.0,
+        "random walk of the {triad}'s bias, continuous time",
+        unit="{change}/sqrt(Hz)",
+        minimum=0.0,
+        live=True,
+    )
+    gauss_markov_sigma: Vector = vector(
+        0.0,
+        "first-order Gauss-Markov bias of the {triad}: its stationary standard deviation",
+        unit="{unit}",
+        minimum=0.0,
+        live=True,
+    )
+    gauss_markov_density: Vector = vector(
+        0.0,
+        "first-order Gauss-Markov bias of the {triad}: the noise that drives it (as in RotorS)",
+        unit="{change}/sqrt(Hz)",
+        minimum=0.0,
+        live=True,
+    )
+    correlation_time: Vector = vector(
+        0.0, "correlation time of the {triad}'s Gauss-Markov bias", unit="s", minimum=0.0
+    )
+    bias_instability: Vector = vector(
+        0.0,
+        "bias instability B of the {triad}: 1/f noise of two-sided density "
+        "B^2 / (2 pi f); the flat Allan deviation is 0.664 B",
+        unit="{unit}",
+        minimum=0.0,
+        live=True,
+    )
+    rate_ramp: Vector = vector(
+        0.0, "steady drift of the {triad}'s bias", unit="{change}", live=True
+    )
+    bias: Vector = vector(0.0, "constant bias of the {triad}", unit="{unit}", live=True)
+    turn_on_bias_sigma: Vector = vector(
+        0.0,
+        "standard deviation of the {triad}'s bias from run to run, drawn from the seed",
+        unit="{unit}",
+        minimum=0.0,
+    )
+    turn_on_scale_sigma: Vector = vector(
+        0.0,
+        "standard deviation of the {triad}'s scale from run to run, drawn from the seed",
+        unit="1",
+        minimum=0.0,
+    )
+    scale_misalignment: Matrix = matrix(
+        IDENTITY_MATRIX,
+        "scale and misalignment S of the {triad}: reading = S x + b",
+        live=True,
+        turn_on_scale="multiplies",
+    )
+    scale_error_percent: Vector = vector(
+        0.0,
+        "scale error of the {triad}, instead of the matrix: the diagonal of S - I",
+        unit="%",
+        live=True,
+    )
+    misalignment_percent: tuple[float, ...] = numbers(
+        NO_CROSS_AXIS,
+        "cross-axis terms of the {triad}, instead of the matrix: xy, xz, yx, yz, zx, zy of S",
+        unit="%",
+        group=6,
+        live=True,
+    )
+    quadratic: Vector = vector(
+        0.0,
+        "second-order non-linearity of the {triad}: q x^2",
+        unit="1/({unit})",
+        live=True,
+        turn_on_scale="multiplies",
+    )
+    g_sensitivity: Matrix = matrix(
+        ZERO_MATRIX,
+        "what one m/s^2 of specific force adds to the {triad}'s reading",
+        unit="({unit})/(m/s^2)",
+        live=True,
+        turn_on_scale="multiplies",
+    )
+    g_squared_sensitivity: Matrix = matrix(
+        ZERO_MATRIX,
+        "what the square of one m/s^2 along each axis adds to the {triad}'s reading "
+        "(vibration rectification); the accelerometer has `quadratic` for it",
+        unit="({unit})/(m/s^2)^2",
+        live=True,
+        turn_on_scale="multiplies",
+    )
+    temperature_bias: tuple[float, ...] = numbers(
+        (),
+        "bias polynomial of the {triad}: row k, x y z, is the coefficient of (T - T0)^(k+1)",
+        unit="{unit}/K^(k+1)",
+        group=3,
+        live=True,
+    )
+    temperature_scale: tuple[float, ...] = numbers(
+        (),
+        "scale polynomial of the {triad}: row k, x y z, is the coefficient of (T - T0)^(k+1)",
+        unit="1/K^(k+1)",
+        group=3,
+        live=True,
+        turn_on_scale="divides",
+    )
+    temperature_bias_sigma: Vector = vector(
+        0.0,
+        "standard deviation from unit to unit of the {triad}'s linear bias drift with temperature; "
+        "sign and size are drawn from the seed and add to temperature_bias",
+        unit="{unit}/K",
+        minimum=0.0,
+    )
+    temperature_scale_sigma: Vector = vector(
+        0.0,
+        "standard deviation from unit to unit of the {triad}'s linear scale drift with "
+        "temperature; sign and size are drawn from the seed and add to temperature_scale",
+        unit="1/K",
+        minimum=0.0,
+    )
+    temperature_hysteresis: Vector = vector(
+        0.0,
+        "bias of the {triad} while heating minus that while cooling: the width of the loop",
+        unit="{unit}",
+    )
+    ageing_bias: Vector = vector(
+        0.0,
+        "drift of the {triad}'s bias with age: ageing_bias * log10(1 + days)",
+        unit="{unit}",
+    )
+    ageing_scale: Vector = vector(
+        0.0,
+        "drift of the {triad}'s scale with age: ageing_scale * log10(1 + days)",
+        unit="1",
+        turn_on_scale="divides",
+    )
+    stress_step_sigma: Vector = vector(
+        0.0,
+        "standard deviation of the bias jumps of the {triad} at `stress_step_rate`",
+        unit="{unit}",
+        minimum=0.0,
+    )
+    shock_bias_sigma: Vector = vector(
+        0.0,
+        "standard deviation of the bias that a shock above `shock_threshold` leaves on the {triad}",
+        unit="{unit}",
+        minimum=0.0,
+    )
+    misalignment_sigma: Vector = vector(
+        0.0,
+        "standard deviation from unit to unit of each cross-axis term of the {triad}'s axis, "
+        "drawn from the seed",
+        unit="1",
+        minimum=0.0,
+    )
+    quadratic_sigma: Vector = vector(
+        0.0,
+        "standard deviation from unit to unit of the {triad}'s second-order non-linearity, "
+        "drawn from the seed",
+        unit="1/({unit})",
+        minimum=0.0,
+    )
+    g_sensitivity_sigma: Vector = vector(
+        0.0,
+        "standard deviation from unit to unit of each term of the g-sensitivity of the {triad}'s "
+        "axis, drawn from the seed",
+        unit="({unit})/(m/s^2)",
+        minimum=0.0,
+    )
+    bandwidth: Vector = vector(
+        0.0, "cut-off (-3 dB) of the {triad}'s low-pass; 0: none", unit="Hz", minimum=0.0
+    )
+    range: Vector = vector(
+        0.0, "largest {quantity} of the {triad}; 0: no limit", unit="{unit}", minimum=0.0, live=True
+    )
+    resolution: Vector = vector(
+        0.0,
+        "step of the {triad}'s digital output (1 LSB); 0: none. The largest reading is the "
+        "largest whole step within the range",
+        unit="{unit}",
+        minimum=0.0,
+        live=True,
+    )
+    increment_resolution: Vector = vector(
+        0.0,
+        "step of the {triad}'s {increments} where sampling is averaged; the rounding remainder "
+        "is carried over to the next; 0: exact",
+        unit="{increment}",
+        minimum=0.0,
+        live=True,
+    )
+
+    def response(self) -> NDArray[np.float64]:
+        """Return S (3, 3), whether given as a matrix or in percent (lecture eq. 7)."""
+        xy, xz, yx, yz, zx, zy = self.misalignment_percent
+        percent = np.array([[0.0, xy, xz], [yx, 0.0, yz], [zx, zy, 0.0]])
+        percent += np.diag(self.scale_error_percent)
+        result: NDArray[np.float64] = np.reshape(self.scale_misalignment, (3, 3)) + 0.01 * percent
+        return result
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Yield a line for each contradiction between parameters."""
+        triad = prefix.rpartition(".")[2]
+        yield from self._gauss_markov_problems(prefix, triad)
+        yield from self._scale_problems(prefix, triad)
+        xy, xz, yz = self.noise_correlation
+        if 1.0 + 2.0 * xy * xz * yz - xy * xy - xz * xz - yz * yz < 0.0:  # the determinant
+            yield (
+                f"{prefix}noise_correlation = {self.noise_correlation}: no three axes are "
+                f"correlated like this; the matrix must be positive semidefinite"
+            )
+
+    def _gauss_markov_problems(self, prefix: str, triad: str) -> Iterator[str]:
+        sigma, density = self.gauss_markov_sigma, self.gauss_markov_density
+        tau = self.correlation_time
+        if any(sigma) and any(density):
+            yield (
+                f"{prefix}gauss_markov_density = {density}: must be 0 "
+                f"where {triad}gauss_markov_sigma is given; the two are one process"
+            )
+        if any((s or d) and not t for s, d, t in zip(sigma, density, tau, strict=True)):
+            yield (
+                f"{prefix}correlation_time = {tau}: must be above 0 s "
+                f"on every axis that has a Gauss-Markov bias"
+            )
+
+    def _scale_problems(self, prefix: str, triad: str) -> Iterator[str]:
+        cross = self.misalignment_percent
+        if len(cross) != len(NO_CROSS_AXIS):
+            yield (
+                f"{prefix}misalignment_percent = {cross}: "
+                f"must be six numbers: xy, xz, yx, yz, zx, zy [%]"
+            )
+        percent = any(cross) or any(self.scale_error_percent)
+        if percent and self.scale_misalignment != IDENTITY_MATRIX:
+            yield (
+                f"{prefix}scale_misalignment: must be the identity where "
+                f"{triad}scale_error_percent or {triad}misalignment_percent is given"
+            )
+        elif percent and len(cross) == len(NO_CROSS_AXIS) and _lost(self.response().flat):
+            yield (
+                f"{prefix}scale_error_percent = {self.scale_error_percent}: together with "
+                f"{triad}misalignment_percent an axis is lost"
+            )
+        elif not percent:
+            yield from invertible_problems(self.scale_misalignment, f"{prefix}scale_misalignment")
+
+
+def invertible_problems(values: Matrix, name: str) -> Iterator[str]:
+    """Say that nine numbers, row by row, are no invertible matrix: an axis would be lost.
+
+    :param name: of the parameter, for the message.
+    """
+    if _lost(values):
+        yield f"{name} = {list(values)}: must be invertible"
+
+
+def _lost(m: Iterable[float]) -> bool:
+    a, b, c, d, e, f, g, h, i = m
+    return (
+        abs(a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)) < _SMALLEST_DETERMINANT
+    )
+
+
+@dataclass(frozen=True)
+class TriadsParameters:
+    """Errors of both triads."""
+
+    gyroscope: TriadParameters = triad(TriadParameters, "gyroscope")
+    accelerometer: TriadParameters = triad(TriadParameters, "accelerometer")
+
+    def triad(self, name: Measured) -> TriadParameters:
+        """Return the errors of one triad."""
+        return {"gyroscope": self.gyroscope, "accelerometer": self.accelerometer}[name]

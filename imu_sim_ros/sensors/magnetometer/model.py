@@ -1,0 +1,192 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The magnetometer of a board, from the field of the world to the digital output."""
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros import rotation
+from imu_sim_ros.errors import ConfigurationError, MissingDependencyError
+from imu_sim_ros.rotation.components import rotate, rotate_inverse, transform
+from imu_sim_ros.sensors.block import ImuBlock, MagneticBlock
+from imu_sim_ros.sensors.environment import EnvironmentParameters
+from imu_sim_ros.sensors.errors.realised import with_constants, with_turn_on
+from imu_sim_ros.sensors.errors.response import TemperatureProfile, TurnOn
+from imu_sim_ros.sensors.errors.triad import Triad
+from imu_sim_ros.sensors.faults import Fault
+from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.sensors.magnetometer.parameters import MagnetometerParameters
+from imu_sim_ros.sensors.own_rate import OwnRate, Sampled, instantaneous
+from imu_sim_ros.trajectory.motion import Trajectory
+
+Array = NDArray[np.float64]
+
+MU0_OVER_4_PI: Final = 1e-7
+"""[T m/A]; the value measured in the SI of 2019 agrees to nine digits."""
+_FILES: Final = ((2025.0, "WMM_2025"), (2020.0, "WMM_2020"), (2015.0, "WMM_2015v2"))
+_OLDEST: Final = "WMM_2010"
+
+
+class MagneticField:
+    """The field in the world frame, ENU; one vector of the Earth for the whole world."""
+
+    def __init__(self, environment: EnvironmentParameters) -> None:
+        """Take the field that the parameters describe.
+
+        :raises ConfigurationError: for a place or date beyond the World Magnetic Model.
+        :raises MissingDependencyError: where pygeomag is missing.
+        """
+        p = environment.magnetic_field
+        self.earth_w = (
+            np.array(p.value) if p.model == "constant" else world_magnetic_model(environment)
+        )
+        """(3,) [T]."""
+        dipoles = np.reshape(p.dipoles, (-1, 6))
+        self._dipoles = [(row[:3, None], row[3:, None]) for row in dipoles]
+        self._radius = p.dipole_radius
+        self._alternating = np.array(p.alternating)[:, None]
+        self._angular_frequency = 2.0 * math.pi * p.alternating_frequency
+
+    def at(self, t: Array, position: Array) -> Array:
+        """Return the field (3, n) [T] at times t (n,) [s] and places (3, n) [m] in the world.
+
+        A dipole m at a distance r: ``mu_0 / (4 pi r^3) (3 (m r) r / r^2 - m)`` (Jackson, "Classical
+        Electrodynamics", 3rd ed., eq. 5.56); inside its sphere of radius R, ``mu_0 m / (2 pi R^3)``
+        (eq. 5.105 with the magnetisation ``m / (4 pi R^3 / 3)``).
+        """
+        field = np.empty((3, len(t)))
+        field[:] = self.earth_w[:, None]
+        for place, moment in self._dipoles:
+            field += self._dipole(position - place, moment)
+        if self._alternating.any():
+            field += self._alternating * np.sin(self._angular_frequency * t)
+        return field
+
+    def _dipole(self, r: Array, moment: Array) -> Array:
+        squared = r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
+        inside = squared < self._radius**2
+        squared = np.where(inside, 1.0, squared)
+        along = 3.0 * (moment[0] * r[0] + moment[1] * r[1] + moment[2] * r[2]) / squared
+        outside = MU0_OVER_4_PI * (along * r - moment) / (squared * np.sqrt(squared))
+        return np.where(inside, 2.0 * MU0_OVER_4_PI * moment / self._radius**3, outside)
+
+
+def world_magnetic_model(environment: EnvironmentParameters) -> Array:
+    """Return the Earth's field at the world's origin, ENU (3,) [T].
+
+    The World Magnetic Model of NOAA and BGS, as pygeomag computes it: north, east and down in nT.
+
+    :raises ConfigurationError: for a place or date beyond the model.
+    :raises MissingDependencyError: where pygeomag is missing.
+    """
+    try:
+        from pygeomag import GeoMag
+    except ImportError:
+        raise MissingDependencyError(
+            "magnetic_field.model = wmm needs pygeomag: pip install pygeomag "
+            "(there is no apt package)"
+        ) from None
+    date = environment.magnetic_field.date
+    name = next((name for year, name in _FILES if date >= year), _OLDEST)
+    try:
+        found = GeoMag(coefficients_file=f"wmm/{name}.COF").calculate(
+            glat=environment.latitude_deg,
+            glon=environment.longitude_deg,
+            alt=environment.height * 1e-3,
+            time=date,
+        )
+    except (OSError, ValueError) as error:
+        raise ConfigurationError(f"magnetic_field.model = wmm: {error}") from None
+    return np.array([found.y, found.x, -found.z]) * 1e-9
+
+
+NAME: Final = "magnetometer"
+
+
+def realised_magnetometer(parameters: MagnetometerParameters, seed: int) -> MagnetometerParameters:
+    """Return the magnetometer of this seed with nothing left to draw but the noise.
+
+    A turn-on scale s multiplies all that the sensor's axes see: iron and currents take it.
+    """
+    p = with_constants(parameters, NAME, seed)
+    drawn = TurnOn(seed, NAME, p.as_triad())
+    r_im = rotation.to_matrix(rotation.exp(p.misalignment))
+    gain = r_im @ np.diag(1.0 + drawn.scale) @ r_im.T
+    result: MagnetometerParameters = with_turn_on(p, drawn, gain)
+    return result
+
+
+class Magnetometer:
+    """One magnetometer; its samples are read in order."""
+
+    def __init__(self, imu: ImuParameters, environment: EnvironmentParameters, t0_ns: int) -> None:
+        """Set up all errors at their start.
+
+        :param t0_ns: time of the IMU's sample 0 [ns].
+        """
+        self._own = OwnRate(NAME, imu.magnetometer, imu, environment, t0_ns)
+        self._field = MagneticField(environment)
+        self._lever_arm_b = np.reshape(imu.lever_arm, (3, 1))
+        self._r_ib = np.reshape(imu.mounting, (3, 3)).T
+        unit = with_constants(imu.magnetometer, NAME, environment.seed)
+        # Misalignment and soft iron in one matrix: exactly the identity where there is neither.
+        self._r_mi = rotation.to_matrix(rotation.exp(unit.misalignment)).T
+        self._iron = self._r_mi @ np.reshape(unit.soft_iron, (3, 3))
+        self._hard_iron: Array = (self._r_mi @ np.array(unit.hard_iron))[:, None]
+        self._coupling: Array = (self._r_mi @ np.array(unit.current_coupling))[:, None]
+        self._current = np.reshape(unit.current_profile, (-1, 2)).T
+        self._last: Sampled | None = None
+        self._triad = Triad(NAME, instantaneous(imu), environment.seed, imu.magnetometer.rate)
+        self.configure(imu)
+
+    def configure(self, imu: ImuParameters) -> None:
+        """Take new values of live parameters, from the next sample on."""
+        self._reference_temperature = imu.reference_temperature
+        self._own.configure(imu)
+        self._triad.configure(instantaneous(imu))
+
+    def inject(self, fault: Fault, first: int) -> None:
+        """Let a fault begin with the first sample not before the IMU's sample ``first``."""
+        self._own.inject(fault, first)
+
+    def imu_samples(self) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+        """Return, of the samples read last, the IMU's that each follows; whether at its time."""
+        assert self._last is not None
+        return self._own.imu_samples(self._last)
+
+    def read(
+        self, block: ImuBlock, trajectory: Trajectory, temperature: TemperatureProfile
+    ) -> MagneticBlock:
+        """Return the samples that were not read yet and lie before the end of the IMU's block."""
+        samples = self._own.next(block.first + len(block.true_t_ns), trajectory.duration)
+        self._last = samples
+        position, q_wb, celsius = self._own.place(samples, block, trajectory, temperature)
+        place = position + rotate(q_wb, self._lever_arm_b)
+        field_w = self._field.at(samples.t, place)
+        ideal = transform(self._r_ib, rotate_inverse(q_wb, field_w))
+        disturbance = self._disturbance(samples.t)
+        offset = celsius - self._reference_temperature
+        along = transform(self._iron, ideal) + disturbance
+        made = self._triad.read(
+            samples.first, along, np.zeros(along.shape), offset, self._own.faults
+        )
+        stamped = self._own.stamp(samples)
+        return MagneticBlock(
+            samples.true_t_ns,
+            *stamped,
+            made.reading.T,
+            ideal.T,
+            (made.bias + made.scale * disturbance).T,
+        )
+
+    def _disturbance(self, t: Array) -> Array:
+        """Return what iron and currents add in the sensor's axes (3, n) [T]."""
+        if not self._current.size:
+            return np.broadcast_to(self._hard_iron, (3, len(t)))
+        current = np.interp(t, self._current[0], self._current[1])
+        result: Array = self._hard_iron + self._coupling * current
+        return result

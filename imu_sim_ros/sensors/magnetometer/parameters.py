@@ -1,0 +1,168 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Parameters of the magnetometer on the board of an IMU: ``imu.magnetometer_...``.
+
+Where an error is one that gyroscopes and accelerometers have as well, its name is the same.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros import rotation
+from imu_sim_ros.parameters.kinds import IDENTITY_MATRIX, Matrix, Vector, matrix, numbers, vector
+from imu_sim_ros.sensors.imu.triads import TriadParameters, invertible_problems
+from imu_sim_ros.sensors.own_rate_parameters import OwnRateParameters
+
+_AS_IN_TRIADS: Final = (
+    "noise_density",
+    "random_walk",
+    "bias_instability",
+    "bias",
+    "turn_on_bias_sigma",
+    "turn_on_scale_sigma",
+    "temperature_bias",
+    "temperature_scale",
+    "range",
+    "resolution",
+)
+
+
+@dataclass(frozen=True)
+class MagnetometerParameters(OwnRateParameters):
+    """One magnetometer; every error is off at zero."""
+
+    hard_iron: Vector = vector(
+        0.0,
+        "constant field of magnetised parts of the board and body, in the IMU's axes",
+        unit="T",
+        turn_on_scale="multiplies",
+    )
+    hard_iron_sigma: Vector = vector(
+        0.0,
+        "standard deviation from unit to unit of the hard iron, drawn from the seed",
+        unit="T",
+        minimum=0.0,
+    )
+    soft_iron: Matrix = matrix(
+        IDENTITY_MATRIX,
+        "matrix by which soft iron changes a field, in the IMU's axes",
+        unit="1",
+        turn_on_scale="multiplies",
+    )
+    soft_iron_sigma: Vector = vector(
+        0.0,
+        "standard deviation from unit to unit of each term in a row of the soft iron, drawn from "
+        "the seed",
+        unit="1",
+        minimum=0.0,
+    )
+    misalignment: Vector = vector(
+        0.0,
+        "rotation vector that turns the IMU's axes into the magnetometer's, at most pi",
+        unit="rad",
+    )
+    misalignment_sigma: Vector = vector(
+        0.0,
+        "standard deviation from unit to unit of the misalignment, drawn from the seed",
+        unit="rad",
+        minimum=0.0,
+    )
+    current_coupling: Vector = vector(
+        0.0,
+        "field of one ampere in the wires near the sensor, in the IMU's axes",
+        unit="T/A",
+        turn_on_scale="multiplies",
+    )
+    current_profile: tuple[float, ...] = numbers(
+        (),
+        "time [s] and current [A] alternating, times increasing; linear in between, the first and "
+        "last are held",
+        unit="s, A",
+        group=2,
+    )
+    noise_density: Vector = vector(
+        0.0,
+        "white noise, continuous time, two-sided: the variance of a sample is density^2 * rate",
+        unit="T/sqrt(Hz)",
+        minimum=0.0,
+        live=True,
+    )
+    random_walk: Vector = vector(
+        0.0,
+        "random walk of the bias, continuous time",
+        unit="T/s/sqrt(Hz)",
+        minimum=0.0,
+        live=True,
+    )
+    bias_instability: Vector = vector(
+        0.0,
+        "bias instability B: 1/f noise of two-sided density B^2 / (2 pi f)",
+        unit="T",
+        minimum=0.0,
+        live=True,
+    )
+    bias: Vector = vector(0.0, "offset of the sensor itself, in its own axes", unit="T", live=True)
+    turn_on_bias_sigma: Vector = vector(
+        0.0,
+        "standard deviation of the offset from run to run, drawn from the seed",
+        unit="T",
+        minimum=0.0,
+    )
+    turn_on_scale_sigma: Vector = vector(
+        0.0,
+        "standard deviation of the scale error from run to run, drawn from the seed",
+        unit="1",
+        minimum=0.0,
+    )
+    temperature_bias: tuple[float, ...] = numbers(
+        (),
+        "bias polynomial: row k, x y z, is the coefficient of (T - T0)^(k+1)",
+        unit="T/K^(k+1)",
+        group=3,
+        live=True,
+    )
+    temperature_scale: tuple[float, ...] = numbers(
+        (),
+        "scale polynomial: row k, x y z, is the coefficient of (T - T0)^(k+1)",
+        unit="1/K^(k+1)",
+        group=3,
+        live=True,
+        turn_on_scale="divides",
+    )
+    range: Vector = vector(0.0, "largest field; 0: no limit", unit="T", minimum=0.0, live=True)
+    resolution: Vector = vector(
+        0.0, "step of the digital output (1 LSB); 0: none", unit="T", minimum=0.0, live=True
+    )
+
+    def response_and_bias(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return M (3, 3) and b (3,) [T] of ``reading = M B + b``, both in the sensor's axes.
+
+        Of a unit with nothing left to draw; without currents, at the reference temperature.
+        """
+        r_mi = rotation.to_matrix(rotation.exp(self.misalignment)).T
+        return r_mi @ np.reshape(self.soft_iron, (3, 3)), r_mi @ self.hard_iron + self.bias
+
+    def as_triad(self) -> TriadParameters:
+        """Return the errors of the sensor itself; iron, axes and currents are not among them."""
+        return TriadParameters(**{name: getattr(self, name) for name in _AS_IN_TRIADS})
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Yield a line for each contradiction between parameters."""
+        yield from super().problems(prefix)
+        if sum(x * x for x in self.misalignment) > 3.15**2:
+            yield (
+                f"{prefix}misalignment = {self.misalignment}: must be a rotation by at most pi rad"
+            )
+        yield from invertible_problems(self.soft_iron, f"{prefix}soft_iron")
+        for before, after in pairwise(self.current_profile[::2]):
+            if after <= before:
+                yield (
+                    f"{prefix}current_profile: time {after:g} s after {before:g} s: "
+                    "times must increase"
+                )

@@ -1,0 +1,190 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The orientation that a board states with its readings: ``imu/data`` (REP-145)."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros import rotation, timebase
+from imu_sim_ros.random_streams import axis_generators
+from imu_sim_ros.rotation import components
+from imu_sim_ros.sensors.block import ImuBlock, MagneticBlock, OrientationBlock
+from imu_sim_ros.sensors.environment import EnvironmentParameters
+from imu_sim_ros.sensors.errors.autoregressive import GaussMarkovBank
+from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.sensors.magnetometer.model import MagneticField, Magnetometer
+from imu_sim_ros.sensors.orientation.filter import OrientationFilter
+from imu_sim_ros.sensors.orientation.parameters import OrientationParameters
+from imu_sim_ros.sensors.realised import realised_imu
+
+Array = NDArray[np.float64]
+
+
+class OrientationModel:
+    """``q = exp(e) q_wi`` with a normal error e about the world's axes.
+
+    ``e = e_on + drift + noise + k |a| u``: constant, first-order Gauss-Markov, white, and, with a
+    Gauss-Markov u of unit variance, an error that grows with the acceleration a of the body, like
+    that of a filter that takes the specific force for the vertical. Its covariance, diagonal about
+    the world's axes, is exact: ``turn_on^2 + drift^2 + noise^2 + (k |a|)^2``.
+    """
+
+    def __init__(self, parameters: OrientationParameters, seed: int, dt: float) -> None:
+        """Draw the constant error and the initial states.
+
+        :param dt: time between two samples [s].
+        """
+        p = parameters
+        turn_on = [s.standard_normal() for s in axis_generators(seed, "orientation.turn_on")]
+        self._constant = (np.array(turn_on) * p.turn_on_sigma)[:, None]
+        self._constant_variance = np.square(p.turn_on_sigma)[:, None]
+        self._noise = np.array(p.noise)[:, None]
+        self._streams = axis_generators(seed, "orientation.noise")
+        self._drift_sigma = np.array(p.drift_sigma)[:, None]
+        self._drift = GaussMarkovBank(
+            axis_generators(seed, "orientation.drift"), np.full((3, 1), p.drift_time), dt
+        )
+        self._per_acceleration = np.array(p.acceleration_sensitivity)[:, None]
+        self._dynamic = GaussMarkovBank(
+            axis_generators(seed, "orientation.acceleration"),
+            np.full((3, 1), p.acceleration_time),
+            dt,
+        )
+
+    def next(self, q_wi: Array, acceleration: Array) -> tuple[Array, Array]:
+        """Return the orientations (4, n) and the variances of their errors (3, n) [rad^2].
+
+        :param q_wi: (4, n) true ones of the next n samples.
+        :param acceleration: (3, n) of the body [m/s^2].
+        """
+        n = q_wi.shape[1]
+        error = np.repeat(self._constant, n, axis=1)
+        variance = np.repeat(np.zeros((3, 1)), n, axis=1)
+        variance += self._constant_variance
+        if self._drift_sigma.any():
+            error += self._drift_sigma * self._drift.next_block(n)
+            variance += self._drift_sigma**2
+        if self._noise.any():
+            numbers = np.stack([stream.standard_normal(n) for stream in self._streams])
+            error += self._noise * numbers
+            variance += self._noise**2
+        if self._per_acceleration.any():
+            x, y, z = acceleration
+            sigma = self._per_acceleration * np.sqrt(x * x + y * y + z * z)
+            error += sigma * self._dynamic.next_block(n)
+            variance += sigma * sigma
+        return components.multiply(components.exp(error), q_wi), variance
+
+
+class ModelledOrientation:
+    """The truth with errors of known covariance."""
+
+    def __init__(self, imu: ImuParameters, environment: EnvironmentParameters) -> None:
+        self._model = OrientationModel(imu.orientation, environment.seed, 1.0 / environment.rate)
+
+    def next(
+        self, block: ImuBlock, magnetic: MagneticBlock | None, q_wi: Array
+    ) -> tuple[Array, Array]:
+        """Return orientations (4, n) and the variances of their errors (3, n) [rad^2]."""
+        return self._model.next(q_wi, block.motion.acceleration.T)
+
+
+class FilteredOrientation:
+    """A filter over the board's readings, corrected by a calibration or as they are."""
+
+    def __init__(
+        self, imu: ImuParameters, environment: EnvironmentParameters, magnetometer: Magnetometer
+    ) -> None:
+        p = imu.orientation
+        self._magnetometer = magnetometer
+        self._filter = OrientationFilter(
+            p.time_constant,
+            1.0 / environment.rate,
+            1.0 / imu.magnetometer.rate,
+            MagneticField(environment).earth_w,
+        )
+        self._variance = np.square(p.stated_sigma)[:, None]
+        unit = realised_imu(imu, environment.seed)
+        self._corrections = [_Correction(np.eye(3), np.zeros(3))] * 3
+        if p.calibrated:
+            self._corrections = [
+                _Correction(unit.gyroscope.response(), np.array(unit.gyroscope.bias)),
+                _Correction(unit.accelerometer.response(), np.array(unit.accelerometer.bias)),
+                _Correction(*unit.magnetometer.response_and_bias()),
+            ]
+
+    def next(
+        self, block: ImuBlock, magnetic: MagneticBlock | None, q_wi: Array
+    ) -> tuple[Array, Array]:
+        """Return orientations (4, n) and the stated variances (3, n) [rad^2]."""
+        assert magnetic is not None
+        n = len(block.true_t_ns)
+        index, together = self._magnetometer.imu_samples()
+        behind = index - block.first
+        since = magnetic.true_t_ns - block.true_t_ns[behind] if n else np.empty(0)
+        delay: Array = since.astype(np.float64) * 1e-9
+        readings = (block.gyro.T, block.accel.T, magnetic.field.T)
+        gyro, accel, field = (
+            correction.apply(reading)
+            for correction, reading in zip(self._corrections, readings, strict=True)
+        )
+        q = self._filter.next(gyro, accel, field, behind, delay, behind + ~together)
+        return q, np.broadcast_to(self._variance, (3, n))
+
+
+class _Correction:
+    """``S^-1 (reading - b)``."""
+
+    def __init__(self, response: Array, bias: Array) -> None:
+        self._inverse = np.linalg.inv(response).astype(np.float64)
+        self._bias = bias[:, None]
+
+    def apply(self, reading: Array) -> Array:
+        return components.transform(self._inverse, reading - self._bias)
+
+
+class Orientation:
+    """Orientations at the IMU's samples, or at every m-th of them."""
+
+    def __init__(
+        self,
+        imu: ImuParameters,
+        environment: EnvironmentParameters,
+        magnetometer: Magnetometer | None,
+    ) -> None:
+        """Set up the model or the filter.
+
+        :param magnetometer: of the board; the filter needs it.
+        """
+        rate = imu.orientation.rate
+        ratio = timebase.exact_rate(environment.rate) / timebase.exact_rate(rate) if rate else 1
+        self._every = int(ratio)
+        mounting = np.reshape(imu.mounting, (3, 3))
+        self._q_bi = rotation.from_matrix(mounting)[:, None]
+        self._source: ModelledOrientation | FilteredOrientation
+        if magnetometer is None:
+            self._source = ModelledOrientation(imu, environment)
+        else:
+            self._source = FilteredOrientation(imu, environment, magnetometer)
+
+    def read(self, block: ImuBlock, magnetic: MagneticBlock | None) -> OrientationBlock:
+        """Return the orientations beside a block of the IMU.
+
+        :param magnetic: what the magnetometer read in the block's window of time.
+        """
+        q_wb = np.ascontiguousarray(block.motion.q_wb.T)
+        truth = components.multiply(q_wb, self._q_bi)
+        q, variance = self._source.next(block, magnetic, truth)
+        rows = np.flatnonzero((block.first + np.arange(len(block.true_t_ns))) % self._every == 0)
+        delivered = block.delivered[(block.first + block.delivered) % self._every == 0]
+        return OrientationBlock(
+            block.true_t_ns[rows],
+            block.t_ns[rows],
+            block.release_t_ns[rows],
+            np.searchsorted(rows, delivered),
+            q.T[rows],
+            variance.T[rows],
+            truth.T[rows],
+            rows,
+        )

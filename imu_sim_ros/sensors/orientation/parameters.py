@@ -1,0 +1,97 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Parameters of the orientation that a board states: ``imu.orientation_...``."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+from imu_sim_ros.parameters.kinds import Vector, choice, flag, number, vector
+
+MODEL_ERRORS: Final = ("turn_on_sigma", "drift_sigma", "noise", "acceleration_sensitivity")
+"""Parameters that only the source ``model`` has."""
+_AXES = "about the world's east, north and up"
+
+
+@dataclass(frozen=True)
+class OrientationParameters:
+    """The orientation in imu/data: the truth with an error model, or a filter's."""
+
+    source: str = choice(
+        "model",
+        ("model", "filter"),
+        "model: the truth and the errors below; filter: a complementary filter over the readings "
+        "of gyroscope, accelerometer and magnetometer",
+    )
+    rate: float = number(
+        0.0, "rate of imu/data, which must divide the IMU's; 0: the IMU's", unit="Hz", minimum=0.0
+    )
+    turn_on_sigma: Vector = vector(
+        0.0,
+        f"model: standard deviation of the constant error {_AXES}, drawn from the seed",
+        unit="rad",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    drift_sigma: Vector = vector(
+        0.0,
+        f"model: standard deviation of a slow error {_AXES} (first-order Gauss-Markov)",
+        unit="rad",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    drift_time: float = number(
+        100.0, "model: its correlation time", unit="s", minimum=0.0, above_minimum=True
+    )
+    noise: Vector = vector(
+        0.0,
+        f"model: standard deviation of white noise {_AXES}",
+        unit="rad",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    acceleration_sensitivity: Vector = vector(
+        0.0,
+        f"model: standard deviation of an error {_AXES} for each m/s^2 of the body's acceleration",
+        unit="rad/(m/s^2)",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    acceleration_time: float = number(
+        1.0,
+        "model: correlation time of the error by acceleration",
+        unit="s",
+        minimum=0.0,
+        above_minimum=True,
+    )
+    time_constant: float = number(
+        20.0,
+        "filter: accelerometer and magnetometer are trusted for longer times, the gyroscope for "
+        "shorter ones",
+        unit="s",
+        minimum=0.0,
+        above_minimum=True,
+        maximum=1e4,
+    )
+    calibrated: bool = flag(
+        True,
+        "filter: the constant biases, scales, misalignments and iron of this unit are known, as "
+        "after a calibration; false: the readings are taken as they are",
+    )
+    stated_sigma: Vector = vector(
+        0.0,
+        f"filter: standard deviation {_AXES} that its messages state; 0: unknown",
+        unit="rad",
+        minimum=0.0,
+    )
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Say which errors belong to the other source."""
+        if self.source == "filter":
+            for name in MODEL_ERRORS:
+                if any(getattr(self, name)):
+                    yield (
+                        f"{prefix}{name} = {getattr(self, name)}: must be 0 where "
+                        f"{prefix}source is filter"
+                    )

@@ -1,0 +1,262 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Trajectory and sensor joined: blocks of samples, the one engine behind node and command.
+
+For one configuration and seed the samples are the same, bit for bit, in blocks of any size. While a
+simulation runs it can be changed between two blocks:
+
+``update(parameters)``
+    takes new values of the parameters that are marked ``live``. Nothing else changes: random walks
+    and slow biases go on from where they are, and every random stream stays as it was.
+``inject(fault, delay)``
+    lets a :class:`~imu_sim_ros.sensors.faults.Fault` begin after ``delay`` seconds: a bias jump,
+    saturation, a stuck output, lost messages or latency, for a given time.
+``reset()``
+    goes back to the first sample; faults are forgotten, parameters stay.
+
+:class:`SimulatedBody` holds the simulations of several IMUs on one body, and gives their samples in
+common windows of time.
+"""
+
+import copy
+import math
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import replace
+from fractions import Fraction
+from typing import TYPE_CHECKING, Final
+
+from imu_sim_ros import timebase
+from imu_sim_ros.conventions import AUXILIARY
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.parameters.sections import flatten
+from imu_sim_ros.parameters.sections import parameters as described
+from imu_sim_ros.poses import read_poses
+from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.sensors.faults import Fault
+from imu_sim_ros.sensors.imu.model import Imu
+from imu_sim_ros.simulation.parameters import SimulationParameters
+from imu_sim_ros.trajectory.build import PoseReader, build_trajectory
+from imu_sim_ros.trajectory.motion import Trajectory
+from imu_sim_ros.trajectory.parameters import PosesParameters
+
+if TYPE_CHECKING:
+    from imu_sim_ros.trajectory.recorded import Recorded
+
+BLOCK_SIZE: Final = 8192
+"""Large enough that Python's part is small, small enough for a processor's cache."""
+DEFAULT_START_NS: Final = timebase.NANOSECONDS_PER_SECOND
+
+
+class Simulation:
+    """The samples of one simulated IMU, in order, in blocks of any size."""
+
+    def __init__(
+        self,
+        parameters: SimulationParameters,
+        pose_reader: PoseReader = read_poses,
+        t0_ns: int | None = None,
+        trajectory: Trajectory | None = None,
+        sensors: Collection[str] = (),
+    ) -> None:
+        """Set up trajectory and sensor.
+
+        :param pose_reader: reads the file of a trajectory of recorded poses.
+        :param t0_ns: time of sample 0 [ns]; None: ``start_time``, or where that is -1 the stamp
+            of recorded poses at the start of the motion, or else 1 s.
+        :param trajectory: the one of these parameters, if it already exists.
+        :param sensors: what is read beside the IMU: names of ``conventions.BESIDE``; no
+            sample of another sensor depends on it.
+        :raises ConfigurationError: for inconsistent parameters.
+        :raises InputError: for a file of poses that cannot be used.
+        """
+        self.parameters, self._sensors = parameters, frozenset(sensors)
+        if trajectory is None:
+            trajectory = build_trajectory(parameters.trajectory, pose_reader)
+        self.trajectory = trajectory
+        if t0_ns is None:
+            start = parameters.start_time
+            t0_ns = timebase.to_nanoseconds(start) if start >= 0.0 else self._usual_start()
+        self.t0_ns = t0_ns
+        self.total = self._sample_count()
+        self.reset()
+
+    def _usual_start(self) -> int:
+        recorded = self._recorded()
+        # A header's seconds are unsigned: poses before zero have no stamp there.
+        return recorded.t0_ns if recorded and recorded.t0_ns >= 0 else DEFAULT_START_NS
+
+    def _sample_count(self) -> int | None:
+        """Return the number of samples; None: endless."""
+        longest = self.trajectory.duration
+        duration = self.parameters.duration or longest
+        if duration > longest:
+            raise ConfigurationError(
+                f"duration = {duration:g}: must be at most {longest:g} s, the trajectory's length"
+            )
+        if math.isinf(duration):
+            return None
+        return timebase.sample_count(duration, self.parameters.rate)
+
+    def warnings(self) -> list[str]:
+        """Return warnings on settings that are allowed but may be unintended, a line each.
+
+        The parameters' own warnings, implausible recorded poses, and a motion that the
+        sensor's range does not cover.
+        """
+        from imu_sim_ros.trajectory.build import implausible
+
+        imu, recorded = self.parameters.imu, self._recorded()
+        of_poses = recorded.warnings if recorded is not None else []
+        return (
+            self.parameters.warnings()
+            + of_poses
+            + implausible(
+                self.trajectory,
+                imu.gyroscope.range,
+                imu.accelerometer.range,
+                self.parameters.gravity,
+                self.parameters.duration or self.trajectory.duration,
+            )
+        )
+
+    def notes(self) -> list[str]:
+        """Return the repairs of recorded poses, and how well the spline fits them."""
+        recorded = self._recorded()
+        return recorded.repairs + recorded.report.lines() if recorded is not None else []
+
+    def _recorded(self) -> "Recorded | None":
+        """Return the recorded motion, where there is one; only then the splines are imported."""
+        if not isinstance(self.parameters.trajectory, PosesParameters):
+            return None
+        from imu_sim_ros.trajectory.recorded import recorded_in
+
+        return recorded_in(self.trajectory)
+
+    def reset(self) -> None:
+        """Go back to the first sample: the same samples follow again."""
+        self.position = 0
+        self._imu = Imu(self.parameters.imu, self.parameters, self.t0_ns, self._sensors)
+        self._imu.prepare(self.trajectory)
+
+    def with_seed(self, seed: int) -> "Simulation":
+        """Return a simulation of the same motion and sensor with another seed, at its start.
+
+        The trajectory is shared: fitting a spline or checking parameters is not done again.
+        """
+        other = copy.copy(self)
+        other.parameters = replace(self.parameters, seed=seed)
+        other.reset()
+        return other
+
+    def update(self, parameters: SimulationParameters) -> None:
+        """Take new values of live parameters; they apply from the next block on.
+
+        :raises ConfigurationError: with a line for every changed parameter that is not live;
+            nothing is changed then.
+        """
+        old, new = flatten(self.parameters), flatten(parameters)
+        known = described(type(parameters), new)
+        fixed = [name for name, value in new.items() if old.get(name) != value]
+        problems = [
+            f"{name}: cannot be changed while the simulation runs"
+            for name in fixed
+            if not known[name].live
+        ]
+        if problems:
+            raise ConfigurationError(problems)
+        self.parameters = parameters
+        self._imu.configure(parameters.imu)
+
+    def inject(self, fault: Fault, delay: float = 0.0) -> None:
+        """Let a fault begin.
+
+        :param delay: seconds after the next sample, >= 0.
+        :raises ConfigurationError: for another delay, and a sensor that is not simulated.
+        """
+        if not (math.isfinite(delay) and delay >= 0.0):
+            raise ConfigurationError(f"fault delay = {delay}: must be at least 0 s")
+        needed = AUXILIARY.get(fault.triad)
+        if needed is not None and needed not in self._sensors:
+            raise ConfigurationError(
+                f"fault triad = {fault.triad}: this simulation has no {fault.triad}"
+            )
+        first = self.position + timebase.sample_count(delay, self.parameters.rate)
+        self._imu.inject(fault, first, self.position)
+
+    def next_block(self, count: int) -> ImuBlock:
+        """Return the next samples: ``count``, fewer at the end of the run, none after it."""
+        if self.total is not None:
+            count = min(count, self.total - self.position)
+        block = self._imu.read(self.position, count, self.trajectory)
+        self.position += count
+        return block
+
+    def blocks(self, block_size: int = BLOCK_SIZE, count: int | None = None) -> Iterator[ImuBlock]:
+        """Yield the samples that are left, in blocks.
+
+        :param count: largest number of samples; otherwise an endless run continues forever.
+        """
+        end = math.inf if count is None else self.position + count
+        if self.total is not None:
+            end = min(end, self.total)
+        while self.position < end:
+            yield self.next_block(int(min(block_size, end - self.position)))
+
+
+class SimulatedBody:
+    """The simulations of one body by name: one IMU, or several and the body's own motion.
+
+    Each gives the same samples as on its own; they share the trajectory, which is built
+    once, and the windows of time.
+    """
+
+    def __init__(
+        self,
+        parameters: Mapping[str, SimulationParameters],
+        pose_reader: PoseReader = read_poses,
+        sensors: Mapping[str, Collection[str]] | None = None,
+    ) -> None:
+        """Set up all simulations; arguments and errors as for :class:`Simulation`.
+
+        :param parameters: at least one; all have the same trajectory and duration.
+        :param sensors: what is read beside each IMU, by the names of the simulations.
+        """
+        self.simulations: dict[str, Simulation] = {}
+        trajectory = None
+        for name, own in parameters.items():
+            beside = (sensors or {}).get(name, ())
+            self.simulations[name] = Simulation(
+                own, pose_reader, trajectory=trajectory, sensors=beside
+            )
+            trajectory = self.simulations[name].trajectory
+
+    @property
+    def total(self) -> int | None:
+        """Total number of samples; None: endless."""
+        totals = [simulation.total for simulation in self.simulations.values()]
+        return None if None in totals else sum(total or 0 for total in totals)
+
+    def warnings(self) -> list[str]:
+        """Return warnings on settings that are allowed but may be unintended, each line once."""
+        every = [line for one in self.simulations.values() for line in one.warnings()]
+        return list(dict.fromkeys(every))
+
+    def windows(self, block_size: int = BLOCK_SIZE) -> Iterator[dict[str, ImuBlock]]:
+        """Yield all samples, window by window: each simulation's block that lies in it.
+
+        A window has ``block_size`` samples of the fastest simulation; one that has no sample in a
+        window is left out of it. This includes blocks of simulations that have ended.
+        """
+        rates = {n: timebase.exact_rate(s.parameters.rate) for n, s in self.simulations.items()}
+        window = Fraction(block_size) / max(rates.values())
+        end = Fraction(0)
+        while any(one.position != one.total for one in self.simulations.values()):
+            end += window
+            blocks = {}
+            for name, simulation in self.simulations.items():
+                # Samples k / rate < end, as timebase.sample_count has it, in exact numbers.
+                block = simulation.next_block(math.ceil(end * rates[name]) - simulation.position)
+                if len(block.true_t_ns):
+                    blocks[name] = block
+            yield blocks

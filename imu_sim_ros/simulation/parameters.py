@@ -1,0 +1,108 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Parameters of a simulation: what the simulator node and the command generate have in common."""
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+
+from imu_sim_ros.conventions import TRIADS
+from imu_sim_ros.parameters.files import build_layered, layer
+from imu_sim_ros.parameters.included import names
+from imu_sim_ros.parameters.sections import section, variant
+from imu_sim_ros.sensors.environment import EnvironmentParameters
+from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.sensors.orientation.parameters import MODEL_ERRORS
+from imu_sim_ros.timebase import exact_rate
+from imu_sim_ros.trajectory.parameters import TrajectoryParameters, find_trajectory
+
+DEFAULT_IMU = "lecture"
+DEFAULT_TRAJECTORY = "lecture"
+LARGEST_JITTER = 0.25
+"""The largest standard deviation of the stamps, in intervals between two samples."""
+
+_LOWEST_CUTOFF = 1e-6
+"""Of half the rate; a low-pass far below it has no digits left."""
+
+
+@dataclass(frozen=True)
+class SimulationParameters(EnvironmentParameters):
+    """Everything that decides the samples."""
+
+    trajectory: TrajectoryParameters = variant("type", "static", find_trajectory)
+    imu: ImuParameters = section(ImuParameters)
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Say which parameters do not fit the rate or each other, a line each."""
+        ratio = self.imu.internal_ratio(self.rate)
+        if ratio.denominator != 1 or (self.imu.sampling == "oversampled" and ratio < 2):
+            yield (
+                f"{prefix}imu.internal_rate = {self.imu.internal_rate:g}: must be an integer "
+                f"multiple of the rate, {self.rate:g} Hz, at least twice the rate"
+            )
+        nyquist = 0.5 * self.rate * float(ratio)
+        for triad in TRIADS:
+            cutoff = max(self.imu.triad(triad).bandwidth)
+            least = min((one for one in self.imu.triad(triad).bandwidth if one), default=nyquist)
+            if least < _LOWEST_CUTOFF * nyquist:
+                yield (
+                    f"{prefix}imu.{triad}_bandwidth = {least:g}: must be 0 or at least "
+                    f"{_LOWEST_CUTOFF * nyquist:g} Hz at this rate"
+                )
+            if cutoff >= nyquist:
+                yield (
+                    f"{prefix}imu.{triad}_bandwidth = {cutoff:g}: must be below half the "
+                    f"{'rate' if ratio == 1 else 'internal rate'}, {nyquist:g} Hz"
+                )
+        if self.imu.jitter * self.rate > LARGEST_JITTER:
+            yield (
+                f"{prefix}imu.jitter = {self.imu.jitter:g}: must be at most a quarter of the "
+                f"interval, {LARGEST_JITTER / self.rate:g} s"
+            )
+        yield from super().problems(prefix)
+        of_orientation = self.imu.orientation.rate
+        if of_orientation and (exact_rate(self.rate) / exact_rate(of_orientation)).denominator != 1:
+            yield (
+                f"{prefix}imu.orientation_rate = {of_orientation:g}: must divide the rate, "
+                f"{self.rate:g} Hz"
+            )
+
+    def warnings(self) -> list[str]:
+        """Return a line for each allowed value that looks like a mistake."""
+        return list(self.imu.warnings("imu.", math.hypot(*self.gravity)))
+
+
+def load_simulation(*layers: Mapping[str, object], node: str = "simulator") -> SimulationParameters:
+    """Return the simulation that layers of parameters describe, later ones above earlier ones.
+
+    :raises ConfigurationError: with a line for each problem.
+    """
+    given: dict[str, object] = {}
+    for values in layers:
+        given.update(values)
+    return build_layered(
+        SimulationParameters, lambda values: layer_simulation([values], node), given
+    )
+
+
+def layer_simulation(layers: Iterable[Mapping[str, object]], node: str) -> dict[str, object]:
+    """Return the layers as one, above the IMU preset and the trajectory file that they name.
+
+    What an included preset says, and the choices of a user leave no place for, is left out; a
+    file of one's own is taken at its word.
+    """
+    layers = list(layers)
+    given = {name for values in layers for name in values}
+    result = layer(layers, DEFAULT_IMU, DEFAULT_TRAJECTORY, node)
+    if result.get("imu.preset", DEFAULT_IMU) not in names("imus"):
+        return result
+    without_place = set(_errors_of_no_model(result)) - given
+    return {name: value for name, value in result.items() if name not in without_place}
+
+
+def _errors_of_no_model(values: Mapping[str, object]) -> list[str]:
+    """Return the errors of a modelled orientation, where a filter makes it."""
+    if values.get("imu.orientation_source") != "filter":
+        return []
+    return [f"imu.orientation_{name}" for name in MODEL_ERRORS]

@@ -1,0 +1,334 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Parameters of the simulator node: those of a simulation, and how it is played."""
+
+import dataclasses
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from imu_sim_ros import timebase
+from imu_sim_ros.conventions import AUXILIARY, IMU_FRAME, TRIADS
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.parameters import files
+from imu_sim_ros.parameters.files import build_layered
+from imu_sim_ros.parameters.kinds import (
+    Vector,
+    choice,
+    entries,
+    flag,
+    integer,
+    number,
+    text,
+    texts,
+    vector,
+)
+from imu_sim_ros.parameters.sections import section, section_names
+from imu_sim_ros.sensors.imu.parameters import LARGEST_LATENCY, LONGEST, ImuParameters
+from imu_sim_ros.simulation.parameters import SimulationParameters, layer_simulation
+
+NODE = "simulator"
+FAULTS = ("none", "bias_jump", "saturation", "stuck", "dropout", "latency")
+BODY = "/body"
+"""Name of the simulation that only tells the truth; no IMU can have it."""
+
+
+@dataclass(frozen=True)
+class PublishParameters:
+    """Which topics are published besides ``imu/data_raw``."""
+
+    ground_truth: bool = flag(True, "publish ground_truth/odom")
+    ground_truth_fix: bool = flag(
+        False, "publish ground_truth/fix, latitude, longitude and height of the body"
+    )
+    ground_truth_imu: bool = flag(False, "publish ground_truth/imu, the readings without errors")
+    biases: bool = flag(
+        False,
+        "publish ground_truth/gyroscope_bias and ground_truth/accelerometer_bias, and "
+        "ground_truth/magnetometer_bias and ground_truth/barometer_bias of what is published",
+    )
+    temperature: bool = flag(False, "publish imu/temperature")
+    magnetic_field: bool = flag(False, "publish imu/mag, the readings of the magnetometer")
+    ground_truth_magnetic_field: bool = flag(
+        False, "publish ground_truth/mag, the magnetic field without errors"
+    )
+    orientation: bool = flag(
+        False, "publish imu/data, the readings of imu/data_raw with an orientation"
+    )
+    pressure: bool = flag(False, "publish imu/pressure, the readings of the barometer")
+    ground_truth_pressure: bool = flag(
+        False, "publish ground_truth/pressure, the pressure without errors"
+    )
+    increments: bool = flag(
+        False, "publish imu/delta_angle and imu/delta_velocity; imu.sampling must be averaged"
+    )
+    ground_truth_increments: bool = flag(
+        False,
+        "publish ground_truth/delta_angle and ground_truth/delta_velocity; imu.sampling must be "
+        "averaged",
+    )
+    clock_rate: float = number(
+        0.0, "rate of /clock, the simulated time; 0: none", unit="Hz", minimum=0.0, maximum=1000.0
+    )
+    tf_rate: float = number(
+        0.0,
+        "rate of the transform from world_frame to body_frame on /tf; 0: none",
+        unit="Hz",
+        minimum=0.0,
+        maximum=1000.0,
+    )
+    tf_static: bool = flag(
+        True, "publish the IMUs' lever arms and mountings in body_frame on /tf_static"
+    )
+
+
+@dataclass(frozen=True)
+class InjectParameters:
+    """A fault that begins when ``kind`` is set; each setting of it injects another one."""
+
+    kind: str = choice(
+        "none",
+        FAULTS,
+        "fault that starts with the next block: set the other inject.* before it or with it",
+        live=True,
+    )
+    duration: float = number(
+        1.0,
+        "length of the fault",
+        unit="s",
+        minimum=0.0,
+        above_minimum=True,
+        maximum=LONGEST,
+        live=True,
+    )
+    delay: float = number(
+        0.0,
+        "time from the next block to the start of the fault",
+        unit="s",
+        minimum=0.0,
+        maximum=LONGEST,
+        live=True,
+    )
+    triad: str = choice(
+        "gyroscope",
+        (*TRIADS, *AUXILIARY),
+        "which sensor a bias_jump, saturation or stuck affects; magnetometer and barometer: "
+        "any fault, of that sensor alone",
+        live=True,
+    )
+    value: Vector = vector(
+        0.0,
+        "bias_jump: what is added to the bias [rad/s, m/s^2, T or Pa]; saturation: limit in the "
+        "same unit, 0: this axis has none; dropout: probability (1: all are lost); latency: [s], "
+        f"at most {LARGEST_LATENCY:g}",
+        live=True,
+    )
+    imu: str = text("", "which of `imus` is affected; empty: all", live=True)
+
+
+@dataclass(frozen=True)
+class SimulatorParameters(SimulationParameters):
+    """Everything that the simulator node takes."""
+
+    real_time_factor: float = number(
+        1.0,
+        "simulated seconds per second; 0: as fast as the subscribers acknowledge",
+        minimum=0.0,
+        maximum=1000.0,
+        live=True,
+    )
+    catch_up: bool = flag(
+        True, "after a stall publish every sample late; false: skip to now", live=True
+    )
+    autostart: bool = flag(True, "start at once; false: wait for ~/pause with data: false")
+    wait_for_subscribers: int = integer(
+        0, "start when imu/data_raw has this many subscribers", minimum=0
+    )
+    wait_for_truth_subscribers: int = integer(
+        0, "start when ground_truth/odom has this many subscribers", minimum=0
+    )
+    block_duration: float = number(
+        0.2,
+        "length of the blocks computed ahead; changes at run time take effect after it",
+        unit="s",
+        minimum=0.001,
+        maximum=10.0,
+    )
+    step_samples: int = integer(
+        1, "samples that ~/step publishes", minimum=1, maximum=1_000_000, live=True
+    )
+    imus: tuple[str, ...] = texts(
+        (),
+        "names of several IMUs on the body, each the namespace of its topics and the prefix of its "
+        "own parameters (left.rate, left.imu.lever_arm, ...); none: one IMU",
+    )
+    cameras: tuple[str, ...] = texts(
+        (),
+        "names of the cameras on the body, each the namespace of its topics and the prefix of its "
+        "own parameters (cam0.camera.rate, ...); none: no camera",
+    )
+    publish: PublishParameters = section(PublishParameters)
+    inject: InjectParameters = section(InjectParameters)
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Yield problems that involve several parameters, one line each."""
+        yield from super().problems(prefix)
+        for name in ("clock_rate", "tf_rate"):
+            rate = getattr(self.publish, name)
+            if 0.0 < rate < timebase.LOWEST_RATE:
+                yield (
+                    f"{prefix}publish.{name} = {rate:g}: "
+                    f"must be 0 or at least {timebase.LOWEST_RATE:g} Hz"
+                )
+        if self.wait_for_truth_subscribers and not self.publish.ground_truth:
+            yield (
+                f"{prefix}wait_for_truth_subscribers = {self.wait_for_truth_subscribers}: "
+                f"must be 0 where {prefix}publish.ground_truth is false"
+            )
+        wanted = self.publish.increments or self.publish.ground_truth_increments
+        for name, simulation in simulations(self).items() if wanted else ():
+            if name != BODY and simulation.imu.sampling != "averaged":
+                own = f"{name}." if name else prefix
+                yield (
+                    f"{own}imu.sampling = {simulation.imu.sampling!r}: must be averaged where "
+                    f"{prefix}publish.increments or publish.ground_truth_increments is true"
+                )
+        if self.inject.imu and self.inject.imu not in self.imus:
+            yield (
+                f"{prefix}inject.imu = {self.inject.imu!r}: must be empty or one of imus, "
+                f"{list(self.imus)}"
+            )
+        for name, simulation in simulations(self).items():
+            if name not in ("", BODY):
+                yield from simulation.problems(f"{name}.")
+        if self.cameras and isinstance(self, _rig().RigParameters):
+            yield from _rig().rig_problems(self, self)
+
+
+@dataclass(frozen=True)
+class OneImuParameters:
+    """What an IMU of several has of its own."""
+
+    rate: float = number(
+        200.0, "samples per second", unit="Hz", minimum=0.0, above_minimum=True, maximum=20000.0
+    )
+    seed: int = integer(0, "seed of all random streams", minimum=0, maximum=2**63 - 1)
+    imu_frame: str = text(IMU_FRAME, "frame of the readings")
+    imu: ImuParameters = section(ImuParameters)
+
+
+def simulations(parameters: SimulatorParameters) -> dict[str, SimulationParameters]:
+    """Return what is simulated, by the name of the IMU; a single IMU has an empty name.
+
+    Where there are several, the body itself is simulated as well, as a perfect IMU in its origin
+    with the common rate: its motion is the truth of all.
+    """
+    fields = dataclasses.fields(SimulationParameters)
+    shared = {field.name: getattr(parameters, field.name) for field in fields}
+    if not parameters.imus:
+        return {"": SimulationParameters(**shared)}
+    result = {}
+    for name in parameters.imus:
+        own: OneImuParameters = getattr(parameters, name)
+        of_its_own = {field.name: getattr(own, field.name) for field in dataclasses.fields(own)}
+        result[name] = SimulationParameters(**{**shared, **of_its_own})
+    body = {**shared, "imu": ImuParameters(preset="perfect")}
+    return {**result, BODY: SimulationParameters(**body)}
+
+
+def simulator_section(given: Mapping[str, object]) -> type[SimulatorParameters]:
+    """Return the section that holds the parameters of all IMUs that ``imus`` names."""
+    names = _imus(given)
+    bases: tuple[type, ...] = (SimulatorParameters,)
+    if has_cameras(given):
+        cameras = _rig().camera_names(given)
+        both = [f"cameras: {name!r}: is the name of an IMU" for name in cameras if name in names]
+        if both:
+            raise ConfigurationError(both)
+        if cameras:
+            bases = (SimulatorParameters, _rig().rig_section(cameras))
+    if not names and len(bases) == 1:
+        return SimulatorParameters
+    fields: list[Any] = [(name, OneImuParameters, section(OneImuParameters)) for name in names]
+    return dataclasses.make_dataclass("SimulatorParameters", fields, bases=bases, frozen=True)
+
+
+def has_cameras(given: Mapping[str, object]) -> bool:
+    """Return whether any parameter is about cameras."""
+    ours = ("camera.", "scene.", "features.")
+    return any(key == "cameras" or key.startswith(ours) for key in given)
+
+
+def _rig() -> Any:
+    """Return the parameters of cameras, which most runs do not need."""
+    from imu_sim_ros.sensors.camera import rig_parameters
+
+    return rig_parameters
+
+
+def _imus(given: Mapping[str, object]) -> list[str]:
+    """Return the names of several IMUs; what is wrong with them."""
+    value = entries(given.get("imus", ()))
+    taken = {field.name for field in dataclasses.fields(SimulatorParameters)}
+    return section_names("imus", value if isinstance(value, list | tuple) else [], taken)
+
+
+def layer_simulator(given: Mapping[str, object]) -> dict[str, object]:
+    """Return what was given above the presets and the trajectory that it names.
+
+    An IMU of several takes ``rate`` and ``imu.*`` from those of all, where it has none of its own;
+    its seed is the common one plus its place in ``imus``, so that no two have the same noise.
+    """
+    of_rig: dict[str, object] = {}
+    if has_cameras(given):
+        seen, given = _rig().split_rig(given)
+        of_rig = _rig().layer_rig(seen, NODE)
+    names = _imus(given)
+    own: dict[str, dict[str, object]] = {name: {} for name in names}
+    common: dict[str, object] = {}
+    for key, value in given.items():
+        name, dot, rest = key.partition(".")
+        if dot and name in own:
+            own[name][rest] = value
+        else:
+            common[key] = value
+    result = layer_simulation([common], NODE)
+    inherited = {
+        key: value for key, value in common.items() if key == "rate" or key.startswith("imu.")
+    }
+    first_seed = common.get("seed", 0)
+    for place, name in enumerate(names):
+        defaults: dict[str, object] = {"imu_frame": f"{name}_imu_link"}
+        if isinstance(first_seed, int):
+            defaults["seed"] = first_seed + place
+        layers = [{**inherited, **defaults}, own[name]]
+        for key, value in layer_simulation(layers, NODE).items():
+            if not key.startswith("trajectory."):
+                result[f"{name}.{key}"] = value
+    return {**result, **of_rig}
+
+
+def load_simulator(*layers: Mapping[str, object]) -> SimulatorParameters:
+    """Return everything that layers of parameters give to the simulator, later ones above.
+
+    :raises ConfigurationError: with a line for each problem.
+    """
+    given: dict[str, object] = {}
+    for values in layers:
+        given.update(values)
+    return build_layered(simulator_section(given), layer_simulator, given)
+
+
+def of_the_node(given: Mapping[str, object]) -> list[str]:
+    """Return the names among those given that concern the live node alone, not its samples.
+
+    Those that ROS gives to every node are among them.
+    """
+    samples = {field.name for field in dataclasses.fields(SimulationParameters)}
+    node = (
+        {field.name for field in dataclasses.fields(SimulatorParameters)}
+        - samples
+        - {"imus", "cameras"}
+    )
+    return [name for name in given if name.partition(".")[0] in node or files.is_of_ros(name)]

@@ -1,0 +1,379 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The topics of a simulation: a block of samples as the messages of each of them.
+
+One home for what the simulator node publishes and the command ``generate`` writes, so that both are
+the same bytes.
+"""
+
+from collections.abc import Callable, Iterable
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.bags.messages.blocks import Pattern
+from imu_sim_ros.bags.messages.encode import (
+    FLUID_PRESSURE,
+    IMU,
+    MAGNETIC_FIELD,
+    NAV_SAT_FIX,
+    ODOMETRY,
+    TEMPERATURE,
+    VECTOR3_STAMPED,
+    FluidPressureEncoder,
+    ImuEncoder,
+    MagneticFieldEncoder,
+    NavSatFixEncoder,
+    OdometryEncoder,
+    TemperatureEncoder,
+    Vector3StampedEncoder,
+)
+from imu_sim_ros.conventions import (
+    ACCELEROMETER_BIAS_TOPIC,
+    BAROMETER_BIAS_TOPIC,
+    DELTA_ANGLE_TOPIC,
+    DELTA_VELOCITY_TOPIC,
+    GYROSCOPE_BIAS_TOPIC,
+    IDEAL_DELTA_ANGLE_TOPIC,
+    IDEAL_DELTA_VELOCITY_TOPIC,
+    IDEAL_IMU_TOPIC,
+    IDEAL_MAGNETIC_FIELD_TOPIC,
+    IDEAL_PRESSURE_TOPIC,
+    IMU_TOPIC,
+    MAGNETIC_FIELD_TOPIC,
+    MAGNETOMETER_BIAS_TOPIC,
+    ORIENTATION_TOPIC,
+    PRESSURE_TOPIC,
+    TEMPERATURE_TOPIC,
+    TRUTH_FIX_TOPIC,
+    TRUTH_TOPIC,
+)
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.rotation import rotate_inverse
+from imu_sim_ros.sensors.block import ImuBlock, OrientationBlock
+from imu_sim_ros.sensors.errors.noise import (
+    accel_variance_discrete,
+    field_variance_discrete,
+    gyro_variance_discrete,
+    pressure_variance_discrete,
+)
+from imu_sim_ros.sensors.gravity import CurvedEarth
+from imu_sim_ros.simulation.parameters import SimulationParameters
+
+Times = NDArray[np.int64]
+
+TYPES: Final[dict[str, str]] = {
+    IMU_TOPIC: IMU,
+    TRUTH_TOPIC: ODOMETRY,
+    TRUTH_FIX_TOPIC: NAV_SAT_FIX,
+    IDEAL_IMU_TOPIC: IMU,
+    GYROSCOPE_BIAS_TOPIC: VECTOR3_STAMPED,
+    ACCELEROMETER_BIAS_TOPIC: VECTOR3_STAMPED,
+    TEMPERATURE_TOPIC: TEMPERATURE,
+    DELTA_ANGLE_TOPIC: VECTOR3_STAMPED,
+    DELTA_VELOCITY_TOPIC: VECTOR3_STAMPED,
+    IDEAL_DELTA_ANGLE_TOPIC: VECTOR3_STAMPED,
+    IDEAL_DELTA_VELOCITY_TOPIC: VECTOR3_STAMPED,
+    MAGNETIC_FIELD_TOPIC: MAGNETIC_FIELD,
+    IDEAL_MAGNETIC_FIELD_TOPIC: MAGNETIC_FIELD,
+    MAGNETOMETER_BIAS_TOPIC: VECTOR3_STAMPED,
+    ORIENTATION_TOPIC: IMU,
+    PRESSURE_TOPIC: FLUID_PRESSURE,
+    IDEAL_PRESSURE_TOPIC: FLUID_PRESSURE,
+    BAROMETER_BIAS_TOPIC: FLUID_PRESSURE,
+}
+OF_THE_BODY: Final = (TRUTH_TOPIC, TRUTH_FIX_TOPIC)
+"""Topics that several IMUs on one body have in common."""
+_SENSORS: Final[dict[str, str]] = {
+    MAGNETIC_FIELD_TOPIC: "magnetic_field",
+    IDEAL_MAGNETIC_FIELD_TOPIC: "magnetic_field",
+    MAGNETOMETER_BIAS_TOPIC: "magnetic_field",
+    ORIENTATION_TOPIC: "orientation",
+    PRESSURE_TOPIC: "pressure",
+    IDEAL_PRESSURE_TOPIC: "pressure",
+    BAROMETER_BIAS_TOPIC: "pressure",
+}
+"""What has to be simulated beside the IMU for a topic."""
+
+
+class Messages(NamedTuple):
+    """The m messages of one topic in a block."""
+
+    t_ns: Times
+    """(m,) stamps; a bag takes them as record times."""
+    due_t_ns: Times
+    """(m,) when the driver would release them [ns]."""
+    payloads: Pattern
+    """The messages."""
+
+
+Encode = Callable[[ImuBlock, SimulationParameters], Messages]
+"""Turns a block into messages; the parameters are those valid for the block."""
+
+
+def encoder(topic: str, parameters: SimulationParameters, encoding: str = "cdr") -> Encode:
+    """Return the encoder of a topic's messages.
+
+    Readings have the stamps of the sensor's clock, and only delivered ones become messages;
+    everything else has the true times.
+
+    :param topic: one of TYPES.
+    :param encoding: ``cdr`` or ``ros1``.
+    :raises ConfigurationError: for increments of a sensor whose readings are not means.
+    """
+    return _MAKERS[topic](parameters, encoding)
+
+
+def sensors_of(topics: Iterable[str]) -> frozenset[str]:
+    """Return what has to be read beside the IMU for topics, keys of TYPES."""
+    return frozenset(_SENSORS[topic] for topic in topics if topic in _SENSORS)
+
+
+def delivered(block: ImuBlock) -> tuple[Times, NDArray[np.float64], NDArray[np.float64]]:
+    """Return stamps, angular rates and specific forces of the readings that are delivered."""
+    rows = block.delivered
+    if _is_all(block):
+        return block.t_ns, block.gyro, block.accel
+    return block.t_ns[rows], block.gyro[rows], block.accel[rows]
+
+
+def _is_all(block: ImuBlock) -> bool:
+    rows = block.delivered
+    return len(rows) == len(block.t_ns) and bool(np.array_equal(rows, np.arange(len(rows))))
+
+
+def _readings(parameters: SimulationParameters, encoding: str) -> Encode:
+    readings = ImuEncoder(parameters.imu_frame, encoding)
+
+    def encode(block: ImuBlock, now: SimulationParameters) -> Messages:
+        t_ns, gyro, accel = delivered(block)
+        payloads = readings.pattern(
+            t_ns,
+            gyro,
+            accel,
+            gyro_variance_discrete(now.imu, now.rate),
+            accel_variance_discrete(now.imu, now.rate),
+        )
+        return Messages(t_ns, block.release_t_ns[block.delivered], payloads)
+
+    return encode
+
+
+def _truth(parameters: SimulationParameters, encoding: str) -> Encode:
+    odometry = OdometryEncoder(parameters.world_frame, parameters.body_frame, encoding)
+
+    def messages(block: ImuBlock) -> Pattern:
+        motion = block.motion
+        velocity_b = rotate_inverse(motion.q_wb, motion.velocity)
+        return odometry.pattern(
+            block.true_t_ns, motion.position, motion.q_wb, velocity_b, motion.angular_velocity
+        )
+
+    return _at_true_times(messages)
+
+
+def _fix(parameters: SimulationParameters, encoding: str) -> Encode:
+    fixes = NavSatFixEncoder(parameters.body_frame, encoding)
+    earth = CurvedEarth(parameters)
+
+    def messages(block: ImuBlock) -> Pattern:
+        place = earth.place(block.motion.position)
+        longitude = np.remainder(np.degrees(place.longitude) + 180.0, 360.0) - 180.0
+        return fixes.pattern(block.true_t_ns, np.degrees(place.latitude), longitude, place.height)
+
+    return _at_true_times(messages)
+
+
+def _ideal(parameters: SimulationParameters, encoding: str) -> Encode:
+    readings = ImuEncoder(parameters.imu_frame, encoding)
+    return _at_true_times(lambda b: readings.pattern(b.true_t_ns, b.ideal_gyro, b.ideal_accel))
+
+
+def _gyroscope_bias(parameters: SimulationParameters, encoding: str) -> Encode:
+    vectors = Vector3StampedEncoder(parameters.imu_frame, encoding)
+    return _at_true_times(lambda b: vectors.pattern(b.true_t_ns, b.gyro_bias))
+
+
+def _accelerometer_bias(parameters: SimulationParameters, encoding: str) -> Encode:
+    vectors = Vector3StampedEncoder(parameters.imu_frame, encoding)
+    return _at_true_times(lambda b: vectors.pattern(b.true_t_ns, b.accel_bias))
+
+
+def _temperature(parameters: SimulationParameters, encoding: str) -> Encode:
+    thermometer = TemperatureEncoder(parameters.imu_frame, encoding)
+    return _at_true_times(lambda b: thermometer.pattern(b.true_t_ns, b.temperature))
+
+
+def _magnetic_field(parameters: SimulationParameters, encoding: str) -> Encode:
+    fields = MagneticFieldEncoder(parameters.imu_frame, encoding)
+    return _of_a_sensor(
+        MAGNETIC_FIELD_TOPIC,
+        lambda read, rows, _, now: fields.pattern(
+            read.t_ns[rows], read.field[rows], field_variance_discrete(now.imu)
+        ),
+    )
+
+
+def _ideal_magnetic_field(parameters: SimulationParameters, encoding: str) -> Encode:
+    fields = MagneticFieldEncoder(parameters.imu_frame, encoding)
+    return _truth_of_a_sensor(
+        IDEAL_MAGNETIC_FIELD_TOPIC, lambda read: fields.pattern(read.true_t_ns, read.ideal_field)
+    )
+
+
+def _magnetometer_bias(parameters: SimulationParameters, encoding: str) -> Encode:
+    vectors = Vector3StampedEncoder(parameters.imu_frame, encoding)
+    return _truth_of_a_sensor(
+        MAGNETOMETER_BIAS_TOPIC, lambda read: vectors.pattern(read.true_t_ns, read.bias)
+    )
+
+
+def _pressure(parameters: SimulationParameters, encoding: str) -> Encode:
+    pressures = FluidPressureEncoder(parameters.imu_frame, encoding)
+    return _of_a_sensor(
+        PRESSURE_TOPIC,
+        lambda read, rows, _, now: pressures.pattern(
+            read.t_ns[rows], read.pressure[rows], pressure_variance_discrete(now.imu)
+        ),
+    )
+
+
+def _ideal_pressure(parameters: SimulationParameters, encoding: str) -> Encode:
+    pressures = FluidPressureEncoder(parameters.imu_frame, encoding)
+    return _truth_of_a_sensor(
+        IDEAL_PRESSURE_TOPIC,
+        lambda read: pressures.pattern(read.true_t_ns, read.ideal_pressure),
+    )
+
+
+def _barometer_bias(parameters: SimulationParameters, encoding: str) -> Encode:
+    # Of all messages for one number with a stamp, the one in pascal.
+    pressures = FluidPressureEncoder(parameters.imu_frame, encoding)
+    return _truth_of_a_sensor(
+        BAROMETER_BIAS_TOPIC, lambda read: pressures.pattern(read.true_t_ns, read.bias)
+    )
+
+
+def _orientation(parameters: SimulationParameters, encoding: str) -> Encode:
+    readings = ImuEncoder(parameters.imu_frame, encoding)
+
+    def pattern(
+        stated: OrientationBlock, rows: Times, block: ImuBlock, now: SimulationParameters
+    ) -> Pattern:
+        of_imu = stated.rows[rows]
+        return readings.pattern(
+            stated.t_ns[rows],
+            block.gyro[of_imu],
+            block.accel[of_imu],
+            gyro_variance_discrete(now.imu, now.rate),
+            accel_variance_discrete(now.imu, now.rate),
+            stated.q_wi[rows],
+            stated.variance[rows],
+        )
+
+    return _of_a_sensor(ORIENTATION_TOPIC, pattern)
+
+
+def _of_a_sensor(
+    topic: str, pattern: Callable[[Any, Times, ImuBlock, SimulationParameters], Pattern]
+) -> Encode:
+    """Return the source of what a sensor beside the IMU delivers.
+
+    :param pattern: of the sensor's samples, the rows that are delivered, the IMU's block and the
+        parameters of now.
+    """
+
+    def encode(block: ImuBlock, now: SimulationParameters) -> Messages:
+        read = _beside(topic, block)
+        rows = read.delivered
+        return Messages(read.t_ns[rows], read.release_t_ns[rows], pattern(read, rows, block, now))
+
+    return encode
+
+
+def _truth_of_a_sensor(topic: str, pattern: Callable[[Any], Pattern]) -> Encode:
+    """Return the source of a truth of a sensor beside the IMU, at its true times."""
+
+    def encode(block: ImuBlock, _: SimulationParameters) -> Messages:
+        read = _beside(topic, block)
+        return Messages(read.true_t_ns, read.true_t_ns, pattern(read))
+
+    return encode
+
+
+def _beside(topic: str, block: ImuBlock) -> Any:
+    """Return the samples of the sensor beside the IMU that a topic is about."""
+    sensor = _SENSORS[topic]
+    read = getattr(block, sensor)
+    if read is None:
+        raise ConfigurationError(f"topic {topic}: no {sensor.replace('_', ' ')} was simulated")
+    return read
+
+
+def _delta_angle(parameters: SimulationParameters, encoding: str) -> Encode:
+    return _increments(DELTA_ANGLE_TOPIC, lambda b: b.gyro, parameters, encoding)
+
+
+def _delta_velocity(parameters: SimulationParameters, encoding: str) -> Encode:
+    return _increments(DELTA_VELOCITY_TOPIC, lambda b: b.accel, parameters, encoding)
+
+
+def _ideal_delta_angle(parameters: SimulationParameters, encoding: str) -> Encode:
+    return _increments(IDEAL_DELTA_ANGLE_TOPIC, lambda b: b.ideal_gyro, parameters, encoding)
+
+
+def _ideal_delta_velocity(parameters: SimulationParameters, encoding: str) -> Encode:
+    return _increments(IDEAL_DELTA_VELOCITY_TOPIC, lambda b: b.ideal_accel, parameters, encoding)
+
+
+def _increments(
+    topic: str,
+    means: Callable[[ImuBlock], NDArray[np.float64]],
+    parameters: SimulationParameters,
+    encoding: str,
+) -> Encode:
+    """Return the source of increments: mean readings times the nominal interval."""
+    if parameters.imu.sampling != "averaged":
+        raise ConfigurationError(
+            f"topic {topic}: needs imu.sampling averaged; it is {parameters.imu.sampling}"
+        )
+    vectors = Vector3StampedEncoder(parameters.imu_frame, encoding)
+    interval = 1.0 / parameters.rate
+    if topic in (IDEAL_DELTA_ANGLE_TOPIC, IDEAL_DELTA_VELOCITY_TOPIC):
+        return _at_true_times(lambda b: vectors.pattern(b.true_t_ns, means(b) * interval))
+
+    def encode(block: ImuBlock, _: SimulationParameters) -> Messages:
+        rows = block.delivered
+        t_ns = block.t_ns[rows]
+        payloads = vectors.pattern(t_ns, means(block)[rows] * interval)
+        return Messages(t_ns, block.release_t_ns[rows], payloads)
+
+    return encode
+
+
+def _at_true_times(payloads: Callable[[ImuBlock], Pattern]) -> Encode:
+    return lambda block, _: Messages(block.true_t_ns, block.true_t_ns, payloads(block))
+
+
+_MAKERS: Final[dict[str, Callable[[SimulationParameters, str], Encode]]] = {
+    IMU_TOPIC: _readings,
+    TRUTH_TOPIC: _truth,
+    TRUTH_FIX_TOPIC: _fix,
+    IDEAL_IMU_TOPIC: _ideal,
+    GYROSCOPE_BIAS_TOPIC: _gyroscope_bias,
+    ACCELEROMETER_BIAS_TOPIC: _accelerometer_bias,
+    TEMPERATURE_TOPIC: _temperature,
+    DELTA_ANGLE_TOPIC: _delta_angle,
+    DELTA_VELOCITY_TOPIC: _delta_velocity,
+    IDEAL_DELTA_ANGLE_TOPIC: _ideal_delta_angle,
+    IDEAL_DELTA_VELOCITY_TOPIC: _ideal_delta_velocity,
+    MAGNETIC_FIELD_TOPIC: _magnetic_field,
+    IDEAL_MAGNETIC_FIELD_TOPIC: _ideal_magnetic_field,
+    MAGNETOMETER_BIAS_TOPIC: _magnetometer_bias,
+    ORIENTATION_TOPIC: _orientation,
+    PRESSURE_TOPIC: _pressure,
+    IDEAL_PRESSURE_TOPIC: _ideal_pressure,
+    BAROMETER_BIAS_TOPIC: _barometer_bias,
+}

@@ -1,0 +1,109 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Stamps that say when a pose arrived: the even times at which the poses may have been taken."""
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.trajectory.motion import Array
+from imu_sim_ros.trajectory.residuals import residuals
+
+_WINDOW: Final = 200
+"""Poses on each side that a running median includes."""
+_SHORT: Final = 10
+"""Poses over which the interval is first searched: so few are seldom incomplete."""
+_LATE: Final = 0.02
+"""Scatter of stamps, over their interval, above which they are examined."""
+_LATEST: Final = 5.0
+"""In intervals; poses that scatter farther were not taken at an even rate."""
+_MOSTLY_EVEN: Final = 0.9
+"""Share of steps as long as the interval that stamps of arrival do not have."""
+_BETTER: Final = 0.5
+_REACH: Final = 0.01
+"""Error of the first guess of the interval, at most, over the interval."""
+_FIRST: Final = 2000
+"""Poses in which the interval is searched first, and the factor by which they grow."""
+_PHASES: Final = 40
+
+
+def even_times(t: Array, position: Array, q_wb: Array) -> tuple[Array, float, float]:
+    """Return times at which the poses may have been taken, the stamps' scatter, and the interval.
+
+    Poses are taken at an even rate, some are lost. Stamps of arrival scatter about the grid, and
+    the motion over the grid's times is smoother than over the stamps'; else they stay as they are,
+    and the scatter is 0. A constant delay of all stamps cannot be detected; a pose next to a loss
+    that is later than an interval is placed one interval off.
+
+    :param t: (n,) stamps [s], increasing from 0.
+    :param position: (n, 3) [m].
+    :param q_wb: (n, 4) without jumps of sign.
+    """
+    interval = float(np.median(t[_SHORT:] - t[:-_SHORT])) / _SHORT
+    if np.mean(np.abs(np.diff(t) - interval) < _LATE * interval) > _MOSTLY_EVEN:
+        return t, 0.0, 0.0
+    index = _grid_index(t / _even_interval(t, interval))
+    interval = float(np.polyfit(index, t, 1)[0])
+    even = index * interval
+    even = even + _running_median(t - even, _WINDOW)
+    even = even - even[0]
+    scatter = float(np.std(t - even))
+    likely = _LATE * interval < scatter < _LATEST * interval
+    if not likely or np.any(np.diff(even) <= 0.0):
+        return t, 0.0, 0.0
+    given, tried = residuals(t, position, q_wb), residuals(even, position, q_wb)
+    if tried.median < _BETTER * given.median:
+        return even, scatter, interval
+    return t, 0.0, 0.0
+
+
+def _even_interval(t: Array, guess: float) -> float:
+    """Return the interval at whose multiples the stamps cluster, with or without losses.
+
+    The sum of ``exp(2 pi i t f)`` peaks at the rate f (Rayleigh's test; a loss is a whole turn). It
+    is searched in the first poses, within a hundredth of the guess, then in more and more of them
+    within the uncertainty left by the fewer.
+    """
+    rate, reach, count = 1.0 / guess, _REACH / guess, min(_FIRST, len(t))
+    while True:
+        some = t[:count]
+        step = 0.25 / max(float(some[-1] - some[0]), guess)
+        tried = rate + step * np.arange(-np.ceil(reach / step), np.ceil(reach / step) + 1.0)
+        thin = some[:: max(1, count // _FIRST)]
+        power = [abs(np.exp(2j * np.pi * f * thin).sum()) for f in tried]
+        rate, reach = float(tried[int(np.argmax(power))]), step
+        if count == len(t):
+            return 1.0 / rate
+        count = min(4 * count, len(t))
+
+
+def _grid_index(place: Array) -> NDArray[np.int64]:
+    """Return the place (n,) of each pose on the grid, from its stamp in intervals.
+
+    The stamps' phase, a running mean, may drift. A place is the whole number below a stamp, counted
+    from the phase that the fewest have, so that late poses stay with their own. What is left of it
+    over the row rises by one with each loss and is an interval off where a pose is later still:
+    a median of five takes those out and leaves the rise where it is.
+    """
+    from scipy.ndimage import median_filter, uniform_filter1d
+
+    turn = np.exp(2j * np.pi * place)
+    width = min(2 * _WINDOW + 1, len(place))
+    mean = [uniform_filter1d(part, width, mode="nearest") for part in (turn.real, turn.imag)]
+    over = place - np.unwrap(np.arctan2(mean[1], mean[0])) / (2.0 * np.pi)
+    counts = np.histogram(over % 1.0, bins=_PHASES, range=(0.0, 1.0))[0]
+    around = counts + np.roll(counts, 1) + np.roll(counts, -1)
+    first = (float(np.argmin(around)) + 0.5) / _PHASES
+    rows = np.arange(len(place))
+    lost = median_filter(np.floor(over - first).astype(np.int64) - rows, 5, mode="nearest")
+    return np.asarray(rows + np.maximum.accumulate(lost) - lost[0], dtype=np.int64)
+
+
+def _running_median(values: Array, reach: int) -> Array:
+    """Return the median (n,) of each value and of ``reach`` ones on either side."""
+    from scipy.ndimage import median_filter
+
+    result: Array = median_filter(values, 2 * reach + 1, mode="nearest")
+    return result

@@ -1,0 +1,446 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Parameters of the trajectories, one section for each ``trajectory.type``."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from imu_sim_ros.conventions import GRAVITY
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.names import suggestion
+from imu_sim_ros.parameters.included import names
+from imu_sim_ros.parameters.kinds import (
+    ZERO_VECTOR,
+    Vector,
+    choice,
+    flag,
+    integer,
+    number,
+    numbers,
+    text,
+    vector,
+)
+from imu_sim_ros.parameters.sections import section
+
+TYPE_TEXT = "kind of trajectory, or the name of a file in config/trajectories"
+
+
+@dataclass(frozen=True)
+class VibrationParameters:
+    """Vibration of the body along and about its own axes, on top of any motion or rest."""
+
+    frequency: tuple[float, ...] = numbers(
+        (), "of each sinusoid", unit="Hz", minimum=0.0, above_minimum=True
+    )
+    acceleration: tuple[float, ...] = numbers(
+        (), "amplitude of each sinusoid along x, y, z; none: all 0", unit="m/s^2", group=3
+    )
+    phase: tuple[float, ...] = numbers((), "of each sinusoid at t = 0; none: all 0", unit="rad")
+    angular_rate: tuple[float, ...] = numbers(
+        (),
+        "amplitude of each sinusoid's rotation about x, y, z; none: all 0",
+        unit="rad/s",
+        group=3,
+    )
+    angular_phase: tuple[float, ...] = numbers(
+        (), "of each sinusoid's rotation at t = 0; none: as phase", unit="rad"
+    )
+    noise_rms: Vector = vector(
+        ZERO_VECTOR, "band-limited noise: RMS of its acceleration", unit="m/s^2", minimum=0.0
+    )
+    angular_noise_rms: Vector = vector(
+        ZERO_VECTOR, "rotation in the same band: RMS of its rate", unit="rad/s", minimum=0.0
+    )
+    noise_low: float = number(
+        20.0, "lower end of the noise's band", unit="Hz", minimum=0.0, above_minimum=True
+    )
+    noise_high: float = number(
+        80.0, "upper end of the noise's band", unit="Hz", minimum=0.0, above_minimum=True
+    )
+    noise_lines: int = integer(
+        32, "sinusoids per axis that make up the noise", minimum=8, maximum=4096
+    )
+    seed: int = integer(0, "of the noise", minimum=0, maximum=2**63 - 1)
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Yield what does not fit together."""
+        count = len(self.frequency)
+        left_out = {"acceleration": bool(self.angular_rate), "angular_rate": True}
+        for name, may_be_empty in left_out.items():
+            given = getattr(self, name)
+            if len(given) != 3 * count and (given or not may_be_empty):
+                yield (
+                    f"{prefix}{name} = {list(given)}: must have three entries for "
+                    f"each of the {count} in {prefix}frequency"
+                )
+        for name in ("phase", "angular_phase"):
+            given = getattr(self, name)
+            if given and len(given) != count:
+                yield (
+                    f"{prefix}{name} = {list(given)}: must be empty or have as many entries as "
+                    f"{prefix}frequency, {count}"
+                )
+        if self.noise_high <= self.noise_low:
+            yield (
+                f"{prefix}noise_high = {self.noise_high:g}: must be above {prefix}noise_low, "
+                f"{self.noise_low:g} Hz"
+            )
+
+
+@dataclass(frozen=True)
+class LeadInParameters:
+    """Rest and a jerk before any motion: what visual-inertial estimators initialise from."""
+
+    rest: float = number(
+        0.0, "rest before the jerk; 0: neither rest nor jerk", unit="s", minimum=0.0
+    )
+    jerk: Vector = vector(
+        (0.1, 0.1, 0.2), "how far the jerk goes, in the world, and comes back from", unit="m"
+    )
+    jerk_time: float = number(1.0, "length of the jerk", unit="s", minimum=0.05, maximum=100.0)
+
+    @property
+    def duration(self) -> float:
+        """Time until the jerk is over [s]; 0: there is none."""
+        return self.rest + self.jerk_time if self.rest > 0.0 else 0.0
+
+
+@dataclass(frozen=True)
+class TrajectoryParameters:
+    """What every trajectory has; applied in the order length, repeat, time scale and rests."""
+
+    type: str = text("static", TYPE_TEXT)
+    length: float = number(0.0, "use this much of the motion; 0: all of it", unit="s", minimum=0.0)
+    repeat: int = integer(1, "number of times the motion is run; 0: endless", minimum=0)
+    repeat_mode: str = choice(
+        "loop",
+        ("loop", "there_and_back"),
+        "loop: from the start again, for closed motions; there_and_back: to the end, back, ...",
+    )
+    time_scale: float = number(
+        1.0,
+        "2: twice as fast, with four times the accelerations",
+        minimum=0.0,
+        above_minimum=True,
+        maximum=1000.0,
+    )
+    rest_before: float = number(0.0, "rest before the motion", unit="s", minimum=0.0)
+    rest_after: float = number(0.0, "rest after the motion", unit="s", minimum=0.0)
+    rest_transition: float = number(
+        2.0,
+        "time in which the motion starts from rest, comes to rest, or reverses",
+        unit="s",
+        minimum=0.0,
+        above_minimum=True,
+    )
+    lead_in: LeadInParameters = section(LeadInParameters)
+    vibration: VibrationParameters = section(VibrationParameters)
+
+
+@dataclass(frozen=True)
+class SeriesParameters:
+    """One coordinate as a function of time: a polynomial and a sum of sinusoids.
+
+    ``sum_k polynomial[k] t^k + sum_j amplitude[j] sin(angular_frequency[j] t + phase[j])``
+    """
+
+    polynomial: tuple[float, ...] = numbers(
+        (), "coefficients of t^0, t^1, t^2, ...", unit="m or rad per s^k"
+    )
+    amplitude: tuple[float, ...] = numbers((), "of each sinusoid", unit="m or rad")
+    angular_frequency: tuple[float, ...] = numbers(
+        (), "of each sinusoid", unit="rad/s", minimum=0.0, above_minimum=True
+    )
+    phase: tuple[float, ...] = numbers(
+        (), "of each sinusoid at t = 0, pi/2 makes a cosine; none: all 0", unit="rad"
+    )
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Yield what is wrong with the lengths of the lists."""
+        count = len(self.amplitude)
+        if len(self.angular_frequency) != count:
+            yield (
+                f"{prefix}angular_frequency = {list(self.angular_frequency)}: must have as many "
+                f"entries as {prefix}amplitude, {count}"
+            )
+        if self.phase and len(self.phase) != count:
+            yield (
+                f"{prefix}phase = {list(self.phase)}: must be empty or have as many entries as "
+                f"{prefix}amplitude, {count}"
+            )
+
+
+__all__ = [
+    "ENTRY_POINTS",
+    "TYPES",
+    "FreeFallParameters",
+    "HarmonicParameters",
+    "LeadInParameters",
+    "PolarParameters",
+    "PosesParameters",
+    "SeriesParameters",
+    "SixPositionParameters",
+    "StaticParameters",
+    "TrajectoryParameters",
+    "TurntableParameters",
+    "VibrationParameters",
+    "WaypointsParameters",
+    "find_trajectory",
+]
+
+ENTRY_POINTS = "imu_sim_ros.trajectories"
+"""Group of entry points under which other packages offer trajectories of their own."""
+LEAST_KNOTS = 0.02
+"""Least product of knot spacing and cut-off; below it the fit of a spline loses digits."""
+
+
+@dataclass(frozen=True)
+class StaticParameters(TrajectoryParameters):
+    """A body at rest."""
+
+    type: str = text("static", TYPE_TEXT)
+    position: Vector = vector(ZERO_VECTOR, "position in the world", unit="m")
+    roll_pitch_yaw: Vector = vector(ZERO_VECTOR, "attitude", unit="rad")
+
+
+@dataclass(frozen=True)
+class HarmonicParameters(TrajectoryParameters):
+    """Position and Euler angles, each a polynomial and a sum of sinusoids."""
+
+    type: str = text("harmonic", TYPE_TEXT)
+    x: SeriesParameters = section(SeriesParameters)
+    y: SeriesParameters = section(SeriesParameters)
+    z: SeriesParameters = section(SeriesParameters)
+    roll: SeriesParameters = section(SeriesParameters)
+    pitch: SeriesParameters = section(SeriesParameters)
+    yaw: SeriesParameters = section(SeriesParameters)
+
+
+@dataclass(frozen=True)
+class PolarParameters(TrajectoryParameters):
+    """A motion along a radius that turns about z; the body turns with it."""
+
+    type: str = text("polar", TYPE_TEXT)
+    radius: SeriesParameters = section(SeriesParameters)
+    angle: SeriesParameters = section(SeriesParameters)
+    height: float = number(0.0, "of the plane in the world", unit="m")
+
+
+@dataclass(frozen=True)
+class FreeFallParameters(TrajectoryParameters):
+    """A body thrown and falling, tumbling at a constant rate."""
+
+    type: str = text("free_fall", TYPE_TEXT)
+    position: Vector = vector((0.0, 0.0, 1.5), "at the start", unit="m")
+    velocity: Vector = vector((2.0, 0.0, 10.0), "at the start, in the world", unit="m/s")
+    roll_pitch_yaw: Vector = vector(ZERO_VECTOR, "attitude at the start", unit="rad")
+    angular_velocity: Vector = vector((1.0, 2.0, 0.5), "constant rate in the body", unit="rad/s")
+    gravity: Vector = vector(
+        GRAVITY,
+        "its acceleration; that of the simulation for true free fall",
+        unit="m/s^2",
+    )
+
+
+@dataclass(frozen=True)
+class WaypointsParameters(TrajectoryParameters):
+    """A smooth path through given waypoints, at rest at both ends."""
+
+    type: str = text("waypoints", TYPE_TEXT)
+    positions: tuple[float, ...] = numbers(
+        (0.0, 0.0, 0.0, 1.0, 0.0, 0.0), "x, y, z of each waypoint", unit="m", group=3
+    )
+    headings: tuple[float, ...] = numbers(
+        (), "yaw at each waypoint, not wrapped (2 pi is a full turn); none: all 0", unit="rad"
+    )
+    times: tuple[float, ...] = numbers(
+        (), "of each waypoint, the first 0; none: as the limits allow", unit="s", minimum=0.0
+    )
+    speed_limit: float = number(
+        1.0, "where no times are given", unit="m/s", minimum=0.0, above_minimum=True
+    )
+    acceleration_limit: float = number(
+        1.0, "where no times are given", unit="m/s^2", minimum=0.0, above_minimum=True
+    )
+    heading_rate_limit: float = number(
+        1.0, "where no times are given", unit="rad/s", minimum=0.0, above_minimum=True
+    )
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Yield which lists do not match and which waypoints collide."""
+        places = [self.positions[k : k + 3] for k in range(0, len(self.positions), 3)]
+        count = len(places)
+        if count < 2:
+            yield f"{prefix}positions = {list(self.positions)}: must be at least two waypoints"
+        for name, entries in (("headings", self.headings), ("times", self.times)):
+            if entries and len(entries) != count:
+                yield (
+                    f"{prefix}{name}: {len(entries)} entries; must be empty or one for each of the "
+                    f"{count} waypoints"
+                )
+        if self.times:
+            yield from self._time_problems(prefix)
+        else:
+            headings = self.headings or (0.0,) * count
+            poses = list(zip(places, headings, strict=False))
+            for k in range(1, len(poses)):
+                if poses[k] == poses[k - 1]:
+                    yield (
+                        f"{prefix}positions: waypoints {k} and {k + 1} are the same; "
+                        f"leave one out or give {prefix}times"
+                    )
+
+    def _time_problems(self, prefix: str) -> Iterator[str]:
+        if self.times[0] != 0.0:
+            yield (
+                f"{prefix}times: waypoint 1 at {self.times[0]:g} s: must be at 0; "
+                f"{prefix}rest_before adds rest before the motion"
+            )
+        for k in range(1, len(self.times)):
+            if self.times[k] <= self.times[k - 1]:
+                yield (
+                    f"{prefix}times: waypoint {k + 1} at {self.times[k]:g} s: must be after "
+                    f"waypoint {k} at {self.times[k - 1]:g} s"
+                )
+
+
+@dataclass(frozen=True)
+class SixPositionParameters(TrajectoryParameters):
+    """Rest with each body axis up and down (z, x, y), turned over in between; closed."""
+
+    type: str = text("six_position", TYPE_TEXT)
+    soak: float = number(
+        0.0,
+        "rest before the first position, until the temperature has settled",
+        unit="s",
+        minimum=0.0,
+    )
+    settle: float = number(
+        2.0, "rest after each turn, until the body has settled", unit="s", minimum=0.0
+    )
+    dwell: float = number(
+        30.0, "rest in each position, to measure", unit="s", minimum=0.0, above_minimum=True
+    )
+    transition: float = number(
+        3.0, "time of a turn to the next position", unit="s", minimum=0.0, above_minimum=True
+    )
+
+
+@dataclass(frozen=True)
+class TurntableParameters(SixPositionParameters):
+    """Each body axis up in turn, spun about it at several rates in both directions; closed."""
+
+    type: str = text("turntable", TYPE_TEXT)
+    rates: tuple[float, ...] = numbers(
+        (0.5, 1.0, 2.0), "constant rates", unit="rad/s", minimum=0.0, above_minimum=True
+    )
+    ramp: float = number(
+        2.0, "time to get up to speed and to stop", unit="s", minimum=0.0, above_minimum=True
+    )
+    dwell: float = number(
+        10.0,
+        "time at rest before the rates, and at each rate",
+        unit="s",
+        minimum=0.0,
+        above_minimum=True,
+    )
+    upside_down: bool = flag(True, "each axis down as well, to separate g-sensitivity from bias")
+    tilt: float = number(
+        0.0, "of the table's axis from the vertical, about the world's x", unit="rad"
+    )
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Yield whether there is nothing to do."""
+        if not self.rates:
+            yield f"{prefix}rates = []: must have at least one entry [rad/s]"
+
+
+@dataclass(frozen=True)
+class PosesParameters(TrajectoryParameters):
+    """Recorded poses, followed by a B-spline."""
+
+    type: str = text("poses", TYPE_TEXT)
+    file: str = text("", "poses in TUM or EuRoC format, or a bag")
+    topic: str = text("", "Odometry or PoseStamped topic of a bag; empty: the only one")
+    knot_spacing: float = number(
+        0.0,
+        "time between the spline's knots; 0: the longest of 0.02 s, the poses' usual interval and "
+        "0.2 / cutoff",
+        unit="s",
+        minimum=0.0,
+    )
+    cutoff: float = number(
+        12.0,
+        "motion at higher frequencies is smoothed out",
+        unit="Hz",
+        minimum=0.0,
+        above_minimum=True,
+    )
+    outlier_distance: float = number(
+        0.0,
+        "poses this far from the spline get half the weight, farther ones less; 0: equal weights",
+        unit="m",
+        minimum=0.0,
+    )
+    robust: bool = flag(
+        False,
+        "repair the recording: drop outliers, close jumps, put jittered arrival stamps on an "
+        "even grid; otherwise these only cause warnings",
+    )
+    max_gap: float = number(
+        5.0, "longer gaps between poses are an error", unit="s", minimum=0.0, above_minimum=True
+    )
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Yield whether the file is missing, and whether the knots are too dense."""
+        if not self.file:
+            yield f"{prefix}file = '': must name a file of poses"
+        least = LEAST_KNOTS / self.cutoff
+        if 0.0 < self.knot_spacing < least:
+            yield (
+                f"{prefix}knot_spacing = {self.knot_spacing:g}: must be 0 or at least "
+                f"{LEAST_KNOTS} / {prefix}cutoff, {least:.3g} s"
+            )
+
+
+TYPES: dict[str, type[TrajectoryParameters]] = {
+    "static": StaticParameters,
+    "harmonic": HarmonicParameters,
+    "polar": PolarParameters,
+    "free_fall": FreeFallParameters,
+    "waypoints": WaypointsParameters,
+    "six_position": SixPositionParameters,
+    "turntable": TurntableParameters,
+    "poses": PosesParameters,
+}
+
+
+def find_trajectory(name: str) -> type[TrajectoryParameters]:
+    """Return the section of a trajectory type: one of ours, or an entry point's of that name.
+
+    :raises ConfigurationError: for a type that does not exist or cannot be loaded.
+    """
+    if name in TYPES:
+        return TYPES[name]
+    from importlib.metadata import entry_points  # a search of all packages; seldom needed
+
+    offered = {point.name: point for point in entry_points(group=ENTRY_POINTS)}
+    if name not in offered:
+        known = [*TYPES, *sorted(offered)]
+        otherwise = f"must be one of {', '.join(known)}, or a name in config/trajectories"
+        hint = suggestion(name, [*known, *names("trajectories")], otherwise)
+        raise ConfigurationError(f"trajectory.type = {name!r}: {hint}")
+    point = offered[name]
+    try:
+        found = point.load()
+    except Exception as error:  # code of other people: whatever it raises
+        raise ConfigurationError(
+            f"trajectory.type = {name!r}: {point.value} cannot be loaded: {error}"
+        ) from error
+    if not (isinstance(found, type) and issubclass(found, TrajectoryParameters)):
+        raise ConfigurationError(
+            f"trajectory.type = {name!r}: {point.value} is not a class derived from "
+            "TrajectoryParameters"
+        )
+    return found

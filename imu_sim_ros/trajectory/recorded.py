@@ -1,0 +1,212 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A recorded motion: a B-spline fitted to poses, and how well it fits them."""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from imu_sim_ros import rotation, timebase
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.trajectory.bspline import PoseSpline, UniformKnots
+from imu_sim_ros.trajectory.motion import Array, Felt, Motion, Trajectory
+from imu_sim_ros.trajectory.parameters import PosesParameters
+from imu_sim_ros.trajectory.repair import beyond_any_body, mended, suspicions
+from imu_sim_ros.trajectory.spline_fit import fit
+
+_LEAST_POSES: Final = 4
+_LEAST_SPACING: Final = 0.02  # s
+_KNOTS: Final = 0.2  # spacing times cut-off: fine enough to follow, coarse enough to be solved well
+_MOST_BRIDGED: Final = 500  # knots in a gap: its shape keeps 3 digits; from 2000 on none
+_PEAK_SAMPLES: Final = 4  # per segment
+
+
+class FitReport(NamedTuple):
+    """How well a spline fits its poses; distances [m], angles [rad], times [s]."""
+
+    poses: int
+    repeated: int
+    """Poses that occurred twice in the file and were used once."""
+    duration: float
+    rms_position: float
+    max_position: float
+    max_position_at: float
+    """After the first pose."""
+    rms_angle: float
+    max_angle: float
+    largest_gap: float
+    largest_gap_at: float
+    """Start of the gap, after the first pose."""
+    peak_speed: float
+    peak_acceleration: float
+    peak_acceleration_at: float
+    peak_rate: float
+    peak_rate_at: float
+    knot_spacing: float
+    cutoff: float
+
+    def lines(self) -> list[str]:
+        """Return the report as text."""
+        mm, deg = 1e3, 180.0 / np.pi
+        dropped = f", {self.repeated} duplicates left out" if self.repeated else ""
+        return [
+            f"{self.poses} poses over {self.duration:.2f} s{dropped}; "
+            f"largest gap {self.largest_gap:.3f} s at {self.largest_gap_at:.2f} s",
+            f"spline: knots every {self.knot_spacing:.3f} s, smooth above {self.cutoff:g} Hz; "
+            f"position {self.rms_position * mm:.3f} mm RMS, {self.max_position * mm:.2f} mm at "
+            f"most (at {self.max_position_at:.2f} s); angle {self.rms_angle * deg:.4f} deg RMS, "
+            f"{self.max_angle * deg:.3f} deg at most",
+            f"peaks: {self.peak_speed:.2f} m/s, {self.peak_acceleration:.2f} m/s^2, "
+            f"{self.peak_rate:.2f} rad/s ({self.peak_rate * deg:.0f} deg/s)",
+        ]
+
+
+class Recorded:
+    """A body that moves as recorded; time 0 is the first pose."""
+
+    def __init__(self, poses: PoseSequence, parameters: PosesParameters) -> None:
+        """Fit the spline.
+
+        :raises InputError: for poses that are too few or too far apart in time.
+        """
+        _check(poses, parameters)
+        spacing = _knot_spacing(poses, parameters)
+        self.t0_ns = int(poses.t_ns[0])
+        """Stamp of the first pose [ns]."""
+        t = timebase.seconds_since(poses.t_ns, self.t0_ns)
+        found = mended(t, poses.position, poses.q_wb)
+        words = suspicions(found.findings, parameters.file, poses, t, parameters.robust)
+        if parameters.robust and found.findings:
+            t = found.t
+            poses = poses._replace(position=found.position, q_wb=found.q_wb)
+        knots = UniformKnots(float(t[-1]), spacing)
+        cutoff, outliers = parameters.cutoff, parameters.outlier_distance
+        self._spline = fit(t, poses.position, poses.q_wb, knots, cutoff, outliers)
+        self.report = report = _report(t, poses, self._spline, knots, parameters.cutoff)
+        self.repairs: list[str] = words if parameters.robust else []
+        """What was repaired, as text."""
+        self.warnings: list[str] = [] if parameters.robust else words
+        """What looks wrong, as text."""
+        self.warnings += beyond_any_body(
+            parameters.file,
+            report.peak_acceleration,
+            report.peak_acceleration_at,
+            report.peak_rate,
+            report.peak_rate_at,
+        )
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last pose [s]."""
+        return self._spline.duration
+
+    @property
+    def highest_frequency(self) -> float:
+        """That the spline follows [Hz]."""
+        return min(self.report.cutoff, 0.5 / self.report.knot_spacing)
+
+    def sample(self, t: Array) -> Motion:
+        """Return the motion at times t (n,) [s]."""
+        return self._spline.sample(t)
+
+    def felt(self, t: Array) -> Felt:
+        """Return what is felt of the motion at times t (n,) [s]."""
+        return self._spline.felt(t)
+
+
+def recorded_in(trajectory: Trajectory) -> Recorded | None:
+    """Return the recorded motion in a trajectory, if there is one."""
+    inner: object = trajectory
+    while inner is not None:
+        if isinstance(inner, Recorded):
+            return inner
+        inner = getattr(inner, "inner", None)
+    return None
+
+
+def fit_report(trajectory: Trajectory) -> FitReport | None:
+    """Return the report of the recorded motion in a trajectory, if there is one."""
+    recorded = recorded_in(trajectory)
+    return recorded.report if recorded is not None else None
+
+
+def _check(poses: PoseSequence, parameters: PosesParameters) -> None:
+    count = len(poses.t_ns)
+    if count < _LEAST_POSES:
+        raise InputError(
+            f"{parameters.file}: holds {count} poses; a spline needs {_LEAST_POSES} or more"
+        )
+    steps = timebase.seconds_since(np.diff(poses.t_ns), 0)
+    back = np.flatnonzero(steps <= 0.0)
+    if len(back):
+        raise InputError(
+            f"{parameters.file}: the stamps do not increase after pose {back[0] + 1}, at "
+            f"{poses.t_ns[back[0]]} ns"
+        )
+    gaps = np.flatnonzero(steps > parameters.max_gap)
+    if len(gaps):
+        start = timebase.seconds_since(poses.t_ns[gaps], int(poses.t_ns[0]))
+        raise InputError(
+            f"{parameters.file}: a gap of {steps[k]:.3g} s at {at:.3f} s after the first pose: "
+            f"longer than trajectory.max_gap, {parameters.max_gap:g} s"
+            for k, at in zip(gaps, start, strict=True)
+        )
+
+
+def _knot_spacing(poses: PoseSequence, parameters: PosesParameters) -> float:
+    """Return the time between knots [s]: the given one, or one suited to data and cut-off."""
+    steps = timebase.seconds_since(np.diff(poses.t_ns), 0)
+    usual = float(np.median(steps))
+    spacing = parameters.knot_spacing or max(_LEAST_SPACING, usual, _KNOTS / parameters.cutoff)
+    if np.max(steps) > _MOST_BRIDGED * spacing:
+        raise InputError(
+            f"{parameters.file}: a gap of {np.max(steps):.3g} s is too many knots long: "
+            f"trajectory.knot_spacing must be at least {np.max(steps) / _MOST_BRIDGED:.3g} s"
+        )
+    return spacing
+
+
+def _report(
+    t: Array, poses: PoseSequence, spline: PoseSpline, knots: UniformKnots, cutoff: float
+) -> FitReport:
+    near = spline.sample(t)
+    distance = np.linalg.norm(near.position - poses.position, axis=-1)
+    between = rotation.multiply(rotation.conjugate(near.q_wb), poses.q_wb)
+    angle = np.linalg.norm(rotation.log(between), axis=-1)
+    steps = np.diff(t)
+    widest = int(np.argmax(steps))
+    times = np.linspace(0.0, spline.duration, _PEAK_SAMPLES * knots.segments + 1)
+    dense = spline.sample(times)
+    acceleration, rate = (
+        int(np.argmax(np.linalg.norm(values, axis=-1)))
+        for values in (dense.acceleration, dense.angular_velocity)
+    )
+    return FitReport(
+        poses=len(t),
+        repeated=poses.dropped,
+        duration=spline.duration,
+        rms_position=_rms(distance),
+        max_position=float(np.max(distance)),
+        max_position_at=float(t[np.argmax(distance)]),
+        rms_angle=_rms(angle),
+        max_angle=float(np.max(angle)),
+        largest_gap=float(steps[widest]),
+        largest_gap_at=float(t[widest]),
+        peak_speed=_peak(dense.velocity),
+        peak_acceleration=_peak(dense.acceleration),
+        peak_acceleration_at=float(times[acceleration]),
+        peak_rate=_peak(dense.angular_velocity),
+        peak_rate_at=float(times[rate]),
+        knot_spacing=knots.spacing,
+        cutoff=cutoff,
+    )
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _peak(vectors: Array) -> float:
+    return float(np.max(np.linalg.norm(vectors, axis=-1)))

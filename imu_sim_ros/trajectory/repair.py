@@ -1,0 +1,307 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Implausible poses: found before a spline is fitted, and repaired on request."""
+
+from collections.abc import Iterator, Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros import rotation
+from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.trajectory.arrival import even_times
+from imu_sim_ros.trajectory.motion import Array
+from imu_sim_ros.trajectory.residuals import REACH, residuals, smallest_distance
+
+_LEAST_POSES: Final = 30
+_OFF: Final = 10.0
+"""Typical deviations; normal noise does not reach it in 10^20 poses."""
+_WINDOW: Final = 8
+"""Poses on each side of a disturbance that are used to classify it."""
+_SINGLE: Final = 3
+"""Most poses that are left out of a disturbance before it is taken for a jump."""
+_BENT: Final = 0.05
+"""Of a jump: what a turn that comes with it may leave, as it bends all that follows."""
+_DEGREES: Final = np.arange(6)
+_ROUNDS: Final = 50
+_JOINS: Final = 3
+
+
+class Jump(NamedTuple):
+    """A motion that continues elsewhere from one pose on."""
+
+    row: int
+    shift: Array
+    """(3,) in the world [m]."""
+    turn: Array
+    """(3,) rotation vector in the world [rad]."""
+
+
+class Findings(NamedTuple):
+    """What is wrong with recorded poses, by rows."""
+
+    single: NDArray[np.int64]
+    """Outlying poses."""
+    distance: Array
+    """[m] by which each of them does."""
+    angle: Array
+    """[rad]"""
+    jumps: list[Jump]
+    scatter: float
+    """[s] of stamps that are times of arrival; 0: they are not."""
+    interval: float
+    """[s] of the grid that they scatter about."""
+
+    def __bool__(self) -> bool:
+        """Return whether there is anything."""
+        return bool(len(self.single) or self.jumps or self.scatter)
+
+
+class Mended(NamedTuple):
+    """Repaired poses; the outlying rows are missing."""
+
+    t: Array
+    position: Array
+    q_wb: Array
+    findings: Findings
+
+
+def mended(t: Array, position: Array, q_wb: Array) -> Mended:
+    """Return the poses as a body may have moved through them.
+
+    :param t: (n,) times [s], increasing from 0.
+    :param position: (n, 3) [m].
+    :param q_wb: (n, 4) unit quaternions, of any sign.
+    """
+    q_wb = rotation.continuous(q_wb)
+    nothing = np.zeros(0, dtype=np.int64)
+    if len(t) < _LEAST_POSES:
+        none = Findings(nothing, np.zeros(0), np.zeros(0), [], 0.0, 0.0)
+        return Mended(t, position, q_wb, none)
+    taken, scatter, interval = even_times(t, position, q_wb)
+    rows = np.arange(len(t))
+    single: list[int] = []
+    jumps: list[Jump] = []
+    p, q = position.copy(), q_wb.copy()
+    smallest = smallest_distance(taken, position)
+    for _ in range(_ROUNDS):
+        found = residuals(taken[rows], p[rows], q[rows], smallest)
+        off = found.largest
+        if np.max(off) <= _OFF:
+            break
+        poses = _Poses(taken[rows], p[rows], q[rows], found.usual)
+        for first, last in reversed(_clusters(np.flatnonzero(off > _OFF))):
+            dropped, jump = _explained(poses, first, last)
+            if jump is not None:  # all that follows is moved as a whole, so the last comes first
+                jumps.append(jump._replace(row=int(rows[jump.row])))
+                _join_all(p, q, rows, poses, jump)
+                poses = poses._replace(position=p[rows], q_wb=q[rows])
+                continue
+            if not len(dropped):
+                dropped = np.array([first + int(np.argmax(off[first : last + 1]))])
+            single += rows[dropped].tolist()
+        rows = np.setdiff1d(rows, single)
+    left = np.array(sorted(single), dtype=np.int64)
+    distance, angle = _apart(taken, p, q, rows, left)
+    findings = Findings(left, distance, angle, sorted(jumps, key=_row), scatter, interval)
+    return Mended(taken[rows], p[rows], q[rows], findings)
+
+
+def _row(jump: Jump) -> int:
+    return jump.row
+
+
+def _clusters(rows: NDArray[np.int64]) -> list[tuple[int, int]]:
+    """Return the first and last row of each group of rows close enough to affect each other."""
+    parts = np.split(rows, np.flatnonzero(np.diff(rows) > 2 * REACH) + 1)
+    return [(int(part[0]), int(part[-1])) for part in parts]
+
+
+class _Poses(NamedTuple):
+    t: Array
+    position: Array
+    q_wb: Array
+    usual: Array
+    """(n, 2)"""
+
+
+def _explained(poses: _Poses, first: int, last: int) -> tuple[NDArray[np.int64], Jump | None]:
+    """Return rows to leave out, or a jump, that explain a disturbance; nothing if neither does.
+
+    What is left must follow a polynomial of degree 5. A jump has as many unknowns as one pose left
+    out, so the better of the two holds; then come more poses in a row.
+    """
+    window = np.arange(max(first - _WINDOW, 0), min(last + _WINDOW + 1, len(poses.t)))
+    values, columns = _scaled(poses, window)
+
+    def best(length: int) -> tuple[float, int, float]:
+        """Return what is left without so many poses from a row on (0: with a jump), and the jump.
+
+        The jump's size is in usual deviations, too.
+        """
+        found = (np.inf, first, 0.0)
+        for start in range(first, last + 2 - length):  # a jump may also be behind the last
+            out = (window >= start) & (window < start + length)
+            step = [] if length else [window >= start]
+            left, solution = _left(np.column_stack([columns, *step]), values, ~out)
+            found = min(found, (left, start, float(np.linalg.norm(solution[-1]))))
+        return found
+
+    nothing = np.zeros(0, dtype=np.int64)
+    jumped, row, size = best(0)
+    is_jump = jumped <= max(_OFF, _BENT * size)
+    for length in range(1, last - first + 2):
+        if length == _SINGLE + 1 and is_jump:
+            break
+        left, start, _ = best(length)
+        if left <= min(_OFF, jumped):
+            return np.arange(start, start + length), None
+    return nothing, _step(poses, window, row) if is_jump else None
+
+
+def _step(poses: _Poses, window: NDArray[np.int64], row: int) -> Jump:
+    """Return the jump ahead of a row that leaves least of a polynomial on both sides."""
+    values, columns = _scaled(poses, window)
+    _, solution = _left(np.column_stack([columns, window >= row]), values, window >= 0)
+    change = solution[-1] * np.repeat(np.median(poses.usual[window], axis=0), 3)
+    return Jump(row, change[:3], rotation.rotate(poses.q_wb[window[0]], change[3:]))
+
+
+def _scaled(poses: _Poses, window: NDArray[np.int64]) -> tuple[Array, Array]:
+    """Return position and attitude (k, 6) in usual deviations, and a polynomial's columns."""
+    t = poses.t[window]
+    since = 2.0 * (t - t[0]) / (t[-1] - t[0]) - 1.0
+    start = rotation.conjugate(poses.q_wb[window[0]])
+    turns = rotation.log(rotation.multiply(start, poses.q_wb[window]))
+    usual = np.repeat(np.median(poses.usual[window], axis=0), 3)
+    return np.column_stack([poses.position[window], turns]) / usual, since[:, None] ** _DEGREES
+
+
+def _left(columns: Array, values: Array, keep: NDArray[np.bool_]) -> tuple[float, Array]:
+    """Return the largest distance from the fit to the rows that are kept, and the coefficients."""
+    rows = columns[keep]
+    solution = np.asarray(np.linalg.lstsq(rows, values[keep], rcond=None)[0], dtype=np.float64)
+    over = rows @ solution - values[keep]
+    lengths = np.linalg.norm(over.reshape(-1, 2, 3), axis=-1)
+    return float(np.max(lengths)), solution
+
+
+def _join_all(p: Array, q: Array, rows: NDArray[np.int64], poses: _Poses, jump: Jump) -> None:
+    """Join poses (in place) where they jump; repeatedly, as large rotations are nonlinear."""
+    window = np.arange(max(jump.row - _WINDOW, 0), min(jump.row + _WINDOW + 1, len(rows)))
+    for _ in range(_JOINS):
+        _join(p, q, jump._replace(row=int(rows[jump.row])))
+        jump = _step(poses._replace(position=p[rows], q_wb=q[rows]), window, jump.row)
+
+
+def _join(p: Array, q: Array, jump: Jump) -> None:
+    """Move all poses from the jump on, in place, so that the motion continues."""
+    rows = slice(jump.row, None)
+    back = rotation.exp(-jump.turn)
+    place = p[jump.row] - jump.shift
+    p[rows] = place + rotation.rotate(back, p[rows] - jump.shift - place)
+    q[rows] = rotation.continuous(rotation.multiply(back, q[rows]))
+
+
+def _apart(
+    t: Array, p: Array, q: Array, rows: NDArray[np.int64], left: NDArray[np.int64]
+) -> tuple[Array, Array]:
+    """Return how far poses (k,) lie from the straight line between their neighbours that stay."""
+    if not len(left):
+        return np.zeros(0), np.zeros(0)
+    near = np.column_stack([np.interp(t[left], t[rows], p[rows, k]) for k in range(3)])
+    turned = np.column_stack([np.interp(t[left], t[rows], q[rows, k]) for k in range(4)])
+    between = rotation.multiply(rotation.conjugate(rotation.normalise(turned)), q[left])
+    return (
+        np.linalg.norm(p[left] - near, axis=1),
+        np.linalg.norm(rotation.log(between), axis=1),
+    )
+
+
+_SHOWN: Final = 5
+_LARGEST_ACCELERATION: Final = 160.0
+"""[m/s^2] 16 g, the widest range of consumer sensors; vehicles and people stay below."""
+_LARGEST_RATE: Final = 35.0
+"""[rad/s] 2000 deg/s, the widest range of consumer sensors."""
+_OPTION: Final = "--robust (trajectory.robust)"
+
+
+def suspicions(
+    findings: Findings, file: str, poses: PoseSequence, t: Array, robust: bool
+) -> list[str]:
+    """Return a line for each kind of problem.
+
+    :param t: (n,) times of the poses [s].
+    :param robust: whether it was repaired; else the option that repairs it is named.
+    """
+    return list(_lines(findings, file, poses, t, robust))
+
+
+def _lines(
+    findings: Findings, file: str, poses: PoseSequence, t: Array, robust: bool
+) -> Iterator[str]:
+    def place(row: int) -> str:
+        name = f"pose {row + 1}" if poses.lines is None else f"line {poses.lines[row]}"
+        return f"{name} ({t[row]:.3f} s)"
+
+    def remedy(done: str, would: str) -> str:
+        return f"; {done}" if robust else f"; {_OPTION} {would}"
+
+    count = len(findings.single)
+    if count:
+        found = [
+            f"{place(int(row))} by {distance:.3g} m and {np.degrees(angle):.3g} deg"
+            for row, distance, angle in zip(
+                findings.single, findings.distance, findings.angle, strict=True
+            )
+        ]
+        poses_lie, it = ("1 pose lies", "it") if count == 1 else (f"{count} poses lie", "them")
+        yield (
+            f"{file}: {poses_lie} off the motion of the neighbours: "
+            f"{_largest(found, findings.distance)}" + remedy("left out", f"leaves {it} out")
+        )
+    if findings.jumps:
+        sizes = [float(np.linalg.norm(jump.shift)) for jump in findings.jumps]
+        found = [
+            f"{place(jump.row)} by {size:.3g} m and {np.degrees(np.linalg.norm(jump.turn)):.3g} deg"
+            for jump, size in zip(findings.jumps, sizes, strict=True)
+        ]
+        yield (
+            f"{file}: the motion jumps at {_largest(found, sizes)}"
+            + remedy("all later poses were moved to continue the motion", "joins the pieces")
+        )
+    if findings.scatter:
+        yield (
+            f"{file}: the stamps scatter by {findings.scatter * 1e3:.3g} ms about an even interval "
+            f"of {findings.interval * 1e3:.4g} ms, on which the motion is smoother: they appear to "
+            "be times of arrival" + remedy("even times were used", "uses even times")
+        )
+
+
+def _largest(found: Sequence[str], sizes: Sequence[float] | Array) -> str:
+    """Return the largest few of what was found, in the file's order."""
+    shown = sorted(np.argsort(-np.asarray(sizes), kind="stable")[:_SHOWN])
+    more = len(found) - _SHOWN
+    rest = f" and {more} smaller {'one' if more == 1 else 'ones'}" if more > 0 else ""
+    return ", ".join(found[k] for k in shown) + rest
+
+
+def beyond_any_body(
+    file: str, acceleration: float, acceleration_at: float, rate: float, rate_at: float
+) -> list[str]:
+    """Return a line for each peak of a spline that no body carrying an IMU could reach.
+
+    :param acceleration: [m/s^2], at acceleration_at [s].
+    :param rate: [rad/s], at rate_at [s].
+    """
+    return [
+        f"{file}: {value:.4g} {unit} at {at:.3f} s is more than a body carrying an IMU reaches "
+        f"({limit:g} {unit}): the poses are not a plausible motion there"
+        for value, at, limit, unit in (
+            (acceleration, acceleration_at, _LARGEST_ACCELERATION, "m/s^2"),
+            (rate, rate_at, _LARGEST_RATE, "rad/s"),
+        )
+        if value > limit
+    ]
