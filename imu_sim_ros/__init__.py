@@ -91,6 +91,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.navigation.preintegration import Preintegration as Preintegration
     from imu_sim_ros.navigation.state import NavigationState as NavigationState
     from imu_sim_ros.poses import PoseSequence as PoseSequence
+    from imu_sim_ros.trajectory.motion import Motion as Motion
 _HOMES = {
     "camera": ["camera"],
     "errors": [
@@ -115,6 +116,7 @@ _HOMES = {
     "navigation.preintegration": ["Preintegration"],
     "navigation.state": ["NavigationState"],
     "poses": ["PoseSequence"],
+    "trajectory.motion": ["Motion"],
 }
 __version__ = "0.1.0"
 __all__ = sorted(name for names in _HOMES.values() for name in names)

@@ -26,7 +26,7 @@ LOW = {
 }
 BODY = LOW | {"trajectory", "sensors"}
 ROOMS = {
-    "__init__": LOW | {"jobs", "camera", "navigation"},
+    "__init__": LOW | {"jobs", "camera", "navigation", "trajectory"},
     "camera": BODY | {"simulation", "jobs"},
     "config": LOW | {"trajectory"},
     "inputs": {"errors"},

@@ -27,6 +27,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Final
 
 from imu_sim_ros import timebase
+from imu_sim_ros.arguments import whole
 from imu_sim_ros.conventions import AUXILIARY
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.parameters.sections import flatten
@@ -45,7 +46,17 @@ if TYPE_CHECKING:
 
 BLOCK_SIZE: Final = 8192
 """Large enough that Python's part is small, small enough for a processor's cache."""
+LARGEST_BLOCK: Final = 1 << 24
+"""6 GB of an IMU's samples."""
 DEFAULT_START_NS: Final = timebase.NANOSECONDS_PER_SECOND
+
+
+def checked_size(block_size: int, name: str = "block_size") -> int:
+    """Return the size of a block.
+
+    :raises ConfigurationError: for anything but an integer from 1 to ``LARGEST_BLOCK``.
+    """
+    return whole(name, block_size, f"an integer from 1 to {LARGEST_BLOCK}", 1, LARGEST_BLOCK)
 
 
 class Simulation:
@@ -196,7 +207,11 @@ class Simulation:
         """Yield the samples that are left, in blocks.
 
         :param count: largest number of samples; otherwise an endless run continues forever.
+        :raises ConfigurationError: for a size that is none, before the first block.
         """
+        return self._blocks(checked_size(block_size), count)
+
+    def _blocks(self, block_size: int, count: int | None) -> Iterator[ImuBlock]:
         end = math.inf if count is None else self.position + count
         if self.total is not None:
             end = min(end, self.total)
@@ -247,7 +262,12 @@ class SimulatedBody:
 
         A window has ``block_size`` samples of the fastest simulation; one that has no sample in a
         window is left out of it. This includes blocks of simulations that have ended.
+
+        :raises ConfigurationError: for a size that is none, before the first window.
         """
+        return self._windows(checked_size(block_size))
+
+    def _windows(self, block_size: int) -> Iterator[dict[str, ImuBlock]]:
         rates = {n: timebase.exact_rate(s.parameters.rate) for n, s in self.simulations.items()}
         window = Fraction(block_size) / max(rates.values())
         end = Fraction(0)

@@ -29,6 +29,7 @@ PUBLIC = [
     "InputError",
     "MagneticReadings",
     "MissingDependencyError",
+    "Motion",
     "NavigationState",
     "Noise",
     "Odometry",
