@@ -76,10 +76,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.jobs.navigation import dead_reckon as dead_reckon
     from imu_sim_ros.jobs.navigation import evaluate as evaluate
     from imu_sim_ros.jobs.preintegrate import preintegrate as preintegrate
-    from imu_sim_ros.jobs.readings import MagneticReadings as MagneticReadings
     from imu_sim_ros.jobs.readings import Odometry as Odometry
-    from imu_sim_ros.jobs.readings import Orientations as Orientations
-    from imu_sim_ros.jobs.readings import PressureReadings as PressureReadings
     from imu_sim_ros.jobs.readings import Readings as Readings
     from imu_sim_ros.jobs.readings import read_imu as read_imu
     from imu_sim_ros.jobs.readings import read_odometry as read_odometry
@@ -91,7 +88,9 @@ if TYPE_CHECKING:
     from imu_sim_ros.navigation.preintegration import Preintegration as Preintegration
     from imu_sim_ros.navigation.state import NavigationState as NavigationState
     from imu_sim_ros.poses import PoseSequence as PoseSequence
-    from imu_sim_ros.trajectory.motion import Motion as Motion
+    from imu_sim_ros.sensors.barometer.declaration import PressureReadings as PressureReadings
+    from imu_sim_ros.sensors.magnetometer.declaration import MagneticReadings as MagneticReadings
+    from imu_sim_ros.sensors.orientation.declaration import Orientations as Orientations
 _HOMES = {
     "camera": ["camera"],
     "errors": [
@@ -107,8 +106,7 @@ _HOMES = {
     "jobs.navigation": ["Evaluation", "Track", "dead_reckon", "evaluate"],
     "jobs.preintegrate": ["preintegrate"],
     "jobs.readings": [
-        *("MagneticReadings", "Odometry", "Orientations", "PressureReadings", "Readings"),
-        *("read_imu", "read_odometry"),
+        *("Odometry", "Readings", "read_imu", "read_odometry"),
     ],
     "jobs.simulate": ["blocks", "simulate"],
     "jobs.twin": ["Twin", "twin"],
@@ -116,7 +114,9 @@ _HOMES = {
     "navigation.preintegration": ["Preintegration"],
     "navigation.state": ["NavigationState"],
     "poses": ["PoseSequence"],
-    "trajectory.motion": ["Motion"],
+    "sensors.barometer.declaration": ["PressureReadings"],
+    "sensors.magnetometer.declaration": ["MagneticReadings"],
+    "sensors.orientation.declaration": ["Orientations"],
 }
 __version__ = "0.1.0"
 __all__ = sorted(name for names in _HOMES.values() for name in names)

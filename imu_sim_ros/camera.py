@@ -5,7 +5,7 @@
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Final, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from imu_sim_ros import arguments, rotation
 from imu_sim_ros.sensors.camera.model import CameraModel, Projection
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
-from imu_sim_ros.sensors.camera.rig import BLOCK, Rig, Simulated, build_rig, on_simulation
+from imu_sim_ros.sensors.camera.rig import BLOCK, Rig, build_rig, on_simulation
 from imu_sim_ros.sensors.camera.rig_parameters import scene_layer
 from imu_sim_ros.sensors.camera.tracker import Tracks
 from imu_sim_ros.simulation.parameters import SimulationParameters
@@ -41,6 +41,16 @@ def reprojection_errors(
 
 
 _NAME = "cam0"
+_LARGEST_BLOCK: Final = 1 << 20
+"""Frames."""
+
+
+class Flown(Protocol):
+    """A simulated flight."""
+
+    @property
+    def parameters(self) -> SimulationParameters:
+        """All parameters of the simulation."""
 
 
 def project(points: ArrayLike, camera: str | Path | Mapping[str, Any] = "euroc_cam0") -> Projection:
@@ -60,7 +70,7 @@ def project(points: ArrayLike, camera: str | Path | Mapping[str, Any] = "euroc_c
 
 
 def tracks(
-    flight: Simulated,
+    flight: Flown,
     camera: str | Path | Mapping[str, Any] = "euroc_cam0",
     scene: str | Path = "room",
     block: int = BLOCK,
@@ -85,11 +95,13 @@ def tracks(
     >>> blocks[0].uv.shape == (len(blocks[0].id), 2), sum(len(b.frames.t_ns) for b in blocks)
     (True, 40)
     """
-    return _rig(flight, camera, scene).tracks(_NAME, block)
+    most = f"an integer from 1 to {_LARGEST_BLOCK}"
+    size = arguments.whole("block", block, most, 1, _LARGEST_BLOCK)
+    return _rig(flight, camera, scene).tracks(_NAME, size)
 
 
 def frames(
-    flight: Simulated,
+    flight: Flown,
     camera: str | Path | Mapping[str, Any] = "euroc_cam0",
     scene: str | Path = "room",
 ) -> Iterator[tuple[int, NDArray[np.uint8]]]:
@@ -111,7 +123,7 @@ def frames(
 
 
 def depths(
-    flight: Simulated,
+    flight: Flown,
     camera: str | Path | Mapping[str, Any] = "euroc_cam0",
     scene: str | Path = "room",
 ) -> Iterator[tuple[int, NDArray[np.float32]]]:
@@ -129,11 +141,11 @@ def depths(
     return _rig(flight, camera, scene).depths(_NAME)
 
 
-def _rig(flight: Simulated, camera: str | Path | Mapping[str, Any], scene: str | Path) -> Rig:
+def _rig(flight: Flown, camera: str | Path | Mapping[str, Any], scene: str | Path) -> Rig:
     if not isinstance(getattr(flight, "parameters", None), SimulationParameters):
         arguments.refuse("flight", flight, "what simulate() returns", wrong_type=True)
     file = arguments.path("scene", scene, "a name or the path of a file")
-    return on_simulation({**_camera(camera), **scene_layer(str(file))}, flight)
+    return on_simulation({**_camera(camera), **scene_layer(str(file))}, flight.parameters)
 
 
 def _camera(camera: str | Path | Mapping[str, Any]) -> dict[str, object]:

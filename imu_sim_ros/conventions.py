@@ -7,12 +7,10 @@ Imports nothing, so that every room may import it. The frames' letters, units an
 package's docstring.
 """
 
-from collections.abc import Mapping
 from typing import Final, Literal
 
 Vector = tuple[float, float, float]
 Triad = Literal["gyroscope", "accelerometer"]
-Measured = Literal["gyroscope", "accelerometer", "magnetometer", "barometer"]
 
 GRAVITY: Final[Vector] = (0.0, 0.0, -9.81)
 """[m/s^2] default g_w in the world frame; the lecture's value."""
@@ -21,10 +19,6 @@ STANDARD_GRAVITY: Final = 9.80665
 
 TRIADS: Final[tuple[Triad, Triad]] = ("gyroscope", "accelerometer")
 """In the order of arrays that hold both, (6, ...): gyroscope x, y, z, accelerometer x, y, z."""
-AUXILIARY: Final[Mapping[str, str]] = {"magnetometer": "magnetic_field", "barometer": "pressure"}
-"""The sensors beside them on a board, each with what it measures, as ``publish.`` names it."""
-BESIDE: Final = (*AUXILIARY.values(), "orientation")
-"""All that a run can ask for beside the readings of the IMU."""
 AXES: Final = ("x", "y", "z")
 
 WORLD_FRAME: Final = "world"

@@ -112,3 +112,13 @@ def parse_duration(words: str) -> float:
     if match is None or len(words) > _LONGEST_DURATION:
         raise ValueError(f"{words[:40]!r} is not a duration such as 20s, 10min or 4h")
     return float(match[1]) * _SECONDS[match[2]]
+
+
+def span(t_ns: NDArray[np.int64]) -> str:
+    """Return how many rows there are, at which rate and for how long."""
+    n = len(t_ns)
+    if n < 2:
+        return f"{n} row{'s' if n != 1 else ''}"
+    seconds = float(t_ns[-1] - t_ns[0]) * 1e-9
+    rate = 1e9 / float(np.median(np.diff(t_ns))) if seconds > 0.0 else 0.0
+    return f"{n} at {rate:.4g} Hz, {seconds:.6g} s"

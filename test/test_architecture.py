@@ -26,13 +26,13 @@ LOW = {
 }
 BODY = LOW | {"trajectory", "sensors"}
 ROOMS = {
-    "__init__": LOW | {"jobs", "camera", "navigation", "trajectory"},
+    "__init__": LOW | {"jobs", "camera", "navigation", "sensors"},
     "camera": BODY | {"simulation", "jobs"},
     "config": LOW | {"trajectory"},
     "inputs": {"errors"},
     "parameters": LOW | {"trajectory"},
     "trajectory": LOW,
-    "sensors": BODY | {"simulation"},
+    "sensors": BODY | {"simulation", "bags"},
     "simulation": BODY | {"bags"},
     "bags": LOW,
     "datasets": BODY | {"simulation", "bags"},

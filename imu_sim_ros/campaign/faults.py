@@ -6,9 +6,9 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from imu_sim_ros.conventions import AUXILIARY
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.names import shown
+from imu_sim_ros.sensors import with_faults
 from imu_sim_ros.sensors.faults import Fault
 
 
@@ -55,7 +55,7 @@ def _fault(where: str, entry: object) -> TimedFault:
     if isinstance(at, bool) or not isinstance(at, int | float) or not 0.0 <= at < 1e9:
         raise ConfigurationError(f"at = {shown(at)}: must be a time of at least 0 s")
     triad = str(entry.get("triad", ""))
-    if triad in AUXILIARY:
+    if triad in with_faults():
         raise ConfigurationError(f"triad = {triad}: a campaign simulates the IMU alone")
     value = entry.get("value", 0.0)
     values = tuple(float(v) for v in value) if isinstance(value, list) else float(value)

@@ -18,6 +18,7 @@ from imu_sim_ros.datasets.consumers.folder import write_all
 from imu_sim_ros.datasets.consumers.rig import RigValues, Start, start_warnings
 from imu_sim_ros.datasets.consumers.values import ImuValues
 from imu_sim_ros.datasets.topics import resolved
+from imu_sim_ros.sensors import auxiliary_sensors
 from imu_sim_ros.sensors.realised import realised_imu
 from imu_sim_ros.simulation.engine import Simulation
 from imu_sim_ros.simulation.parameters import SimulationParameters
@@ -111,9 +112,8 @@ def describe(
     mounting, lever_arm = np.reshape(imu.mounting, (3, 3)), np.asarray(imu.lever_arm)
     comment = f"simulated by imu_sim_ros, preset {imu.preset}, seed {parameters.seed}"
     rates = {
-        "mag": imu.magnetometer.rate,
-        "pressure": imu.barometer.rate,
-        "orientation": imu.orientation.rate or parameters.rate,
+        sensor.table.name: getattr(imu, sensor.name).rate or parameters.rate
+        for sensor in auxiliary_sensors()
     }
     for name in beside:
         text_writer.write_euroc_beside(

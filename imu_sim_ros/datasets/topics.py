@@ -8,7 +8,7 @@ One home for ``generate``, the public interface and campaigns.
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,14 +17,13 @@ from imu_sim_ros.bags.text.writer import BESIDE, Dataset, States
 from imu_sim_ros.bags.writer import Block, Topic, Writer, amount, described
 from imu_sim_ros.conventions import (
     IMU_TOPIC,
-    MAGNETIC_FIELD_TOPIC,
-    ORIENTATION_TOPIC,
-    PRESSURE_TOPIC,
     TRUTH_TOPIC,
 )
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.names import unknown
+from imu_sim_ros.sensors import auxiliary_sensors
 from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.sensors.declaration import Sensor
 from imu_sim_ros.simulation.parameters import SimulationParameters
 from imu_sim_ros.simulation.playback import BODY
 from imu_sim_ros.simulation.topics import OF_THE_BODY, TYPES, Encode, delivered, encoder, sensors_of
@@ -35,12 +34,9 @@ SINGLE = ("",)
 """The names of the IMUs where there is one only."""
 
 
-_TABLES: Final[dict[str, str]] = {
-    MAGNETIC_FIELD_TOPIC: "mag",
-    PRESSURE_TOPIC: "pressure",
-    ORIENTATION_TOPIC: "orientation",
-}
-"""Topics that have a table of their own in a dataset: the key of ``bags.text.BESIDE``."""
+def _tables() -> dict[str, Sensor]:
+    """Return the auxiliary sensors by the topic that has a table of its own in a dataset."""
+    return {sensor.topics[0].name: sensor for sensor in auxiliary_sensors()}
 
 
 class _Output(NamedTuple):
@@ -136,7 +132,7 @@ class DatasetTarget:
             **{resolved(f"{_space(name)}{TRUTH_TOPIC}"): file.rows for name, file in states},
             **{
                 resolved(f"{_space(self._imus[k])}{topic}"): self.dataset.beside[kind, k].rows
-                for topic, kind in _TABLES.items()
+                for topic, kind in ((name, one.table.name) for name, one in _tables().items())
                 for k in range(len(self._imus))
                 if (kind, k) in self.dataset.beside
             },
@@ -168,33 +164,25 @@ def _states(block: ImuBlock) -> States:
 
 
 def _table(kind: str, block: ImuBlock) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return stamps (n,) and values (n, m) of what a sensor beside the IMU delivered."""
-    if kind == "mag":
-        assert block.magnetic_field is not None
-        field = block.magnetic_field
-        return field.t_ns[field.delivered], field.field[field.delivered]
-    if kind == "orientation":
-        assert block.orientation is not None
-        stated = block.orientation
-        return stated.t_ns[stated.delivered], stated.q_wi[stated.delivered]
-    assert block.pressure is not None
-    read = block.pressure
-    return read.t_ns[read.delivered], read.pressure[read.delivered, None]
+    """Return stamps (n,) and values (n, m) of what an auxiliary sensor delivered."""
+    sensor = next(one for one in auxiliary_sensors() if one.table.name == kind)
+    read = block.auxiliary[sensor.quantity]
+    return read.t_ns[read.delivered], sensor.table.values(read)[read.delivered]
 
 
 def in_tables(
     names: Iterable[str], form: str, imus: Sequence[str] = SINGLE
 ) -> list[tuple[str, int]]:
-    """Return the tables that sensors beside the IMU have in a dataset: kind, number of the IMU.
+    """Return the tables that auxiliary sensors have in a dataset: kind, number of the IMU.
 
     :param names: of topics that are written.
     :raises InputError: with a line for each topic that the form does not have.
     """
-    known, tables, unfit = offered(imus), [], []
+    known, having, tables, unfit = offered(imus), _tables(), [], []
     for name in names:
         imu, key = known[name]
-        if key in _TABLES and form in BESIDE:
-            tables.append((_TABLES[key], list(imus).index(imu)))
+        if key in having and form in BESIDE:
+            tables.append((having[key].table.name, list(imus).index(imu)))
         elif key not in (IMU_TOPIC, TRUTH_TOPIC):
             unfit.append(f"topic {name}: does not exist in {form}")
     if unfit:

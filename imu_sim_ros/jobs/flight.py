@@ -21,21 +21,17 @@ from imu_sim_ros.inputs import gate
 from imu_sim_ros.jobs.output import checked_place, saved
 from imu_sim_ros.jobs.readings import (
     BAG_OR_FILE,
-    MagneticReadings,
     Odometry,
-    Orientations,
-    PressureReadings,
     Readings,
     frame,
     joined,
     read_imu,
-    span,
 )
 from imu_sim_ros.parameters.sections import flatten
+from imu_sim_ros.sensors import auxiliary_sensors
 from imu_sim_ros.sensors.block import ImuBlock
-from imu_sim_ros.simulation.engine import Simulation
 from imu_sim_ros.simulation.parameters import SimulationParameters
-from imu_sim_ros.trajectory.motion import Trajectory
+from imu_sim_ros.timebase import span
 
 if TYPE_CHECKING:
     from imu_sim_ros.plots.style import Figure
@@ -76,10 +72,10 @@ def readings_of(
     :raises ConfigurationError: for anything else.
     :raises InputError: for what cannot be read, no readings, and what no sensor reads.
     """
-    if isinstance(given, str | PathLike):
-        arguments.path(name, given, BAG_OR_FILE)
-        return read_imu(given, arguments.topic(topic_name, topic))
     if not isinstance(given, Flight | Readings):
+        if isinstance(given, str | PathLike):
+            path = arguments.path(name, given, BAG_OR_FILE)
+            return read_imu(path, arguments.topic(topic_name, topic))
         arguments.refuse(name, given, f"a Flight, Readings, or {BAG_OR_FILE}", wrong_type=True)
     arguments.topic(topic_name, topic, of_a_file=False)
     found = given.readings if isinstance(given, Flight) else given
@@ -95,14 +91,11 @@ class Flight:
     Readings that the transport loses are missing, and those it duplicates occur twice, as in a bag.
     """
 
-    def __init__(self, simulation: Simulation, blocks: Sequence[ImuBlock], name: str) -> None:
-        self.parameters: SimulationParameters = simulation.parameters
+    def __init__(
+        self, parameters: SimulationParameters, blocks: Sequence[ImuBlock], name: str
+    ) -> None:
+        self.parameters = parameters
         """All parameters of the simulation, a frozen dataclass."""
-        self.trajectory: Trajectory = simulation.trajectory
-        """The exact motion, at any time: ``trajectory.sample(t)`` at times t (n,) [s] from
-        ``t0_ns`` on."""
-        self.t0_ns: int = simulation.t0_ns
-        """True time of sample 0 [ns]."""
         self.name = name
         """Sensor and motion in words."""
         self._blocks = blocks
@@ -130,29 +123,23 @@ class Flight:
         """(n,) temperature of the sensor [degC]."""
         return self._joined("temperature")
 
-    @cached_property
-    def magnetic_field(self) -> MagneticReadings:
-        """What the magnetometer read, at its own rate and stamps.
+    def __getattr__(self, name: str) -> Any:
+        """Return what an auxiliary sensor read, at its own rate and stamps.
 
-        :raises ConfigurationError: where no magnetometer was simulated.
+        ``magnetic_field`` is a :class:`MagneticReadings`, ``orientation`` are
+        :class:`Orientations`, ``pressure`` is a :class:`PressureReadings`.
+
+        :raises ConfigurationError: for one that was not simulated.
         """
-        return joined(self._blocks, "magnetic_field", MagneticReadings)
+        for sensor in auxiliary_sensors():
+            if sensor.quantity == name:
+                found = self.__dict__[name] = joined(self._blocks, sensor)
+                return found
+        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
-    @cached_property
-    def orientation(self) -> Orientations:
-        """What the board states of its orientation, in the world.
-
-        :raises ConfigurationError: where no orientation was simulated.
-        """
-        return joined(self._blocks, "orientation", Orientations)
-
-    @cached_property
-    def pressure(self) -> PressureReadings:
-        """What the barometer read, at its own rate and stamps.
-
-        :raises ConfigurationError: where no barometer was simulated.
-        """
-        return joined(self._blocks, "pressure", PressureReadings)
+    def __dir__(self) -> list[str]:
+        """Return all names, those of the auxiliary sensors too."""
+        return sorted({*super().__dir__(), *(sensor.quantity for sensor in auxiliary_sensors())})
 
     @cached_property
     def truth(self) -> Truth:

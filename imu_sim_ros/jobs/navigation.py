@@ -26,7 +26,6 @@ from imu_sim_ros.jobs.readings import (
     checked_poses,
     frame,
     read_odometry,
-    span,
 )
 from imu_sim_ros.navigation import initialisation
 from imu_sim_ros.navigation.association import (
@@ -63,6 +62,7 @@ from imu_sim_ros.sensors.gravity import earth_rate_vector, gravity_vector
 
 if TYPE_CHECKING:
     from imu_sim_ros.plots.style import Figure
+from imu_sim_ros.timebase import span
 
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]

@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
@@ -14,25 +14,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros import arguments
-from imu_sim_ros.arguments import array, refuse, stamps
-from imu_sim_ros.errors import MissingDependencyError
+from imu_sim_ros.arguments import array, refuse, stamps, words
+from imu_sim_ros.errors import ConfigurationError, MissingDependencyError
 from imu_sim_ros.inputs import gate
+from imu_sim_ros.names import suggestion
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.rotation import from_euler, rotate
+from imu_sim_ros.sensors import auxiliary_sensors
+from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.sensors.declaration import Sensor
+from imu_sim_ros.timebase import span
 
 if TYPE_CHECKING:
     from imu_sim_ros.plots.style import Figure
-
-
-from collections.abc import Collection
-from dataclasses import fields
-from typing import TypeVar
-
-from imu_sim_ros.arguments import words
-from imu_sim_ros.conventions import BESIDE
-from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.names import suggestion
-from imu_sim_ros.sensors.block import ImuBlock
 
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
@@ -256,106 +250,35 @@ def frame(t_ns: Times, columns: Mapping[str, Array]) -> Any:
     return pandas.DataFrame(data, index=pandas.Index(t_ns, name="t_ns"))
 
 
-def span(t_ns: Times) -> str:
-    """Return how many rows there are, at which rate and for how long."""
-    n = len(t_ns)
-    if n < 2:
-        return f"{n} row{'s' if n != 1 else ''}"
-    seconds = float(t_ns[-1] - t_ns[0]) * 1e-9
-    rate = 1e9 / float(np.median(np.diff(t_ns))) if seconds > 0.0 else 0.0
-    return f"{n} at {rate:.4g} Hz, {seconds:.6g} s"
-
-
-_Any = TypeVar("_Any", "MagneticReadings", "PressureReadings", "Orientations")
-
-
-class _Readings:
-    """n readings with stamps."""
-
-    t_ns: Times
-
-    def __len__(self) -> int:
-        return len(self.t_ns)
-
-    def __repr__(self) -> str:
-        return f"<{type(self).__name__}: {span(self.t_ns)}>"
-
-
-@dataclass(frozen=True, repr=False)
-class MagneticReadings(_Readings):
-    """The n readings of a magnetometer that are delivered, and the truth of each."""
-
-    t_ns: Times
-    """(n,) stamps [ns], with the errors of the board's clock."""
-    field: Array
-    """(n, 3) as read [T]."""
-    true_t_ns: Times
-    """(n,) when the sample was taken [ns]."""
-    ideal_field: Array
-    """(n, 3) the field at the IMU in its own frame, without any error [T]."""
-    bias: Array
-    """(n, 3) what is added to the field times the sensor's response [T]."""
-
-
-@dataclass(frozen=True, repr=False)
-class PressureReadings(_Readings):
-    """The n readings of a barometer that are delivered, and the truth of each."""
-
-    t_ns: Times
-    """(n,) stamps [ns], with the errors of the board's clock."""
-    pressure: Array
-    """(n,) as read [Pa]."""
-    true_t_ns: Times
-    """(n,) when the sample was taken [ns]."""
-    ideal_pressure: Array
-    """(n,) of the still air at the IMU's height [Pa]."""
-    bias: Array
-    """(n,) what is added to it, without white noise and rounding [Pa]."""
-
-
-@dataclass(frozen=True, repr=False)
-class Orientations(_Readings):
-    """The n orientations that a board states and delivers, and the truth of each."""
-
-    t_ns: Times
-    """(n,) stamps [ns]."""
-    q_wi: Array
-    """(n, 4) of the IMU in the world, as stated: unit quaternions (w, x, y, z)."""
-    variance: Array
-    """(n, 3) stated, of the error about the world's axes [rad^2]; 0: unknown."""
-    true_t_ns: Times
-    """(n,) when the sample was taken [ns]."""
-    ideal_q_wi: Array
-    """(n, 4) the true ones."""
-
-
 def checked_sensors(names: Collection[str]) -> frozenset[str]:
-    """Return the names of sensors beside the IMU.
+    """Return the names of auxiliary sensors.
 
     :raises ConfigurationError: with a line for each that does not exist.
     """
     given = words("sensors", names)
+    known = [sensor.quantity for sensor in auxiliary_sensors()]
     unknown = [
-        f"sensors: {name!r}: {suggestion(name, BESIDE)}" for name in given if name not in BESIDE
+        f"sensors: {name!r}: {suggestion(name, known)}" for name in given if name not in known
     ]
     if unknown:
         raise ConfigurationError(unknown)
     return frozenset(given)
 
 
-def joined(blocks: Sequence[ImuBlock], sensor: str, readings: type[_Any]) -> _Any:
-    """Return what a sensor beside the IMU delivered in all blocks.
+def joined(blocks: Sequence[ImuBlock], sensor: Sensor) -> Any:
+    """Return what an auxiliary sensor delivered in all blocks.
 
     :raises ConfigurationError: where it was not simulated.
     """
-    parts: list[Any] = [getattr(block, sensor) for block in blocks]
-    if any(part is None for part in parts):
+    name = sensor.quantity
+    if any(name not in block.auxiliary for block in blocks):
         raise ConfigurationError(
-            f"{sensor}: was not simulated; simulate(..., sensors=[{sensor!r}]) does"
+            f"{name}: was not simulated; simulate(..., sensors=[{name!r}]) does"
         )
-    return readings(
+    parts = [block.auxiliary[name] for block in blocks]
+    return sensor.readings(
         **{
             field.name: np.concatenate([getattr(p, field.name)[p.delivered] for p in parts])
-            for field in fields(readings)
+            for field in fields(sensor.readings)  # type: ignore[arg-type]  # all are dataclasses
         }
     )

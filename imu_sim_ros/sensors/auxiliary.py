@@ -1,23 +1,22 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The sensors beside an IMU that a run asks for, read block by block with it."""
+"""The auxiliary sensors of a board that a run asks for, read block by block with its IMU."""
 
 from collections.abc import Collection
 
-from imu_sim_ros.sensors.barometer.model import Barometer
+from imu_sim_ros.sensors import auxiliary_sensors
 from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.sensors.declaration import Model
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.response import TemperatureProfile
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-from imu_sim_ros.sensors.magnetometer.model import Magnetometer
-from imu_sim_ros.sensors.orientation.model import Orientation
 from imu_sim_ros.trajectory.motion import Trajectory
 
 
 class Auxiliary:
-    """The sensors beside one IMU."""
+    """The auxiliary sensors of one board."""
 
     def __init__(
         self,
@@ -26,49 +25,33 @@ class Auxiliary:
         t0_ns: int,
         wanted: Collection[str],
     ) -> None:
-        """Set up the sensors that are wanted.
+        """Set up the sensors that are wanted, and those that they need.
 
         :param t0_ns: time of the IMU's sample 0 [ns].
-        :param wanted: names of ``conventions.BESIDE``.
+        :param wanted: what they measure.
         """
-        filtered = "orientation" in wanted and imu.orientation.source == "filter"
-        self._wanted = wanted
-        self._magnetometer = self._barometer = self._orientation = None
-        if "magnetic_field" in wanted or filtered:
-            self._magnetometer = Magnetometer(imu, environment, t0_ns)
-        if "orientation" in wanted:
-            self._orientation = Orientation(
-                imu, environment, self._magnetometer if filtered else None
-            )
-        if "pressure" in wanted:
-            self._barometer = Barometer(imu, environment, t0_ns)
+        known = auxiliary_sensors()
+        needed = {name for one in known if one.quantity in wanted for name in one.needs(imu)}
+        self._wanted, self._models = wanted, dict[str, Model]()
+        for one in known:
+            if one.quantity in wanted or one.quantity in needed:
+                self._models[one.quantity] = one.model(imu, environment, t0_ns, self._models)
 
     def configure(self, imu: ImuParameters) -> None:
         """Take new values of live parameters, from the next sample on."""
-        if self._magnetometer is not None:
-            self._magnetometer.configure(imu)
-        if self._barometer is not None:
-            self._barometer.configure(imu)
+        for model in self._models.values():
+            model.configure(imu)
 
-    def inject(self, fault: Fault, first: int) -> None:
-        """Let a fault of one of these sensors begin at the time of the IMU's sample ``first``."""
-        if self._magnetometer is not None and fault.triad == "magnetometer":
-            self._magnetometer.inject(fault, first)
-        if self._barometer is not None and fault.triad == "barometer":
-            self._barometer.inject(fault, first)
+    def inject(self, fault: Fault, quantity: str, first: int) -> None:
+        """Let a fault of one of them begin at the time of the IMU's sample ``first``."""
+        if quantity in self._models:
+            self._models[quantity].inject(fault, first)
 
-    def beside(
+    def add_to(
         self, block: ImuBlock, trajectory: Trajectory, temperature: TemperatureProfile
     ) -> ImuBlock:
         """Return a block of the IMU with the samples of the others in its window of time."""
-        field = None
-        if self._magnetometer is not None:
-            field = self._magnetometer.read(block, trajectory, temperature)
-            if "magnetic_field" in self._wanted:
-                block = block._replace(magnetic_field=field)
-        if self._orientation is not None:
-            block = block._replace(orientation=self._orientation.read(block, field))
-        if self._barometer is not None:
-            pressure = self._barometer.read(block, trajectory, temperature)
-            block = block._replace(pressure=pressure)
-        return block
+        read = {
+            name: model.read(block, trajectory, temperature) for name, model in self._models.items()
+        }
+        return block._replace(auxiliary={k: v for k, v in read.items() if k in self._wanted})

@@ -23,11 +23,12 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from imu_sim_ros.conventions import AUXILIARY, TRIADS
+from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.names import suggestion
 from imu_sim_ros.parameters.kinds import Vector
 from imu_sim_ros.random_streams import generator
+from imu_sim_ros.sensors import with_faults
 from imu_sim_ros.sensors.imu.parameters import LARGEST_LATENCY
 
 Array = NDArray[np.float64]
@@ -50,8 +51,7 @@ class Fault:
     value: float | Vector = 0.0
     """Strength in the unit of what it changes; one number stands for all axes."""
     triad: str = ""
-    """gyroscope or accelerometer, where the fault is one of a triad; magnetometer or barometer for
-    any fault of these."""
+    """gyroscope or accelerometer for a fault of a triad; an auxiliary sensor for any of its own."""
 
     def __post_init__(self) -> None:
         problems = list(self._problems())
@@ -72,7 +72,7 @@ class Fault:
             yield f"fault value = {self.value}: must be a probability, at most 1"
         elif self.kind == "latency" and (values > LARGEST_LATENCY).any():
             yield f"fault value = {self.value}: must be a latency of at most {LARGEST_LATENCY:g} s"
-        sensors = (*TRIADS, *AUXILIARY)
+        sensors = (*TRIADS, *with_faults())
         if self.kind in _OF_A_TRIAD and self.triad not in sensors:
             yield f"fault triad = {self.triad!r}: {suggestion(self.triad, sensors)}"
 

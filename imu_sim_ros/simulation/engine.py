@@ -27,12 +27,11 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Final
 
 from imu_sim_ros import timebase
-from imu_sim_ros.arguments import whole
-from imu_sim_ros.conventions import AUXILIARY
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.parameters.sections import parameters as described
 from imu_sim_ros.poses import read_poses
+from imu_sim_ros.sensors import with_faults
 from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.model import Imu
@@ -46,17 +45,7 @@ if TYPE_CHECKING:
 
 BLOCK_SIZE: Final = 8192
 """Large enough that Python's part is small, small enough for a processor's cache."""
-LARGEST_BLOCK: Final = 1 << 24
-"""6 GB of an IMU's samples."""
 DEFAULT_START_NS: Final = timebase.NANOSECONDS_PER_SECOND
-
-
-def checked_size(block_size: int, name: str = "block_size") -> int:
-    """Return the size of a block.
-
-    :raises ConfigurationError: for anything but an integer from 1 to ``LARGEST_BLOCK``.
-    """
-    return whole(name, block_size, f"an integer from 1 to {LARGEST_BLOCK}", 1, LARGEST_BLOCK)
 
 
 class Simulation:
@@ -76,7 +65,7 @@ class Simulation:
         :param t0_ns: time of sample 0 [ns]; None: ``start_time``, or where that is -1 the stamp
             of recorded poses at the start of the motion, or else 1 s.
         :param trajectory: the one of these parameters, if it already exists.
-        :param sensors: what is read beside the IMU: names of ``conventions.BESIDE``; no
+        :param sensors: what auxiliary sensors measure: ``magnetic_field``, ...; no
             sample of another sensor depends on it.
         :raises ConfigurationError: for inconsistent parameters.
         :raises InputError: for a file of poses that cannot be used.
@@ -187,7 +176,7 @@ class Simulation:
         """
         if not (math.isfinite(delay) and delay >= 0.0):
             raise ConfigurationError(f"fault delay = {delay}: must be at least 0 s")
-        needed = AUXILIARY.get(fault.triad)
+        needed = with_faults().get(fault.triad)
         if needed is not None and needed not in self._sensors:
             raise ConfigurationError(
                 f"fault triad = {fault.triad}: this simulation has no {fault.triad}"
@@ -207,11 +196,7 @@ class Simulation:
         """Yield the samples that are left, in blocks.
 
         :param count: largest number of samples; otherwise an endless run continues forever.
-        :raises ConfigurationError: for a size that is none, before the first block.
         """
-        return self._blocks(checked_size(block_size), count)
-
-    def _blocks(self, block_size: int, count: int | None) -> Iterator[ImuBlock]:
         end = math.inf if count is None else self.position + count
         if self.total is not None:
             end = min(end, self.total)
@@ -262,12 +247,7 @@ class SimulatedBody:
 
         A window has ``block_size`` samples of the fastest simulation; one that has no sample in a
         window is left out of it. This includes blocks of simulations that have ended.
-
-        :raises ConfigurationError: for a size that is none, before the first window.
         """
-        return self._windows(checked_size(block_size))
-
-    def _windows(self, block_size: int) -> Iterator[dict[str, ImuBlock]]:
         rates = {n: timebase.exact_rate(s.parameters.rate) for n, s in self.simulations.items()}
         window = Fraction(block_size) / max(rates.values())
         end = Fraction(0)

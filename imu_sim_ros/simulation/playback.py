@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from imu_sim_ros import timebase
-from imu_sim_ros.conventions import AUXILIARY, IMU_FRAME, TRIADS
+from imu_sim_ros.conventions import IMU_FRAME, TRIADS
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.files import build_layered
@@ -25,6 +25,7 @@ from imu_sim_ros.parameters.kinds import (
     vector,
 )
 from imu_sim_ros.parameters.sections import section, section_names
+from imu_sim_ros.sensors import with_faults
 from imu_sim_ros.sensors.imu.parameters import LARGEST_LATENCY, LONGEST, ImuParameters
 from imu_sim_ros.simulation.parameters import SimulationParameters, layer_simulation
 
@@ -112,9 +113,9 @@ class InjectParameters:
     )
     triad: str = choice(
         "gyroscope",
-        (*TRIADS, *AUXILIARY),
-        "which sensor a bias_jump, saturation or stuck affects; magnetometer and barometer: "
-        "any fault, of that sensor alone",
+        (*TRIADS, *with_faults()),
+        "which triad a bias_jump, saturation or stuck affects; an auxiliary sensor: any fault, of "
+        "that sensor alone",
         live=True,
     )
     value: Vector = vector(

@@ -7,24 +7,21 @@ One home for what the simulator node publishes and the command ``generate`` writ
 the same bytes.
 """
 
+import functools
 from collections.abc import Callable, Iterable
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.bags.messages.blocks import Pattern
 from imu_sim_ros.bags.messages.encode import (
-    FLUID_PRESSURE,
     IMU,
-    MAGNETIC_FIELD,
     NAV_SAT_FIX,
     ODOMETRY,
     TEMPERATURE,
     VECTOR3_STAMPED,
-    FluidPressureEncoder,
     ImuEncoder,
-    MagneticFieldEncoder,
     NavSatFixEncoder,
     OdometryEncoder,
     TemperatureEncoder,
@@ -32,32 +29,25 @@ from imu_sim_ros.bags.messages.encode import (
 )
 from imu_sim_ros.conventions import (
     ACCELEROMETER_BIAS_TOPIC,
-    BAROMETER_BIAS_TOPIC,
     DELTA_ANGLE_TOPIC,
     DELTA_VELOCITY_TOPIC,
     GYROSCOPE_BIAS_TOPIC,
     IDEAL_DELTA_ANGLE_TOPIC,
     IDEAL_DELTA_VELOCITY_TOPIC,
     IDEAL_IMU_TOPIC,
-    IDEAL_MAGNETIC_FIELD_TOPIC,
-    IDEAL_PRESSURE_TOPIC,
     IMU_TOPIC,
-    MAGNETIC_FIELD_TOPIC,
-    MAGNETOMETER_BIAS_TOPIC,
-    ORIENTATION_TOPIC,
-    PRESSURE_TOPIC,
     TEMPERATURE_TOPIC,
     TRUTH_FIX_TOPIC,
     TRUTH_TOPIC,
 )
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.rotation import rotate_inverse
-from imu_sim_ros.sensors.block import ImuBlock, OrientationBlock
+from imu_sim_ros.sensors import auxiliary_sensors
+from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.sensors.declaration import Sensor, Topic
 from imu_sim_ros.sensors.errors.noise import (
     accel_variance_discrete,
-    field_variance_discrete,
     gyro_variance_discrete,
-    pressure_variance_discrete,
 )
 from imu_sim_ros.sensors.gravity import CurvedEarth
 from imu_sim_ros.simulation.parameters import SimulationParameters
@@ -76,26 +66,10 @@ TYPES: Final[dict[str, str]] = {
     DELTA_VELOCITY_TOPIC: VECTOR3_STAMPED,
     IDEAL_DELTA_ANGLE_TOPIC: VECTOR3_STAMPED,
     IDEAL_DELTA_VELOCITY_TOPIC: VECTOR3_STAMPED,
-    MAGNETIC_FIELD_TOPIC: MAGNETIC_FIELD,
-    IDEAL_MAGNETIC_FIELD_TOPIC: MAGNETIC_FIELD,
-    MAGNETOMETER_BIAS_TOPIC: VECTOR3_STAMPED,
-    ORIENTATION_TOPIC: IMU,
-    PRESSURE_TOPIC: FLUID_PRESSURE,
-    IDEAL_PRESSURE_TOPIC: FLUID_PRESSURE,
-    BAROMETER_BIAS_TOPIC: FLUID_PRESSURE,
+    **{topic.name: topic.type for sensor in auxiliary_sensors() for topic in sensor.topics},
 }
 OF_THE_BODY: Final = (TRUTH_TOPIC, TRUTH_FIX_TOPIC)
 """Topics that several IMUs on one body have in common."""
-_SENSORS: Final[dict[str, str]] = {
-    MAGNETIC_FIELD_TOPIC: "magnetic_field",
-    IDEAL_MAGNETIC_FIELD_TOPIC: "magnetic_field",
-    MAGNETOMETER_BIAS_TOPIC: "magnetic_field",
-    ORIENTATION_TOPIC: "orientation",
-    PRESSURE_TOPIC: "pressure",
-    IDEAL_PRESSURE_TOPIC: "pressure",
-    BAROMETER_BIAS_TOPIC: "pressure",
-}
-"""What has to be simulated beside the IMU for a topic."""
 
 
 class Messages(NamedTuple):
@@ -127,8 +101,13 @@ def encoder(topic: str, parameters: SimulationParameters, encoding: str = "cdr")
 
 
 def sensors_of(topics: Iterable[str]) -> frozenset[str]:
-    """Return what has to be read beside the IMU for topics, keys of TYPES."""
-    return frozenset(_SENSORS[topic] for topic in topics if topic in _SENSORS)
+    """Return what auxiliary sensors have to measure for topics, keys of TYPES."""
+    wanted = set(topics)
+    return frozenset(
+        sensor.quantity
+        for sensor in auxiliary_sensors()
+        if any(topic.name in wanted for topic in sensor.topics)
+    )
 
 
 def delivered(block: ImuBlock) -> tuple[Times, NDArray[np.float64], NDArray[np.float64]]:
@@ -206,110 +185,24 @@ def _temperature(parameters: SimulationParameters, encoding: str) -> Encode:
     return _at_true_times(lambda b: thermometer.pattern(b.true_t_ns, b.temperature))
 
 
-def _magnetic_field(parameters: SimulationParameters, encoding: str) -> Encode:
-    fields = MagneticFieldEncoder(parameters.imu_frame, encoding)
-    return _of_a_sensor(
-        MAGNETIC_FIELD_TOPIC,
-        lambda read, rows, _, now: fields.pattern(
-            read.t_ns[rows], read.field[rows], field_variance_discrete(now.imu)
-        ),
-    )
-
-
-def _ideal_magnetic_field(parameters: SimulationParameters, encoding: str) -> Encode:
-    fields = MagneticFieldEncoder(parameters.imu_frame, encoding)
-    return _truth_of_a_sensor(
-        IDEAL_MAGNETIC_FIELD_TOPIC, lambda read: fields.pattern(read.true_t_ns, read.ideal_field)
-    )
-
-
-def _magnetometer_bias(parameters: SimulationParameters, encoding: str) -> Encode:
-    vectors = Vector3StampedEncoder(parameters.imu_frame, encoding)
-    return _truth_of_a_sensor(
-        MAGNETOMETER_BIAS_TOPIC, lambda read: vectors.pattern(read.true_t_ns, read.bias)
-    )
-
-
-def _pressure(parameters: SimulationParameters, encoding: str) -> Encode:
-    pressures = FluidPressureEncoder(parameters.imu_frame, encoding)
-    return _of_a_sensor(
-        PRESSURE_TOPIC,
-        lambda read, rows, _, now: pressures.pattern(
-            read.t_ns[rows], read.pressure[rows], pressure_variance_discrete(now.imu)
-        ),
-    )
-
-
-def _ideal_pressure(parameters: SimulationParameters, encoding: str) -> Encode:
-    pressures = FluidPressureEncoder(parameters.imu_frame, encoding)
-    return _truth_of_a_sensor(
-        IDEAL_PRESSURE_TOPIC,
-        lambda read: pressures.pattern(read.true_t_ns, read.ideal_pressure),
-    )
-
-
-def _barometer_bias(parameters: SimulationParameters, encoding: str) -> Encode:
-    # Of all messages for one number with a stamp, the one in pascal.
-    pressures = FluidPressureEncoder(parameters.imu_frame, encoding)
-    return _truth_of_a_sensor(
-        BAROMETER_BIAS_TOPIC, lambda read: pressures.pattern(read.true_t_ns, read.bias)
-    )
-
-
-def _orientation(parameters: SimulationParameters, encoding: str) -> Encode:
-    readings = ImuEncoder(parameters.imu_frame, encoding)
-
-    def pattern(
-        stated: OrientationBlock, rows: Times, block: ImuBlock, now: SimulationParameters
-    ) -> Pattern:
-        of_imu = stated.rows[rows]
-        return readings.pattern(
-            stated.t_ns[rows],
-            block.gyro[of_imu],
-            block.accel[of_imu],
-            gyro_variance_discrete(now.imu, now.rate),
-            accel_variance_discrete(now.imu, now.rate),
-            stated.q_wi[rows],
-            stated.variance[rows],
-        )
-
-    return _of_a_sensor(ORIENTATION_TOPIC, pattern)
-
-
 def _of_a_sensor(
-    topic: str, pattern: Callable[[Any, Times, ImuBlock, SimulationParameters], Pattern]
+    sensor: Sensor, topic: Topic, parameters: SimulationParameters, encoding: str
 ) -> Encode:
-    """Return the source of what a sensor beside the IMU delivers.
-
-    :param pattern: of the sensor's samples, the rows that are delivered, the IMU's block and the
-        parameters of now.
-    """
+    """Return the source of a topic of an auxiliary sensor."""
+    payloads = topic.payloads(parameters.imu_frame, encoding)
 
     def encode(block: ImuBlock, now: SimulationParameters) -> Messages:
-        read = _beside(topic, block)
+        read = block.auxiliary.get(sensor.quantity)
+        if read is None:
+            what = sensor.quantity.replace("_", " ")
+            raise ConfigurationError(f"topic {topic.name}: no {what} was simulated")
+        if topic.truth:
+            times = read.true_t_ns
+            return Messages(times, times, payloads(read, slice(None), block, now))
         rows = read.delivered
-        return Messages(read.t_ns[rows], read.release_t_ns[rows], pattern(read, rows, block, now))
+        return Messages(read.t_ns[rows], read.release_t_ns[rows], payloads(read, rows, block, now))
 
     return encode
-
-
-def _truth_of_a_sensor(topic: str, pattern: Callable[[Any], Pattern]) -> Encode:
-    """Return the source of a truth of a sensor beside the IMU, at its true times."""
-
-    def encode(block: ImuBlock, _: SimulationParameters) -> Messages:
-        read = _beside(topic, block)
-        return Messages(read.true_t_ns, read.true_t_ns, pattern(read))
-
-    return encode
-
-
-def _beside(topic: str, block: ImuBlock) -> Any:
-    """Return the samples of the sensor beside the IMU that a topic is about."""
-    sensor = _SENSORS[topic]
-    read = getattr(block, sensor)
-    if read is None:
-        raise ConfigurationError(f"topic {topic}: no {sensor.replace('_', ' ')} was simulated")
-    return read
 
 
 def _delta_angle(parameters: SimulationParameters, encoding: str) -> Encode:
@@ -369,11 +262,9 @@ _MAKERS: Final[dict[str, Callable[[SimulationParameters, str], Encode]]] = {
     DELTA_VELOCITY_TOPIC: _delta_velocity,
     IDEAL_DELTA_ANGLE_TOPIC: _ideal_delta_angle,
     IDEAL_DELTA_VELOCITY_TOPIC: _ideal_delta_velocity,
-    MAGNETIC_FIELD_TOPIC: _magnetic_field,
-    IDEAL_MAGNETIC_FIELD_TOPIC: _ideal_magnetic_field,
-    MAGNETOMETER_BIAS_TOPIC: _magnetometer_bias,
-    ORIENTATION_TOPIC: _orientation,
-    PRESSURE_TOPIC: _pressure,
-    IDEAL_PRESSURE_TOPIC: _ideal_pressure,
-    BAROMETER_BIAS_TOPIC: _barometer_bias,
+    **{
+        topic.name: functools.partial(_of_a_sensor, sensor, topic)
+        for sensor in auxiliary_sensors()
+        for topic in sensor.topics
+    },
 }

@@ -29,7 +29,6 @@ PUBLIC = [
     "InputError",
     "MagneticReadings",
     "MissingDependencyError",
-    "Motion",
     "NavigationState",
     "Noise",
     "Odometry",

@@ -125,12 +125,14 @@ def test_the_realised_unit_reads_the_same_whatever_the_field(name):
         mine, theirs = getattr(one, attribute), getattr(two, attribute)
         np.testing.assert_allclose(theirs, mine, rtol=1e-9, atol=1e-11)
     np.testing.assert_allclose(
-        two.magnetic_field.field,
-        one.magnetic_field.field,
+        two.auxiliary["magnetic_field"].field,
+        one.auxiliary["magnetic_field"].field,
         rtol=0.0,
-        atol=1e-9 * np.abs(one.magnetic_field.field).max(),
+        atol=1e-9 * np.abs(one.auxiliary["magnetic_field"].field).max(),
     )
-    np.testing.assert_allclose(two.pressure.pressure, one.pressure.pressure, rtol=1e-12)
+    np.testing.assert_allclose(
+        two.auxiliary["pressure"].pressure, one.auxiliary["pressure"].pressure, rtol=1e-12
+    )
 
 
 def test_nothing_is_left_to_draw():

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from imu_sim_ros.bags.text.decimals import decimal
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.parameters.sections import flatten
+from imu_sim_ros.sensors import AUXILIARY
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 
 Array = NDArray[np.float64]
@@ -40,7 +41,7 @@ _NO_TERMS: Final = frozenset(
         *(f"{triad}_correlation_time" for triad in TRIADS),
     ]
 )
-_OTHER_SENSORS: Final = ("magnetometer_", "barometer_", "orientation_")
+_OTHER_SENSORS: Final = tuple(f"{name}_" for name in AUXILIARY)
 """The stacks do not read them."""
 _VIBRATION: Final = ("vibration.line_amplitude", "vibration.band_density")
 """The strengths of the vehicle's vibration; the rest of it says where and when."""

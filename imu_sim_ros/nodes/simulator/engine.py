@@ -14,6 +14,7 @@ from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.nodes.simulator.pacing import Pacer, Verdict
 from imu_sim_ros.nodes.simulator.publish_queue import Group, PublishQueue
 from imu_sim_ros.nodes.supervised_thread import Fail, SupervisedThread
+from imu_sim_ros.sensors import auxiliary_sensors, with_faults
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.simulation.playback import BODY, InjectParameters, PublishParameters
 
@@ -31,18 +32,16 @@ def is_wanted(topic: str, imu: str, publish: PublishParameters) -> bool:
             conventions.IDEAL_IMU_TOPIC: publish.ground_truth_imu,
             conventions.GYROSCOPE_BIAS_TOPIC: publish.biases,
             conventions.ACCELEROMETER_BIAS_TOPIC: publish.biases,
-            conventions.MAGNETOMETER_BIAS_TOPIC: publish.biases and publish.magnetic_field,
-            conventions.BAROMETER_BIAS_TOPIC: publish.biases and publish.pressure,
             conventions.TEMPERATURE_TOPIC: publish.temperature,
-            conventions.MAGNETIC_FIELD_TOPIC: publish.magnetic_field,
-            conventions.IDEAL_MAGNETIC_FIELD_TOPIC: publish.ground_truth_magnetic_field,
-            conventions.ORIENTATION_TOPIC: publish.orientation,
-            conventions.PRESSURE_TOPIC: publish.pressure,
-            conventions.IDEAL_PRESSURE_TOPIC: publish.ground_truth_pressure,
             conventions.DELTA_ANGLE_TOPIC: publish.increments,
             conventions.DELTA_VELOCITY_TOPIC: publish.increments,
             conventions.IDEAL_DELTA_ANGLE_TOPIC: publish.ground_truth_increments,
             conventions.IDEAL_DELTA_VELOCITY_TOPIC: publish.ground_truth_increments,
+            **{
+                of_a_sensor.name: all(getattr(publish, flag) for flag in of_a_sensor.flags)
+                for sensor in auxiliary_sensors()
+                for of_a_sensor in sensor.topics
+            },
         }[topic]
     )
 
@@ -52,7 +51,7 @@ def wanted_fault(wanted: InjectParameters, publish: PublishParameters) -> Fault:
 
     :raises ConfigurationError: for a fault that cannot be, and a sensor that is not published.
     """
-    beside = conventions.AUXILIARY.get(wanted.triad)
+    beside = with_faults().get(wanted.triad)
     if beside is not None and not getattr(publish, beside):
         raise ConfigurationError(
             f"inject.triad = {wanted.triad}: needs publish.{beside}, which is false"

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from imu_sim_ros.conventions import STANDARD_GRAVITY
 from imu_sim_ros.random_streams import generator
 from imu_sim_ros.rotation.components import rotate
-from imu_sim_ros.sensors.block import ImuBlock, PressureBlock
+from imu_sim_ros.sensors.barometer.declaration import PressureBlock
+from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.environment import AtmosphereParameters, EnvironmentParameters
 from imu_sim_ros.sensors.errors.response import TemperatureProfile
 from imu_sim_ros.sensors.errors.triad import Triad

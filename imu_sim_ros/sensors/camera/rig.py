@@ -5,11 +5,12 @@
 
 import itertools
 from collections.abc import Iterator, Mapping
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros import timebase
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.sensors.camera.build import build_scene, check_path, scene_span
 from imu_sim_ros.sensors.camera.rig_parameters import (
@@ -21,8 +22,8 @@ from imu_sim_ros.sensors.camera.rig_parameters import (
 from imu_sim_ros.sensors.camera.target import fitted, target_warning
 from imu_sim_ros.sensors.camera.tracker import Tracker, Tracks
 from imu_sim_ros.sensors.camera.view import View
-from imu_sim_ros.simulation.engine import Simulation, checked_size
 from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
+from imu_sim_ros.trajectory.build import build_trajectory
 from imu_sim_ros.trajectory.motion import Trajectory
 
 BLOCK: Final = 64
@@ -71,13 +72,7 @@ class Rig:
         return Tracker(self.views[name], self.scene, self.trajectory)
 
     def tracks(self, name: str, block: int = BLOCK) -> Iterator[Tracks]:
-        """Yield the tracks of all frames of a camera, in blocks of frames.
-
-        :raises ConfigurationError: for a size that is none, before the first block.
-        """
-        return self._tracks(name, checked_size(block, "block"))
-
-    def _tracks(self, name: str, block: int) -> Iterator[Tracks]:
+        """Yield the tracks of all frames of a camera, in blocks of frames."""
         tracker = self.tracker(name)
         total = self.views[name].total
         first = 0
@@ -130,36 +125,24 @@ def build_rig(parameters: Mapping[str, object]) -> Rig:
     :raises InputError: for a file that cannot be used.
     """
     of_rig, others = split_rig(fitted(parameters))
-    return on_simulation(of_rig, Simulation(load_simulation(others)))
+    return on_simulation(of_rig, load_simulation(others))
 
 
-class Simulated(Protocol):
-    """What a simulation tells the cameras on its body."""
-
-    @property
-    def parameters(self) -> SimulationParameters:
-        """All parameters."""
-
-    @property
-    def trajectory(self) -> Trajectory:
-        """The body's motion."""
-
-    @property
-    def t0_ns(self) -> int:
-        """True time of sample 0 [ns]."""
-
-
-def on_simulation(of_rig: Mapping[str, object], simulation: Simulated) -> Rig:
+def on_simulation(of_rig: Mapping[str, object], simulation: SimulationParameters) -> Rig:
     """Return the cameras that parameters by dotted name describe, on a simulation's body.
 
     :raises ConfigurationError: with a line for each problem.
     :raises InputError: for a file that cannot be used.
     """
-    rig, own, trajectory = load_rig(of_rig), simulation.parameters, simulation.trajectory
-    problems = list(rig_problems(rig, own))
+    rig = load_rig(of_rig)
+    problems = list(rig_problems(rig, simulation))
     if problems:
         raise ConfigurationError(problems)
-    return Rig(rig, trajectory, simulation.t0_ns, own.duration or trajectory.duration, own.seed)
+    start = simulation.start_time
+    t0_ns = timebase.to_nanoseconds(start if start >= 0.0 else 1.0)
+    trajectory = build_trajectory(simulation.trajectory)
+    duration = simulation.duration or trajectory.duration
+    return Rig(rig, trajectory, t0_ns, duration, simulation.seed)
 
 
 class Blindness:

@@ -90,6 +90,14 @@ def with_turn_on(section: Any, turn_on: TurnOn, gain: Array | None = None) -> An
     return dataclasses.replace(section, **changed)
 
 
+def realised_triad(parameters: TriadParameters, triad: str, seed: int) -> TriadParameters:
+    """Return the triad of a seed with nothing left to draw but the noise."""
+    p = unit_of_seed(parameters, triad, seed)
+    p = dataclasses.replace(p, **as_matrix(p.response()))
+    result: TriadParameters = with_turn_on(p, TurnOn(seed, triad, p))
+    return result
+
+
 def as_matrix(response: Array) -> dict[str, Any]:
     """Return the parameters that give S (3, 3) as a matrix, and no part of it in percent."""
     return {

@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.conventions import Measured
 from imu_sim_ros.sensors.errors.noise import (
     BiasInstability,
     GaussMarkov,
@@ -46,7 +45,7 @@ class Reading(NamedTuple):
 class Triad:
     """One triad; see the package's docstring for the order of the errors."""
 
-    def __init__(self, triad: Measured, imu: ImuParameters, seed: int, rate: float) -> None:
+    def __init__(self, triad: str, imu: ImuParameters, seed: int, rate: float) -> None:
         """Set up the errors at their start.
 
         :param rate: samples per second [Hz].

@@ -13,7 +13,6 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.conventions import Measured
 from imu_sim_ros.random_streams import axis_generators, generator
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 
@@ -41,7 +40,7 @@ class BoardTerm(Protocol):
         """Add the next n readings' bias to values (3, n)."""
 
 
-def board_terms(seed: int, triad: Measured, imu: ImuParameters, dt: float) -> tuple[BoardTerm, ...]:
+def board_terms(seed: int, triad: str, imu: ImuParameters, dt: float) -> tuple[BoardTerm, ...]:
     """Return those of a triad's terms that are not off.
 
     :param dt: time between two readings [s].
@@ -154,7 +153,7 @@ class StressSteps:
     a normal amount of its own.
     """
 
-    def __init__(self, seed: int, triad: Measured, sigma: Array, mean: float) -> None:
+    def __init__(self, seed: int, triad: str, sigma: Array, mean: float) -> None:
         """Draw the first jump's time.
 
         :param sigma: (3,) of a jump.
@@ -190,7 +189,7 @@ class ShockBias:
     A shock begins where the specific force rises above the threshold.
     """
 
-    def __init__(self, seed: int, triad: Measured, imu: ImuParameters, dt: float) -> None:
+    def __init__(self, seed: int, triad: str, imu: ImuParameters, dt: float) -> None:
         from scipy import signal  # half a second of import that only this costs
 
         self._filter = signal.lfilter

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros import timebase
-from imu_sim_ros.conventions import AUXILIARY, TRIADS
+from imu_sim_ros.conventions import TRIADS
+from imu_sim_ros.sensors import with_faults
 from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.response import TemperatureProfile
@@ -44,7 +45,7 @@ class Imu:
         """Set up all errors at their start.
 
         :param t0_ns: time of sample 0 [ns].
-        :param sensors: names of what is read beside the IMU (``conventions.BESIDE``).
+        :param sensors: names of what is read beside the IMU .
         """
         seed, rate = environment.seed, environment.rate
         self._rate, self._t0_ns = rate, t0_ns
@@ -84,10 +85,11 @@ class Imu:
 
         :param now: index of the next sample.
         """
-        if fault.triad not in AUXILIARY:
+        quantity = with_faults().get(fault.triad)
+        if quantity is None:
             self._faults.add(fault, first, now)
         elif self._auxiliary is not None:
-            self._auxiliary.inject(fault, first)
+            self._auxiliary.inject(fault, quantity, first)
 
     def read(self, first: int, count: int, trajectory: Trajectory) -> ImuBlock:
         """Return samples ``first .. first + count - 1``; ``first`` follows the last call's."""
@@ -121,7 +123,7 @@ class Imu:
         )
         if self._auxiliary is None:
             return block
-        return self._auxiliary.beside(block, trajectory, self._temperature)
+        return self._auxiliary.add_to(block, trajectory, self._temperature)
 
     def _triad_readings(
         self,

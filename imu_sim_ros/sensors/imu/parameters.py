@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros import timebase
-from imu_sim_ros.conventions import TRIADS, Measured, Triad
+from imu_sim_ros.conventions import TRIADS, Triad
 from imu_sim_ros.parameters.kinds import (
     IDENTITY_MATRIX,
     ZERO_MATRIX,
@@ -377,13 +377,12 @@ class ImuParameters(TimingParameters, BoardParameters, TriadsParameters):
     vibration: BoardVibrationParameters = section(BoardVibrationParameters)
     orientation: OrientationParameters = section(OrientationParameters, joint="_")
 
-    def triad(self, name: Measured) -> TriadParameters:
-        """Return the errors of one triad, or of a sensor beside them as if it were one."""
-        if name == "magnetometer":
-            return self.magnetometer.as_triad()
-        if name == "barometer":
-            return self.barometer.as_triad()
-        return super().triad(name)
+    def triad(self, name: str) -> TriadParameters:
+        """Return the errors of one triad, or of an auxiliary sensor as if it were one."""
+        if name in TRIADS:
+            return super().triad(name)
+        errors: TriadParameters = getattr(self, name).as_triad()
+        return errors
 
     def internal_ratio(self, rate: float) -> Fraction:
         """Return how many readings inside the sensor make one sample.

@@ -16,7 +16,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.conventions import Measured, Triad
+from imu_sim_ros.conventions import Triad
 from imu_sim_ros.parameters.kinds import (
     IDENTITY_MATRIX,
     ZERO_MATRIX,
@@ -359,6 +359,6 @@ class TriadsParameters:
     gyroscope: TriadParameters = triad(TriadParameters, "gyroscope")
     accelerometer: TriadParameters = triad(TriadParameters, "accelerometer")
 
-    def triad(self, name: Measured) -> TriadParameters:
+    def triad(self, name: str) -> TriadParameters:
         """Return the errors of one triad."""
         return {"gyroscope": self.gyroscope, "accelerometer": self.accelerometer}[name]

@@ -9,14 +9,18 @@ from numpy.typing import NDArray
 from imu_sim_ros import rotation, timebase
 from imu_sim_ros.random_streams import axis_generators
 from imu_sim_ros.rotation import components
-from imu_sim_ros.sensors.block import ImuBlock, MagneticBlock, OrientationBlock
+from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.autoregressive import GaussMarkovBank
+from imu_sim_ros.sensors.errors.response import TemperatureProfile
+from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.magnetometer.model import MagneticField, Magnetometer
+from imu_sim_ros.sensors.orientation.declaration import OrientationBlock
 from imu_sim_ros.sensors.orientation.filter import OrientationFilter
 from imu_sim_ros.sensors.orientation.parameters import OrientationParameters
 from imu_sim_ros.sensors.realised import realised_imu
+from imu_sim_ros.trajectory.motion import Trajectory
 
 Array = NDArray[np.float64]
 
@@ -83,9 +87,7 @@ class ModelledOrientation:
     def __init__(self, imu: ImuParameters, environment: EnvironmentParameters) -> None:
         self._model = OrientationModel(imu.orientation, environment.seed, 1.0 / environment.rate)
 
-    def next(
-        self, block: ImuBlock, magnetic: MagneticBlock | None, q_wi: Array
-    ) -> tuple[Array, Array]:
+    def next(self, block: ImuBlock, q_wi: Array) -> tuple[Array, Array]:
         """Return orientations (4, n) and the variances of their errors (3, n) [rad^2]."""
         return self._model.next(q_wi, block.motion.acceleration.T)
 
@@ -114,10 +116,9 @@ class FilteredOrientation:
                 _Correction(*unit.magnetometer.response_and_bias()),
             ]
 
-    def next(
-        self, block: ImuBlock, magnetic: MagneticBlock | None, q_wi: Array
-    ) -> tuple[Array, Array]:
+    def next(self, block: ImuBlock, q_wi: Array) -> tuple[Array, Array]:
         """Return orientations (4, n) and the stated variances (3, n) [rad^2]."""
+        magnetic = self._magnetometer.latest
         assert magnetic is not None
         n = len(block.true_t_ns)
         index, together = self._magnetometer.imu_samples()
@@ -168,14 +169,19 @@ class Orientation:
         else:
             self._source = FilteredOrientation(imu, environment, magnetometer)
 
-    def read(self, block: ImuBlock, magnetic: MagneticBlock | None) -> OrientationBlock:
-        """Return the orientations beside a block of the IMU.
+    def configure(self, imu: ImuParameters) -> None:
+        """Do nothing: no parameter of an orientation is live."""
 
-        :param magnetic: what the magnetometer read in the block's window of time.
-        """
+    def inject(self, fault: Fault, first: int) -> None:
+        """Do nothing: an orientation has no faults of its own."""
+
+    def read(
+        self, block: ImuBlock, trajectory: Trajectory, temperature: TemperatureProfile
+    ) -> OrientationBlock:
+        """Return the orientations of a block of the IMU; the magnetometer has read it before."""
         q_wb = np.ascontiguousarray(block.motion.q_wb.T)
         truth = components.multiply(q_wb, self._q_bi)
-        q, variance = self._source.next(block, magnetic, truth)
+        q, variance = self._source.next(block, truth)
         rows = np.flatnonzero((block.first + np.arange(len(block.true_t_ns))) % self._every == 0)
         delivered = block.delivered[(block.first + block.delivered) % self._every == 0]
         return OrientationBlock(

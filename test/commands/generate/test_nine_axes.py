@@ -72,7 +72,7 @@ def test_bags_hold_the_samples_of_the_simulation(
             message = reader.deserialize(raw, connection.msgtype)
             assert stamp(message) == time_ns
             read.setdefault(connection.topic, []).append(message)
-    field = block.magnetic_field
+    field = block.auxiliary["magnetic_field"]
     assert field is not None
     assert len(field.delivered) < len(field.t_ns) == 140
     found = read["/imu/mag"]
@@ -85,7 +85,7 @@ def test_bags_hold_the_samples_of_the_simulation(
     assert found[0].header.frame_id == "imu_link"
     ideal = [[getattr(m.magnetic_field, a) for a in "xyz"] for m in read["/ground_truth/mag"]]
     assert np.array_equal(ideal, field.ideal_field)
-    stated = block.orientation
+    stated = block.auxiliary["orientation"]
     assert stated is not None
     found, rows = read["/imu/data"], stated.delivered
     assert [stamp(m) for m in found] == stated.t_ns[rows].tolist()
@@ -96,7 +96,7 @@ def test_bags_hold_the_samples_of_the_simulation(
     assert np.allclose(found[0].orientation_covariance, np.diag([1e-4, 1e-4, 9e-4]).ravel())
     (raw, *_) = read["/imu/data_raw"]
     assert raw.orientation_covariance[0] == -1.0
-    air = block.pressure
+    air = block.auxiliary["pressure"]
     assert air is not None
     found, rows = read["/imu/pressure"], air.delivered
     assert [stamp(m) for m in found] == air.t_ns[rows].tolist()
@@ -157,7 +157,7 @@ def block_resolution() -> np.ndarray:
 
 
 def test_folders_have_a_table_of_each(tmp_path: Path, block: ImuBlock) -> None:
-    field = block.magnetic_field
+    field = block.auxiliary["magnetic_field"]
     assert field is not None
     rows = field.delivered
     expected = np.column_stack([field.t_ns[rows], field.field[rows]])
@@ -167,10 +167,10 @@ def test_folders_have_a_table_of_each(tmp_path: Path, block: ImuBlock) -> None:
         assert np.array_equal(written, expected)
         table = table.replace("mag", "pressure")
         written = np.loadtxt(tmp_path / form / table, delimiter=",", skiprows=1)
-        air = block.pressure
+        air = block.auxiliary["pressure"]
         assert air is not None
         rows_of_air = air.delivered
-        stated = block.orientation
+        stated = block.auxiliary["orientation"]
         assert stated is not None
         table_of_q = table.replace("pressure", "orientation")
         q = np.loadtxt(tmp_path / form / table_of_q, delimiter=",", skiprows=1)
@@ -193,11 +193,11 @@ def test_boards_of_their_own_have_a_table_each(tmp_path: Path) -> None:
 
 def test_the_front_door_has_the_same(tmp_path: Path, block: ImuBlock) -> None:
     flight = ims.simulate(sensors=SENSORS, **nested(PARAMETERS))
-    field = block.magnetic_field
+    field = block.auxiliary["magnetic_field"]
     assert field is not None
     assert np.array_equal(flight.magnetic_field.field, field.field[field.delivered])
     assert np.array_equal(flight.magnetic_field.ideal_field, field.ideal_field[field.delivered])
-    air = block.pressure
+    air = block.auxiliary["pressure"]
     assert air is not None
     assert np.array_equal(flight.pressure.pressure, air.pressure[air.delivered])
     flight.save(tmp_path / "x.mcap", topics=TOPICS.split(","))

@@ -77,7 +77,7 @@ def test_live_samples_are_those_of_the_simulation(start: Any, listener: Any) -> 
 
 
 def same_field(listener: Any, block: ImuBlock) -> None:
-    field = block.magnetic_field
+    field = block.auxiliary["magnetic_field"]
     assert field is not None
     found = listener.messages("imu/mag")
     assert stamps(found) == field.t_ns.tolist()
@@ -89,7 +89,7 @@ def same_field(listener: Any, block: ImuBlock) -> None:
 
 
 def same_pressure(listener: Any, block: ImuBlock) -> None:
-    air = block.pressure
+    air = block.auxiliary["pressure"]
     assert air is not None
     found = listener.messages("imu/pressure")
     assert stamps(found) == air.t_ns.tolist()
@@ -101,7 +101,7 @@ def same_pressure(listener: Any, block: ImuBlock) -> None:
 
 
 def same_orientation(listener: Any, block: ImuBlock) -> None:
-    stated = block.orientation
+    stated = block.auxiliary["orientation"]
     assert stated is not None
     found = listener.messages("imu/data")
     assert stamps(found) == stated.t_ns.tolist()

@@ -15,8 +15,8 @@ from scipy.stats import chi2
 
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.parameters import files
+from imu_sim_ros.sensors.barometer.declaration import PressureBlock
 from imu_sim_ros.sensors.barometer.model import Atmosphere
-from imu_sim_ros.sensors.block import PressureBlock
 from imu_sim_ros.sensors.environment import AtmosphereParameters
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.simulation.engine import Simulation
@@ -50,7 +50,7 @@ def simulation(*named: dict[str, Any]) -> Simulation:
 def pressure(run: Simulation, size: int, count: int) -> PressureBlock:
     parts, before = [], 0
     for block in run.blocks(size, count):
-        read = block.pressure
+        read = block.auxiliary["pressure"]
         assert read is not None
         parts.append(read._replace(delivered=read.delivered + before))
         before += len(read.t_ns)
@@ -181,7 +181,7 @@ def test_faults_of_the_barometer_are_its_own() -> None:
     run.inject(Fault("stuck", 1.0, 0.0, "barometer"), 3.0)
     block = run.next_block(1000)
     assert np.array_equal(block.accel, same.next_block(1000).accel)
-    read = block.pressure
+    read = block.auxiliary["pressure"]
     assert read is not None
     off = (read.pressure - read.ideal_pressure)[:150]
     assert np.allclose(off, np.repeat([0.0, 30.0, 0.0], 50), atol=1e-9)

@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.sensors.block import MagneticBlock
 from imu_sim_ros.sensors.faults import Fault
+from imu_sim_ros.sensors.magnetometer.declaration import MagneticBlock
 from imu_sim_ros.sensors.magnetometer.model import MagneticField, realised_magnetometer
 from imu_sim_ros.simulation.engine import SimulatedBody, Simulation
 from imu_sim_ros.simulation.parameters import load_simulation
@@ -65,7 +65,7 @@ def magnetic(run: Simulation, size: int, count: int) -> MagneticBlock:
     """All samples; ``delivered`` counts from the first."""
     parts, before = [], 0
     for block in run.blocks(size, count):
-        read = block.magnetic_field
+        read = block.auxiliary["magnetic_field"]
         assert read is not None
         parts.append(read._replace(delivered=read.delivered + before))
         before += len(read.t_ns)
@@ -166,7 +166,7 @@ def test_samples_do_not_depend_on_the_block_size(size: int) -> None:
 def test_no_sample_of_the_imu_depends_on_the_magnetometer() -> None:
     noisy = {"imu.preset": "mpu9250", **RANDOM}
     on, off = (simulation(noisy, sensors=s).next_block(500) for s in (("magnetic_field",), ()))
-    assert off.magnetic_field is None
+    assert "magnetic_field" not in off.auxiliary
     for name in on._fields[: on._fields.index("motion")]:
         assert np.array_equal(getattr(on, name), getattr(off, name)), name
 
@@ -239,7 +239,7 @@ def test_faults_of_the_magnetometer_are_its_own() -> None:
     block, same = run.next_block(1000), other.next_block(1000)
     assert np.array_equal(block.gyro, same.gyro)
     assert np.array_equal(block.delivered, same.delivered)
-    read = block.magnetic_field
+    read = block.auxiliary["magnetic_field"]
     assert read is not None
     t = (read.true_t_ns - run.t0_ns) * 1e-9
     off = np.where(((t >= 1.0 - 1e-9) & (t < 1.5 - 1e-9))[:, None], jump, 0.0)
@@ -264,7 +264,7 @@ def test_live_parameters_change_between_blocks() -> None:
     run.update(
         load_simulation(BASE, {"trajectory.type": "static"}, {"imu.magnetometer_bias": 1e-6})
     )
-    read = run.next_block(100).magnetic_field
+    read = run.next_block(100).auxiliary["magnetic_field"]
     assert read is not None
     assert np.allclose(read.field - read.ideal_field, 1e-6, rtol=1e-9)
 
@@ -281,8 +281,8 @@ def test_several_boards_have_a_magnetometer_each() -> None:
     read: dict[str, int] = dict.fromkeys(parameters, 0)
     for blocks in body.windows(33):
         for name, block in blocks.items():
-            assert block.magnetic_field is not None
-            read[name] += len(block.magnetic_field.t_ns)
+            assert "magnetic_field" in block.auxiliary
+            read[name] += len(block.auxiliary["magnetic_field"].t_ns)
     assert read == {"left": 100, "right": 50}
 
 

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.sensors.block import OrientationBlock
+from imu_sim_ros.sensors.orientation.declaration import OrientationBlock
 from imu_sim_ros.sensors.realised import realised_imu
 from imu_sim_ros.simulation.engine import Simulation
 from imu_sim_ros.simulation.parameters import load_simulation
@@ -51,7 +51,7 @@ def simulation(*named: dict[str, Any], sensors: tuple[str, ...] = ("orientation"
 def stated(run: Simulation, size: int, count: int) -> OrientationBlock:
     parts, before = [], 0
     for block in run.blocks(size, count):
-        read = block.orientation
+        read = block.auxiliary["orientation"]
         assert read is not None
         parts.append(read._replace(delivered=read.delivered + before, rows=read.rows + block.first))
         before += len(read.t_ns)
@@ -123,10 +123,10 @@ def test_the_filter_needs_no_topic_of_the_magnetometer_and_changes_nothing() -> 
     alone = simulation(FILTER).next_block(400)
     beside = simulation(FILTER, sensors=("orientation", "magnetic_field")).next_block(400)
     off = simulation(FILTER, sensors=()).next_block(400)
-    assert alone.magnetic_field is None
-    assert alone.orientation is not None
-    assert beside.orientation is not None
-    assert np.array_equal(alone.orientation.q_wi, beside.orientation.q_wi)
+    assert "magnetic_field" not in alone.auxiliary
+    assert alone.auxiliary["orientation"] is not None
+    assert beside.auxiliary["orientation"] is not None
+    assert np.array_equal(alone.auxiliary["orientation"].q_wi, beside.auxiliary["orientation"].q_wi)
     assert np.array_equal(alone.gyro, off.gyro)
 
 
@@ -170,7 +170,7 @@ def test_the_tilt_is_that_of_mahony_s_filter_for_small_errors() -> None:
     }
     run = simulation(FILTER, sway)
     block = run.next_block(6000)
-    assert block.orientation is not None
+    assert block.auxiliary["orientation"] is not None
     unit = realised_imu(run.parameters.imu, run.parameters.seed)
     theirs = filters.Mahony(
         gyr=calibrated(block.gyro, unit.gyroscope),
@@ -178,12 +178,16 @@ def test_the_tilt_is_that_of_mahony_s_filter_for_small_errors() -> None:
         frequency=100.0,
         k_P=2.0 / 5.0,
         k_I=1.0 / 25.0,
-        q0=block.orientation.ideal_q_wi[0],
+        q0=block.auxiliary["orientation"].ideal_q_wi[0],
     ).Q
     settled = slice(4000, None)
     ups = [
         as_rotation(q[settled]).inv().apply([0.0, 0.0, 1.0])
-        for q in (block.orientation.q_wi, theirs, block.orientation.ideal_q_wi)
+        for q in (
+            block.auxiliary["orientation"].q_wi,
+            theirs,
+            block.auxiliary["orientation"].ideal_q_wi,
+        )
     ]
     ours, other, true = ups
     apart = np.sqrt(np.mean(np.sum((ours - other) ** 2, axis=1)))
@@ -196,28 +200,29 @@ def test_a_filter_of_others_finds_the_true_attitude_from_our_readings() -> None:
     values = {"imu.preset": "mpu9250", "imu.magnetometer_noise_density": 3e-8, "seed": 3}
     run = simulation(values, sensors=("orientation", "magnetic_field"))
     block = run.next_block(6000)
-    assert block.orientation is not None
-    assert block.magnetic_field is not None
+    assert block.auxiliary["orientation"] is not None
+    assert block.auxiliary["magnetic_field"] is not None
     unit = realised_imu(run.parameters.imu, run.parameters.seed)
     filtered = filters.Madgwick(
         gyr=calibrated(block.gyro, unit.gyroscope),
         acc=calibrated(block.accel, unit.accelerometer),
-        mag=(block.magnetic_field.field - block.magnetic_field.bias) * 1e9,
+        mag=(block.auxiliary["magnetic_field"].field - block.auxiliary["magnetic_field"].bias)
+        * 1e9,
         frequency=100.0,
         gain=0.005,
     ).Q
     # Its x axis points to magnetic north, ours to the east.
     to_east = Rotation.from_euler("z", math.pi / 2.0)
-    truth = as_rotation(block.orientation.ideal_q_wi)
+    truth = as_rotation(block.auxiliary["orientation"].ideal_q_wi)
     off = (to_east * as_rotation(filtered) * truth.inv()).magnitude()
     assert np.degrees(np.sqrt(np.mean(off**2))) < 2.0
 
 
 def test_stamps_are_the_readings() -> None:
     block = simulation(FILTER, {"imu.orientation_rate": 50.0, "imu.jitter": 1e-4}).next_block(100)
-    assert block.orientation is not None
-    assert np.array_equal(block.orientation.t_ns, block.t_ns[::2])
-    assert np.array_equal(block.orientation.rows, np.arange(0, 100, 2))
+    assert block.auxiliary["orientation"] is not None
+    assert np.array_equal(block.auxiliary["orientation"].t_ns, block.t_ns[::2])
+    assert np.array_equal(block.auxiliary["orientation"].rows, np.arange(0, 100, 2))
 
 
 @pytest.mark.parametrize(

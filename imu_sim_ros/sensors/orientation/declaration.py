@@ -1,0 +1,115 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A board's orientation as the rest of the package sees it: samples, topic, table, readings."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.conventions import ORIENTATION_TOPIC
+from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.sensors.declaration import (
+    AuxiliaryReadings,
+    Model,
+    Now,
+    Payloads,
+    Sensor,
+    Table,
+    Topic,
+)
+from imu_sim_ros.sensors.environment import EnvironmentParameters
+from imu_sim_ros.sensors.errors.noise import accel_variance_discrete, gyro_variance_discrete
+from imu_sim_ros.sensors.imu.parameters import ImuParameters
+
+if TYPE_CHECKING:
+    from imu_sim_ros.bags.messages.blocks import Pattern
+
+Array = NDArray[np.float64]
+Times = NDArray[np.int64]
+
+
+class OrientationBlock(NamedTuple):
+    """n orientations that a board states, at samples of the IMU's block."""
+
+    true_t_ns: NDArray[np.int64]
+    """(n,) true times [ns]."""
+    t_ns: NDArray[np.int64]
+    """(n,) the stamps of the messages [ns]."""
+    release_t_ns: NDArray[np.int64]
+    """(n,) when a message leaves the driver [ns]."""
+    delivered: NDArray[np.int64]
+    """(m,) rows that are delivered, in order."""
+    q_wi: Array
+    """(n, 4) orientation of the IMU in the world."""
+    variance: Array
+    """(n, 3) stated, of the error about the world's axes [rad^2]; 0: unknown."""
+    ideal_q_wi: Array
+    """(n, 4) the true one."""
+    rows: NDArray[np.int64]
+    """(n,) rows of the IMU's block that they belong to."""
+
+
+@dataclass(frozen=True, repr=False)
+class Orientations(AuxiliaryReadings):
+    """The n orientations that a board states and delivers, and the truth of each."""
+
+    t_ns: Times
+    """(n,) stamps [ns]."""
+    q_wi: Array
+    """(n, 4) of the IMU in the world, as stated: unit quaternions (w, x, y, z)."""
+    variance: Array
+    """(n, 3) stated, of the error about the world's axes [rad^2]; 0: unknown."""
+    true_t_ns: Times
+    """(n,) when the sample was taken [ns]."""
+    ideal_q_wi: Array
+    """(n, 4) the true ones."""
+
+
+def _readings(frame: str, encoding: str) -> Payloads:
+    from imu_sim_ros.bags.messages.encode import ImuEncoder
+
+    readings = ImuEncoder(frame, encoding)
+
+    def pattern(stated: Any, rows: Any, block: ImuBlock, now: Now) -> "Pattern":
+        of_imu = stated.rows[rows]
+        return readings.pattern(
+            stated.t_ns[rows],
+            block.gyro[of_imu],
+            block.accel[of_imu],
+            gyro_variance_discrete(now.imu, now.rate),
+            accel_variance_discrete(now.imu, now.rate),
+            stated.q_wi[rows],
+            stated.variance[rows],
+        )
+
+    return pattern
+
+
+def _model(
+    imu: ImuParameters, environment: EnvironmentParameters, _: int, others: Mapping[str, Model]
+) -> Model:
+    from imu_sim_ros.sensors.orientation.model import Orientation  # most boards state none
+
+    filtered = imu.orientation.source == "filter"
+    magnetometer: Any = others["magnetic_field"] if filtered else None
+    return Orientation(imu, environment, magnetometer)
+
+
+def _needs(imu: ImuParameters) -> tuple[str, ...]:
+    return ("magnetic_field",) if imu.orientation.source == "filter" else ()
+
+
+SENSOR = Sensor(
+    name="orientation",
+    quantity="orientation",
+    model=_model,
+    topics=(Topic(ORIENTATION_TOPIC, "sensor_msgs/msg/Imu", ("orientation",), _readings),),
+    table=Table("orientation", lambda read: read.q_wi),
+    readings=Orientations,
+    needs=_needs,
+    faults=False,
+)
