@@ -9,20 +9,26 @@ they do not depend on the size of the blocks either.
 """
 
 import zlib
+from typing import Final
 
+import numpy as np
 from numpy.random import SFC64, Generator, SeedSequence
 
 from imu_sim_ros.conventions import AXES
+
+_WORD: Final = 0xFFFFFFFF
 
 
 def generator(seed: int, source: str) -> Generator:
     """Return the random stream of one source.
 
-    :param seed: the simulation's seed, >= 0.
+    :param seed: the simulation's seed, 0 to 2^63 - 1.
     :param source: a stable name such as ``gyroscope.white_noise.x``.
     """
     key = zlib.crc32(source.encode())
-    return Generator(SFC64(SeedSequence(entropy=seed, spawn_key=(key,))))
+    # What SeedSequence makes of entropy=seed and spawn_key=(key,): a run has some fifty streams.
+    words = np.array([seed & _WORD, seed >> 32, 0, 0, key], np.uint32)
+    return Generator(SFC64(SeedSequence(words)))
 
 
 def generator_at(seed: int, source: str, index: int) -> Generator:

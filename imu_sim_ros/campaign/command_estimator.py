@@ -1,33 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""An estimator that is a program: its dataset, its process, its trajectory."""
-
-import dataclasses
-from collections.abc import Iterator
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
-
-import numpy as np
-
-from imu_sim_ros.bags.text.writer import Dataset
-from imu_sim_ros.bags.write import open_writer
-from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
-from imu_sim_ros.datasets.consumers.folder import write_all
-from imu_sim_ros.datasets.consumers.rig import RigValues
-from imu_sim_ros.datasets.consumers.values import ImuValues
-from imu_sim_ros.datasets.topics import BagTarget, DatasetTarget, resolved
-from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.parameters import files
-from imu_sim_ros.parameters.sections import flatten
-from imu_sim_ros.sensors.block import ImuBlock
-from imu_sim_ros.sensors.realised import realised_imu
-from imu_sim_ros.simulation.engine import Simulation
-
-if TYPE_CHECKING:
-    from imu_sim_ros.campaign.runs import CellRuns
-    from imu_sim_ros.sensors.camera.rig import Rig
-    from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
+"""An estimator that is a program: its process, its limits, its trajectory."""
 
 import contextlib
 import ctypes
@@ -44,133 +18,20 @@ import sys
 import threading
 import time
 from collections.abc import Collection, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from pathlib import Path
+from typing import Final, NamedTuple
 
+from imu_sim_ros.campaign.comparison import estimate_metrics, read_estimate
 from imu_sim_ros.campaign.metrics import Metrics
 from imu_sim_ros.campaign.parameters import CommandEstimator
 from imu_sim_ros.campaign.plan import program
+from imu_sim_ros.campaign.run_files import write_config, write_dataset
+from imu_sim_ros.campaign.simulated import SimulatedCell
 from imu_sim_ros.errors import ImuSimError, InputError
 from imu_sim_ros.inputs.rows import open_regular
 from imu_sim_ros.names import shown
-
-if TYPE_CHECKING:
-    from imu_sim_ros.campaign.runs import CellRuns
-
-_BAGS: Final = {"rosbag2": "dataset", "ros1": "dataset.bag", "mcap": "dataset.mcap"}
-_BLOCK: Final = 512
-"""Samples in a block where there are cameras: the images of a block lie in memory."""
-
-
-def write_dataset(runs: "CellRuns", form: str, seed: int, block: ImuBlock, place: Path) -> Path:
-    """Write the readings, the truth, and what the cameras see where there are some.
-
-    :param form: euroc, tracks, rosbag2, ros1 or mcap.
-    :param block: all samples of the run.
-    :param place: folder of the run.
-    :returns: the dataset.
-    """
-    simulation = runs.simulation(seed)
-    rig = _rig(runs, simulation)
-    blocks = iter([block]) if rig is None else _blocks(simulation, runs.total)
-    if form in _BAGS:
-        return _bag(runs, place / _BAGS[form], rig, blocks)
-    if form == "tracks":
-        return _tracks(place / "dataset", rig, blocks)
-    path = place / "dataset"
-    path.mkdir()
-    with Dataset(path / "mav0", "euroc", True) as dataset:
-        if rig is None:
-            _write(DatasetTarget(dataset), None, blocks)
-        else:
-            from imu_sim_ros.datasets.images import ImageFolders
-
-            comment = f"simulated by imu_sim_ros, seed {seed}"
-            with ImageFolders(path / "mav0", rig, "euroc", 1, comment) as images:
-                _write(DatasetTarget(dataset), images, blocks)
-    return path
-
-
-def write_config(runs: "CellRuns", seed: int, place: Path) -> Path:
-    """Write ``simulation.yaml`` and every stack's files for the sensor of this seed.
-
-    With cameras the files hold the whole rig, as those of ``generate --with-configs`` do.
-    """
-    parameters = dataclasses.replace(runs.parameters, seed=seed)
-    path = place / "config"
-    values = ImuValues(
-        realised_imu(parameters.imu, parameters.seed),
-        parameters.rate,
-        float(np.linalg.norm(parameters.gravity)),
-        resolved(IMU_TOPIC),
-        runs.total / parameters.rate,
-    )
-    write_all(path, values, None if runs.rig is None else _rig_values(values, runs.rig))
-    seen = {} if runs.rig is None else flatten(runs.rig)
-    all_values: dict[str, Any] = {**flatten(parameters), **seen}
-    files.write(all_values, path / "simulation.yaml", comment="All parameters of this run.")
-    return path
-
-
-def _rig_values(values: ImuValues, rig: "RigParameters") -> RigValues | None:
-    """Return the cameras beside an IMU; None where there are none."""
-    if not rig.cameras:
-        return None
-    from imu_sim_ros.datasets.features import camera_topics, image_topic
-
-    names = {topic: topic for topic in camera_topics(rig)}
-    topics = {camera: image_topic(camera, names) for camera in rig.cameras}
-    return RigValues(values, rig.each(), topics, rig.scene)
-
-
-def _rig(runs: "CellRuns", simulation: Simulation) -> "Rig | None":
-    if runs.rig is None:
-        return None
-    from imu_sim_ros.sensors.camera.rig import Rig
-
-    seconds = runs.total / runs.parameters.rate
-    seed = simulation.parameters.seed
-    return Rig(runs.rig, simulation.trajectory, simulation.t0_ns, seconds, seed)
-
-
-def _blocks(simulation: Simulation, total: int) -> Iterator[ImuBlock]:
-    """Yield all samples in blocks small enough for their images to lie in memory."""
-    for first in range(0, total, _BLOCK):
-        yield simulation.next_block(min(_BLOCK, total - first))
-
-
-def _write(target: Any, seen: Any, blocks: Iterator[ImuBlock]) -> None:
-    """Write the rows of all blocks, and the frames taken until the end of each."""
-    for block in blocks:
-        target.write({"": block})
-        if seen is not None:
-            seen.until(int(block.true_t_ns[-1]) + 1)
-
-
-def _tracks(path: Path, rig: "Rig | None", blocks: Iterator[ImuBlock]) -> Path:
-    if rig is None:
-        raise ConfigurationError("dataset tracks: there is no camera")
-    from imu_sim_ros.datasets.tracks import TrackFiles
-
-    with Dataset(path, "csv", True) as dataset, TrackFiles(path, rig) as tracks:
-        _write(DatasetTarget(dataset), tracks, blocks)
-    return path
-
-
-def _bag(runs: "CellRuns", path: Path, rig: "Rig | None", blocks: Iterator[ImuBlock]) -> Path:
-    topics = {IMU_TOPIC: IMU_TOPIC, TRUTH_TOPIC: TRUTH_TOPIC}
-    with open_writer(path) as writer:
-        target = BagTarget(writer, {"": runs.parameters}, topics)
-        if rig is None:
-            _write(target, None, blocks)
-            return path
-        from imu_sim_ros.datasets.camera_bag import CameraBag
-        from imu_sim_ros.datasets.features import camera_topics
-
-        names = {name: name for name in camera_topics(rig.parameters)}
-        with CameraBag(target, rig, names, 1, target.world_frame) as bag:
-            _write(bag, None, blocks)
-    return path
-
+from imu_sim_ros.parameters import files
+from imu_sim_ros.sensors.block import ImuBlock
 
 METRICS: Final = "metrics.json"
 """What the program may write of the plan's own metrics."""
@@ -197,41 +58,42 @@ class Outcome(NamedTuple):
 
 
 def run_command(
-    runs: "CellRuns",
+    cell: SimulatedCell,
     estimator: CommandEstimator,
     name: str,
     seed: int,
     block: ImuBlock,
     folder: Path,
-) -> Metrics:
+    metrics: Metrics,
+) -> None:
     """Write the dataset, run the program, and compare its trajectory with the truth.
 
     :param folder: of the campaign; the run's own folder is made in it.
+    :param metrics: receives what was measured, also where the run fails.
     :raises InputError: where there is no usable trajectory, with the reason.
     """
     # Absolute: the program works in its own folder, where a relative name would lead elsewhere.
-    place = folder.absolute() / "runs" / f"{runs.cell.number:06d}" / str(seed) / name
+    place = folder.absolute() / "runs" / f"{cell.cell.number:06d}" / str(seed) / name
     shutil.rmtree(place, ignore_errors=True)
-    keep = runs.plan.options.keep
+    keep = cell.plan.options.keep
     failed = True
     try:
         place.mkdir(parents=True)
-        words = _words(runs, estimator, seed, block, place)
+        words = _words(cell, estimator, seed, block, place)
         if not estimator.shell:
-            variables = runs.plan.environment.get(name, {})
-            words[0] = program(runs.plan, words[0], variables.get("PATH")) or words[0]
-        outcome = _run(words, estimator, runs.plan.environment.get(name, {}), place)
+            variables = cell.plan.environment.get(name, {})
+            words[0] = program(cell.plan, words[0], variables.get("PATH")) or words[0]
+        outcome = _run(words, estimator, cell.plan.environment.get(name, {}), place)
+        metrics["wall_s"] = outcome.wall_s
+        metrics["peak_memory_mb"] = outcome.peak_memory_mb
         if outcome.reason:
             raise InputError(outcome.reason)
         if outcome.status != 0:
             raise InputError(f"{_ended(outcome.status)}{_last_line(place)}")
-        metrics = _compare(runs, estimator, str(runs.plan.alignment(name)), block, place)
-        metrics.update(_own_metrics(runs.plan.own, place / METRICS))
-        metrics["wall_s"] = outcome.wall_s
+        metrics.update(_compare(cell, estimator, str(cell.plan.alignment(name)), block, place))
+        metrics.update(_own_metrics(cell.plan.own, place / METRICS))
         metrics["real_time_factor"] = _duration(block) / max(outcome.wall_s, 1e-9)
-        metrics["peak_memory_mb"] = outcome.peak_memory_mb
         failed = False
-        return metrics
     except OSError as error:
         raise InputError(f"{error.strerror or error}") from None
     finally:
@@ -246,7 +108,7 @@ def _duration(block: ImuBlock) -> float:
 
 
 def _words(
-    runs: "CellRuns", estimator: CommandEstimator, seed: int, block: ImuBlock, place: Path
+    cell: SimulatedCell, estimator: CommandEstimator, seed: int, block: ImuBlock, place: Path
 ) -> list[str]:
     """Write the files that the command refers to; return its words with all placeholders filled."""
 
@@ -256,15 +118,15 @@ def _words(
         "seed": str(seed),
         "python": sys.executable,
         "share": str(files.config_folder().parent),
-        "plan": str(runs.plan.folder),
+        "plan": str(cell.plan.folder),
         "estimate": str(place / _ESTIMATE[estimator.estimate]),
         "dataset": "",
         "config": "",
     }
     if "dataset" in wanted:
-        values["dataset"] = str(write_dataset(runs, estimator.dataset, seed, block, place))
+        values["dataset"] = str(write_dataset(cell, estimator.dataset, seed, block, place))
     if "config" in wanted:
-        values["config"] = str(write_config(runs, seed, place))
+        values["config"] = str(write_config(cell, seed, place))
 
     def fill(word: str, quote: bool) -> str:
         return re.sub(
@@ -356,13 +218,21 @@ def _wait(
             return process.returncode, reason, usage.ru_maxrss / 1024.0
         now = time.monotonic()
         if now >= deadline:
-            return None, f"did not finish within {estimator.timeout:g} s", 0.0
+            return None, f"did not finish within {estimator.timeout:g} s", _killed(process)
         if now >= look:
             look = now + _POLL
             if _size(place) > estimator.disk_limit:
-                return None, _too_much(estimator), 0.0
+                return None, _too_much(estimator), _killed(process)
         time.sleep(min(pause, max(deadline - now, 0.0)))
         pause = min(pause * 1.5, 0.05)
+
+
+def _killed(process: "subprocess.Popen[bytes]") -> float:
+    """Kill a program; return its peak memory [MB]."""
+    process.kill()
+    _, status, usage = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    return usage.ru_maxrss / 1024.0
 
 
 def _too_much(estimator: CommandEstimator) -> str:
@@ -465,11 +335,9 @@ def _own_metrics(names: Collection[str], path: Path) -> Metrics:
 
 
 def _compare(
-    runs: "CellRuns", estimator: CommandEstimator, alignment: str, block: ImuBlock, place: Path
+    cell: SimulatedCell, estimator: CommandEstimator, alignment: str, block: ImuBlock, place: Path
 ) -> Metrics:
     """Return the metrics of the trajectory that the program wrote."""
-    from imu_sim_ros.campaign.estimators import estimate_metrics, read_estimate
-
     path = place / _ESTIMATE[estimator.estimate]
     if estimator.estimate == "bag":
         found = [p for p in place.glob("estimate*") if p.is_dir() or p.suffix in (".mcap", ".bag")]
@@ -478,7 +346,7 @@ def _compare(
         raise InputError("no estimate was written")
     try:
         estimate = read_estimate(path, estimator.estimate_topic or None)
-        return estimate_metrics(estimate, block, alignment, runs.plan.relative)
+        return estimate_metrics(estimate, block, alignment, cell.plan.relative)
     except ImuSimError as error:
         # Without the run's own folder, so that the same failure of many runs reads the same.
         words = error.problems[0].removeprefix(f"{path}: ").replace(f"{place}/", "")

@@ -10,11 +10,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.campaign.estimators import read_estimate
+from imu_sim_ros.campaign.comparison import read_estimate
 from imu_sim_ros.campaign.parameters import CommandEstimator, DeadReckonEstimator
 from imu_sim_ros.campaign.plan import Plan
 from imu_sim_ros.campaign.results import Row
-from imu_sim_ros.campaign.runs import CellRuns
+from imu_sim_ros.campaign.simulated import SimulatedCell
 from imu_sim_ros.campaign.summary import Group
 from imu_sim_ros.errors import ImuSimError
 from imu_sim_ros.navigation.association import align, common_rows, interpolate_poses
@@ -100,7 +100,7 @@ def _typical(found: Sequence[Group], metric: str) -> list[Row]:
 
 def _paths(plan: Plan, rows: Sequence[Row], shown: Sequence[int], folder: Path) -> dict[int, Any]:
     cells = {cell.name: cell for cell in plan.cells()}
-    made: dict[str, CellRuns] = {}
+    made: dict[str, SimulatedCell] = {}
     result = {}
     for k in shown:
         row = rows[k]
@@ -109,7 +109,7 @@ def _paths(plan: Plan, rows: Sequence[Row], shown: Sequence[int], folder: Path) 
             continue
         try:
             if name not in made:
-                made[name] = CellRuns(plan, cells[name])
+                made[name] = SimulatedCell(plan, cells[name])
             kept = folder / "runs" / f"{cells[name].number:06d}" / str(row["seed"]) / estimator
             found = _tracks(made[name], estimator, int(row["seed"]), kept)
         except ImuSimError:
@@ -122,22 +122,21 @@ def _paths(plan: Plan, rows: Sequence[Row], shown: Sequence[int], folder: Path) 
 
 
 def _tracks(
-    runs: CellRuns, name: str, seed: int, kept: Path
+    cell: SimulatedCell, name: str, seed: int, kept: Path
 ) -> list[tuple[str, NDArray[np.float64]]] | None:
     """Return the true path of a run and the estimated one, aligned as in the comparison."""
-    estimator = runs.plan.estimators[name]
+    estimator = cell.plan.estimators[name]
     places = [kept / one for one in _ESTIMATES if (kept / one).exists()]
-    if runs.total is None or runs.total > _LONGEST:
+    if cell.total is None or cell.total > _LONGEST:
         return None
-    block = runs.block(seed)
-    truth = runs.truth(block)
-    poses = PoseSequence(truth.t_ns, truth.position, truth.q_wb)
+    block = cell.block(seed)
+    truth, poses = cell.truth(block)
     if isinstance(estimator, DeadReckonEstimator):
-        readings = runs.readings(block)
+        readings = cell.readings(block)
         if not np.array_equal(readings.t_ns, truth.t_ns):
             return None
         methods = (estimator.method, estimator.attitude_update)
-        states = dead_reckon(*readings, truth.at(0), *methods, runs.parameters.gravity)
+        states = dead_reckon(*readings, truth.at(0), *methods, cell.parameters.gravity)
         estimate = PoseSequence(states.t_ns, states.position, states.q_wb)
     elif isinstance(estimator, CommandEstimator) and places:
         estimate = read_estimate(places[0], estimator.estimate_topic or None).poses
@@ -146,7 +145,7 @@ def _tracks(
     rows = common_rows(estimate.t_ns, poses.t_ns)
     estimate = PoseSequence(estimate.t_ns[rows], estimate.position[rows], estimate.q_wb[rows])
     there = interpolate_poses(poses, estimate.t_ns)
-    aligned = align(estimate.position, there.position, str(runs.plan.alignment(name)))
+    aligned = align(estimate.position, there.position, str(cell.plan.alignment(name)))
     return [("truth", truth.position), (name, aligned.apply(estimate).position)]
 
 

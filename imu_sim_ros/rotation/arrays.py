@@ -26,12 +26,13 @@ def multiply(p: ArrayLike, q: ArrayLike) -> Array:
     :param p: (..., 4) quaternions.
     :param q: (..., 4) quaternions, broadcast against p.
     """
-    product = components.multiply(
-        np.moveaxis(np.asarray(p, dtype=np.float64), -1, 0),
-        np.moveaxis(np.asarray(q, dtype=np.float64), -1, 0),
-    )
-    result: Array = np.moveaxis(product, 0, -1)
+    result: Array = np.moveaxis(components.multiply(_first(p), _first(q)), 0, -1)
     return result
+
+
+def _first(values: ArrayLike) -> Array:
+    """Return values (..., k) with the components first, each contiguous (k, ...)."""
+    return np.ascontiguousarray(np.moveaxis(np.asarray(values, dtype=np.float64), -1, 0))
 
 
 def conjugate(q: ArrayLike) -> Array:
@@ -143,15 +144,7 @@ def exp(rotation_vector: ArrayLike) -> Array:
 
 def log(q: ArrayLike) -> Array:
     """Return the rotation vectors (..., 3) [rad], at most pi long, of unit quaternions (..., 4)."""
-    q = canonical(q)
-    w, u = q[..., :1], q[..., 1:]
-    sine = np.linalg.norm(u, axis=-1, keepdims=True)
-    small = sine < _SMALL_ANGLE
-    # 2 atan2(s, w) / s; near zero its series 2 / w - 2 s^2 / (3 w^3) (Sola eq. 105).
-    safe_sine = np.where(small, 1.0, sine)
-    safe_w = np.where(small, w, 1.0)
-    series = 2.0 / safe_w - 2.0 / 3.0 * sine**2 / safe_w**3
-    result: Array = np.where(small, series, 2.0 * np.arctan2(safe_sine, w) / safe_sine) * u
+    result: Array = np.moveaxis(components.log(_first(q)), 0, -1)
     return result
 
 

@@ -85,6 +85,20 @@ def exp(v: Array) -> Array:
     return result
 
 
+def log(q: Array) -> Array:
+    """Return the rotation vectors (3, ...) [rad], at most pi long, of unit quaternions (4, ...)."""
+    w, x, y, z = q
+    cosine, sine = np.abs(w), np.sqrt(x * x + y * y + z * z)
+    small = sine < _SMALL_ANGLE
+    # 2 atan2(s, w) / s; near zero its series 2 / w - 2 s^2 / (3 w^3) (Sola eq. 105).
+    factor = 2.0 * np.arctan2(sine, cosine) / np.where(small, 1.0, sine)
+    if small.any():
+        safe = np.where(small, cosine, 1.0)
+        factor = np.where(small, 2.0 / safe - 2.0 / 3.0 * sine**2 / safe**3, factor)
+    result: Array = q[1:] * np.where(w < 0.0, -factor, factor)  # q and -q are one rotation
+    return result
+
+
 def cross(a: Array, b: Array) -> Array:
     """Return ``a x b`` (3, n) of (3, n) or (3, 1)."""
     result = np.empty((3, b.shape[1] if a.shape[1] == 1 else a.shape[1]))

@@ -4,9 +4,11 @@
 """Errors in time: the sensor's clock, the transport of the messages, losses and duplicates."""
 
 import math
+from functools import cache, cached_property
 from typing import Final
 
 import numpy as np
+from numpy.random import Generator
 from numpy.typing import NDArray
 
 from imu_sim_ros import timebase
@@ -40,8 +42,12 @@ class Clock:
         self._offset_ns = timebase.to_nanoseconds(imu.stamp_offset)
         self._skew = imu.clock_skew_ppm * 1e-6
         self._drift = imu.clock_drift_ppm_per_hour * 1e-6 / 3600.0  # per second
-        self._stream = generator(seed, f"{prefix}clock.jitter")
+        self._seed, self._source = seed, f"{prefix}clock.jitter"
         self._jitter_ns = 0.0
+
+    @cached_property
+    def _stream(self) -> Generator:
+        return generator(self._seed, self._source)
 
     def configure(self, imu: ImuParameters) -> None:
         """Take the jitter."""
@@ -69,11 +75,7 @@ class Transport:
     def __init__(self, seed: int, rate: float, prefix: str = "") -> None:
         """Set up the transport; the prefix is that of the random streams' names."""
         self._dt = 1.0 / rate
-        self._delays = generator(seed, f"{prefix}transport.latency")
-        self._drops = generator(seed, f"{prefix}transport.dropout")
-        self._bursts = generator(seed, f"{prefix}transport.burst")
-        self._burst_lengths = generator(seed, f"{prefix}transport.burst_length")
-        self._duplicates = generator(seed, f"{prefix}transport.duplicate")
+        self._stream = cache(lambda name: generator(seed, f"{prefix}transport.{name}"))
         self._last_release_ns = int(_NEVER)
         self._burst_end = 0
         self._latency_ns, self._latency_jitter_ns = 0, 0.0
@@ -104,7 +106,9 @@ class Transport:
                 return steady
         latency = np.full(len(true_t_ns), self._latency_ns)
         if self._latency_jitter_ns:
-            extra = self._delays.standard_exponential(len(latency)) * self._latency_jitter_ns
+            extra = (
+                self._stream("latency").standard_exponential(len(latency)) * self._latency_jitter_ns
+            )
             latency += np.rint(extra).astype(np.int64)
         faults.delay(first, latency)
         times: Times = true_t_ns + latency
@@ -120,13 +124,13 @@ class Transport:
             return np.arange(count)
         lost = np.zeros(count, dtype=np.bool_)
         if self._dropout:
-            lost |= self._drops.random(count) < self._dropout
+            lost |= self._stream("dropout").random(count) < self._dropout
         self._lose_in_bursts(first, lost)
         faults.lose(first, lost)
         rows = np.flatnonzero(~lost)
         if self._duplicate:
             # A number for each sample, lost or not: losses do not shift the duplicates.
-            twice = self._duplicates.random(count) < self._duplicate
+            twice = self._stream("duplicate").random(count) < self._duplicate
             rows = np.repeat(rows, 1 + twice[rows])
         return rows
 
@@ -137,8 +141,10 @@ class Transport:
         index = np.arange(first, first + len(lost))
         ends = np.zeros(len(lost), dtype=np.int64)
         if self._burst:
-            starts = np.flatnonzero(self._bursts.random(len(lost)) < self._burst)
-            lengths = self._burst_lengths.standard_exponential(len(starts)) * self._burst_samples
+            starts = np.flatnonzero(self._stream("burst").random(len(lost)) < self._burst)
+            lengths = (
+                self._stream("burst_length").standard_exponential(len(starts)) * self._burst_samples
+            )
             ends[starts] = index[starts] + np.ceil(lengths).astype(np.int64)
         if len(ends):
             ends[0] = max(ends[0], self._burst_end)

@@ -107,8 +107,9 @@ def test_odometry_of_a_bag_gives_velocity_and_its_nees(run):
     program = """
 import sys
 import numpy as np
-from imu_sim_ros.bags import open_writer, read_odometry
-from imu_sim_ros.bags.messages import ODOMETRY, OdometryEncoder
+from imu_sim_ros.bags.read import read_odometry
+from imu_sim_ros.bags.messages.encode import ODOMETRY, OdometryEncoder
+from imu_sim_ros.bags.write import open_writer
 truth = read_odometry(sys.argv[1], "/ground_truth/odom")
 position, velocity = truth.position + [0.2, 0, 0], truth.velocity_b + [0, 0.6, 0]
 pose, twist = np.diag([0.01] * 3 + [1e-4] * 3), np.diag([0.09] * 3 + [1e-4] * 3)
@@ -194,6 +195,25 @@ def test_a_program_that_cannot_be_started(run, plan_file, tmp_path):
     plan = load_plan(plan_file(estimators={"a": {"command": "/no/such/program"}}))
     (row,) = CellRuns(plan, next(plan.cells())).rows([1], ["a"], tmp_path / "out")
     assert row["status"].startswith("failed: /no/such/program: cannot be started: ")
+
+
+@pytest.mark.parametrize(
+    ("ending", "status", "least_s"),
+    [
+        ("raise SystemExit(3)", "failed: exit status 3", 0.3),
+        ("time.sleep(60)", "failed: did not finish within 2 s", 2.0),
+        ("", "failed: no estimate was written", 0.3),
+    ],
+    ids=["crash", "too slow", "nothing written"],
+)
+def test_a_failed_run_keeps_its_time_and_memory(run, ending, status, least_s):
+    """The program holds 300 MB and sleeps for 0.3 s before it fails."""
+    row = run(f"import time\nx = bytearray(300_000_000)\ntime.sleep(0.3)\n{ending}", timeout=2.0)
+    assert row["status"] == status
+    assert row["wall_s"] >= least_s
+    assert 286.0 < row["peak_memory_mb"] < 500.0  # MiB, with the interpreter's own
+    assert row["ate_rmse_m"] is None
+    assert row["real_time_factor"] is None
 
 
 def test_a_program_that_ignores_sigterm_ends_at_its_timeout(run):

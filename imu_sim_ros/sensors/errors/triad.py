@@ -46,7 +46,7 @@ class Triad:
     """One triad; see the package's docstring for the order of the errors."""
 
     def __init__(self, triad: str, imu: ImuParameters, seed: int, rate: float) -> None:
-        """Set up the errors at their start.
+        """Set up the errors at their start; :meth:`configure` gives them their strength.
 
         :param rate: samples per second [Hz].
         """
@@ -75,7 +75,6 @@ class Triad:
         self._digitiser = Digitiser()
         self._increments = IncrementRounding(1.0 / rate)
         self._last: Array | None = None
-        self.configure(imu)
 
     def configure(self, imu: ImuParameters) -> None:
         """Take new values of live parameters, from the next sample on."""

@@ -1,13 +1,11 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Estimators of the package: dead reckoning, ``allan``, ``calibrate``."""
+"""A trajectory that an estimator wrote, compared with the truth."""
 
 import contextlib
-import dataclasses
-from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,20 +13,7 @@ from numpy.typing import NDArray
 from imu_sim_ros.bags.messages.encode import ODOMETRY
 from imu_sim_ros.bags.read import open_bag, read_odometry, read_poses
 from imu_sim_ros.bags.text.reader import is_text
-from imu_sim_ros.calibration.deterministic import correction
-from imu_sim_ros.calibration.deterministic.positions import NORM, calibrate_six_position
-from imu_sim_ros.calibration.deterministic.steady import Steady, find_steady
-from imu_sim_ros.calibration.deterministic.temperature import calibrate_temperature, temperatures_at
-from imu_sim_ros.calibration.deterministic.turntable import (
-    calibrate_turntable,
-    specific_force,
-    true_rates,
-)
-from imu_sim_ros.calibration.noise import truth
-from imu_sim_ros.calibration.noise.analysis import analyse
-from imu_sim_ros.campaign.metrics import CALIBRATED, NOISE, THERMAL, Metrics, Relative, pose_metrics
-from imu_sim_ros.campaign.parameters import CalibrationEstimator
-from imu_sim_ros.conventions import TRIADS
+from imu_sim_ros.campaign.metrics import Metrics, Relative, pose_metrics
 from imu_sim_ros.errors import ImuSimError, InputError
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.navigation.association import (
@@ -50,12 +35,6 @@ from imu_sim_ros.navigation.evaluation import (
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.rotation import rotate, rotate_inverse
 from imu_sim_ros.sensors.block import ImuBlock
-from imu_sim_ros.sensors.realised import realised_imu
-from imu_sim_ros.simulation.parameters import SimulationParameters
-from imu_sim_ros.simulation.topics import delivered
-
-if TYPE_CHECKING:
-    from imu_sim_ros.campaign.runs import CellRuns
 
 Array = NDArray[np.float64]
 
@@ -194,96 +173,3 @@ def _nees(error: Array, covariance: Array) -> float | None:
     if not invertible(covariance)[0]:
         return None
     return float(nees(error, covariance)[0])
-
-
-_BLOCK: Final = 50_000
-"""Samples in a block: a record of hours never lies in memory."""
-
-
-class _Readings(NamedTuple):
-    t_ns: NDArray[np.int64]
-    gyro: Array
-    accel: Array
-
-
-def run_calibration(runs: "CellRuns", estimator: CalibrationEstimator, seed: int) -> Metrics:
-    """Return how far the result of a seed's record lies from the sensor.
-
-    :raises InputError: for a record that yields no result.
-    """
-    parameters = dataclasses.replace(runs.parameters, seed=seed)
-    if estimator.type == "allan":
-        return _allan(_blocks(runs, seed), parameters, estimator.model)
-    return _deterministic(runs, parameters, estimator.type)
-
-
-def _blocks(runs: "CellRuns", seed: int) -> Iterator[_Readings]:
-    simulation = runs.simulation(seed)
-    for first in range(0, runs.total, _BLOCK):
-        block = simulation.next_block(min(_BLOCK, runs.total - first))
-        yield _Readings(*delivered(block))
-
-
-def _allan(blocks: Iterator[_Readings], parameters: SimulationParameters, model: str) -> Metrics:
-    result = analyse([blocks], model=model)
-    found: Metrics = {}
-    compared = truth.compare(result, realised_imu(parameters.imu, parameters.seed))
-    for key in NOISE:
-        for number, triad in enumerate(TRIADS):
-            axes = [one for one in compared if one.key == key and one.axis // 3 == number]
-            ratios = [
-                one.estimate.value / one.truth for one in axes if one.estimate.value and one.truth
-            ]
-            name = f"{triad}_{key}"
-            found[f"{name}_ratio"] = float(np.mean(ratios)) if ratios else None
-            found[f"{name}_covered"] = float(np.mean([a.covered for a in axes])) if axes else None
-    return found
-
-
-def _deterministic(runs: "CellRuns", parameters: SimulationParameters, kind: str) -> Metrics:
-    block = runs.block(parameters.seed)
-    gravity = float(np.linalg.norm(parameters.gravity))
-    imu = realised_imu(parameters.imu, parameters.seed)
-    by_norm = False
-    if kind == "six_position":
-        steady = find_steady(*delivered(block))
-        positions = calibrate_six_position(steady, gravity)
-        values = correction.six_position_parameters(positions)
-        by_norm = positions.fixture == NORM
-    elif kind == "turntable":
-        steady, rate = _steady(block, rotating=True)
-        table = calibrate_turntable(steady, rate, gravity)
-        values = correction.turntable_parameters(table)
-    else:
-        steady, rate = _steady(block, rotating=False)
-        at = temperatures_at(steady, block.true_t_ns, block.temperature)
-        force = specific_force(steady, gravity)
-        soak = calibrate_temperature(steady, at, rate, force, imu.reference_temperature)
-        values = correction.temperature_parameters(soak)
-    truth = correction.true_parameters(imu, values)
-    if by_norm:
-        correction.turn_to_upper_triangular(truth)
-    return _deviations(values, truth)
-
-
-def _steady(block: ImuBlock, *, rotating: bool) -> tuple[Steady, Array]:
-    """Return the steady pieces and their true rates (m, 3)."""
-    steady = find_steady(*delivered(block), rotating=rotating)
-    return true_rates(steady, block.true_t_ns, block.motion.angular_velocity)
-
-
-def _deviations(values: correction.Parameters, truth: dict[str, Array]) -> Metrics:
-    found: Metrics = {}
-    for name in (*CALIBRATED, *THERMAL):
-        if name in values:
-            value, sigma = (np.asarray(part, dtype=np.float64) for part in values[name])
-            error = value - truth[name][: len(value)]
-            known = sigma > 0.0
-            if name in CALIBRATED:
-                found[f"{name}_error"] = _rms(error)
-            found[f"{name}_sigmas"] = _rms(error[known] / sigma[known]) if known.any() else None
-    return found
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))

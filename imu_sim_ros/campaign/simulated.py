@@ -1,0 +1,90 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""One cell of a campaign as its estimators see it: samples of any seed, and the truth."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.bags.read import read_poses
+from imu_sim_ros.campaign.cells import Cell
+from imu_sim_ros.campaign.plan import Plan
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.navigation.state import NavigationStates
+from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.topics import delivered
+from imu_sim_ros.trajectory.motion import RememberedTrajectory
+
+Array = NDArray[np.float64]
+
+
+class Readings(NamedTuple):
+    """The input of an estimator."""
+
+    t_ns: NDArray[np.int64]
+    gyro: Array
+    accel: Array
+
+
+class TrueMotion(NamedTuple):
+    """The true motion of a run."""
+
+    states: NavigationStates
+    poses: PoseSequence
+
+
+class SimulatedCell:
+    """The simulation of a cell; what all its seeds share is computed once."""
+
+    def __init__(self, plan: Plan, cell: Cell) -> None:
+        """Set up trajectory and sensor.
+
+        :raises ImuSimError: for a cell that cannot be simulated.
+        """
+        self.plan, self.cell = plan, cell
+        self.parameters = plan.simulation(cell)
+        self.rig = plan.rig(cell)
+        self._base = Simulation(self.parameters, pose_reader=read_poses)
+        if self._base.total is None:
+            raise ConfigurationError(
+                f"cell {cell.name}: duration = 0: this trajectory has no end; give a duration in "
+                "parameters"
+            )
+        self.total = self._base.total
+        # It is sampled at the same times whatever the seed.
+        self._base.trajectory = RememberedTrajectory(self._base.trajectory)
+        self._truth: TrueMotion | None = None
+
+    def block(self, seed: int) -> ImuBlock:
+        """Return all samples of a seed."""
+        return self.simulation(seed).next_block(self.total)
+
+    def simulation(self, seed: int) -> Simulation:
+        """Return a simulation of this cell at its first sample, with the plan's faults."""
+        simulation = self._base.with_seed(seed)
+        for timed in self.plan.faults:
+            simulation.inject(timed.fault, timed.at)
+        return simulation
+
+    def truth(self, block: ImuBlock) -> TrueMotion:
+        """Return the true states at the true times; they are the same for all seeds.
+
+        :param block: all samples of any seed.
+        """
+        if self._truth is None:
+            t_ns, motion = block.true_t_ns, block.motion
+            states = NavigationStates(t_ns, motion.position, motion.velocity, motion.q_wb)
+            self._truth = TrueMotion(states, PoseSequence(t_ns, motion.position, motion.q_wb))
+        return self._truth
+
+    def readings(self, block: ImuBlock) -> Readings:
+        """Return the delivered readings, each stamp once and in order."""
+        t_ns, gyro, accel = delivered(block)
+        if len(t_ns) and bool(np.all(t_ns[1:] > t_ns[:-1])):
+            return Readings(t_ns, gyro, accel)
+        first = np.unique(t_ns, return_index=True)[1]
+        return Readings(t_ns[first], gyro[first], accel[first])
