@@ -13,9 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 from imu_sim_ros import arguments, rotation
 from imu_sim_ros.sensors.camera.model import CameraModel, Projection
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
-from imu_sim_ros.sensors.camera.rig import BLOCK, Rig, build_rig, on_simulation
+from imu_sim_ros.sensors.camera.rig import BLOCK, Rig
 from imu_sim_ros.sensors.camera.rig_parameters import scene_layer
 from imu_sim_ros.sensors.camera.tracker import Tracks
+from imu_sim_ros.simulation.cameras import build_rig, on_simulation
 from imu_sim_ros.simulation.parameters import SimulationParameters
 
 Array = NDArray[np.float64]

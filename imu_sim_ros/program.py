@@ -19,6 +19,7 @@ from imu_sim_ros.errors import ConfigurationError, explain
 from imu_sim_ros.json_text import as_json
 from imu_sim_ros.names import unknown
 from imu_sim_ros.parameters import files
+from imu_sim_ros.trajectory.parameters import trajectory_layer
 
 
 def open_standard_streams() -> None:
@@ -124,7 +125,7 @@ def simulation_layers(arguments: argparse.Namespace) -> list[Mapping[str, object
     if arguments.imu is not None:
         short["imu.preset"] = arguments.imu
     if arguments.trajectory is not None:
-        short.update(files.trajectory_layer(arguments.trajectory))
+        short.update(trajectory_layer(arguments.trajectory))
     if arguments.robust:
         short["trajectory.robust"] = True
     for name in ("rate", "duration", "seed"):

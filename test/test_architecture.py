@@ -30,9 +30,9 @@ ROOMS = {
     "camera": BODY | {"simulation", "jobs"},
     "config": LOW | {"trajectory"},
     "inputs": {"errors"},
-    "parameters": LOW | {"trajectory"},
+    "parameters": LOW,
     "trajectory": LOW,
-    "sensors": BODY | {"simulation", "bags"},
+    "sensors": BODY | {"bags"},
     "simulation": BODY | {"bags"},
     "bags": LOW,
     "datasets": BODY | {"simulation", "bags"},
@@ -44,8 +44,9 @@ ROOMS = {
     "report": LOW | {"sensors", "bags", "datasets", "navigation", "calibration", "campaign"},
     "jobs": BODY | {"simulation", "bags", "datasets", "navigation", "calibration", "plots"},
     "signals": LOW,
-    "program": LOW | {"signals", "completion"},
+    "program": LOW | {"signals", "completion", "trajectory"},
     "completion": LOW | {"navigation", "simulation"},
+    "startup": LOW,
 }
 SEE_EVERYTHING = {"nodes", "commands"}
 ONLY_IN = {
@@ -60,7 +61,7 @@ ONLY_IN = {
     "distributed": {"campaign"},
     "pyarrow": {"campaign"},
 }
-PARAMETERS = {"parameters", "triads"}
+PARAMETERS = {"parameters", "presets", "triads"}
 LARGEST_ROOM, LONGEST_FILE, LONGEST_FUNCTION = 24, 600, 60
 # Reading a file of poses must not cost what only some commands need.
 HEAVY = {"cv2", "distributed", "pyarrow", "scipy", "matplotlib", "rosbags", "mcap", "rich", "yaml"}

@@ -18,7 +18,7 @@ import numpy as np
 
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.names import shown
-from imu_sim_ros.parameters import files
+from imu_sim_ros.trajectory.parameters import trajectory_layer
 
 Layer = dict[str, object]
 SHORT: Final = ("imu", "trajectory", "camera", "scene")
@@ -58,7 +58,7 @@ def expanded(values: Mapping[str, object]) -> Layer:
         if name == "imu":
             result["imu.preset"] = value
         elif name == "trajectory":
-            result.update(files.trajectory_layer(str(value)))
+            result.update(trajectory_layer(str(value)))
         elif name == "camera":
             result.update({"cameras": ["cam0"], "cam0.camera.preset": value})
         elif name == "scene":

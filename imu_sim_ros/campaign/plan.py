@@ -152,7 +152,7 @@ class Plan:
         if not has_cameras(given):
             return {}, given
         from imu_sim_ros.sensors.camera.rig_parameters import split_rig
-        from imu_sim_ros.sensors.camera.target import fitted
+        from imu_sim_ros.simulation.cameras import fitted
 
         return split_rig(fitted(given))
 

@@ -8,6 +8,7 @@ Allan curve; see imu_sim_ros.calibration.
 """
 
 import argparse
+import importlib
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
@@ -23,7 +24,6 @@ from imu_sim_ros.calibration.noise.analysis import MODELS, AllanResult, analyse
 from imu_sim_ros.calibration.noise.estimate import Estimate
 from imu_sim_ros.calibration.noise.terms import quantity
 from imu_sim_ros.calibration.second_process import SecondProcess
-from imu_sim_ros.commands import loading
 from imu_sim_ros.commands.inputs import add_skip_bad_rows, skipped_rows
 from imu_sim_ros.commands.outputs import add_force, outputs
 from imu_sim_ros.conventions import TRIADS
@@ -151,7 +151,7 @@ def _size(path: Path) -> int:
 
 def _load_pictures() -> None:
     """Import what draws: a quarter of a second."""
-    loading.load("imu_sim_ros.plots.allan")
+    importlib.import_module("imu_sim_ros.plots.allan")
 
 
 def _count(path: Path, topic: str | None) -> int:

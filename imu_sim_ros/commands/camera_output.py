@@ -180,7 +180,7 @@ def parameters(arguments: argparse.Namespace) -> Asked:
     if not has_cameras(given):
         return Asked(load_simulator(given), None)
     from imu_sim_ros.sensors.camera.rig_parameters import load_rig, rig_problems, split_rig
-    from imu_sim_ros.sensors.camera.target import fitted
+    from imu_sim_ros.simulation.cameras import fitted
 
     of_rig, others = split_rig(fitted(given))
     problems: list[str] = []

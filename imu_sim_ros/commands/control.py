@@ -8,8 +8,7 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Final
 
-from imu_sim_ros import program, signals
-from imu_sim_ros.commands import loading
+from imu_sim_ros import program, signals, startup
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import parameters
@@ -119,7 +118,7 @@ def control(arguments: argparse.Namespace) -> None:
     try:
         from imu_sim_ros.nodes.control import Control
     except ImportError as error:
-        raise ConfigurationError(loading.needs_ros(error)) from None
+        raise ConfigurationError(startup.needs_ros(error)) from None
     with Control(arguments.node, arguments.timeout) as simulator:
         if arguments.action == "watch":
             _watch(simulator, arguments)

@@ -34,6 +34,7 @@ from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.rotation import rotate
 from imu_sim_ros.simulation.engine import Simulation
 from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
+from imu_sim_ros.trajectory.parameters import trajectory_layer
 
 METHODS = ("euler", "midpoint")
 _PICTURE = "trajectory.png"
@@ -89,7 +90,7 @@ def run(arguments: argparse.Namespace) -> None:
     """Simulate, integrate and record live; then compare, print and draw."""
     layers = {
         "imu.preset": arguments.imu,
-        **files.trajectory_layer(arguments.trajectory),
+        **trajectory_layer(arguments.trajectory),
         "rate": arguments.rate,
         "duration": arguments.duration,
     }

@@ -8,8 +8,7 @@ import os
 import sys
 from typing import Final
 
-from imu_sim_ros import signals
-from imu_sim_ros.commands import loading
+from imu_sim_ros import signals, startup
 
 PROGRAMS: Final = {
     "generate": "parameters in, a bag or a dataset out",
@@ -33,8 +32,7 @@ NODES: Final = {
 def _run(name: str) -> int:
     signals.end_at_once(name)
     try:
-        loading.leave_at_once()
-        status: int = loading.load(f"imu_sim_ros.commands.{name}").main()
+        status: int = startup.load(f"imu_sim_ros.commands.{name}").main()
     finally:
         signals.ignore()
     return status

@@ -29,6 +29,7 @@ from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.simulation.engine import BLOCK_SIZE, Simulation
 from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
 from imu_sim_ros.simulation.playback import SimulatorParameters, of_the_node
+from imu_sim_ros.trajectory.parameters import trajectory_layer
 
 BYTES_A_SAMPLE: Final = 384
 """Of the arrays of an ImuBlock without further sensors."""
@@ -184,7 +185,7 @@ def _motion(trajectory: object) -> tuple[dict[str, object], Callable[..., PoseSe
         return {f"trajectory.{name}": value for name, value in flat.items()}, _poses_of_any_file
     if isinstance(trajectory, str | PathLike):
         path = arguments.path("trajectory", trajectory, "a name or the path of a file")
-        return files.trajectory_layer(str(path)), _poses_of_any_file
+        return trajectory_layer(str(path)), _poses_of_any_file
     if trajectory is not None:
         refuse(
             "trajectory",

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from imu_sim_ros.conventions import BODY_FRAME, GRAVITY, TRIADS, WORLD_FRAME
-from imu_sim_ros.parameters.files import load, sensor_layer
+from imu_sim_ros.parameters.files import load
 from imu_sim_ros.parameters.kinds import (
     IDENTITY_MATRIX,
     ZERO_MATRIX,
@@ -26,6 +26,7 @@ from imu_sim_ros.parameters.kinds import (
 )
 from imu_sim_ros.parameters.sections import parameters, section
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.sensors.imu.presets import sensor_layer
 from imu_sim_ros.sensors.imu.triads import TriadParameters, invertible_problems, triad
 
 DEFAULT_IMU = "lecture"

@@ -5,7 +5,7 @@
 
 import sys
 
-from imu_sim_ros.commands import loading
+from imu_sim_ros import startup
 from imu_sim_ros.nodes import signals
 from imu_sim_ros.program import open_standard_streams
 
@@ -13,13 +13,13 @@ from imu_sim_ros.program import open_standard_streams
 def _run(name: str) -> int:
     open_standard_streams()  # otherwise the watch's pipe would take the place of a closed output
     signals.watch(last=True)
-    status: int | None = loading.load("imu_sim_ros.nodes.help").answer(name, sys.argv[1:])
+    status: int | None = startup.load("imu_sim_ros.nodes.help").answer(name, sys.argv[1:])
     if status is not None:
         return status
     try:
-        node = loading.load(f"imu_sim_ros.nodes.{name}.node")
+        node = startup.load(f"imu_sim_ros.nodes.{name}.node")
     except ModuleNotFoundError as error:
-        print(f"{name}: {loading.needs_ros(error)}", file=sys.stderr)
+        print(f"{name}: {startup.needs_ros(error)}", file=sys.stderr)
         return 2
     return int(node.main())
 

@@ -7,7 +7,7 @@ The format is that of ROS 2: node names (or the wildcards ``/**`` and ``/*``) ab
 ``ros__parameters``, nested or dotted names below. A kalibr ``imu.yaml`` is understood as well.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
@@ -20,14 +20,11 @@ from imu_sim_ros.parameters.kinds import Value
 from imu_sim_ros.parameters.sections import build, flatten
 from imu_sim_ros.parameters.sections import is_of_ros as is_of_ros
 from imu_sim_ros.parameters.yaml_text import parse_yaml as parse_yaml
-from imu_sim_ros.trajectory.parameters import find_trajectory
 
 _T = TypeVar("_T")
 
 Layering = Callable[[Mapping[str, object]], Mapping[str, object]]
 """Returns what was given above what the files hold that it names."""
-
-BAROMETER_PRESET: Final = "imu.barometer_preset"
 
 _NAMES_OF_FILES: Final = ("preset", "barometer_preset", "calibration")
 _PARAMETERS = "ros__parameters"
@@ -112,60 +109,6 @@ def dotted(tree: object, where: str, prefix: str = "") -> dict[str, object]:
     return result
 
 
-def layer(
-    layers: Iterable[Mapping[str, object]],
-    imu: str,
-    trajectory: str,
-    node: str = "simulator",
-) -> dict[str, object]:
-    """Return several layers as one, later ones above earlier ones.
-
-    Below them all lie the files that ``imu.preset`` and ``trajectory.type`` name.
-
-    :param imu: the preset where no layer names one.
-    :param trajectory: the type where no layer names one.
-    """
-    given: dict[str, object] = {}
-    for values in layers:
-        given.update(values)
-    given.setdefault("imu.preset", imu)
-    sensor = sensor_layer(str(given["imu.preset"]), node)
-    # A sensor's file may be one of all parameters: its motion counts where no other is named.
-    motion = {name: sensor.pop(name) for name in list(sensor) if name.startswith("trajectory.")}
-    if "trajectory.type" not in given:
-        given = {"trajectory.type": trajectory, **motion, **given}
-    if str(given["trajectory.type"]) in names("trajectories"):
-        sensor.update(trajectory_layer(str(given.pop("trajectory.type")), node))
-    return {**sensor, **_barometer_layer(given, node), **given}
-
-
-def sensor_layer(name_or_file: str, node: str = "simulator") -> dict[str, object]:
-    """Return what ``imu.preset`` stands for, above the presets that its file names in turn.
-
-    :param name_or_file: a name in config/imus, or a parameter file.
-    :raises ConfigurationError: for a preset that cannot be read, or that leads back to itself.
-    """
-    result: dict[str, object] = {}
-    passed: list[Path] = []
-    while True:
-        path = find("imus", name_or_file)
-        if path.resolve() in passed:
-            raise ConfigurationError(f"{path}: imu.preset = {name_or_file} leads back to this file")
-        passed.append(path.resolve())
-        values = load(path, node)
-        below = values.pop("imu.preset", None)
-        result = {**values, **result}
-        if below is None:
-            return {**_barometer_layer(result, node), **result}
-        name_or_file = str(below)
-
-
-def _barometer_layer(given: Mapping[str, object], node: str) -> dict[str, object]:
-    """Return what ``imu.barometer_preset`` stands for; nothing where it names no file."""
-    preset = given.get(BAROMETER_PRESET)
-    return load(find("barometers", str(preset)), node) if preset else {}
-
-
 def build_layered(cls: type[_T], layering: Layering, given: Mapping[str, object]) -> _T:
     """Return the section for what was given above the files that it names.
 
@@ -193,32 +136,6 @@ def _other_problems(cls: type, layering: Layering, given: Mapping[str, object]) 
     except ConfigurationError as error:
         return list(error.problems)
     return []
-
-
-def trajectory_layer(name_or_file: str, node: str = "simulator") -> dict[str, object]:
-    """Return what ``--trajectory`` stands for.
-
-    :param name_or_file: a name in config/trajectories, a kind of trajectory, a parameter file, or
-        recorded poses: a text file, or a bag.
-    """
-    path = Path(name_or_file)
-    if name_or_file not in names("trajectories"):
-        if not path.exists() and _is_kind(name_or_file):
-            return {"trajectory.type": name_or_file}
-        if path.is_dir():
-            return {"trajectory.type": "poses", "trajectory.file": str(path)}
-    path = find("trajectories", name_or_file)
-    if path.suffix.lower() in (".yaml", ".yml"):
-        return load(path, node)
-    return {"trajectory.type": "poses", "trajectory.file": str(path)}
-
-
-def _is_kind(name: str) -> bool:
-    try:
-        find_trajectory(name)
-    except ConfigurationError:
-        return False
-    return True
 
 
 def dump(instance: object, path: Path, node: str = "/**", comment: str = "") -> None:

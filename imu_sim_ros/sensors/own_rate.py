@@ -16,10 +16,9 @@ from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.response import TemperatureProfile
 from imu_sim_ros.sensors.faults import Fault, FaultSchedule
-from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.sensors.imu.parameters import LARGEST_JITTER_SIGMA, ImuParameters
 from imu_sim_ros.sensors.own_rate_parameters import OwnRateParameters
 from imu_sim_ros.sensors.timing import Clock, Transport
-from imu_sim_ros.simulation.parameters import LARGEST_JITTER
 from imu_sim_ros.trajectory.motion import Trajectory
 
 Array = NDArray[np.float64]
@@ -92,7 +91,7 @@ class OwnRate:
     def configure(self, imu: ImuParameters) -> None:
         """Take new values of live parameters, from the next sample on."""
         # What suits the IMU's interval may be more than this sensor's allows.
-        jitter = min(imu.jitter, LARGEST_JITTER / self._rate)
+        jitter = min(imu.jitter, LARGEST_JITTER_SIGMA / self._rate)
         self._clock.configure(dataclasses.replace(imu, jitter=jitter))
         self._transport.configure(imu)
 

@@ -8,19 +8,22 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from imu_sim_ros.conventions import TRIADS
-from imu_sim_ros.parameters.files import build_layered, layer
+from imu_sim_ros.parameters.files import build_layered
 from imu_sim_ros.parameters.included import names
 from imu_sim_ros.parameters.sections import section, variant
 from imu_sim_ros.sensors.environment import EnvironmentParameters
-from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.sensors.imu.parameters import LARGEST_JITTER_SIGMA, ImuParameters
+from imu_sim_ros.sensors.imu.presets import barometer_layer, sensor_layer
 from imu_sim_ros.sensors.orientation.parameters import MODEL_ERRORS
 from imu_sim_ros.timebase import exact_rate
-from imu_sim_ros.trajectory.parameters import TrajectoryParameters, find_trajectory
+from imu_sim_ros.trajectory.parameters import (
+    TrajectoryParameters,
+    find_trajectory,
+    trajectory_layer,
+)
 
 DEFAULT_IMU = "lecture"
 DEFAULT_TRAJECTORY = "lecture"
-LARGEST_JITTER = 0.25
-"""The largest standard deviation of the stamps, in intervals between two samples."""
 
 _LOWEST_CUTOFF = 1e-6
 """Of half the rate; a low-pass far below it has no digits left."""
@@ -55,10 +58,10 @@ class SimulationParameters(EnvironmentParameters):
                     f"{prefix}imu.{triad}_bandwidth = {cutoff:g}: must be below half the "
                     f"{'rate' if ratio == 1 else 'internal rate'}, {nyquist:g} Hz"
                 )
-        if self.imu.jitter * self.rate > LARGEST_JITTER:
+        if self.imu.jitter * self.rate > LARGEST_JITTER_SIGMA:
             yield (
                 f"{prefix}imu.jitter = {self.imu.jitter:g}: must be at most a quarter of the "
-                f"interval, {LARGEST_JITTER / self.rate:g} s"
+                f"interval, {LARGEST_JITTER_SIGMA / self.rate:g} s"
             )
         yield from super().problems(prefix)
         of_orientation = self.imu.orientation.rate
@@ -94,7 +97,7 @@ def layer_simulation(layers: Iterable[Mapping[str, object]], node: str) -> dict[
     """
     layers = list(layers)
     given = {name for values in layers for name in values}
-    result = layer(layers, DEFAULT_IMU, DEFAULT_TRAJECTORY, node)
+    result = _layered(layers, node)
     if result.get("imu.preset", DEFAULT_IMU) not in names("imus"):
         return result
     without_place = set(_errors_of_no_model(result)) - given
@@ -106,3 +109,22 @@ def _errors_of_no_model(values: Mapping[str, object]) -> list[str]:
     if values.get("imu.orientation_source") != "filter":
         return []
     return [f"imu.orientation_{name}" for name in MODEL_ERRORS]
+
+
+def _layered(layers: Iterable[Mapping[str, object]], node: str) -> dict[str, object]:
+    """Return several layers as one, later ones above earlier ones.
+
+    Below them all lie the files that ``imu.preset`` and ``trajectory.type`` name.
+    """
+    given: dict[str, object] = {}
+    for values in layers:
+        given.update(values)
+    given.setdefault("imu.preset", DEFAULT_IMU)
+    sensor = sensor_layer(str(given["imu.preset"]), node)
+    # A sensor's file may be one of all parameters: its motion counts where no other is named.
+    motion = {name: sensor.pop(name) for name in list(sensor) if name.startswith("trajectory.")}
+    if "trajectory.type" not in given:
+        given = {"trajectory.type": DEFAULT_TRAJECTORY, **motion, **given}
+    if str(given["trajectory.type"]) in names("trajectories"):
+        sensor.update(trajectory_layer(str(given.pop("trajectory.type")), node))
+    return {**sensor, **barometer_layer(given, node), **given}

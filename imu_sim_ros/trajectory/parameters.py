@@ -5,10 +5,12 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 from imu_sim_ros.conventions import GRAVITY
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.names import suggestion
+from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.included import names
 from imu_sim_ros.parameters.kinds import (
     ZERO_VECTOR,
@@ -444,3 +446,29 @@ def find_trajectory(name: str) -> type[TrajectoryParameters]:
             "TrajectoryParameters"
         )
     return found
+
+
+def trajectory_layer(name_or_file: str, node: str = "simulator") -> dict[str, object]:
+    """Return what ``--trajectory`` stands for.
+
+    :param name_or_file: a name in config/trajectories, a kind of trajectory, a parameter file, or
+        recorded poses: a text file, or a bag.
+    """
+    path = Path(name_or_file)
+    if name_or_file not in files.names("trajectories"):
+        if not path.exists() and _is_kind(name_or_file):
+            return {"trajectory.type": name_or_file}
+        if path.is_dir():
+            return {"trajectory.type": "poses", "trajectory.file": str(path)}
+    path = files.find("trajectories", name_or_file)
+    if path.suffix.lower() in (".yaml", ".yml"):
+        return files.load(path, node)
+    return {"trajectory.type": "poses", "trajectory.file": str(path)}
+
+
+def _is_kind(name: str) -> bool:
+    try:
+        find_trajectory(name)
+    except ConfigurationError:
+        return False
+    return True

@@ -23,10 +23,10 @@ from imu_sim_ros.calibration.deterministic.turntable import (
 )
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.state import Correction, NavigationState
-from imu_sim_ros.parameters import files
 from imu_sim_ros.program import print_table
 from imu_sim_ros.simulation.engine import Simulation
 from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
+from imu_sim_ros.trajectory.parameters import trajectory_layer
 
 G = 9.81
 SENSOR: dict[str, object] = {
@@ -56,7 +56,7 @@ class Run:
 
     def __init__(self, trajectory: str, seed: int, *layers: dict[str, object]) -> None:
         self.parameters: SimulationParameters = load_simulation(
-            files.trajectory_layer(trajectory), SENSOR, *layers, {"seed": seed}
+            trajectory_layer(trajectory), SENSOR, *layers, {"seed": seed}
         )
         blocks = list(Simulation(self.parameters).blocks())
         self.t_ns = np.concatenate([b.t_ns for b in blocks])

@@ -30,6 +30,7 @@ from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.simulation.engine import Simulation
 from imu_sim_ros.simulation.parameters import load_simulation
+from imu_sim_ros.trajectory.parameters import trajectory_layer
 
 G = 9.81
 FLAWS: dict[str, object] = {
@@ -61,7 +62,7 @@ class Run:
     """A simulated calibration run as arrays."""
 
     def __init__(self, trajectory: str, *layers: dict[str, object], **values: object) -> None:
-        parameters = load_simulation(files.trajectory_layer(trajectory), *layers, values)
+        parameters = load_simulation(trajectory_layer(trajectory), *layers, values)
         self.imu: ImuParameters = parameters.imu
         blocks = list(Simulation(parameters).blocks())
         self.t_ns = np.concatenate([block.t_ns for block in blocks])
@@ -307,7 +308,7 @@ def test_the_correction_makes_dead_reckoning_drift_less():
     values.update(turntable_parameters(calibrate_turntable(steady, rate, G)))
     correction = Correction(**{name: tuple(found.value) for name, found in values.items()})
 
-    parameters = load_simulation(files.trajectory_layer("lecture"), FLAWS, {"seed": 12})
+    parameters = load_simulation(trajectory_layer("lecture"), FLAWS, {"seed": 12})
     simulation = Simulation(parameters)
     block = simulation.next_block(4000)
     motion = block.motion

@@ -5,11 +5,11 @@
 
 import pytest
 
-from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors.camera.rig import Rig
 from imu_sim_ros.sensors.camera.rig_parameters import load_rig
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.trajectory.build import build_trajectory
+from imu_sim_ros.trajectory.parameters import trajectory_layer
 
 T0_NS = 1_000_000_000
 
@@ -18,7 +18,7 @@ def make_rig(trajectory="figure_eight", duration=10.0, seed=3, **values):
     """Build a rig from parameters, ``__`` for a dot; one camera unless ``cameras`` says more."""
     given = {"cameras": ["cam0"], **{k.replace("__", "."): v for k, v in values.items()}}
     path = {k: given.pop(k) for k in list(given) if k.startswith("trajectory.")}
-    simulation = load_simulation({**files.trajectory_layer(trajectory), **path})
+    simulation = load_simulation({**trajectory_layer(trajectory), **path})
     motion = build_trajectory(simulation.trajectory)
     return Rig(load_rig(given), motion, T0_NS, duration, seed)
 

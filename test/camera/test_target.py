@@ -10,8 +10,8 @@ from imu_sim_ros import rotation
 from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors.camera.images.imager import Imager
 from imu_sim_ros.sensors.camera.images.texture import atlas
-from imu_sim_ros.sensors.camera.rig import build_rig
-from imu_sim_ros.sensors.camera.target import fitted
+from imu_sim_ros.simulation.cameras import build_rig, fitted
+from imu_sim_ros.trajectory.parameters import trajectory_layer
 
 
 def given(*presets, **values):
@@ -101,7 +101,7 @@ def test_what_is_given_stays_and_what_was_fitted_is_not_fitted_again():
     ids=str,
 )
 def test_only_the_motion_before_the_board_follows_the_lens(other):
-    layer = files.trajectory_layer("target")
+    layer = trajectory_layer("target")
     lens = {**given("euroc_cam0"), **layer}
     assert fitted(lens)["scene.tag_size"] > 0.15  # the motion's file was read: it is still target
     if "camera.preset" in other:

@@ -15,6 +15,7 @@ from imu_sim_ros.navigation.parameters import layer_integrator
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.simulation.parameters import load_simulation
+from imu_sim_ros.trajectory.parameters import trajectory_layer
 
 
 def written(tmp_path, text, name="parameters.yaml"):
@@ -113,7 +114,7 @@ def test_an_unknown_preset_lists_all():
     ):
         load_simulation({"imu.preset": "nonsense"})
     with pytest.raises(ConfigurationError, match="unknown trajectory 'nonsense'; .*static"):
-        files.trajectory_layer("nonsense")
+        trajectory_layer("nonsense")
 
 
 def test_an_unknown_preset_hides_no_other_problem():

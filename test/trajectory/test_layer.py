@@ -6,7 +6,7 @@
 import pytest
 
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.parameters.files import trajectory_layer
+from imu_sim_ros.trajectory.parameters import trajectory_layer
 
 
 def test_a_name_stands_for_its_file():

@@ -69,7 +69,7 @@ _STEP_TIMEOUT: Final = 5.0
 def _layered(given: Mapping[str, object]) -> dict[str, object]:
     """Return what was given above the files that it names, with a target that suits the cameras."""
     if has_cameras(given):
-        from imu_sim_ros.sensors.camera.target import fitted
+        from imu_sim_ros.simulation.cameras import fitted
 
         given = fitted(given)
     return layer_simulator(given)

@@ -4,26 +4,19 @@
 """All cameras of a body, and the scene that they see."""
 
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros import timebase
-from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.sensors.camera.build import build_scene, check_path, scene_span
 from imu_sim_ros.sensors.camera.rig_parameters import (
     RigParameters,
-    load_rig,
-    rig_problems,
-    split_rig,
 )
-from imu_sim_ros.sensors.camera.target import fitted, target_warning
+from imu_sim_ros.sensors.camera.target import target_warning
 from imu_sim_ros.sensors.camera.tracker import Tracker, Tracks
 from imu_sim_ros.sensors.camera.view import View
-from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
-from imu_sim_ros.trajectory.build import build_trajectory
 from imu_sim_ros.trajectory.motion import Trajectory
 
 BLOCK: Final = 64
@@ -112,37 +105,6 @@ class Rig:
             frames = view.frames(number, 1)
             if frames.delivered[0]:
                 yield int(frames.t_ns[0]), make(number)
-
-
-def build_rig(parameters: Mapping[str, object]) -> Rig:
-    """Return the cameras that parameters by dotted name describe, on their trajectory.
-
-    The frames are those of ``generate`` with the same parameters.
-
-    :param parameters: for instance ``{"cameras": ["cam0"], "camera.preset": "euroc_cam0",
-        "trajectory.type": "figure_eight", "duration": 10.0, "seed": 1}``.
-    :raises ConfigurationError: with a line for each problem.
-    :raises InputError: for a file that cannot be used.
-    """
-    of_rig, others = split_rig(fitted(parameters))
-    return on_simulation(of_rig, load_simulation(others))
-
-
-def on_simulation(of_rig: Mapping[str, object], simulation: SimulationParameters) -> Rig:
-    """Return the cameras that parameters by dotted name describe, on a simulation's body.
-
-    :raises ConfigurationError: with a line for each problem.
-    :raises InputError: for a file that cannot be used.
-    """
-    rig = load_rig(of_rig)
-    problems = list(rig_problems(rig, simulation))
-    if problems:
-        raise ConfigurationError(problems)
-    start = simulation.start_time
-    t0_ns = timebase.to_nanoseconds(start if start >= 0.0 else 1.0)
-    trajectory = build_trajectory(simulation.trajectory)
-    duration = simulation.duration or trajectory.duration
-    return Rig(rig, trajectory, t0_ns, duration, simulation.seed)
 
 
 class Blindness:

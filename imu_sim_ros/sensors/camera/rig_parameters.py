@@ -19,7 +19,7 @@ from imu_sim_ros.parameters.kinds import choice, entries, texts
 from imu_sim_ros.parameters.sections import build, section, section_names, variant
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.scene_parameters import SceneParameters, find_scene
-from imu_sim_ros.simulation.parameters import SimulationParameters
+from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.timebase import exact_rate
 
 DEFAULT_CAMERA: Final = "vio_data_simulation"
@@ -154,7 +154,7 @@ def load_rig(given: Mapping[str, object], node: str = "simulator") -> RigParamet
     return build(rig_section(names), layer_rig(given, node))
 
 
-def rig_problems(rig: RigParameters, simulation: SimulationParameters) -> Iterator[str]:
+def rig_problems(rig: RigParameters, simulation: EnvironmentParameters) -> Iterator[str]:
     """Yield a line for each camera that does not fit the IMU, or is another one again."""
     of_values: dict[CameraParameters, str] = {}
     for name, camera in rig.each().items():

@@ -209,6 +209,8 @@ class BoardVibrationParameters:
 _USUAL_RATIO = 8
 """Readings inside a sensor for each sample."""
 ORTHONORMAL_TOLERANCE = 1e-6
+LARGEST_JITTER_SIGMA = 0.25
+"""The largest standard deviation of the stamps, in intervals between two samples."""
 LARGEST_LATENCY = 10.0
 """[s] of a message: the node keeps what is under way in memory."""
 LONGEST = 1e6

@@ -19,9 +19,9 @@ from rosbags.typesys import Stores, get_typestore
 from imu_sim_ros import conventions
 from imu_sim_ros.commands import generate
 from imu_sim_ros.datasets.features import FeatureStream, camera_topics
-from imu_sim_ros.parameters.files import trajectory_layer
-from imu_sim_ros.sensors.camera.rig import build_rig
 from imu_sim_ros.sensors.camera.rig_parameters import load_rig
+from imu_sim_ros.simulation.cameras import build_rig
+from imu_sim_ros.trajectory.parameters import trajectory_layer
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 SETTINGS = {

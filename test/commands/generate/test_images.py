@@ -14,8 +14,8 @@ import yaml
 
 from imu_sim_ros.commands import generate
 from imu_sim_ros.datasets.images import millimetres
-from imu_sim_ros.parameters.files import trajectory_layer
-from imu_sim_ros.sensors.camera.rig import build_rig
+from imu_sim_ros.simulation.cameras import build_rig
+from imu_sim_ros.trajectory.parameters import trajectory_layer
 
 RIG = [
     "--camera",

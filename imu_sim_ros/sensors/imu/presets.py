@@ -1,0 +1,40 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What the preset of an IMU stands for: its file, and the files that this one names."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Final
+
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.parameters.files import find, load
+
+BAROMETER_PRESET: Final = "imu.barometer_preset"
+
+
+def sensor_layer(name_or_file: str, node: str = "simulator") -> dict[str, object]:
+    """Return what ``imu.preset`` stands for, above the presets that its file names in turn.
+
+    :param name_or_file: a name in config/imus, or a parameter file.
+    :raises ConfigurationError: for a preset that cannot be read, or that leads back to itself.
+    """
+    result: dict[str, object] = {}
+    passed: list[Path] = []
+    while True:
+        path = find("imus", name_or_file)
+        if path.resolve() in passed:
+            raise ConfigurationError(f"{path}: imu.preset = {name_or_file} leads back to this file")
+        passed.append(path.resolve())
+        values = load(path, node)
+        below = values.pop("imu.preset", None)
+        result = {**values, **result}
+        if below is None:
+            return {**barometer_layer(result, node), **result}
+        name_or_file = str(below)
+
+
+def barometer_layer(given: Mapping[str, object], node: str) -> dict[str, object]:
+    """Return what ``imu.barometer_preset`` stands for; nothing where it names no file."""
+    preset = given.get(BAROMETER_PRESET)
+    return load(find("barometers", str(preset)), node) if preset else {}
