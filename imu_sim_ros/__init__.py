@@ -69,6 +69,9 @@ if TYPE_CHECKING:
     from imu_sim_ros.jobs.calibrate import calibrate_six_position as calibrate_six_position
     from imu_sim_ros.jobs.calibrate import calibrate_temperature as calibrate_temperature
     from imu_sim_ros.jobs.calibrate import calibrate_turntable as calibrate_turntable
+    from imu_sim_ros.jobs.campaign import Campaign as Campaign
+    from imu_sim_ros.jobs.campaign import campaign as campaign
+    from imu_sim_ros.jobs.campaign import report as report
     from imu_sim_ros.jobs.flight import Flight as Flight
     from imu_sim_ros.jobs.flight import Truth as Truth
     from imu_sim_ros.jobs.navigation import Evaluation as Evaluation
@@ -102,6 +105,7 @@ _HOMES = {
         *("Calibrated", "Calibration", "TriadCalibration", "calibrate_magnetometer"),
         *("calibrate_six_position", "calibrate_temperature", "calibrate_turntable"),
     ],
+    "jobs.campaign": ["Campaign", "campaign", "report"],
     "jobs.flight": ["Flight", "Truth"],
     "jobs.navigation": ["Evaluation", "Track", "dead_reckon", "evaluate"],
     "jobs.preintegrate": ["preintegrate"],
@@ -127,8 +131,9 @@ def __getattr__(name: str) -> Any:
     for module, names in _HOMES.items():
         if name in names:
             found = import_module(f"{__name__}.{module}")
-            value = globals()[name] = getattr(found, name, found)
-            return value
+            # All of them: rooms that have just been loaded bear the names of two functions.
+            globals().update({one: getattr(found, one, found) for one in names})
+            return globals()[name]
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

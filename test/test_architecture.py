@@ -42,7 +42,9 @@ ROOMS = {
     "plots": LOW | {"sensors", "navigation", "calibration"},
     "campaign": BODY | {"simulation", "bags", "datasets", "navigation", "calibration"},
     "report": LOW | {"sensors", "bags", "datasets", "navigation", "calibration", "campaign"},
-    "jobs": BODY | {"simulation", "bags", "datasets", "navigation", "calibration", "plots"},
+    "jobs": BODY
+    | {"simulation", "bags", "datasets", "navigation", "calibration", "plots"}
+    | {"campaign", "report"},
     "signals": LOW,
     "program": LOW | {"signals", "completion", "trajectory"},
     "completion": LOW | {"navigation", "simulation"},

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, suppress
 from importlib import metadata
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import imu_sim_ros
 from imu_sim_ros.campaign.cells import Cell, cell_count
@@ -29,7 +29,6 @@ from imu_sim_ros.campaign.results import (
     write_tables,
 )
 from imu_sim_ros.campaign.summary import groups, summary_rows
-from imu_sim_ros.campaign.verdict import Judgement
 from imu_sim_ros.json_text import as_json
 
 _BUILT_IN_BATCH: Final = 50
@@ -42,13 +41,12 @@ Digests = Callable[[Cell], Mapping[str, str]]
 
 
 class Outcome(NamedTuple):
-    """The result of a campaign."""
+    """The runs of a campaign."""
 
     rows: list[Row]
     """All existing runs of the plan, ordered by cell, seed and estimator."""
     new: int
     """Runs executed now; the others existed before."""
-    complete: bool
 
 
 def columns(plan: Plan) -> list[str]:
@@ -149,7 +147,7 @@ def run(
             (store.folder / SUMMARY).unlink(missing_ok=True)
         else:
             write_summary(store.folder, plan, rows)
-    return Outcome(rows, new, len(rows) == plan.run_count)
+    return Outcome(rows, new)
 
 
 def collect(plan: Plan, store: Store, digests_of: Digests | None = None) -> list[Row]:
@@ -254,16 +252,3 @@ def seconds_of_all_runs(plan: Plan) -> float | None:
     run(runs)
     one = time.process_time() - began - first
     return cell_count(plan.axes) * (max(first - one, 0.0) + len(plan.seeds) * one)
-
-
-def result(outcome: Outcome, wall_s: float, folder: Path, judgement: Judgement) -> dict[str, Any]:
-    """Return what ``--json`` prints."""
-    done = sum(row["status"] == "done" for row in outcome.rows)
-    return {
-        "runs": len(outcome.rows),
-        "done": done,
-        "failed": len(outcome.rows) - done,
-        "wall_s": wall_s,
-        "results": str(folder / "results.csv"),
-        "judgement": judgement.to_dict(),
-    }

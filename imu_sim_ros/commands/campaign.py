@@ -5,28 +5,25 @@
 
 import argparse
 import contextlib
-import errno
-import os
 import shlex
 import sys
-import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from imu_sim_ros import program
 from imu_sim_ros.commands.outputs import add_force
-from imu_sim_ros.errors import InputError, MachineError, system_error
+from imu_sim_ros.errors import InputError, MachineError
 from imu_sim_ros.machine import cores
 
 if TYPE_CHECKING:
-    from imu_sim_ros.campaign.campaign import Outcome
-    from imu_sim_ros.campaign.engine import Engine
     from imu_sim_ros.campaign.metrics import Tolerance
     from imu_sim_ros.campaign.plan import Plan
-    from imu_sim_ros.campaign.results import Row, Store
+    from imu_sim_ros.campaign.results import Row
     from imu_sim_ros.campaign.summary import Group
     from imu_sim_ros.campaign.verdict import Contest, Judgement
+    from imu_sim_ros.jobs.campaign import Campaign
 
 EXAMPLES: Final = """
   campaign which_imu -o which_imu
@@ -149,46 +146,51 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def run(arguments: argparse.Namespace) -> list[str]:
     """Run a campaign; return a line for every requirement that is not met."""
-    from imu_sim_ros.campaign import campaign
     from imu_sim_ros.campaign.junit import write_junit
     from imu_sim_ros.campaign.metrics import parse_tolerance
     from imu_sim_ros.campaign.plan import check_plan, find_plan, load_plan
-    from imu_sim_ros.campaign.results import Store, read_results
-    from imu_sim_ros.campaign.verdict import judge
+    from imu_sim_ros.jobs.campaign import Options, Workers, make
 
-    path = find_plan(arguments.plan)
+    path, folder = find_plan(arguments.plan), arguments.output
     plan = load_plan(path)
-    _check(arguments, plan)
-    tolerance = None if arguments.tolerance is None else parse_tolerance(arguments.tolerance)
+    quiet = arguments.quiet or arguments.json
+    workers = Workers(
+        arguments.workers,
+        arguments.scheduler,
+        arguments.dask,
+        arguments.worker_timeout,
+        (lambda line: None) if quiet else print,
+    )
+    options = Options(
+        resume=arguments.resume,
+        force=arguments.force,
+        retry_failed=arguments.retry_failed,
+        batch=arguments.batch,
+        metric=arguments.metric,
+        baseline=arguments.baseline,
+        tolerance=None if arguments.tolerance is None else parse_tolerance(arguments.tolerance),
+        report=not arguments.no_report,
+        command=f"campaign {shlex.quote(arguments.plan)} -o {shlex.quote(str(folder))}",
+    )
+    problems = [*workers.problems(), *options.problems(plan, folder), *_problems(arguments, plan)]
+    if problems:
+        raise InputError(problems)
     check_plan(plan, path)
     if arguments.power is not None:
-        _print_power(arguments, plan, tolerance or plan.tolerance)
+        _print_power(arguments, plan, options.tolerance or plan.tolerance)
         return []
-    baseline = None if arguments.baseline is None else read_results(arguments.baseline)
     if arguments.check:
         print(_described(plan))
         return []
-    started = time.perf_counter()
-    folder, resume = arguments.output, arguments.resume
-    with (
-        _full_disk_told(folder),
-        Store(folder, resume, arguments.force) as store,
-        _engine(arguments, plan) as engine,
-    ):
-        store.keep_plan(path)
-        outcome = _watched(arguments, plan, store, engine)
-        if not arguments.no_report:
-            _write_page(arguments)
-    wall_s = time.perf_counter() - started
-    found = judge(plan, outcome.rows, arguments.metric, baseline, tolerance)
+    found = make(plan, path, folder, workers, options, partial(_bar, plan, folder, quiet))
     if arguments.junit is not None:
-        write_junit(arguments.junit, plan.options.name, found)
+        write_junit(arguments.junit, plan.options.name, found.judgement)
     if arguments.json:
-        program.print_json(campaign.result(outcome, wall_s, arguments.output, found))
+        program.print_json(found.to_dict())
     elif not arguments.quiet:
-        _print(arguments, plan, outcome, found, wall_s)
-    if outcome.rows and not found.done:
-        reasons = [f"no run is done: {one}" for one in _reasons(found)]
+        _print(found)
+    if found.runs and not found.done:
+        reasons = [f"no run is done: {one}" for one in _reasons(found.judgement)]
         raise MachineError([*found.problems, *reasons])
     return found.problems
 
@@ -201,76 +203,29 @@ def _reasons(found: "Judgement") -> list[str]:
     return [f"{runs:,} x {reason}" for reason, runs in list(counted.items())[:10]]
 
 
-def _watched(
-    arguments: argparse.Namespace, plan: "Plan", store: "Store", engine: "Engine"
-) -> "Outcome":
-    """Make the runs, with a bar."""
-    from imu_sim_ros.campaign import campaign
+@contextlib.contextmanager
+def _bar(
+    plan: "Plan", folder: Path, quiet: bool, there: int
+) -> Iterator[Callable[[Sequence["Row"]], None]]:
+    """Show a bar while the runs are made."""
+    from imu_sim_ros.campaign.campaign import Tally
 
-    there = min(sum(1 for _ in store.rows()), plan.run_count)
-    quiet, tally = arguments.quiet or arguments.json, campaign.Tally(plan)
-    text = f"campaign {plan.options.name}"
+    tally, text = Tally(plan), f"campaign {plan.options.name}"
     with program.progress(text, plan.run_count, quiet, done=there) as advance:
-
-        def watch(rows: Sequence["Row"]) -> None:
-            advance(len(rows), tally.add(rows))
-
         try:
-            return campaign.run(plan, store, engine, watch, arguments.retry_failed, arguments.batch)
+            yield lambda rows: advance(len(rows), tally.add(rows))
         except KeyboardInterrupt as stop:
-            stop.args = (f"{arguments.output} holds what is done; continue with --resume",)
+            stop.args = (f"{folder} holds what is done; continue with --resume",)
             raise
 
 
-@contextlib.contextmanager
-def _full_disk_told(folder: Path) -> Iterator[None]:
-    """Name the folder where the disk takes no more: the system's error does not."""
-    try:
-        yield
-    except OSError as error:
-        if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
-            raise system_error(folder, error) from error
-        raise
-
-
-def _write_page(arguments: argparse.Namespace) -> None:
-    """Write report.html, for whoever opens the folder."""
-    from imu_sim_ros.campaign.results import replaced
-    from imu_sim_ros.report.of_campaign import campaign_sections
-    from imu_sim_ros.report.page import html
-
-    folder = arguments.output
-    title, sections = campaign_sections(folder, "")
-    command = f"campaign {shlex.quote(arguments.plan)} -o {shlex.quote(str(folder))}"
-    with replaced(folder / "report.html") as part:
-        part.write_text(html(title, [f"Generated by {command}"], sections), encoding="utf-8")
-
-
-def _check(arguments: argparse.Namespace, plan: "Plan") -> None:
-    problems = []
-    if arguments.output is None and not arguments.check and arguments.power is None:
-        problems.append("-o DIR: is needed, the folder of the results")
-    if arguments.workers < 1:
-        problems.append(f"--workers {arguments.workers}: must be at least 1")
-    if not 0.0 < arguments.worker_timeout < 1e6:
-        problems.append(f"--worker-timeout {arguments.worker_timeout:g}: must be above 0 s")
-    if arguments.batch is not None and arguments.batch < 1:
-        problems.append(f"--batch {arguments.batch}: must be at least 1")
-    arguments.metric = arguments.metric or plan.metrics[0]
-    if arguments.metric not in (*plan.metrics, "success"):
-        problems.append(
-            f"--metric {arguments.metric}: must be one of {', '.join((*plan.metrics, 'success'))}"
-        )
-    if arguments.resume and arguments.force:
-        problems.append("--resume and --force: choose one")
-    if arguments.baseline and arguments.output and _is_output(arguments.baseline, arguments.output):
-        problems.append(f"--baseline {arguments.baseline}: is written by this campaign")
-    if arguments.dask and arguments.scheduler:
-        problems.append("--dask and --scheduler: choose one")
-    if plan.run_count >= MANY and not (arguments.yes or arguments.check or arguments.power):
-        problems.append(f"the plan has {plan.run_count:,} runs: {_duration(arguments, plan)}")
-    if problems:
-        raise InputError(problems)
+def _problems(arguments: argparse.Namespace, plan: "Plan") -> Iterator[str]:
+    """Yield what is wrong with the arguments that are the command's own."""
+    runs = not (arguments.check or arguments.power)
+    if arguments.output is None and runs:
+        yield "-o DIR: is needed, the folder of the results"
+    if plan.run_count >= MANY and runs and not arguments.yes:
+        yield f"the plan has {plan.run_count:,} runs: {_duration(arguments, plan)}"
 
 
 def _duration(arguments: argparse.Namespace, plan: "Plan") -> str:
@@ -287,27 +242,6 @@ def _duration(arguments: argparse.Namespace, plan: "Plan") -> str:
     processes = "1 process" if arguments.workers == 1 else f"{arguments.workers} processes"
     about = f"about {max(hours, 0.1):,.1f} hours on {processes}"
     return f"{words} {each} each {about}; start it with --yes"
-
-
-def _is_output(path: Path, folder: Path) -> bool:
-    here, there = Path(os.path.realpath(path)), Path(os.path.realpath(folder))
-    return here == there or there in here.parents
-
-
-@contextlib.contextmanager
-def _engine(arguments: argparse.Namespace, plan: "Plan") -> Iterator["Engine"]:
-    from imu_sim_ros.campaign import engine
-
-    if not (arguments.dask or arguments.scheduler):
-        yield engine.local(arguments.workers)
-        return
-    seconds = arguments.worker_timeout
-    with engine.client(arguments.scheduler, arguments.workers, seconds) as client:
-        engine.check_workers(client, plan)
-        address = engine.dashboard(client)
-        if address and not (arguments.quiet or arguments.json):
-            print(f"dashboard: {address}")
-        yield engine.dask(client)
 
 
 def _print_power(arguments: argparse.Namespace, plan: "Plan", tolerance: "Tolerance") -> None:
@@ -365,30 +299,23 @@ def _described(plan: "Plan") -> str:
     return f"{plan.options.name}: {shown} = {plan.run_count:,} run{'s' * (plan.run_count != 1)}"
 
 
-def _print(
-    arguments: argparse.Namespace,
-    plan: "Plan",
-    outcome: "Outcome",
-    judgement: "Judgement",
-    wall_s: float,
-) -> None:
+def _print(made: "Campaign") -> None:
     from imu_sim_ros.campaign.summary import groups
     from imu_sim_ros.campaign.verdict import counts
 
-    found = groups(outcome.rows, plan.grid_names)
-    rows = [_row(group, arguments.metric) for group in found[:_SHOWN]]
+    metric, found = made.judgement.metric, groups(made.runs, made.plan.grid_names)
+    rows = [_row(group, metric) for group in found[:_SHOWN]]
     header = ["cell", "estimator", "done", "median", "95 % interval", "p95", "NEES (band)"]
-    program.print_table(header, rows, f"{arguments.metric}, median with 95 % interval")
+    program.print_table(header, rows, f"{metric}, median with 95 % interval")
     if len(found) > _SHOWN:
-        print(f"{len(found) - _SHOWN} more in {arguments.output / 'summary.csv'}")
-    _print_differences(judgement)
-    _print_slopes(outcome.rows, found, arguments.metric)
-    for status, count in counts(outcome.rows).items():
+        print(f"{len(found) - _SHOWN} more in {made.folder / 'summary.csv'}")
+    _print_differences(made.judgement)
+    _print_slopes(made.runs, found, metric)
+    for status, count in counts(made.runs).items():
         if status != "done":
             print(f"{count} runs {status}")
     print(
-        f"{arguments.output}: {len(outcome.rows):,} runs, {outcome.new:,} of them new, in "
-        f"{wall_s:.1f} s"
+        f"{made.folder}: {len(made.runs):,} runs, {made.new:,} of them new, in {made.wall_s:.1f} s"
     )
 
 

@@ -20,7 +20,7 @@ from imu_sim_ros.commands import measured
 from imu_sim_ros.commands import tables as consistency
 from imu_sim_ros.commands.inputs import PoseReader, add_skip_bad_rows, skipped_rows
 from imu_sim_ros.commands.outputs import add_force, output_and_plot
-from imu_sim_ros.commands.tracks import Track, read_track, truth_topic
+from imu_sim_ros.jobs.tracks import Track, read_track, truth_topic
 from imu_sim_ros.navigation.association import (
     ALIGNMENTS,
     Alignment,

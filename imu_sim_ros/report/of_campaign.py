@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from imu_sim_ros.campaign.metrics import SUCCESS, better
+from imu_sim_ros.campaign.metrics import SUCCESS, Tolerance, better
 from imu_sim_ros.campaign.plan import Plan, load_plan
 from imu_sim_ros.campaign.results import LOG, TABLE, Row, read_results
 from imu_sim_ros.campaign.statistics import quantile
@@ -44,12 +44,16 @@ def is_campaign(path: Path) -> bool:
 
 
 def campaign_sections(
-    folder: Path, metric: str = "", baselines: Sequence[Path] = ()
+    folder: Path,
+    metric: str = "",
+    baselines: Sequence[Path] = (),
+    tolerance: Tolerance | None = None,
 ) -> tuple[str, list[Section]]:
     """Return the title and the sections that a campaign's folder gives.
 
     :param metric: shown first; none: the absolute position error, or else the first metric.
     :param baselines: folders or tables of earlier campaigns, the oldest first.
+    :param tolerance: difference that does not matter; None: the plan's.
     :raises InputError: for a folder that holds no plan or no runs, or an unknown metric.
     """
     plan = load_plan(folder / PLAN)
@@ -63,10 +67,10 @@ def campaign_sections(
         raise InputError(unknown("--metric", metric, [*present, SUCCESS], none))
     found = groups(rows, plan.grid_names)
     chosen = metric or ("ate_rmse_m" if "ate_rmse_m" in present else [*present, SUCCESS][0])
-    judged = judge(plan, rows, chosen, earlier[-1][1] if earlier else None)
+    judged = judge(plan, rows, chosen, earlier[-1][1] if earlier else None, tolerance)
     judgements = [(label(chosen), judged)]
     if chosen != SUCCESS:
-        judgements.append((label(SUCCESS), judge(plan, rows, SUCCESS)))
+        judgements.append((label(SUCCESS), judge(plan, rows, SUCCESS, None, tolerance)))
     verdict = verdict_section(plan, judgements, found, str(folder))
     if judged.baseline:
         verdict.items.append(against_baseline(judged.baseline, chosen, earlier[-1][0]))
