@@ -73,7 +73,7 @@ class McapBag(ChunkedBag):
         except (McapError, *DAMAGE):
             raise InputError(
                 f"{self.path}: no valid end (interrupted or damaged); "
-                "--recover salvages what is there"
+                "convert_bag --recover salvages what is there"
             ) from None
         statistics = summary.statistics if summary else None
         if (

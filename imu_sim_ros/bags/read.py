@@ -119,7 +119,7 @@ def open_bag(path: str | Path, recover: bool = False) -> Bag:
     path = Path(path)
     if recover and not path.exists():
         path = unfinished(path) or path
-    with told(path, "" if recover else "; --recover salvages what is there"):
+    with told(path, "" if recover else "; convert_bag --recover salvages what is there"):
         return _opened(path, recover)
 
 
@@ -131,7 +131,8 @@ def _opened(path: Path, recover: bool) -> Bag:
             magic = file.read(_MAGIC_BYTES)
     except InputError as error:
         left = unfinished(path)
-        hint = f"; {left} is an unfinished one, --recover salvages what is there" if left else ""
+        advice = "convert_bag --recover salvages what is there"
+        hint = f"; {left} is an unfinished one, {advice}" if left else ""
         raise InputError(f"{error}{hint}") from None
     if magic.startswith(b"#ROSBAG V"):
         return Rosbag1Bag(path, recover)

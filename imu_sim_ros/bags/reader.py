@@ -197,7 +197,8 @@ class ChunkedBag(Bag):
                 yield Timed(next_start_ns, self._blocks(chunk, wanted))
             except DAMAGE as error:
                 raise InputError(
-                    f"{self.path}: chunk at byte {chunk.position}: {error}; --recover skips it"
+                    f"{self.path}: chunk at byte {chunk.position}: {error}; "
+                    "convert_bag --recover skips it"
                 ) from None
 
 

@@ -56,7 +56,7 @@ class SqliteBag(Bag):
             self._topics = self._read_topics()
         except sqlite3.Error as error:
             self._stack.close()
-            hint = "" if recover else " (--recover salvages what is there)"
+            hint = "" if recover else " (convert_bag --recover salvages what is there)"
             raise InputError(f"{path}: {error}{hint}") from None
         self.topics = list(self._topics.values())
 
@@ -174,7 +174,9 @@ class SqliteBag(Bag):
             while rows := cursor.fetchmany(_ROWS):
                 yield Timed(rows[-1][1], self._blocks(rows))
         except sqlite3.Error as error:
-            raise InputError(f"{self.path}: {error} (--recover salvages what is there)") from None
+            raise InputError(
+                f"{self.path}: {error} (convert_bag --recover salvages what is there)"
+            ) from None
 
     def _blocks(self, rows: list[tuple[int, Any, Any]]) -> list[MessageBlock]:
         by_topic: dict[int, tuple[list[int], list[bytes]]] = {}
@@ -242,7 +244,7 @@ class Rosbag2Folder(Bag):
         try:
             content = read_metadata(self.path)
         except InputError as error:
-            self.found += [line.partition("; --recover")[0] for line in error.problems]
+            self.found += [line.partition("; convert_bag --recover")[0] for line in error.problems]
             return files
         listed, there = set(_named(self.path, content)), set(files)
         self.damage += [
@@ -290,7 +292,7 @@ def read_metadata(folder: Path) -> dict[str, Any]:
     """
     file = folder / rosbag2_metadata.FILE_NAME
     if not is_present(file):
-        hint = "; --recover salvages what is there" if _files_found(folder) else ""
+        hint = "; convert_bag --recover salvages what is there" if _files_found(folder) else ""
         raise InputError(f"{folder}: no metadata.yaml, so not a whole rosbag2 bag{hint}")
     try:
         content = parse_yaml(read_text(file))

@@ -342,7 +342,7 @@ def _compare(
     if estimator.estimate == "bag":
         found = [p for p in place.glob("estimate*") if p.is_dir() or p.suffix in (".mcap", ".bag")]
         path = found[0] if found else path
-    if not path.exists():
+    if not os.path.lexists(path):
         raise InputError("no estimate was written")
     try:
         estimate = read_estimate(path, estimator.estimate_topic or None)

@@ -47,7 +47,8 @@ from imu_sim_ros.campaign.parameters import (
     DeadReckonEstimator,
     find_estimator,
 )
-from imu_sim_ros.errors import ConfigurationError, naming
+from imu_sim_ros.errors import ConfigurationError, InputError, naming
+from imu_sim_ros.inputs.rows import is_present
 from imu_sim_ros.names import shown, suggestion
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build, flatten
@@ -232,11 +233,13 @@ def check_plan(plan: Plan, path: Path) -> None:
 
 def missing(plan: Plan) -> list[str]:
     """Return a line for each program or file that a plan names and that is not on this machine."""
-    problems = [
-        f"{name} = {path}: does not exist"
-        for name, path in sorted(_named_files(plan))
-        if not path.is_file()
-    ]
+    problems = []
+    for name, path in sorted(_named_files(plan)):
+        try:
+            if not path.is_dir() and not is_present(path):
+                problems.append(f"{name} = {path}: does not exist")
+        except InputError as error:
+            problems += [f"{name} = {line}" for line in error.problems]
     for name, one in plan.estimators.items():
         if not isinstance(one, CommandEstimator):
             continue

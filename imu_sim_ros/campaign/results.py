@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any, Final, TextIO
 
 from imu_sim_ros.errors import InputError, system_error
-from imu_sim_ros.inputs.rows import open_regular
+from imu_sim_ros.inputs.rows import is_present, open_regular
 from imu_sim_ros.json_text import as_json
 
 Row = dict[str, Any]
@@ -77,6 +77,7 @@ class Store:
             for place in reversed([p for p in (folder, *folder.parents) if not p.exists()]):
                 place.mkdir()
                 self._made.append(place)
+            is_present(folder / _LOCK)  # a pipe would be waited for
             self._lock = (folder / _LOCK).open("a")
         except OSError as error:
             self._remove_made()
@@ -113,7 +114,7 @@ class Store:
         A different plan there gets a free name, plan.1.yaml and so on: it may be the user's.
         """
         copy = self.folder / PLAN
-        if copy.exists():
+        if is_present(copy):
             if copy.samefile(path) or copy.read_bytes() == path.read_bytes():
                 return
             names = (copy.with_name(f"plan.{k}.yaml") for k in itertools.count(1))
@@ -150,7 +151,7 @@ def _refuse(folder: Path, resume: bool, force: bool) -> None:
         raise InputError(f"{folder}: exists and is not a folder")
     names = sorted(os.listdir(folder))
     log = folder / LOG
-    begun = log.is_file() and log.stat().st_size > 0
+    begun = (resume or not force) and is_present(log) and log.stat().st_size > 0
     if resume and begun:
         return  # what else lies there, notes or pages, is not touched
     foreign = [name for name in names if name not in _OWN and not _PART.fullmatch(name)]
@@ -194,7 +195,7 @@ def replaced(path: Path) -> Iterator[Path]:
 
 def _is_torn(path: Path) -> bool:
     """Return whether a file ends within a line."""
-    if not path.exists() or not path.stat().st_size:
+    if not is_present(path) or not path.stat().st_size:
         return False
     with path.open("rb") as file:
         file.seek(-1, os.SEEK_END)
@@ -203,7 +204,7 @@ def _is_torn(path: Path) -> bool:
 
 def read_log(path: Path) -> Iterator[Row]:
     """Yield the rows of a log; names and strings that they have in common lie in memory once."""
-    if not path.exists():
+    if not is_present(path):
         return
     words: dict[Any, Any] = {}
     with path.open(encoding="utf-8", errors="replace") as file:

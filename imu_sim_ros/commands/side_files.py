@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Final
 from imu_sim_ros.commands.outputs import named
 from imu_sim_ros.datasets.topics import imus_of
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs.rows import is_present
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors.realised import realised_imu
@@ -47,9 +48,9 @@ def world_of(bag: Path) -> SimulationParameters | None:
     """
     bag = named(bag)
     path = _truth(bag, "")
-    if not path.is_file():
+    if not is_present(path):
         path = next(iter(sorted(bag.parent.glob(f"{glob.escape(_stem(bag))}_truth_*.yaml"))), path)
-    if not path.is_file():
+    if not is_present(path):
         return None
     values = files.load(path)
     return load_simulation({name: values[name] for name in _WORLD if name in values})

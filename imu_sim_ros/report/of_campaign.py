@@ -16,6 +16,7 @@ from imu_sim_ros.campaign.statistics import quantile
 from imu_sim_ros.campaign.summary import Group, groups, slopes
 from imu_sim_ros.campaign.verdict import judge
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs.rows import is_present
 from imu_sim_ros.names import unknown
 from imu_sim_ros.navigation.evaluation import LARGEST_SIGMA, anees_band
 from imu_sim_ros.parameters.sections import flatten
@@ -40,7 +41,7 @@ _UNITS: Final = {"_m": "m", "_rad": "rad", "_m_s": "m/s", "_percent": "%", "_s":
 
 def is_campaign(path: Path) -> bool:
     """Return whether a folder holds a campaign."""
-    return path.is_dir() and ((path / LOG).exists() or (path / TABLE).exists())
+    return path.is_dir() and (is_present(path / LOG) or is_present(path / TABLE))
 
 
 def campaign_sections(
@@ -323,7 +324,7 @@ def _repeat(folder: Path, rows: Sequence[Row]) -> Section:
         {"kind": "code", "text": text},
     ]
     environment = folder / "versions.json"
-    if environment.is_file():
+    if is_present(environment):
         versions_text = environment.read_text(encoding="utf-8", errors="replace")
         inner = [{"kind": "code", "text": versions_text}]
         items.append({"kind": "folded", "title": "versions of everything used", "items": inner})

@@ -69,7 +69,7 @@ def test_a_folder_without_metadata(bags, tmp_path, content):
         for file in bags[name].iterdir():
             if file.suffix != ".yaml":
                 (folder / file.name).write_bytes(file.read_bytes())
-        with pytest.raises(InputError, match=r"no metadata\.yaml.*--recover"):
+        with pytest.raises(InputError, match=r"no metadata\.yaml.*convert_bag --recover"):
             open_bag(folder)
         np.testing.assert_array_equal(_recovered(folder)[0], content.t_ns)
 
@@ -138,7 +138,7 @@ def test_what_a_killed_command_left_is_found(tmp_path):
         time.sleep(0.01)
     process.kill()
     process.wait()
-    with pytest.raises(InputError, match="is an unfinished one, --recover"):
+    with pytest.raises(InputError, match="is an unfinished one, convert_bag --recover"):
         open_bag(tmp_path / "x.mcap")
     t_ns, _ = _recovered(tmp_path / "x.mcap")
     assert len(t_ns) > 1000

@@ -3,12 +3,14 @@
 
 """The folder of a campaign: nothing else is overwritten; what cannot begin leaves nothing."""
 
+import os
 import shutil
 from pathlib import Path
 
 import pytest
 
 from imu_sim_ros.campaign.results import read_results
+from imu_sim_ros.commands import report
 from imu_sim_ros.errors import InputError
 
 
@@ -94,3 +96,54 @@ def test_a_baseline_is_not_what_is_written(plan_file, campaign, tmp_path, name):
 def test_a_device_is_no_table_of_results(path):
     with pytest.raises(InputError, match="is a device"):
         read_results(Path(path))
+
+
+def _named(kind, path):
+    if kind == "broken link":
+        path.symlink_to("nowhere")
+    elif kind == "loop":
+        path.symlink_to(path.name)
+    elif kind == "pipe":
+        os.mkfifo(path)
+    elif kind == "folder":
+        path.mkdir()
+    else:
+        path.symlink_to("/dev/zero")
+
+
+@pytest.mark.parametrize("name", ["runs.jsonl", "plan.yaml", ".lock"])
+@pytest.mark.parametrize("kind", ["broken link", "loop", "pipe", "folder", "device"])
+def test_what_stands_in_a_file_of_a_campaign_is_named(plan_file, campaign, tmp_path, kind, name):
+    """Only what does not exist is absent; nothing is waited for, and nothing removed unasked."""
+    folder = tmp_path / "out"
+    folder.mkdir()
+    _named(kind, folder / name)
+    for option in ([], ["--resume"]):
+        status, _, lines = campaign(plan_file(), "-o", folder, *option)
+        assert status == 2
+        assert len(lines) == 1
+        assert lines[0].startswith(f"campaign: {folder / name}: ")
+        assert {path.name for path in folder.iterdir()} <= {name, ".lock"}
+
+
+@pytest.mark.parametrize("name", ["runs.jsonl", "versions.json"])
+@pytest.mark.parametrize("kind", ["broken link", "loop", "pipe", "folder", "device"])
+def test_a_report_names_it_too(plan_file, campaign, tmp_path, capsys, kind, name):
+    folder = tmp_path / "out"
+    assert campaign(plan_file(), "-o", folder)[0] == 0
+    (folder / name).unlink(missing_ok=True)
+    _named(kind, folder / name)
+    assert report.main([str(folder), "-o", str(tmp_path / "page.html"), "--quiet"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"report: {folder / name}: ")
+
+
+@pytest.mark.parametrize("kind", ["broken link", "loop", "pipe", "device"])
+def test_a_plan_names_the_file_of_poses_that_is_none(plan_file, campaign, tmp_path, kind):
+    _named(kind, tmp_path / "poses.txt")
+    given = {"trajectory.type": "poses", "trajectory.file": str(tmp_path / "poses.txt")}
+    status, _, lines = campaign(plan_file(parameters=given), "-o", tmp_path / "out")
+    assert status == 2
+    assert len(lines) == 1
+    assert f"{tmp_path / 'poses.txt'}: " in lines[0]
+    assert "does not exist" not in lines[0]

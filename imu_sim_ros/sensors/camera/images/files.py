@@ -3,6 +3,7 @@
 
 """Images as files: encoded, and examined before anything decodes them."""
 
+import re
 import struct
 import zlib
 from typing import Any, Final
@@ -68,6 +69,7 @@ _ADAM7: Final = (
 )
 """First column and row, and the steps, of each pass (PNG specification, 8.2)."""
 _STEP: Final = 1 << 20
+_LONGEST_HEADER: Final = 1 << 16
 _START_OF_FRAME: Final = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 
 Size = tuple[int, int]
@@ -75,17 +77,50 @@ Size = tuple[int, int]
 
 
 def examined(data: bytes) -> tuple[Size | None, bytes]:
-    """Return the size of a PNG or JPEG, and the bytes to decode; no size of other forms.
+    """Return the size of a PNG or JPEG, and the bytes to decode; None for BMP, PNM and TIFF.
 
-    Of a PNG these are without the chunks that no pixel depends on.
+    Of a PNG these are without the chunks that no pixel depends on. Whether one of the last three
+    forms is whole is known when it is decoded.
 
-    :raises InputError: for one that is damaged, cut off, or larger than 2^27 pixels.
+    :raises InputError: for one that is damaged, cut off, or larger than 2^27 pixels, and for any
+        other form.
     """
     if data.startswith(PNG):
         return _png(data)
     if data.startswith(JPEG):
         return _jpeg(data), data
+    try:
+        width, height = _stated(data)
+    except (struct.error, ValueError, KeyError):
+        raise InputError(
+            f"{len(data)} bytes that are no image; PNG, JPEG, BMP, PGM, PPM and TIFF are read"
+        ) from None
+    _check_size(width, height)
     return None, data
+
+
+def _stated(data: bytes) -> tuple[int, int]:
+    """Return width and height that the header of a BMP, PNM or TIFF states.
+
+    :raises ValueError: for another form, or a struct.error or KeyError for a header that lacks it.
+    """
+    if data.startswith(b"BM"):
+        old = struct.unpack_from("<I", data, 14) == (12,)
+        width, height = struct.unpack_from("<HH" if old else "<ii", data, 18)
+        return width, abs(height)
+    if data[:1] == b"P" and data[1:2] in b"123456":
+        words = re.sub(rb"#[^\n]*", b"", data[2:_LONGEST_HEADER]).split(maxsplit=2)
+        width, height, _ = words  # and the pixels
+        return int(width[:9]), int(height[:9])
+    order = {b"II*\0": "<", b"MM\0*": ">"}[data[:4]]
+    (place,) = struct.unpack_from(f"{order}I", data, 4)
+    (count,) = struct.unpack_from(f"{order}H", data, place)
+    sizes = {}
+    for at in range(place + 2, place + 2 + 12 * count, 12):
+        tag, kind = struct.unpack_from(f"{order}HH", data, at)
+        if tag in (256, 257):
+            (sizes[tag],) = struct.unpack_from(f"{order}{'H' if kind == 3 else 'I'}", data, at + 8)
+    return sizes[256], sizes[257]
 
 
 def _png(data: bytes) -> tuple[Size, bytes]:
