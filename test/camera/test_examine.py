@@ -6,6 +6,7 @@
 import io
 import struct
 import zlib
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -41,6 +42,52 @@ def test_the_size_of_every_kind_of_png_is_known(mode, size):
     assert found == size[::-1]
     assert examined(needed)[0] == found
     assert decoded(file.getvalue()).shape[:2] == found
+
+
+def plain(form, width, height):
+    """Return the header of a form that OpenCV alone reads, and no pixels."""
+    if form == "bmp":
+        return struct.pack("<2sIIIIiiHHIIiiII", b"BM", 54, 0, 54, 40, width, -height, 1, 24,
+                           0, 0, 0, 0, 0, 0)  # fmt: skip
+    if form == "pgm":
+        return f"P5\n# x\n{width} {height}\n255\n".encode()
+    order = "<" if form == "tif" else ">"
+    tags = [(256, 3 if width < 65536 else 4, width), (257, 4, height)]
+    rows = [struct.pack(f"{order}HHIHxx" if kind == 3 else f"{order}HHII", tag, kind, 1, value)
+            for tag, kind, value in tags]  # fmt: skip
+    head = b"II*\0" if form == "tif" else b"MM\0*"
+    return head + struct.pack(f"{order}IH", 8, len(tags)) + b"".join(rows)
+
+
+@pytest.mark.parametrize("size", [(0, 24), (60_000, 60_000), (1 << 20, 1 << 10)])
+@pytest.mark.parametrize("form", ["bmp", "pgm", "tif", "big-endian tif"])
+def test_the_size_of_other_forms_is_bounded_before_they_are_decoded(form, size, monkeypatch):
+    monkeypatch.setattr("imu_sim_ros.sensors.camera.images.files.opencv", SimpleNamespace)
+    with pytest.raises(InputError, match=rf"^an image of {size[0]} x {size[1]} pixels; 1 to"):
+        decoded(plain(form, *size))
+
+
+@pytest.mark.parametrize("data", [b"", b"GIF89a", b"BM", b"P5\n", b"II*\0", b"P5 9 x ", bytes(99)])
+def test_what_is_no_image_says_which_forms_are_read(data):
+    with pytest.raises(InputError, match="bytes that are no image; PNG, JPEG, BMP, PGM, PPM and"):
+        examined(data)
+
+
+@pytest.mark.parametrize("form", [".bmp", ".pgm", ".tiff"])
+def test_other_forms_are_decoded(form):
+    cv2 = pytest.importorskip("cv2")
+    data = cv2.imencode(form, IMAGE)[1].tobytes()
+    np.testing.assert_array_equal(decoded(data), IMAGE)
+
+
+def test_a_damaged_jpeg_is_refused_without_a_line_of_libjpeg(capfd):
+    """Lost pixels are an error; superfluous bytes, which cameras send, are none."""
+    cv2 = pytest.importorskip("cv2")
+    data = cv2.imencode(".jpg", np.tile(IMAGE, (4, 4)))[1].tobytes()
+    assert decoded(data[:-2] + bytes(20) + data[-2:]).shape == (68, 92)
+    with pytest.raises(InputError, match="a JPEG that is damaged: Corrupt JPEG data: premature"):
+        decoded(data[: len(data) // 2] + data[-2:])
+    assert capfd.readouterr().err == ""
 
 
 def test_what_pixels_do_not_depend_on_is_not_decoded():

@@ -257,7 +257,7 @@ SWAPPED = [0, 1, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
         ),
         (
             {"image": lambda data: b"not an image"},
-            ["1000000000.png: 12 bytes that OpenCV cannot"],
+            ["1000000000.png: 12 bytes that are no image"],
         ),
         (
             {"image": lambda data: data[:8] + data[-12:]},
@@ -265,7 +265,7 @@ SWAPPED = [0, 1, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
         ),
         (
             {"image": lambda data: b""},
-            ["1000000000.png: 0 bytes that OpenCV cannot decode"],
+            ["1000000000.png: 0 bytes that are no image; PNG, JPEG, BMP"],
         ),
         (
             {"sensor": {**SENSOR, "intrinsics": [1, 2, 3], "resolution": [8, -6]}},

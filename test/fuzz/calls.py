@@ -13,6 +13,7 @@ import traceback
 from pathlib import Path
 from typing import Any, Final
 
+import folders
 import numpy as np
 
 NUMBERS: Final = (0.0, -0.0, 1.0, -1.0, 1e-300, 1e160, -1e160, 1e308, 1e300, math.nan, math.inf,
@@ -42,6 +43,8 @@ def public(dice: random.Random, inputs: Path, place: Path) -> tuple[str, list[st
         if parameter.kind is not parameter.VAR_KEYWORD
         and (parameter.default is parameter.empty or dice.random() < 0.2)
     }
+    if name in ("simulate", "blocks") and dice.random() < 0.5:
+        given["trajectory"] = folders.moving(dice)
     if name in ("simulate", "blocks", "camera") and "duration" not in given:
         given["duration"] = dice.choice([1.0, 0.5])
     words = [f"{key}={str(value)[:60]!r}" for key, value in given.items()]

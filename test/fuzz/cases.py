@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Final
 
 sys.path.insert(0, str(Path(__file__).parent))
+import folders
 import processes
 
 SMALL: Final = ["--duration", "1s", "--rate", "100", "--quiet", "--trajectory", "lecture"]
@@ -173,6 +174,8 @@ def _yaml(dice: random.Random, sound: Path, place: Path) -> tuple[str, list[str]
         )
     elif choice == 2:
         text = f"/**:\n  ros__parameters: {_value(dice)}\n"
+    elif choice == 3:
+        text = folders.slow_yaml(dice)
     (place / "given.yaml").write_text(text, encoding="utf-8", errors="surrogateescape")
     bag = str(sound / "none.mcap")
     return dice.choice([
@@ -275,6 +278,10 @@ def _cameras(dice: random.Random, sound: Path, place: Path) -> tuple[str, list[s
 
 
 MAKERS: Final = {
+    "named": folders.named,
+    "images": folders.images,
+    "rows": folders.rows,
+    "mistyped": folders.mistyped,
     "bag": _bag,
     "yaml": _yaml,
     "arguments": _arguments,

@@ -8,7 +8,6 @@
 
 import contextlib
 import hashlib
-import importlib
 import io
 import json
 import os
@@ -28,21 +27,36 @@ from typing import Final, NamedTuple
 sys.path.insert(0, str(Path(__file__).parent))
 import calls
 import cases
+import folders
+import live
 import processes
+
+from imu_sim_ros.commands import loading
 
 HANG_S: Final = processes.HANG_S
 """[s of processor time] A case that takes longer hangs."""
 MEMORY_BYTES: Final = 10**9
-IN_PROCESS: Final = ("bag", "yaml", "arguments", "poses", "cameras")
+IN_PROCESS: Final = tuple(cases.MAKERS)
 """Kinds whose commands run in this process."""
 CALLS: Final = ("python", "message") if processes.has_ros() else ("python",)
 """Kinds that call functions: of the package, and those behind the integrator's topics."""
 OF_THEIR_OWN: Final = ("campaign", "control", "node", "imu_sim") if processes.has_ros() else ()
 """Kinds whose programs are processes."""
-KINDS: Final = (*IN_PROCESS, *OF_THEIR_OWN, *CALLS)
+LIVE: Final = ("signal", "live") if processes.has_ros() else ("signal",)
+"""Programs that a signal ends while they start; messages to a running integrator and recorder."""
+KINDS: Final = (*IN_PROCESS, *OF_THEIR_OWN, *CALLS, *LIVE)
 STATUSES: Final = (0, 1, 2)
 GATE_FAILED: Final = 3
 """Of ``campaign``: a requirement is not met."""
+LIBRARIES: Final = re.compile(
+    r"site-packages|[A-Z]\w+Warning:|libpng|libjpeg|^Corrupt JPEG|^Premature end|TIFFFetch|"
+    r"OpenCV|\[ *(WARN|ERROR)[:@]",
+    re.MULTILINE,
+)
+"""Words of lines that come from a library."""
+NOT_FINITE: Final = re.compile(r"\b(nan|NaN|inf|Infinity)\b")
+MEASURES: Final = ("dead_reckon", "evaluate", "allan", "calibrate")
+"""Programs that print numbers."""
 
 
 class Outcome(NamedTuple):
@@ -52,7 +66,7 @@ class Outcome(NamedTuple):
     arguments: list[str]
     status: int
     faults: tuple[str, ...]
-    """traceback, hang, memory, changed, status."""
+    """traceback, hang, memory, changed, status, library, not finite, taken, no hint, lost."""
     error: str
 
 
@@ -66,15 +80,30 @@ class Inputs:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         for name, options in cases.BAGS.items():
-            status, error = called(
+            status, error, _ = called(
                 "generate", ["-o", str(folder / name), "--force", *cases.SMALL, *options]
             )
+            assert status == 0, error
+        for program, words in (
+            ("generate", ["-o", str(folder / "cameras"), *folders.CAMERAS]),
+            ("campaign", [str(folder / "plan.yaml"), "-o", str(folder / "campaign"),
+                          "--workers", "1", "--no-report", "--quiet"]),
+        ):  # fmt: skip
+            (folder / "plan.yaml").write_text(folders.PLAN)
+            status, error, _ = called(program, words)
             assert status == 0, error
         (folder / "poses.txt").write_text("\n".join(cases.POSES) + "\n")
         (folder / "file.yaml").write_text("/**:\n  ros__parameters: {rate: 100.0}\n")
         self.digests = self._digests()
         self._domain: processes.Domain | None = None
         self._simulator: processes.Simulator | None = None
+        self._live: live.Live | None = None
+        self._of_live = tempfile.TemporaryDirectory()
+
+    def live(self) -> live.Live:
+        """Return a running integrator and recorder."""
+        self._live = self._live or live.Live(Path(self._of_live.name))
+        return self._live
 
     def environment(self, kind: str) -> dict[str, str]:
         """Return the variables of a process: ``control`` has a simulator to act on."""
@@ -94,6 +123,10 @@ class Inputs:
             status = self._simulator.end()
             assert status == 0, f"the simulator ended with status {status}"
             self._simulator = None
+        if self._live is not None:
+            statuses = self._live.end()
+            assert not any(statuses), f"integrator, recorder, bag: {statuses}"
+            self._live = None
 
     def changed(self) -> bool:
         """Return whether anything is no longer as it was made; what is new beside it may be."""
@@ -108,11 +141,20 @@ class Inputs:
         }
 
 
-def called(program: str, arguments: list[str]) -> tuple[int, str]:
-    """Run a command in this process; return its exit status and what it said of errors."""
-    module = importlib.import_module(f"imu_sim_ros.commands.{program}")
+def called(program: str, arguments: list[str]) -> tuple[int, str, str]:
+    """Run a command in this process; return its exit status, its errors and its output.
+
+    What libraries write to standard error themselves is among the errors.
+    """
+    module = loading.load(f"imu_sim_ros.commands.{program}")
     out, error = io.StringIO(), io.StringIO()
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(error):
+    before = os.dup(2)
+    with (
+        tempfile.TemporaryFile() as low,
+        contextlib.redirect_stdout(out),
+        contextlib.redirect_stderr(error),
+    ):
+        os.dup2(low.fileno(), 2)
         try:
             status = module.main(arguments)
         except SystemExit as ended:
@@ -122,7 +164,12 @@ def called(program: str, arguments: list[str]) -> tuple[int, str]:
         except BaseException:  # what escapes a program shows its traceback
             traceback.print_exc()
             status = -1
-    return int(status), error.getvalue()
+        finally:
+            os.dup2(before, 2)
+            os.close(before)
+        low.seek(0)
+        error.write(low.read().decode("utf-8", "replace"))
+    return int(status), error.getvalue(), out.getvalue()
 
 
 def run(number: int, inputs: Inputs) -> Outcome:
@@ -132,6 +179,8 @@ def run(number: int, inputs: Inputs) -> Outcome:
         made = _of_its_own if kind in OF_THEIR_OWN else _in_process
         if kind in CALLS:
             made = _call
+        elif kind in LIVE:
+            made = {"signal": _signalled, "live": _live}[kind]
         outcome = made(number, kind, inputs, Path(name))
     if inputs.changed():
         outcome = outcome._replace(faults=(*outcome.faults, "changed"))
@@ -146,17 +195,24 @@ def _in_process(number: int, kind: str, inputs: Inputs, place: Path) -> Outcome:
     signal.signal(signal.SIGPROF, _hang)
     signal.setitimer(signal.ITIMER_PROF, HANG_S)
     try:
-        status, error = called(program, arguments)
+        status, error, out = called(program, arguments)
     except Hang:
-        status, error = -1, ""
+        status, error, out = -1, "", ""
         faults.append("hang")
     finally:
         signal.setitimer(signal.ITIMER_PROF, 0.0)
         os.chdir(before)
-    if "Traceback" in error:
-        faults.append("traceback")
-    if status not in STATUSES:
-        faults.append("status")
+    allowed = {*STATUSES, GATE_FAILED} if program == "campaign" else STATUSES
+    judged = {
+        "traceback": "Traceback" in error,
+        "status": status not in allowed,
+        "library": LIBRARIES.search(error) is not None,
+        "not finite": status == 0 and program in MEASURES and NOT_FINITE.search(out) is not None,
+        "taken": kind == "mistyped" and status != 2 and not faults,
+        "no hint": kind == "mistyped"
+        and not re.search("did you mean|unrecog|must be|it has", error),
+    }
+    faults += [name for name, found in judged.items() if found]
     if _peak_bytes() > MEMORY_BYTES:
         faults.append("memory")
     return Outcome(kind, [program, *arguments], status, tuple(faults), error)
@@ -213,6 +269,29 @@ def _of_its_own(number: int, kind: str, inputs: Inputs, place: Path) -> Outcome:
     }
     faults = tuple(name for name, found in judged.items() if found)
     return Outcome(kind, [program, *arguments], ended.status, faults, ended.output)
+
+
+def _signalled(number: int, kind: str, inputs: Inputs, place: Path) -> Outcome:
+    """Start a program, and end it by a signal to its group while it starts or works."""
+    dice, folder = random.Random(number), inputs.folder
+    program, arguments = dice.choice(processes.startable(folder))
+    sent, delay = dice.choice(processes.SIGNALS), dice.choice([0.1, 0.2, 0.3, 0.5, 0.8, 1.2])
+    status, output = processes.interrupted(
+        program, arguments, place, inputs.environment(kind), sent, delay
+    )
+    judged = {
+        "traceback": "Traceback" in output or "Exception ignored" in output,
+        # Before any code of ours runs a signal has the effect that the system gives it.
+        "status": status not in {0, *STATUSES, 128 + sent, -sent},
+        "library": LIBRARIES.search(output) is not None,
+    }
+    words = [program, *arguments, f"{sent.name} after {delay} s"]
+    return Outcome(kind, words, status, tuple(n for n, found in judged.items() if found), output)
+
+
+def _live(number: int, kind: str, inputs: Inputs, place: Path) -> Outcome:
+    faults, text = inputs.live().case(number)
+    return Outcome(kind, ["integrator", "recorder"], 0, tuple(faults), text)
 
 
 def _hang(number: int, frame: FrameType | None) -> None:

@@ -195,6 +195,54 @@ def _forked(
         os._exit(status)
 
 
+def startable(folder: Path) -> list[tuple[str, list[str]]]:
+    """Return programs and arguments with which they work for a while, or start."""
+    bag = str(folder / "none.mcap")
+    return [
+        ("generate", ["--duration", "10min", "-o", "o.mcap"]),
+        ("convert_bag", [bag, "-o", "o.bag"]),
+        ("convert_bag", [str(folder / "cameras"), "-o", "o.mcap"]),
+        ("dead_reckon", [bag]),
+        ("evaluate", [bag, bag]),
+        ("allan", [bag, "--no-files"]),
+        ("report", [bag, "-o", "o.html"]),
+        ("campaign", [str(folder / "plan.yaml"), "-o", "o", "--workers", "2"]),
+        *((name, []) for name in (NODES if has_ros() else ())),
+    ]
+
+
+def interrupted(
+    program: str,
+    arguments: list[str],
+    place: Path,
+    environment: dict[str, str],
+    number: int,
+    delay: float,
+) -> tuple[int, str]:
+    """Run a program, send a signal to its group after a delay; return status and output."""
+    with (place / ".output").open("w+b") as output:
+        process = subprocess.Popen(
+            [*_start_of(program), *arguments],
+            cwd=place,
+            env={**os.environ, **environment},
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=subprocess.STDOUT,
+            preexec_fn=_limit,
+        )
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(delay)
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, number)
+        try:
+            status = process.wait(LONGEST_S)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            status = process.wait()
+        output.seek(0)
+        return status, output.read().decode("utf-8", "replace")
+
+
 class Simulator:
     """A running simulator for ``control`` to act on; it has to survive all of it."""
 

@@ -46,6 +46,16 @@ class Process:
         until(lambda: words in self.output or self.process.poll() is not None)
         assert words in self.output, self.output
 
+    def wait_until_it_catches(self, number: int) -> None:
+        """Wait until the process has a handler of its own for a signal (proc(5), SigCgt)."""
+
+        def catches() -> bool:
+            text = Path(f"/proc/{self.process.pid}/status").read_text()
+            mask = int(text.partition("SigCgt:")[2].split(maxsplit=1)[0], 16)
+            return bool(mask >> (number - 1) & 1)
+
+        until(lambda: self.process.poll() is not None or catches())
+
     def send(self, number: int) -> None:
         self.process.send_signal(number)
 

@@ -137,7 +137,19 @@ def test_the_integrator_hears_best_effort_drivers_while_the_clock_is_silent(node
     assert listener.output.count('"dead_reckoned/odom"') == 100
 
 
-START = "import sys; from imu_sim_ros.nodes import start; print(flush=True); sys.exit(start.{}())"
+@pytest.mark.parametrize("value", ["[1, 2]", "5", "maybe"])
+@pytest.mark.parametrize("name", ["simulator", "integrator", "recorder"])
+def test_a_file_whose_use_sim_time_is_no_truth_value_is_refused(node, tmp_path, name, value):
+    path = tmp_path / "given.yaml"
+    path.write_text(f"/**:\n  ros__parameters:\n    use_sim_time: {value}\n")
+    refused = node(name, "--ros-args", "--params-file", str(path))
+    assert refused.status() == 2
+    (line,) = refused.output.splitlines()
+    assert line.startswith(f"{name}: {path}: use_sim_time = ")
+    assert line.endswith(": must be true or false")
+
+
+START = "import sys; from imu_sim_ros.nodes import start; sys.exit(start.{}())"
 
 
 @pytest.mark.parametrize("name", ["simulator", "integrator", "recorder"])
@@ -145,8 +157,9 @@ START = "import sys; from imu_sim_ros.nodes import start; print(flush=True); sys
 @pytest.mark.parametrize("delay", [0.02, 0.3, 0.6])
 def test_signals_end_a_node_at_any_moment_of_its_start(start, name, number, delay):
     process = start("-c", START.format(name))
-    while not process.output and process.process.poll() is None:
-        time.sleep(0.002)
+    # Before that the interpreter starts, and a signal has the effect that the system gives it;
+    # SIGHUP is the last of the signals to be watched.
+    process.wait_until_it_catches(signal.SIGHUP)
     time.sleep(delay)
     assert process.end(number) == 0, process.output
     assert "Traceback" not in process.output

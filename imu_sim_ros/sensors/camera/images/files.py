@@ -3,9 +3,13 @@
 
 """Images as files: encoded, and examined before anything decodes them."""
 
+import os
 import re
 import struct
+import threading
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from typing import Any, Final
 
 import numpy as np
@@ -44,10 +48,14 @@ def decoded(data: bytes) -> NDArray[Any]:
     """
     cv2 = opencv()
     data = examined(data)[1]
+    said: list[str] = []
     try:
-        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
+        with _libjpeg(said) if data.startswith(JPEG) else nullcontext():
+            image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error:  # of sizes that it refuses
         image = None
+    if said:
+        raise InputError(f"a JPEG that is damaged: {said[0]}")
     if image is None:
         raise InputError(f"{len(data)} bytes that OpenCV cannot decode as an image")
     if image.ndim == 2:
@@ -56,6 +64,34 @@ def decoded(data: bytes) -> NDArray[Any]:
     return np.ascontiguousarray(image[..., order])
 
 
+@contextmanager
+def _libjpeg(said: list[str]) -> Iterator[None]:
+    """Keep what libjpeg writes to standard error, and append what it says of lost pixels.
+
+    Superfluous bytes, which many cameras send, lose none. What another thread writes meanwhile is
+    passed on.
+    """
+    with _STANDARD_ERROR, os.fdopen(os.memfd_create("libjpeg"), "r+b") as kept:
+        before = os.dup(2)
+        os.dup2(kept.fileno(), 2)
+        try:
+            yield
+        finally:
+            os.dup2(before, 2)
+            os.close(before)
+            kept.seek(0)
+            for line in kept.read().splitlines(keepends=True):
+                if not _OF_LIBJPEG.match(line):
+                    os.write(2, line)
+                elif b"extraneous bytes" not in line:
+                    said.append(line.decode("ascii", "replace").strip())
+
+
+_STANDARD_ERROR: Final = threading.Lock()
+_OF_LIBJPEG: Final = re.compile(
+    rb"(Corrupt JPEG data|Premature end of JPEG|Inconsistent progression|Invalid SOS|"
+    rb"Warning: unknown JFIF|Unsupported marker|Invalid color|Unknown Adobe)"
+)
 PNG: Final = b"\x89PNG\r\n\x1a\n"
 JPEG: Final = b"\xff\xd8\xff"
 _MOST_PIXELS: Final = 1 << 27

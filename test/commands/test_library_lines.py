@@ -1,0 +1,90 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What libraries write to standard error themselves never reaches a user."""
+
+import struct
+import subprocess
+import sys
+import zlib
+
+import numpy as np
+import pytest
+
+from imu_sim_ros.commands import generate
+
+CAMERA = [
+    *("--camera", "euroc_cam0", "--duration", "0.2s", "--quiet", "--format", "euroc"),
+    *("--set", "camera.width=64", "--set", "camera.height=48"),
+    *("--set", "camera.intrinsics=[40,40,31.5,23.5]"),
+]
+START = "import sys; from imu_sim_ros.commands.start import {0}; sys.exit({0}())"
+
+
+def ran(program, *arguments, more=""):
+    """Run a program in a process of its own; return its status and its lines of errors."""
+    done = subprocess.run(
+        [sys.executable, "-c", more + START.format(program), *map(str, arguments)],
+        capture_output=True,
+        text=True,
+    )
+    return done.returncode, done.stderr.splitlines()
+
+
+def chunk(kind, body):
+    return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
+
+
+def spoilt(data, how):
+    """Return a PNG of libpng's warnings, or a JPEG of libjpeg's, or what OpenCV logs."""
+    cv2 = pytest.importorskip("cv2")
+    if how == "profile":
+        return data[:33] + chunk(b"iCCP", b"x\0\0" + zlib.compress(b"no profile")) + data[33:]
+    if how == "pixels":
+        return data[:33] + chunk(b"IDAT", b"x") + data[33:]
+    if how == "tiff":
+        return b"II*\0" + struct.pack("<IH", 8, 2) + struct.pack("<HHII", 256, 4, 1, 64) + (
+            struct.pack("<HHII", 257, 4, 1, 48) + bytes(40)
+        )  # fmt: skip
+    noise = np.random.default_rng(1).integers(0, 256, (48, 64), dtype=np.uint8)
+    jpeg = cv2.imencode(".jpg", noise)[1].tobytes()
+    return jpeg[:-2] + bytes(9) + jpeg[-2:] if how == "superfluous" else jpeg[:900] + jpeg[-2:]
+
+
+@pytest.mark.parametrize("output", ["o.mcap", "o"])
+@pytest.mark.parametrize(
+    ("how", "status"),
+    [("profile", 0), ("superfluous", 0), ("pixels", 2), ("tiff", 2), ("cut", 2)],
+)
+def test_images_that_libraries_complain_about(tmp_path, how, status, output):
+    assert generate.main(["-o", str(tmp_path / "set"), *CAMERA]) == 0
+    for path in (tmp_path / "set").glob("cam0/data/*"):
+        path.write_bytes(spoilt(path.read_bytes(), how))
+    form = ["--format", "euroc"] if output == "o" else []
+    found, lines = ran("convert_bag", tmp_path / "set", "-o", tmp_path / output, *form)
+    assert found == status, lines
+    assert len(lines) == (1 if status else 0), lines
+    assert all(line.startswith("convert_bag: ") for line in lines)
+
+
+WARNING = """
+import importlib.abc, sys
+class Loud(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, path, target=None):
+        if name == "imu_sim_ros.navigation.evaluation":
+            import warnings
+            warnings.warn("invalid value encountered in divide", RuntimeWarning)
+sys.meta_path.insert(0, Loud())
+"""
+
+
+@pytest.mark.parametrize("program", ["evaluate", "dead_reckon"])
+def test_warnings_of_python(tmp_path, program):
+    """They name lines of source; developers ask for them by PYTHONWARNINGS."""
+    bag = tmp_path / "flight.mcap"
+    assert generate.main(["-o", str(bag), "--duration", "1s", "--quiet"]) == 0
+    given = [bag, bag] if program == "evaluate" else [bag]
+    assert ran(program, *given, "--json", more=WARNING) == (0, [])
+    loud = "import warnings; warnings.simplefilter('default'); sys.warnoptions[:] = ['default']; "
+    _, lines = ran(program, *given, "--json", more=f"{WARNING}\n{loud}")
+    assert any("RuntimeWarning: invalid value" in line for line in lines)
