@@ -234,10 +234,10 @@ def check_plan(plan: Plan, path: Path) -> None:
 def missing(plan: Plan) -> list[str]:
     """Return a line for each program or file that a plan names and that is not on this machine."""
     problems = []
-    for name, path in sorted(_named_files(plan)):
+    for name, file in sorted(_named_files(plan)):
         try:
-            if not path.is_dir() and not is_present(path):
-                problems.append(f"{name} = {path}: does not exist")
+            if not file.is_dir() and not is_present(file):
+                problems.append(f"{name} = {file}: does not exist")
         except InputError as error:
             problems += [f"{name} = {line}" for line in error.problems]
     for name, one in plan.estimators.items():

@@ -31,7 +31,7 @@ import folders
 import live
 import processes
 
-from imu_sim_ros.commands import loading
+from imu_sim_ros import startup
 
 HANG_S: Final = processes.HANG_S
 """[s of processor time] A case that takes longer hangs."""
@@ -146,9 +146,10 @@ def called(program: str, arguments: list[str]) -> tuple[int, str, str]:
 
     What libraries write to standard error themselves is among the errors.
     """
-    module = loading.load(f"imu_sim_ros.commands.{program}")
+    module = startup.load(f"imu_sim_ros.commands.{program}")
     out, error = io.StringIO(), io.StringIO()
     before = os.dup(2)
+    handlers = {number: signal.getsignal(number) for number in processes.SIGNALS}
     with (
         tempfile.TemporaryFile() as low,
         contextlib.redirect_stdout(out),
@@ -167,6 +168,8 @@ def called(program: str, arguments: list[str]) -> tuple[int, str, str]:
         finally:
             os.dup2(before, 2)
             os.close(before)
+            for number, handler in handlers.items():  # a command that is over ignores signals
+                signal.signal(number, handler)
         low.seek(0)
         error.write(low.read().decode("utf-8", "replace"))
     return int(status), error.getvalue(), out.getvalue()
