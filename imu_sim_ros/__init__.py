@@ -94,6 +94,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.sensors.barometer.declaration import PressureReadings as PressureReadings
     from imu_sim_ros.sensors.magnetometer.declaration import MagneticReadings as MagneticReadings
     from imu_sim_ros.sensors.orientation.declaration import Orientations as Orientations
+    from imu_sim_ros.trajectory.motion import Motion as Motion
 _HOMES = {
     "camera": ["camera"],
     "errors": [
@@ -121,6 +122,7 @@ _HOMES = {
     "sensors.barometer.declaration": ["PressureReadings"],
     "sensors.magnetometer.declaration": ["MagneticReadings"],
     "sensors.orientation.declaration": ["Orientations"],
+    "trajectory.motion": ["Motion"],
 }
 __version__ = "0.1.0"
 __all__ = sorted(name for names in _HOMES.values() for name in names)

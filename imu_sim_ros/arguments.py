@@ -45,14 +45,15 @@ def path(name: str, value: Any, allowed: str = "the path of a file") -> Path:
     return Path(value)
 
 
-def text(name: str, value: Any, allowed: str) -> str:
+def text(name: str, value: Any, allowed: str, empty: bool = False) -> str:
     """Return a string that is not empty.
 
+    :param empty: it may be.
     :raises ConfigurationError: for anything else.
     """
     if not isinstance(value, str):
         refuse(name, value, allowed, wrong_type=True)
-    if not value or "\0" in value or len(value) > _LONGEST_NAME:
+    if not (value or empty) or "\0" in value or len(value) > _LONGEST_NAME:
         refuse(name, value, allowed)
     return value
 
@@ -134,6 +135,18 @@ def whole(name: str, value: Any, allowed: str, low: int, high: int) -> int:
     if not low <= value <= high:
         refuse(name, value, allowed)
     return int(value)
+
+
+LARGEST_BLOCK: Final = 1 << 24
+"""Samples; 6 GB of an IMU's."""
+
+
+def block_size(name: str, value: Any) -> int:
+    """Return how many samples, or frames, a block has.
+
+    :raises ConfigurationError: for anything but an integer from 1 to ``LARGEST_BLOCK``.
+    """
+    return whole(name, value, f"an integer from 1 to {LARGEST_BLOCK}", 1, LARGEST_BLOCK)
 
 
 def array(

@@ -5,7 +5,7 @@
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,7 +16,7 @@ from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.rig import BLOCK, Rig
 from imu_sim_ros.sensors.camera.rig_parameters import scene_layer
 from imu_sim_ros.sensors.camera.tracker import Tracks
-from imu_sim_ros.simulation.cameras import build_rig, on_simulation
+from imu_sim_ros.simulation.cameras import Simulated, build_rig, on_simulation
 from imu_sim_ros.simulation.parameters import SimulationParameters
 
 Array = NDArray[np.float64]
@@ -42,16 +42,6 @@ def reprojection_errors(
 
 
 _NAME = "cam0"
-_LARGEST_BLOCK: Final = 1 << 20
-"""Frames."""
-
-
-class Flown(Protocol):
-    """A simulated flight."""
-
-    @property
-    def parameters(self) -> SimulationParameters:
-        """All parameters of the simulation."""
 
 
 def project(points: ArrayLike, camera: str | Path | Mapping[str, Any] = "euroc_cam0") -> Projection:
@@ -71,7 +61,7 @@ def project(points: ArrayLike, camera: str | Path | Mapping[str, Any] = "euroc_c
 
 
 def tracks(
-    flight: Flown,
+    flight: Simulated,
     camera: str | Path | Mapping[str, Any] = "euroc_cam0",
     scene: str | Path = "room",
     block: int = BLOCK,
@@ -96,13 +86,11 @@ def tracks(
     >>> blocks[0].uv.shape == (len(blocks[0].id), 2), sum(len(b.frames.t_ns) for b in blocks)
     (True, 40)
     """
-    most = f"an integer from 1 to {_LARGEST_BLOCK}"
-    size = arguments.whole("block", block, most, 1, _LARGEST_BLOCK)
-    return _rig(flight, camera, scene).tracks(_NAME, size)
+    return _rig(flight, camera, scene).tracks(_NAME, block)
 
 
 def frames(
-    flight: Flown,
+    flight: Simulated,
     camera: str | Path | Mapping[str, Any] = "euroc_cam0",
     scene: str | Path = "room",
 ) -> Iterator[tuple[int, NDArray[np.uint8]]]:
@@ -124,7 +112,7 @@ def frames(
 
 
 def depths(
-    flight: Flown,
+    flight: Simulated,
     camera: str | Path | Mapping[str, Any] = "euroc_cam0",
     scene: str | Path = "room",
 ) -> Iterator[tuple[int, NDArray[np.float32]]]:
@@ -142,11 +130,11 @@ def depths(
     return _rig(flight, camera, scene).depths(_NAME)
 
 
-def _rig(flight: Flown, camera: str | Path | Mapping[str, Any], scene: str | Path) -> Rig:
+def _rig(flight: Simulated, camera: str | Path | Mapping[str, Any], scene: str | Path) -> Rig:
     if not isinstance(getattr(flight, "parameters", None), SimulationParameters):
         arguments.refuse("flight", flight, "what simulate() returns", wrong_type=True)
     file = arguments.path("scene", scene, "a name or the path of a file")
-    return on_simulation({**_camera(camera), **scene_layer(str(file))}, flight.parameters)
+    return on_simulation({**_camera(camera), **scene_layer(str(file))}, flight)
 
 
 def _camera(camera: str | Path | Mapping[str, Any]) -> dict[str, object]:

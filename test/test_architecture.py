@@ -26,7 +26,7 @@ LOW = {
 }
 BODY = LOW | {"trajectory", "sensors"}
 ROOMS = {
-    "__init__": LOW | {"jobs", "camera", "navigation", "sensors"},
+    "__init__": LOW | {"jobs", "camera", "navigation", "sensors", "trajectory"},
     "camera": BODY | {"simulation", "jobs"},
     "config": LOW | {"trajectory"},
     "inputs": {"errors"},

@@ -177,18 +177,22 @@ def campaign(
         problem.
     :raises InputError: for a folder or file that cannot be used.
     """
-    path = find_plan(os.fspath(plan))
+    path = find_plan(str(arguments.path("plan", plan, "a file, or a name in config/campaigns")))
     options = Options(
         resume=arguments.switch("resume", resume),
         force=arguments.switch("force", force),
-        metric=metric,
+        metric=arguments.text("metric", metric, "the name of a metric", empty=True),
         baseline=None if baseline is None else arguments.path("baseline", baseline),
         tolerance=None if tolerance is None else parse_tolerance(tolerance),
         command="campaign() of imu_sim_ros",
     )
     place = arguments.path("output", output, "the path of a folder")
     loaded = load_plan(path)
-    found_in = Workers(workers, scheduler)
+    most = "a number of processes, from 1 to 10000"
+    found_in = Workers(
+        arguments.whole("workers", workers, most, 1, 10_000),
+        None if scheduler is None else arguments.text("scheduler", scheduler, "tcp://HOST:PORT"),
+    )
     problems = [*found_in.problems(), *options.problems(loaded, place)]
     if problems:
         raise InputError(problems)

@@ -30,8 +30,10 @@ from imu_sim_ros.jobs.readings import (
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors import auxiliary_sensors
 from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.simulation.engine import Simulation
 from imu_sim_ros.simulation.parameters import SimulationParameters
 from imu_sim_ros.timebase import span
+from imu_sim_ros.trajectory.motion import Trajectory
 
 if TYPE_CHECKING:
     from imu_sim_ros.plots.style import Figure
@@ -91,11 +93,14 @@ class Flight:
     Readings that the transport loses are missing, and those it duplicates occur twice, as in a bag.
     """
 
-    def __init__(
-        self, parameters: SimulationParameters, blocks: Sequence[ImuBlock], name: str
-    ) -> None:
-        self.parameters = parameters
+    def __init__(self, simulation: Simulation, blocks: Sequence[ImuBlock], name: str) -> None:
+        self.parameters: SimulationParameters = simulation.parameters
         """All parameters of the simulation, a frozen dataclass."""
+        self.trajectory: Trajectory = simulation.trajectory
+        """The exact motion, at any time: ``trajectory.sample(t)`` at times t (n,) [s] from
+        ``t0_ns`` on."""
+        self.t0_ns: int = simulation.t0_ns
+        """True time of sample 0 [ns]."""
         self.name = name
         """Sensor and motion in words."""
         self._blocks = blocks

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from os import PathLike
@@ -66,16 +65,29 @@ def report(
     :param force: replace what exists.
     :raises InputError: for what cannot be read or written, with a line for each.
     """
-    several = [inputs] if isinstance(inputs, str | PathLike) else list(inputs)
     sources = Sources(
-        [arguments.path("inputs", one) for one in several],
-        metric,
-        [arguments.path("baselines", one) for one in baselines],
-        truth_topic,
+        _paths("inputs", inputs),
+        arguments.text("metric", metric, "the name of a metric", empty=True),
+        _paths("baselines", baselines),
+        arguments.topic("truth_topic", truth_topic),
     )
-    with saved(Path(os.fspath(output)), force, sources.inputs) as place:
-        place.write_text(page(sources, title, "report() of imu_sim_ros")[1], encoding="utf-8")
-    return Path(os.fspath(output))
+    words = arguments.text("title", title, "words", empty=True)
+    target = arguments.path("output", output, "the path of a page")
+    with saved(target, force, sources.inputs) as place:
+        place.write_text(page(sources, words, "report() of imu_sim_ros")[1], encoding="utf-8")
+    return target
+
+
+def _paths(name: str, given: object) -> list[Path]:
+    """Return one path or several.
+
+    :raises ConfigurationError: for anything else.
+    """
+    if isinstance(given, str | PathLike):
+        given = [given]
+    if not isinstance(given, list | tuple):
+        arguments.refuse(name, given, "a path, or a list of paths", wrong_type=True)
+    return [arguments.path(name, one) for one in given]
 
 
 def page(sources: Sources, title: str, command: str) -> tuple[str, str]:

@@ -8,13 +8,13 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator, Mapping
 from os import PathLike
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros import arguments, timebase
-from imu_sim_ros.arguments import number, refuse, whole
+from imu_sim_ros.arguments import number, refuse
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.jobs.flight import Flight
 from imu_sim_ros.jobs.readings import checked_poses, checked_sensors, poses_of_rows
@@ -29,16 +29,25 @@ from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.simulation.engine import BLOCK_SIZE, Simulation
 from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
 from imu_sim_ros.simulation.playback import SimulatorParameters, of_the_node
-from imu_sim_ros.trajectory.parameters import trajectory_layer
+from imu_sim_ros.trajectory.build import PoseReader, build_trajectory
+from imu_sim_ros.trajectory.given import given_trajectory
+from imu_sim_ros.trajectory.motion import Trajectory
+from imu_sim_ros.trajectory.parameters import GIVEN, trajectory_layer
 
-BYTES_A_SAMPLE: Final = 384
-"""Of the arrays of an ImuBlock without further sensors."""
+_PROBE: Final = 16
+"""Samples from which the memory of all samples, with those of every sensor, is reckoned."""
+Poses: TypeAlias = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]]
+"""A function that returns positions (n, 3) [m] and attitudes q_wb (n, 4) at times (n,) [s]."""
+Moving: TypeAlias = (
+    str | Path | Mapping[str, Any] | PoseSequence | NDArray[Any] | Trajectory | Poses | None
+)
+"""What is taken as a trajectory."""
 
 
 def simulate(
     *,
     imu: str | Path | Mapping[str, Any] | None = None,
-    trajectory: str | Path | Mapping[str, Any] | PoseSequence | NDArray[Any] | None = None,
+    trajectory: Moving = None,
     duration: float | str | None = None,
     rate: float | None = None,
     seed: int | None = None,
@@ -53,7 +62,10 @@ def simulate(
     :param trajectory: a name in config/trajectories, a file of recorded poses, parameters by name:
         of which ``type`` may name a file below them, or poses, which keep their stamps: a
         :class:`PoseSequence`, or an array (n, 8) of time [s], x, y, z [m], quaternion w, x, y, z,
-        or (n, 7) with roll, pitch, yaw [rad].
+        or (n, 7) with roll, pitch, yaw [rad]. Or a motion of your own: an object whose
+        ``sample(t)`` returns a :class:`Motion`, or a function that returns positions (n, 3) and
+        attitudes q_wb (n, 4), at times t (n,) [s] from the start; with a ``duration`` [s] where it
+        ends.
     :param duration: [s], or words such as ``"2h"``; by default the trajectory's length.
     :param rate: samples per second [Hz].
     :param seed: of all random streams.
@@ -82,15 +94,13 @@ def simulate(
     """
     given = (imu, trajectory, duration, rate, seed, params_file, sensors)
     simulation = _simulation(*given, parameters)
-    _check_memory(simulation)
-    built = simulation.parameters
-    return Flight(built, list(simulation.blocks()), _name(imu, trajectory, built))
+    return Flight(simulation, _all_blocks(simulation), _name(imu, trajectory, simulation))
 
 
 def blocks(
     *,
     imu: str | Path | Mapping[str, Any] | None = None,
-    trajectory: str | Path | Mapping[str, Any] | PoseSequence | NDArray[Any] | None = None,
+    trajectory: Moving = None,
     duration: float | str | None = None,
     rate: float | None = None,
     seed: int | None = None,
@@ -112,18 +122,32 @@ def blocks(
     simulation = _simulation(
         imu, trajectory, duration, rate, seed, params_file, sensors, parameters
     )
-    most = memory() // BYTES_A_SAMPLE
-    size = whole("block_size", block_size, f"an integer from 1 to {most}", 1, most)
-    return simulation.blocks(size)
+    return simulation.blocks(block_size)
 
 
-def _check_memory(simulation: Simulation) -> None:
-    samples, most = simulation.total or 0, memory() // BYTES_A_SAMPLE
+def _all_blocks(simulation: Simulation) -> list[ImuBlock]:
+    """Return all samples.
+
+    :raises ConfigurationError: where they would not fit into memory.
+    """
+    first = simulation.next_block(_PROBE)
+    samples = simulation.total or 0
+    most = memory() * len(first.t_ns) // _bytes(first)
     if samples > most:
         raise ConfigurationError(
-            f"duration: its {samples} samples do not fit into memory, which has room for {most}; "
-            "blocks() yields them piece by piece"
+            f"duration: its {samples} samples, with those of all sensors, do not fit into memory, "
+            f"which has room for {most}; blocks() yields them piece by piece"
         )
+    return [first, *simulation.blocks()]
+
+
+def _bytes(block: Any) -> int:
+    """Return the size of a block's arrays, those of the other sensors' blocks within it too."""
+    if isinstance(block, Mapping):
+        block = tuple(block.values())
+    if isinstance(block, tuple):
+        return sum(map(_bytes, block))
+    return int(getattr(block, "nbytes", 0))
 
 
 def _simulation(
@@ -142,13 +166,14 @@ def _simulation(
         below, published = _of_file(arguments.path("params_file", params_file))
         beside = published if sensors is None else beside
     own: dict[str, object] = {**_imu(imu), **_flat("parameters", parameters)}
-    motion, pose_reader = _motion(trajectory)
-    own.update(motion)
+    motion = _motion(trajectory)
+    own.update(motion.parameters)
     given = {"duration": None if duration is None else _seconds(duration), "rate": rate}
     given["seed"] = seed
     own.update({name: value for name, value in given.items() if value is not None})
     built: SimulationParameters = load_simulation(below, own)
-    simulation = Simulation(built, pose_reader=pose_reader, sensors=beside)
+    moving = build_trajectory(built.trajectory, motion.pose_reader, motion.given)
+    simulation = Simulation(built, trajectory=moving, sensors=beside)
     if simulation.total is None:
         raise ConfigurationError(
             "duration: this trajectory has no end; give a duration, duration=60"
@@ -173,42 +198,51 @@ def _of_file(path: Path) -> tuple[dict[str, object], frozenset[str]]:
     return own, frozenset(name for name in wanted if given.get(f"publish.{name}") is True)
 
 
-def _motion(trajectory: object) -> tuple[dict[str, object], Callable[..., PoseSequence]]:
-    """Return the parameters that a trajectory stands for, and what reads its poses."""
-    if isinstance(trajectory, np.ndarray):
-        trajectory = poses_of_rows(trajectory)
-    if isinstance(trajectory, PoseSequence):
-        own = {"trajectory.type": "poses", "trajectory.file": "poses given as arrays"}
-        return {**own}, _given(checked_poses("trajectory", trajectory))
-    if isinstance(trajectory, Mapping):
-        flat = _flat("trajectory", trajectory)
-        return {f"trajectory.{name}": value for name, value in flat.items()}, _poses_of_any_file
-    if isinstance(trajectory, str | PathLike):
-        path = arguments.path("trajectory", trajectory, "a name or the path of a file")
-        return trajectory_layer(str(path)), _poses_of_any_file
-    if trajectory is not None:
-        refuse(
-            "trajectory",
-            trajectory,
-            "a name, a file, parameters by name, a PoseSequence, or an array (n, 8): time [s], "
-            "x, y, z [m], quaternion w, x, y, z; a function of time is sampled into such an array",
-            wrong_type=True,
-        )
-    return {}, _poses_of_any_file
-
-
 def _poses_of_any_file(path: str | Path, *options: Any) -> PoseSequence:
     from imu_sim_ros.bags.read import read_poses  # of which most trajectories have no need
 
     return read_poses(path, *options)
 
 
-def _given(poses: PoseSequence) -> Callable[..., PoseSequence]:
-    return lambda *_: poses
+class _Motion(NamedTuple):
+    """What a trajectory stands for."""
+
+    parameters: Mapping[str, object]
+    pose_reader: PoseReader = _poses_of_any_file
+    given: Trajectory | None = None
 
 
-def _name(imu: object, trajectory: object, built: SimulationParameters) -> str:
+def _motion(trajectory: object) -> _Motion:
+    if trajectory is None:
+        return _Motion({})
+    if isinstance(trajectory, np.ndarray):
+        trajectory = poses_of_rows(trajectory)
+    if isinstance(trajectory, PoseSequence):
+        own = {"trajectory.type": "poses", "trajectory.file": "poses given as arrays"}
+        poses = checked_poses("trajectory", trajectory)
+        return _Motion(own, lambda *_: poses)
+    if isinstance(trajectory, Mapping):
+        flat = _flat("trajectory", trajectory)
+        return _Motion({f"trajectory.{name}": value for name, value in flat.items()})
+    if isinstance(trajectory, str | PathLike):
+        path = arguments.path("trajectory", trajectory, "a name or the path of a file")
+        return _Motion(trajectory_layer(str(path)))
+    given = given_trajectory(trajectory)
+    if given is None:
+        refuse(
+            "trajectory",
+            trajectory,
+            "a name, a file, parameters by name, a PoseSequence, an array (n, 8): time [s], "
+            "x, y, z [m], quaternion w, x, y, z; an object with sample(t), or a function of time "
+            "that returns positions (n, 3) and attitudes (n, 4)",
+            wrong_type=True,
+        )
+    return _Motion({"trajectory.type": GIVEN}, given=given)
+
+
+def _name(imu: object, trajectory: object, simulation: Simulation) -> str:
     """Return sensor and motion in words."""
+    built = simulation.parameters
     changed = "modified " if isinstance(imu, Mapping) and set(imu) - {"preset"} else ""
     motion = built.trajectory.type
     if isinstance(trajectory, str | Path):

@@ -303,7 +303,7 @@ class Twin:
         """
         _check_seed(seed)
         engine = simulation(self.source, self.parameters, seed)
-        return Flight(engine.parameters, list(engine.blocks()), f"twin of {self.source.name}")
+        return Flight(engine, list(engine.blocks()), f"twin of {self.source.name}")
 
 
 def twin(

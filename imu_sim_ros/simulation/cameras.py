@@ -5,11 +5,11 @@
 
 import dataclasses
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
-from imu_sim_ros import rotation, timebase
+from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors.camera.build import aprilgrid_corners
@@ -34,8 +34,10 @@ from imu_sim_ros.sensors.camera.target import (
     sight,
 )
 from imu_sim_ros.sensors.camera.view import View
+from imu_sim_ros.simulation.engine import Simulation
 from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
 from imu_sim_ros.trajectory.build import build_trajectory
+from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.trajectory.parameters import SeriesParameters, TrajectoryParameters
 
 
@@ -50,24 +52,36 @@ def build_rig(parameters: Mapping[str, object]) -> Rig:
     :raises InputError: for a file that cannot be used.
     """
     of_rig, others = split_rig(fitted(parameters))
-    return on_simulation(of_rig, load_simulation(others))
+    return on_simulation(of_rig, Simulation(load_simulation(others)))
 
 
-def on_simulation(of_rig: Mapping[str, object], simulation: SimulationParameters) -> Rig:
+class Simulated(Protocol):
+    """What a simulation tells the cameras on its body."""
+
+    @property
+    def parameters(self) -> SimulationParameters:
+        """All parameters."""
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """The body's motion."""
+
+    @property
+    def t0_ns(self) -> int:
+        """True time of sample 0 [ns]."""
+
+
+def on_simulation(of_rig: Mapping[str, object], simulation: Simulated) -> Rig:
     """Return the cameras that parameters by dotted name describe, on a simulation's body.
 
     :raises ConfigurationError: with a line for each problem.
     :raises InputError: for a file that cannot be used.
     """
-    rig = load_rig(of_rig)
-    problems = list(rig_problems(rig, simulation))
+    rig, own, trajectory = load_rig(of_rig), simulation.parameters, simulation.trajectory
+    problems = list(rig_problems(rig, own))
     if problems:
         raise ConfigurationError(problems)
-    start = simulation.start_time
-    t0_ns = timebase.to_nanoseconds(start if start >= 0.0 else 1.0)
-    trajectory = build_trajectory(simulation.trajectory)
-    duration = simulation.duration or trajectory.duration
-    return Rig(rig, trajectory, t0_ns, duration, simulation.seed)
+    return Rig(rig, trajectory, simulation.t0_ns, own.duration or trajectory.duration, own.seed)
 
 
 def fitted(given: Mapping[str, object]) -> dict[str, object]:

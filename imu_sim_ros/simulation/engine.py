@@ -26,7 +26,7 @@ from dataclasses import replace
 from fractions import Fraction
 from typing import TYPE_CHECKING, Final
 
-from imu_sim_ros import timebase
+from imu_sim_ros import arguments, timebase
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.parameters.sections import parameters as described
@@ -196,7 +196,11 @@ class Simulation:
         """Yield the samples that are left, in blocks.
 
         :param count: largest number of samples; otherwise an endless run continues forever.
+        :raises ConfigurationError: for a size that is none, before the first block.
         """
+        return self._blocks(arguments.block_size("block_size", block_size), count)
+
+    def _blocks(self, block_size: int, count: int | None) -> Iterator[ImuBlock]:
         end = math.inf if count is None else self.position + count
         if self.total is not None:
             end = min(end, self.total)
@@ -247,7 +251,12 @@ class SimulatedBody:
 
         A window has ``block_size`` samples of the fastest simulation; one that has no sample in a
         window is left out of it. This includes blocks of simulations that have ended.
+
+        :raises ConfigurationError: for a size that is none, before the first window.
         """
+        return self._windows(arguments.block_size("block_size", block_size))
+
+    def _windows(self, block_size: int) -> Iterator[dict[str, ImuBlock]]:
         rates = {n: timebase.exact_rate(s.parameters.rate) for n, s in self.simulations.items()}
         window = Fraction(block_size) / max(rates.values())
         end = Fraction(0)

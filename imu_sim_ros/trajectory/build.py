@@ -16,6 +16,7 @@ from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.poses import PoseSequence, read_poses
 from imu_sim_ros.trajectory.motion import Array, Motion, Trajectory, highest_frequency
 from imu_sim_ros.trajectory.parameters import (
+    GIVEN,
     FreeFallParameters,
     HarmonicParameters,
     LeadInParameters,
@@ -143,16 +144,20 @@ PoseReader: TypeAlias = Callable[..., PoseSequence]
 
 
 def build_trajectory(
-    parameters: TrajectoryParameters, pose_reader: PoseReader = read_poses
+    parameters: TrajectoryParameters,
+    pose_reader: PoseReader = read_poses,
+    given: Trajectory | None = None,
 ) -> Trajectory:
     """Return the trajectory that the parameters describe.
 
     :param parameters: the section ``trajectory`` of a simulation.
     :param pose_reader: reads a file of poses; the default reads text files only.
+    :param given: the bare motion of the type ``given``.
     :raises ConfigurationError: for parameters that do not describe a motion.
     :raises InputError: for a file of poses that cannot be used.
     """
-    trajectory = retimed(_motion(parameters, pose_reader), parameters)
+    bare = _motion(parameters, pose_reader) if given is None else given
+    trajectory = retimed(bare, parameters)
     if parameters.lead_in.rest > 0.0:
         trajectory = LeadIn(trajectory, parameters.lead_in)
     v = parameters.vibration
@@ -204,6 +209,10 @@ def _motion(parameters: TrajectoryParameters, pose_reader: PoseReader) -> Trajec
 
 def _own_motion(parameters: TrajectoryParameters) -> Trajectory:
     """Return a user's own trajectory: parameters that know how to ``sample`` themselves."""
+    if parameters.type == GIVEN:
+        raise ConfigurationError(
+            "trajectory.type = 'given': an object or a function from Python; give it as trajectory="
+        )
     if not (hasattr(parameters, "sample") and hasattr(parameters, "duration")):
         raise ConfigurationError(
             f"trajectory.type = {parameters.type!r}: {type(parameters).__name__} lacks "

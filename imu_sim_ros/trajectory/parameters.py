@@ -6,6 +6,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from imu_sim_ros.conventions import GRAVITY
 from imu_sim_ros.errors import ConfigurationError
@@ -418,11 +419,17 @@ TYPES: dict[str, type[TrajectoryParameters]] = {
 }
 
 
+GIVEN: Final = "given"
+"""The type of a motion that Python gives as an object or a function; no file can name it."""
+
+
 def find_trajectory(name: str) -> type[TrajectoryParameters]:
     """Return the section of a trajectory type: one of ours, or an entry point's of that name.
 
     :raises ConfigurationError: for a type that does not exist or cannot be loaded.
     """
+    if name == GIVEN:
+        return TrajectoryParameters
     if name in TYPES:
         return TYPES[name]
     from importlib.metadata import entry_points  # a search of all packages; seldom needed

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
+from imu_sim_ros.simulation.engine import SimulatedBody, Simulation
 
 NAN = float("nan")
 
@@ -34,6 +35,28 @@ def test_a_duration_without_measure_is_refused(duration):
 def test_a_flight_that_memory_cannot_hold_is_refused_with_what_can():
     with pytest.raises(ims.ConfigurationError, match=r"do not fit into memory.*blocks\(\)"):
         ims.simulate(trajectory="static", rate=20000, duration=1e9)
+
+
+def test_the_memory_of_the_other_sensors_counts(monkeypatch):
+    given = {"imu": {"magnetometer_rate": 1000.0, "barometer_rate": 1000.0}}
+    given.update(trajectory="static", rate=100, duration=100)
+    # 10,000 samples of 384 B; 100,000 of 104 B and 100,000 of 56 B are 20 MB more.
+    monkeypatch.setattr("imu_sim_ros.jobs.simulate.memory", lambda: 10_000_000)
+    assert len(ims.simulate(**given)) == 10_000
+    with pytest.raises(ims.ConfigurationError, match=r"10000 samples, with those of all sensors"):
+        ims.simulate(**given, sensors=["magnetic_field", "pressure"])
+
+
+@pytest.mark.parametrize("size", [0, -1, 1.5, "8", None, 2**24 + 1])
+def test_every_stream_of_blocks_checks_their_size_before_the_first(flight, size):
+    streams = [
+        Simulation(flight.parameters).blocks,
+        SimulatedBody({"": flight.parameters}).windows,
+        lambda n: ims.camera.tracks(flight, block=n),
+    ]
+    for stream in streams:
+        with pytest.raises(ims.ConfigurationError, match=r"block(_size)? = .*an integer from 1 to"):
+            stream(size)
 
 
 def test_readings_without_truth_are_levelled_only_on_request(flight):
@@ -125,7 +148,7 @@ def test_a_trajectory_as_an_array_is_the_same_as_poses():
         assert np.array_equal(of_rows.gyro, of_poses.gyro)
 
 
-@pytest.mark.parametrize("given", [[1, 2], object(), 3.0, abs, np.zeros((4, 3)), np.zeros(8)])
+@pytest.mark.parametrize("given", [[1, 2], object(), 3.0, int, np.zeros((4, 3)), np.zeros(8)])
 def test_any_other_trajectory_is_answered_with_what_to_give(given):
     with pytest.raises(ims.ConfigurationError, match=r"trajectory = .*\(n, 8\)"):
         ims.simulate(trajectory=given)

@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
+from imu_sim_ros.camera import reprojection_errors
 from imu_sim_ros.commands import generate
+from imu_sim_ros.sensors.camera.rig_parameters import scene_layer
+from imu_sim_ros.simulation.cameras import on_simulation
 
 MOTION = ["--imu", "mpu6000", "--trajectory", "figure_eight", "--duration", "1s", "--seed", "4"]
 CAMERA = {"preset": "euroc_cam0", "pixel_noise": 0.5, "body_axes": "flu"}
@@ -37,6 +40,44 @@ def test_tracks_are_those_of_generate(flight, tmp_path):
     ):
         expected = np.array([float(row[name]) for row in rows])
         np.testing.assert_allclose(found, expected, rtol=1e-8, err_msg=name)
+
+
+def given_poses():
+    """Poses with stamps of their own, ten seconds from 1000 s on."""
+    t = np.arange(0.0, 10.0, 0.01)
+    z = np.zeros_like(t)
+    position = np.stack([0.5 * np.sin(t), 0.3 * np.cos(t), 1.5 + z], axis=-1)
+    q_wb = np.stack([np.cos(0.05 * np.sin(t)), z, z, np.sin(0.05 * np.sin(t))], axis=-1)
+    return ims.PoseSequence((1e12 + 1e9 * t).astype(np.int64), position, q_wb)
+
+
+def given_function(t):
+    z = np.zeros_like(t)
+    position = np.stack([0.5 * np.sin(t), 0.3 * np.cos(t), 1.5 + z], axis=-1)
+    return position, np.stack([np.cos(0.05 * np.sin(t)), z, z, np.sin(0.05 * np.sin(t))], axis=-1)
+
+
+@pytest.mark.parametrize(("given", "start"), [(given_poses(), 1000.0), (given_function, 1.0)])
+def test_a_camera_sees_the_motion_that_somebody_gave(given, start):
+    """From its first stamp on; and landmarks meet the flight's own motion in the pixels."""
+    flight = ims.simulate(imu="perfect", trajectory=given, duration=3, rate=200)
+    assert flight.t0_ns == flight.t_ns[0] == pytest.approx(start * 1e9, abs=2e7)
+    camera = {"preset": "euroc_cam0", "body_axes": "flu"}
+    given_rig = {"cameras": ["cam0"], **{f"cam0.camera.{n}": v for n, v in camera.items()}}
+    rig = on_simulation({**given_rig, **scene_layer("room")}, flight)
+    blocks = list(ims.camera.tracks(flight, camera, "room"))
+    stamps = np.concatenate([b.frames.t_ns for b in blocks])
+    np.testing.assert_array_equal(stamps, flight.t0_ns + 50_000_000 * np.arange(60))
+    for block in blocks:
+        motion = flight.trajectory.sample((block.frames.true_t_ns - flight.t0_ns) * 1e-9)
+        off = reprojection_errors(
+            rig.parameters.each()["cam0"],
+            motion.position[block.frame],
+            motion.q_wb[block.frame],
+            rig.scene.landmarks[block.landmark],
+            block.uv_true,
+        )
+        assert np.abs(off).max() < 1e-6
 
 
 def test_frames_have_the_cameras_size_and_times(flight):

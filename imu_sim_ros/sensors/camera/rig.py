@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros import arguments
 from imu_sim_ros.sensors.camera.build import build_scene, check_path, scene_span
 from imu_sim_ros.sensors.camera.rig_parameters import (
     RigParameters,
@@ -65,7 +66,13 @@ class Rig:
         return Tracker(self.views[name], self.scene, self.trajectory)
 
     def tracks(self, name: str, block: int = BLOCK) -> Iterator[Tracks]:
-        """Yield the tracks of all frames of a camera, in blocks of frames."""
+        """Yield the tracks of all frames of a camera, in blocks of frames.
+
+        :raises ConfigurationError: for a size that is none, before the first block.
+        """
+        return self._tracks(name, arguments.block_size("block", block))
+
+    def _tracks(self, name: str, block: int) -> Iterator[Tracks]:
         tracker = self.tracker(name)
         total = self.views[name].total
         first = 0

@@ -1,0 +1,195 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A motion that comes from Python: an object with ``sample(t)``, or a function of time."""
+
+import math
+
+import numpy as np
+import pytest
+
+import imu_sim_ros as ims
+from imu_sim_ros import rotation
+from imu_sim_ros.simulation.parameters import load_simulation
+from imu_sim_ros.trajectory import given as module
+from imu_sim_ros.trajectory.build import build_trajectory
+from imu_sim_ros.trajectory.given import given_trajectory
+from imu_sim_ros.trajectory.parameters import trajectory_layer
+
+
+def closed_form(name):
+    return build_trajectory(load_simulation(trajectory_layer(name)).trajectory)
+
+
+def poses_of(trajectory):
+    def poses(t):
+        motion = trajectory.sample(t)
+        return motion.position, motion.q_wb
+
+    return poses
+
+
+def worst(exact, found, t):
+    pairs = zip(exact.sample(t)[1:], found.sample(t)[1:], strict=True)
+    return [float(np.abs(a - b).max()) for a, b in pairs]
+
+
+# (velocity, acceleration, attitude, rate, angular acceleration): rounding, eps |p| / h and 4 eps
+# |p| / h^2 with |p| = 25 m and the phase's own rounding after a minute, one-sided ends included.
+@pytest.mark.parametrize("name", ["circle", "lecture", "excitation"])
+def test_a_function_has_the_derivatives_of_the_closed_form(name):
+    exact = closed_form(name)
+    found = given_trajectory(poses_of(exact))
+    t = np.concatenate([np.linspace(0.0, 60.0, 3001), [1e-4, module.STEP, 3.3 * module.STEP]])
+    assert np.less(worst(exact, found, t), [1e-9, 2e-7, 1e-15, 1e-9, 2e-7]).all()
+
+
+def sinusoid(w):
+    """Along x and about z with one angular frequency."""
+
+    def poses(t):
+        angle, z = 0.1 * np.sin(w * t), np.zeros_like(t)
+        q_wb = rotation.from_euler(np.stack([z, z, angle], axis=-1))
+        return np.stack([np.sin(w * t), z, z], axis=-1), q_wb
+
+    return given_trajectory(poses)
+
+
+def test_the_derivatives_are_of_order_eight():
+    """Halving the step is halving the frequency: 2^8, one more for each derivative of e^iwt."""
+    errors = []
+    for w in (2.0**8, 2.0**7):
+        t = 1.0 + 2.0 * np.pi / w * np.arange(64) / 64
+        motion = sinusoid(w).sample(t)
+        errors.append(
+            [
+                np.abs(motion.velocity[:, 0] / w - np.cos(w * t)).max(),
+                np.abs(motion.acceleration[:, 0] / w**2 + np.sin(w * t)).max(),
+                np.abs(motion.angular_velocity[:, 2] / (0.1 * w) - np.cos(w * t)).max(),
+                np.abs(motion.angular_acceleration[:, 2] / (0.1 * w**2) + np.sin(w * t)).max(),
+            ]
+        )
+    order = np.log2(np.divide(*errors))
+    # The next term, (w h)^2 / 4 of the first at w h = 1/2, lowers the order by at most 0.3.
+    assert ((order > 7.6) & (order < 8.1)).all(), order
+
+
+def test_it_ends_where_it_says():
+    """Nothing outside of [0, duration] is asked for."""
+
+    def poses(t):
+        assert t.min() >= 0.0
+        assert t.max() <= 2.0
+        return sinusoid(1.0)._poses(t)
+
+    poses.duration = 2.0
+    flight = ims.simulate(imu="perfect", trajectory=poses, rate=100)
+    assert len(flight) == 200
+    t = np.arange(200) / 100
+    np.testing.assert_allclose(flight.truth.velocity[:, 0], np.cos(t), rtol=0, atol=1e-10)
+    np.testing.assert_allclose(flight.gyro[:, 2], 0.1 * np.cos(t), rtol=0, atol=1e-10)
+
+
+class Own:
+    """A motion of somebody's own, exact."""
+
+    duration = 3.0
+
+    def sample(self, t):
+        return closed_form("lecture").sample(t)
+
+
+def test_an_object_gives_the_samples_of_the_same_motion_by_name():
+    own = ims.simulate(imu="adis16448", trajectory=Own(), seed=3)
+    named = ims.simulate(imu="adis16448", trajectory="lecture", seed=3, duration=3)
+    np.testing.assert_array_equal(own.gyro, named.gyro)
+    np.testing.assert_array_equal(own.accel, named.accel)
+    assert repr(own).startswith("<Flight adis16448 on given: 600 at 200 Hz")
+    blocks = ims.blocks(imu="adis16448", trajectory=Own(), seed=3, block_size=7)
+    np.testing.assert_array_equal(np.concatenate([b.gyro for b in blocks]), own.gyro)
+
+
+def test_rests_and_vibration_apply_to_it():
+    more = {"trajectory.rest_before": 1.0, "trajectory.vibration.noise_rms": 0.5}
+    own = ims.simulate(imu="perfect", trajectory=Own(), **more)
+    named = ims.simulate(
+        imu="perfect", trajectory={"type": "lecture", "length": 3.0, "rest_before": 1.0}
+        | {"vibration": {"noise_rms": 0.5}}
+    )  # fmt: skip
+    assert own.trajectory.duration == named.trajectory.duration > 4.0
+    np.testing.assert_array_equal(own.accel, named.accel)
+
+
+def one(t, **changed):
+    return Own().sample(t)._replace(**changed)
+
+
+def raising(t):
+    raise KeyError("no such waypoint")
+
+
+def spinning(t):
+    z = np.zeros_like(t)
+    return np.stack([z, z, z], axis=-1), rotation.exp(np.stack([z, z, 500.0 * t], axis=-1))
+
+
+def level(t):
+    return np.tile([1.0, 0.0, 0.0, 0.0], (len(t), 1))
+
+
+@pytest.mark.parametrize(
+    ("poses", "line"),
+    [
+        (raising, r"trajectory\(t\): raised KeyError: 'no such waypoint' \(line \d+ of .*given.py"),
+        (lambda t: None, r"trajectory\(t\) = None: must be position \(n, 3\), orient"),
+        (lambda t: (np.zeros(3), level(t)), r"position of the shape \(3,\)"),
+        (lambda t: (np.zeros((len(t), 3)), 2.0 * level(t)), "a quaternion of length 2"),
+        (lambda t: (np.full((len(t), 3), math.nan), level(t)), "at t = 0 s a value that is"),
+        (lambda t: ([["x"] * 3] * len(t), level(t)), r"trajectory\(t\): position = "),
+        (spinning, "turns at 500 rad/s; a function may turn at 192"),
+    ],
+)  # fmt: skip
+def test_what_a_function_does_wrong_is_one_line(poses, line):
+    with pytest.raises(ims.ConfigurationError, match=line) as raised:
+        ims.simulate(trajectory=poses, duration=1)
+    assert len(raised.value.problems) == 1
+
+
+@pytest.mark.parametrize(
+    ("sample", "line"),
+    [
+        (raising, r"trajectory\.sample\(t\): raised KeyError"),
+        (lambda t: one(t, velocity=np.zeros((len(t), 2))), r"velocity of the shape \(16, 2\)"),
+        (lambda t: one(t, acceleration=np.full((len(t), 3), 1e9)), "at most 1e.07 m/s"),
+        (lambda t: one(t, q_wb=0.0 * level(t)), "a quaternion of length 0"),
+        (lambda t: tuple(one(t))[:5], r"must be a Motion: position \(n, 3\), velocity"),
+    ],
+)
+def test_what_an_object_does_wrong_is_one_line(sample, line):
+    own = Own()
+    own.sample = sample
+    with pytest.raises(ims.ConfigurationError, match=line) as raised:
+        ims.simulate(trajectory=own, duration=1)
+    assert len(raised.value.problems) == 1
+
+
+@pytest.mark.parametrize("duration", [-1.0, 0, math.nan, "3s", None])
+def test_a_duration_that_is_none_is_refused(duration):
+    own = Own()
+    own.duration = duration
+    with pytest.raises(ims.ConfigurationError, match=r"trajectory\.duration = "):
+        ims.simulate(trajectory=own)
+
+
+@pytest.mark.parametrize("given", [[1, 2], 5, object(), int, Own])
+def test_what_is_no_trajectory_is_a_type_error_that_says_what_is(given):
+    with pytest.raises(
+        TypeError, match=r"trajectory = .*an object with sample\(t\), or a function"
+    ):
+        ims.simulate(trajectory=given)
+
+
+def test_no_file_can_name_it():
+    for given in ("given", {"type": "given"}):
+        with pytest.raises(ims.ConfigurationError, match=r"'given': an object or a function fr"):
+            ims.simulate(trajectory=given, duration=1)
