@@ -97,7 +97,11 @@ def test_a_tumbling_board_gives_its_iron_back() -> None:
         "imu.magnetometer_resolution": 1.5e-7,
     }
     parameters = load_simulation(values)
-    block = Simulation(parameters, sensors=("magnetic_field",)).next_block(6000).magnetic_field
+    block = (
+        Simulation(parameters, sensors=("magnetic_field",))
+        .next_block(6000)
+        .auxiliary["magnetic_field"]
+    )
     assert block is not None
     field = float(np.linalg.norm(parameters.magnetic_field.value))
     found = calibrate_magnetometer(block.field, field)

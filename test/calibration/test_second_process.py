@@ -84,7 +84,7 @@ def test_the_end_does_not_wait_for_its_work():
 def test_it_ends_where_its_owner_is_killed():
     program = (
         "import os, signal\n"
-        "from imu_sim_ros.calibration import SecondProcess\n"
+        "from imu_sim_ros.calibration.second_process import SecondProcess\n"
         "second = SecondProcess()\n"
         "print(second._process.pid, flush=True)\n"
         "os.kill(os.getpid(), signal.SIGKILL)\n"

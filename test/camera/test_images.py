@@ -177,7 +177,7 @@ def test_the_image_does_not_depend_on_its_bands(make_rig, monkeypatch, scale):
 def test_sixteen_rays_a_pixel_of_a_stereo_pair_fit_into_300_mb():
     """The rays of EuRoC's two cameras alone are 139 MB; all maps at once were 1.4 GB."""
     code = (
-        "from pathlib import Path\nfrom imu_sim_ros.sensors.camera.rig import build_rig\n"
+        "from pathlib import Path\nfrom imu_sim_ros.simulation.cameras import build_rig\n"
         "from imu_sim_ros.sensors.camera.images.imager import imagers\n"
         "rig = build_rig({'cameras': ['cam0', 'cam1'], 'cam0.camera.preset': 'euroc_cam0',\n"
         "  'cam1.camera.preset': 'euroc_cam1', 'camera.body_axes': 'flu', 'duration': 1.0,\n"

@@ -16,6 +16,7 @@ import pytest
 
 from imu_sim_ros.commands import control, start
 from imu_sim_ros.parameters import files
+from imu_sim_ros.program import simulation_layers
 from imu_sim_ros.simulation.engine import Simulation
 from imu_sim_ros.simulation.parameters import load_simulation
 
@@ -181,7 +182,7 @@ def test_every_dataset_of_the_manual_has_an_end_and_a_truth_of_its_own():
         assert truth not in written, line
         written.add(truth)
         if given.duration is None and given.trajectory in (None, *files.names("trajectories")):
-            layers = program.simulation_layers(given)
+            layers = simulation_layers(given)
             assert Simulation(load_simulation(*layers)).total is not None, line
     assert len(written) > 30
 

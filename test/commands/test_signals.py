@@ -59,7 +59,7 @@ def test_a_signal_while_the_libraries_are_loaded_ends_it(tmp_path, program, numb
 def test_a_signal_during_the_work_runs_what_cleans_up(number):
     program = textwrap.dedent("""
         import time
-        from imu_sim_ros.commands import common
+        from imu_sim_ros import program
 
         def work():
             try:
@@ -68,7 +68,7 @@ def test_a_signal_during_the_work_runs_what_cleans_up(number):
             finally:
                 print("cleaned up")
 
-        raise SystemExit(common.run("work", work))
+        raise SystemExit(program.run("work", work))
     """)
     process = subprocess.Popen(
         [sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
@@ -97,8 +97,8 @@ def test_a_step_that_must_not_be_broken_off_keeps_the_signal(number):
 
 def test_nohup_is_respected():
     program = (
-        "import os, signal; from imu_sim_ros.commands import common\n"
-        "raise SystemExit(common.run('work', lambda: os.kill(os.getpid(), signal.SIGHUP)))"
+        "import os, signal; from imu_sim_ros import program\n"
+        "raise SystemExit(program.run('work', lambda: os.kill(os.getpid(), signal.SIGHUP)))"
     )
     command = ["nohup", sys.executable, "-c", program]
     assert subprocess.run(command, capture_output=True, timeout=60).returncode == 0
@@ -171,9 +171,9 @@ def test_an_interruption_that_python_swallows_comes_again():
 
 def test_a_thread_that_waits_is_interrupted():
     program = (
-        "import threading\nfrom imu_sim_ros.commands import common\n"
+        "import threading\nfrom imu_sim_ros import program\n"
         "def work():\n    print('begun', flush=True)\n    threading.Event().wait(300)\n"
-        "raise SystemExit(common.run('work', work))"
+        "raise SystemExit(program.run('work', work))"
     )
     process = subprocess.Popen(
         [sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True

@@ -133,7 +133,7 @@ def test_starting_needs_no_scipy(name):
     code = (
         "import sys, numpy as np\n"
         "from imu_sim_ros.simulation.parameters import load_simulation\n"
-        "from imu_sim_ros.trajectory import build_trajectory\n"
+        "from imu_sim_ros.trajectory.build import build_trajectory\n"
         f"p = load_simulation({{'trajectory.type': {name!r}}})\n"
         "build_trajectory(p.trajectory).sample(np.arange(3.0))\n"
         "sys.exit(any(m.split('.')[0] in ('scipy', 'matplotlib') for m in sys.modules))"

@@ -12,7 +12,7 @@ from imu_sim_ros.calibration.twin.analysis import Analysis
 from imu_sim_ros.calibration.twin.fit import Fit
 from imu_sim_ros.calibration.twin.model import BIAS
 from imu_sim_ros.calibration.twin.spectrum import Bands
-from imu_sim_ros.parameters.kinds import Value
+from imu_sim_ros.parameters.kinds import SMALLEST, Value
 
 Array = NDArray[np.float64]
 
@@ -105,4 +105,6 @@ def _orthonormal(r: Array) -> Array:
 
 
 def _numbers(values: Array, digits: int = _DIGITS) -> tuple[float, ...]:
-    return tuple(float(f"{value:.{digits}g}") for value in np.ravel(values))
+    """Return them rounded; below what a parameter may be is what rounding left of nothing."""
+    sizes = np.where(np.abs(values) < SMALLEST, 0.0, values)
+    return tuple(float(f"{value:.{digits}g}") for value in np.ravel(sizes))

@@ -1,0 +1,53 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""One run of each command that needs no ROS, the next one on what the last one wrote."""
+
+import importlib
+import json
+
+import yaml
+
+from imu_sim_ros.commands.start import PROGRAMS
+
+TUMBLE = "--trajectory excitation --imu adis16448 --rate 50 --duration 20s --seed 2 --quiet"
+RUNS = [
+    f"generate {TUMBLE} -o flight.mcap --with-configs",
+    f"generate {TUMBLE} -o flight.bag",
+    f"generate {TUMBLE} -o flight_db3 --storage sqlite3",
+    "generate --imu lecture --trajectory static --rate 50 --duration 10min --quiet -o rest.mcap",
+    "generate --imu lecture --trajectory six_position --rate 20 --quiet -o six.mcap",
+    "generate --camera euroc_cam0 --scene house --duration 1s --format tracks --quiet -o tracks",
+    "convert_bag flight.bag -o euroc --format euroc --json",
+    "convert_bag flight_db3 -o flight.tum --json",
+    "convert_bag flight.mcap -o flight.csv --json",
+    "dead_reckon flight.mcap -o track.tum --plot track.png --json",
+    "evaluate track.tum flight.tum --align se3 --plot errors.png --json",
+    "allan rest.mcap --force -o allan --json",
+    "calibrate six_position six.mcap -o six --json",
+    "twin flight.mcap --truth flight.mcap --truth-topic /ground_truth/odom -o twin --json",
+    "campaign plan.yaml -o campaign --workers 1 --json",
+    "report campaign flight.mcap -o page.html --quiet",
+]
+PLAN = {
+    "parameters": {"rate": 50.0, "duration": 2.0, "imu": "adis16448"},
+    "seeds": 2,
+    "estimators": {"euler": {"type": "dead_reckon", "method": "euler"}},
+}
+
+
+def test_each_runs_once(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "plan.yaml").write_text(yaml.safe_dump(PLAN))
+    assert {line.split()[0] for line in RUNS} == set(PROGRAMS) - {"control"}
+    for line in RUNS:
+        program, *words = line.split()
+        status = importlib.import_module(f"imu_sim_ros.commands.{program}").main(words)
+        said = capsys.readouterr()
+        assert status == 0, (line, said.err)
+        if "--json" in words:
+            assert json.loads(said.out), line
+    for name in ("track.png", "errors.png", "twin/twin.png"):
+        assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")
+    for name in ("euroc/imu0/data.csv", "allan/imu.yaml", "campaign/results.csv", "page.html"):
+        assert (tmp_path / name).stat().st_size > 0, name
