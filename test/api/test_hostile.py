@@ -84,6 +84,10 @@ class World:
         self.rows = np.arange(27.0).reshape(9, 3)
         self.q_wb = np.tile([1.0, 0.0, 0.0, 0.0], (9, 1))
         self._places = itertools.count()
+        self.plan = Path("plan.yaml")
+        self.plan.write_text(
+            "parameters: {rate: 50.0, duration: 0.5, imu: perfect, trajectory: circle}\nseeds: 1\n"
+        )
 
     @cached_property
     def track(self):
@@ -127,6 +131,8 @@ VALID = {
     "calibrate_turntable": (lambda w: {"readings": w.table}, []),
     "calibrate_temperature": (lambda w: {"readings": w.soaked}, []),
     "calibrate_magnetometer": (lambda w: {"readings": w.tumble}, []),
+    "campaign": (lambda w: {"plan": w.plan, "output": w.place["path"]}, []),
+    "report": (lambda w: {"inputs": w.file, "output": w.place["path"]}, []),
     "twin": (lambda w: {"recording": w.moved, "truth": w.moved.truth}, []),
     "preintegrate": (lambda w: {"readings": w.flight, "every": 0.1}, []),
     "Readings": (lambda w: {"t_ns": w.stamps, "gyro": w.rows, "accel": w.rows}, []),
@@ -159,7 +165,17 @@ VALID = {
 }
 # What only the package makes.
 RESULTS = {
-    *("Calibrated", "Calibration", "Check", "Estimated", "Evaluation", "Flight", "Noise", "Track"),
+    *(
+        "Calibrated",
+        "Calibration",
+        "Campaign",
+        "Check",
+        "Estimated",
+        "Evaluation",
+        "Flight",
+        "Noise",
+        "Track",
+    ),
     *("MagneticReadings", "Orientations", "Preintegration", "PressureReadings", "TriadCalibration"),
     *("TriadNoise", "Truth", "Twin"),
 }
@@ -244,7 +260,10 @@ def test_any_argument_gives_a_result_or_a_documented_error(world, name):
 def test_every_public_name_has_a_valid_call():
     """A new one needs a line in the table above."""
     errors = {name for name in ims.__all__ if name.endswith("Error")}
-    assert {*ims.__all__} - errors - RESULTS - {"camera"} == {n for n in VALID if "." not in n}
+    # A Motion is checked where a trajectory returns it (test/trajectory/test_given.py).
+    assert {*ims.__all__} - errors - RESULTS - {"camera", "Motion"} == {
+        n for n in VALID if "." not in n
+    }
     cameras = {"project", "tracks", "frames", "depths"}  # those of docs/api.md
     assert cameras == {name.partition(".")[2] for name in VALID if name.startswith("camera.")}
 
