@@ -50,7 +50,7 @@ GATE_FAILED: Final = 3
 """Of ``campaign``: a requirement is not met."""
 LIBRARIES: Final = re.compile(
     r"site-packages|[A-Z]\w+Warning:|libpng|libjpeg|^Corrupt JPEG|^Premature end|TIFFFetch|"
-    r"OpenCV|\[ *(WARN|ERROR)[:@]",
+    r"OpenCV[(:]|\[ *(WARN|ERROR)[:@]",
     re.MULTILINE,
 )
 """Words of lines that come from a library."""
