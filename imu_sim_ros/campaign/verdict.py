@@ -111,7 +111,10 @@ class Effect:
         """Return the effect in a line."""
         if self.note:
             return f"{self.a} and {self.b}: {self.note}"
-        words = f"{self.a}: {metric} {self.size()} than {self.b}"
+        if self.effect.value is None:
+            return f"{self.a} and {self.b}: {metric}: {self.size()}"
+        name = "" if self.kind == SHARE else f"{metric} "
+        words = f"{self.a}: {name}{self.size()} than {self.b}"
         p = "" if self.p is None else f", p = {self.p:.2g}"
         words += f", better on {self.won} of {self.seeds} seeds{p}"
         if self.success.value:
@@ -552,27 +555,46 @@ def _members(found: Sequence[Group]) -> Iterator[tuple[str, list[Group]]]:
 def _size(kind: str, effect: Interval) -> str:
     value = effect.value
     if value is None:
-        return "incomparably different (half of the seeds failed)"
-    ends = (effect.low, effect.high)
+        return "size unknown, because runs failed on half of the seeds or more"
     if kind == SHARE:
-        words = [f"{100.0 * abs(value):.3g} % {'more' if value > 0.0 else 'fewer'} runs done"]
-        return words[0] + _between([None if e is None else 100.0 * e for e in ends], " %")
+        words = ("% more runs done", "% fewer runs done")
+        return _change(Interval(*(None if e is None else 100.0 * e for e in effect)), *words)
     if kind == DIFFERENCE:
-        return f"{abs(value):.4g} {'larger' if value > 0.0 else 'smaller'}" + _between(ends, "")
-    larger = value >= 1.0
-    word = "larger" if larger else "smaller"
-    factors = [None if end is None else end if larger else 1.0 / end for end in ends]
-    factor = value if larger else 1.0 / value
-    if not larger:
-        factors.reverse()
-    if factor >= 2.0:
-        return f"{factor:.3g} times {word}" + _between(factors, "")
-    percents = [None if end is None else 100.0 * (end - 1.0) for end in ends]
-    if not larger:
-        percents = [None if end is None else -end for end in reversed(percents)]
-    return f"{100.0 * abs(value - 1.0):.3g} % {word}" + _between(percents, " %")
+        return _change(effect, "larger", "smaller")
+    factor = value if value >= 1.0 else 1.0 / value
+    if factor < 2.0:
+        percent = (None if end is None else 100.0 * (end - 1.0) for end in effect)
+        return _change(Interval(*percent), "% larger", "% smaller")
+    ends = [effect.low, effect.high]
+    if value < 1.0:
+        ends = [None if end is None else 1.0 / end for end in reversed(ends)]
+    word = "larger" if value >= 1.0 else "smaller"
+    return f"{factor:.3g} times {word}{_between(*(_words(end) for end in ends))}"
 
 
-def _between(ends: Sequence[float | None], unit: str) -> str:
-    low, high = ("open" if end is None else f"{end:.3g}{unit}" for end in ends)
+def _change(effect: Interval, more: str, less: str) -> str:
+    """Return ``12 % smaller (95 %: 8 % to 15 %)``; an end of the other sign says so."""
+    value, low, high = effect
+    assert value is not None
+    word, other = (more, less) if value >= 0.0 else (less, more)
+    if value < 0.0:
+        low, high = (None if end is None else -end for end in (high, low))
+    unit = " %" if word.startswith("%") else ""
+    words = [_words(low, unit), _words(high, unit)]
+    if low is not None and low < 0.0:
+        words[0] = f"{-low:.3g} {other}"
+        words[1] = None if high is None else f"{high:.3g} {word}"
+    digits = 3 if unit else 4
+    return f"{abs(value):.{digits}g} {word}{_between(*words)}"
+
+
+def _words(end: float | None, unit: str = "") -> str | None:
+    return None if end is None else f"{end:.3g}{unit}"
+
+
+def _between(low: str | None, high: str | None) -> str:
+    if low is None and high is None:
+        return " (no 95 % interval: too few seeds, or too many failed runs)"
+    if low is None or high is None:
+        return f" (95 %: at least {low})" if high is None else f" (95 %: at most {high})"
     return f" (95 %: {low} to {high})"

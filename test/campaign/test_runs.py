@@ -29,6 +29,7 @@ from imu_sim_ros.campaign.verdict import counts
 from imu_sim_ros.commands import dead_reckon, evaluate, generate
 from imu_sim_ros.commands.campaign import main as command
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.jobs import campaign as job
 from imu_sim_ros.navigation.evaluation import anees_band
 
 GRID = {"imu": ["adis16448", "perfect"], "trajectory": ["lecture", "circle"]}
@@ -378,6 +379,30 @@ def test_the_baseline_finds_what_became_worse(plan_file, campaign, tmp_path):
     assert lines[0].endswith(
         "larger (95 %: 55 to 55) than the baseline, better on 0 of 12 seeds, p = 0.00049"
     )
+
+
+def test_a_campaign_in_python_is_that_of_the_command(plan_file, campaign, tmp_path):
+    """The same rows and judgement; every wrong argument has a line."""
+    plan = plan_file(seeds=3, parameters={"rate": 100.0, "duration": 2.0})
+    assert campaign(plan, "-o", tmp_path / "command")[0] == 0
+    found = job.campaign(
+        plan,
+        tmp_path / "python",
+        metric="final_position_error_m",
+        baseline=tmp_path / "command",
+    )
+    assert found.runs == list(read_log(tmp_path / "command" / "runs.jsonl"))
+    assert (found.done, found.new, found.problems) == (3, 3, [])
+    assert found.judgement.metric == "final_position_error_m"
+    written = (tmp_path / "python" / "report.html").read_text(encoding="utf-8")
+    assert '"compared with command"' in written
+    assert '"metric":"final_position_error_m"' in written
+    page = job.report(tmp_path / "python", tmp_path / "page.html")
+    assert page.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
+    with pytest.raises(InputError) as error:
+        job.campaign(plan, tmp_path / "no", workers=0, metric="x", resume=True, force=True)
+    assert len(error.value.problems) == 3
+    assert not (tmp_path / "no").exists()
 
 
 def test_the_terminal_shows_bands_differences_and_sensitivities(plan_file, tmp_path, capsys):

@@ -14,6 +14,7 @@ import scipy.stats
 from imu_sim_ros.campaign.gate import parse
 from imu_sim_ros.campaign.plan import read_plan
 from imu_sim_ros.campaign.statistics import (
+    Interval,
     holm,
     mean,
     power,
@@ -27,7 +28,7 @@ from imu_sim_ros.campaign.statistics import (
     success,
 )
 from imu_sim_ros.campaign.summary import groups, unmet, unmet_lines
-from imu_sim_ros.campaign.verdict import judge
+from imu_sim_ros.campaign.verdict import DIFFERENCE, RATIO, SHARE, Effect, judge
 
 
 def test_an_unmet_requirement_of_many_cells_does_not_bury_the_results():
@@ -400,3 +401,40 @@ def test_sensitivity_finds_the_exponent():
     assert found.slope.low < 0.5 < found.slope.high
     assert found.slope.high - found.slope.low < 0.1
     assert sensitivity(np.ones(4), np.ones(4), np.arange(4)) is None
+
+
+@pytest.mark.parametrize(
+    ("kind", "effect", "words"),
+    [
+        (RATIO, (0.88, 0.85, 0.92), "12 % smaller (95 %: 8 % to 15 %)"),
+        (RATIO, (0.997, 0.99, 1.004), "0.3 % smaller (95 %: 0.4 % larger to 1 % smaller)"),
+        (RATIO, (0.25, 0.2, 0.5), "4 times smaller (95 %: 2 to 5)"),
+        (RATIO, (3.0, 2.0, None), "3 times larger (95 %: at least 2)"),
+        (DIFFERENCE, (-0.2, -0.5, 0.1), "0.2 smaller (95 %: 0.1 larger to 0.5 smaller)"),
+        (SHARE, (-0.5, -0.6, -0.3), "50 % fewer runs done (95 %: 30 % to 60 %)"),
+        (
+            RATIO,
+            (1.1, None, None),
+            "10 % larger (no 95 % interval: too few seeds, or too many failed runs)",
+        ),
+        (
+            RATIO,
+            (None, None, None),
+            "size unknown, because runs failed on half of the seeds or more",
+        ),
+    ],
+)
+def test_the_size_of_an_effect_in_words(kind, effect, words):
+    numbers = {"seeds": 9, "won": 1, "lost": 2, "scatter": None, "p": None, "p_beyond": None}
+    share = Interval(0.0, 0.0, 0.0)
+    one = Effect(
+        "a",
+        "b",
+        kind,
+        Interval(*effect),
+        **numbers,
+        success=share,
+        success_p=None,
+        verdict="undecided",
+    )
+    assert one.size() == words
