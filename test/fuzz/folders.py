@@ -73,6 +73,7 @@ def images(dice: random.Random, sound: Path, place: Path) -> tuple[str, list[str
 
 
 def _image(dice: random.Random, content: bytes) -> bytes:
+    content = content or bytes(9)  # emptied before
     width, height = dice.choice([(0, 0), (32, 24), (60_000, 60_000), (20_000, 20_000), (31, 24)])
     choice = dice.randrange(9)
     if choice == 0:
