@@ -18,8 +18,7 @@ from imu_sim_ros.sensors.camera.rig_parameters import scene_layer
 from imu_sim_ros.sensors.camera.tracker import Tracks
 from imu_sim_ros.simulation.cameras import Simulated, build_rig, on_simulation
 from imu_sim_ros.simulation.parameters import SimulationParameters
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 
 def reprojection_errors(

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from imu_sim_ros.arguments import array, stamps
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
+from imu_sim_ros.types import Array
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -150,8 +151,6 @@ class PoseSequence(_Poses):
         gate.poses(times, p, q).complain("poses")
         return super().__new__(cls, times, p, q, dropped, skipped, lines, covariance)
 
-
-Array = NDArray[np.float64]
 
 _POSE_COLUMNS: Final = 8
 _TRIANGLES: Final = 12

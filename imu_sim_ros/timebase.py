@@ -44,8 +44,7 @@ def sample_times_ns(first: int, count: int, rate: float, t0_ns: int = 0) -> NDAr
     quotient, rest = np.divmod(remainder + 2 * part * j, half)
     times = start + whole * j + quotient
     ties_to_even = (rest == 0) & (times % 2 != 0)
-    result: NDArray[np.int64] = t0_ns + times - ties_to_even
-    return result
+    return t0_ns + times - ties_to_even
 
 
 def steady_interval(rate: float) -> float | None:

@@ -21,6 +21,7 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "imu_sim_ros"
 LOW = {
     "__version__",
+    "types",
     *("arguments", "conventions", "errors", "inputs", "json_text", "machine", "names"),
     *("parameters", "poses", "random_streams", "rotation", "timebase"),
 }

@@ -39,9 +39,7 @@ from imu_sim_ros.conventions import (
 )
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import Skipped, Warned
-
-Array = NDArray[np.float64]
-Times = NDArray[np.int64]
+from imu_sim_ros.types import Array, Times
 
 
 class Beside(NamedTuple):

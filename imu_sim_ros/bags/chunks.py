@@ -12,14 +12,7 @@ from typing import Any, Final, NamedTuple, TypeVar
 
 import numpy as np
 
-from imu_sim_ros.bags.messages.blocks import (
-    Pattern,
-    Payloads,
-    Times,
-    as_list,
-    as_pattern,
-    side_by_side,
-)
+from imu_sim_ros.bags.messages.blocks import Pattern, Payloads, as_list, as_pattern, side_by_side
 from imu_sim_ros.bags.messages.layouts import Bytes
 from imu_sim_ros.bags.messages.schemas import Schema
 from imu_sim_ros.bags.outputs import OutputFile
@@ -27,6 +20,7 @@ from imu_sim_ros.bags.threads import Pipeline
 from imu_sim_ros.bags.writer import Block, Topic, Writer, simultaneous, tally, time_order
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.machine import cores
+from imu_sim_ros.types import Times
 
 _Data = TypeVar("_Data", bytes, memoryview)
 

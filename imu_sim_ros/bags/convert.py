@@ -43,9 +43,7 @@ from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import Skipped, Warned
 from imu_sim_ros.poses import PoseSequence, read_poses
 from imu_sim_ros.rotation import rotate, rotate_inverse
-
-Array = NDArray[np.float64]
-Times = NDArray[np.int64]
+from imu_sim_ros.types import Array, Times
 
 READINGS: Final = "/" + IMU_TOPIC
 POSES: Final = "/" + TRUTH_POSE_TOPIC

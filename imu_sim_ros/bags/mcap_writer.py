@@ -16,10 +16,11 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros.bags.chunks import ChunkWriter, Indexed
-from imu_sim_ros.bags.messages.blocks import Column, Pattern, Times, side_by_side
+from imu_sim_ros.bags.messages.blocks import Column, Pattern, side_by_side
 from imu_sim_ros.bags.messages.layouts import Bytes
 from imu_sim_ros.bags.messages.schemas import qos_text
 from imu_sim_ros.bags.writer import Topic
+from imu_sim_ros.types import Times
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 MESSAGE: Final = 0x05

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.bags.mcap_reader import McapBag
 from imu_sim_ros.bags.messages import schemas
@@ -31,6 +30,7 @@ from imu_sim_ros.inputs.rows import Skipped, Warned, open_regular
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.poses import read_poses as read_pose_file
 from imu_sim_ros.rotation import rotate_inverse
+from imu_sim_ros.types import Array, Times
 
 __all__ = [
     "Bag",
@@ -49,8 +49,6 @@ __all__ = [
     "vector_blocks",
 ]
 
-Array = NDArray[np.float64]
-Times = NDArray[np.int64]
 
 _MAGIC_BYTES = 16
 _LEAST = 1000

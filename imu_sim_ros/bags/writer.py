@@ -12,9 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags.messages.blocks import Pattern, Payloads, Times
+from imu_sim_ros.bags.messages.blocks import Pattern, Payloads
 from imu_sim_ros.bags.messages.schemas import Qos, Schema, schema
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.types import Times
 
 
 @dataclass(eq=False)

@@ -17,8 +17,7 @@ from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.inputs.rows import BadRows
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array, Times
 
 COARSE: Final = 0.55
 """Deviation of the readings, in steps, below which the noise is not their own. At 0.55 the noise is
@@ -63,8 +62,6 @@ def doubt(deviation: float, step: float) -> float:
     share = (1.0 / np.pi**2 + 4.0 * x) * np.exp(-2.0 * np.pi**2 * x)
     return float(share / max(x + 1.0 / 12.0, 1e-12))
 
-
-Times = NDArray[np.int64]
 
 AXES: Final = tuple(f"{triad} {axis}" for triad in TRIADS for axis in conventions.AXES)
 _SATURATED: Final = 1e-4

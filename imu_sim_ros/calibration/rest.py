@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 _WINDOWS: Final = 256
 """Windows of about a second that are judged together."""
@@ -135,8 +135,7 @@ class RestCheck:
 
     def noise(self) -> Array:
         """Return (6,) the standard deviation of the readings within a second."""
-        result: Array = np.sqrt(self._variance / max(self._windows_seen, 1))
-        return result
+        return np.sqrt(self._variance / max(self._windows_seen, 1))
 
     def sudden(self, motion: Motion) -> bool:
         """Return whether a motion is far larger than the axis' motion in the other stretches."""

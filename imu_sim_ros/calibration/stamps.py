@@ -10,9 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.errors import InputError
-
-Array = NDArray[np.float64]
-Times = NDArray[np.int64]
+from imu_sim_ros.types import Array, Times
 
 _CLEAR: Final = 0.25
 """Intervals: steps that are as close to whole numbers of them are counted one by one."""

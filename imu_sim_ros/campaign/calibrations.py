@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.deterministic import correction
 from imu_sim_ros.calibration.deterministic.positions import NORM, calibrate_six_position
@@ -29,8 +28,7 @@ from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.realised import realised_imu
 from imu_sim_ros.simulation.parameters import SimulationParameters
 from imu_sim_ros.simulation.topics import delivered
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 _BLOCK: Final = 50_000
 """Samples in a block: a record of hours never lies in memory."""

@@ -35,8 +35,7 @@ from imu_sim_ros.navigation.evaluation import (
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.rotation import rotate, rotate_inverse
 from imu_sim_ros.sensors.block import ImuBlock
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 
 class Estimate(NamedTuple):

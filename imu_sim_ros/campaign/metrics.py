@@ -8,7 +8,6 @@ from collections.abc import Collection, Mapping
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import ConfigurationError, InputError
@@ -16,7 +15,6 @@ from imu_sim_ros.names import shown
 from imu_sim_ros.navigation.evaluation import absolute_errors, distances, pairs, relative_errors
 from imu_sim_ros.poses import PoseSequence
 
-Array = NDArray[np.float64]
 Metrics = dict[str, float | None]
 
 POSE: Final = (

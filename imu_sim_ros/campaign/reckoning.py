@@ -6,7 +6,6 @@
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.campaign.comparison import Estimate, estimate_metrics
 from imu_sim_ros.campaign.metrics import Metrics, pose_metrics
@@ -28,8 +27,7 @@ from imu_sim_ros.navigation.noise import noise_of
 from imu_sim_ros.navigation.state import NavigationStates
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.sensors.block import ImuBlock
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 _NEES: Final = {"position": POSITION, "attitude": ATTITUDE, "velocity": VELOCITY}
 

@@ -18,8 +18,7 @@ from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.simulation.engine import Simulation
 from imu_sim_ros.simulation.topics import delivered
 from imu_sim_ros.trajectory.motion import RememberedTrajectory
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 
 class Readings(NamedTuple):

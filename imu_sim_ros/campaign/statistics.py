@@ -19,7 +19,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 CONFIDENCE: Final = 0.95
 _Z: Final = 1.959963984540054

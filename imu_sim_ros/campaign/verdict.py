@@ -19,7 +19,6 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.campaign.metrics import (
     HIGHER,
@@ -41,8 +40,7 @@ from imu_sim_ros.campaign.statistics import (
     wins,
 )
 from imu_sim_ros.campaign.summary import Group, groups, unmet, unmet_lines, unused
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 SIGNIFICANT: Final = 0.05
 BETTER, WORSE, EQUAL, UNDECIDED = "better", "worse", "equal", "undecided"

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros import program
 from imu_sim_ros.bags.beside import read_magnetic_field
@@ -46,8 +45,7 @@ from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.navigation.state import correction_of
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 EXAMPLES: Final = """
 calibrate six_position positions.bag -o calibration

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros import program
 from imu_sim_ros.bags.outputs import Outputs
@@ -42,8 +41,6 @@ from imu_sim_ros.navigation.evaluation import (
 )
 from imu_sim_ros.poses import PoseSequence, write_tum
 from imu_sim_ros.rotation import rotate_inverse
-
-Array = NDArray[np.float64]
 
 DEFAULT_FRACTIONS = (0.1, 0.2, 0.3, 0.4, 0.5)
 """Of the path's length: the distances that RPE is given for where none is asked for."""

@@ -27,8 +27,7 @@ from imu_sim_ros.navigation.evaluation import (
     tilt_and_heading,
 )
 from imu_sim_ros.simulation.parameters import load_simulation
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 _UNFIT: Final = ("align", "rpe", "time_offset", "tracks", "output", "plot")
 _UNITS: Final = {"mag": "T", "pressure": "Pa"}

@@ -8,13 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros import program
 from imu_sim_ros.calibration.deterministic import correction
 from imu_sim_ros.conventions import TRIADS
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 _DIGITS = 1e-12  # of a noise-free result, relative
 _UNITS = {

@@ -42,8 +42,7 @@ from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
 from imu_sim_ros.sensors.camera.scene import Scene
 from imu_sim_ros.sensors.camera.tracker import Tracker, Tracks
 from imu_sim_ros.sensors.camera.view import View
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 CHANNELS: Final = {
     "mono": ("id", "u", "v", "velocity_x", "velocity_y"),
@@ -171,8 +170,7 @@ def _normalised(tracker: Tracker, tracks: Tracks) -> Array:
     rays = tracker.view.model.unproject(tracks.uv)
     ahead = rays.valid & (rays.direction[:, 2] > 0.0)
     z = np.where(ahead, rays.direction[:, 2], np.nan)
-    result: Array = rays.direction[:, :2] / z[:, None]
-    return result
+    return rays.direction[:, :2] / z[:, None]
 
 
 def _frame(tracks: Tracks, place: Array, k: int) -> _Seen:

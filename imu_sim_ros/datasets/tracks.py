@@ -19,6 +19,7 @@ from imu_sim_ros.sensors.camera.rig import Blindness, Rig
 from imu_sim_ros.sensors.camera.rig_parameters import load_rig
 from imu_sim_ros.sensors.camera.scene import read_points
 from imu_sim_ros.sensors.camera.tracker import Lines, Tracker, Tracks
+from imu_sim_ros.types import Array
 
 TRACKS_HEADER: Final = "t_ns,camera,id,u,v,u_true,v_true,depth"
 LINES_HEADER: Final = "t_ns,camera,id,u1,v1,u2,v2,u1_true,v1_true,u2_true,v2_true"
@@ -168,8 +169,6 @@ def _in_order(cameras: list[dict[str, Column]]) -> dict[str, Column]:
     order = np.argsort(joined["true_t_ns"], kind="stable")
     return {key: values[order] for key, values in joined.items()}
 
-
-Array = NDArray[np.float64]
 
 _COLUMNS: Final[dict[str, tuple[str, int]]] = {
     "true_t_ns": ("i", 1),

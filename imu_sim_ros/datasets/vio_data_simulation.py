@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.bags.outputs import make_folder
 from imu_sim_ros.bags.text import decimals
@@ -27,8 +26,7 @@ from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.camera.rig import Rig
 from imu_sim_ros.sensors.camera.view import View
 from imu_sim_ros.trajectory.motion import Trajectory
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 _SECOND: Final = 1e-9
 
@@ -171,5 +169,4 @@ def _homogeneous(points: Array) -> Array:
 def _normalised(view: View, uv: Array) -> Array:
     """Return x / z and y / z (n, 2) of pixels (n, 2)."""
     ray = view.model.unproject(uv).direction
-    result: Array = ray[:, :2] / ray[:, 2:]
-    return result
+    return ray[:, :2] / ray[:, 2:]

@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import STAMPS, VALUES, BadRows
+from imu_sim_ros.types import Array, Times
 
-Array = NDArray[np.float64]
-Times = NDArray[np.int64]
 Scalars = tuple[float, ...]
 
 FIRST_STAMP: Final = -(2**31) * 1_000_000_000

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros import arguments
 from imu_sim_ros.calibration.noise import noise_files
@@ -21,11 +20,10 @@ from imu_sim_ros.conventions import AXES, TRIADS
 from imu_sim_ros.jobs.flight import Flight, readings_of
 from imu_sim_ros.jobs.output import checked_place, saved
 from imu_sim_ros.jobs.readings import BAG_OR_FILE, Readings
+from imu_sim_ros.types import Array
 
 if TYPE_CHECKING:
     from imu_sim_ros.plots.style import Figure
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, repr=False)

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from imu_sim_ros import arguments
 from imu_sim_ros.arguments import number
@@ -33,8 +33,7 @@ from imu_sim_ros.inputs import gate
 from imu_sim_ros.jobs.flight import Flight, readings_of
 from imu_sim_ros.jobs.output import saved
 from imu_sim_ros.jobs.readings import BAG_OR_FILE, Readings
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 _STRONGEST: Final = math.nextafter(1.0, 0.0)
 """[T]"""

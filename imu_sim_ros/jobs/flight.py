@@ -34,11 +34,10 @@ from imu_sim_ros.simulation.engine import Simulation
 from imu_sim_ros.simulation.parameters import SimulationParameters
 from imu_sim_ros.timebase import span
 from imu_sim_ros.trajectory.motion import Trajectory
+from imu_sim_ros.types import Array
 
 if TYPE_CHECKING:
     from imu_sim_ros.plots.style import Figure
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, repr=False, kw_only=True)

@@ -59,13 +59,11 @@ from imu_sim_ros.navigation.state import (
 from imu_sim_ros.parameters.files import build_layered
 from imu_sim_ros.poses import PoseSequence, write_tum
 from imu_sim_ros.sensors.gravity import earth_rate_vector, gravity_vector
+from imu_sim_ros.types import Array, Times
 
 if TYPE_CHECKING:
     from imu_sim_ros.plots.style import Figure
 from imu_sim_ros.timebase import span
-
-Array = NDArray[np.float64]
-Times = NDArray[np.int64]
 
 _POSE: Final = np.r_[POSITION, ATTITUDE]
 

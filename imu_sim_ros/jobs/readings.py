@@ -24,12 +24,10 @@ from imu_sim_ros.sensors import auxiliary_sensors
 from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.declaration import Sensor
 from imu_sim_ros.timebase import span
+from imu_sim_ros.types import Array, Times
 
 if TYPE_CHECKING:
     from imu_sim_ros.plots.style import Figure
-
-Array = NDArray[np.float64]
-Times = NDArray[np.int64]
 
 
 BAG_OR_FILE: Final = "the path of a bag, a folder or a file"

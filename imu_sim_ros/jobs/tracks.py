@@ -19,8 +19,7 @@ from imu_sim_ros.inputs.rows import Skipped
 from imu_sim_ros.navigation.state import NavigationStates
 from imu_sim_ros.poses import PoseSequence, write_tum
 from imu_sim_ros.rotation import rotate
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 
 class Track(NamedTuple):

@@ -47,11 +47,11 @@ from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.kinds import Value
 from imu_sim_ros.rotation import from_matrix, log
 from imu_sim_ros.sensors.imu.vibration import MotionSize
+from imu_sim_ros.types import Array
 
 if TYPE_CHECKING:
     from imu_sim_ros.plots.style import Figure
 
-Array = NDArray[np.float64]
 
 MATRIX: Final = tuple(row + column for row in "xyz" for column in "xyz")
 _OF: Final = (

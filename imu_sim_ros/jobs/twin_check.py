@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros import rotation, timebase
 from imu_sim_ros.calibration.twin import comparison, intensity, model
@@ -26,8 +25,7 @@ from imu_sim_ros.parameters.kinds import Value
 from imu_sim_ros.simulation.engine import Simulation
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.trajectory.motion import Motion
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 WINDOWS: Final = (1.0, 2.0, 5.0)
 """[s] over which positions are dead-reckoned."""

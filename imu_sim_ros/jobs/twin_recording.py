@@ -35,8 +35,7 @@ from imu_sim_ros.rotation import to_matrix
 from imu_sim_ros.trajectory.build import build_trajectory
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.trajectory.parameters import PosesParameters
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 _MARGIN: Final = 0.2
 """[s] at both ends of the truth, where a spline has neighbours on one side only."""
@@ -119,8 +118,7 @@ def body_motion(motion: Motion, gravity: float) -> BodyMotion:
 def moving(motion: Motion) -> NDArray[np.bool_]:
     """Return which rows (n,) of a motion are no rest."""
     rate, speed = (np.linalg.norm(v, axis=1) for v in (motion.angular_velocity, motion.velocity))
-    result: NDArray[np.bool_] = (rate > _STILL[0]) | (speed > _STILL[1])
-    return result
+    return (rate > _STILL[0]) | (speed > _STILL[1])
 
 
 def recorded(

@@ -18,7 +18,8 @@ from imu_sim_ros import rotation
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.navigation.increments import Increments, euler_step, midpoint_step, rk4_step
 from imu_sim_ros.navigation.stepper import GIMBAL_LOCK_MARGIN
-from imu_sim_ros.rotation import Array, components
+from imu_sim_ros.rotation import components
+from imu_sim_ros.types import Array
 
 _LAST_PITCH: Final = 0.5 * math.pi - GIMBAL_LOCK_MARGIN
 _Start: TypeAlias = tuple[float, float]
@@ -123,8 +124,7 @@ def _near_lock(pitch: Array, h: Array, rate: Array) -> NDArray[np.bool_]:
     turned = 2.0 * np.sqrt(np.sum(rate * rate, axis=0)) * h
     margin = np.maximum(GIMBAL_LOCK_MARGIN, turned)
     near = (margin > 1.0) | (np.abs(np.sin(pitch)) > np.cos(margin))
-    result: NDArray[np.bool_] = near | (np.abs(pitch) > _LAST_PITCH)
-    return result
+    return near | (np.abs(pitch) > _LAST_PITCH)
 
 
 def _increments(

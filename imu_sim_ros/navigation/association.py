@@ -12,9 +12,7 @@ from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.names import suggestion
 from imu_sim_ros.poses import PoseSequence
-
-Array = NDArray[np.float64]
-Times = NDArray[np.int64]
+from imu_sim_ros.types import Array, Times
 
 
 def interpolate_vectors(t_ns: Times, values: Array, at_ns: Times) -> Array:
@@ -26,8 +24,7 @@ def interpolate_vectors(t_ns: Times, values: Array, at_ns: Times) -> Array:
     """
     before, part = _places(t_ns, at_ns)
     start = values[before]
-    result: Array = start + part[:, None] * (values[before + 1] - start)
-    return result
+    return start + part[:, None] * (values[before + 1] - start)
 
 
 def interpolate_poses(poses: PoseSequence, at_ns: Times) -> PoseSequence:
@@ -125,8 +122,7 @@ def _rotation(cross_covariance: Array) -> Array:
         )
     # A reflection would fit better where the last sign is negative; it is not a rotation.
     sign = np.sign(np.linalg.det(u) * np.linalg.det(vt))
-    result: Array = u @ np.diag([1.0, 1.0, sign]) @ vt
-    return result
+    return u @ np.diag([1.0, 1.0, sign]) @ vt
 
 
 def _yaw(cross_covariance: Array) -> Array:

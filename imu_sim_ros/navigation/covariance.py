@@ -29,15 +29,14 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from imu_sim_ros import rotation
 from imu_sim_ros.navigation.covariance_terms import SecondOrder, SlowErrors
 from imu_sim_ros.navigation.noise import ImuErrors
 from imu_sim_ros.navigation.state import NavigationStates
 from imu_sim_ros.rotation.scalars import M9
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 SIZE: Final = 15
 ATTITUDE, VELOCITY, POSITION = slice(0, 3), slice(3, 6), slice(6, 9)
@@ -245,8 +244,7 @@ class Covariance:
         The order is that of geometry_msgs/PoseWithCovariance: x, y, z, and the rotations about the
         fixed axes X, Y, Z; all in the frame of the header, the world.
         """
-        result: Array = self.mean_square().take(_POSE_ENTRIES)
-        return result
+        return self.mean_square().take(_POSE_ENTRIES)
 
     def twist(self, r_wb: Array | M9, velocity: Array | Sequence[float], rate_hz: float) -> Array:
         """Return the (6, 6) covariance of a message's twist: linear, then angular, in the body.

@@ -13,12 +13,11 @@ velocity, the tilt undoes. The remaining gyroscope bias is its change since the 
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from imu_sim_ros.navigation.covariance import ACCEL_BIAS, ATTITUDE, GYRO_BIAS, Covariance
 from imu_sim_ros.navigation.noise import ImuErrors
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 
 def after_rest(
@@ -82,8 +81,7 @@ def _turn_by_bias(r_wb: Array) -> Array:
     turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
     ahead = r_wb[:2, 0]  # cos(theta) (cos psi, sin psi); r_wb[2, 0] is -sin(theta)
     turn[2] = r_wb[2, 0] / max(float(ahead @ ahead), 1e-12) * (ahead @ turn[:2])
-    result: Array = turn @ r_wb
-    return result
+    return turn @ r_wb
 
 
 def _coning(tilt: Array, r_wb: Array) -> float:
@@ -103,5 +101,4 @@ def _coning(tilt: Array, r_wb: Array) -> float:
 
 def _mean_of_white(density: Array, step: Array, time: float, rate_hz: float) -> Array:
     """Return the variance (3,) of the mean of white and rounded readings."""
-    result: Array = np.square(density) / time + np.square(step) / (12.0 * time * rate_hz)
-    return result
+    return np.square(density) / time + np.square(step) / (12.0 * time * rate_hz)

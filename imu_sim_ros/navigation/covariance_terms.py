@@ -7,13 +7,11 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
 from imu_sim_ros.navigation.evaluation import attitude_sigma
 from imu_sim_ros.navigation.noise import ImuErrors
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 _LONGEST: Final = 1e4
 SHORTEST: Final = 0.1
@@ -106,8 +104,7 @@ class SlowErrors:
 
     def bias(self) -> Array:
         """Return (n, n); with its transpose it is what H a, added to the biases, adds to P."""
-        result: Array = (self.cross + 0.5 * self._in_state).dot(self._in_state.T)
-        return result
+        return (self.cross + 0.5 * self._in_state).dot(self._in_state.T)
 
 
 def of_mean(u: Array) -> tuple[Array, Array]:
@@ -250,15 +247,13 @@ class SecondOrder:
 
     def mean_square(self) -> Array:
         """Return (9, 9): the mean square of the errors of attitude, velocity and position."""
-        result: Array = self._covariance + np.outer(self._mean, self._mean)
-        return result
+        return self._covariance + np.outer(self._mean, self._mean)
 
 
 def _shortening(a: Array) -> Array:
     """Return (3, 3, 3): row k of ``(Z - tr(Z) I) a / 2`` is ``theta^T _[k] theta``."""
     along = _EYE[:, :, None] * a
-    result: Array = 0.25 * (along + along.swapaxes(1, 2)) - 0.5 * a[:, None, None] * _EYE
-    return result
+    return 0.25 * (along + along.swapaxes(1, 2)) - 0.5 * a[:, None, None] * _EYE
 
 
 def _transition(h: float, a: Array) -> tuple[Array, Array]:

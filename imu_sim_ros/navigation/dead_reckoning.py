@@ -52,10 +52,10 @@ from imu_sim_ros.navigation.state import (
 )
 from imu_sim_ros.navigation.stepper import Stepper, check_method, check_readings
 from imu_sim_ros.rotation import components
+from imu_sim_ros.types import Array
 
 __all__ = ["Stepper", "dead_reckon", "dead_reckon_integrals"]
 
-Array = NDArray[np.float64]
 _Vector = tuple[float, float, float]
 
 _STILL: Final[_Vector] = (0.0, 0.0, 0.0)

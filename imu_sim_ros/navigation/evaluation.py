@@ -19,8 +19,7 @@ from imu_sim_ros.navigation.association import (
 )
 from imu_sim_ros.navigation.state import NavigationState, NavigationStates
 from imu_sim_ros.poses import PoseSequence
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 
 class Truth(NamedTuple):
@@ -107,8 +106,7 @@ def without_gauge(covariance: Array, position: Array, alignment: Alignment) -> A
     n[:, :3, :3], n[:, 5, 3] = np.eye(3), 1.0
     x, y, _ = (position - position[0]).T
     n[:, 0, 3], n[:, 1, 3] = -y, x
-    result: Array = p - n @ p[0][np.ix_(_GAUGE, _GAUGE)] @ n.swapaxes(1, 2)
-    return result
+    return p - n @ p[0][np.ix_(_GAUGE, _GAUGE)] @ n.swapaxes(1, 2)
 
 
 LARGEST_SIGMA: Final = 0.5
@@ -126,8 +124,7 @@ def straightened(attitude: Array, error: Array) -> Array:
     :param error: (n, 3) truth minus estimate.
     """
     # Jl(v) is Jr(-v).
-    result: Array = (rotation.right_jacobian_inverse(-attitude) @ error[..., None])[..., 0]
-    return result
+    return (rotation.right_jacobian_inverse(-attitude) @ error[..., None])[..., 0]
 
 
 def attitude_sigma(covariances: Array) -> Array:
@@ -136,8 +133,7 @@ def attitude_sigma(covariances: Array) -> Array:
     :param covariances: (n, 3, 3) of attitudes, finite.
     """
     largest = np.linalg.eigvalsh(covariances)[..., -1]
-    result: Array = np.sqrt(np.maximum(largest, 0.0))
-    return result
+    return np.sqrt(np.maximum(largest, 0.0))
 
 
 class Band(NamedTuple):
@@ -163,8 +159,7 @@ def nees(errors: Array, covariances: Array) -> Array:
     :param covariances: (n, k, k), or one (k, k) for all; each invertible.
     """
     solved = np.linalg.solve(covariances, errors[..., None])[..., 0]
-    result: Array = np.sum(errors * solved, axis=-1)
-    return result
+    return np.sum(errors * solved, axis=-1)
 
 
 def anees_band(freedom: int, runs: int, probability: float = 0.95) -> Band:

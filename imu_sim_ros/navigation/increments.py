@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.rotation import Array
 from imu_sim_ros.rotation.components import cross, exp, multiply, normalise, rotate
+from imu_sim_ros.types import Array
 
 
 class Increments(NamedTuple):
@@ -94,8 +94,7 @@ def _so3_stages(h: Array, w0: Array, wm: Array, w1: Array) -> tuple[Array, Array
 def _vector_rate(phi: Array, w: Array) -> Array:
     """Jr(phi)^-1 w; the next term of the series is of fourth order in phi."""
     a = cross(phi, w)
-    result: Array = w + 0.5 * a + cross(phi, a) / 12.0
-    return result
+    return w + 0.5 * a + cross(phi, a) / 12.0
 
 
 def _quaternion_stages(

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import InputError
@@ -19,8 +19,7 @@ from imu_sim_ros.navigation.covariance_of_rest import after_rest
 from imu_sim_ros.navigation.noise import noise_of
 from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.navigation.state import Correction, NavigationState, correction_of
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array, Times
 
 _GRAVITY_TOLERANCE: Final = 0.05
 """Of gravity, by which the mean force may differ from it at least."""
@@ -74,9 +73,6 @@ def level(
     roll = np.arctan2(y, z)
     pitch = np.arctan2(-x, np.hypot(y, z))
     return Level(rotation.from_euler([roll, pitch, yaw]), gyro.mean(axis=0))
-
-
-Times = NDArray[np.int64]
 
 
 class Initial(NamedTuple):

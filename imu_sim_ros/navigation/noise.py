@@ -6,12 +6,10 @@
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.navigation.parameters import IntegratorNoiseParameters
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 _NONE: Final = np.zeros(3)
 

@@ -14,8 +14,7 @@ from imu_sim_ros.names import suggestion
 from imu_sim_ros.navigation.association import interpolate_vectors
 from imu_sim_ros.navigation.noise import ImuErrors
 from imu_sim_ros.navigation.preintegration_slow_errors import SlowErrorsOfIntervals
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 
 class Readings(NamedTuple):
@@ -150,15 +149,13 @@ def preintegrate(
 
 def _pairs(values: Array) -> Array:
     """Return readings (B, m + 1, 3) as those of both ends of each step (m, B, 2, 3)."""
-    result: Array = np.stack([values[:, :-1], values[:, 1:]], axis=2).swapaxes(0, 1)
-    return result
+    return np.stack([values[:, :-1], values[:, 1:]], axis=2).swapaxes(0, 1)
 
 
 def _turn(method: str, h: Array, rates: Array) -> Array:
     """Rotation vectors (..., 3) of steps h (..., 1) with rates (..., 2, 3) at their ends."""
     rate = rates[..., 0, :] if method == "euler" else 0.5 * (rates[..., 0, :] + rates[..., 1, :])
-    result: Array = rate * h
-    return result
+    return rate * h
 
 
 def _attitudes(method: str, h: Array, rate: Array) -> Array:

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
 from imu_sim_ros.navigation.preintegration import (
@@ -24,8 +23,7 @@ from imu_sim_ros.navigation.preintegration import (
     Preintegration,
     corrected,
 )
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 _EYE = np.eye(3)
 

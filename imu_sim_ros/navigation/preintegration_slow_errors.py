@@ -28,12 +28,10 @@ e for the interval. It is no bias, and the rows of the biases do not have it.
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.navigation.covariance_terms import of_mean, processes, response_terms
 from imu_sim_ros.navigation.noise import ImuErrors
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 _MOST_PIECES: Final = 128
 """Of an interval: longer ones have longer pieces, of half a second in a minute."""

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from imu_sim_ros.arguments import array, refuse
 from imu_sim_ros.inputs import gate
+from imu_sim_ros.types import Array
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -21,8 +22,6 @@ from typing import Any
 
 from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.parameters.kinds import IDENTITY_MATRIX, ZERO_MATRIX, ZERO_VECTOR, Matrix, Vector
-
-Array = NDArray[np.float64]
 
 
 class _State(NamedTuple):

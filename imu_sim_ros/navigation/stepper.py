@@ -31,8 +31,7 @@ from imu_sim_ros.rotation.scalars import (
     scaled,
     transform,
 )
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 
 def check_readings(

@@ -8,7 +8,6 @@ from typing import Final
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.noise.analysis import AllanResult
 from imu_sim_ros.calibration.noise.estimate import RAMP
@@ -22,8 +21,7 @@ from imu_sim_ros.calibration.noise.terms import (
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.plots import style
 from imu_sim_ros.plots.style import Figure
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 _SHORT_UNITS: Final = {"gyroscope": "rad/s", "accelerometer": "m/s$^2$"}
 _LINES: Final = {"Q": ":", "N": "--", "B": "-.", "K": "--", "R": ":", "sigma": "-."}

@@ -23,8 +23,7 @@ from imu_sim_ros.calibration.twin import comparison
 from imu_sim_ros.conventions import AXES, TRIADS
 from imu_sim_ros.plots import style
 from imu_sim_ros.plots.style import Figure
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 _AXES = "xyz"
 
@@ -230,8 +229,7 @@ def _scale_points(axis: AxisResponse, triad: TriadTemperature, k: int) -> tuple[
 
 
 def _polynomial(coefficients: Array, x: Array) -> Array:
-    result: Array = x[:, None] ** np.arange(len(coefficients)) @ coefficients
-    return result
+    return x[:, None] ** np.arange(len(coefficients)) @ coefficients
 
 
 def _grid(difference: Array, terms: int) -> tuple[Array, Array]:

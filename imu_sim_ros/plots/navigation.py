@@ -8,12 +8,11 @@ from typing import Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
 from imu_sim_ros.plots import style
 from imu_sim_ros.plots.style import Figure
+from imu_sim_ros.types import Array
 
-Array = NDArray[np.float64]
 Series = tuple[Array, Array]
 """Times (n,) [s], and a value at each (n,)."""
 

@@ -15,8 +15,7 @@ from imu_sim_ros.plots import style
 from imu_sim_ros.plots.style import Figure
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.triads import TriadParameters
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 _MOST_POINTS = 4000
 
@@ -63,8 +62,7 @@ def allan_deviation(triad: TriadParameters, tau: Array) -> Array:
     if time > 0.0:
         sigma = triad.gauss_markov_sigma[0] + triad.gauss_markov_density[0] * np.sqrt(0.5 * time)
         variance += (sigma * gauss_markov_deviation(tau, time)) ** 2
-    result: Array = np.sqrt(variance)
-    return result
+    return np.sqrt(variance)
 
 
 def draw(sensors: Mapping[str, ImuParameters], path: str | Path) -> None:

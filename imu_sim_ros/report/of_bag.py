@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
 from imu_sim_ros.bags.messages.blocks import TopicInfo
@@ -22,8 +21,7 @@ from imu_sim_ros.navigation.evaluation import absolute_errors, anees_band, inver
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.report.page import Item, Section, table
 from imu_sim_ros.report.streams import Stream, analyse, bias_series, extremes, topic_items
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 _TRIADS: Final = (("Angular rate", "rad/s"), ("Specific force", "m/s^2"))
 _AXES: Final = "xyz"

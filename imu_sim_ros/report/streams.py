@@ -21,8 +21,7 @@ from imu_sim_ros.bags.reader import Bag, told
 from imu_sim_ros.calibration.noise.deviation import Deviation, DeviationAccumulator
 from imu_sim_ros.errors import ImuSimError
 from imu_sim_ros.report.page import Item, table
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array, Times
 
 _FIRST: Final = 64
 """Messages whose median interval is the usual one."""
@@ -169,8 +168,6 @@ def bias_series(path: Path, topics: Sequence[TopicInfo]) -> list[tuple[str, str,
         found.append((f"Bias: {topic.name}", unit, series))
     return found
 
-
-Times = NDArray[np.int64]
 
 PARTS: Final = 500
 """Columns of a picture: a plot of half the page's width has about as many pixels."""

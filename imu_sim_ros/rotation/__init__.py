@@ -32,8 +32,8 @@ from imu_sim_ros.rotation.arrays import (
     to_euler,
     to_matrix,
 )
-from imu_sim_ros.rotation.components import Array
 from imu_sim_ros.rotation.derivatives import rate_and_acceleration
+from imu_sim_ros.types import Array
 
 __all__ = [
     "IDENTITY",

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from imu_sim_ros.rotation import components
-from imu_sim_ros.rotation.components import Array
+from imu_sim_ros.types import Array
 
 IDENTITY: Final[Array] = np.array([1.0, 0.0, 0.0, 0.0])
 _SMALL_ANGLE: Final = 1e-4
@@ -26,8 +26,7 @@ def multiply(p: ArrayLike, q: ArrayLike) -> Array:
     :param p: (..., 4) quaternions.
     :param q: (..., 4) quaternions, broadcast against p.
     """
-    result: Array = np.moveaxis(components.multiply(_first(p), _first(q)), 0, -1)
-    return result
+    return np.moveaxis(components.multiply(_first(p), _first(q)), 0, -1)
 
 
 def _first(values: ArrayLike) -> Array:
@@ -37,8 +36,7 @@ def _first(values: ArrayLike) -> Array:
 
 def conjugate(q: ArrayLike) -> Array:
     """Return the conjugate, the inverse rotation of a unit quaternion: ``q_bw`` from ``q_wb``."""
-    result: Array = np.asarray(q, dtype=np.float64) * np.array([1.0, -1.0, -1.0, -1.0])
-    return result
+    return np.asarray(q, dtype=np.float64) * np.array([1.0, -1.0, -1.0, -1.0])
 
 
 def normalise(q: ArrayLike) -> Array:
@@ -47,8 +45,7 @@ def normalise(q: ArrayLike) -> Array:
     :param q: (..., 4), none of them zero.
     """
     q = np.asarray(q, dtype=np.float64)
-    result: Array = q / np.linalg.norm(q, axis=-1, keepdims=True)
-    return result
+    return q / np.linalg.norm(q, axis=-1, keepdims=True)
 
 
 def rotate(q_ab: ArrayLike, v_b: ArrayLike) -> Array:
@@ -130,8 +127,7 @@ def continuous(q: ArrayLike) -> Array:
     q = np.asarray(q, dtype=np.float64)
     flips = np.where(np.sum(q[1:] * q[:-1], axis=-1) < 0, -1.0, 1.0)
     signs = np.concatenate([np.ones(min(len(q), 1)), np.cumprod(flips)])
-    result: Array = q * signs[:, None]
-    return result
+    return q * signs[:, None]
 
 
 def exp(rotation_vector: ArrayLike) -> Array:
@@ -144,8 +140,7 @@ def exp(rotation_vector: ArrayLike) -> Array:
 
 def log(q: ArrayLike) -> Array:
     """Return the rotation vectors (..., 3) [rad], at most pi long, of unit quaternions (..., 4)."""
-    result: Array = np.moveaxis(components.log(_first(q)), 0, -1)
-    return result
+    return np.moveaxis(components.log(_first(q)), 0, -1)
 
 
 def skew(v: ArrayLike) -> Array:
@@ -169,8 +164,7 @@ def right_jacobian(rotation_vector: ArrayLike) -> Array:
     first = np.where(small, 0.5 - angle**2 / 24.0, (1.0 - np.cos(x)) / x**2)
     second = np.where(small, 1.0 / 6.0 - angle**2 / 120.0, (x - np.sin(x)) / x**3)
     s = skew(v)
-    result: Array = np.eye(3) - first * s + second * (s @ s)
-    return result
+    return np.eye(3) - first * s + second * (s @ s)
 
 
 def right_jacobian_inverse(rotation_vector: ArrayLike) -> Array:
@@ -184,8 +178,7 @@ def right_jacobian_inverse(rotation_vector: ArrayLike) -> Array:
         small, 1.0 / 12.0 + angle**2 / 720.0, (1.0 - 0.5 * x / np.tan(0.5 * x)) / x**2
     )
     s = skew(v)
-    result: Array = np.eye(3) + 0.5 * s + factor * (s @ s)
-    return result
+    return np.eye(3) + 0.5 * s + factor * (s @ s)
 
 
 def from_euler(roll_pitch_yaw: ArrayLike) -> Array:

@@ -11,9 +11,8 @@ it is computed.
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 _SMALL_ANGLE = 1e-4
 _IDENTITY = np.eye(3).tolist()
@@ -39,8 +38,7 @@ def multiply(p: Array, q: Array) -> Array:
 def normalise(q: Array) -> Array:
     """Return quaternions (4, n) at unit length."""
     w, x, y, z = q
-    result: Array = q * (1.0 / np.sqrt(w * w + x * x + y * y + z * z))
-    return result
+    return q * (1.0 / np.sqrt(w * w + x * x + y * y + z * z))
 
 
 def rotate(q_ab: Array, v_b: Array) -> Array:
@@ -95,8 +93,7 @@ def log(q: Array) -> Array:
     if small.any():
         safe = np.where(small, cosine, 1.0)
         factor = np.where(small, 2.0 / safe - 2.0 / 3.0 * sine**2 / safe**3, factor)
-    result: Array = q[1:] * np.where(w < 0.0, -factor, factor)  # q and -q are one rotation
-    return result
+    return q[1:] * np.where(w < 0.0, -factor, factor)  # q and -q are one rotation
 
 
 def cross(a: Array, b: Array) -> Array:
@@ -173,5 +170,4 @@ def _running(products: list[list[float]]) -> Array:
             pw * qy - px * qz + py * qw + pz * qx,
             pw * qz + px * qy - py * qx + pz * qw,
         )
-    result: Array = np.array(starts).T
-    return result
+    return np.array(starts).T

@@ -4,9 +4,8 @@
 """Rate and acceleration of a turn ``Exp(phi(t))`` from its rotation vector's derivatives."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 _SMALL = 0.1
 """[rad] below this the series are used; what they leave out is below 1e-13."""

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.trajectory.motion import Motion
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 
 class ImuBlock(NamedTuple):

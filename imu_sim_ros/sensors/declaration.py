@@ -17,11 +17,10 @@ from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.timebase import span
 from imu_sim_ros.trajectory.motion import Trajectory
+from imu_sim_ros.types import Times
 
 if TYPE_CHECKING:
     from imu_sim_ros.bags.messages.blocks import Pattern
-
-Times = NDArray[np.int64]
 
 
 class Samples(Protocol):

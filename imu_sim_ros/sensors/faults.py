@@ -30,8 +30,7 @@ from imu_sim_ros.parameters.kinds import Vector
 from imu_sim_ros.random_streams import generator
 from imu_sim_ros.sensors import with_faults
 from imu_sim_ros.sensors.imu.parameters import LARGEST_LATENCY
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 KINDS: Final = ("bias_jump", "saturation", "stuck", "dropout", "latency")
 _OF_A_TRIAD: Final = ("bias_jump", "saturation", "stuck")

@@ -7,13 +7,12 @@ import math
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from imu_sim_ros.rotation.components import cross, rotate_inverse
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.trajectory.motion import Motion
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 EARTH_RATE: Final = 7.292115e-5
 """[rad/s]"""
@@ -48,8 +47,7 @@ def gravity_on_ellipsoid(sine_squared: ArrayLike, height: ArrayLike) -> Array:
     # eq. 4-3
     a, f, m = SEMI_MAJOR_AXIS, FLATTENING, _CENTRIFUGAL_RATIO
     linear = 2.0 / a * (1.0 + f + m - 2.0 * f * s)
-    result: Array = surface * (1.0 - linear * h + 3.0 / a**2 * h**2)
-    return result
+    return surface * (1.0 - linear * h + 3.0 / a**2 * h**2)
 
 
 def gravity_vector(environment: EnvironmentParameters) -> Array:

@@ -20,9 +20,7 @@ from imu_sim_ros.sensors.imu.parameters import LARGEST_JITTER_SIGMA, ImuParamete
 from imu_sim_ros.sensors.own_rate_parameters import OwnRateParameters
 from imu_sim_ros.sensors.timing import Clock, Transport
 from imu_sim_ros.trajectory.motion import Trajectory
-
-Array = NDArray[np.float64]
-Times = NDArray[np.int64]
+from imu_sim_ros.types import Array, Times
 
 
 class Sampled(NamedTuple):

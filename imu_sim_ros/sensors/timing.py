@@ -15,9 +15,7 @@ from imu_sim_ros import timebase
 from imu_sim_ros.random_streams import generator
 from imu_sim_ros.sensors.faults import FaultSchedule
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-
-Array = NDArray[np.float64]
-Times = NDArray[np.int64]
+from imu_sim_ros.types import Times
 
 LARGEST_JITTER: Final = 0.45
 """Jitter is cut off here, in intervals between two samples, so that stamps always increase."""

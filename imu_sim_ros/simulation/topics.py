@@ -51,8 +51,7 @@ from imu_sim_ros.sensors.errors.noise import (
 )
 from imu_sim_ros.sensors.gravity import CurvedEarth
 from imu_sim_ros.simulation.parameters import SimulationParameters
-
-Times = NDArray[np.int64]
+from imu_sim_ros.types import Times
 
 TYPES: Final[dict[str, str]] = {
     IMU_TOPIC: IMU,

@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.trajectory.motion import Array
 from imu_sim_ros.trajectory.residuals import residuals
+from imu_sim_ros.types import Array
 
 _WINDOW: Final = 200
 """Poses on each side that a running median includes."""
@@ -105,5 +105,4 @@ def _running_median(values: Array, reach: int) -> Array:
     """Return the median (n,) of each value and of ``reach`` ones on either side."""
     from scipy.ndimage import median_filter
 
-    result: Array = median_filter(values, 2 * reach + 1, mode="nearest")
-    return result
+    return median_filter(values, 2 * reach + 1, mode="nearest")

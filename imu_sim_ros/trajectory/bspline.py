@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
-from imu_sim_ros.trajectory.motion import Array, Felt, Motion
+from imu_sim_ros.trajectory.motion import Felt, Motion
+from imu_sim_ros.types import Array
 
 DEGREE: Final = 5
 ORDER: Final = DEGREE + 1
@@ -182,8 +183,7 @@ def _cross(a: Array, b: Array) -> Array:
 def _turn_back(v: Array, axis: Array, sine: Array, cosine: Array) -> Array:
     """Return ``Exp(angle axis)^T v`` (Rodrigues), components first."""
     along = (axis[0] * v[0] + axis[1] * v[1] + axis[2] * v[2]) * (1.0 - cosine)
-    result: Array = cosine * v - sine * _cross(axis, v) + along * axis
-    return result
+    return cosine * v - sine * _cross(axis, v) + along * axis
 
 
 def _turned(q: Array, axis: Array, half: Array) -> Array:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.poses import PoseSequence, read_poses
-from imu_sim_ros.trajectory.motion import Array, Motion, Trajectory, highest_frequency
+from imu_sim_ros.trajectory.motion import Motion, Trajectory, highest_frequency
 from imu_sim_ros.trajectory.parameters import (
     GIVEN,
     FreeFallParameters,
@@ -29,6 +29,7 @@ from imu_sim_ros.trajectory.parameters import (
     WaypointsParameters,
 )
 from imu_sim_ros.trajectory.retime import retimed
+from imu_sim_ros.types import Array
 
 
 class LeadIn:

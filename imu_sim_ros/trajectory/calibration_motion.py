@@ -10,9 +10,10 @@ import numpy as np
 
 from imu_sim_ros import rotation
 from imu_sim_ros.parameters.kinds import Vector
-from imu_sim_ros.trajectory.motion import Array, Motion
+from imu_sim_ros.trajectory.motion import Motion
 from imu_sim_ros.trajectory.parameters import SixPositionParameters, TurntableParameters
 from imu_sim_ros.trajectory.profile import Phase, RateProfile
+from imu_sim_ros.types import Array
 
 _UP: Final[tuple[Vector, ...]] = (
     (0.0, 0.0, 1.0),

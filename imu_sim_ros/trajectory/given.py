@@ -15,7 +15,8 @@ from imu_sim_ros.arguments import number, refuse
 from imu_sim_ros.errors import ConfigurationError, ImuSimError
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.inputs.gate import Quantity
-from imu_sim_ros.trajectory.motion import Array, Motion, Trajectory
+from imu_sim_ros.trajectory.motion import Motion, Trajectory
+from imu_sim_ros.types import Array
 
 STEP: Final = 2.0**-9
 """[s] Between the nine poses from which the derivatives of a function are worked out."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from imu_sim_ros import rotation
 from imu_sim_ros.parameters.kinds import Vector
-from imu_sim_ros.trajectory.motion import Array, Felt, Later, Motion
+from imu_sim_ros.trajectory.motion import Felt, Later, Motion
 from imu_sim_ros.trajectory.parameters import (
     FreeFallParameters,
     HarmonicParameters,
@@ -20,6 +20,7 @@ from imu_sim_ros.trajectory.parameters import (
 )
 from imu_sim_ros.trajectory.profile import Derivatives, attitude, attitude_and_rate
 from imu_sim_ros.trajectory.series import SeriesSet, Waves
+from imu_sim_ros.types import Array
 
 
 class Static:
@@ -254,5 +255,4 @@ def _times_within_limits(coordinates: Array, parameters: WaypointsParameters) ->
     force = np.max(np.linalg.norm(second[:, :3], axis=-1)) / parameters.acceleration_limit
     rate = np.max(np.abs(first[:, 3])) / parameters.heading_rate_limit
     # Slower by a factor k: speeds fall with k, accelerations with k^2, and the shape stays.
-    result: Array = times * max(speed, np.sqrt(force), rate)
-    return result
+    return times * max(speed, np.sqrt(force), rate)

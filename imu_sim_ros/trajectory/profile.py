@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.trajectory.motion import Array
+from imu_sim_ros.types import Array
 
 
 class Derivatives(NamedTuple):

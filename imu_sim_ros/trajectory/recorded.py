@@ -11,10 +11,11 @@ from imu_sim_ros import rotation, timebase
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.trajectory.bspline import PoseSpline, UniformKnots
-from imu_sim_ros.trajectory.motion import Array, Felt, Motion, Trajectory
+from imu_sim_ros.trajectory.motion import Felt, Motion, Trajectory
 from imu_sim_ros.trajectory.parameters import PosesParameters
 from imu_sim_ros.trajectory.repair import beyond_any_body, mended, suspicions
 from imu_sim_ros.trajectory.spline_fit import fit
+from imu_sim_ros.types import Array
 
 _LEAST_POSES: Final = 4
 _LEAST_SPACING: Final = 0.02  # s

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from imu_sim_ros import rotation
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.trajectory.arrival import even_times
-from imu_sim_ros.trajectory.motion import Array
 from imu_sim_ros.trajectory.residuals import REACH, residuals, smallest_distance
+from imu_sim_ros.types import Array
 
 _LEAST_POSES: Final = 30
 _OFF: Final = 10.0

@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 REACH: Final = 3
 """Neighbours on each side."""
@@ -47,8 +47,7 @@ class Residuals(NamedTuple):
     @property
     def largest(self) -> Array:
         """(n,) of the two."""
-        result: Array = np.maximum(self.position, self.attitude)
-        return result
+        return np.maximum(self.position, self.attitude)
 
 
 def smallest_distance(t: Array, position: Array) -> float:
@@ -130,5 +129,4 @@ def _usual(lengths: Array, least: float) -> Array:
     medians = np.array([np.median(block) for block in blocks]) / _MEDIAN_OF_NORM
     padded = np.pad(medians, 1, mode="edge")
     wide = np.max([padded[:-2], medians, padded[2:]], axis=0)
-    result: Array = np.maximum(np.repeat(wide, _BLOCK)[: len(lengths)], least)
-    return result
+    return np.maximum(np.repeat(wide, _BLOCK)[: len(lengths)], least)

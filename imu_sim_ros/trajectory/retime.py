@@ -9,9 +9,10 @@ from typing import Final, Protocol
 import numpy as np
 
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.trajectory.motion import Array, Motion, Trajectory, highest_frequency
+from imu_sim_ros.trajectory.motion import Motion, Trajectory, highest_frequency
 from imu_sim_ros.trajectory.parameters import TrajectoryParameters
 from imu_sim_ros.trajectory.profile import Derivatives, Phase, RateProfile, smooth_step
+from imu_sim_ros.types import Array
 
 # What ends that meet may differ by: position [m], velocity [m/s], attitude [rad], rate [rad/s].
 _MEETING: Final = 1e-6

@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.trajectory.motion import Array
 from imu_sim_ros.trajectory.parameters import SeriesParameters
 from imu_sim_ros.trajectory.profile import Derivatives
+from imu_sim_ros.types import Array
 
 
 class _Wave(NamedTuple):

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
 from imu_sim_ros.trajectory.bspline import BASIS, ORDER, PoseSpline, RotationSpline, UniformKnots
-from imu_sim_ros.trajectory.motion import Array
+from imu_sim_ros.types import Array
 
 _ITERATIONS: Final = 30
 _CONVERGED: Final = 1e-10  # rad
@@ -101,8 +101,7 @@ class LeastSquares:
 
     def fitted(self, points: Array) -> Array:
         """Return the spline (n, 3) of control points (c, 3) at the times."""
-        result: Array = np.sum(self._basis[..., None] * points[self._columns], axis=1)
-        return result
+        return np.sum(self._basis[..., None] * points[self._columns], axis=1)
 
 
 def fit(

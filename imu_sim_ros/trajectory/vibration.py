@@ -10,8 +10,9 @@ import numpy as np
 from numpy.random import PCG64, Generator, SeedSequence
 
 from imu_sim_ros import rotation
-from imu_sim_ros.trajectory.motion import Array, Motion, Trajectory, highest_frequency
+from imu_sim_ros.trajectory.motion import Motion, Trajectory, highest_frequency
 from imu_sim_ros.trajectory.parameters import VibrationParameters
+from imu_sim_ros.types import Array
 
 _AXES: Final = 3
 _TURNS: Final = 1

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.bags.messages.layouts import Bytes
 from imu_sim_ros.bags.messages.schemas import Qos, Schema
-
-Times = NDArray[np.int64]
+from imu_sim_ros.types import Times
 
 
 class Column(NamedTuple):

@@ -17,9 +17,7 @@ from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.inputs.rows import BadRows, Skipped, Warned
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
-
-Array = NDArray[np.float64]
-Times = NDArray[np.int64]
+from imu_sim_ros.types import Array, Times
 
 _INSIDE_ORDER: Final = [3, 0, 1, 2]
 """(w, x, y, z) of the message's (x, y, z, w)."""

@@ -13,15 +13,13 @@ from collections.abc import Iterable
 from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from imu_sim_ros.bags.messages.blocks import Column, Pattern
 from imu_sim_ros.bags.messages.layouts import Bytes, Layout, layout
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
-
-Array = NDArray[np.float64]
-Times = NDArray[np.int64]
+from imu_sim_ros.types import Array, Times
 
 IMU: Final = "sensor_msgs/msg/Imu"
 ODOMETRY: Final = "nav_msgs/msg/Odometry"

@@ -10,9 +10,10 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from imu_sim_ros.bags.messages.encode import ROS_ORDER, Times, seconds
+from imu_sim_ros.bags.messages.encode import ROS_ORDER, seconds
 from imu_sim_ros.bags.messages.layouts import Builder, Bytes
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
+from imu_sim_ros.types import Times
 
 IMAGE: Final = "sensor_msgs/msg/Image"
 COMPRESSED_IMAGE: Final = "sensor_msgs/msg/CompressedImage"

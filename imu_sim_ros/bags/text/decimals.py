@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.types import Times
+
 Column = NDArray[Any]
-Times = NDArray[np.int64]
 
 _FRACTION = 9  # digits of a nanosecond
 

@@ -28,9 +28,7 @@ from imu_sim_ros.inputs.rows import (
     shortened,
 )
 from imu_sim_ros.rotation import normalise
-
-Array = NDArray[np.float64]
-Times = NDArray[np.int64]
+from imu_sim_ros.types import Array, Times
 
 _WHAT: Final = "a table of numbers"
 _STAMP: Final = re.compile(r"[+-]?[0-9]{1,19}")

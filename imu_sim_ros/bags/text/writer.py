@@ -12,16 +12,13 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.bags.outputs import OutputFile, make_folder
 from imu_sim_ros.bags.text import decimals
 from imu_sim_ros.bags.text.decimals import decimal
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.names import suggestion
-
-Array = NDArray[np.float64]
-Times = NDArray[np.int64]
+from imu_sim_ros.types import Array, Times
 
 FORMATS: Final = ("euroc", "csv", "tum")
 _ROWS: Final = 4096

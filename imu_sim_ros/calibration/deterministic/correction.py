@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.deterministic.ellipsoid import Ellipsoid, symmetric_root
 from imu_sim_ros.calibration.deterministic.gravity_norm import upper_triangular
@@ -20,8 +19,7 @@ from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.kinds import Value
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 
 class Calibrated(NamedTuple):

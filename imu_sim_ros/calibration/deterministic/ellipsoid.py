@@ -14,12 +14,10 @@ Strapdown Magnetometers in Magnetic Field Domain", J. Aerosp. Eng. 19 (2006) 87)
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import gate
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 PARAMETERS: Final = 9
 _ROWS: Final = np.array([0, 0, 0, 1, 1, 2])
@@ -175,5 +173,4 @@ def _summary(
 def symmetric_root(response: Array) -> Array:
     """Return the symmetric S (3, 3) of a response M: the root of ``M M^T``."""
     values, vectors = np.linalg.eigh(response @ response.T)
-    result: Array = vectors @ np.diag(np.sqrt(values)) @ vectors.T
-    return result
+    return vectors @ np.diag(np.sqrt(values)) @ vectors.T

@@ -13,7 +13,6 @@ the direction of the sensor's z axis. Nine parameters, which rests in ten direct
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.deterministic.response import (
     Observations,
@@ -22,8 +21,7 @@ from imu_sim_ros.calibration.deterministic.response import (
 )
 from imu_sim_ros.calibration.deterministic.steady import Steady
 from imu_sim_ros.errors import InputError
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 PARAMETERS: Final = 9
 _ROWS: Final = np.array([0, 0, 0, 1, 1, 2])

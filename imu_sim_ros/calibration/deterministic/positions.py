@@ -27,8 +27,7 @@ from imu_sim_ros.calibration.deterministic.response import (
 )
 from imu_sim_ros.calibration.deterministic.steady import Steady
 from imu_sim_ros.errors import InputError
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 AUTO: Final = "auto"
 EXACT: Final = "exact"
@@ -127,8 +126,7 @@ def _at_rest(steady: Steady) -> NDArray[np.bool_]:
     """Tell which stretches are at rest and not turning."""
     offset = steady.gyro - np.median(steady.gyro, axis=0)
     limit = _AT_REST + 6.0 * np.linalg.norm(steady.gyro_sigma, axis=1)
-    result: NDArray[np.bool_] = np.linalg.norm(offset, axis=1) < limit
-    return result
+    return np.linalg.norm(offset, axis=1) < limit
 
 
 def _compared(exact: SixPosition, norm: NormFit, rests: int) -> tuple[float, float]:

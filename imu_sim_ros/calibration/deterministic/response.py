@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.deterministic.steady import whitened
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 _STEPS: Final = 8
 _LOG_WALKS: Final = (-6.0, 14.0)
@@ -57,8 +56,7 @@ class AxisResponse(NamedTuple):
     @property
     def sigma(self) -> Array:
         """(q,) standard errors."""
-        result: Array = np.sqrt(np.diag(self.covariance))
-        return result
+        return np.sqrt(np.diag(self.covariance))
 
     @property
     def gain_sigma(self) -> Array:

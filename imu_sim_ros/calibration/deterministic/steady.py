@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from imu_sim_ros.calibration.stamps import sampling_interval
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import gate
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array, Times
 
 
 class Whitened(NamedTuple):
@@ -50,8 +49,6 @@ def whitened(columns: Array, time: Array, sigma: Array, walk: Array) -> Whitened
         variance = gain * white[k]
     return Whitened(result.transpose(1, 0, 2), log_determinant)
 
-
-Times = NDArray[np.int64]
 
 WINDOW: Final = 0.5
 """Length of the windows that are judged [s]."""
@@ -109,8 +106,7 @@ class Steady(NamedTuple):
     @property
     def duration(self) -> Array:
         """(m,) lengths [s]."""
-        result: Array = (self.end_ns - self.begin_ns).astype(np.float64) * 1e-9
-        return result
+        return (self.end_ns - self.begin_ns).astype(np.float64) * 1e-9
 
 
 def find_steady(

@@ -18,8 +18,7 @@ from imu_sim_ros.calibration.deterministic.response import (
 )
 from imu_sim_ros.calibration.deterministic.steady import Steady
 from imu_sim_ros.errors import InputError
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 HIGHEST_ORDER: Final = 4
 _SMALLEST_SPAN: Final = 5.0
@@ -114,8 +113,7 @@ def polynomial_sigma(powers: Array, covariance: Array) -> Array:
     :param covariance: (k, k) of the coefficients.
     """
     variance = np.sum((powers @ covariance) * powers, axis=1)
-    result: Array = np.sqrt(np.maximum(variance, 0.0))
-    return result
+    return np.sqrt(np.maximum(variance, 0.0))
 
 
 def temperatures_at(steady: Steady, t_ns: NDArray[np.int64], temperature: Array) -> Array:
@@ -136,5 +134,4 @@ def temperatures_at(steady: Steady, t_ns: NDArray[np.int64], temperature: Array)
             f"temperature messages from {at[0]:.1f} to {at[-1]:.1f} s do not span the readings "
             f"from {wanted[0]:.1f} to {wanted[-1]:.1f} s"
         )
-    result: Array = np.interp(wanted, at, temperature)
-    return result
+    return np.interp(wanted, at, temperature)

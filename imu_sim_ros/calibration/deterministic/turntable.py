@@ -16,8 +16,7 @@ from imu_sim_ros.calibration.deterministic.positions import (
 from imu_sim_ros.calibration.deterministic.response import determined, fit_axis
 from imu_sim_ros.calibration.deterministic.steady import Steady
 from imu_sim_ros.errors import InputError
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 _TURNING: Final = 0.05
 """Smallest rate that counts as one of the table's [rad/s]."""
@@ -141,5 +140,4 @@ def true_rates(
 
 def _usual(gyro: Array) -> Array:
     """Return the reading at rest: stretches turn both ways, so that is the median."""
-    result: Array = np.median(gyro, axis=0)
-    return result
+    return np.median(gyro, axis=0)

@@ -28,8 +28,7 @@ from imu_sim_ros.calibration.noise.terms import FLICKER, FLICKER_FLOOR, QUANTISA
 from imu_sim_ros.calibration.record import AXES, Record, Timing
 from imu_sim_ros.calibration.second_process import SecondProcess
 from imu_sim_ros.errors import InputError
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 SHORTEST: Final = 60.0
 """Seconds at rest below which there is no result."""

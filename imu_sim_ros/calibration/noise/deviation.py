@@ -14,6 +14,7 @@ from imu_sim_ros.calibration.noise.estimate import axis_data, standard_design
 from imu_sim_ros.calibration.noise.likelihood import fit
 from imu_sim_ros.calibration.noise.spectrum import Spectrum
 from imu_sim_ros.calibration.second_process import SecondProcess
+from imu_sim_ros.types import Array
 
 _NEIGHBOURS: Final = 21
 _FALSE_ALARM: Final = 1e-10
@@ -134,8 +135,6 @@ def explains_wander(spectrum: Spectrum, axis: int) -> bool:
     return bool(not improbable.any() and _by_chance(ratio - 1.0, freedom))
 
 
-Array = NDArray[np.float64]
-
 _CHUNK: Final = 1 << 13
 """Terms handled at once: they stay in the processor's cache, and BLAS starts no threads."""
 _PART: Final = 2 * _CHUNK
@@ -214,8 +213,7 @@ def _phases(y: Array, rate: float) -> Array:
 
 
 def _deviation(total: Array, tau: float, terms: int) -> Array:
-    result: Array = np.sqrt(total / (2.0 * tau**2 * terms))
-    return result
+    return np.sqrt(total / (2.0 * tau**2 * terms))
 
 
 def _second_differences(x: Array, m: int, first: int = 0) -> tuple[Array, int]:

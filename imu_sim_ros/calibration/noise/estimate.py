@@ -15,7 +15,6 @@ from collections.abc import Collection
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.noise.intervals import Interval, intervals
 from imu_sim_ros.calibration.noise.likelihood import Data, Fits, first_guesses, fit_many
@@ -28,8 +27,7 @@ from imu_sim_ros.calibration.noise.terms import (
     WHITE,
     ramp_amplitude,
 )
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 RAMP: Final = "rate_ramp"
 PRICES: Final = {WALK.key: 2.71, FLICKER.key: 4.6, RAMP: 10.0}

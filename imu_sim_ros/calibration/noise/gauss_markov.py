@@ -7,15 +7,13 @@ from collections.abc import Callable
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.noise.estimate import AxisNoise, Estimate, axis_data, standard_design
 from imu_sim_ros.calibration.noise.intervals import intervals
 from imu_sim_ros.calibration.noise.likelihood import Data, Fits, fit, profile_interval
 from imu_sim_ros.calibration.noise.spectrum import Spectrum
 from imu_sim_ros.calibration.noise.terms import TERMS, WHITE, gauss_markov_expectation
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 SIGMA: Final = "gauss_markov_sigma"
 CORRELATION_TIME: Final = "correlation_time"

@@ -23,8 +23,7 @@ from imu_sim_ros.calibration.noise.likelihood import (
     fit_many,
     merged,
 )
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 _MERGED: Final = 5
 """Rows of averages that become one: a tenth of the frequency, which no term's slope can feel."""
@@ -157,8 +156,7 @@ def _root_of_drop(problem: _Problem, ends: _Ends, x: Array) -> Array:
     found = fit_many(data, design, held, slope=slope, guess=guess, restricted=restricted)
     lowest = np.where(is_slope, trended.objective[0], best.objective[0])
     drop = np.maximum(found.objective - lowest, 0.0)
-    result: Array = np.sqrt(drop / ends.drop) - 1.0
-    return result
+    return np.sqrt(drop / ends.drop) - 1.0
 
 
 def _search(problem: _Problem, ends: _Ends) -> Array:
@@ -196,5 +194,4 @@ def _search(problem: _Problem, ends: _Ends) -> Array:
         outside[k], outside_value[k] = np.where(within, (outside[k], high), (x, value))
         open_ends = k[np.abs(value) >= _CLOSE]
     nearer = np.where(np.abs(inside_value) < np.abs(outside_value), inside, outside)
-    result: Array = np.where(at_zero, 0.0, nearer)
-    return result
+    return np.where(at_zero, 0.0, nearer)

@@ -21,7 +21,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 CONFIDENCE_DROP: Final = 1.9207
 """Drop of the log-likelihood at the ends of a 95 % interval: half of chi-square(1, 0.95)."""
@@ -150,8 +150,7 @@ def _without_trend(data: Data, slopes: Array) -> Array:
     """Return the rows (b, m) after trends are taken from the single coefficients."""
     single = data.amplitude != 0.0
     left = (data.amplitude - slopes[:, None] * data.trend) ** 2
-    result: Array = np.where(single, left, data.power)
-    return result
+    return np.where(single, left, data.power)
 
 
 def _non_negative(curvature: Array, gradient: Array, free: NDArray[np.bool_]) -> Array:
@@ -175,8 +174,7 @@ def _non_negative(curvature: Array, gradient: Array, free: NDArray[np.bool_]) ->
         value = -0.5 * np.sum(minima * inside * right[bound, None, :], axis=2)
         value = np.where((minima >= -_NEGATIVE).all(axis=2), value, np.inf)
         x[bound] = minima[np.arange(len(bound)), np.argmin(value, axis=1)]
-    result: Array = np.maximum(x, 0.0) / root
-    return result
+    return np.maximum(x, 0.0) / root
 
 
 def _restricted_minima(curvature: Array, gradient: Array, inside: Array) -> Array:
@@ -187,8 +185,7 @@ def _restricted_minima(curvature: Array, gradient: Array, inside: Array) -> Arra
     outside = np.eye(inside.shape[2]) * (1.0 - inside + 1e-12)[..., None]
     blocks = curvature[:, None] * (inside[..., :, None] * inside[..., None, :]) + outside
     right: Array = inside * gradient[:, None, :]
-    result: Array = np.asarray(np.linalg.solve(blocks, right[..., None])[..., 0], dtype=np.float64)
-    return result
+    return np.asarray(np.linalg.solve(blocks, right[..., None])[..., 0], dtype=np.float64)
 
 
 def first_guesses(data: Data) -> Array:
@@ -233,8 +230,7 @@ def covariance(data: Data, design: Array, expected: Array) -> Array:
     information = design.T @ ((0.5 * data.freedom / expected**2)[:, None] * design)
     root = np.sqrt(np.diag(information))
     scaled = information / np.outer(root, root) + 1e-9 * np.eye(len(root))
-    result: Array = np.linalg.inv(scaled) / np.outer(root, root)
-    return result
+    return np.linalg.inv(scaled) / np.outer(root, root)
 
 
 def merged(data: Data, design: Array, every: int) -> tuple[Data, Array]:

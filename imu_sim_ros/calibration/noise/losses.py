@@ -24,8 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.noise.likelihood import Data, fit
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 _WIDTH: Final = 0.1
 """Relative width of the bins in which squared coefficients are averaged."""
@@ -101,14 +100,12 @@ class LossFiller:
             spread = np.zeros_like(observed)
             spread[:, places] = x
             weighted = dct(spread, norm="ortho", axis=1, overwrite_x=True) / variance
-            result: Array = idct(weighted, norm="ortho", axis=1, overwrite_x=True)[:, places]
-            return result
+            return idct(weighted, norm="ortho", axis=1, overwrite_x=True)[:, places]
 
         unit = self._random.standard_normal(observed.shape)
         right = unit / np.sqrt(variance) - dct(observed, norm="ortho", axis=1) / variance
         right = idct(right, norm="ortho", axis=1, overwrite_x=True)[:, places]
-        result: Array = self._level + _solution(precision, right).T
-        return result
+        return self._level + _solution(precision, right).T
 
 
 class _Spectrum:
@@ -160,8 +157,7 @@ class _Spectrum:
 
 def _terms(log_frequency: Array) -> Array:
     """Return (m, 3) white noise, flicker and walk."""
-    result: Array = np.exp(-np.outer(log_frequency, [0.0, 1.0, 2.0]))
-    return result
+    return np.exp(-np.outer(log_frequency, [0.0, 1.0, 2.0]))
 
 
 def _interpolated(y: Array, lost: NDArray[np.bool_]) -> Array:

@@ -11,11 +11,9 @@ as white noise, flicker and a walk says that it is no noise.
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.noise.likelihood import Data, fit
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 _MOST: Final = 5
 _FEWEST: Final = 64

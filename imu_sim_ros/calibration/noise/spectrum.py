@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.noise.slow_lines import Line, without_lines
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 CLUSTER: Final = 16
 """Samples averaged for the low part of the spectrum, which must see the whole record at once."""
@@ -167,8 +166,7 @@ class SpectrumAccumulator:
         :param coefficients: are overwritten.
         """
         squares = np.square(coefficients, out=coefficients)
-        result: Array = np.add.reduceat(squares, starts, axis=1)
-        return result
+        return np.add.reduceat(squares, starts, axis=1)
 
     def _bins(self, count: int) -> _Bins:
         """Return where the coefficients of so many samples go."""

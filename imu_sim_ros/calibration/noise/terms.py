@@ -7,10 +7,10 @@ from collections.abc import Callable
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.noise.spectrum import CLUSTER, Spectrum
 from imu_sim_ros.conventions import STANDARD_GRAVITY
+from imu_sim_ros.types import Array
 
 _DEGREES: Final = 180.0 / np.pi
 _HOUR: Final = 3600.0
@@ -62,8 +62,6 @@ def quantity(triad: str, key: str) -> Quantity:
     return Quantity(*_TEXTS[key], unit, field_unit, float(factor))
 
 
-Array = NDArray[np.float64]
-
 FLICKER_FLOOR: Final = float(np.sqrt(2.0 * np.log(2.0) / np.pi))
 """Flat Allan deviation of a bias instability of 1: 0.664."""
 
@@ -96,8 +94,7 @@ def _walk(spectrum: Spectrum) -> Array:
     tau = spectrum.interval
     samples = np.where(tau > 1.5 * spectrum.sample_interval, CLUSTER, 1)
     sine = 4.0 * np.sin(np.pi * spectrum.frequency * tau) ** 2
-    result: Array = tau**2 * (1.0 / sine - (1.0 - 1.0 / samples**2) / 6.0)
-    return result
+    return tau**2 * (1.0 / sine - (1.0 - 1.0 / samples**2) / 6.0)
 
 
 def _flicker(spectrum: Spectrum) -> Array:
@@ -111,14 +108,12 @@ def _flicker(spectrum: Spectrum) -> Array:
     order = np.where(spectrum.order > 0, spectrum.order, 1e9)
     odd = (spectrum.order % 2 == 1).astype(np.float64)
     edge = 2.0 / np.pi * (sici(np.pi * order)[0] - 2.0 * odd / (np.pi * order))
-    result: Array = edge / (2.0 * np.pi * spectrum.frequency)
-    return result
+    return edge / (2.0 * np.pi * spectrum.frequency)
 
 
 def _quantisation(spectrum: Spectrum) -> Array:
     sine = np.sin(np.pi * spectrum.frequency * spectrum.interval)
-    result: Array = 4.0 * sine**2 / spectrum.interval
-    return result
+    return 4.0 * sine**2 / spectrum.interval
 
 
 def gauss_markov_expectation(spectrum: Spectrum, correlation_time: float) -> Array:
@@ -137,8 +132,7 @@ def gauss_markov_expectation(spectrum: Spectrum, correlation_time: float) -> Arr
     sign = np.where(spectrum.order > 0, (-1.0) ** spectrum.order, 0.0)
     duration = spectrum.duration
     edge = 2.0 * b * (1.0 - sign * np.exp(-b * duration)) / (duration * (angle**2 + b**2))
-    result: Array = density * (1.0 - edge)
-    return result
+    return density * (1.0 - edge)
 
 
 def gauss_markov_deviation(tau: Array, correlation_time: float) -> Array:
@@ -151,8 +145,7 @@ def gauss_markov_deviation(tau: Array, correlation_time: float) -> Array:
     small = x < 1e-3
     safe = np.where(small, 1.0, x)
     exact = 2.0 / safe * (1.0 - (3.0 - 4.0 * np.exp(-safe) + np.exp(-2.0 * safe)) / (2.0 * safe))
-    result: Array = np.sqrt(np.where(small, 2.0 * x / 3.0, exact))
-    return result
+    return np.sqrt(np.where(small, 2.0 * x / 3.0, exact))
 
 
 WHITE: Final = Term(
@@ -182,11 +175,9 @@ def ramp_amplitude(spectrum: Spectrum) -> Array:
     """
     order = np.where(spectrum.order % 2 == 1, spectrum.order, np.inf)
     duration = np.where(np.isfinite(spectrum.duration), spectrum.duration, 0.0)
-    result: Array = -2.0 * np.sqrt(2.0) * duration**1.5 / (np.pi * order) ** 2
-    return result
+    return -2.0 * np.sqrt(2.0) * duration**1.5 / (np.pi * order) ** 2
 
 
 def ramp_deviation(tau: Array) -> Array:
     """Return the Allan deviation of a rate ramp of 1 per second."""
-    result: Array = tau / np.sqrt(2.0)
-    return result
+    return tau / np.sqrt(2.0)

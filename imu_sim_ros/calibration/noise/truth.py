@@ -6,7 +6,6 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.noise.analysis import AllanResult
 from imu_sim_ros.calibration.noise.estimate import Estimate
@@ -17,8 +16,7 @@ from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.triads import TriadParameters
 from imu_sim_ros.simulation.parameters import load_simulation
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 
 class Comparison(NamedTuple):

@@ -6,11 +6,9 @@
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.twin.model import BodyMotion, MotionAt
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 _GRID: Final = 0.005
 """[s] between the times that are correlated."""
@@ -78,8 +76,7 @@ def mounting(gyro: Array, accel: Array, motion: BodyMotion) -> Array:
             total += read.T @ true / size
     u, _, vt = np.linalg.svd(total)
     sign = np.sign(np.linalg.det(u @ vt))
-    result: Array = u @ np.diag([1.0, 1.0, sign]) @ vt
-    return result
+    return u @ np.diag([1.0, 1.0, sign]) @ vt
 
 
 _WINDOW: Final = 2.0
@@ -128,8 +125,7 @@ def wander(
     best = max((_walk(offset, sigma, step) for step in _STEPS), key=lambda found: found[0])
     if steady and best[0] < still[0] + _GAIN:
         return np.zeros(len(stamps))
-    result: Array = np.interp(stamps, centre, best[1])
-    return result
+    return np.interp(stamps, centre, best[1])
 
 
 def _walk(offset: Array, sigma: Array, step: float) -> tuple[float, Array]:

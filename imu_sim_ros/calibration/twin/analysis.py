@@ -16,8 +16,8 @@ from imu_sim_ros.calibration.twin.fit import Fit, Recording, fit
 from imu_sim_ros.calibration.twin.intensity import Lines, find_lines
 from imu_sim_ros.calibration.twin.model import Errors, Truth, predicted, true_times
 from imu_sim_ros.calibration.twin.spectrum import Bands, White
+from imu_sim_ros.types import Array
 
-Array = NDArray[np.float64]
 Rows = NDArray[np.bool_]
 
 _LOWEST_WHITE: Final = 1.0

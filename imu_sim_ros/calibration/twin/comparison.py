@@ -7,14 +7,12 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.twin import alignment as clock
 from imu_sim_ros.calibration.twin.fit import Fit, Recording, fit
 from imu_sim_ros.calibration.twin.model import CURVATURE, OFFSET, SKEW, Truth
 from imu_sim_ros.calibration.twin.spectrum import cross_spectra
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 BANDS: Final = ((0.2, 1.0), (1.0, 5.0), (5.0, 20.0), (20.0, 50.0), (50.0, 100.0))
 """[Hz] in which densities are compared."""
@@ -41,8 +39,7 @@ def levels(values: Array, parts: Sequence[slice], rate: float) -> Array:
 
 def decibels(simulated: Array, real: Array) -> Array:
     """Return by how many decibels densities differ."""
-    result: Array = 20.0 * np.log10(simulated / real)
-    return result
+    return 20.0 * np.log10(simulated / real)
 
 
 def spectrum_of(values: Array, rate: float) -> tuple[Array, Array]:

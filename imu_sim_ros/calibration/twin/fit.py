@@ -35,8 +35,8 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.twin import model
 from imu_sim_ros.calibration.twin.model import COUNT, Errors, MotionAt, Truth
+from imu_sim_ros.types import Array
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 EVERY: Final = np.arange(COUNT)
@@ -119,8 +119,7 @@ class Fit(NamedTuple):
     @property
     def sigma(self) -> Array:
         """(42,) standard errors."""
-        result: Array = np.sqrt(np.diag(self.covariance))
-        return result
+        return np.sqrt(np.diag(self.covariance))
 
 
 class _Sums:
@@ -282,8 +281,7 @@ def _inverse(normal: Array, prior: Array) -> Array:
     """
     values, vectors = np.linalg.eigh(normal * np.outer(prior, prior))
     scaled = prior[:, None] * vectors
-    result: Array = (scaled / np.maximum(values, 1.0)) @ scaled.T
-    return result
+    return (scaled / np.maximum(values, 1.0)) @ scaled.T
 
 
 def _placed(step: Array, free: Indices) -> Array:

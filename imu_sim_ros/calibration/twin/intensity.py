@@ -8,9 +8,8 @@ from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 _MOST: Final = 24
 _PEAK: Final = 20.0

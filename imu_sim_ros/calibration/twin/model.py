@@ -19,11 +19,9 @@ from collections.abc import Callable
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 COUNT: Final = 42
 OFFSET, SKEW = slice(0, 1), slice(1, 2)
@@ -170,8 +168,7 @@ def true_times(errors: Errors, stamps: Array, reference: float, wander: Array) -
     :param reference: stamp to which the offset refers [s].
     :param wander: (n,) [s] what is added beside offset and skew.
     """
-    result: Array = stamps + errors.offset + errors.skew * (stamps - reference) + wander
-    return result
+    return stamps + errors.offset + errors.skew * (stamps - reference) + wander
 
 
 class _Seen(NamedTuple):

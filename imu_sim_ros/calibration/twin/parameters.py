@@ -6,15 +6,13 @@
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.twin.analysis import Analysis
 from imu_sim_ros.calibration.twin.fit import Fit
 from imu_sim_ros.calibration.twin.model import BIAS
 from imu_sim_ros.calibration.twin.spectrum import Bands
 from imu_sim_ros.parameters.kinds import SMALLEST, Value
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 _DIGITS: Final = 9
 _BAND_DIGITS: Final = 4
@@ -94,14 +92,12 @@ def coherence(bands: Bands) -> Array:
     product = size[:, rows] * size[:, columns]
     cross = bands.matrix[:, rows, columns]
     values = np.divide(cross, product, out=np.zeros_like(cross), where=product > 0.0)
-    result: Array = np.clip(np.stack([values.real, values.imag], axis=-1), -1.0, 1.0)
-    return result
+    return np.clip(np.stack([values.real, values.imag], axis=-1), -1.0, 1.0)
 
 
 def _orthonormal(r: Array) -> Array:
     u, _, vt = np.linalg.svd(r)
-    result: Array = u @ vt
-    return result
+    return u @ vt
 
 
 def _numbers(values: Array, digits: int = _DIGITS) -> tuple[float, ...]:

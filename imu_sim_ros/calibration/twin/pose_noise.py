@@ -13,11 +13,9 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 _POSES: Final = 9
 """In a difference of eighth order."""
@@ -106,8 +104,7 @@ class PoseNoise(NamedTuple):
         """(2,) standard deviations of attitude [rad] and position [m], rounding included."""
         steps = np.array([2.0 * self.quaternion_step, self.position_step])
         white = np.mean(self.white.reshape(2, 3) ** 2, axis=1)
-        result: Array = np.sqrt(white + steps**2 / 12.0)
-        return result
+        return np.sqrt(white + steps**2 / 12.0)
 
     def as_json(self) -> dict[str, float]:
         """Return the numbers by name."""

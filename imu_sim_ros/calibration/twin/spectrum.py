@@ -15,7 +15,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
+
 Complex = NDArray[np.complex128]
 
 _TAPERS: Final = 5
@@ -55,8 +56,7 @@ class Bands(NamedTuple):
     @property
     def density(self) -> Array:
         """(m, 6) roots of the densities."""
-        result: Array = np.sqrt(np.einsum("mii->mi", self.matrix).real)
-        return result
+        return np.sqrt(np.einsum("mii->mi", self.matrix).real)
 
     @property
     def interval(self) -> Array:
@@ -65,8 +65,7 @@ class Bands(NamedTuple):
 
         freedom = np.maximum(self.freedom, 1e-3)
         ends = np.stack([chi2.ppf(p, freedom) / freedom for p in (0.975, 0.025)])
-        result: Array = np.sqrt(1.0 / np.maximum(ends, 1e-300))
-        return result
+        return np.sqrt(1.0 / np.maximum(ends, 1e-300))
 
     def rows(self, chosen: NDArray[np.bool_]) -> "Bands":
         """Return some of the bands."""
@@ -249,8 +248,7 @@ def quietest(readings: Array, rest: NDArray[np.bool_], rate: float) -> Array:
     spectra = np.fft.rfft(taper * (windows - windows.mean(axis=1, keepdims=True)), axis=1)
     power = np.abs(spectra[:, -count * _IN_BAND - 1 : -1]) ** 2 / (rate * np.sum(taper**2))
     bands = power.reshape(-1, _IN_BAND, 6).mean(axis=1)
-    result: Array = np.sqrt(bands.min(axis=0))
-    return result
+    return np.sqrt(bands.min(axis=0))
 
 
 def raised(white: White, least: Array) -> White:

@@ -6,15 +6,13 @@
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
 from imu_sim_ros.datasets.consumers.rig import RigValues, four, kind
 from imu_sim_ros.datasets.consumers.values import SMALLEST, ImuValues, remarks
 from imu_sim_ros.json_text import as_json
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 _EXPRESSED: Final = (
     "gyroscope_bias",

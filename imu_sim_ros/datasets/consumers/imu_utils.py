@@ -8,12 +8,10 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.bags.text.decimals import decimal
 from imu_sim_ros.datasets.consumers.values import ImuValues, comment, remarks
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 UNITS: Final = {"gyroscope": " rad/s", "accelerometer": " m/s^2"}
 """The string that imu_utils writes as the unit, with its leading blank, for both _n and _w."""

@@ -9,13 +9,11 @@ Keys and meanings from ov_msckf/src/core/VioManagerOptions.h and ov_core/utils/o
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.bags.text.decimals import decimal
 from imu_sim_ros.datasets.consumers.rig import REST_THRESHOLD, RigValues, four, kind, listed, real
 from imu_sim_ros.datasets.consumers.values import ImuValues, comment, remarks, rows
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 _EXPRESSED: Final = (
     "gyroscope_scale_misalignment",

@@ -8,15 +8,13 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.bags.text.decimals import decimal
 from imu_sim_ros.datasets.consumers.values import ImuValues
 from imu_sim_ros.parameters.sections import parameters
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.scene_parameters import SceneParameters
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 
 @dataclass(frozen=True)
@@ -40,13 +38,11 @@ class RigValues:
         """Return T_ic (4, 4), which maps coordinates from a camera to the IMU."""
         imu = self.imu.imu
         t_bi = _pose(np.reshape(imu.mounting, (3, 3)), np.asarray(imu.lever_arm))
-        result: Array = _inverse(t_bi) @ _pose(*self.cameras[name].pose())
-        return result
+        return _inverse(t_bi) @ _pose(*self.cameras[name].pose())
 
     def between(self, first: str, second: str) -> Array:
         """Return T (4, 4), which maps coordinates from the second camera to the first."""
-        result: Array = _inverse(self.imu_camera(first)) @ self.imu_camera(second)
-        return result
+        return _inverse(self.imu_camera(first)) @ self.imu_camera(second)
 
     def camera_imu(self, name: str) -> Array:
         """Return T_ci (4, 4), which maps coordinates from the IMU to a camera."""

@@ -9,15 +9,13 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.bags.text.decimals import decimal
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors import AUXILIARY
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 DENSITIES: Final = tuple(f"{t}_{key}" for t in TRIADS for key in ("noise_density", "random_walk"))
 """The four numbers that every stack uses in some form."""

@@ -16,8 +16,7 @@ from imu_sim_ros.simulation.engine import Simulation
 from imu_sim_ros.simulation.parameters import SimulationParameters
 from imu_sim_ros.simulation.playback import BODY
 from imu_sim_ros.simulation.topics import Encode
-
-Times = NDArray[np.int64]
+from imu_sim_ros.types import Times
 
 Send = Callable[[Any], None]
 Group = tuple[int, Sequence[tuple[Send, Any]]]

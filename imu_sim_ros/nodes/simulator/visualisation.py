@@ -24,8 +24,7 @@ from imu_sim_ros.sensors.camera.view import View
 from imu_sim_ros.simulation.parameters import SimulationParameters
 from imu_sim_ros.simulation.playback import BODY
 from imu_sim_ros.trajectory.motion import Trajectory
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 _SIZE: Final = 0.03
 """Size of a landmark; lines are a third as wide [m]."""

@@ -25,9 +25,7 @@ from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.noise import pressure_variance_discrete
 from imu_sim_ros.sensors.errors.realised import realised_triad
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-
-Array = NDArray[np.float64]
-Times = NDArray[np.int64]
+from imu_sim_ros.types import Array, Times
 
 
 class PressureBlock(NamedTuple):

@@ -21,8 +21,7 @@ from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.own_rate import OwnRate, instantaneous
 from imu_sim_ros.trajectory.motion import Trajectory
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 EARTH_RADIUS: Final = 6356766.0
 """[m] of the geopotential height."""
@@ -71,8 +70,7 @@ class Atmosphere:
             -exponent * above / warmth,
             -exponent / own * np.log1p(own * above / warmth),
         )
-        result: Array = self._pressure[layer] * np.exp(log_ratio)
-        return result
+        return self._pressure[layer] * np.exp(log_ratio)
 
 
 NAME: Final = "barometer"

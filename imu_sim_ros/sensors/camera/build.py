@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError
@@ -30,8 +29,7 @@ from imu_sim_ros.sensors.camera.scene_parameters import (
 from imu_sim_ros.sensors.camera.tracker import Tracker
 from imu_sim_ros.sensors.camera.view import View, in_camera
 from imu_sim_ros.trajectory.motion import Trajectory
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 _LOOKS: Final = 20_000
 """Positions along a path at which a scene is fitted to it."""

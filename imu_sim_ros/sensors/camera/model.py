@@ -16,8 +16,7 @@ from imu_sim_ros.sensors.camera.parameters import (
     fold,
     radial_coefficients,
 )
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 _TABLE: Final = 2049
 _STEPS: Final = 6
@@ -167,8 +166,7 @@ class Sphere(NamedTuple):
             d2 = np.sqrt(p[:, 0] ** 2 + p[:, 1] ** 2 + z1 * z1)
             by_xi = (self.alpha * z1 / d2 + 1.0 - self.alpha) * norm
             change = np.stack([by_xi, d2 - z1], axis=1)
-        result: Array = -p[:, :2, None] * change[:, None, :] / (denominator**2)[:, None, None]
-        return result
+        return -p[:, :2, None] * change[:, None, :] / (denominator**2)[:, None, None]
 
     def unproject(self, m: Array) -> tuple[Array, Mask]:
         """Return unit directions (n, 3) of the plane's coordinates (n, 2), and which have one."""
@@ -192,8 +190,7 @@ class Sphere(NamedTuple):
     def _denominator(self, p: Array) -> Array:
         z, norm = p[:, 2], _norm(p)
         if self.alpha is None:
-            result: Array = z + self.xi * norm if self.xi else z
-            return result
+            return z + self.xi * norm if self.xi else z
         z1 = self.xi * norm + z
         d2 = np.sqrt(p[:, 0] ** 2 + p[:, 1] ** 2 + z1 * z1)
         blended: Array = self.alpha * d2 + (1.0 - self.alpha) * z1
@@ -210,8 +207,7 @@ class Sphere(NamedTuple):
         # d2^2 = x^2 + y^2 + z1^2, and z1 has the gradient above.
         by_d2 = z1[:, None] * gradient
         by_d2[:, :2] += p[:, :2]
-        result: Array = self.alpha * by_d2 / d2[:, None] + (1.0 - self.alpha) * gradient
-        return result
+        return self.alpha * by_d2 / d2[:, None] + (1.0 - self.alpha) * gradient
 
     def _in_front(self, p: Array) -> Mask:
         """Tell which points (n, 3) the model can see at all: its domain, an open cone."""
@@ -227,8 +223,7 @@ class Sphere(NamedTuple):
 
 
 def _norm(p: Array) -> Array:
-    result: Array = np.sqrt(p[:, 0] * p[:, 0] + p[:, 1] * p[:, 1] + p[:, 2] * p[:, 2])
-    return result
+    return np.sqrt(p[:, 0] * p[:, 0] + p[:, 1] * p[:, 1] + p[:, 2] * p[:, 2])
 
 
 class Projection(NamedTuple):

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.parameters.kinds import (
     IDENTITY_MATRIX,
@@ -26,8 +25,7 @@ from imu_sim_ros.parameters.kinds import (
 )
 from imu_sim_ros.sensors.imu.parameters import LARGEST_LATENCY, LONGEST, rotation_problems
 from imu_sim_ros.timebase import LOWEST_RATE
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 COUNTS: Final[dict[str, tuple[int, ...]]] = {"none": (0,), "radtan": (4, 5), "equidistant": (4,)}
 """How many coefficients each distortion model takes: k1 k2 p1 p2 (k3), k1 k2 k3 k4."""
@@ -64,8 +62,7 @@ def distorted_radius(r: Array, k: Sequence[float]) -> Array:
     factor = np.zeros_like(r)
     for value in reversed(k):
         factor = (factor + value) * s
-    result: Array = r * (1.0 + factor)
-    return result
+    return r * (1.0 + factor)
 
 
 IMAGES = ("raw", "compressed", "both", "none")

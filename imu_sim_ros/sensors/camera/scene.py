@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.errors import InputError, system_error
 from imu_sim_ros.inputs.rows import open_regular
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 _SELF: float = 1e-6
 """Relative depth within which a landmark lies on a surface and is not hidden by it."""

@@ -6,15 +6,13 @@
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
 from imu_sim_ros.sensors.camera.build import aprilgrid_corners
 from imu_sim_ros.sensors.camera.scene_parameters import AprilgridParameters, SceneParameters
 from imu_sim_ros.sensors.camera.view import View
 from imu_sim_ros.trajectory.motion import Trajectory
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 COVERAGE: Final = 0.8
 """Share of an image's width and height that the tags' corners should cover over a flight."""

@@ -17,8 +17,8 @@ from imu_sim_ros.random_streams import generator
 from imu_sim_ros.sensors.camera.scene import Scene, hidden
 from imu_sim_ros.sensors.camera.view import Frames, Poses, View, in_camera
 from imu_sim_ros.trajectory.motion import Trajectory
+from imu_sim_ros.types import Array
 
-Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 

@@ -13,9 +13,7 @@ from imu_sim_ros.random_streams import generator_at
 from imu_sim_ros.sensors.camera.model import CameraModel
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.trajectory.motion import Trajectory
-
-Array = NDArray[np.float64]
-Times = NDArray[np.int64]
+from imu_sim_ros.types import Array, Times
 
 LARGEST_JITTER: Final = 0.45
 """Where the stamps' error is cut off, in intervals, so that stamps always increase."""

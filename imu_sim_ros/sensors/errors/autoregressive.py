@@ -10,9 +10,8 @@ from typing import Final
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 _TOGETHER: Final = 8192
 """Values of a row generated at once, as far as whole chunks allow: they stay in the cache."""
@@ -94,8 +93,7 @@ class GaussMarkovBank(ChunkedProcess):
         np.multiply(self._column_decay, starts, out=(added := numbers.reshape(table.shape)))
         table += added
         total = table[:, :, 0] if processes == 1 else table.sum(axis=2)
-        result: Array = total.transpose(1, 2, 3, 0).reshape(axes, count * CHUNK)
-        return result
+        return total.transpose(1, 2, 3, 0).reshape(axes, count * CHUNK)
 
     def _row_starts(self, ends: Array) -> Array:
         """Return the value before each row from the ends of rows that start at 0.

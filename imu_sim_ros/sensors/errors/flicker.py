@@ -21,11 +21,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
 from imu_sim_ros.sensors.errors.autoregressive import ChunkedProcess
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 LONGEST_TIME: Final = 1e4
 """[s]; below 1 / (2 pi LONGEST_TIME) the density is flat."""
@@ -65,14 +63,12 @@ class FlickerFilter(NamedTuple):
         """Return ``|H|^2`` at angular frequencies per sample ``2 pi f dt``."""
         delay = np.exp(-1j * np.atleast_1d(angle))[:, None]
         response = self.direct + np.sum(self.gains / (1.0 - self.poles * delay), axis=1)
-        result: Array = np.abs(response) ** 2
-        return result
+        return np.abs(response) ** 2
 
 
 def _below_one(corner: Array) -> Array:
     """Return ``1 - phi`` of a pole at a corner: ``(1 - phi)^2 / phi = S^2``."""
-    result: Array = corner * (np.sqrt(1.0 + 0.25 * corner**2) - 0.5 * corner)
-    return result
+    return corner * (np.sqrt(1.0 + 0.25 * corner**2) - 0.5 * corner)
 
 
 class _Rows(NamedTuple):

@@ -19,8 +19,7 @@ from imu_sim_ros.sensors.errors.flicker import FlickerNoise
 from imu_sim_ros.sensors.errors.response import noise_gain
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.triads import TriadParameters
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 
 class Term(Protocol):

@@ -12,15 +12,13 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.parameters.kinds import ZERO_VECTOR
 from imu_sim_ros.parameters.sections import parameters as declared
 from imu_sim_ros.random_streams import axis_generators
 from imu_sim_ros.sensors.errors.response import TurnOn
 from imu_sim_ros.sensors.imu.triads import NO_CROSS_AXIS, TriadParameters
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 
 def _constants(cls: type) -> dict[str, int]:
@@ -110,5 +108,4 @@ def as_matrix(response: Array) -> dict[str, Any]:
 def _drawn(seed: int, name: str, sigma: tuple[float, ...], count: int) -> Array:
     """Return count numbers for each axis (3, count)."""
     numbers = [stream.standard_normal(count) for stream in axis_generators(seed, name)]
-    result: Array = np.array(numbers) * np.array(sigma)[:, None]
-    return result
+    return np.array(numbers) * np.array(sigma)[:, None]

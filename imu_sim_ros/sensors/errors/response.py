@@ -15,8 +15,7 @@ from imu_sim_ros.random_streams import axis_generators
 from imu_sim_ros.rotation.components import transform
 from imu_sim_ros.sensors.environment import TemperatureParameters
 from imu_sim_ros.sensors.imu.triads import TriadParameters
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 
 class Response:

@@ -7,7 +7,6 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.sensors.errors.noise import (
     BiasInstability,
@@ -30,8 +29,7 @@ from imu_sim_ros.sensors.errors.response import (
 from imu_sim_ros.sensors.faults import FaultSchedule
 from imu_sim_ros.sensors.imu.board import Surroundings, aged, board_terms
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 
 class Reading(NamedTuple):

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.random_streams import axis_generators, generator
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 _DAY = 86400.0
 """[s]"""
@@ -69,8 +68,7 @@ def aged(age_days: float, seconds: NDArray[np.floating[Any]]) -> Array:
     :param age_days: at the start [day].
     :param seconds: since the start [s].
     """
-    result: Array = np.log10(1.0 + age_days + np.divide(seconds, _DAY))
-    return result
+    return np.log10(1.0 + age_days + np.divide(seconds, _DAY))
 
 
 class Ageing:

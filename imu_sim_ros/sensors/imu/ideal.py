@@ -7,7 +7,6 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.rotation.components import cross, rotate_inverse, transform
@@ -15,11 +14,11 @@ from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.gravity import earth_rate_vector, gravity_vector
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.trajectory.motion import Felt, Later, Motion, Trajectory, delayed, felt
+from imu_sim_ros.types import Array
 
 if TYPE_CHECKING:
     from imu_sim_ros.sensors.gravity import CurvedEarth
 
-Array = NDArray[np.float64]
 
 _MOST_PERIODS: Final = 50.0
 """Of the highest frequency in the interval; they take 187 nodes."""

@@ -7,7 +7,6 @@ from collections.abc import Collection
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros import timebase
 from imu_sim_ros.conventions import TRIADS
@@ -21,12 +20,12 @@ from imu_sim_ros.sensors.imu.ideal import IdealImu, Quadrature, quadrature
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.timing import Clock, Transport
 from imu_sim_ros.trajectory.motion import Motion, Trajectory, highest_frequency
+from imu_sim_ros.types import Array
 
 if TYPE_CHECKING:
     from imu_sim_ros.sensors.auxiliary import Auxiliary
     from imu_sim_ros.sensors.imu.vibration import BoardVibration
 
-Array = NDArray[np.float64]
 
 _INTERNAL_READINGS: Final = 16384
 """Generated at a time inside an oversampled sensor."""

@@ -285,8 +285,7 @@ class TriadParameters:
         xy, xz, yx, yz, zx, zy = self.misalignment_percent
         percent = np.array([[0.0, xy, xz], [yx, 0.0, yz], [zx, zy, 0.0]])
         percent += np.diag(self.scale_error_percent)
-        result: NDArray[np.float64] = np.reshape(self.scale_misalignment, (3, 3)) + 0.01 * percent
-        return result
+        return np.reshape(self.scale_misalignment, (3, 3)) + 0.01 * percent
 
     def problems(self, prefix: str) -> Iterator[str]:
         """Yield a line for each contradiction between parameters."""

@@ -13,8 +13,8 @@ from imu_sim_ros.random_streams import axis_generators, generator
 from imu_sim_ros.sensors.errors.autoregressive import ChunkedProcess
 from imu_sim_ros.sensors.imu.parameters import BoardVibrationParameters
 from imu_sim_ros.trajectory.motion import Motion
+from imu_sim_ros.types import Array
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 _AXES: Final = 6
@@ -117,8 +117,7 @@ class MotionSize:
         mean, self._state = signal.lfilter(
             [1.0 - self._decay], [1.0, -self._decay], squares, axis=1, zi=self._state
         )
-        result: Array = 0.5 * np.log((mean + self._floor) / (self._reference + self._floor))
-        return result
+        return 0.5 * np.log((mean + self._floor) / (self._reference + self._floor))
 
 
 class BoardVibration:
@@ -182,5 +181,4 @@ class BoardVibration:
             for k in (1, 2):
                 total += exponents[:, k, None] * logs[k]
             triads.append(np.repeat(np.exp(total)[:, None], 3, axis=1))
-        result: Array = np.concatenate(triads, axis=1)
-        return result
+        return np.concatenate(triads, axis=1)

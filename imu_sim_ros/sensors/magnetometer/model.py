@@ -23,8 +23,7 @@ from imu_sim_ros.sensors.magnetometer.declaration import MagneticBlock
 from imu_sim_ros.sensors.magnetometer.parameters import MagnetometerParameters
 from imu_sim_ros.sensors.own_rate import OwnRate, Sampled, instantaneous
 from imu_sim_ros.trajectory.motion import Trajectory
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 MU0_OVER_4_PI: Final = 1e-7
 """[T m/A]; the value measured in the SI of 2019 agrees to nine digits."""
@@ -192,5 +191,4 @@ class Magnetometer:
         if not self._current.size:
             return np.broadcast_to(self._hard_iron, (3, len(t)))
         current = np.interp(t, self._current[0], self._current[1])
-        result: Array = self._hard_iron + self._coupling * current
-        return result
+        return self._hard_iron + self._coupling * current

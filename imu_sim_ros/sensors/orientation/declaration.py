@@ -24,12 +24,10 @@ from imu_sim_ros.sensors.declaration import (
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.noise import accel_variance_discrete, gyro_variance_discrete
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.types import Array, Times
 
 if TYPE_CHECKING:
     from imu_sim_ros.bags.messages.blocks import Pattern
-
-Array = NDArray[np.float64]
-Times = NDArray[np.int64]
 
 
 class OrientationBlock(NamedTuple):

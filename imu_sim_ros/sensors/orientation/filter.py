@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
 from imu_sim_ros.rotation import components
+from imu_sim_ros.types import Array
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 _CHUNK: Final = 256
@@ -105,8 +105,7 @@ class SteadyLowPass:
         b, a = [1.0 - self._phi], [1.0, -self._phi]
         once, self._states[0] = self._filter(b, a, values, zi=self._states[0])
         twice, self._states[1] = self._filter(b, a, once, zi=self._states[1])
-        result: Array = 2.0 * once - twice
-        return result
+        return 2.0 * once - twice
 
 
 class OrientationFilter:

@@ -4,7 +4,6 @@
 """The orientation that a board states with its readings: ``imu/data`` (REP-145)."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros import rotation, timebase
 from imu_sim_ros.random_streams import axis_generators
@@ -21,8 +20,7 @@ from imu_sim_ros.sensors.orientation.filter import OrientationFilter
 from imu_sim_ros.sensors.orientation.parameters import OrientationParameters
 from imu_sim_ros.sensors.realised import realised_imu
 from imu_sim_ros.trajectory.motion import Trajectory
-
-Array = NDArray[np.float64]
+from imu_sim_ros.types import Array
 
 
 class OrientationModel:

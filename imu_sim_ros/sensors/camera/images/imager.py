@@ -17,8 +17,8 @@ from imu_sim_ros.sensors.camera.scene import Scene
 from imu_sim_ros.sensors.camera.scene_parameters import SceneParameters
 from imu_sim_ros.sensors.camera.view import View
 from imu_sim_ros.trajectory.motion import Trajectory
+from imu_sim_ros.types import Array
 
-Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 Bytes = NDArray[np.uint8]
 

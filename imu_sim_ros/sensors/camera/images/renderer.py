@@ -28,6 +28,7 @@ from imu_sim_ros.sensors.camera.images.texture import (
 from imu_sim_ros.sensors.camera.model import CameraModel
 from imu_sim_ros.sensors.camera.scene import Surfaces
 from imu_sim_ros.sensors.camera.view import Poses
+from imu_sim_ros.types import Array
 
 Single = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -103,7 +104,6 @@ def _extent(cells: Mask) -> slice:
     return slice(int(places[0]), int(places[-1]) + 1)
 
 
-Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 
 _GRID: Final = 2.0**30

@@ -20,6 +20,7 @@ from imu_sim_ros.sensors.camera.scene_parameters import (
     SceneParameters,
     TargetParameters,
 )
+from imu_sim_ros.types import Array
 
 Bytes = NDArray[np.uint8]
 Integers = NDArray[np.int64]
@@ -219,7 +220,6 @@ def _checkerboard(p: CheckerboardParameters) -> Bytes:
 
 
 Single = NDArray[np.float32]
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _ONE = np.float32(1.0)
