@@ -30,7 +30,7 @@ ROOMS = {
     "__init__": LOW | {"jobs", "camera", "navigation", "sensors", "trajectory"},
     "camera": BODY | {"simulation", "jobs"},
     "config": LOW | {"trajectory"},
-    "inputs": {"errors"},
+    "inputs": {"errors", "types"},
     "parameters": LOW,
     "trajectory": LOW,
     "sensors": BODY | {"bags"},
