@@ -213,7 +213,7 @@ def _in_process(number: int, kind: str, inputs: Inputs, place: Path) -> Outcome:
         "not finite": status == 0 and program in MEASURES and NOT_FINITE.search(out) is not None,
         "taken": kind == "mistyped" and status != 2 and not faults,
         "no hint": kind == "mistyped"
-        and not re.search("did you mean|unrecog|must be|it has", error),
+        and not re.search("did you mean|must be|it has|is not of the form", error),
     }
     faults += [name for name, found in judged.items() if found]
     if _peak_bytes() > MEMORY_BYTES:
