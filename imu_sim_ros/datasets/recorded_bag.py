@@ -22,9 +22,9 @@ from imu_sim_ros.bags.messages.encode_cameras import (
     CAMERA_INFO,
     COMPRESSED_IMAGE,
     IMAGE,
-    TF_MESSAGE,
     CameraInfo,
 )
+from imu_sim_ros.bags.messages.transforms import TF_MESSAGE
 from imu_sim_ros.bags.read import decoded_messages
 from imu_sim_ros.bags.reader import Bag
 from imu_sim_ros.conventions import COMPRESSED_TOPIC, DEPTH_TOPIC, IMAGE_TOPIC, TF_STATIC_TOPIC

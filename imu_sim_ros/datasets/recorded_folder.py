@@ -23,12 +23,11 @@ from imu_sim_ros.bags.messages.encode_cameras import (
     CAMERA_INFO,
     COMPRESSED_IMAGE,
     IMAGE,
-    TF_MESSAGE,
     CameraInfoEncoder,
     CompressedImageEncoder,
     ImageEncoder,
-    TransformsEncoder,
 )
+from imu_sim_ros.bags.messages.transforms import TF_MESSAGE, TransformsEncoder
 from imu_sim_ros.bags.writer import Block, Topic, Writer
 from imu_sim_ros.conventions import (
     BODY_FRAME,

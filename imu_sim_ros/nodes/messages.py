@@ -18,8 +18,8 @@ import numpy as np
 
 from imu_sim_ros.bags.messages.decode import MessageDecoder
 from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY
-from imu_sim_ros.bags.messages.encode_cameras import TransformsEncoder
 from imu_sim_ros.bags.messages.layouts import STAMP_OFFSET
+from imu_sim_ros.bags.messages.transforms import TransformsEncoder
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.nodes import transform_type

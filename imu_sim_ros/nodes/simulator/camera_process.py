@@ -39,7 +39,7 @@ from imu_sim_ros.json_text import as_json
 from imu_sim_ros.nodes import run
 from imu_sim_ros.nodes.publishing import Counter, create
 from imu_sim_ros.nodes.simulator.cameras import MARKERS, TOKEN
-from imu_sim_ros.nodes.simulator.visualisation import markers
+from imu_sim_ros.nodes.simulator.markers import markers
 from imu_sim_ros.parameters.sections import build
 from imu_sim_ros.sensors.camera.rig import Rig
 from imu_sim_ros.simulation.playback import simulator_section

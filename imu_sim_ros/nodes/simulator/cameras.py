@@ -28,7 +28,7 @@ from imu_sim_ros.errors import ConfigurationError, MachineError
 from imu_sim_ros.json_text import as_json
 from imu_sim_ros.nodes import run
 from imu_sim_ros.nodes.simulator.publish_queue import Piece
-from imu_sim_ros.nodes.simulator.visualisation import Mount
+from imu_sim_ros.nodes.simulator.transforms import Mount
 from imu_sim_ros.nodes.supervised_thread import Fail, SupervisedThread
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors.camera.parameters import CameraParameters

@@ -28,13 +28,13 @@ from std_srvs.srv import SetBool, Trigger
 
 from imu_sim_ros import conventions, timebase
 from imu_sim_ros.bags.messages.encode import CLOCK, ClockEncoder
-from imu_sim_ros.bags.messages.encode_cameras import TF_MESSAGE
+from imu_sim_ros.bags.messages.transforms import TF_MESSAGE
 from imu_sim_ros.errors import ConfigurationError, MissingDependencyError
 from imu_sim_ros.nodes import publishing as sensor_description
 from imu_sim_ros.nodes import run
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.publishing import Counter, check_overrides, create
-from imu_sim_ros.nodes.simulator import visualisation as transforms
+from imu_sim_ros.nodes.simulator import transforms as transforms
 from imu_sim_ros.nodes.simulator.diagnostics import Histogram, Report, fault_message
 from imu_sim_ros.nodes.simulator.engine import Engine, is_wanted, wanted_fault
 from imu_sim_ros.nodes.simulator.pacing import Pacer, RosClockPacer, Settling, Stall

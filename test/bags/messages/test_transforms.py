@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from rosbags.typesys import Stores, get_typestore
 
-from imu_sim_ros.bags.messages.encode_cameras import TransformsEncoder
+from imu_sim_ros.bags.messages.transforms import TransformsEncoder
 from imu_sim_ros.errors import InputError
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
