@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.arguments import array, number, one_of, switch
+from imu_sim_ros.arguments import array, number, one_of, refuse, switch
 from imu_sim_ros.conventions import GRAVITY, TRUTH_TOPIC
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.jobs.flight import Flight, readings_of
@@ -373,6 +373,8 @@ def evaluate(
     number("max_gap", max_gap, "a number of seconds above 0", 0.0, above=True)
     one_of("align", align, ALIGNMENTS)
     own = checked_poses("estimate", estimate, increasing=False)
+    if (np.diff(own.t_ns) < 0).any():
+        refuse("estimate.t_ns", own.t_ns, "increasing, or equal for a duplicate")
     known = checked_poses("truth", truth)
     rows = common_rows(own.t_ns, known.t_ns, max_gap)
     t_ns = own.t_ns[rows]

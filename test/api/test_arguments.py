@@ -130,6 +130,7 @@ def test_poses_out_of_order_are_refused_in_every_door(flight):
     for name, call in (
         ("trajectory", lambda: ims.simulate(trajectory=given)),
         ("truth", lambda: ims.evaluate(flight.truth, given)),
+        ("estimate", lambda: ims.evaluate(given, flight.truth)),
     ):
         with pytest.raises(ims.ConfigurationError, match=rf"^{name}\.t_ns = .*increasing"):
             call()
