@@ -41,11 +41,11 @@ ROOMS = {
     "navigation": LOW | {"sensors"},
     "calibration": LOW | {"sensors", "simulation"},
     "plots": LOW | {"sensors", "navigation", "calibration"},
-    "campaign": BODY | {"simulation", "bags", "datasets", "navigation", "calibration"},
-    "report": LOW | {"sensors", "bags", "datasets", "navigation", "calibration", "campaign"},
+    "campaigns": BODY | {"simulation", "bags", "datasets", "navigation", "calibration"},
+    "reports": LOW | {"sensors", "bags", "datasets", "navigation", "calibration", "campaigns"},
     "jobs": BODY
     | {"simulation", "bags", "datasets", "navigation", "calibration", "plots"}
-    | {"campaign", "report"},
+    | {"campaigns", "reports"},
     "signals": LOW,
     "program": LOW | {"signals", "completion", "trajectory"},
     "completion": LOW | {"navigation", "simulation"},
@@ -61,8 +61,8 @@ ONLY_IN = {
     "mcap": {"bags"},
     "matplotlib": {"plots"},
     "cv2": {"sensors"},
-    "distributed": {"campaign"},
-    "pyarrow": {"campaign"},
+    "distributed": {"campaigns"},
+    "pyarrow": {"campaigns"},
 }
 PARAMETERS = {"parameters", "presets", "triads"}
 LARGEST_ROOM, LONGEST_FILE, LONGEST_FUNCTION = 24, 600, 60
@@ -215,7 +215,7 @@ def test_no_heavy_import_at_the_top_of_what_a_node_starts_with(path):
     assert not names & HEAVY
 
 
-NOT_FOR_OTHERS = {"campaign/plan.py"}  # the text of which a digest is made
+NOT_FOR_OTHERS = {"campaigns/plan.py"}  # the text of which a digest is made
 
 
 @over(modules())

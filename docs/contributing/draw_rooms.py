@@ -11,8 +11,8 @@ from matplotlib.patches import FancyBboxPatch
 
 FLOORS = (
     (("commands", "arguments, printing"), ("nodes", "ROS 2, no mathematics")),
-    (("jobs", "what Python calls"), ("campaign", "many runs"),
-     ("report", "pages"), ("plots", "pictures")),
+    (("jobs", "what Python calls"), ("campaigns", "many runs"),
+     ("reports", "pages"), ("plots", "pictures")),
     (("datasets", "EuRoC, CSV, tracks, stacks"), ("navigation", "readings to path"),
      ("calibration", "readings to parameters")),
     (("simulation", "trajectory + sensors = blocks of samples"),),

@@ -18,11 +18,11 @@ from imu_sim_ros.errors import InputError, MachineError
 from imu_sim_ros.machine import cores
 
 if TYPE_CHECKING:
-    from imu_sim_ros.campaign.metrics import Tolerance
-    from imu_sim_ros.campaign.plan import Plan
-    from imu_sim_ros.campaign.results import Row
-    from imu_sim_ros.campaign.summary import Group
-    from imu_sim_ros.campaign.verdict import Contest, Judgement
+    from imu_sim_ros.campaigns.metrics import Tolerance
+    from imu_sim_ros.campaigns.plan import Plan
+    from imu_sim_ros.campaigns.results import Row
+    from imu_sim_ros.campaigns.summary import Group
+    from imu_sim_ros.campaigns.verdict import Contest, Judgement
     from imu_sim_ros.jobs.campaign import Campaign
 
 EXAMPLES: Final = """
@@ -146,9 +146,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def run(arguments: argparse.Namespace) -> list[str]:
     """Run a campaign; return a line for every requirement that is not met."""
-    from imu_sim_ros.campaign.junit import write_junit
-    from imu_sim_ros.campaign.metrics import parse_tolerance
-    from imu_sim_ros.campaign.plan import check_plan, find_plan, load_plan
+    from imu_sim_ros.campaigns.junit import write_junit
+    from imu_sim_ros.campaigns.metrics import parse_tolerance
+    from imu_sim_ros.campaigns.plan import check_plan, find_plan, load_plan
     from imu_sim_ros.jobs.campaign import Options, Workers, make
 
     path, folder = find_plan(arguments.plan), arguments.output
@@ -208,7 +208,7 @@ def _bar(
     plan: "Plan", folder: Path, quiet: bool, there: int
 ) -> Iterator[Callable[[Sequence["Row"]], None]]:
     """Show a bar while the runs are made."""
-    from imu_sim_ros.campaign.campaign import Tally
+    from imu_sim_ros.campaigns.campaign import Tally
 
     tally, text = Tally(plan), f"campaign {plan.options.name}"
     with program.progress(text, plan.run_count, quiet, done=there) as advance:
@@ -230,8 +230,8 @@ def _problems(arguments: argparse.Namespace, plan: "Plan") -> Iterator[str]:
 
 def _duration(arguments: argparse.Namespace, plan: "Plan") -> str:
     """Return how long a campaign takes, from its first run; of programs only their limit says."""
-    from imu_sim_ros.campaign import campaign
-    from imu_sim_ros.campaign.parameters import CommandEstimator
+    from imu_sim_ros.campaigns import campaign
+    from imu_sim_ros.campaigns.parameters import CommandEstimator
 
     total, words = campaign.seconds_of_all_runs(plan), "at"
     if total is None:
@@ -246,9 +246,9 @@ def _duration(arguments: argparse.Namespace, plan: "Plan") -> str:
 
 def _print_power(arguments: argparse.Namespace, plan: "Plan", tolerance: "Tolerance") -> None:
     """Print the chance to find a difference with the plan's seeds, and the seeds it takes."""
-    from imu_sim_ros.campaign.cells import cell_count
-    from imu_sim_ros.campaign.metrics import parse_tolerance
-    from imu_sim_ros.campaign.statistics import power, seeds_needed
+    from imu_sim_ros.campaigns.cells import cell_count
+    from imu_sim_ros.campaigns.metrics import parse_tolerance
+    from imu_sim_ros.campaigns.statistics import power, seeds_needed
 
     wanted, scatter = (parse_tolerance(word) for word in (arguments.power, arguments.scatter))
     shares = {"--power": wanted, "--scatter": scatter, "tolerance": tolerance}
@@ -291,7 +291,7 @@ def _print_power(arguments: argparse.Namespace, plan: "Plan", tolerance: "Tolera
 
 
 def _described(plan: "Plan") -> str:
-    from imu_sim_ros.campaign.cells import cell_count
+    from imu_sim_ros.campaigns.cells import cell_count
 
     counts = ((cell_count(plan.axes), "cell"), (len(plan.seeds), "seed"))
     factors = (*counts, (len(plan.estimators), "estimator"))
@@ -300,8 +300,8 @@ def _described(plan: "Plan") -> str:
 
 
 def _print(made: "Campaign") -> None:
-    from imu_sim_ros.campaign.summary import groups
-    from imu_sim_ros.campaign.verdict import counts
+    from imu_sim_ros.campaigns.summary import groups
+    from imu_sim_ros.campaigns.verdict import counts
 
     metric, found = made.judgement.metric, groups(made.runs, made.plan.grid_names)
     rows = [_row(group, metric) for group in found[:_SHOWN]]
@@ -341,7 +341,7 @@ def _place(contest: "Contest") -> str:
 
 
 def _print_slopes(rows: Sequence["Row"], found: Sequence["Group"], metric: str) -> None:
-    from imu_sim_ros.campaign.summary import slopes
+    from imu_sim_ros.campaigns.summary import slopes
 
     grid = found[0].grid if found else ()
     slopes_of = [
@@ -359,7 +359,7 @@ _SHOWN: Final = 40
 
 
 def _row(group: "Group", metric: str) -> list[str]:
-    from imu_sim_ros.campaign.statistics import quantile
+    from imu_sim_ros.campaigns.statistics import quantile
 
     values = group.values(metric)  # none of success, whose interval is in summary.csv
     median, p95 = quantile(values, 0.5), quantile(values, 0.95)

@@ -93,7 +93,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 def _files(arguments: argparse.Namespace) -> argparse.Namespace:
     """Return the arguments with a campaign's files for its folder: the page may lie among them."""
-    from imu_sim_ros.report.of_campaign import is_campaign
+    from imu_sim_ros.reports.of_campaign import is_campaign
 
     inputs: list[Path] = []
     for path in arguments.inputs:
@@ -107,7 +107,7 @@ def _files(arguments: argparse.Namespace) -> argparse.Namespace:
 
 
 def _default_output(inputs: Sequence[Path]) -> Path:
-    from imu_sim_ros.report.of_campaign import is_campaign
+    from imu_sim_ros.reports.of_campaign import is_campaign
 
     first = named(inputs[0])
     if is_campaign(first):

@@ -16,17 +16,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from imu_sim_ros import arguments
-from imu_sim_ros.campaign import campaign as runs
-from imu_sim_ros.campaign import engine as engines
-from imu_sim_ros.campaign.metrics import SUCCESS, Tolerance, parse_tolerance
-from imu_sim_ros.campaign.plan import Plan, check_plan, find_plan, load_plan
-from imu_sim_ros.campaign.results import TABLE, Row, Store, read_results
-from imu_sim_ros.campaign.verdict import Judgement, judge
+from imu_sim_ros.campaigns import campaign as runs
+from imu_sim_ros.campaigns import engine as engines
+from imu_sim_ros.campaigns.metrics import SUCCESS, Tolerance, parse_tolerance
+from imu_sim_ros.campaigns.plan import Plan, check_plan, find_plan, load_plan
+from imu_sim_ros.campaigns.results import TABLE, Row, Store, read_results
+from imu_sim_ros.campaigns.verdict import Judgement, judge
 from imu_sim_ros.errors import InputError, system_error
 from imu_sim_ros.jobs.report import report, write_campaign_page
 
 if TYPE_CHECKING:
-    from imu_sim_ros.campaign.engine import Engine
+    from imu_sim_ros.campaigns.engine import Engine
 
 __all__ = ["Campaign", "Options", "Workers", "campaign", "make", "report"]
 

@@ -19,11 +19,11 @@ from imu_sim_ros.inputs.rows import Skipped
 from imu_sim_ros.jobs.output import saved
 from imu_sim_ros.jobs.tracks import has_truth, odometry_topics, read_track, truth_topic
 from imu_sim_ros.poses import PoseSequence
-from imu_sim_ros.report.page import Section, html
+from imu_sim_ros.reports.page import Section, html
 
 if TYPE_CHECKING:
-    from imu_sim_ros.campaign.metrics import Tolerance
-    from imu_sim_ros.report.of_bag import Estimate
+    from imu_sim_ros.campaigns.metrics import Tolerance
+    from imu_sim_ros.reports.of_bag import Estimate
 
 _POSES: Final = (".txt", ".tum", ".csv")
 
@@ -113,8 +113,8 @@ def write_campaign_page(
     command: str,
 ) -> None:
     """Write report.html into a campaign's folder; arguments as for ``campaign_sections``."""
-    from imu_sim_ros.campaign.results import replaced
-    from imu_sim_ros.report.of_campaign import campaign_sections
+    from imu_sim_ros.campaigns.results import replaced
+    from imu_sim_ros.reports.of_campaign import campaign_sections
 
     title, sections = campaign_sections(folder, metric, baselines, tolerance)
     with replaced(folder / "report.html") as part:
@@ -123,7 +123,7 @@ def write_campaign_page(
 
 def _sections(sources: Sources) -> tuple[list[str], list[Section]]:
     """Return the titles of the inputs and all sections."""
-    from imu_sim_ros.report.of_campaign import campaign_sections, is_campaign
+    from imu_sim_ros.reports.of_campaign import campaign_sections, is_campaign
 
     titles: list[str] = []
     sections: list[Section] = []
@@ -150,7 +150,7 @@ def _is_poses(path: Path) -> bool:
 
 def _bag(sources: Sources, path: Path, files: Sequence[Path]) -> list[Section]:
     """Return the sections of a bag: its streams, its truth and the estimates of it."""
-    from imu_sim_ros.report.of_bag import Estimate, bag_sections
+    from imu_sim_ros.reports.of_bag import Estimate, bag_sections
 
     def read(source: Path, topic: str | None, name: str) -> Estimate:
         track = read_track(source, topic, True, sources.reader, sources.skipped(source))

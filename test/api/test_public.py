@@ -162,3 +162,9 @@ def test_the_first_simulation_loads_what_it_needs():
         "rosbags",
     }
     assert not loaded & {"mcap", "rich", "matplotlib", "cv2", "pandas"}
+
+
+def test_names_of_functions_stay_theirs_after_any_import():
+    """A package of a function's name would take its place once something in it is imported."""
+    folders = {path.stem for path in Path(ims.__file__).parent.iterdir()}
+    assert {name for name in ims.__all__ if name in folders} == {"camera"}

@@ -25,9 +25,9 @@ from typing import NamedTuple
 import numpy as np
 
 import imu_sim_ros as ims
-from imu_sim_ros.campaign import command_estimator as dataset
-from imu_sim_ros.campaign.plan import load_plan
-from imu_sim_ros.campaign.runs import CellRuns
+from imu_sim_ros.campaigns import command_estimator as dataset
+from imu_sim_ros.campaigns.plan import load_plan
+from imu_sim_ros.campaigns.runs import CellRuns
 from imu_sim_ros.navigation.covariance import POSITION, initial_covariance, propagate
 from imu_sim_ros.navigation.evaluation import nees
 from imu_sim_ros.navigation.noise import noise_of

@@ -8,8 +8,8 @@ import json
 import numpy as np
 import pytest
 
-from imu_sim_ros.campaign.plan import load_plan
-from imu_sim_ros.campaign.runs import CellRuns
+from imu_sim_ros.campaigns.plan import load_plan
+from imu_sim_ros.campaigns.runs import CellRuns
 from imu_sim_ros.commands import allan, calibrate, generate
 
 AT_REST = {

@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imu_sim_ros.campaign import command_estimator as command
-from imu_sim_ros.campaign.plan import load_plan
-from imu_sim_ros.campaign.runs import CellRuns
+from imu_sim_ros.campaigns import command_estimator as command
+from imu_sim_ros.campaigns.plan import load_plan
+from imu_sim_ros.campaigns.runs import CellRuns
 
 # Reads the truth of the EuRoC folder and writes it as its estimate, moved and turned in yaw.
 HONEST = """
@@ -185,7 +185,7 @@ def test_an_error_that_nobody_foresaw_is_the_status_of_its_own_run(
         raise np.linalg.LinAlgError("SVD did not converge")
 
     plan = load_plan(plan_file(estimators={"a": {"command": "true"}, "dead_reckon": {}}))
-    monkeypatch.setattr("imu_sim_ros.campaign.command_estimator.run_command", broken)
+    monkeypatch.setattr("imu_sim_ros.campaigns.command_estimator.run_command", broken)
     first, second = CellRuns(plan, next(plan.cells())).rows([1], plan.estimators, tmp_path)
     assert first["status"] == "failed: unexpected: LinAlgError: SVD did not converge"
     assert second["status"] == "done"

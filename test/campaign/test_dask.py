@@ -16,7 +16,7 @@ import time
 
 import pytest
 
-from imu_sim_ros.campaign.results import read_results
+from imu_sim_ros.campaigns.results import read_results
 
 # Not part of the run on the oldest versions, which has no Dask.
 pytestmark = pytest.mark.ros

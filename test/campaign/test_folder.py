@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from imu_sim_ros.campaign.results import read_results
+from imu_sim_ros.campaigns.results import read_results
 from imu_sim_ros.commands import report
 from imu_sim_ros.errors import InputError
 

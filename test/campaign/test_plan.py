@@ -8,9 +8,9 @@ import subprocess
 
 import pytest
 
-from imu_sim_ros.campaign.cells import cell_count, cells, read_axes
-from imu_sim_ros.campaign.gate import parse
-from imu_sim_ros.campaign.plan import check_cells, check_plan, find_plan, load_plan, read_plan
+from imu_sim_ros.campaigns.cells import cell_count, cells, read_axes
+from imu_sim_ros.campaigns.gate import parse
+from imu_sim_ros.campaigns.plan import check_cells, check_plan, find_plan, load_plan, read_plan
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.parameters import files
 

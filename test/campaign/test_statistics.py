@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from imu_sim_ros.campaign.gate import parse
-from imu_sim_ros.campaign.plan import read_plan
-from imu_sim_ros.campaign.statistics import (
+from imu_sim_ros.campaigns.gate import parse
+from imu_sim_ros.campaigns.plan import read_plan
+from imu_sim_ros.campaigns.statistics import (
     Interval,
     holm,
     mean,
@@ -27,8 +27,8 @@ from imu_sim_ros.campaign.statistics import (
     statistic,
     success,
 )
-from imu_sim_ros.campaign.summary import groups, unmet, unmet_lines
-from imu_sim_ros.campaign.verdict import DIFFERENCE, RATIO, SHARE, Effect, judge
+from imu_sim_ros.campaigns.summary import groups, unmet, unmet_lines
+from imu_sim_ros.campaigns.verdict import DIFFERENCE, RATIO, SHARE, Effect, judge
 
 
 def test_an_unmet_requirement_of_many_cells_does_not_bury_the_results():

@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-from imu_sim_ros.campaign.results import read_results
+from imu_sim_ros.campaigns.results import read_results
 
 pytestmark = pytest.mark.ros
 

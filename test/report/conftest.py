@@ -11,10 +11,10 @@ import yaml
 
 from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY, ImuEncoder, OdometryEncoder
 from imu_sim_ros.bags.write import open_writer
-from imu_sim_ros.campaign import campaign
-from imu_sim_ros.campaign.engine import work
-from imu_sim_ros.campaign.plan import load_plan
-from imu_sim_ros.campaign.results import Store
+from imu_sim_ros.campaigns import campaign
+from imu_sim_ros.campaigns.engine import work
+from imu_sim_ros.campaigns.plan import load_plan
+from imu_sim_ros.campaigns.results import Store
 
 HOSTILE = '</script><script>document.title = "owned"</script><img src=x onerror=alert(1)>'
 PLAN = {

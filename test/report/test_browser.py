@@ -9,9 +9,9 @@ import sys
 
 import pytest
 
-from imu_sim_ros.campaign.plan import load_plan
-from imu_sim_ros.campaign.results import read_results
-from imu_sim_ros.campaign.verdict import judge
+from imu_sim_ros.campaigns.plan import load_plan
+from imu_sim_ros.campaigns.results import read_results
+from imu_sim_ros.campaigns.verdict import judge
 from imu_sim_ros.commands.report import main
 
 from .conftest import HOSTILE

@@ -19,12 +19,12 @@ from imu_sim_ros.bags.messages.encode import VECTOR3_STAMPED, Vector3StampedEnco
 from imu_sim_ros.bags.messages.encode_cameras import IMAGE, ImageEncoder
 from imu_sim_ros.bags.read import read_imu
 from imu_sim_ros.bags.write import open_writer
-from imu_sim_ros.campaign.plan import load_plan
-from imu_sim_ros.campaign.results import read_results
-from imu_sim_ros.campaign.verdict import judge
+from imu_sim_ros.campaigns.plan import load_plan
+from imu_sim_ros.campaigns.results import read_results
+from imu_sim_ros.campaigns.verdict import judge
 from imu_sim_ros.commands.report import main
-from imu_sim_ros.report import streams
-from imu_sim_ros.report.page import Section, as_json, column, html, table
+from imu_sim_ros.reports import streams
+from imu_sim_ros.reports.page import Section, as_json, column, html, table
 from imu_sim_ros.sensors.camera.images.files import decoded
 
 from .conftest import GAP_AT, HOSTILE, RATE, SAMPLES, START

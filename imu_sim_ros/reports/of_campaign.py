@@ -9,20 +9,20 @@ from typing import Any, Final
 
 import numpy as np
 
-from imu_sim_ros.campaign.metrics import SUCCESS, Tolerance, better
-from imu_sim_ros.campaign.plan import Plan, load_plan
-from imu_sim_ros.campaign.results import LOG, TABLE, Row, read_results
-from imu_sim_ros.campaign.statistics import quantile
-from imu_sim_ros.campaign.summary import Group, groups, slopes
-from imu_sim_ros.campaign.verdict import judge
+from imu_sim_ros.campaigns.metrics import SUCCESS, Tolerance, better
+from imu_sim_ros.campaigns.plan import Plan, load_plan
+from imu_sim_ros.campaigns.results import LOG, TABLE, Row, read_results
+from imu_sim_ros.campaigns.statistics import quantile
+from imu_sim_ros.campaigns.summary import Group, groups, slopes
+from imu_sim_ros.campaigns.verdict import judge
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import is_present
 from imu_sim_ros.names import unknown
 from imu_sim_ros.navigation.evaluation import LARGEST_SIGMA, anees_band
 from imu_sim_ros.parameters.sections import flatten
-from imu_sim_ros.report.of_runs import PLAN, opened, repeated
-from imu_sim_ros.report.of_verdict import against_baseline, short, varying_names, verdict_section
-from imu_sim_ros.report.page import Item, Section, column, table
+from imu_sim_ros.reports.of_runs import PLAN, opened, repeated
+from imu_sim_ros.reports.of_verdict import against_baseline, short, varying_names, verdict_section
+from imu_sim_ros.reports.page import Item, Section, column, table
 
 _SENSORS: Final = {
     "gyroscope_noise_density": "rad/s/sqrt(Hz)",

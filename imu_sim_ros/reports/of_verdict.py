@@ -6,10 +6,10 @@
 from collections.abc import Sequence
 from typing import Final
 
-from imu_sim_ros.campaign.plan import Plan
-from imu_sim_ros.campaign.summary import Group
-from imu_sim_ros.campaign.verdict import DIFFERENCE, EQUAL, RATIO, Contest, Effect, Judgement
-from imu_sim_ros.report.page import Item, Section, table
+from imu_sim_ros.campaigns.plan import Plan
+from imu_sim_ros.campaigns.summary import Group
+from imu_sim_ros.campaigns.verdict import DIFFERENCE, EQUAL, RATIO, Contest, Effect, Judgement
+from imu_sim_ros.reports.page import Item, Section, table
 
 _MOST_SEEDS: Final = 100
 _MOST_DRAWN: Final = 12

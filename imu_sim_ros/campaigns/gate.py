@@ -17,7 +17,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Final, NamedTuple
 
-from imu_sim_ros.campaign.metrics import SUCCESS
+from imu_sim_ros.campaigns.metrics import SUCCESS
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.names import suggestion
 

@@ -11,12 +11,12 @@ from typing import Any, Final
 import numpy as np
 
 import imu_sim_ros
-from imu_sim_ros.campaign.cells import Cell, word
-from imu_sim_ros.campaign.metrics import Metrics
-from imu_sim_ros.campaign.parameters import CommandEstimator, DeadReckonEstimator
-from imu_sim_ros.campaign.plan import Plan
-from imu_sim_ros.campaign.reckoning import DeadReckoning
-from imu_sim_ros.campaign.simulated import SimulatedCell
+from imu_sim_ros.campaigns.cells import Cell, word
+from imu_sim_ros.campaigns.metrics import Metrics
+from imu_sim_ros.campaigns.parameters import CommandEstimator, DeadReckonEstimator
+from imu_sim_ros.campaigns.plan import Plan
+from imu_sim_ros.campaigns.reckoning import DeadReckoning
+from imu_sim_ros.campaigns.simulated import SimulatedCell
 from imu_sim_ros.errors import ImuSimError, InputError
 from imu_sim_ros.sensors.block import ImuBlock
 
@@ -65,11 +65,11 @@ class CellRuns:
         if isinstance(estimator, DeadReckonEstimator):
             metrics.update(self._dead_reckoning.metrics(name, estimator, block()))
         elif isinstance(estimator, CommandEstimator):
-            from imu_sim_ros.campaign.command_estimator import run_command
+            from imu_sim_ros.campaigns.command_estimator import run_command
 
             run_command(self.simulated, estimator, name, seed, block(), folder, metrics)
         else:
-            from imu_sim_ros.campaign.calibrations import run_calibration
+            from imu_sim_ros.campaigns.calibrations import run_calibration
 
             metrics.update(run_calibration(self.simulated, estimator, seed))
 

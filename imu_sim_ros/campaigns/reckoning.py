@@ -7,10 +7,10 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros.campaign.comparison import Estimate, estimate_metrics
-from imu_sim_ros.campaign.metrics import Metrics, pose_metrics
-from imu_sim_ros.campaign.parameters import DeadReckonEstimator
-from imu_sim_ros.campaign.simulated import SimulatedCell
+from imu_sim_ros.campaigns.comparison import Estimate, estimate_metrics
+from imu_sim_ros.campaigns.metrics import Metrics, pose_metrics
+from imu_sim_ros.campaigns.parameters import DeadReckonEstimator
+from imu_sim_ros.campaigns.simulated import SimulatedCell
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.navigation.association import align
 from imu_sim_ros.navigation.covariance import (

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from imu_sim_ros.bags.messages.encode import ODOMETRY
 from imu_sim_ros.bags.read import open_bag, read_odometry, read_poses
 from imu_sim_ros.bags.text.reader import is_text
-from imu_sim_ros.campaign.metrics import Metrics, Relative, pose_metrics
+from imu_sim_ros.campaigns.metrics import Metrics, Relative, pose_metrics
 from imu_sim_ros.errors import ImuSimError, InputError
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.navigation.association import (

@@ -20,7 +20,7 @@ from imu_sim_ros.bags.read import open_bag, vector_blocks
 from imu_sim_ros.bags.reader import Bag, told
 from imu_sim_ros.calibration.noise.deviation import Deviation, DeviationAccumulator
 from imu_sim_ros.errors import ImuSimError
-from imu_sim_ros.report.page import Item, table
+from imu_sim_ros.reports.page import Item, table
 from imu_sim_ros.types import Array, Times
 
 _FIRST: Final = 64

@@ -21,12 +21,12 @@ from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from imu_sim_ros.campaign.comparison import estimate_metrics, read_estimate
-from imu_sim_ros.campaign.metrics import Metrics
-from imu_sim_ros.campaign.parameters import CommandEstimator
-from imu_sim_ros.campaign.plan import program
-from imu_sim_ros.campaign.run_files import write_config, write_dataset
-from imu_sim_ros.campaign.simulated import SimulatedCell
+from imu_sim_ros.campaigns.comparison import estimate_metrics, read_estimate
+from imu_sim_ros.campaigns.metrics import Metrics
+from imu_sim_ros.campaigns.parameters import CommandEstimator
+from imu_sim_ros.campaigns.plan import program
+from imu_sim_ros.campaigns.run_files import write_config, write_dataset
+from imu_sim_ros.campaigns.simulated import SimulatedCell
 from imu_sim_ros.errors import ImuSimError, InputError
 from imu_sim_ros.inputs.rows import open_regular
 from imu_sim_ros.names import shown

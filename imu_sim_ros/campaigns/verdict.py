@@ -20,7 +20,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.campaign.metrics import (
+from imu_sim_ros.campaigns.metrics import (
     HIGHER,
     SUCCESS,
     Better,
@@ -28,9 +28,9 @@ from imu_sim_ros.campaign.metrics import (
     better,
     depends_on_alignment,
 )
-from imu_sim_ros.campaign.plan import Plan
-from imu_sim_ros.campaign.results import Row, numbers
-from imu_sim_ros.campaign.statistics import (
+from imu_sim_ros.campaigns.plan import Plan
+from imu_sim_ros.campaigns.results import Row, numbers
+from imu_sim_ros.campaigns.statistics import (
     Interval,
     Shift,
     holm,
@@ -39,7 +39,7 @@ from imu_sim_ros.campaign.statistics import (
     shift,
     wins,
 )
-from imu_sim_ros.campaign.summary import Group, groups, unmet, unmet_lines, unused
+from imu_sim_ros.campaigns.summary import Group, groups, unmet, unmet_lines, unused
 from imu_sim_ros.types import Array
 
 SIGNIFICANT: Final = 0.05
@@ -110,9 +110,10 @@ class Effect:
         if self.note:
             return f"{self.a} and {self.b}: {self.note}"
         if self.effect.value is None:
-            return f"{self.a} and {self.b}: {metric}: {self.size()}"
-        name = "" if self.kind == SHARE else f"{metric} "
-        words = f"{self.a}: {name}{self.size()} than {self.b}"
+            words = f"{self.a}: {metric}, against {self.b}: {self.size()}"
+        else:
+            name = "" if self.kind == SHARE else f"{metric} "
+            words = f"{self.a}: {name}{self.size()} than {self.b}"
         p = "" if self.p is None else f", p = {self.p:.2g}"
         words += f", better on {self.won} of {self.seeds} seeds{p}"
         if self.success.value:

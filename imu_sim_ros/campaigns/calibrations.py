@@ -20,9 +20,9 @@ from imu_sim_ros.calibration.deterministic.turntable import (
 )
 from imu_sim_ros.calibration.noise import truth
 from imu_sim_ros.calibration.noise.analysis import analyse
-from imu_sim_ros.campaign.metrics import CALIBRATED, NOISE, THERMAL, Metrics
-from imu_sim_ros.campaign.parameters import CalibrationEstimator
-from imu_sim_ros.campaign.simulated import Readings, SimulatedCell
+from imu_sim_ros.campaigns.metrics import CALIBRATED, NOISE, THERMAL, Metrics
+from imu_sim_ros.campaigns.parameters import CalibrationEstimator
+from imu_sim_ros.campaigns.simulated import Readings, SimulatedCell
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.realised import realised_imu

@@ -19,8 +19,8 @@ from imu_sim_ros.inputs.rows import Skipped
 from imu_sim_ros.navigation.association import common_rows, interpolate_poses
 from imu_sim_ros.navigation.evaluation import absolute_errors, anees_band, invertible, nees
 from imu_sim_ros.poses import PoseSequence
-from imu_sim_ros.report.page import Item, Section, table
-from imu_sim_ros.report.streams import Stream, analyse, bias_series, extremes, topic_items
+from imu_sim_ros.reports.page import Item, Section, table
+from imu_sim_ros.reports.streams import Stream, analyse, bias_series, extremes, topic_items
 from imu_sim_ros.types import Array
 
 _TRIADS: Final = (("Angular rate", "rad/s"), ("Specific force", "m/s^2"))

@@ -9,11 +9,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.campaign.cells import word
-from imu_sim_ros.campaign.gate import Requirement
-from imu_sim_ros.campaign.metrics import SUCCESS
-from imu_sim_ros.campaign.results import Row, numbers
-from imu_sim_ros.campaign.statistics import (
+from imu_sim_ros.campaigns.cells import word
+from imu_sim_ros.campaigns.gate import Requirement
+from imu_sim_ros.campaigns.metrics import SUCCESS
+from imu_sim_ros.campaigns.results import Row, numbers
+from imu_sim_ros.campaigns.statistics import (
     Interval,
     Sensitivity,
     mean,

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.bags.read import read_poses
-from imu_sim_ros.campaign.cells import Cell
-from imu_sim_ros.campaign.plan import Plan
+from imu_sim_ros.campaigns.cells import Cell
+from imu_sim_ros.campaigns.plan import Plan
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.navigation.state import NavigationStates
 from imu_sim_ros.poses import PoseSequence

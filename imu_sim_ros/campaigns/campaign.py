@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 import imu_sim_ros
-from imu_sim_ros.campaign.cells import Cell, cell_count
-from imu_sim_ros.campaign.engine import Engine, Task
-from imu_sim_ros.campaign.parameters import CalibrationEstimator, CommandEstimator
-from imu_sim_ros.campaign.plan import Plan
-from imu_sim_ros.campaign.results import (
+from imu_sim_ros.campaigns.cells import Cell, cell_count
+from imu_sim_ros.campaigns.engine import Engine, Task
+from imu_sim_ros.campaigns.parameters import CalibrationEstimator, CommandEstimator
+from imu_sim_ros.campaigns.plan import Plan
+from imu_sim_ros.campaigns.results import (
     SUMMARY,
     VERSIONS,
     Key,
@@ -28,7 +28,7 @@ from imu_sim_ros.campaign.results import (
     replaced,
     write_tables,
 )
-from imu_sim_ros.campaign.summary import groups, summary_rows
+from imu_sim_ros.campaigns.summary import groups, summary_rows
 from imu_sim_ros.json_text import as_json
 
 _BUILT_IN_BATCH: Final = 50
@@ -238,7 +238,7 @@ def seconds_of_all_runs(plan: Plan) -> float | None:
     """
     if any(isinstance(one, CommandEstimator) for one in plan.estimators.values()):
         return None
-    from imu_sim_ros.campaign.runs import CellRuns
+    from imu_sim_ros.campaigns.runs import CellRuns
 
     def run(runs: CellRuns) -> CellRuns:
         list(runs.rows(plan.seeds[:1], list(plan.estimators), Path()))

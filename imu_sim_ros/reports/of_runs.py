@@ -10,18 +10,18 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.campaign.comparison import read_estimate
-from imu_sim_ros.campaign.parameters import CommandEstimator, DeadReckonEstimator
-from imu_sim_ros.campaign.plan import Plan
-from imu_sim_ros.campaign.results import Row
-from imu_sim_ros.campaign.simulated import SimulatedCell
-from imu_sim_ros.campaign.summary import Group
+from imu_sim_ros.campaigns.comparison import read_estimate
+from imu_sim_ros.campaigns.parameters import CommandEstimator, DeadReckonEstimator
+from imu_sim_ros.campaigns.plan import Plan
+from imu_sim_ros.campaigns.results import Row
+from imu_sim_ros.campaigns.simulated import SimulatedCell
+from imu_sim_ros.campaigns.summary import Group
 from imu_sim_ros.errors import ImuSimError
 from imu_sim_ros.navigation.association import align, common_rows, interpolate_poses
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.poses import PoseSequence
-from imu_sim_ros.report.page import Item
-from imu_sim_ros.report.streams import extremes
+from imu_sim_ros.reports.page import Item
+from imu_sim_ros.reports.streams import extremes
 
 _MOST_LOGS: Final = 100
 _MOST_PATHS: Final = 24

@@ -28,15 +28,15 @@ from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any, Final
 
 import imu_sim_ros
-from imu_sim_ros.campaign.cells import Cell
-from imu_sim_ros.campaign.parameters import CommandEstimator
-from imu_sim_ros.campaign.plan import Plan, missing
+from imu_sim_ros.campaigns.cells import Cell
+from imu_sim_ros.campaigns.parameters import CommandEstimator
+from imu_sim_ros.campaigns.plan import Plan, missing
 from imu_sim_ros.errors import ImuSimError, InputError, MachineError, MissingDependencyError
 
 if TYPE_CHECKING:
     from distributed import Client, LocalCluster
 
-    from imu_sim_ros.campaign.runs import CellRuns
+    from imu_sim_ros.campaigns.runs import CellRuns
 
 Row = dict[str, Any]
 
@@ -72,7 +72,7 @@ _last: "list[CellRuns]" = []
 
 def work(plan: Plan, task: Task, folder: Path) -> list[Row]:
     """Make the runs of a task; data shared by the seeds of a cell are kept for the next task."""
-    from imu_sim_ros.campaign.runs import CellRuns
+    from imu_sim_ros.campaigns.runs import CellRuns
 
     runs = _last[0] if _last else None
     if runs is None or runs.cell.name != task.cell.name or runs.plan != plan:
@@ -275,7 +275,7 @@ def _begin() -> None:
 
 def _end(number: int, frame: object) -> None:
     """End a worker at once, with the program that it runs."""
-    command = sys.modules.get("imu_sim_ros.campaign.command_estimator")
+    command = sys.modules.get("imu_sim_ros.campaigns.command_estimator")
     if command is not None:
         command.end_programs()
     os._exit(128 + number)

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import imu_sim_ros
-from imu_sim_ros.campaign.cells import (
+from imu_sim_ros.campaigns.cells import (
     SHORT,
     Axis,
     Cell,
@@ -26,9 +26,9 @@ from imu_sim_ros.campaign.cells import (
     expanded,
     read_axes,
 )
-from imu_sim_ros.campaign.faults import TimedFault, read_faults
-from imu_sim_ros.campaign.gate import Requirement, parse
-from imu_sim_ros.campaign.metrics import (
+from imu_sim_ros.campaigns.faults import TimedFault, read_faults
+from imu_sim_ros.campaigns.gate import Requirement, parse
+from imu_sim_ros.campaigns.metrics import (
     Better,
     Relative,
     Tolerance,
@@ -38,7 +38,7 @@ from imu_sim_ros.campaign.metrics import (
     parse_relative,
     parse_tolerance,
 )
-from imu_sim_ros.campaign.parameters import (
+from imu_sim_ros.campaigns.parameters import (
     CALIBRATIONS,
     PLACES,
     CalibrationEstimator,

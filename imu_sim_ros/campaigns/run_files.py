@@ -12,7 +12,7 @@ import numpy as np
 
 from imu_sim_ros.bags.text.writer import Dataset
 from imu_sim_ros.bags.write import open_writer
-from imu_sim_ros.campaign.simulated import SimulatedCell
+from imu_sim_ros.campaigns.simulated import SimulatedCell
 from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.datasets.consumers.folder import write_all
 from imu_sim_ros.datasets.consumers.rig import RigValues
