@@ -177,10 +177,9 @@ def array(
     return result
 
 
-def stamps(name: str, value: Any, increasing: bool = False) -> NDArray[np.int64]:
+def stamps(name: str, value: Any) -> NDArray[np.int64]:
     """Return stamps [ns], (n,) integers.
 
-    :param increasing: they must increase strictly.
     :raises ConfigurationError: for anything else.
     """
     allowed = "whole nanoseconds, an array of integers (n,)"
@@ -194,6 +193,4 @@ def stamps(name: str, value: Any, increasing: bool = False) -> NDArray[np.int64]
         refuse(name, value, allowed)
     if found.dtype.kind == "u" and (found > np.iinfo(np.int64).max).any():
         refuse(name, value, allowed)
-    if increasing and (found[1:] <= found[:-1]).any():
-        refuse(name, value, "strictly increasing")
     return found.astype(np.int64, copy=False)

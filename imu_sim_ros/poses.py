@@ -126,7 +126,10 @@ class _Poses(NamedTuple):
 
 
 class PoseSequence(_Poses):
-    """Poses of one body over time; they are checked when they are made."""
+    """Poses of one body over time.
+
+    They are checked when they are made, by ``_replace`` too: whoever receives some relies on it.
+    """
 
     __slots__ = ()
 
@@ -139,17 +142,35 @@ class PoseSequence(_Poses):
         skipped: int = 0,
         lines: NDArray[np.int64] | None = None,
         covariance: NDArray[np.float64] | None = None,
+        *,
+        name: str | Path | None = None,
     ) -> Self:
         """Check the poses; lists become arrays.
 
+        :param name: of the argument or the source, for messages.
         :raises ConfigurationError: for another type or shape.
-        :raises InputError: for a pose that is not possible, or without a unit quaternion.
+        :raises InputError: for a pose that is not possible, or without a unit quaternion, and for
+            stamps that do not increase.
         """
-        times = stamps("t_ns", t_ns)
-        p = array("position", position, (len(times), 3), finite=False)
-        q = array("q_wb", q_wb, (len(times), 4), finite=False)
-        gate.poses(times, p, q).complain("poses")
+        of = "" if name is None else f"{name}."
+        times = stamps(f"{of}t_ns", t_ns)
+        n, source = len(times), "poses" if name is None else name
+        p = array(f"{of}position", position, (n, 3), finite=False)
+        q = array(f"{of}q_wb", q_wb, (n, 4), finite=False)
+        if covariance is not None:
+            covariance = array(f"{of}covariance", covariance, (n, 6, 6))
+        problems = [*gate.disorder(source, times), *gate.poses(times, p, q).problems(source)]
+        if problems:
+            raise InputError(problems)
         return super().__new__(cls, times, p, q, dropped, skipped, lines, covariance)
+
+    def _replace(self, **changes: Any) -> Self:
+        return type(self)(**{**self._asdict(), **changes})
+
+    @classmethod
+    def unchecked(cls, t_ns: NDArray[np.int64], position: Array, q_wb: Array, skipped: int) -> Self:
+        """Return poses as they were read, for what passes them on and says what is wrong."""
+        return super().__new__(cls, t_ns, position, q_wb, 0, skipped, None, None)
 
 
 _POSE_COLUMNS: Final = 8

@@ -279,8 +279,9 @@ def read_poses(
     t_ns = np.concatenate([_times(), *(part.t_ns for part in parts)])
     position = np.concatenate([_rows(3), *(part.numbers["position"] for part in parts)])
     if warned is not None:  # passed on as they are
-        return PoseSequence._make((t_ns, position, q_wb, 0, sum(counts), None, None))
-    return PoseSequence(t_ns, position, _unit(q_wb), skipped=sum(counts))
+        return PoseSequence.unchecked(t_ns, position, q_wb, sum(counts))
+    name = path if topic is None else f"{path}, {topic}"
+    return PoseSequence(t_ns, position, _unit(q_wb), skipped=sum(counts), name=name)
 
 
 def vector_blocks(

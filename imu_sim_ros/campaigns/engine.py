@@ -5,7 +5,7 @@
 
 A task is some seeds of one cell with all their estimators. The executor is this process itself
 (:class:`Inline`), processes of this machine (:class:`Processes`) or a Dask cluster's
-(``dask.distributed``, an extra). Seeds whose worker died run again, each in a task of its own, so
+(``dask.distributed``, an extra). Runs whose worker died run again, each in a task of its own, so
 that only the one that kills its worker is blamed.
 """
 
@@ -58,9 +58,18 @@ class Task:
     deaths: int = 0
     """Workers that died while they had it."""
 
+    @property
+    def is_one(self) -> bool:
+        """Whether it is a single run."""
+        return len(self.seeds) == len(self.estimators) == 1
+
     def alone(self) -> "Iterator[Task]":
-        """Yield a task for each seed, after the worker that had them all has died."""
-        return (replace(self, seeds=(seed,), deaths=self.deaths + 1) for seed in self.seeds)
+        """Yield a task for each run, after the worker that had them all has died."""
+        return (
+            replace(self, seeds=(seed,), estimators=(name,), deaths=self.deaths + 1)
+            for seed in self.seeds
+            for name in self.estimators
+        )
 
 
 Engine = Callable[[Plan, Iterable[Task], Path], Generator[list[Row], None, None]]
@@ -167,7 +176,7 @@ def _run(
 
     :param width: how many tasks the executor shall have.
     :param death: raised by the result of a task whose worker died.
-    :param restarts: how many times a seed is restarted after its worker died.
+    :param restarts: how many times a run is restarted after its worker died.
     :param suspects_alone: the tasks of a worker that died run again while no other does: the
         executor does not tell which of several killed it.
     """
@@ -197,7 +206,7 @@ def _run(
         try:
             rows = future.result()
         except death:
-            if len(task.seeds) == 1 and task.deaths >= restarts:
+            if task.is_one and task.deaths >= restarts:
                 yield failed(plan, task, "failed: the worker process died")
             else:
                 suspects.extend(task.alone())

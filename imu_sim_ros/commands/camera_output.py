@@ -21,7 +21,7 @@ from imu_sim_ros.conventions import TRUTH_TOPIC
 from imu_sim_ros.datasets.topics import BagTarget, DatasetTarget, body_of, imus_of
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.machine import cores
-from imu_sim_ros.navigation.association import interpolate_poses
+from imu_sim_ros.navigation.association import poses_at
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.poses import PoseSequence
@@ -70,7 +70,7 @@ def reprojection(folder: Path, estimate: PoseSequence, truth: PoseSequence) -> l
         points, uv = tracks.landmarks[tracks.landmark[rows]], tracks.uv[rows]
         entry: dict[str, Any] = {"camera": name, "features": len(rows)}
         for what, poses in (("", estimate), ("_of_truth", truth)):
-            at = interpolate_poses(poses, t_ns)
+            at = poses_at(poses, t_ns)
             errors = reprojection_errors(camera, at.position, at.q_wb, points, uv)
             lengths = np.linalg.norm(errors[np.isfinite(errors[:, 0])], axis=1)
             entry["behind" + what] = len(errors) - len(lengths)

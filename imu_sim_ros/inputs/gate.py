@@ -9,6 +9,7 @@ never a bold measurement, but a broken one.
 """
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -100,7 +101,7 @@ class Verdict:
             bad.note(kind, number, f"{stamp_words(t_ns)}: " * stamps + self.why(int(row)))
         bad.rows += len(self.bad)
 
-    def problems(self, name: str) -> list[str]:
+    def problems(self, name: str | Path) -> list[str]:
         """Return what is wrong with the first rows that may not pass, and the count of the others.
 
         :param name: of the arrays, or of where they come from.
@@ -136,6 +137,22 @@ def poses(t_ns: Times, position: Array, q_wb: Array) -> Verdict:
     :param q_wb: (n, 4) unit quaternions, within ``UNIT_TOLERANCE``.
     """
     return Verdict(t_ns, [(POSITION, position), (ORIENTATION, q_wb)])
+
+
+def disorder(name: str | Path, t_ns: Times) -> list[str]:
+    """Return a line where stamps do not increase strictly, none where they do.
+
+    :param name: of what has the stamps.
+    :param t_ns: (n,) [ns].
+    """
+    bad = t_ns[1:] <= t_ns[:-1]
+    if not bad.any():
+        return []
+    first = int(np.argmax(bad)) + 1
+    return [
+        f"{name}: {np.count_nonzero(bad)} stamps do not increase, the first is number {first} "
+        f"({t_ns[first]} ns)"
+    ]
 
 
 def is_reading(t_ns: int, gyro: Scalars, accel: Scalars) -> bool:

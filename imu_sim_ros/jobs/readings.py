@@ -67,7 +67,7 @@ class Readings:
         :raises ConfigurationError: for another type or shape.
         :raises InputError: for a reading that no sensor gives.
         """
-        _check_arrays(self, ("gyro", "accel"), finite=False)
+        _check_arrays(self, ("gyro", "accel"))
         gate.readings(self.t_ns, self.gyro, self.accel).complain(self.name)
 
     def __len__(self) -> int:
@@ -109,9 +109,16 @@ class Odometry:
     def __post_init__(self) -> None:
         """Check the arrays; lists become arrays.
 
-        :raises ConfigurationError: for another type or shape, and what is not finite.
+        :raises ConfigurationError: for another type or shape.
+        :raises InputError: for a pose or a velocity that is not possible.
         """
-        _check_arrays(self, ("position", "q_wb", "velocity", "angular_velocity"))
+        names = ("position", "q_wb", "velocity", "angular_velocity")
+        _check_arrays(self, names)
+        quantities = (gate.POSITION, gate.ORIENTATION, gate.VELOCITY, gate.RATE)
+        columns = [
+            (what, getattr(self, each)) for what, each in zip(quantities, names, strict=True)
+        ]
+        gate.Verdict(self.t_ns, columns).complain(self.name)
 
     def __len__(self) -> int:
         return len(self.t_ns)
@@ -183,35 +190,34 @@ def read_odometry(path: str | Path, topic: str | None = None) -> Odometry:
     )
 
 
-def _check_arrays(rows: Any, names: Sequence[str], finite: bool = True) -> None:
+def _check_arrays(rows: Any, names: Sequence[str]) -> None:
     """Check the arrays of a frozen dataclass: a name, ``t_ns`` (n,), and others (n, 3) or (n, 4).
 
-    :raises ConfigurationError: for another type or shape, and what is not finite.
+    The gate looks for what is not finite, and says where it is.
+
+    :raises ConfigurationError: for another type or shape.
     """
     arguments.text("name", rows.name, "a name")
     found: dict[str, NDArray[Any]] = {"t_ns": stamps("t_ns", rows.t_ns)}
     for name in names:
         columns = 4 if name == "q_wb" else 3
-        found[name] = array(name, getattr(rows, name), (len(found["t_ns"]), columns), finite)
+        found[name] = array(name, getattr(rows, name), (len(found["t_ns"]), columns), False)
     for name, values in found.items():
         object.__setattr__(rows, name, values)  # frozen
 
 
-def checked_poses(name: str, given: HasPoses, increasing: bool = True) -> PoseSequence:
-    """Return poses that somebody gives, checked.
+def checked_poses(name: str, given: HasPoses) -> PoseSequence:
+    """Return poses that somebody gives; those of a PoseSequence were checked when it was made.
 
     :param name: of the argument.
-    :param increasing: the stamps must increase strictly.
-    :raises ConfigurationError: for arrays of another type, shape or order.
-    :raises InputError: for a pose that is not finite, possible or a unit quaternion.
+    :raises ConfigurationError: for arrays of another type or shape.
+    :raises InputError: as :class:`PoseSequence` does.
     """
+    if isinstance(given, PoseSequence):
+        return given
     if not all(hasattr(given, each) for each in ("t_ns", "position", "q_wb")):
         refuse(name, given, "a Track, an Odometry or another object with poses", True)
-    t_ns = stamps(f"{name}.t_ns", given.t_ns, increasing)
-    position = array(f"{name}.position", given.position, (len(t_ns), 3), finite=False)
-    q_wb = array(f"{name}.q_wb", given.q_wb, (len(t_ns), 4), finite=False)
-    gate.poses(t_ns, position, q_wb).complain(name)
-    return PoseSequence(t_ns, position, q_wb)
+    return PoseSequence(given.t_ns, given.position, given.q_wb, name=name)
 
 
 def poses_of_rows(given: Array) -> PoseSequence:
@@ -229,7 +235,7 @@ def poses_of_rows(given: Array) -> PoseSequence:
     if (np.abs(t_ns) > gate.LAST_STAMP).any():
         refuse("trajectory", given, "an array with times in seconds in its first column")
     q_wb = rows[:, 4:] if given.shape[1] == 8 else from_euler(rows[:, 4:])
-    return PoseSequence(t_ns.astype(np.int64), rows[:, 1:4], q_wb)
+    return PoseSequence(t_ns.astype(np.int64), rows[:, 1:4], q_wb, name="trajectory")
 
 
 def frame(t_ns: Times, columns: Mapping[str, Array]) -> Any:

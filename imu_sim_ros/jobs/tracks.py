@@ -77,7 +77,10 @@ def read_track(
         track = Track(poses, pose_covariance=poses.covariance)
     else:
         track = _odometry(path, topic, covariance, skipped)
-    _check(f"{path}{'' if topic is None else f', {topic}'}", track.poses)
+    if len(track.poses.t_ns) < 2:
+        raise InputError(
+            f"{_name(path, topic)}: {len(track.poses.t_ns)} poses; a trajectory needs two or more"
+        )
     return track
 
 
@@ -95,19 +98,12 @@ def _odometry(
     if not parts:
         raise InputError(f"{path}: 0 poses; a trajectory needs two or more")
     t_ns, position, q_wb, velocity, *joined = map(np.concatenate, zip(*parts, strict=True))
-    return Track(PoseSequence(t_ns.astype(np.int64), position, q_wb), velocity, *joined)
+    poses = PoseSequence(t_ns.astype(np.int64), position, q_wb, name=_name(path, topic))
+    return Track(poses, velocity, *joined)
 
 
-def _check(name: str, poses: PoseSequence) -> None:
-    if len(poses.t_ns) < 2:
-        raise InputError(f"{name}: {len(poses.t_ns)} poses; a trajectory needs two or more")
-    bad = np.diff(poses.t_ns) <= 0
-    if bad.any():
-        first = int(np.argmax(bad)) + 1
-        raise InputError(
-            f"{name}: {np.count_nonzero(bad)} stamps do not increase, the first is "
-            f"number {first} ({poses.t_ns[first]} ns)"
-        )
+def _name(path: Path, topic: str | None) -> str:
+    return str(path) if topic is None else f"{path}, {topic}"
 
 
 def write_states(path: Path, states: NavigationStates) -> None:

@@ -27,13 +27,30 @@ def interpolate_vectors(t_ns: Times, values: Array, at_ns: Times) -> Array:
     return start + part[:, None] * (values[before + 1] - start)
 
 
-def interpolate_poses(poses: PoseSequence, at_ns: Times) -> PoseSequence:
-    """Return the poses at other times: linear in position, at constant rate in attitude."""
+class PosesAt(NamedTuple):
+    """Poses at any times, of any order."""
+
+    position: Array
+    """(n, 3) [m]."""
+    q_wb: Array
+    """(n, 4)."""
+
+
+def poses_at(poses: PoseSequence, at_ns: Times) -> PosesAt:
+    """Return poses at other times: linear in position, at constant rate in attitude.
+
+    :param at_ns: (m,) times within the stamps [ns], in any order.
+    """
     before, part = _places(poses.t_ns, at_ns)
     start = poses.q_wb[before]
     turn = rotation.log(rotation.multiply(rotation.conjugate(start), poses.q_wb[before + 1]))
     q_wb = rotation.multiply(start, rotation.exp(part[:, None] * turn))
-    return PoseSequence(at_ns, interpolate_vectors(poses.t_ns, poses.position, at_ns), q_wb)
+    return PosesAt(interpolate_vectors(poses.t_ns, poses.position, at_ns), q_wb)
+
+
+def interpolate_poses(poses: PoseSequence, at_ns: Times) -> PoseSequence:
+    """Return the poses at other times, which increase; as :func:`poses_at`."""
+    return PoseSequence(at_ns, *poses_at(poses, at_ns))
 
 
 def _places(t_ns: Times, at_ns: Times) -> tuple[NDArray[np.intp], Array]:
@@ -196,8 +213,8 @@ class _Pairs:
         """Return J at an offset [s]."""
         shift = round(offset * 1e9)
         position, turn = _relative(
-            interpolate_poses(self._truth, self._first_ns + shift),
-            interpolate_poses(self._truth, self._second_ns + shift),
+            poses_at(self._truth, self._first_ns + shift),
+            poses_at(self._truth, self._second_ns + shift),
         )
         own = self._position
         if scaled:
@@ -241,11 +258,11 @@ def _pairs(estimate: PoseSequence, truth: PoseSequence, max_gap: float) -> _Pair
     return _Pairs(estimate, truth, rows[start], rows[behind[start]])
 
 
-def _rows(poses: PoseSequence, rows: Rows) -> PoseSequence:
-    return PoseSequence(poses.t_ns[rows], poses.position[rows], poses.q_wb[rows])
+def _rows(poses: PoseSequence, rows: Rows) -> PosesAt:
+    return PosesAt(poses.position[rows], poses.q_wb[rows])
 
 
-def _relative(first: PoseSequence, second: PoseSequence) -> tuple[Array, Array]:
+def _relative(first: PosesAt, second: PosesAt) -> tuple[Array, Array]:
     """Return the motion between poses in the body: positions (n, 3), rotations (n, 4)."""
     position = rotation.rotate_inverse(first.q_wb, second.position - first.position)
     return position, rotation.multiply(rotation.conjugate(first.q_wb), second.q_wb)

@@ -81,7 +81,8 @@ class Recorded:
         words = suspicions(found.findings, parameters.file, poses, t, parameters.robust)
         if parameters.robust and found.findings:
             t = found.t
-            poses = poses._replace(position=found.position, q_wb=found.q_wb)
+            t_ns = self.t0_ns + np.round(t * 1e9).astype(np.int64)
+            poses = PoseSequence(t_ns, found.position, found.q_wb, poses.dropped, poses.skipped)
         knots = UniformKnots(float(t[-1]), spacing)
         cutoff, outliers = parameters.cutoff, parameters.outlier_distance
         self._spline = fit(t, poses.position, poses.q_wb, knots, cutoff, outliers)
@@ -140,12 +141,6 @@ def _check(poses: PoseSequence, parameters: PosesParameters) -> None:
             f"{parameters.file}: holds {count} poses; a spline needs {_LEAST_POSES} or more"
         )
     steps = timebase.seconds_since(np.diff(poses.t_ns), 0)
-    back = np.flatnonzero(steps <= 0.0)
-    if len(back):
-        raise InputError(
-            f"{parameters.file}: the stamps do not increase after pose {back[0] + 1}, at "
-            f"{poses.t_ns[back[0]]} ns"
-        )
     gaps = np.flatnonzero(steps > parameters.max_gap)
     if len(gaps):
         start = timebase.seconds_since(poses.t_ns[gaps], int(poses.t_ns[0]))

@@ -113,6 +113,8 @@ def poses(n=50):
         lambda t, p, q: ((t * 1e9).astype(int), p, 2 * q),
         lambda t, p, q: ((t * 1e9).astype(int), p * NAN, q),
         lambda t, p, q: (None, p, q),
+        lambda t, p, q: ((t * 1e9).astype(int)[::-1], p, q),
+        lambda t, p, q: ((t * 1e9).astype(int) // 2**28, p, q),  # some twice
     ],
 )
 def test_poses_that_are_none_are_refused_when_they_are_made_and_from_any_object(flight, change):
@@ -124,16 +126,46 @@ def test_poses_that_are_none_are_refused_when_they_are_made_and_from_any_object(
         ims.evaluate(flight.truth, SimpleNamespace(t_ns=given[0], position=given[1], q_wb=given[2]))
 
 
-def test_poses_out_of_order_are_refused_in_every_door(flight):
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda poses: {"t_ns": poses.t_ns[::-1]},
+        lambda poses: {"t_ns": poses.t_ns * 1e-9},
+        lambda poses: {"position": poses.position * NAN},
+        lambda poses: {"q_wb": 2.0 * poses.q_wb},
+        lambda poses: {"covariance": np.full((len(poses.t_ns), 6, 6), NAN)},
+        lambda poses: {"covariance": np.zeros((2, 6, 6))},
+    ],
+)
+def test_changed_poses_are_checked_as_new_ones_are(change):
     t, position, q_wb = poses()
-    given = ims.PoseSequence((t * 1e9).astype(int)[::-1], position, q_wb)
+    given = ims.PoseSequence((t * 1e9).astype(int), position, q_wb)
+    with pytest.raises((ims.ConfigurationError, ims.InputError)):
+        given._replace(**change(given))
+
+
+def test_poses_out_of_order_are_refused_in_every_door_by_its_name(flight):
+    t, position, q_wb = poses()
+    back = SimpleNamespace(t_ns=(t * 1e9).astype(int)[::-1], position=position, q_wb=q_wb)
+    said = r"49 stamps do not increase, the first is number 1 \(4800000000 ns\)$"
+    rows = np.column_stack([t[::-1], position, q_wb])
     for name, call in (
-        ("trajectory", lambda: ims.simulate(trajectory=given)),
-        ("truth", lambda: ims.evaluate(flight.truth, given)),
-        ("estimate", lambda: ims.evaluate(given, flight.truth)),
+        ("trajectory", lambda: ims.simulate(trajectory=rows)),
+        ("truth", lambda: ims.evaluate(flight.truth, back)),
+        ("estimate", lambda: ims.evaluate(back, flight.truth)),
     ):
-        with pytest.raises(ims.ConfigurationError, match=rf"^{name}\.t_ns = .*increasing"):
+        with pytest.raises(ims.InputError, match=f"^{name}: {said}"):
             call()
+
+
+@pytest.mark.parametrize("field", ["position", "q_wb", "velocity", "angular_velocity"])
+def test_odometry_that_is_none_is_refused_when_it_is_made(flight, field):
+    truth = flight.truth
+    given = {n: getattr(truth, n) for n in ("t_ns", "position", "q_wb", "velocity")}
+    given["angular_velocity"] = truth.angular_velocity
+    for factor in (NAN, 1e30):
+        with pytest.raises(ims.InputError, match="^odometry: number 0: stamp .*: a|^odometry: n"):
+            ims.Odometry(**{**given, field: factor * (given[field] + 1.0)})
 
 
 def test_a_trajectory_as_an_array_is_the_same_as_poses():

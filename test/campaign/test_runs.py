@@ -359,6 +359,16 @@ def test_a_worker_that_dies_is_blamed_on_the_run_that_killed_it(plan_file, campa
     assert set(found.values()) == {"done"}
 
 
+def test_an_estimator_that_kills_its_worker_costs_no_other_one(plan_file, campaign, tmp_path):
+    """Both run in the same task; the second never began while the first one killed the worker."""
+    killer = KILLER.replace("{seed} == 7", "True")
+    estimators = {"killer": {"command": killer}, "good": {"type": "dead_reckon"}}
+    path = plan_file(seeds=1, retries=1, estimators=estimators)
+    assert campaign(path, "-o", tmp_path / "out", "--workers", 1)[0] == 0
+    found = {row["estimator"]: row["status"] for row in table(tmp_path / "out")}
+    assert found == {"killer": "failed: the worker process died", "good": "done"}
+
+
 def test_the_baseline_finds_what_became_worse(plan_file, campaign, tmp_path):
     """Euler against midpoint on a perfect sensor: worse on every seed; the same is not."""
     parameters = {"rate": 100.0, "duration": 2.0, "imu": "perfect"}

@@ -314,15 +314,3 @@ def test_the_reader_gets_the_topic_only_where_there_is_one():
     for extra in ({}, {"trajectory.topic": "odom"}):
         build_trajectory(load_simulation(base, extra).trajectory, reader)
     assert calls == [(Path("flight.mcap"),), (Path("flight.mcap"), "odom")]
-
-
-def test_stamps_of_another_reader_are_checked_too():
-    from imu_sim_ros.simulation.parameters import load_simulation
-
-    def reader(path):
-        t = np.array([0, 1, 3, 2, 4]) * 100_000_000
-        return PoseSequence(t, np.zeros((5, 3)), np.tile(rotation.IDENTITY, (5, 1)))
-
-    parameters = load_simulation({"trajectory.type": "poses", "trajectory.file": "a.bag"})
-    with pytest.raises(InputError, match=r"a\.bag: the stamps do not increase after pose 3"):
-        build_trajectory(parameters.trajectory, reader)
