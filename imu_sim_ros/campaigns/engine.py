@@ -41,6 +41,13 @@ if TYPE_CHECKING:
 Row = dict[str, Any]
 
 _THREADS: Final = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+_ENVIRONMENT: Final = {
+    **dict.fromkeys(_THREADS, "1"),
+    # The arrays of a run are freed and needed again by the next one: glibc keeps 64 MB. Without
+    # it a sixth of a run's time (1.1 of 6.4 ms) is page faults.
+    "MALLOC_TRIM_THRESHOLD_": str(1 << 26),
+}
+"""Variables of the worker processes."""
 _AT_HAND: Final = 4
 """Tasks that a cluster's scheduler holds for each thread: enough that none waits, and few enough
 that its memory does not grow with the campaign."""
@@ -292,10 +299,10 @@ def _end(number: int, frame: object) -> None:
 
 @contextmanager
 def _environment() -> Iterator[None]:
-    """Have the processes that are started here use one thread each, and never see a Ctrl-C."""
-    before = {name: os.environ.get(name) for name in _THREADS}
+    """Give the processes that are started here their variables, and keep Ctrl-C from them."""
+    before = {name: os.environ.get(name) for name in _ENVIRONMENT}
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    os.environ.update(dict.fromkeys(_THREADS, "1"))
+    os.environ.update(_ENVIRONMENT)
     try:
         yield
     finally:
@@ -327,7 +334,7 @@ def client(scheduler: str | None, workers: int, worker_timeout: float = 60.0) ->
         # Its tracebacks of lost connections; what they cost is in the results.
         logging.getLogger(name).setLevel(logging.CRITICAL)
     if scheduler is None:
-        os.environ.update(dict.fromkeys(_THREADS, "1"))
+        os.environ.update(_ENVIRONMENT)
         with (
             LocalCluster(
                 n_workers=workers, threads_per_worker=1, dashboard_address=_dashboard()

@@ -14,6 +14,7 @@ import subprocess
 import threading
 import time
 from contextlib import closing
+from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
@@ -345,6 +346,22 @@ if {seed} == 7:
     os.kill(os.getppid(), signal.SIGKILL)
 open("estimate.txt", "w").write("".join("%d 0 0 0 0 0 0 1\\n" % t for t in range(1, 4)))
 '"""
+
+
+def test_a_worker_loads_numpy_and_yaml_and_no_other_library(plan_file):
+    """Each costs every worker of a cluster its start: SciPy's statistics alone take 0.5 s."""
+    estimators = {"plain": {}, "aligned": {"align": "se3"}}
+    plan = load_plan(plan_file(rpe=["1s", "1m"], estimators=estimators))
+    task = engine.Task(next(plan.cells()), (1, 2), tuple(estimators))
+    with closing(engine.Processes()) as executor:
+        rows = executor.submit(engine.work, plan, task, Path()).result()
+        loaded = executor.submit(eval, "set(__import__('sys').modules)").result()
+        environment = executor.submit(eval, "dict(__import__('os').environ)").result()
+    assert [row["status"] for row in rows] == ["done"] * 4
+    own = {name.partition(".")[0] for name in loaded}
+    assert {"numpy", "yaml"} <= own
+    assert not {"scipy", "matplotlib", "pyarrow", "distributed", "cv2", "rosbags", "rclpy"} & own
+    assert environment["OMP_NUM_THREADS"] == "1"
 
 
 def test_a_worker_that_dies_is_blamed_on_the_run_that_killed_it(plan_file, campaign, tmp_path):
