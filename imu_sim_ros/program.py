@@ -237,7 +237,7 @@ def progress(
 
         def advance(count: int, now: str = "") -> None:
             """Count on; what there is to say now stands behind the text."""
-            words = f"{text}: {now}" if now else text
+            words = ": ".join(part for part in (text, now) if part)
             bar.update(task, advance=count, description=words)
             now_done = bar.tasks[0].completed
             speed, left = pace.after(now_done - done, total - now_done, bar.tasks[0].elapsed or 0)

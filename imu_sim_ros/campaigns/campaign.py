@@ -6,7 +6,6 @@
 import csv
 import platform
 import time
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, suppress
 from importlib import metadata
@@ -65,14 +64,21 @@ def batch_size(plan: Plan) -> int:
 
 
 def tasks(
-    plan: Plan, there: set[Key], batch: int, digests_of: Digests | None = None
+    plan: Plan,
+    there: set[Key],
+    batch: int,
+    digests_of: Digests | None = None,
+    first_batch: int | None = None,
 ) -> Iterator[Task]:
     """Yield what is still to be done.
 
     :param there: the runs that need not be made.
+    :param batch: seeds in a task.
     :param digests_of: by cell, as :func:`digests_by_cell` returns it.
+    :param first_batch: seeds in the first task, from which they double; None: ``batch``.
     """
     digests_of = digests_of or digests_by_cell(plan)
+    size = first_batch or batch
     for cell in plan.cells():
         digests = digests_of(cell)
         missing: dict[tuple[str, ...], list[int]] = {}
@@ -85,8 +91,10 @@ def tasks(
             if names:
                 missing.setdefault(names, []).append(seed)
         for names, seeds in missing.items():
-            for first in range(0, len(seeds), batch):
-                yield Task(cell, tuple(seeds[first : first + batch]), names)
+            first = 0
+            while first < len(seeds):
+                yield Task(cell, tuple(seeds[first : first + size]), names)
+                first, size = first + size, min(2 * size, batch)
 
 
 def digests_by_cell(plan: Plan) -> Digests:
@@ -129,7 +137,9 @@ def run(
     }
     new, interrupted, digests_of = 0, False, digests_by_cell(plan)
     try:
-        todo = tasks(plan, there, batch or batch_size(plan), digests_of)
+        # The first runs tell soon how long all of them take.
+        size = (batch, digests_of) if batch else (batch_size(plan), digests_of, 1)
+        todo = tasks(plan, there, *size)
         with closing(start(plan, todo, store.folder)) as batches:
             for rows in batches:
                 store.append(rows)
@@ -207,26 +217,22 @@ def write_versions(folder: Path) -> Path:
 class Tally:
     """How far a campaign has come, for whoever watches it."""
 
-    def __init__(self, plan: Plan) -> None:
-        self._each = len(plan.seeds) * len(plan.estimators)
-        self._cells = plan.run_count // self._each
-        self._begun: Counter[str] = Counter()
-        self._whole = self._failed = 0
+    def __init__(self, plan: Plan, there: int = 0) -> None:
+        """Begin to count.
+
+        :param there: runs that exist.
+        """
+        self._runs, self._all, self._failed = there, plan.run_count, 0
 
     def add(self, rows: Sequence[Row]) -> str:
-        """Return the counts of cells and failures, and the latest cell's."""
-        for row in rows:
-            self._failed += row["status"] != "done"
-            cell = str(row["cell"])
-            self._begun[cell] += 1
-            if self._begun[cell] == self._each:
-                del self._begun[cell]
-                self._whole += 1
-        words = f"{self._whole:,} of {self._cells:,} cells, {self._failed:,} failed"
-        latest = str(rows[-1]["cell"]) if rows else ""
-        if latest in self._begun:
-            words += f"; {latest}: {self._begun[latest]} of {self._each}"
-        return words
+        """Return the counts of runs and failures, and the latest cell."""
+        self._runs += len(rows)
+        self._failed += sum(row["status"] != "done" for row in rows)
+        words = f"{self._runs:,} of {self._all:,} runs"
+        if self._failed:
+            words += f", {self._failed:,} failed"
+        latest = str(rows[-1]["cell"]) if rows else "all"
+        return words if latest == "all" else f"{words}; {latest}"
 
 
 def seconds_of_all_runs(plan: Plan) -> float | None:

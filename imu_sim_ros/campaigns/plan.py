@@ -26,6 +26,7 @@ from imu_sim_ros.campaigns.cells import (
     expanded,
     read_axes,
 )
+from imu_sim_ros.campaigns.cells import word as in_words
 from imu_sim_ros.campaigns.faults import TimedFault, read_faults
 from imu_sim_ros.campaigns.gate import Requirement, parse
 from imu_sim_ros.campaigns.metrics import (
@@ -70,6 +71,7 @@ _NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]{0,63}")
 _MOST_SEEDS: Final = 1_000_000
 _ALL_CHECKED: Final = 2000
 """Cells up to which every one is built before the start; each takes some 6 ms."""
+_MOST_PROBLEMS: Final = 20
 
 
 @dataclass(frozen=True)
@@ -337,20 +339,42 @@ def read_plan(tree: Mapping[str, Any]) -> Plan:
 def check_cells(plan: Plan) -> None:
     """Build every cell's parameters; of a very large grid, those along each axis.
 
-    :raises ConfigurationError: with one line per problem, each once.
+    :raises ConfigurationError: with one line per problem, however many cells have it, and the
+        values of the grid that all of them have.
     """
     every = cell_count(plan.axes) <= _ALL_CHECKED
-    problems: dict[str, None] = {}
+    cells, found = 0, dict[str, list[Cell]]()
     for cell in plan.cells() if every else _along_axes(plan.axes):
+        cells += 1
         try:
             _check_cell(plan, cell)
         except ConfigurationError as error:
-            problems.update(dict.fromkeys(error.problems))
-        if len(problems) >= 20:
-            problems["further cells are not checked"] = None
+            for line in error.problems:
+                found.setdefault(line.removeprefix(f"cell {cell.name}: "), []).append(cell)
+        if len(found) >= _MOST_PROBLEMS:
             break
-    if problems:
-        raise ConfigurationError(list(problems))
+    if found:
+        lines = [_of_grid(line, having, cells) for line, having in found.items()]
+        more = ["further cells are not checked"] if len(found) >= _MOST_PROBLEMS else []
+        raise ConfigurationError(lines + more)
+
+
+def _of_grid(line: str, having: list[Cell], cells: int) -> str:
+    """Return a problem with the values of the grid that lead to it.
+
+    :param having: the cells that have it.
+    :param cells: how many there are.
+    """
+    first = having[0].values
+    if any(line.startswith((f"{name} = ", f"{name}: ")) for name in first):
+        return f"grid.{line}"
+    if len(having) == cells:
+        return line
+    common = [name for name in first if all(cell.values[name] == first[name] for cell in having)]
+    if len(common) == 1:
+        return f"grid.{common[0]} = {in_words(first[common[0]])}: {line}"
+    words = ", ".join(f"{name}={in_words(first[name])}" for name in common)
+    return f"cell {words}: {line}" if words else f"{len(having)} of {cells} cells: {line}"
 
 
 def _check_cell(plan: Plan, cell: Cell) -> None:

@@ -210,8 +210,9 @@ def _bar(
     """Show a bar while the runs are made."""
     from imu_sim_ros.campaigns.campaign import Tally
 
-    tally, text = Tally(plan), f"campaign {plan.options.name}"
-    with program.progress(text, plan.run_count, quiet, done=there) as advance:
+    tally = Tally(plan, there)
+    with program.progress("", plan.run_count, quiet, done=there) as advance:
+        advance(0, tally.add([]))
         try:
             yield lambda rows: advance(len(rows), tally.add(rows))
         except KeyboardInterrupt as stop:
