@@ -77,7 +77,7 @@ def test_all_problems_of_a_plan_come_together(plan_file):
         check_cells(load_plan(plan_file(parameters=bad, grid={"imu": ["adis16448", "nosuch"]})))
     text = "\n".join(caught.value.problems)
     assert "rate = -1.0: must be" in text
-    assert "cell imu=nosuch: " in text
+    assert "grid.imu = nosuch: " in text
 
 
 @pytest.mark.parametrize(

@@ -561,12 +561,22 @@ def test_a_terminal_of_80_columns_shows_runs_failures_and_the_time_left(plan_fil
         estimators={"own": {"command": program}},
     )
     shown = on_terminal(
-        [sys.executable, "-m", "imu_sim_ros.commands.campaign", path, "-o", tmp_path / "out"]
-        + ["--workers", "1", "--no-report"],
+        [
+            sys.executable,
+            "-m",
+            "imu_sim_ros.commands.campaign",
+            path,
+            "-o",
+            tmp_path / "out",
+            "--workers",
+            "1",
+            "--no-report",
+        ],
         columns=80,
     )
     lines = [line for line in re.split(r"[\r\n]", shown) if re.search(r"\d%", line)]
-    assert lines and max(map(len, lines)) <= 80
+    assert lines
+    assert max(map(len, lines)) <= 80
     assert any(re.match(r"0 of 24 runs +.*-:--:--$", line) for line in lines)
     told = r"\d+ of 24 runs, \d+ failed; traj\S* .*\d+% +[\d.]+/s +0:00:\d\d$"
     assert any(re.match(told, line) for line in lines), lines[-3:]

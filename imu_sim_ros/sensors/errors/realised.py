@@ -21,7 +21,6 @@ from imu_sim_ros.sensors.imu.triads import NO_CROSS_AXIS, TriadParameters
 from imu_sim_ros.types import Array
 
 
-@lru_cache(maxsize=16)
 def _constants(cls: type) -> dict[str, int]:
     """Return the constants of a section that are drawn, and how many numbers for each axis."""
     known = declared(cls)
