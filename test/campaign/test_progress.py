@@ -1,0 +1,79 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What a campaign shows while it is running."""
+
+import contextlib
+import fcntl
+import os
+import pty
+import re
+import struct
+import subprocess
+import sys
+import termios
+
+from imu_sim_ros.campaigns import campaign as driver
+from imu_sim_ros.campaigns.plan import load_plan
+
+
+def test_the_tally_counts_runs_and_failures(plan_file):
+    plan = load_plan(plan_file(grid={"trajectory": ["lecture", "circle"]}, seeds=2))
+    tally = driver.Tally(plan, 1)
+    done, failed = ({"cell": "trajectory=circle", "status": s} for s in ("done", "failed: x"))
+    assert tally.add([]) == "1 of 4 runs"
+    assert tally.add([done]) == "2 of 4 runs; trajectory=circle"
+    assert tally.add([done, failed]) == "4 of 4 runs, 1 failed; trajectory=circle"
+
+
+def test_a_terminal_of_80_columns_shows_runs_failures_and_the_time_left(plan_file, tmp_path):
+    """The counts come first, so that a long name of a plan or a cell cannot push them out."""
+    program = "{python} -c 'import sys; sys.exit({seed} % 2)'"
+    path = plan_file(
+        name="a name that is longer than any terminal is wide, or so it seems to whoever reads it",
+        grid={"trajectory": ["circle", "lecture"]},
+        seeds=12,
+        estimators={"own": {"command": program}},
+    )
+    shown = on_terminal(
+        [
+            sys.executable,
+            "-m",
+            "imu_sim_ros.commands.campaign",
+            path,
+            "-o",
+            tmp_path / "out",
+            "--workers",
+            "1",
+            "--no-report",
+        ],
+        columns=80,
+    )
+    lines = [line for line in re.split(r"[\r\n]", shown) if re.search(r"\d%", line)]
+    assert lines
+    assert max(map(len, lines)) <= 80
+    assert any(re.match(r"0 of 24 runs +.*-:--:--$", line) for line in lines)
+    told = r"\d+ of 24 runs, \d+ failed; traj\S* .*\d+% +[\d.]+/s +0:00:\d\d$"
+    assert any(re.match(told, line) for line in lines), lines[-3:]
+
+
+def on_terminal(command, columns):
+    """Return what a command shows on a terminal of so many columns, without its control codes."""
+    main, child = pty.openpty()
+    fcntl.ioctl(child, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
+    environment = {k: v for k, v in os.environ.items() if k not in ("COLUMNS", "LINES")}
+    process = subprocess.Popen(
+        list(map(str, command)),
+        stdin=child,
+        stdout=child,
+        stderr=child,
+        env={**environment, "TERM": "xterm"},
+    )
+    os.close(child)
+    parts = []
+    with contextlib.suppress(OSError):  # the other end is closed
+        while part := os.read(main, 1 << 16):
+            parts.append(part)
+    os.close(main)
+    process.wait()
+    return re.sub(rb"\x1b\[[0-9;?]*[a-zA-Z]", b"", b"".join(parts)).decode()
