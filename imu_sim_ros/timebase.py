@@ -47,15 +47,6 @@ def sample_times_ns(first: int, count: int, rate: float, t0_ns: int = 0) -> NDAr
     return t0_ns + times - ties_to_even
 
 
-def steady_interval(rate: float) -> float | None:
-    """Return the time between two samples [s] where it is a whole number of ns, else None.
-
-    Elsewhere sample times are rounded, and intervals differ by 1 ns.
-    """
-    numerator, denominator = _period(rate)
-    return numerator / NANOSECONDS_PER_SECOND if denominator == 1 else None
-
-
 @lru_cache(maxsize=64)
 def _period(rate: float) -> tuple[int, int]:
     """Return numerator and denominator of the time between two samples [ns]."""

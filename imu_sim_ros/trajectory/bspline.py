@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
-from imu_sim_ros.trajectory.motion import Felt, Motion
+from imu_sim_ros.trajectory.motion import Motion
 from imu_sim_ros.types import Array
 
 DEGREE: Final = 5
@@ -81,12 +81,6 @@ class PoseSpline:
         q_wb, omega, alpha = self._rotation.motion(segment, u)
         return Motion(*self._translation(segment, u), q_wb, omega, alpha)
 
-    def felt(self, t: Array) -> Felt:
-        """Return what is felt of the motion at times t (n,) [s], at two thirds of the cost."""
-        segment, u = self._knots.locate(t)
-        q_wb, omega = self._rotation.attitude_and_rate(segment, u)
-        return Felt(self._translation(segment, u)[2], q_wb, omega)
-
     def _translation(self, segment: NDArray[np.int64], u: Array) -> tuple[Array, Array, Array]:
         h = self._knots.spacing
         p, v, a = np.empty((3, len(u), 3))
@@ -126,21 +120,9 @@ class RotationSpline:
         With ``A_j = Exp(lambda_j d_j)``: ``omega <- A_j^T omega + lambda_j' d_j`` and
         ``alpha <- A_j^T alpha + lambda_j' omega x d_j + lambda_j'' d_j`` (Sommer et al., eq. 33).
         """
-        q, omega, alpha = self._applied(segment, u, np.zeros((3, len(u))))
-        assert alpha is not None
-        return q, omega, np.ascontiguousarray(alpha.T)
-
-    def attitude_and_rate(self, segment: NDArray[np.int64], u: Array) -> tuple[Array, Array]:
-        """Return the first two of :meth:`motion`: the same bits."""
-        return self._applied(segment, u, None)[:2]
-
-    def _applied(
-        self, segment: NDArray[np.int64], u: Array, alpha: Array | None
-    ) -> tuple[Array, Array, Array | None]:
-        """Return q_wb (n, 4), omega_b (n, 3), and alpha_b (3, n) where it is given, as zeros."""
         h = self._spacing
         q = self._first_q[:, segment]
-        omega = np.zeros((3, len(u)))
+        omega, alpha = np.zeros((2, 3, len(u)))
         for j in range(1, ORDER):
             share = _polynomial(CUMULATIVE[j], u)
             angle = self._angles[segment + (j - 1)]
@@ -148,11 +130,10 @@ class RotationSpline:
             turn, rate, acceleration = share * (angle * np.array([1.0, 1 / h, 1 / h**2])[:, None])
             sine, cosine = np.sin(turn), np.cos(turn)
             omega = _turn_back(omega, axis, sine, cosine) + rate * axis
-            if alpha is not None:
-                alpha = _turn_back(alpha, axis, sine, cosine) + rate * _cross(omega, axis)
-                alpha += acceleration * axis
+            alpha = _turn_back(alpha, axis, sine, cosine) + rate * _cross(omega, axis)
+            alpha += acceleration * axis
             q = _turned(q, axis, 0.5 * turn)
-        return _unit(q), np.ascontiguousarray(omega.T), alpha
+        return _unit(q), np.ascontiguousarray(omega.T), np.ascontiguousarray(alpha.T)
 
 
 def _polynomial(c: Array, u: Array) -> Array:

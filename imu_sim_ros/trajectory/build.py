@@ -6,7 +6,7 @@
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Final, TypeAlias, cast
+from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.poses import PoseSequence, read_poses
-from imu_sim_ros.trajectory.motion import Motion, Trajectory, highest_frequency
+from imu_sim_ros.trajectory.given import given_trajectory
+from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.trajectory.parameters import (
     GIVEN,
     FreeFallParameters,
@@ -52,7 +53,7 @@ class LeadIn:
     @property
     def highest_frequency(self) -> float:
         """Of the motion and of the jerk, a smooth bump with four periods at most [Hz]."""
-        return max(highest_frequency(self.inner), 4.0 / self._parameters.jerk_time)
+        return max(self.inner.highest_frequency, 4.0 / self._parameters.jerk_time)
 
     def sample(self, t: Array) -> Motion:
         """Return the motion at times t (n,) [s]."""
@@ -219,4 +220,6 @@ def _own_motion(parameters: TrajectoryParameters) -> Trajectory:
             f"trajectory.type = {parameters.type!r}: {type(parameters).__name__} lacks "
             "duration or sample(t)"
         )
-    return cast(Trajectory, parameters)
+    own = given_trajectory(parameters)
+    assert own is not None
+    return own

@@ -51,6 +51,11 @@ class CalibrationMotion:
         """Length [s]."""
         return self._profile.duration
 
+    @property
+    def highest_frequency(self) -> float:
+        """0: turns are smooth over the time between two readings."""
+        return 0.0
+
     def sample(self, t: Array) -> Motion:
         """Return the motion at times t (n,) [s]."""
         k = self._profile.locate(t)

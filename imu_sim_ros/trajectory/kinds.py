@@ -10,7 +10,7 @@ import numpy as np
 
 from imu_sim_ros import rotation
 from imu_sim_ros.parameters.kinds import Vector
-from imu_sim_ros.trajectory.motion import Felt, Later, Motion
+from imu_sim_ros.trajectory.motion import Motion
 from imu_sim_ros.trajectory.parameters import (
     FreeFallParameters,
     HarmonicParameters,
@@ -18,8 +18,8 @@ from imu_sim_ros.trajectory.parameters import (
     StaticParameters,
     WaypointsParameters,
 )
-from imu_sim_ros.trajectory.profile import Derivatives, attitude, attitude_and_rate
-from imu_sim_ros.trajectory.series import SeriesSet, Waves
+from imu_sim_ros.trajectory.profile import Derivatives, attitude
+from imu_sim_ros.trajectory.series import SeriesSet
 from imu_sim_ros.types import Array
 
 
@@ -39,6 +39,11 @@ class Static:
     def duration(self) -> float:
         """Infinite."""
         return math.inf
+
+    @property
+    def highest_frequency(self) -> float:
+        """0: nothing moves."""
+        return 0.0
 
     def sample(self, t: Array) -> Motion:
         """Return the motion at times t (n,); the arrays are read-only views of one row."""
@@ -69,6 +74,11 @@ class FreeFall:
         """Infinite."""
         return math.inf
 
+    @property
+    def highest_frequency(self) -> float:
+        """0: readings are smooth over any interval."""
+        return 0.0
+
     def sample(self, t: Array) -> Motion:
         """Return the motion at times t (n,) [s]."""
         shape = (len(t), 3)
@@ -81,10 +91,6 @@ class FreeFall:
             angular_velocity=np.broadcast_to(self._omega, shape),
             angular_acceleration=np.broadcast_to(np.zeros(3), shape),
         )
-
-
-_FEW: Final = 1000
-"""Times and delays together up to which all are evaluated at once."""
 
 
 class Harmonic:
@@ -108,52 +114,10 @@ class Harmonic:
 
     def sample(self, t: Array) -> Motion:
         """Return the motion at times t (n,) [s]."""
-        return self._motion(t, self._coordinates.waves(t))
-
-    def felt(self, t: Array) -> Felt:
-        """Return what is felt of the motion at times t (n,) [s], at two thirds of the cost."""
-        return self._felt(t, self._coordinates.waves(t))
-
-    def delayed(self, t: Array, delays: Array) -> tuple[Motion, Later]:
-        """Return the motion at times t (n,) [s], and that after constant delays (m,) [s].
-
-        The sines at t serve for all of them; see :class:`Later`.
-        """
-        waves = self._coordinates.waves(t)
-        if len(t) * len(delays) <= _FEW:
-            return self._at_once(t, delays, waves)
-
-        def later(rows: slice, which: slice, only_felt: bool) -> Felt | Motion:
-            times = (delays[which, None] + t[rows]).ravel()
-            own = self._coordinates.turned(waves.at(rows), delays[which])
-            return self._felt(times, own) if only_felt else self._motion(times, own)
-
-        return self._motion(t, waves), later
-
-    def _at_once(self, t: Array, delays: Array, waves: Waves) -> tuple[Motion, Later]:
-        """Return the same of few times, with one evaluation: its calls are what takes time."""
-        n = len(t)
-        turned = self._coordinates.turned(waves, delays)
-        every = Waves(*(np.concatenate(pair, axis=1) for pair in zip(waves, turned, strict=True)))
-        times = np.concatenate([t, (delays[:, None] + t).ravel()])
-        motion = self._motion(times, every)
-
-        def later(rows: slice, which: slice, only_felt: bool) -> Felt | Motion:
-            of_delays = (values[n:].reshape(len(delays), n, -1)[which, rows] for values in motion)
-            found = Motion(*(values.reshape(-1, values.shape[-1]) for values in of_delays))
-            return Felt(*found[2:5]) if only_felt else found
-
-        return Motion(*(values[:n] for values in motion)), later
-
-    def _motion(self, t: Array, waves: Waves) -> Motion:
-        table, (*_, roll, pitch, yaw) = self._coordinates.sample(t, waves)
+        table, (*_, roll, pitch, yaw) = self._coordinates.sample(t)
         position, velocity, acceleration = table[:, :3]
         attitudes = attitude(roll, pitch, yaw, len(t))
         return Motion(position.T, velocity.T, acceleration.T, *attitudes)
-
-    def _felt(self, t: Array, waves: Waves) -> Felt:
-        acceleration, (roll, pitch, yaw) = self._coordinates.felt(t, waves)
-        return Felt(acceleration.T, *attitude_and_rate(roll, pitch, yaw, len(t)))
 
 
 class Polar:
@@ -181,7 +145,7 @@ class Polar:
     def sample(self, t: Array) -> Motion:
         """Return the motion at times t (n,) [s]."""
         n = len(t)
-        _, (r, angle) = self._coordinates.sample(t, self._coordinates.waves(t))
+        _, (r, angle) = self._coordinates.sample(t)
         along, across = (
             r.second - r.value * angle.first * angle.first,
             2.0 * r.first * angle.first + r.value * angle.second,
@@ -224,6 +188,11 @@ class Waypoints:
     def duration(self) -> float:
         """Time of the last waypoint [s]."""
         return float(self.times[-1])
+
+    @property
+    def highest_frequency(self) -> float:
+        """0: the polynomials are smooth over the time between two readings."""
+        return 0.0
 
     def sample(self, t: Array) -> Motion:
         """Return the motion at times t (n,) [s]."""

@@ -112,10 +112,19 @@ def attitude(
     :param yaw: likewise.
     :param n: number of times.
     """
-    angles = _turning(roll, pitch, yaw, n)
-    omega, product = angles.omega, angles.product
-    alpha = np.empty((3, n))
-    _, _, sr, cr, sp, cp, sr_cp, cr_cp, _ = angles
+    # Components first and in place, for the processor's cache.
+    half = [0.5 * angle.value for angle in (roll, pitch, yaw)]
+    sines, cosines = [np.sin(angle) for angle in half], [np.cos(angle) for angle in half]
+    q_wb = _quaternion(sines, cosines, n)
+    # Full angles from half angles: four products instead of four more sines.
+    (sr, cr), (sp, cp) = (_doubled(s, c) for s, c in zip(sines[:2], cosines[:2], strict=True))
+    sr_cp, cr_cp = sr * cp, cr * cp
+    omega, alpha, product = np.empty((3, n)), np.empty((3, n)), np.empty(n)
+    np.subtract(roll.first, np.multiply(yaw.first, sp, out=product), out=omega[0])
+    np.multiply(pitch.first, cr, out=omega[1])
+    omega[1] += np.multiply(yaw.first, sr_cp, out=product)
+    np.multiply(yaw.first, cr_cp, out=omega[2])
+    omega[2] -= np.multiply(pitch.first, sr, out=product)
     turn = yaw.first * pitch.first
     np.subtract(roll.second, np.multiply(yaw.second, sp, out=product), out=alpha[0])
     alpha[0] -= np.multiply(turn, cp, out=product)
@@ -128,49 +137,7 @@ def attitude(
     alpha[2] -= np.multiply(pitch.second, sr, out=product)
     alpha[2] -= np.multiply(roll.first, omega[1], out=product)
     alpha[2] -= np.multiply(turn, cr, out=product)
-    return angles.q_wb.T, omega.T, alpha.T
-
-
-def attitude_and_rate(
-    roll: Derivatives, pitch: Derivatives, yaw: Derivatives, n: int
-) -> tuple[Array, Array]:
-    """Return the first two of :func:`attitude`, the same numbers."""
-    angles = _turning(roll, pitch, yaw, n)
-    return angles.q_wb.T, angles.omega.T
-
-
-class _Turning(NamedTuple):
-    """Attitude and rate, and the sines and cosines in them."""
-
-    q_wb: Array
-    """(4, n)"""
-    omega: Array
-    """(3, n)"""
-    sr: Array | float
-    cr: Array | float
-    sp: Array | float
-    cp: Array | float
-    sr_cp: Array | float
-    cr_cp: Array | float
-    product: Array
-    """(n,) that may be overwritten."""
-
-
-def _turning(roll: Derivatives, pitch: Derivatives, yaw: Derivatives, n: int) -> _Turning:
-    """Return the part that both need; components first and in place, for the processor's cache."""
-    half = [0.5 * angle.value for angle in (roll, pitch, yaw)]
-    sines, cosines = [np.sin(angle) for angle in half], [np.cos(angle) for angle in half]
-    q_wb = _quaternion(sines, cosines, n)
-    # Full angles from half angles: four products instead of four more sines.
-    (sr, cr), (sp, cp) = (_doubled(s, c) for s, c in zip(sines[:2], cosines[:2], strict=True))
-    sr_cp, cr_cp = sr * cp, cr * cp
-    omega, product = np.empty((3, n)), np.empty(n)
-    np.subtract(roll.first, np.multiply(yaw.first, sp, out=product), out=omega[0])
-    np.multiply(pitch.first, cr, out=omega[1])
-    omega[1] += np.multiply(yaw.first, sr_cp, out=product)
-    np.multiply(yaw.first, cr_cp, out=omega[2])
-    omega[2] -= np.multiply(pitch.first, sr, out=product)
-    return _Turning(q_wb, omega, sr, cr, sp, cp, sr_cp, cr_cp, product)
+    return q_wb.T, omega.T, alpha.T
 
 
 def _doubled(sine: Array | float, cosine: Array | float) -> tuple[Array | float, Array | float]:

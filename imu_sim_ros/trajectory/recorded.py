@@ -11,7 +11,7 @@ from imu_sim_ros import rotation, timebase
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.trajectory.bspline import PoseSpline, UniformKnots
-from imu_sim_ros.trajectory.motion import Felt, Motion, Trajectory
+from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.trajectory.parameters import PosesParameters
 from imu_sim_ros.trajectory.repair import beyond_any_body, mended, suspicions
 from imu_sim_ros.trajectory.spline_fit import fit
@@ -112,10 +112,6 @@ class Recorded:
     def sample(self, t: Array) -> Motion:
         """Return the motion at times t (n,) [s]."""
         return self._spline.sample(t)
-
-    def felt(self, t: Array) -> Felt:
-        """Return what is felt of the motion at times t (n,) [s]."""
-        return self._spline.felt(t)
 
 
 def recorded_in(trajectory: Trajectory) -> Recorded | None:

@@ -9,7 +9,7 @@ from typing import Final, Protocol
 import numpy as np
 
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.trajectory.motion import Motion, Trajectory, highest_frequency
+from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.trajectory.parameters import TrajectoryParameters
 from imu_sim_ros.trajectory.profile import Derivatives, Phase, RateProfile, smooth_step
 from imu_sim_ros.types import Array
@@ -49,7 +49,7 @@ class Retimed:
     @property
     def highest_frequency(self) -> float:
         """Of the motion at its highest speed [Hz]."""
-        return highest_frequency(self.inner) * self._time_map.fastest
+        return self.inner.highest_frequency * self._time_map.fastest
 
     def sample(self, t: Array) -> Motion:
         """Return the motion at times t (n,) [s]."""
@@ -72,7 +72,7 @@ class Cut:
     def __init__(self, inner: Trajectory, duration: float) -> None:
         self.inner = inner
         self.duration = duration
-        self.highest_frequency = highest_frequency(inner)
+        self.highest_frequency = inner.highest_frequency
 
     def sample(self, t: Array) -> Motion:
         """Return the motion at times t (n,) [s]."""

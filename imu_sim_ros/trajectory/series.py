@@ -22,17 +22,6 @@ class _Wave(NamedTuple):
     cosine: float
 
 
-class Waves(NamedTuple):
-    """``sin(w t)`` and ``cos(w t)`` (frequencies, n) of every frequency."""
-
-    sine: Array
-    cosine: Array
-
-    def at(self, rows: slice) -> "Waves":
-        """Return those of some of the times."""
-        return Waves(self.sine[:, rows], self.cosine[:, rows])
-
-
 class SeriesSet:
     """Several functions, each ``sum c_k t^k + sum A_j sin(w_j t + phase_j)``.
 
@@ -59,52 +48,17 @@ class SeriesSet:
             for a, w, phase in zip(series.amplitude, series.angular_frequency, phases, strict=True)
         ]
 
-    def waves(self, t: Array) -> Waves:
-        """Return what all functions are made of, at times t (n,)."""
-        angles = self._column * t
-        return Waves(np.sin(angles), np.cos(angles, out=angles))
-
-    def turned(self, waves: Waves, delays: Array) -> Waves:
-        """Return the waves a time later, for each of m delays [s] in turn (frequencies, m n).
-
-        ``sin(w (t + d)) = sin(w t) cos(w d) + cos(w t) sin(w d)``: products in place of sines.
-        """
-        angles = self._column * delays
-        sine, cosine = np.sin(angles)[:, :, None], np.cos(angles)[:, :, None]
-        before = Waves(waves.sine[:, None], waves.cosine[:, None])
-        size = (len(angles), len(delays) * waves.sine.shape[1])
-        later = before.sine * cosine
-        later += before.cosine * sine
-        beside = before.cosine * cosine
-        beside -= before.sine * sine
-        return Waves(later.reshape(size), beside.reshape(size))
-
-    def sample(self, t: Array, waves: Waves) -> tuple[Array, list[Derivatives]]:
+    def sample(self, t: Array) -> tuple[Array, list[Derivatives]]:
         """Return every function at times t (n,): a table, and the functions one by one.
 
         The table (3, functions, n) has all values, first and second derivatives; one by one, what
         is constant is a float, and the rest rows of the table.
-
-        :param waves: of these times.
         """
+        angles = self._column * t
+        sines, cosines = np.sin(angles), np.cos(angles, out=angles)
         table = np.empty((3, len(self._waves), len(t)))
         every = range(len(self._waves))
-        return table, [self._function(k, table[:, k], t, *waves) for k in every]
-
-    def felt(self, t: Array, waves: Waves) -> tuple[Array, list[Derivatives]]:
-        """Return the second derivatives (3, n) of the first three, and the others as above."""
-        table = np.empty((3, len(self._waves), len(t)))
-        for k in range(3):
-            bend: Array | float = _trend(self._polynomials[k][2], t)
-            for column, w, a, b in self._waves[k]:
-                wave = waves.sine[column] * a
-                if b:
-                    wave += waves.cosine[column] * b
-                wave *= w * w
-                bend = np.subtract(bend, wave, wave)
-            table[2, k] = bend
-        others = range(3, len(self._waves))
-        return table[2, :3], [self._function(k, table[:, k], t, *waves) for k in others]
+        return table, [self._function(k, table[:, k], t, sines, cosines) for k in every]
 
     def _function(
         self, k: int, table: Array, t: Array, sines: Array, cosines: Array

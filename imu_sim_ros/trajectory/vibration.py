@@ -10,7 +10,7 @@ import numpy as np
 from numpy.random import PCG64, Generator, SeedSequence
 
 from imu_sim_ros import rotation
-from imu_sim_ros.trajectory.motion import Motion, Trajectory, highest_frequency
+from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.trajectory.parameters import VibrationParameters
 from imu_sim_ros.types import Array
 
@@ -182,7 +182,7 @@ class Vibrating:
         """Of motion and vibration [Hz]."""
         vibration = self._vibration
         return max(
-            highest_frequency(self.inner),
+            self.inner.highest_frequency,
             vibration.shift.highest_frequency,
             vibration.turn.highest_frequency,
         )

@@ -11,7 +11,6 @@ import pytest
 
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build as build_section
-from imu_sim_ros.trajectory.motion import Felt, Motion, delayed, felt
 from imu_sim_ros.trajectory.parameters import TYPES
 
 NAMES = files.names("trajectories")
@@ -46,37 +45,6 @@ def test_a_file_named_like_a_kind_holds_its_defaults(name):
 def test_derivatives_are_exact(name, build, assert_exact_derivatives):
     trajectory = build(type=name)
     assert_exact_derivatives(trajectory, some_times(trajectory))
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_what_is_felt_is_a_part_of_the_motion(name, build):
-    """Bit for bit: averaged readings use it in place of the motion."""
-    trajectory = build(type=name)
-    t = some_times(trajectory, 300)
-    motion, part = trajectory.sample(t), felt(trajectory, t)
-    for field in ("acceleration", "q_wb", "angular_velocity"):
-        assert np.array_equal(getattr(motion, field), getattr(part, field)), field
-
-
-@pytest.mark.parametrize("name", ["lecture", "coning", "figure_eight", "spin", "circle"])
-@pytest.mark.parametrize("count", [300, 600])  # few are evaluated at once
-def test_motion_after_a_delay_is_the_motion_at_that_time(name, count, build):
-    """To rounding, by the addition theorem; what is felt of it is a part of it, bit for bit."""
-    trajectory = build(type=name)
-    t, delays = np.linspace(0.0, 7.0, count), np.array([0.001, 0.0035, 0.02])
-    motion, later = delayed(trajectory, t, delays)
-    for values, expected in zip(motion, trajectory.sample(t), strict=True):
-        assert np.array_equal(values, expected)
-    rows, which = slice(10, 290), slice(1, 3)
-    found, part = later(rows, which, False), later(rows, which, True)
-    assert (type(found), type(part)) == (Motion, Felt)
-    expected = trajectory.sample(np.concatenate([t[rows] + delay for delay in delays[which]]))
-    for field in Motion._fields:
-        values, wanted = getattr(found, field), getattr(expected, field)
-        # 2 pi 10 Hz 7 s has a last digit of 6e-14; the largest values are some 40 rad/s^2.
-        np.testing.assert_allclose(values, wanted, rtol=1e-12, atol=1e-11)
-    for field in Felt._fields:
-        assert np.array_equal(getattr(found, field), getattr(part, field)), field
 
 
 @pytest.mark.parametrize("name", NAMES)

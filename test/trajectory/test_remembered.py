@@ -37,29 +37,6 @@ def test_what_it_keeps_is_limited(trajectory):
     assert kept.sample(few).position is kept.sample(few).position
 
 
-def test_motion_after_delays_is_kept_too(trajectory):
-    """Else means of a campaign's run would differ in the last digit from those of a run alone."""
-    kept, t, delays = RememberedTrajectory(trajectory), np.arange(100) * 0.01, np.array([0.002])
-    rows, every = slice(0, 60), slice(0, 1)
-    motion, later = kept.delayed(t, delays)
-    again, later_again = kept.delayed(t.copy(), delays.copy())
-    assert again is motion
-    first = later(rows, every, True)
-    assert later_again(rows, every, True) is first
-    alone = trajectory.delayed(t, delays)[1](rows, every, True)
-    assert all(np.array_equal(a, b) for a, b in zip(first, alone, strict=True))
-    assert len(later(slice(60, 100), every, True).q_wb) == 40
-    with pytest.raises(ValueError, match="read-only"):
-        first.q_wb[0] = 1.0
-    other = kept.delayed(t, 2.0 * delays)[1](rows, every, True)
-    assert not np.array_equal(other.q_wb, first.q_wb)
-
-
-def test_a_motion_without_delays_has_none_when_it_is_remembered():
-    still = Simulation(load_simulation({"trajectory.type": "static"})).trajectory
-    assert RememberedTrajectory(still).delayed(np.arange(3.0), np.array([0.1])) is None
-
-
 @pytest.mark.parametrize("kind", ["lecture", "waypoints"])
 def test_means_along_a_remembered_motion_are_those_of_the_motion(kind):
     values = {"trajectory.type": kind, "imu.sampling": "averaged", "imu.preset": "perfect"}

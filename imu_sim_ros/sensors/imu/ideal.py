@@ -13,7 +13,7 @@ from imu_sim_ros.rotation.components import cross, rotate_inverse, transform
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.gravity import earth_rate_vector, gravity_vector
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-from imu_sim_ros.trajectory.motion import Felt, Later, Motion, Trajectory, delayed, felt
+from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.types import Array
 
 if TYPE_CHECKING:
@@ -91,9 +91,8 @@ def _error(rule: Quadrature, c: float) -> float:
     return float(np.max(np.abs(means - np.sinc(trials / np.pi))))
 
 
-_TOGETHER: Final = 8192
-"""Times at which a motion is sampled at once, for the processor's cache; a short block has all its
-nodes in one call."""
+_SAMPLED_AT_ONCE: Final = 8192
+"""Times at which a motion is sampled in one call: the arrays fit into the processor's cache."""
 
 
 class IdealImu:
@@ -109,12 +108,8 @@ class IdealImu:
         self._r_ib = np.reshape(imu.mounting, (3, 3)).T
         self._elements_i = np.reshape(imu.accelerometer_positions, (3, 3))
         self._has_size = bool(self._elements_i.any())
-        self._only_feels = not (
-            self._curved_earth or self._has_lever_arm or self._earth_turns or self._has_size
-        )
-        """Whether :class:`Felt` is all it needs of a motion."""
 
-    def read(self, motion: Felt | Motion) -> tuple[Array, Array]:
+    def read(self, motion: Motion) -> tuple[Array, Array]:
         """Return angular rate [rad/s] and specific force [m/s^2], both (3, n), in the IMU's frame.
 
         Without Earth rotation ``omega_b`` and ``f_b = R_wb.T (a_w - g_w)`` (lecture eq. 22); at a
@@ -127,28 +122,28 @@ class IdealImu:
         (:class:`imu_sim_ros.sensors.gravity.CurvedEarth`).
         """
         if _at_rest(motion):
-            rate, force = self._read(type(motion)(*(values[:1] for values in motion)))
+            rate, force = self._read(Motion(*(values[:1] for values in motion)))
             n = len(motion.q_wb)
             return np.broadcast_to(rate, (3, n)), np.broadcast_to(force, (3, n))
         return self._read(motion)
 
-    def _read(self, motion: Felt | Motion) -> tuple[Array, Array]:
+    def _read(self, motion: Motion) -> tuple[Array, Array]:
         rate, force = self._of_the_body(motion)
         rate_i, force_i = transform(self._r_ib, rate), transform(self._r_ib, force)
-        if self._has_size and isinstance(motion, Motion):
+        if self._has_size:
             turning_i = transform(self._r_ib, motion.angular_velocity.T)
             change_i = transform(self._r_ib, motion.angular_acceleration.T)
             force_i += size_effect(self._elements_i, turning_i, change_i)
         return rate_i, force_i
 
-    def _of_the_body(self, motion: Felt | Motion) -> tuple[Array, Array]:
+    def _of_the_body(self, motion: Motion) -> tuple[Array, Array]:
         """Return angular rate and specific force at the lever arm in the body frame, (3, n)."""
-        if self._curved_earth and isinstance(motion, Motion):
+        if self._curved_earth:
             return self._curved_earth.read(motion, self._lever_arm_b)
         q_wb = motion.q_wb.T
         rate = motion.angular_velocity.T
         force = rotate_inverse(q_wb, motion.acceleration.T - self._gravity_w)
-        if isinstance(motion, Felt) or not (self._has_lever_arm or self._earth_turns):
+        if not (self._has_lever_arm or self._earth_turns):
             return rate, force
         arm = self._lever_arm_b
         swing = cross(rate, arm)
@@ -165,11 +160,7 @@ class IdealImu:
         return rate, force
 
     def read_mean(
-        self,
-        trajectory: Trajectory,
-        t: Array,
-        quadrature: Quadrature,
-        interval: float | None = None,
+        self, trajectory: Trajectory, t: Array, quadrature: Quadrature
     ) -> tuple[Motion, Array, Array]:
         """Return the motion at n + 1 times, and the mean readings between them (lecture eq. 11).
 
@@ -179,41 +170,28 @@ class IdealImu:
 
         :param t: (n + 1,) ends of the intervals [s], not decreasing.
         :param quadrature: nodes and weights on [0, 1], see :func:`quadrature`.
-        :param interval: [s] where all intervals have the same length, but for rounding.
         """
         nodes, weights = (values[1:-1] for values in quadrature)
-        motion, between = self._sampled(trajectory, t, nodes, interval)
+        motion = trajectory.sample(t)
         of_ends = quadrature[1][0]
         means = [of_ends * (ends[:, :-1] + ends[:, 1:]) for ends in self.read(motion)]
         n = len(t) - 1
-        piece, together = max(1, min(n, _TOGETHER)), max(1, _TOGETHER // max(n, 1))
-        for begin in range(0, n, piece):
-            rows = slice(begin, min(begin + piece, n))
-            for first in range(0, len(nodes), together):
-                part = slice(first, min(first + together, len(nodes)))
-                readings = self.read(between(rows, part, self._only_feels))
+        start, length = t[:-1], np.diff(t)
+        rows = max(1, min(n, _SAMPLED_AT_ONCE))
+        columns = max(1, _SAMPLED_AT_ONCE // rows)
+        for begin in range(0, n, rows):
+            row = slice(begin, begin + rows)
+            for first in range(0, len(nodes), columns):
+                column = slice(first, first + columns)
+                times = start[row] + nodes[column, None] * length[row]
+                readings = self.read(trajectory.sample(times.ravel()))
                 for mean, values in zip(means, readings, strict=True):
-                    apart = values.reshape(3, part.stop - part.start, -1)
-                    for k, weight in enumerate(weights[part]):
-                        mean[:, rows] += weight * apart[:, k]
+                    for weight, own in zip(
+                        weights[column], values.reshape(3, *times.shape).swapaxes(0, 1), strict=True
+                    ):
+                        mean[:, row] += weight * own
         rate, force = means
         return motion, rate, force
-
-    def _sampled(
-        self, trajectory: Trajectory, t: Array, nodes: Array, interval: float | None
-    ) -> tuple[Motion, Later]:
-        """Return the motion at times t and, for each but the last, at the nodes before the next."""
-        if interval is not None:
-            found = delayed(trajectory, t, nodes * interval)
-            if found is not None:
-                return found
-        start, length = t[:-1], np.diff(t)
-
-        def later(rows: slice, which: slice, only_felt: bool) -> Felt | Motion:
-            times = (start[rows] + nodes[which, None] * length[rows]).ravel()
-            return felt(trajectory, times) if only_felt else trajectory.sample(times)
-
-        return trajectory.sample(t), later
 
 
 def _curved_earth(environment: EnvironmentParameters) -> "CurvedEarth":
@@ -242,7 +220,7 @@ def size_effect(positions: Array, omega: Array, alpha: Array) -> Array:
     return result
 
 
-def _at_rest(motion: Felt | Motion) -> bool:
+def _at_rest(motion: Motion) -> bool:
     """Return whether a motion is one row that stands for all times (see the static trajectory)."""
     first, *others = motion
     if first.strides[0] != 0 or len(first) < 2:

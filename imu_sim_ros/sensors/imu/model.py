@@ -19,7 +19,7 @@ from imu_sim_ros.sensors.faults import Fault, FaultSchedule
 from imu_sim_ros.sensors.imu.ideal import IdealImu, Quadrature, quadrature
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.timing import Clock, Transport
-from imu_sim_ros.trajectory.motion import Motion, Trajectory, highest_frequency
+from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.types import Array
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ class Imu:
         :raises ConfigurationError: where its frequencies are too high for averaging.
         """
         if self._averaged:
-            self._quadrature = quadrature(highest_frequency(trajectory), 1.0 / self._rate)
+            self._quadrature = quadrature(trajectory.highest_frequency, 1.0 / self._rate)
 
     def inject(self, fault: Fault, first: int, now: int) -> None:
         """Let a fault begin at a sample that is still to come.
@@ -181,8 +181,7 @@ class Imu:
             assert self._quadrature is not None
         before = timebase.sample_times_ns(max(first - 1, 0), 1, self._rate)
         ends = np.concatenate([timebase.seconds_since(before, 0), t])
-        steady = timebase.steady_interval(self._rate)
-        motion, rate, force = self._ideal.read_mean(trajectory, ends, self._quadrature, steady)
+        motion, rate, force = self._ideal.read_mean(trajectory, ends, self._quadrature)
         motion = Motion(*(values[1:] for values in motion))
         if first == 0:  # nothing lies before the first sample: it is the value at its time
             at_once = self._ideal.read(Motion(*(values[:1] for values in motion)))

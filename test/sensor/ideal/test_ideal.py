@@ -22,6 +22,8 @@ G = 9.81
 class Formula:
     """A trajectory given by a function of time; what is not given is 0."""
 
+    highest_frequency = 0.0
+
     def __init__(self, formula: Callable[[np.ndarray], dict[str, np.ndarray]]) -> None:
         self._formula = formula
 

@@ -13,7 +13,8 @@ from imu_sim_ros.sensors.imu.ideal import IdealImu, Quadrature, lobatto, quadrat
 from imu_sim_ros.simulation.engine import Simulation
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.trajectory.bspline import PoseSpline, UniformKnots
-from imu_sim_ros.trajectory.motion import Trajectory, highest_frequency
+from imu_sim_ros.trajectory.given import Given
+from imu_sim_ros.trajectory.motion import Trajectory
 
 Array = np.ndarray
 BOARD = {"imu.lever_arm": [0.1, 0.2, -0.3], "earth_rotation": True, "latitude_deg": 48.0}
@@ -24,7 +25,6 @@ class Case(NamedTuple):
     imu: IdealImu
     t: Array
     """(n + 1,) ends of the intervals."""
-    interval: float | None = None
 
     def finely(self, rule: Quadrature) -> Array:
         """Return means of rate and force (6, n) by a rule without shared nodes."""
@@ -43,7 +43,7 @@ class Case(NamedTuple):
 
     def error(self, rule: Quadrature) -> Array:
         """Return the largest errors of rate and force (2,)."""
-        _, *means = self.imu.read_mean(self.trajectory, self.t, rule, self.interval)
+        _, *means = self.imu.read_mean(self.trajectory, self.t, rule)
         difference = np.abs(np.concatenate(means) - self.exact())
         return difference.reshape(2, -1).max(axis=1)
 
@@ -70,7 +70,8 @@ def spline(rate: float) -> Case:
     walk = np.cumsum(random.normal(size=(2, knots.control_points, 3)), axis=1)
     control = PoseSpline(knots, 0.02 * walk[0], rotation.exp(0.03 * walk[1]))
     parameters = load_simulation({"imu.preset": "perfect"})
-    return Case(control, IdealImu(parameters.imu, parameters), np.arange(801) / rate + 1.0)
+    trajectory = Given(control.sample, control.duration, 0.0)
+    return Case(trajectory, IdealImu(parameters.imu, parameters), np.arange(801) / rate + 1.0)
 
 
 @pytest.mark.parametrize("count", [4, 5, 9, 50, 188])
@@ -107,7 +108,7 @@ def test_the_error_falls_with_the_order_of_the_rule(count: int, order: float) ->
 def test_slow_motions_are_averaged_to_rounding(name: str, board: dict[str, object]) -> None:
     """Of some rad/s and of 10 to 20 m/s^2; the rounding of w t is in both."""
     given = case(name, 200.0, board)
-    rule = quadrature(highest_frequency(given.trajectory), 0.005)
+    rule = quadrature(given.trajectory.highest_frequency, 0.005)
     assert len(rule[0]) == 4
     rate, force = given.error(rule)
     assert rate < 1e-13
@@ -121,7 +122,7 @@ def test_slow_motions_are_averaged_to_rounding(name: str, board: dict[str, objec
 def test_no_mean_is_worse_than_that_of_three_gauss_nodes(build: str, rate: float) -> None:
     """Which cost as much, as the ends are there in any case."""
     given = spline(rate) if build == "spline" else case(build, rate, BOARD)
-    rule = quadrature(highest_frequency(given.trajectory), 1.0 / rate)
+    rule = quadrature(given.trajectory.highest_frequency, 1.0 / rate)
     assert len(rule[0]) == 5
     before = np.abs(given.finely(gauss(3)) - given.exact()).reshape(2, -1).max(axis=1)
     assert (given.error(rule) < 0.5 * before).all()

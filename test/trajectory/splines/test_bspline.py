@@ -46,15 +46,6 @@ def test_derivatives_are_exact(assert_exact_derivatives):
     assert_exact_derivatives(spline, RNG.uniform(0.01, 2.99, 2000))
 
 
-def test_what_is_felt_is_a_part_of_the_motion():
-    """Bit for bit: averaged readings use it in place of the motion."""
-    _, spline = random_spline()
-    t = np.linspace(0.0, 3.0, 500)
-    motion, part = spline.sample(t), spline.felt(t)
-    for field in part._fields:
-        assert np.array_equal(getattr(motion, field), getattr(part, field)), field
-
-
 def test_evenly_turned_control_points_give_a_constant_rate():
     knots = UniformKnots(2.0, 0.1)
     axis = np.array([1.0, -2.0, 0.5]) / np.sqrt(5.25)
