@@ -71,7 +71,7 @@ setup(
     ],
     extras_require={
         "complete": ["argcomplete"],
-        "docs": ["myst-parser", "sphinx"],
+        "docs": ["furo", "myst-parser", "sphinx"],
         "frames": ["pandas"],
         "magnetic": ["pygeomag"],
         "camera": ["opencv-python-headless>=4.6"],

@@ -4,6 +4,7 @@
 """The manual's configuration, in the layout that rosdoc2 builds (rosdoc2.yaml)."""
 
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -20,19 +21,17 @@ if (ROOT / "package.xml").is_file():
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.mathjax"]
 source_suffix = {".md": "markdown"}
 exclude_patterns = ["_build"]
-myst_enable_extensions = ["dollarmath"]
+myst_enable_extensions = ["colon_fence", "dollarmath"]
 myst_heading_anchors = 4
 # Types and arguments are written in the docstrings, once.
 autodoc_typehints = "none"
 autodoc_member_order = "bysource"
 default_role = "code"
 
-html_theme = "alabaster"
-html_theme_options = {
-    "description": "A simulated IMU whose every error is known",
-    "page_width": "auto",
-    "sidebar_width": "220px",
-    "body_max_width": "none",
-}
-html_static_path = ["_static"]  # custom.css
+# `make docs` installs furo. The build farm's rosdoc2 has no rosdep key for it, but always the
+# Read-the-Docs theme; both have page contents, previous and next, and fit a phone.
+html_theme = next(name for name in ("furo", "sphinx_rtd_theme", "alabaster") if find_spec(name))
+html_title = "imu_sim_ros"
+html_static_path = ["_static"]
+html_css_files = ["custom.css"]
 highlight_language = "none"  # command lines are no Python

@@ -10,7 +10,11 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-TABLE = (ROOT / "docs/checked_against.md").read_text(encoding="utf-8").partition("\n| claim")[2]
+TABLE = (
+    (ROOT / "docs/explanation/checked_against.md")
+    .read_text(encoding="utf-8")
+    .partition("\n| claim")[2]
+)
 COMMANDS = [
     c for c in re.findall(r"`([^`]*)`", TABLE) if c.startswith(("pytest ", ".venv/bin/python "))
 ]

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+DOCS = ROOT / "docs"
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.rglob("*.md"))]
 
 
 def anchors(page):
@@ -18,7 +19,7 @@ def anchors(page):
     return {re.sub(r"[^\w\- ]", "", text.strip().lower()).replace(" ", "-") for text in headings}
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: str(path.relative_to(ROOT)))
 def test_links_lead_to_files_and_headings(page):
     for target in re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8")):
         if "://" in target:
@@ -30,8 +31,10 @@ def test_links_lead_to_files_and_headings(page):
             assert anchor in anchors(other), target
 
 
-def test_every_chapter_is_in_the_table_of_contents():
-    listed = re.findall(r"^([a-z0-9_]+)$", (ROOT / "docs/index.md").read_text(), re.M)
-    assert sorted(listed) == sorted(
-        page.stem for page in PAGES if page.stem not in ("README", "index")
-    )
+def test_every_page_is_in_one_of_the_four_kinds_and_in_the_table_of_contents():
+    trees = re.findall(r"```\{toctree\}\n(.*?)```", (DOCS / "index.md").read_text(), re.S)
+    listed = [line for tree in trees for line in tree.split() if "/" in line]
+    pages = [page.relative_to(DOCS).with_suffix("").as_posix() for page in PAGES[2:]]
+    assert sorted(listed) == sorted(page for page in pages if page != "index")
+    kinds = {"tutorials", "how_to", "reference", "explanation", "contributing"}
+    assert {page.split("/")[0] for page in listed} == kinds

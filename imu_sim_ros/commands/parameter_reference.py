@@ -3,7 +3,7 @@
 
 """The parameter reference as Markdown, from the one description of every parameter.
 
-``python -m imu_sim_ros.commands.parameter_reference > docs/parameters.md``
+``python -m imu_sim_ros.commands.parameter_reference > docs/reference/parameters.md``
 """
 
 import argparse
@@ -28,8 +28,8 @@ _PREFIX = "trajectory."
 _INTRODUCTION = """\
 # Parameters
 
-Written by `python -m imu_sim_ros.commands.parameter_reference > docs/parameters.md`; a test checks
-that it is current.
+Written by `python -m imu_sim_ros.commands.parameter_reference > docs/reference/parameters.md`;
+a test checks that it is current.
 
 The same names serve everywhere: in ROS 2 parameter files (`--params-file` of nodes and commands),
 as `-p NAME:=VALUE` behind `--ros-args`, as `--NAME VALUE` of a node and as `--set NAME=VALUE` of a

@@ -270,7 +270,7 @@ def test_every_public_name_has_a_valid_call():
     assert {*ims.__all__} - errors - RESULTS - {"camera", "Motion"} == {
         n for n in VALID if "." not in n
     }
-    cameras = {"project", "tracks", "frames", "depths"}  # those of docs/api.md
+    cameras = {"project", "tracks", "frames", "depths"}  # those of docs/reference/api.md
     assert cameras == {name.partition(".")[2] for name in VALID if name.startswith("camera.")}
 
 

@@ -148,7 +148,7 @@ def test_completion_by_tab(line, offered, tmp_path):
 
 def written_commands():
     """Yield the command lines of the README's and the manual's blocks, with their places."""
-    for path in [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]:
+    for path in [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]:
         blocks = path.read_text(encoding="utf-8").replace("\\\n", " ").split("\n```")[1::2]
         for line in "\n".join(blocks).splitlines():
             command = line.strip().removeprefix("$ ").removeprefix(".venv/bin/")

@@ -15,12 +15,13 @@ from imu_sim_ros.sensors.camera.scene_parameters import TYPES as SCENES
 from imu_sim_ros.simulation.playback import SimulatorParameters
 from imu_sim_ros.trajectory.parameters import TYPES
 
-DOCUMENT = Path(__file__).parents[2] / "docs/parameters.md"
+DOCUMENT = Path(__file__).parents[2] / "docs/reference/parameters.md"
 
 
 def test_the_document_is_current():
     assert DOCUMENT.read_text(encoding="utf-8") == reference(), (
-        "write it again: python -m imu_sim_ros.commands.parameter_reference > docs/parameters.md"
+        "write it again: "
+        "python -m imu_sim_ros.commands.parameter_reference > docs/reference/parameters.md"
     )
 
 
