@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 #
-# make build | demo | demo-vio | test | test-all | lint | bench | same | fuzz | docs | clean
+# make build | demo | demo-vio | test | test-all | lint | bench | same | fuzz | docs | reference | clean
 #
 # Nothing is needed but Python 3.10-3.13 with venv: ROS 2 Jazzy comes from wheels into .venv. On a
 # machine with ROS 2 Jazzy the package is an ordinary ament_python one: colcon build.
@@ -11,7 +11,7 @@ SHELL := /bin/bash
 .DEFAULT_GOAL := build
 .ONESHELL:
 .NOTPARALLEL:
-.PHONY: build demo demo-vio test test-all lint bench same fuzz docs clean test-floor
+.PHONY: build demo demo-vio test test-all lint bench same fuzz docs reference clean test-floor
 
 PYTHON ?= python3
 TRAJECTORY ?= lecture
@@ -139,6 +139,12 @@ lint: build .venv/test-installed
 docs: build .venv/test-installed
 	@$(CLEAN) $(BIN)/sphinx-build -q -W --keep-going -b html docs docs/_build/html
 	echo "make: the manual is in docs/_build/html/index.html"
+
+# The pages of the manual that are written from the parameters, presets and parsers themselves.
+reference: build
+	@for name in parameter preset program; do
+	  $(CLEAN) $(BIN)/python -m imu_sim_ros.commands.$${name}_reference >docs/reference/$${name}s.md
+	done
 
 bench: build .venv/test-installed
 	@$(CLEAN) $(BIN)/python test/bench/run.py

@@ -3,6 +3,7 @@
 
 """Build description of imu_sim_ros; the version and the texts come from package.xml."""
 
+import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -23,6 +24,25 @@ COMMANDS = (
     "control",
 )
 
+# colcon and Debian's tools install into lib/imu_sim_ros (setup.cfg), where `ros2 run` finds
+# programs under their own names. A wheel's scripts are on everybody's PATH: only `imu_sim` is one.
+AMENT = bool({"install", "develop"} & set(sys.argv))
+OPTIONAL = {
+    "camera": ["opencv-python-headless>=4.6"],
+    "campaign": ["distributed", "pyarrow"],
+    "complete": ["argcomplete"],
+    "fast": ["orjson>=3.9"],
+    "frames": ["pandas"],
+    "magnetic": ["pygeomag"],
+    "view": ["rerun-sdk>=0.22"],
+}
+DEVELOPMENT = {
+    "docs": ["furo", "myst-parser", "sphinx"],
+    "test": ["pytest", "allantools", "evo", "mcap-ros2-support"],
+}
+
+# colcon builds with links to the files that it installs; the README is not one of them.
+README = Path(__file__).with_name("README.md")
 manifest = ElementTree.parse(Path(__file__).with_name("package.xml")).getroot()
 
 
@@ -35,6 +55,19 @@ setup(
     name=PACKAGE,
     version=manifest.findtext("version"),
     description=manifest.findtext("description"),
+    long_description=README.read_text(encoding="utf-8") if README.exists() else "",
+    long_description_content_type="text/markdown",
+    keywords=["imu", "simulation", "ros2", "visual-inertial", "allan-variance", "calibration"],
+    classifiers=[
+        "Development Status :: 5 - Production/Stable",
+        "Environment :: Console",
+        "Intended Audience :: Science/Research",
+        "Operating System :: POSIX",
+        "Programming Language :: Python :: 3",
+        *(f"Programming Language :: Python :: 3.{minor}" for minor in range(10, 15)),
+        "Topic :: Scientific/Engineering",
+        "Typing :: Typed",
+    ],
     author="imu_sim_ros maintainers",
     maintainer=manifest.findtext("maintainer"),
     maintainer_email=manifest.find("maintainer").get("email"),
@@ -54,6 +87,7 @@ setup(
         share("config/campaigns", "*.yaml"),
         share("config/estimators", "*.yaml"),
         share("examples", "*.py"),
+        share("examples", "*.ipynb"),
         share("launch", "*.launch.py"),
     ],
     install_requires=[
@@ -65,22 +99,20 @@ setup(
         "rich",
         "rosbags>=0.10",
         "mcap",
-        "orjson>=3.9",
         "lz4",
         "zstandard",
     ],
     extras_require={
-        "complete": ["argcomplete"],
-        "docs": ["furo", "myst-parser", "sphinx"],
-        "frames": ["pandas"],
-        "magnetic": ["pygeomag"],
-        "camera": ["opencv-python-headless>=4.6"],
-        "campaign": ["distributed", "pyarrow"],
-        "test": ["pytest", "allantools", "evo", "mcap-ros2-support"],
+        **OPTIONAL,
+        **DEVELOPMENT,
+        "all": sorted(requirement for extra in OPTIONAL.values() for requirement in extra),
     },
     zip_safe=False,
     entry_points={
-        "console_scripts": [f"{name} = {PACKAGE}.nodes.start:{name}" for name in NODES]
-        + [f"{name} = {PACKAGE}.commands.start:{name}" for name in (*COMMANDS, "imu_sim")],
+        "console_scripts": [
+            f"imu_sim = {PACKAGE}.commands.start:imu_sim",
+            *(f"{name} = {PACKAGE}.nodes.start:{name}" for name in NODES if AMENT),
+            *(f"{name} = {PACKAGE}.commands.start:{name}" for name in COMMANDS if AMENT),
+        ],
     },
 )

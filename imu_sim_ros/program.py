@@ -298,6 +298,16 @@ class Formatter(argparse.HelpFormatter):
         return super()._fill_text(text, width, indent)
 
 
+_ON_THEIR_OWN: Final = ("imu_sim", "make", "python", "demo")
+"""First words of command lines that are not programs of ``imu_sim``."""
+
+
+def _called(line: str) -> str:
+    """Return a command line as people who installed with pip type it: ``imu_sim generate ...``."""
+    words = line.strip()
+    return words if words.partition(" ")[0] in _ON_THEIR_OWN else f"imu_sim {words}"
+
+
 class Parser(argparse.ArgumentParser):
     """An argument parser whose complaint is one line, and that knows ``--debug``, ``--version``.
 
@@ -312,7 +322,7 @@ class Parser(argparse.ArgumentParser):
         :param examples: command lines, one a line; the help ends with them.
         """
         if examples:
-            lines = "".join(f"\n  {line.strip()}" for line in examples.strip().splitlines())
+            lines = "".join(f"\n  {_called(line)}" for line in examples.strip().splitlines())
             options |= {"epilog": "examples:" + lines, "formatter_class": Formatter}
         if options.get("description"):
             options["description"] = options["description"].replace("``", "")
@@ -331,6 +341,21 @@ class Parser(argparse.ArgumentParser):
             version=f"imu_sim_ros {__version__}",
             help="print the package's version and exit",
         )
+
+    def format_help(self) -> str:
+        """Return the help, whose usage is that of ``imu_sim PROGRAM``."""
+        return self._as_called(super().format_help)
+
+    def format_usage(self) -> str:
+        """Return the usage, that of ``imu_sim PROGRAM``."""
+        return self._as_called(super().format_usage)
+
+    def _as_called(self, formatted: Callable[[], str]) -> str:
+        short, self.prog = self.prog, _called(self.prog)
+        try:
+            return formatted()
+        finally:
+            self.prog = short
 
     def _print_message(self, message: str, file: Any = None) -> None:
         """Print; argparse would ignore a help text that standard output cannot take."""

@@ -253,7 +253,6 @@ def test_dependencies_of_package_xml_and_setup_py_are_the_same():
         "PyYAML": "python3-yaml",
         "rich": "python3-rich",
         "rosbags": "python3-rosbags-pip",
-        "orjson": "python3-orjson",
         "mcap": "mcap-ros2-support",  # no key of its own; comes with this one
         "lz4": "python3-rosbags-pip",  # these two have no key either; rosbags brings them
         "zstandard": "python3-rosbags-pip",

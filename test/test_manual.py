@@ -38,3 +38,18 @@ def test_every_page_is_in_one_of_the_four_kinds_and_in_the_table_of_contents():
     assert sorted(listed) == sorted(page for page in pages if page != "index")
     kinds = {"tutorials", "how_to", "reference", "explanation", "contributing"}
     assert {page.split("/")[0] for page in listed} == kinds
+
+
+def test_the_messages_of_the_troubleshooting_page_are_those_of_the_programs():
+    page = (DOCS / "how_to/troubleshooting.md").read_text(encoding="utf-8")
+    sources = [*(ROOT / "imu_sim_ros").rglob("*.py"), ROOT / "Makefile"]
+    text = "\n".join(path.read_text(encoding="utf-8") for path in sources)
+    text = re.sub(r'"\s*\n\s*f?"', "", text)  # strings that go on in the next line
+    foreign = ("New subscription discovered", "requesting incompatible QoS", "XMLPARSER Error")
+    headings = re.findall(r"^### (`.*)$", page, re.M)
+    assert len(headings) > 10
+    for heading in headings:
+        for message in re.findall(r"`([^`]*)`", heading):
+            for piece in message.replace("'...'", "...").split("..."):
+                if len(words := piece.strip(" ,;:'?")) > 8 and not words.startswith(foreign):
+                    assert words in text, message

@@ -132,8 +132,6 @@ class SqliteWriter(Writer):
         SQLite takes the messages out of one piece of memory itself: that needs no object of Python
         for each of them, and other threads run meanwhile.
         """
-        import orjson
-
         patterns = [
             as_pattern(payloads) for _, _, payloads in blocks if not isinstance(payloads, list)
         ]
@@ -149,7 +147,7 @@ class SqliteWriter(Writer):
         for first in range(0, len(table), count):
             rows = slice(first, first + count)
             t_ns = np.ascontiguousarray(blocks[0].t_ns[rows])
-            times = orjson.dumps(t_ns, option=orjson.OPT_SERIALIZE_NUMPY).decode()
+            times = str(t_ns.tolist())  # JSON, from which SQLite takes them
             self._execute(statement, (table[rows].array().data, times))
             tally([Block(topic, t_ns, payloads) for topic, _, payloads in blocks])
             self._count_bytes(len(t_ns) * sum(sizes))

@@ -151,8 +151,8 @@ def _run(
 def _run_alone(
     words: Sequence[str], estimator: CommandEstimator, variables: dict[str, str], place: Path
 ) -> Outcome:
-    libc, others, worker = _libc(), _children(), os.getpid()
-    libc.prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
+    others, worker = _children(), os.getpid()
+    _prctl(_PR_SET_CHILD_SUBREAPER, 1)
     started = time.monotonic()
     with (place / OUTPUT).open("wb") as output:
         try:
@@ -164,7 +164,7 @@ def _run_alone(
                 stdout=output,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,
-                preexec_fn=lambda: _begin_program(estimator, libc, worker),
+                preexec_fn=lambda: _begin_program(estimator, worker),
             )
         except (OSError, ValueError, subprocess.SubprocessError) as error:
             raise InputError(f"{words[0] if words else ''}: cannot be started: {error}") from None
@@ -186,9 +186,9 @@ def _environment(variables: dict[str, str], words: Sequence[str]) -> dict[str, s
     return {**kept, **variables}
 
 
-def _begin_program(estimator: CommandEstimator, libc: ctypes.CDLL, worker: int) -> None:
+def _begin_program(estimator: CommandEstimator, worker: int) -> None:
     """Set the limits of the program, in its process before it begins."""
-    libc.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+    _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     if os.getppid() != worker:  # it died before
         os._exit(1)
     signal.signal(signal.SIGINT, signal.SIG_DFL)
@@ -253,6 +253,15 @@ def _libc() -> ctypes.CDLL:
     return ctypes.CDLL(None)
 
 
+def _prctl(option: int, value: int) -> None:
+    """Set an attribute of this process on Linux; other systems have none of them.
+
+    There a program's process group is killed with it, and an orphan that left the group is not.
+    """
+    with contextlib.suppress(AttributeError):
+        _libc().prctl(option, value, 0, 0, 0)
+
+
 def end_programs() -> None:
     """Kill all that this worker has started: for one that is told to end."""
     for pid in _children():
@@ -286,9 +295,9 @@ def _kill_children(others: set[int]) -> None:
 
 
 def _children() -> set[int]:
-    """Return the child processes of this one."""
+    """Return the child processes of this one; none where the system does not list them."""
     found: set[int] = set()
-    for task in Path("/proc/self/task").iterdir():
+    for task in Path("/proc/self/task").glob("*"):
         with contextlib.suppress(OSError):
             found.update(map(int, (task / "children").read_text().split()))
     return found

@@ -53,7 +53,7 @@ class Result(NamedTuple):
 
 EXAMPLES: Final = """
 dead_reckon flight.mcap --all
-dead_reckon flight.bag --initial-state level --method midpoint -o track.csv --plot track.png
+dead_reckon flight.bag --initial-state level -o track.csv --plot track.png
 dead_reckon V1_02/mav0 --correction calibration/correction.yaml --json
 """
 

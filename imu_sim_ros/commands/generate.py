@@ -38,7 +38,7 @@ from imu_sim_ros.simulation.playback import simulations
 from imu_sim_ros.simulation.topics import TYPES
 
 EXAMPLES: Final = """
-  generate -o allan.bag --imu-only --trajectory static --duration 4h --topic imu/data_raw=/imu
+  generate -o a.bag --imu-only --trajectory static --duration 4h --topic imu/data_raw=/imu
   generate -o flight.mcap --compression lz4 --trajectory groundtruth.csv
   generate -o flight --storage sqlite3 --imu mpu6000 --duration 10min --with-configs
   generate -o MH_99/mav0 --format euroc --duration 2min
@@ -73,21 +73,27 @@ def parser() -> program.Parser:
         "imu_utils and allan_variance_ros, and all parameters, to OUTPUT_configs",
     )
     program.add_output_arguments(result)
-    result.add_argument(
-        "--list-imus",
-        action=_ListImus,
-        nargs=0,
-        help="list the included sensors: grade, price class, source; then exit",
-    )
+    lists = result.add_argument_group("lists (print and exit)")
+    for option, (folder, words) in _LISTS.items():
+        lists.add_argument(option, action=_List, nargs=0, const=folder, help=words)
     return result
 
 
-class _ListImus(argparse.Action):
-    """Prints the sensors' table and exits, as --help does."""
+_LISTS: Final = {
+    "--list-imus": ("imus", "included sensors: grade, price class, maker and type"),
+    "--list-trajectories": ("trajectories", "included motions"),
+    "--list-cameras": ("cameras", "included cameras"),
+    "--list-scenes": ("scenes", "included scenes"),
+}
+
+
+class _List(argparse.Action):
+    """Prints what a folder of config/ holds and exits, as --help does."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_arguments: object) -> None:
-        """Print the table."""
-        print(catalogue.table())
+        """Print the list."""
+        folder = str(self.const)
+        print(catalogue.table() if folder == "imus" else catalogue.listing(folder))
         parser.exit()
 
 

@@ -25,6 +25,8 @@ from imu_sim_ros.trajectory.parameters import TYPES, TrajectoryParameters
 
 _PREFIX = "trajectory."
 
+_PARTS = ("gyroscope", "accelerometer", "magnetometer", "barometer", "orientation")
+"""First words of the parameters of a board's sensors, below ``imu.``."""
 _INTRODUCTION = """\
 # Parameters
 
@@ -71,7 +73,10 @@ def _lines() -> Iterator[str]:
         imus=", ".join(files.names("imus")), trajectories=", ".join(files.names("trajectories"))
     )
     simulator = parameters(SimulatorParameters)
-    yield from _table({name: p for name, p in simulator.items() if not name.startswith(_PREFIX)})
+    own = {name: p for name, p in simulator.items() if not name.startswith(_PREFIX)}
+    for heading, rows in _groups(own).items():
+        yield f"### {heading}\n"
+        yield from _table(rows)
     shared = {_PREFIX + name: p for name, p in parameters(TrajectoryParameters).items()}
     yield "### Every trajectory\n"
     yield from _table(shared)
@@ -87,6 +92,22 @@ def _lines() -> Iterator[str]:
     yield "## Recorder\n"
     yield _RECORDER
     yield from _table(parameters(RecorderParameters))
+
+
+def _groups(rows: Mapping[str, Parameter]) -> dict[str, dict[str, Parameter]]:
+    """Return parameters by heading, in the order of the first of each."""
+    found: dict[str, dict[str, Parameter]] = {}
+    for name, parameter in rows.items():
+        section, dot, rest = name.partition(".")
+        first = rest.partition("_")[0]
+        if not dot:
+            heading = "General"
+        elif section != "imu":
+            heading = section.replace("_", " ").capitalize()
+        else:
+            heading = f"IMU: {first if first in _PARTS else 'mounting, sampling and timing'}"
+        found.setdefault(heading, {})[name] = parameter
+    return found
 
 
 def _cameras() -> Iterator[str]:

@@ -5,10 +5,12 @@
 
 import itertools
 import os
+import re
 import sys
 import tempfile
 import traceback
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final, Protocol
 
@@ -27,7 +29,7 @@ _ANNOUNCEMENT_NS: Final = 500_000_000
 """A participant that starts later may miss the answer to its first announcement, and waits for our
 next one then: Fast DDS's own period is 3 s."""
 
-_BYTES_PER_MINUTE: Final = 4_000_000_000
+_BYTES_PER_MINUTE: Final = 2_000_000_000
 """No limit in practice, but with a limit a thread of its own makes the announcements. Without one,
 Fast DDS (up to version 3 at least) announces a new participant before it listens itself, and an
 immediate answer is lost: in half of all starts discovery then takes up to 3 s."""
@@ -36,18 +38,45 @@ _PROFILE: Final = """<?xml version="1.0" encoding="UTF-8"?>
 <dds xmlns="http://www.eprosima.com"><profiles>
   <participant profile_name="imu_sim_ros_participant" is_default_profile="true"><rtps>
     <builtin><discovery_config><leaseAnnouncement>
-      <sec>0</sec><nanosec>%d</nanosec>
+      <sec>0</sec><nanosec>%(announcement)d</nanosec>
     </leaseAnnouncement></discovery_config></builtin>
     <throughputController>
-      <bytesPerPeriod>%d</bytesPerPeriod><periodMillisecs>60000</periodMillisecs>
+      <bytesPerPeriod>%(bytes)d</bytesPerPeriod><periodMillisecs>60000</periodMillisecs>
     </throughputController>
   </rtps></participant>
   <data_writer profile_name="imu_sim_ros" is_default_profile="true"><times>
-    <heartbeatPeriod><sec>0</sec><nanosec>%d</nanosec></heartbeatPeriod>
-    <nackSupressionDuration><sec>0</sec><nanosec>%d</nanosec></nackSupressionDuration>
+    <heartbeatPeriod><sec>0</sec><nanosec>%(heartbeat)d</nanosec></heartbeatPeriod>
+    <nackSupressionDuration>
+      <sec>0</sec><nanosec>%(suppression)d</nanosec>
+    </nackSupressionDuration>
   </times></data_writer>
 </profiles></dds>
 """
+_PROFILE_3: Final = """<?xml version="1.0" encoding="UTF-8"?>
+<dds xmlns="http://www.eprosima.com"><profiles>
+  <participant profile_name="imu_sim_ros_participant" is_default_profile="true"><rtps>
+    <flow_controller_descriptor_list><flow_controller_descriptor>
+      <name>imu_sim_ros_announcements</name><scheduler>FIFO</scheduler>
+      <max_bytes_per_period>%(bytes)d</max_bytes_per_period><period_ms>60000</period_ms>
+    </flow_controller_descriptor></flow_controller_descriptor_list>
+    <builtin>
+      <discovery_config><leaseAnnouncement>
+        <sec>0</sec><nanosec>%(announcement)d</nanosec>
+      </leaseAnnouncement></discovery_config>
+      <flow_controller_name>imu_sim_ros_announcements</flow_controller_name>
+    </builtin>
+  </rtps></participant>
+  <data_writer profile_name="imu_sim_ros" is_default_profile="true"><times>
+    <heartbeat_period><sec>0</sec><nanosec>%(heartbeat)d</nanosec></heartbeat_period>
+    <nack_supression_duration>
+      <sec>0</sec><nanosec>%(suppression)d</nanosec>
+    </nack_supression_duration>
+  </times></data_writer>
+</profiles></dds>
+"""
+"""The same for Fast DDS 3 (Kilted and later), which gave the elements other names."""
+_FIRST_WITH_3: Final = 9
+"""Major version of rmw_fastrtps; Jazzy has 8."""
 _PROFILE_VARIABLES: Final = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 
 _PROFILE_FILE: Final = "imu_sim_ros_fastdds.xml"
@@ -133,9 +162,27 @@ def set_profile(folder: Path) -> None:
     if any(name in os.environ for name in _PROFILE_VARIABLES):
         return
     path = folder / _PROFILE_FILE
-    numbers = (_ANNOUNCEMENT_NS, _BYTES_PER_MINUTE, _HEARTBEAT_NS, _SUPPRESSION_NS)
-    path.write_text(_PROFILE % numbers, encoding="utf-8")
-    os.environ[_PROFILE_VARIABLES[0]] = str(path)
+    numbers = {
+        "announcement": _ANNOUNCEMENT_NS,
+        "bytes": _BYTES_PER_MINUTE,
+        "heartbeat": _HEARTBEAT_NS,
+        "suppression": _SUPPRESSION_NS,
+    }
+    newer = _rmw_fastrtps_version() >= _FIRST_WITH_3
+    path.write_text((_PROFILE_3 if newer else _PROFILE) % numbers, encoding="utf-8")
+    os.environ[_PROFILE_VARIABLES[newer]] = str(path)
+
+
+def _rmw_fastrtps_version() -> int:
+    """Return the major version of the middleware's layer on Fast DDS; 0: it is not installed."""
+    # Wheels of ROS set the path only when rclpy is imported, which is too late for the profile.
+    prefixes = [*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix]
+    for prefix in filter(None, prefixes):
+        manifest = Path(prefix) / "share/rmw_fastrtps_shared_cpp/package.xml"
+        with suppress(OSError):
+            found = re.search(r"<version>(\d+)\.", manifest.read_text(encoding="utf-8"))
+            return int(found[1]) if found else 0
+    return 0
 
 
 def without_own_profile(environment: Mapping[str, str]) -> dict[str, str]:

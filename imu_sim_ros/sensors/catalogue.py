@@ -5,7 +5,7 @@
 
 import re
 from collections.abc import Iterator
-from textwrap import wrap
+from itertools import takewhile
 from typing import Final, NamedTuple
 
 from imu_sim_ros.parameters import files
@@ -14,7 +14,8 @@ _GRADE: Final = re.compile(r"^# Grade: (?P<grade>.+?)\. Price class: (?P<price>.
 _SOURCE: Final = re.compile(r"^# (?P<source>\[\d\] .+)$")
 
 _INDENT: Final = "#     "
-_WIDTH: Final = 100
+_LONG: Final = 90
+"""Letters from which a description ends at its first colon."""
 
 
 class CatalogueEntry(NamedTuple):
@@ -61,17 +62,38 @@ def _sources(head: list[str]) -> Iterator[str]:
 
 
 def table() -> str:
-    """Return the sensors as text: name, grade, price class; then title and sources."""
-    lines = []
-    for entry in catalogue():
-        lines.append(f"{entry.name:12} {entry.grade}; {entry.price}")
-        for text in (entry.title, *entry.sources):
-            later = " " * (17 if text.startswith("[") else 13)
-            lines += wrap(
-                text,
-                _WIDTH,
-                initial_indent=" " * 13,
-                subsequent_indent=later,
-                break_on_hyphens=False,
-            )
-    return "\n".join(lines)
+    """Return the sensors as text, a line each: name, grade, price class, title."""
+    entries = list(catalogue())
+    wide = [max(len(entry[k]) for entry in entries) for k in (0, 2, 3)]
+    return "\n".join(
+        f"{entry.name:{wide[0]}}  {_short(entry.grade):10}  {entry.price:{wide[2]}}  "
+        f"{_short(entry.title)}"
+        for entry in entries
+    )
+
+
+def descriptions(folder: str) -> dict[str, str]:
+    """Return the first sentence of each file's header, by name.
+
+    :param folder: one of config/: trajectories, cameras, scenes, barometers.
+    """
+    found = {}
+    for name in files.names(folder):
+        lines = files.find(folder, name).read_text(encoding="utf-8").splitlines()
+        head = list(takewhile(lambda line: line.startswith("#"), lines))
+        words = " ".join(line.lstrip("# ") for line in head if not line.startswith("# ["))
+        sentence = re.split(r"\.(?= |$)", re.sub(r" \([^)]*\)", "", words), maxsplit=1)[0]
+        found[name] = sentence if len(sentence) <= _LONG else re.split("[:;] ", sentence)[0]
+    return found
+
+
+def listing(folder: str) -> str:
+    """Return the files of a folder of config/ as text, a line each: name and description."""
+    found = descriptions(folder)
+    width = max(map(len, found))
+    return "\n".join(f"{name:{width}}  {text}" for name, text in found.items())
+
+
+def _short(words: str) -> str:
+    """Return words without what stands in brackets behind them."""
+    return words.partition(" (")[0]

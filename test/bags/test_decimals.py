@@ -3,6 +3,8 @@
 
 """Numbers as text read back as the same numbers."""
 
+import sys
+
 import numpy as np
 import pytest
 
@@ -30,6 +32,17 @@ def test_floats_read_back_bit_for_bit(make):
     back = np.array([float(line) for line in _lines(x)])
     same = x.view(np.int64) == back.view(np.int64)
     assert np.all(same | (np.isnan(x) & np.isnan(back)))
+
+
+def test_the_numbers_are_the_same_without_orjson(monkeypatch):
+    """It writes 0.00005 where Python writes 5e-05: the same float64, and no more digits."""
+    x = np.random.default_rng(3).standard_normal((500, 3)) * 10.0 ** np.arange(-8, 16, 8)
+    t_ns = np.arange(500) + 1_403_715_273_262_142_976
+    monkeypatch.setitem(sys.modules, "orjson", None)  # importing it raises an ImportError
+    rows = [line.split(",") for line in decimals.lines([t_ns, x]).decode().splitlines()]
+    assert [int(row[0]) for row in rows] == t_ns.tolist()
+    assert np.array_equal(np.array([row[1:] for row in rows], dtype=float), x)
+    assert rows[7][1] == repr(float(x[7, 0]))
 
 
 def test_plain_numbers_look_plain():

@@ -5,7 +5,10 @@
 
 from pathlib import Path
 
+import pytest
+
 from imu_sim_ros.bags.recorder_parameters import RecorderParameters
+from imu_sim_ros.commands import preset_reference, program_reference
 from imu_sim_ros.commands.parameter_reference import reference
 from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.parameters.sections import parameters
@@ -15,14 +18,18 @@ from imu_sim_ros.sensors.camera.scene_parameters import TYPES as SCENES
 from imu_sim_ros.simulation.playback import SimulatorParameters
 from imu_sim_ros.trajectory.parameters import TYPES
 
-DOCUMENT = Path(__file__).parents[2] / "docs/reference/parameters.md"
+FOLDER = Path(__file__).parents[2] / "docs/reference"
+WRITTEN = {
+    "parameters": reference,
+    "presets": preset_reference.reference,
+    "programs": program_reference.reference,
+}
 
 
-def test_the_document_is_current():
-    assert DOCUMENT.read_text(encoding="utf-8") == reference(), (
-        "write it again: "
-        "python -m imu_sim_ros.commands.parameter_reference > docs/reference/parameters.md"
-    )
+@pytest.mark.parametrize("name", WRITTEN)
+def test_the_page_is_current(name):
+    page = (FOLDER / f"{name}.md").read_text(encoding="utf-8")
+    assert page == WRITTEN[name](), "write it again: make reference"
 
 
 def test_every_parameter_has_a_row_with_its_unit():

@@ -6,6 +6,7 @@
 import os
 import re
 import struct
+import tempfile
 import threading
 import zlib
 from collections.abc import Iterator
@@ -71,7 +72,7 @@ def _libjpeg(said: list[str]) -> Iterator[None]:
     Superfluous bytes, which many cameras send, lose none. What another thread writes meanwhile is
     passed on.
     """
-    with _STANDARD_ERROR, os.fdopen(os.memfd_create("libjpeg"), "r+b") as kept:
+    with _STANDARD_ERROR, tempfile.TemporaryFile() as kept:
         before = os.dup(2)
         os.dup2(kept.fileno(), 2)
         try:

@@ -1,0 +1,110 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The presets as Markdown: numbers, grades and sources of the files in config/.
+
+``python -m imu_sim_ros.commands.preset_reference > docs/reference/presets.md``
+"""
+
+import argparse
+import sys
+from collections.abc import Iterator
+
+import numpy as np
+
+from imu_sim_ros import program
+from imu_sim_ros.sensors import catalogue
+from imu_sim_ros.simulation.parameters import load_simulation
+from imu_sim_ros.types import Array
+
+_INTRODUCTION = """\
+# Presets
+
+Written by `python -m imu_sim_ros.commands.preset_reference > docs/reference/presets.md`; a test
+checks that it is current.
+
+Names for `--imu`, `--trajectory`, `--camera` and `--scene`, or for `imu.preset`, `trajectory.type`,
+`camera.preset` and `scene.type` in a parameter file. Each is a file in `config/`; a file of your
+own serves as well ([from a data sheet](../how_to/data_sheet.md)).
+
+## IMUs
+
+Every number is in `config/imus/NAME.yaml` with its source and the computation from the source's
+unit. A number without a source is left out, so a dash does not mean that the sensor has no such
+error. SI units; three values are x, y, z. Noise densities are two-sided: the variance of a sample
+is `density² rate`. White noise [rad/s/√Hz, m/s²/√Hz], random walk of the bias
+[rad/s²/√Hz, m/s³/√Hz], bias instability B [rad/s, m/s²], standard deviation of the turn-on bias
+[rad/s, m/s²].
+"""
+_TERMS = {
+    "white noise": "noise_density",
+    "walk": "random_walk",
+    "B": "bias_instability",
+    "turn-on bias": "turn_on_bias_sigma",
+}
+_GRADES = ("perfect", "classroom", "consumer", "industrial", "tactical", "navigation")
+_FOLDERS = {
+    "trajectories": "Trajectories",
+    "cameras": "Cameras",
+    "scenes": "Scenes",
+    "barometers": "Barometers",
+}
+
+
+def reference() -> str:
+    """Return the whole page."""
+    return "\n".join(_lines())
+
+
+def _lines() -> Iterator[str]:
+    yield _INTRODUCTION
+    entries = list(catalogue.catalogue())
+    for triad in ("gyroscope", "accelerometer"):
+        yield f"### {triad.capitalize()}\n"
+        yield f"| preset | grade | {' | '.join(_TERMS)} |"
+        yield "|---|---|" + "---|" * len(_TERMS)
+        ordered = sorted(entries, key=lambda entry: _order(entry, triad))
+        for entry in ordered:
+            imu = load_simulation({"imu.preset": entry.name}).imu.triad(triad)
+            cells = [_number(np.asarray(getattr(imu, term))) for term in _TERMS.values()]
+            grade = entry.grade.partition(" (")[0]
+            yield f"| `{entry.name}` | {grade} | {' | '.join(cells)} |"
+        yield ""
+    yield "### Makers and sources\n"
+    for entry in entries:
+        yield f"**`{entry.name}`**: {entry.title}. Price class: {entry.price}."
+        yield from (f"\n- {source}" for source in entry.sources)
+        yield ""
+    for folder, heading in _FOLDERS.items():
+        yield f"## {heading}\n"
+        yield "| preset | what it is |"
+        yield "|---|---|"
+        for name, text in catalogue.descriptions(folder).items():
+            yield f"| `{name}` | {text} |"
+        yield ""
+
+
+def _order(entry: catalogue.CatalogueEntry, triad: str) -> tuple[int, float]:
+    """Return the place of a sensor: by grade, then from much white noise to little."""
+    density = load_simulation({"imu.preset": entry.name}).imu.triad(triad).noise_density
+    grade = entry.grade.partition(" (")[0]
+    return _GRADES.index(grade), -float(max(density))
+
+
+def _number(values: Array) -> str:
+    if not values.any():
+        return "–"
+    words = [f"{value:.3g}" for value in values]
+    return words[0] if len(set(words)) == 1 else "/".join(words)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Print the page."""
+    parser = program.Parser("preset_reference", description=__doc__)
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.parse_args(arguments)
+    return program.run("preset_reference", lambda: print(reference(), end=""))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,99 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Tutorials and guides: every block is run, in order, and prints what the page shows."""
+
+import re
+import runpy
+import shlex
+import sys
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+from imu_sim_ros import startup
+
+ROOT = Path(__file__).parents[1]
+PAGES = sorted(
+    page for page in (ROOT / "docs/tutorials").glob("*.md") if page.stem not in ("gallery",)
+)
+GUIDES = [ROOT / f"docs/how_to/{name}.md" for name in ("ci_gate", "data_sheet", "own_trajectory")]
+GUIDES.append(ROOT / "docs/how_to/madgwick.md")
+NEEDS = {"vio_stack": "gtsam", "madgwick": "ahrs"}
+"""Pages with a library that only the tests install."""
+PICTURES = {
+    "first_flight": "drift.png",
+    "own_twin": "twin/twin.png",
+    "still_hour": "allan/allan.png",
+    "vio_stack": "vio.png",
+    "which_imu": "which_imu.png",
+}
+
+
+def blocks(page: Path) -> list[tuple[str, str]]:
+    """Return language and content of a page's fenced blocks."""
+    return re.findall(r"^```(\w*)\n(.*?)^```", page.read_text(encoding="utf-8"), re.M | re.S)
+
+
+def run_line(line: str) -> None:
+    """Run a command as the shell would, in this process."""
+    first, name, *rest = shlex.split(line)
+    if first == "imu_sim":
+        assert startup.load(f"imu_sim_ros.commands.{name}").main(rest) == 0, line
+        return
+    assert first == "python", line
+    sys.argv = [name, *rest]
+    runpy.run_path(str(ROOT / name), run_name="__main__")
+
+
+def run_block(language: str, content: str, names: dict[str, object]) -> None:
+    """Run a page's block; a parameter file is written under the name in its first line."""
+    if language == "sh":
+        for line in content.replace("\\\n", " ").splitlines():
+            run_line(line)
+    elif language == "python":
+        exec(compile(content, "tutorial", "exec"), names)
+    elif language == "yaml" and content.startswith("# "):
+        Path(content.split()[1]).write_text(content)
+
+
+def words(text: str) -> set[str]:
+    """Return a text's lines without their numbers: those change with the version of NumPy."""
+    lines = re.sub(r"[-+]?\d[\d.,e+-]*", "#", text).splitlines()
+    return {" ".join(line.split()) for line in lines} - {""}
+
+
+def run_page(page: Path, folder: Path, monkeypatch, capsys) -> None:
+    """Run a page's blocks in a folder and compare what they print with what it shows."""
+    if page.stem in NEEDS:
+        pytest.importorskip(NEEDS[page.stem])
+    monkeypatch.chdir(folder)
+    monkeypatch.syspath_prepend(str(ROOT / "examples"))
+    monkeypatch.setattr(sys, "argv", ["page"])
+    printed, names = "", {"__name__": "page"}
+    for language, content in blocks(page):
+        if language == "text":
+            assert words(content) - {"..."} <= words(printed)
+            continue
+        run_block(language, content, names)
+        printed = capsys.readouterr().out
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_a_tutorial_runs_as_it_is_written(page, tmp_path, monkeypatch, capsys):
+    run_page(page, tmp_path, monkeypatch, capsys)
+    picture = plt.imread(tmp_path / PICTURES[page.stem])
+    assert min(picture.shape[:2]) > 200
+    assert np.std(picture[..., :3]) > 0.01  # not an empty page
+    assert f"../images/tutorial_{page.stem}.png" in page.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("page", GUIDES, ids=lambda page: page.stem)
+def test_a_guide_runs_as_it_is_written(page, tmp_path, monkeypatch, capsys):
+    run_page(page, tmp_path, monkeypatch, capsys)
+
+
+def test_every_tutorial_has_a_picture_and_is_about_five():
+    assert {page.stem for page in PAGES} == set(PICTURES)
