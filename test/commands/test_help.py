@@ -177,7 +177,7 @@ def test_every_dataset_of_the_manual_has_an_end_and_a_truth_of_its_own():
     for line in written_commands():
         page, command = line.split(": ", 1)
         program, *words = shlex.split(command, comments=True)
-        if program != "generate" or words[-2:] == ["-o", "refused"]:
+        if page == "programs.md" or program != "generate" or words[-2:] == ["-o", "refused"]:
             continue
         given = parser(program).parse_args(words)
         truth = (page, given.output.with_name(given.output.name.split(".")[0]))
