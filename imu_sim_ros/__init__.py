@@ -58,6 +58,9 @@ if TYPE_CHECKING:
     from imu_sim_ros.errors import ImuSimError as ImuSimError
     from imu_sim_ros.errors import InputError as InputError
     from imu_sim_ros.errors import MissingDependencyError as MissingDependencyError
+    from imu_sim_ros.jobs.add_errors import ErrorModel as ErrorModel
+    from imu_sim_ros.jobs.add_errors import add_errors as add_errors
+    from imu_sim_ros.jobs.add_errors import from_sdf as from_sdf
     from imu_sim_ros.jobs.allan import Estimated as Estimated
     from imu_sim_ros.jobs.allan import Noise as Noise
     from imu_sim_ros.jobs.allan import TriadNoise as TriadNoise
@@ -101,6 +104,7 @@ _HOMES = {
         *("ArgumentTypeError", "ConfigurationError", "ImuSimError", "InputError"),
         "MissingDependencyError",
     ],
+    "jobs.add_errors": ["ErrorModel", "add_errors", "from_sdf"],
     "jobs.allan": ["Estimated", "Noise", "TriadNoise", "allan"],
     "jobs.calibrate": [
         *("Calibrated", "Calibration", "TriadCalibration", "calibrate_magnetometer"),

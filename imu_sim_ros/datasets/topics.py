@@ -24,7 +24,7 @@ from imu_sim_ros.names import unknown
 from imu_sim_ros.sensors import auxiliary_sensors
 from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.declaration import Sensor
-from imu_sim_ros.simulation.parameters import SimulationParameters
+from imu_sim_ros.simulation.parameters import SampledParameters
 from imu_sim_ros.simulation.playback import BODY
 from imu_sim_ros.simulation.topics import OF_THE_BODY, TYPES, Encode, delivered, encoder, sensors_of
 
@@ -42,7 +42,7 @@ def _tables() -> dict[str, Sensor]:
 class _Output(NamedTuple):
     topic: Topic
     simulation: str
-    parameters: SimulationParameters
+    parameters: SampledParameters
     encode: Encode
 
 
@@ -52,7 +52,7 @@ class BagTarget:
     def __init__(
         self,
         writer: Writer,
-        parameters: Mapping[str, SimulationParameters],
+        parameters: Mapping[str, SampledParameters],
         names: Mapping[str, str],
     ) -> None:
         """Make the topics.

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from imu_sim_ros.jobs.readings import (
     BAG_OR_FILE,
     Odometry,
     Readings,
+    check_arrays,
     frame,
     joined,
     read_imu,
@@ -31,7 +32,7 @@ from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors import auxiliary_sensors
 from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.simulation.engine import Simulation
-from imu_sim_ros.simulation.parameters import SimulationParameters
+from imu_sim_ros.simulation.parameters import SampledParameters
 from imu_sim_ros.timebase import span
 from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.types import Array
@@ -42,7 +43,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False, kw_only=True)
 class Truth(Odometry):
-    """The true motion and the true errors at the n times at which the sensor took its samples."""
+    """The true motion and the true errors at the n times at which the sensor took its samples.
+
+    Of the motion behind ideal readings that were given, what is not known is NaN.
+    """
 
     acceleration: Array
     """(n, 3) of the body in the world, without gravity [m/s^2]."""
@@ -54,6 +58,10 @@ class Truth(Odometry):
     """(n, 3) sum of all biases of the gyroscope [rad/s]."""
     accel_bias: Array
     """(n, 3) sum of all biases of the accelerometer [m/s^2]."""
+
+    def __post_init__(self) -> None:
+        """Check the arrays, which may be NaN."""
+        check_arrays(self, ("position", "q_wb", "velocity", "angular_velocity"))
 
     def __repr__(self) -> str:
         return f"<Truth: {span(self.t_ns)}>"
@@ -86,23 +94,41 @@ def readings_of(
     return found
 
 
+class Source(NamedTuple):
+    """What a flight's readings come from."""
+
+    parameters: SampledParameters
+    trajectory: Trajectory
+    t0_ns: int
+
+
 class Flight:
     """What :func:`imu_sim_ros.simulate` returns: the readings that are delivered, and the truth.
 
     Readings that the transport loses are missing, and those it duplicates occur twice, as in a bag.
     """
 
-    def __init__(self, simulation: Simulation, blocks: Sequence[ImuBlock], name: str) -> None:
-        self.parameters: SimulationParameters = simulation.parameters
+    def __init__(
+        self,
+        source: Simulation | Source,
+        blocks: Sequence[ImuBlock],
+        name: str,
+        topics: tuple[str, ...] = (),
+    ) -> None:
+        """Keep what was read.
+
+        :param topics: that :meth:`save` writes by default; none: the readings and the pose.
+        """
+        self.parameters: SampledParameters = source.parameters
         """All parameters of the simulation, a frozen dataclass."""
-        self.trajectory: Trajectory = simulation.trajectory
+        self.trajectory: Trajectory = source.trajectory
         """The exact motion, at any time: ``trajectory.sample(t)`` at times t (n,) [s] from
-        ``t0_ns`` on."""
-        self.t0_ns: int = simulation.t0_ns
+        ``t0_ns`` on; NaN where ideal readings were given, of whose motion nothing is known."""
+        self.t0_ns: int = source.t0_ns
         """True time of sample 0 [ns]."""
         self.name = name
         """Sensor and motion in words."""
-        self._blocks = blocks
+        self._blocks, self._topics = blocks, topics
 
     def _joined(self, name: str) -> Array:
         return np.concatenate([getattr(block, name)[block.delivered] for block in self._blocks])
@@ -222,7 +248,7 @@ class Flight:
         from imu_sim_ros.simulation.topics import sensors_of
 
         path = checked_place(path, force)
-        wanted = arguments.words("topics", topics)
+        wanted = arguments.words("topics", topics) or self._topics
         arguments.switch("imu_only", imu_only)
         if format is not None:
             arguments.one_of("format", format, ("csv", "euroc"))

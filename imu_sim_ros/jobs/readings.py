@@ -67,7 +67,7 @@ class Readings:
         :raises ConfigurationError: for another type or shape.
         :raises InputError: for a reading that no sensor gives.
         """
-        _check_arrays(self, ("gyro", "accel"))
+        check_arrays(self, ("gyro", "accel"))
         gate.readings(self.t_ns, self.gyro, self.accel).complain(self.name)
 
     def __len__(self) -> int:
@@ -113,7 +113,7 @@ class Odometry:
         :raises InputError: for a pose or a velocity that is not possible.
         """
         names = ("position", "q_wb", "velocity", "angular_velocity")
-        _check_arrays(self, names)
+        check_arrays(self, names)
         quantities = (gate.POSITION, gate.ORIENTATION, gate.VELOCITY, gate.RATE)
         columns = [
             (what, getattr(self, each)) for what, each in zip(quantities, names, strict=True)
@@ -190,7 +190,7 @@ def read_odometry(path: str | Path, topic: str | None = None) -> Odometry:
     )
 
 
-def _check_arrays(rows: Any, names: Sequence[str]) -> None:
+def check_arrays(rows: Any, names: Sequence[str]) -> None:
     """Check the arrays of a frozen dataclass: a name, ``t_ns`` (n,), and others (n, 3) or (n, 4).
 
     The gate looks for what is not finite, and says where it is.

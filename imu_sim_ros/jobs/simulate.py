@@ -165,7 +165,7 @@ def _simulation(
     if params_file is not None:
         below, published = _of_file(arguments.path("params_file", params_file))
         beside = published if sensors is None else beside
-    own: dict[str, object] = {**_imu(imu), **_flat("parameters", parameters)}
+    own: dict[str, object] = {**imu_parameters(imu), **flat_parameters("parameters", parameters)}
     motion = _motion(trajectory)
     own.update(motion.parameters)
     given = {"duration": None if duration is None else _seconds(duration), "rate": rate}
@@ -222,7 +222,7 @@ def _motion(trajectory: object) -> _Motion:
         poses = checked_poses("trajectory", trajectory)
         return _Motion(own, lambda *_: poses)
     if isinstance(trajectory, Mapping):
-        flat = _flat("trajectory", trajectory)
+        flat = flat_parameters("trajectory", trajectory)
         return _Motion({f"trajectory.{name}": value for name, value in flat.items()})
     if isinstance(trajectory, str | PathLike):
         path = arguments.path("trajectory", trajectory, "a name or the path of a file")
@@ -250,16 +250,17 @@ def _name(imu: object, trajectory: object, simulation: Simulation) -> str:
     return f"{changed}{Path(built.imu.preset).stem} on {motion}"
 
 
-def _imu(imu: object) -> dict[str, object]:
+def imu_parameters(imu: object) -> dict[str, object]:
+    """Return the parameters that somebody gives as an IMU, by dotted name."""
     if imu is None:
         return {}
     if isinstance(imu, Mapping):
-        return {f"imu.{name}": value for name, value in _flat("imu", imu).items()}
+        return {f"imu.{name}": value for name, value in flat_parameters("imu", imu).items()}
     allowed = "a name, the path of a file, or parameters by name"
     return {"imu.preset": str(arguments.path("imu", imu, allowed))}
 
 
-def _flat(argument: str, values: Mapping[str, Any], prefix: str = "") -> dict[str, object]:
+def flat_parameters(argument: str, values: Mapping[str, Any], prefix: str = "") -> dict[str, object]:
     """Return nested sections by dotted name; arrays become lists.
 
     :raises ConfigurationError: for a name that is none.
@@ -269,7 +270,7 @@ def _flat(argument: str, values: Mapping[str, Any], prefix: str = "") -> dict[st
         if not isinstance(name, str):
             refuse(argument, values, "parameters by name", wrong_type=True)
         if isinstance(value, Mapping):
-            result.update(_flat(argument, value, f"{prefix}{name}."))
+            result.update(flat_parameters(argument, value, f"{prefix}{name}."))
         else:
             result[prefix + name] = value.tolist() if hasattr(value, "tolist") else value
     return result

@@ -16,7 +16,7 @@ from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.json_text import as_json
 from imu_sim_ros.nodes.messages import message_class
 from imu_sim_ros.parameters.sections import flatten
-from imu_sim_ros.simulation.parameters import SimulationParameters
+from imu_sim_ros.simulation.parameters import SampledParameters
 
 _MARGIN_NS: Final = 150_000
 """A look comes this much after the message is due: the usual lateness of a publisher."""
@@ -89,7 +89,7 @@ def topic(node: Node, prefix: str = "") -> str:
     return node.resolve_topic_name(prefix + IMU_TOPIC) + SENSOR_SUFFIX
 
 
-def encode(parameters: SimulationParameters) -> str:
+def encode(parameters: SampledParameters) -> str:
     """Return the text that describes the sensor of a simulation."""
     imu = flatten(parameters.imu)
     return as_json({"/**": {_PARAMETERS: {"rate": parameters.rate, "imu": imu}}})

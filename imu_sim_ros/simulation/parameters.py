@@ -29,12 +29,10 @@ _LOWEST_CUTOFF = 1e-6
 """Of half the rate; a low-pass far below it has no digits left."""
 
 
-@dataclass(frozen=True)
-class SimulationParameters(EnvironmentParameters):
-    """Everything that decides the samples."""
+class SampledParameters(EnvironmentParameters):
+    """An environment and the IMU in it, whose readings are sampled at the rate."""
 
-    trajectory: TrajectoryParameters = variant("type", "static", find_trajectory)
-    imu: ImuParameters = section(ImuParameters)
+    imu: ImuParameters
 
     def problems(self, prefix: str) -> Iterator[str]:
         """Say which parameters do not fit the rate or each other, a line each."""
@@ -74,6 +72,14 @@ class SimulationParameters(EnvironmentParameters):
     def warnings(self) -> list[str]:
         """Return a line for each allowed value that looks like a mistake."""
         return list(self.imu.warnings("imu.", math.hypot(*self.gravity)))
+
+
+@dataclass(frozen=True)
+class SimulationParameters(SampledParameters):
+    """Everything that decides the samples."""
+
+    trajectory: TrajectoryParameters = variant("type", "static", find_trajectory)
+    imu: ImuParameters = section(ImuParameters)
 
 
 def load_simulation(*layers: Mapping[str, object], node: str = "simulator") -> SimulationParameters:

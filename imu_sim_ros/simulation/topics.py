@@ -50,7 +50,7 @@ from imu_sim_ros.sensors.errors.noise import (
     gyro_variance_discrete,
 )
 from imu_sim_ros.sensors.gravity import CurvedEarth
-from imu_sim_ros.simulation.parameters import SimulationParameters
+from imu_sim_ros.simulation.parameters import SampledParameters
 from imu_sim_ros.types import Times
 
 TYPES: Final[dict[str, str]] = {
@@ -82,11 +82,11 @@ class Messages(NamedTuple):
     """The messages."""
 
 
-Encode = Callable[[ImuBlock, SimulationParameters], Messages]
+Encode = Callable[[ImuBlock, SampledParameters], Messages]
 """Turns a block into messages; the parameters are those valid for the block."""
 
 
-def encoder(topic: str, parameters: SimulationParameters, encoding: str = "cdr") -> Encode:
+def encoder(topic: str, parameters: SampledParameters, encoding: str = "cdr") -> Encode:
     """Return the encoder of a topic's messages.
 
     Readings have the stamps of the sensor's clock, and only delivered ones become messages;
@@ -122,10 +122,10 @@ def _is_all(block: ImuBlock) -> bool:
     return len(rows) == len(block.t_ns) and bool(np.array_equal(rows, np.arange(len(rows))))
 
 
-def _readings(parameters: SimulationParameters, encoding: str) -> Encode:
+def _readings(parameters: SampledParameters, encoding: str) -> Encode:
     readings = ImuEncoder(parameters.imu_frame, encoding)
 
-    def encode(block: ImuBlock, now: SimulationParameters) -> Messages:
+    def encode(block: ImuBlock, now: SampledParameters) -> Messages:
         t_ns, gyro, accel = delivered(block)
         payloads = readings.pattern(
             t_ns,
@@ -139,7 +139,7 @@ def _readings(parameters: SimulationParameters, encoding: str) -> Encode:
     return encode
 
 
-def _truth(parameters: SimulationParameters, encoding: str) -> Encode:
+def _truth(parameters: SampledParameters, encoding: str) -> Encode:
     odometry = OdometryEncoder(parameters.world_frame, parameters.body_frame, encoding)
 
     def messages(block: ImuBlock) -> Pattern:
@@ -152,7 +152,7 @@ def _truth(parameters: SimulationParameters, encoding: str) -> Encode:
     return _at_true_times(messages)
 
 
-def _fix(parameters: SimulationParameters, encoding: str) -> Encode:
+def _fix(parameters: SampledParameters, encoding: str) -> Encode:
     fixes = NavSatFixEncoder(parameters.body_frame, encoding)
     earth = CurvedEarth(parameters)
 
@@ -164,33 +164,33 @@ def _fix(parameters: SimulationParameters, encoding: str) -> Encode:
     return _at_true_times(messages)
 
 
-def _ideal(parameters: SimulationParameters, encoding: str) -> Encode:
+def _ideal(parameters: SampledParameters, encoding: str) -> Encode:
     readings = ImuEncoder(parameters.imu_frame, encoding)
     return _at_true_times(lambda b: readings.pattern(b.true_t_ns, b.ideal_gyro, b.ideal_accel))
 
 
-def _gyroscope_bias(parameters: SimulationParameters, encoding: str) -> Encode:
+def _gyroscope_bias(parameters: SampledParameters, encoding: str) -> Encode:
     vectors = Vector3StampedEncoder(parameters.imu_frame, encoding)
     return _at_true_times(lambda b: vectors.pattern(b.true_t_ns, b.gyro_bias))
 
 
-def _accelerometer_bias(parameters: SimulationParameters, encoding: str) -> Encode:
+def _accelerometer_bias(parameters: SampledParameters, encoding: str) -> Encode:
     vectors = Vector3StampedEncoder(parameters.imu_frame, encoding)
     return _at_true_times(lambda b: vectors.pattern(b.true_t_ns, b.accel_bias))
 
 
-def _temperature(parameters: SimulationParameters, encoding: str) -> Encode:
+def _temperature(parameters: SampledParameters, encoding: str) -> Encode:
     thermometer = TemperatureEncoder(parameters.imu_frame, encoding)
     return _at_true_times(lambda b: thermometer.pattern(b.true_t_ns, b.temperature))
 
 
 def _of_a_sensor(
-    sensor: Sensor, topic: Topic, parameters: SimulationParameters, encoding: str
+    sensor: Sensor, topic: Topic, parameters: SampledParameters, encoding: str
 ) -> Encode:
     """Return the source of a topic of an auxiliary sensor."""
     payloads = topic.payloads(parameters.imu_frame, encoding)
 
-    def encode(block: ImuBlock, now: SimulationParameters) -> Messages:
+    def encode(block: ImuBlock, now: SampledParameters) -> Messages:
         read = block.auxiliary.get(sensor.quantity)
         if read is None:
             what = sensor.quantity.replace("_", " ")
@@ -204,26 +204,26 @@ def _of_a_sensor(
     return encode
 
 
-def _delta_angle(parameters: SimulationParameters, encoding: str) -> Encode:
+def _delta_angle(parameters: SampledParameters, encoding: str) -> Encode:
     return _increments(DELTA_ANGLE_TOPIC, lambda b: b.gyro, parameters, encoding)
 
 
-def _delta_velocity(parameters: SimulationParameters, encoding: str) -> Encode:
+def _delta_velocity(parameters: SampledParameters, encoding: str) -> Encode:
     return _increments(DELTA_VELOCITY_TOPIC, lambda b: b.accel, parameters, encoding)
 
 
-def _ideal_delta_angle(parameters: SimulationParameters, encoding: str) -> Encode:
+def _ideal_delta_angle(parameters: SampledParameters, encoding: str) -> Encode:
     return _increments(IDEAL_DELTA_ANGLE_TOPIC, lambda b: b.ideal_gyro, parameters, encoding)
 
 
-def _ideal_delta_velocity(parameters: SimulationParameters, encoding: str) -> Encode:
+def _ideal_delta_velocity(parameters: SampledParameters, encoding: str) -> Encode:
     return _increments(IDEAL_DELTA_VELOCITY_TOPIC, lambda b: b.ideal_accel, parameters, encoding)
 
 
 def _increments(
     topic: str,
     means: Callable[[ImuBlock], NDArray[np.float64]],
-    parameters: SimulationParameters,
+    parameters: SampledParameters,
     encoding: str,
 ) -> Encode:
     """Return the source of increments: mean readings times the nominal interval."""
@@ -236,7 +236,7 @@ def _increments(
     if topic in (IDEAL_DELTA_ANGLE_TOPIC, IDEAL_DELTA_VELOCITY_TOPIC):
         return _at_true_times(lambda b: vectors.pattern(b.true_t_ns, means(b) * interval))
 
-    def encode(block: ImuBlock, _: SimulationParameters) -> Messages:
+    def encode(block: ImuBlock, _: SampledParameters) -> Messages:
         rows = block.delivered
         t_ns = block.t_ns[rows]
         payloads = vectors.pattern(t_ns, means(block)[rows] * interval)
@@ -249,7 +249,7 @@ def _at_true_times(payloads: Callable[[ImuBlock], Pattern]) -> Encode:
     return lambda block, _: Messages(block.true_t_ns, block.true_t_ns, payloads(block))
 
 
-_MAKERS: Final[dict[str, Callable[[SimulationParameters, str], Encode]]] = {
+_MAKERS: Final[dict[str, Callable[[SampledParameters, str], Encode]]] = {
     IMU_TOPIC: _readings,
     TRUTH_TOPIC: _truth,
     TRUTH_FIX_TOPIC: _fix,

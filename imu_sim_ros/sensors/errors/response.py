@@ -27,14 +27,15 @@ class Response:
 
     def __init__(self) -> None:
         self._s = np.eye(3)
-        self._quadratic: list[tuple[int, float]] = []
+        self._quadratic: Array | None = None
         self._g: Array | None = None
         self._h: Array | None = None
 
     def configure(self, parameters: TriadParameters) -> None:
         """Take the coefficients."""
         self._s = parameters.response()
-        self._quadratic = [(k, q) for k, q in enumerate(parameters.quadratic) if q]
+        quadratic = any(parameters.quadratic)
+        self._quadratic = np.asarray(parameters.quadratic)[:, None] if quadratic else None
         self._g = _matrix(parameters.g_sensitivity)
         self._h = _matrix(parameters.g_squared_sensitivity)
 
@@ -45,10 +46,10 @@ class Response:
         :param force: (3, n) specific force [m/s^2].
         """
         result = transform(self._s, ideal)
-        for k, quadratic in self._quadratic:
-            square = quadratic * ideal[k]
-            square *= ideal[k]
-            result[k] += square
+        if self._quadratic is not None:
+            square = self._quadratic * ideal
+            square *= ideal
+            result += square
         if self._g is not None:
             result += transform(self._g, force)
         if self._h is not None:
@@ -242,17 +243,19 @@ class Digitiser:
     """Rounding to whole steps, and saturation: at the last whole step within the range."""
 
     def __init__(self) -> None:
-        self._axes: list[tuple[int, float, float]] = []
+        self._axes: list[tuple[int | slice, float, float]] = []
 
     def configure(self, parameters: TriadParameters) -> None:
         """Take range and resolution; 0 is none."""
-        limits = zip(parameters.range, parameters.resolution, strict=True)
-        self._axes = [(k, r, step) for k, (r, step) in enumerate(limits) if r or step]
+        limits = list(zip(parameters.range, parameters.resolution, strict=True))
+        alike = len(set(limits)) == 1
+        axes = [(slice(None), limits[0])] if alike else list(enumerate(limits))
+        self._axes = [(rows, r, step) for rows, (r, step) in axes if r or step]
 
     def apply(self, values: Array) -> None:
         """Saturate and round values (3, n) in place."""
-        for k, limit, step in self._axes:
-            row = values[k]
+        for rows, limit, step in self._axes:
+            row = values[rows]
             if step:
                 row /= step
                 np.rint(row, out=row)

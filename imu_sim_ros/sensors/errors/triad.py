@@ -27,7 +27,7 @@ from imu_sim_ros.sensors.errors.response import (
     polynomial,
 )
 from imu_sim_ros.sensors.faults import FaultSchedule
-from imu_sim_ros.sensors.imu.board import Surroundings, aged, board_terms
+from imu_sim_ros.sensors.imu.board import ShockBias, Surroundings, aged, board_terms
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.types import Array
 
@@ -38,6 +38,22 @@ class Reading(NamedTuple):
     reading: Array
     bias: Array
     scale: Array
+
+
+class Additions(NamedTuple):
+    """What n readings of a triad get, whatever they are; made before they are known."""
+
+    scale: Array | None
+    """(3, n); None: 1."""
+    bias: Array
+    """(3, n) without faults."""
+    noise: Array
+    """(3, n) white noise."""
+
+    def at(self, rows: slice) -> "Additions":
+        """Return some consecutive ones."""
+        scale = None if self.scale is None else self.scale[:, rows]
+        return Additions(scale, self.bias[:, rows], self.noise[:, rows])
 
 
 class Triad:
@@ -94,6 +110,7 @@ class Triad:
         temperature_offset: Array,
         faults: FaultSchedule,
         vibration: Array | None = None,
+        additions: Additions | None = None,
     ) -> Reading:
         """Return the next n samples.
 
@@ -104,17 +121,25 @@ class Triad:
         :param force: (3, n m) ideal specific force [m/s^2].
         :param temperature_offset: (n m,) temperature above the reference [K].
         :param vibration: (3, n) what the vehicle adds to the filtered readings.
+        :param additions: those that :meth:`ahead` has made for these samples.
         """
-        surroundings = Surroundings(force, temperature_offset)
         reading = self._response.apply(ideal, force)
-        scale = self._scale(temperature_offset)
+        scale = self._scale(temperature_offset) if additions is None else additions.scale
         if scale is None:
             scale = _ones(reading.shape[1])
         else:
             reading *= scale
-        bias = self._bias(first, surroundings, faults)
+        if additions is None:
+            bias = self._bias(Surroundings(force, temperature_offset))
+        else:
+            bias = additions.bias
+        if faults.any:
+            bias = self._with_jumps(first, bias, faults)
         reading += bias
-        self._white.add_to(reading, temperature_offset)
+        if additions is None:
+            self._white.add_to(reading, temperature_offset)
+        else:
+            reading += additions.noise
         self._low_pass.apply(reading)
         if self._ratio > 1:
             last = slice(self._ratio - 1, None, self._ratio)
@@ -133,6 +158,23 @@ class Triad:
             self._last = reading[:, -1].copy()
         return Reading(reading, bias, scale)
 
+    @property
+    def follows_force(self) -> bool:
+        """Whether a bias depends on the readings, so that nothing can be made ahead of them."""
+        return any(isinstance(term, ShockBias) for term in self._board_terms)
+
+    def ahead(self, temperature_offset: Array) -> Additions:
+        """Return what the next n samples of a sensor that is not oversampled get.
+
+        :param temperature_offset: (n,) temperature above the reference [K].
+        """
+        count = len(temperature_offset)
+        scale = self._scale(temperature_offset)
+        bias = self._bias(Surroundings(np.zeros((3, count)), temperature_offset))
+        noise = np.zeros((3, count))
+        self._white.add_to(noise, temperature_offset)
+        return Additions(scale, bias, noise)
+
     def _scale(self, temperature_offset: Array) -> Array | None:
         """Return the scale by temperature, turn-on and age (3, n); None where it is 1."""
         thermal = polynomial(self._parameters.temperature_scale, temperature_offset)
@@ -148,8 +190,8 @@ class Triad:
         thermal += 1.0 if drawn is None else drawn
         return thermal
 
-    def _bias(self, first: int, surroundings: Surroundings, faults: FaultSchedule) -> Array:
-        """Return the sum of all biases (3, n)."""
+    def _bias(self, surroundings: Surroundings) -> Array:
+        """Return the sum of all biases (3, n) but for those of faults."""
         offset = surroundings.temperature_offset
         bias = polynomial(self._parameters.temperature_bias, offset)
         if bias is None:
@@ -160,13 +202,17 @@ class Triad:
             term.add_to(bias)
         for board_term in self._board_terms:
             board_term.add_to(bias, surroundings)
-        if not faults.any:
-            return bias
-        jumps = bias if self._ratio == 1 else np.zeros((3, bias.shape[1] // self._ratio))
-        faults.add_bias(self._triad, first, jumps)
-        if jumps is not bias:
-            bias += np.repeat(jumps, self._ratio, axis=1)
         return bias
+
+    def _with_jumps(self, first: int, bias: Array, faults: FaultSchedule) -> Array:
+        """Return a bias (3, n) with the jumps of faults in it."""
+        if self._ratio == 1:
+            jumped = bias.copy()
+            faults.add_bias(self._triad, first, jumped)
+            return jumped
+        jumps = np.zeros((3, bias.shape[1] // self._ratio))
+        faults.add_bias(self._triad, first, jumps)
+        return bias + np.repeat(jumps, self._ratio, axis=1)
 
 
 @lru_cache(maxsize=4)

@@ -3,8 +3,10 @@
 
 """An IMU on a moving body: both triads, the temperature and the clock."""
 
-from collections.abc import Collection
-from typing import TYPE_CHECKING, Final
+import math
+from collections.abc import Collection, Iterable, Sequence
+from functools import lru_cache
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
@@ -14,13 +16,13 @@ from imu_sim_ros.sensors import with_faults
 from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.response import TemperatureProfile
-from imu_sim_ros.sensors.errors.triad import Reading, Triad
+from imu_sim_ros.sensors.errors.triad import Additions, Reading, Triad
 from imu_sim_ros.sensors.faults import Fault, FaultSchedule
 from imu_sim_ros.sensors.imu.ideal import IdealImu, Quadrature, quadrature
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.timing import Clock, Transport
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Times
 
 if TYPE_CHECKING:
     from imu_sim_ros.sensors.auxiliary import Auxiliary
@@ -29,6 +31,8 @@ if TYPE_CHECKING:
 
 _INTERNAL_READINGS: Final = 16384
 """Generated at a time inside an oversampled sensor."""
+CHUNK: Final = 64
+"""Samples whose noise is made at once where given readings come one by one."""
 
 
 class Imu:
@@ -54,15 +58,20 @@ class Imu:
         self._ideal = IdealImu(imu, environment)
         self._temperature = TemperatureProfile(environment.temperature)
         self._triads = [Triad(triad, imu, seed, rate) for triad in TRIADS]
+        self._follows_force = any(triad.follows_force for triad in self._triads)
         self._clock = Clock(seed, imu, rate, t0_ns)
         self._transport = Transport(seed, rate)
         self._faults = FaultSchedule(seed, 1.0 / rate)
         self._auxiliary = _beside(imu, environment, t0_ns, sensors) if sensors else None
         self._vibration = _vibration(imu, environment)
+        self._ahead: _Ahead | None = None
         self.configure(imu)
 
     def configure(self, imu: ImuParameters) -> None:
-        """Take new values of live parameters, from the next sample on."""
+        """Take new values of live parameters, from the next sample on.
+
+        Of given readings, see :meth:`apply`, with the next chunk.
+        """
         self._reference_temperature = imu.reference_temperature
         for triad in self._triads:
             triad.configure(imu)
@@ -94,35 +103,144 @@ class Imu:
         """Return samples ``first .. first + count - 1``; ``first`` follows the last call's."""
         true_t_ns = timebase.sample_times_ns(first, count, self._rate, self._t0_ns)
         t = timebase.seconds_since(true_t_ns, self._t0_ns)
-        motion, ideal_gyro, ideal_accel = self._ideal_readings(first, t, trajectory)
+        motion, *ideal = self._ideal_readings(first, t, trajectory)
         temperature = self._temperature.at(t)
         vibration = self._vibration.read(first, motion) if self._vibration else None
         if self._ratio == 1:
-            gyro, accel = self._triad_readings(
-                first, ideal_gyro, ideal_accel, temperature, vibration
-            )
+            gyro, accel = self._triad_readings(first, *ideal, temperature, vibration)
         else:
             gyro, accel = self._oversampled(first, count, trajectory, vibration)
-        block = ImuBlock(
+        block = self._block(first, true_t_ns, motion, ideal, temperature, gyro, accel)
+        if self._auxiliary is None:
+            return block
+        return self._auxiliary.add_to(block, trajectory, self._temperature)
+
+    def apply(
+        self, first: int, true_t_ns: Times, motion: Motion, ideal_gyro: Array, ideal_accel: Array
+    ) -> ImuBlock:
+        """Return samples ``first .. first + n - 1`` of ideal readings that somebody gives.
+
+        Errors that depend on time follow the samples' indices, so that they are those of
+        :meth:`read`; stamps, latency and losses are those of the given times.
+
+        :param true_t_ns: (n,) of the samples [ns].
+        :param motion: of the body at these times, NaN where it is not known.
+        :param ideal_gyro: (3, n m) [rad/s]; an oversampled sensor has m = ratio readings inside
+            for each sample, the last of them at its time, others 1.
+        :param ideal_accel: (3, n m) [m/s^2].
+        """
+        m = self._ratio
+        ideal = [ideal_gyro, ideal_accel]
+        if m > 1:
+            last = slice(m - 1, None, m)
+            ideal = [ideal_gyro[:, last], ideal_accel[:, last]]
+        vibration = self._vibration.read(first, motion) if self._vibration else None
+        if m > 1 or self._follows_force:
+            count = len(true_t_ns)
+            temperature = self._temperature_of(first, count)
+            inside = temperature if m == 1 else self._temperature_inside(first, count)
+            gyro, accel = self._triad_readings(first, ideal_gyro, ideal_accel, inside, vibration)
+        else:
+            temperature, gyro, accel = self._in_chunks(first, ideal, vibration)
+        block = self._block(first, true_t_ns, motion, ideal, temperature, gyro, accel)
+        if self._auxiliary is None:
+            return block
+        return self._auxiliary.add_to(block, NOWHERE, self._temperature)
+
+    def _block(
+        self,
+        first: int,
+        true_t_ns: Times,
+        motion: Motion,
+        ideal: Sequence[Array],
+        temperature: Array,
+        gyro: Reading,
+        accel: Reading,
+    ) -> ImuBlock:
+        """Return n samples with stamps and transport."""
+        return ImuBlock(
             first=first,
             true_t_ns=true_t_ns,
             t_ns=self._clock.stamp(true_t_ns),
             release_t_ns=self._transport.release(first, true_t_ns, self._faults),
-            delivered=self._transport.deliver(first, count, self._faults),
+            delivered=self._transport.deliver(first, len(true_t_ns), self._faults),
             gyro=gyro.reading.T,
             accel=accel.reading.T,
             temperature=temperature,
-            ideal_gyro=ideal_gyro.T,
-            ideal_accel=ideal_accel.T,
+            ideal_gyro=ideal[0].T,
+            ideal_accel=ideal[1].T,
             gyro_bias=gyro.bias.T,
             accel_bias=accel.bias.T,
             gyro_scale=gyro.scale.T,
             accel_scale=accel.scale.T,
             motion=motion,
         )
-        if self._auxiliary is None:
-            return block
-        return self._auxiliary.add_to(block, trajectory, self._temperature)
+
+    def _in_chunks(
+        self, first: int, ideal: Sequence[Array], vibration: Array | None
+    ) -> tuple[Array, Reading, Reading]:
+        """Return temperatures (n,) and the triads' readings, whatever is known of them ahead.
+
+        Few samples at a time get what was made for a whole chunk, many get their own.
+        """
+        count, done = ideal[0].shape[1], 0
+        parts: list[tuple[Array, Reading, Reading]] = []
+        while True:
+            at, left = first + done, count - done
+            if self._ahead is not None and at == self._ahead.end:
+                self._ahead = None
+            if self._ahead is None and 0 < left < CHUNK:
+                self._ahead = self._make_ahead(at)
+            ahead = self._ahead
+            if ahead is None:
+                step = left // CHUNK * CHUNK
+                temperature, additions = self._temperature_of(at, step), None
+            else:
+                step = min(left, ahead.end - at)
+                own = slice(at - ahead.first, at - ahead.first + step)
+                temperature = ahead.temperature[own]
+                additions = [one.at(own) for one in ahead.additions]
+            if step == count:
+                pair = self._triad_readings(first, *ideal, temperature, vibration, additions)
+                return temperature, *pair
+            rows = slice(done, done + step)
+            shaken = None if vibration is None else vibration[:, rows]
+            pair = self._triad_readings(
+                at, ideal[0][:, rows], ideal[1][:, rows], temperature, shaken, additions
+            )
+            parts.append((temperature, *pair))
+            done += step
+            if done == count:
+                break
+        temperatures, gyros, accels = zip(*parts, strict=True)
+        return np.concatenate(temperatures), _joined(gyros), _joined(accels)
+
+    def _make_ahead(self, first: int) -> "_Ahead":
+        temperature = self._temperature_of(first, CHUNK)
+        offset = temperature - self._reference_temperature
+        additions = [triad.ahead(offset) for triad in self._triads]
+        return _Ahead(first, first + CHUNK, temperature, additions)
+
+    def _temperature_of(self, first: int, count: int) -> Array:
+        """Return the temperature of samples by their index (count,) [degC]."""
+        t_ns = timebase.sample_times_ns(first, count, self._rate)
+        return self._temperature.at(timebase.seconds_since(t_ns, 0))
+
+    def _temperature_inside(self, first: int, count: int) -> Array:
+        """Return the temperature of the readings inside an oversampled sensor (count m,)."""
+        return self._temperature.at(self._times_inside(first, first + count))
+
+    def _times_inside(self, begin: int, end: int) -> Array:
+        """Return the times of the readings inside for samples begin .. end - 1 ((end-begin) m,) [s].
+
+        Those before the first sample are at it.
+        """
+        since = max((begin - 1) * self._ratio + 1, 0)
+        t_ns = timebase.sample_times_ns(
+            since, max((end - 1) * self._ratio + 1 - since, 0), self._rate * self._ratio
+        )
+        missing = (end - begin) * self._ratio - len(t_ns)
+        return timebase.seconds_since(np.concatenate([np.zeros(missing, np.int64), t_ns]), 0)
 
     def _triad_readings(
         self,
@@ -131,13 +249,18 @@ class Imu:
         ideal_accel: Array,
         temperature: Array,
         vibration: Array | None,
+        additions: Sequence[Additions] | None = None,
     ) -> tuple[Reading, Reading]:
         offset = temperature - self._reference_temperature
         shaken = (None, None) if vibration is None else (vibration[:3], vibration[3:])
         gyro, accel = (
-            triad.read(first, ideal, ideal_accel, offset, self._faults, own)
-            for triad, ideal, own in zip(
-                self._triads, (ideal_gyro, ideal_accel), shaken, strict=True
+            triad.read(first, ideal, ideal_accel, offset, self._faults, own, added)
+            for triad, ideal, own, added in zip(
+                self._triads,
+                (ideal_gyro, ideal_accel),
+                shaken,
+                additions or (None, None),
+                strict=True,
             )
         )
         return gyro, accel
@@ -154,19 +277,11 @@ class Imu:
         step = max(_INTERNAL_READINGS // self._ratio, 1)
         for begin in range(first, first + max(count, 1), step):
             end = min(begin + step, first + count)
-            since = max((begin - 1) * self._ratio + 1, 0)
-            t_ns = timebase.sample_times_ns(
-                since, max((end - 1) * self._ratio + 1 - since, 0), self._rate * self._ratio
-            )
-            missing = (end - begin) * self._ratio - len(t_ns)
-            t = timebase.seconds_since(np.concatenate([np.zeros(missing, np.int64), t_ns]), 0)
+            t = self._times_inside(begin, end)
             ideal = self._ideal.read(trajectory.sample(t))
             own = None if vibration is None else vibration[:, begin - first : end - first]
             made.append(self._triad_readings(begin, *ideal, self._temperature.at(t), own))
-        gyro, accel = (
-            Reading(*(np.concatenate(parts, axis=1) for parts in zip(*readings, strict=True)))
-            for readings in zip(*made, strict=True)
-        )
+        gyro, accel = (_joined(readings) for readings in zip(*made, strict=True))
         return gyro, accel
 
     def _ideal_readings(
@@ -187,6 +302,41 @@ class Imu:
             at_once = self._ideal.read(Motion(*(values[:1] for values in motion)))
             rate[:, :1], force[:, :1] = at_once
         return motion, rate, force
+
+
+class _Ahead(NamedTuple):
+    """What samples ``first .. end - 1`` get whatever their ideal readings are."""
+
+    first: int
+    end: int
+    temperature: Array
+    """(end - first,) [degC]."""
+    additions: list[Additions]
+    """Of the gyroscope, of the accelerometer."""
+
+
+class _Nowhere:
+    """The trajectory of a body whose motion nobody knows."""
+
+    duration = math.inf
+
+    def sample(self, t: Array) -> Motion:
+        """Return n unknown states."""
+        return unknown_motion(len(t))
+
+
+NOWHERE: Final = _Nowhere()
+
+
+@lru_cache(maxsize=8)
+def unknown_motion(count: int) -> Motion:
+    """Return a motion of n states of which nothing is known: NaN."""
+    vector, q_wb = np.broadcast_to(np.nan, (count, 3)), np.broadcast_to(np.nan, (count, 4))
+    return Motion(vector, vector, vector, q_wb, vector, vector)
+
+
+def _joined(readings: Iterable[Reading]) -> Reading:
+    return Reading(*(np.concatenate(parts, axis=1) for parts in zip(*readings, strict=True)))
 
 
 def _beside(

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.sensors.imu import sdf
 from imu_sim_ros.parameters.files import find, load
 
 BAROMETER_PRESET: Final = "imu.barometer_preset"
@@ -16,9 +17,15 @@ BAROMETER_PRESET: Final = "imu.barometer_preset"
 def sensor_layer(name_or_file: str, node: str = "simulator") -> dict[str, object]:
     """Return what ``imu.preset`` stands for, above the presets that its file names in turn.
 
-    :param name_or_file: a name in config/imus, or a parameter file.
+    :param name_or_file: a name in config/imus, a parameter file, or a model of Gazebo,
+        ``model.sdf`` or ``model.sdf#SENSOR``.
     :raises ConfigurationError: for a preset that cannot be read, or that leads back to itself.
     """
+    if sdf.is_model(name_or_file):
+        try:
+            return dict(sdf.read(name_or_file).parameters)
+        except InputError as error:
+            raise ConfigurationError(error.problems) from None
     result: dict[str, object] = {}
     passed: list[Path] = []
     while True:

@@ -1,0 +1,317 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Ideal readings of another simulator in, those of a chosen sensor out."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from imu_sim_ros import arguments, timebase
+from imu_sim_ros.arguments import refuse
+from imu_sim_ros.conventions import (
+    ACCELEROMETER_BIAS_TOPIC,
+    GYROSCOPE_BIAS_TOPIC,
+    IDEAL_IMU_TOPIC,
+    IMU_TOPIC,
+)
+from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.inputs import gate
+from imu_sim_ros.jobs.flight import Flight, Source
+from imu_sim_ros.jobs.simulate import flat_parameters, imu_parameters
+from imu_sim_ros.parameters import files
+from imu_sim_ros.parameters.sections import build, flatten
+from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.sensors.faults import Fault
+from imu_sim_ros.sensors.imu import sdf
+from imu_sim_ros.sensors.imu.model import NOWHERE, unknown_motion
+from imu_sim_ros.simulation import error_model
+from imu_sim_ros.simulation.error_input import Given
+from imu_sim_ros.simulation.error_parameters import (
+    NODE,
+    ErrorModelParameters,
+    load_error_model,
+)
+
+TOPICS: Final = (IMU_TOPIC, IDEAL_IMU_TOPIC, GYROSCOPE_BIAS_TOPIC, ACCELEROMETER_BIAS_TOPIC)
+"""What a flight of given readings is saved as."""
+_BLOCK: Final = 8192
+
+
+def add_errors(
+    t_ns: ArrayLike,
+    gyro: ArrayLike,
+    accel: ArrayLike,
+    *,
+    orientation: ArrayLike | None = None,
+    imu: str | Path | Mapping[str, Any] | None = None,
+    rate: float | None = None,
+    seed: int | None = None,
+    params_file: str | Path | None = None,
+    input: Mapping[str, Any] | None = None,
+    **parameters: Any,
+) -> Flight:
+    """Add a sensor's errors to ideal readings, those of another simulator for instance.
+
+    The truth of the result holds the ideal readings and every true error; of the motion only what
+    is given is known, the rest is NaN. Remarks, on stamps and on what contradicts the declaration,
+    are warnings.
+
+    :param t_ns: (n,) stamps [ns].
+    :param gyro: (n, 3) ideal angular rates [rad/s].
+    :param accel: (n, 3) ideal specific forces [m/s^2].
+    :param orientation: (n, 4) q_wb, unit quaternions (w, x, y, z); needed where gravity is missing.
+    :param imu: as in :func:`simulate`; ``model.sdf`` too.
+    :param rate: samples per second [Hz]; by default that of the stamps.
+    :param seed: of all random streams.
+    :param params_file: a ROS 2 parameter file below all other arguments.
+    :param input: what the readings are, by name: ``{"gravity": "missing", "axes": "frd"}``.
+    :param parameters: any other parameter by its ROS name.
+    :raises ConfigurationError: with a line for each problem.
+    :raises InputError: for readings that are not finite or not possible.
+
+    >>> import imu_sim_ros as ims
+    >>> ideal = ims.simulate(imu="perfect", trajectory="figure_eight", duration=10).truth
+    >>> flight = ims.add_errors(ideal.t_ns, ideal.gyro, ideal.accel, imu="bmi088", seed=1)
+    >>> flight
+    <Flight bmi088 on given readings: 2000 at 200 Hz, 9.995 s, seed 1>
+    >>> same = ims.simulate(imu="bmi088", trajectory="figure_eight", duration=10, seed=1)
+    >>> bool((flight.accel == same.accel).all())
+    True
+    """
+    given = _given(t_ns, gyro, accel, orientation, "add_errors")
+    if not len(given.t_ns):
+        raise InputError("add_errors: no readings")
+    built = _parameters(imu, seed, params_file, input, parameters, rate, given.t_ns)
+    model = error_model.ErrorModel(built, remark=_warn)
+    blocks: list[ImuBlock] = []
+    for begin in range(0, len(given.t_ns), _BLOCK):
+        blocks += model.read(given.at(slice(begin, begin + _BLOCK)))
+    name = f"{_sensor_name(imu, built)} on given readings"
+    return Flight(Source(built, NOWHERE, int(given.t_ns[0])), blocks, name, TOPICS)
+
+
+class ErrorModel:
+    """A sensor's errors on ideal readings that come one by one, or many at a time.
+
+    For use inside a simulator's step. In blocks of any size, of one as well, the samples are those
+    of :func:`add_errors`.
+
+    >>> import imu_sim_ros as ims
+    >>> model = ims.ErrorModel(imu="bmi088", rate=1000, seed=1)
+    >>> block = model.read(0, [0.0, 0.0, 0.0], [0.0, 0.0, 9.81])
+    >>> block.gyro.shape, block.gyro_bias.shape
+    ((1, 3), (1, 3))
+    """
+
+    def __init__(
+        self,
+        *,
+        rate: float,
+        imu: str | Path | Mapping[str, Any] | None = None,
+        seed: int | None = None,
+        params_file: str | Path | None = None,
+        input: Mapping[str, Any] | None = None,
+        **parameters: Any,
+    ) -> None:
+        """Set up the sensor; arguments and errors as for :func:`add_errors`.
+
+        :param rate: samples per second [Hz].
+        """
+        built = _parameters(imu, seed, params_file, input, parameters, rate, None)
+        self._model = error_model.ErrorModel(built, remark=_warn)
+
+    @property
+    def parameters(self) -> ErrorModelParameters:
+        """All parameters, a frozen dataclass."""
+        return self._model.parameters
+
+    @property
+    def counts(self) -> error_model.Counts:
+        """What happened to the readings so far: missing, repeated, restarts, ..."""
+        return self._model.counts
+
+    def read(
+        self,
+        t_ns: int | ArrayLike,
+        gyro: ArrayLike,
+        accel: ArrayLike,
+        orientation: ArrayLike | None = None,
+    ) -> ImuBlock:
+        """Return the samples that readings give: one for each, unless ``input.rate`` is higher.
+
+        :param t_ns: stamp, or (n,) stamps [ns].
+        :param gyro: (3,) or (n, 3) ideal angular rates [rad/s].
+        :param accel: (3,) or (n, 3) ideal specific forces [m/s^2].
+        :param orientation: (4,) or (n, 4) q_wb (w, x, y, z); needed where gravity is missing.
+        :raises InputError: for readings that are not finite or not possible; none of them counts.
+        """
+        given = _given(t_ns, gyro, accel, orientation, "read")
+        blocks = self._model.read(given)
+        if len(blocks) == 1:
+            return blocks[0]
+        return error_model.joined(blocks) if blocks else _nothing(self._model.position)
+
+    def update(self, **parameters: Any) -> None:
+        """Change live parameters by their ROS names, ``imu={"gyroscope_bias": [0.1, 0, 0]}``.
+
+        They take effect with the next multiple of 64 samples.
+
+        :raises ConfigurationError: for others, and for bad values; nothing is changed then.
+        """
+        changed = {**flatten(self.parameters), **flat_parameters("parameters", parameters)}
+        self._model.update(build(type(self.parameters), changed))
+
+    def inject(
+        self,
+        kind: str,
+        *,
+        triad: str = "",
+        value: float | tuple[float, float, float] = 0.0,
+        duration: float = float("inf"),
+        delay: float = 0.0,
+    ) -> int:
+        """Let a fault begin; returns the index of the first sample that it hits.
+
+        :param kind: ``bias_jump``, ``saturation``, ``stuck``, ``dropout`` or ``latency``.
+        :param triad: ``gyroscope`` or ``accelerometer``, for the first three.
+        :param value: strength in the unit of what it changes.
+        :param duration: [s].
+        :param delay: from the next sample [s].
+        :raises ConfigurationError: with a line for each problem.
+        """
+        return self._model.inject(Fault(kind, duration, value, triad), delay)
+
+    def reset(self) -> None:
+        """Begin again with the next reading, as if nothing had been."""
+        self._model.reset()
+
+    def __repr__(self) -> str:
+        p = self.parameters
+        return f"<ErrorModel {Path(p.imu.preset).stem} at {p.rate:g} Hz, seed {p.seed}>"
+
+
+def from_sdf(file: str | Path, sensor: str | None = None) -> dict[str, Any]:
+    """Return the parameters of an IMU that a model file of Gazebo describes.
+
+    Understood are SDF's ``<noise>``, the IMU plugin of Gazebo classic, and that of RotorS; the
+    result is taken as ``imu=`` by :func:`add_errors`, :func:`simulate` and :class:`ErrorModel`.
+
+    :param sensor: name of the sensor or plugin, where the file has several.
+    :raises InputError: for a file that is not one, and one without an IMU.
+    """
+    path = arguments.path("file", file)
+    name = None if sensor is None else arguments.text("sensor", sensor, "the name of a sensor")
+    found = sdf.read(path, name)
+    own = {k.removeprefix("imu."): v for k, v in found.parameters.items() if k.startswith("imu.")}
+    return {"preset": "perfect", **own}
+
+
+def _nothing(position: int) -> ImuBlock:
+    times, vectors = np.empty(0, np.int64), np.empty((0, 3))
+    rest: list[Any] = [vectors, vectors, np.empty(0), *(vectors,) * 6, unknown_motion(0)]
+    return ImuBlock(position, times, times, times, times, *rest)
+
+
+def _warn(line: str) -> None:
+    warnings.warn(line, stacklevel=6)
+
+
+def _given(t_ns: Any, gyro: Any, accel: Any, orientation: Any, name: str) -> Given:
+    """Return what somebody gives as arrays with the components first, checked.
+
+    :raises InputError: for what is not a reading.
+    """
+    try:
+        if type(t_ns) is int:  # one reading, inside a simulator's step
+            times = np.array([t_ns], np.int64)
+        else:
+            times = _times(t_ns)
+        rates = np.array(gyro, np.float64).reshape(-1, 3)
+        forces = np.array(accel, np.float64).reshape(-1, 3)
+        q_wb = None if orientation is None else np.array(orientation, np.float64).reshape(-1, 4)
+    except (TypeError, ValueError, OverflowError):
+        raise ConfigurationError(
+            f"{name}: t_ns must be (n,), gyro and accel (n, 3), orientation (n, 4) numbers"
+        ) from None
+    count = len(times)
+    if not len(rates) == len(forces) == count or (q_wb is not None and len(q_wb) != count):
+        raise ConfigurationError(
+            f"{name}: {count} stamps, {len(rates)} rates, {len(forces)} specific forces"
+            + ("" if q_wb is None else f", {len(q_wb)} orientations")
+            + ": must be equally many"
+        )
+    if count == 1:
+        sound = gate.is_reading(int(times[0]), rates[0].tolist(), forces[0].tolist())
+    else:
+        sound = False
+    if not sound:
+        gate.readings(times, rates, forces).complain(name)
+    if q_wb is not None:
+        gate.Verdict(times, [(gate.ORIENTATION, q_wb)]).complain(name)
+        return Given(times, rates.T, forces.T, np.ascontiguousarray(q_wb.T))
+    return Given(times, np.ascontiguousarray(rates.T), np.ascontiguousarray(forces.T))
+
+
+def _times(t_ns: Any) -> NDArray[np.int64]:
+    """Return stamps (n,); floating numbers are none."""
+    times = np.atleast_1d(np.asarray(t_ns))
+    if times.ndim != 1 or (times.size and times.dtype.kind not in "iu"):
+        refuse("t_ns", t_ns, "integers (n,), nanoseconds", wrong_type=True)
+    return times.astype(np.int64)
+
+
+def _parameters(
+    imu: Any,
+    seed: int | None,
+    params_file: str | Path | None,
+    input: Mapping[str, Any] | None,
+    parameters: Mapping[str, Any],
+    rate: float | None,
+    t_ns: NDArray[np.int64] | None,
+) -> ErrorModelParameters:
+    given: dict[str, object] = {}
+    if params_file is not None:
+        given |= files.load(arguments.path("params_file", params_file), NODE)
+    given |= {**imu_parameters(imu), **flat_parameters("parameters", parameters)}
+    if input is not None:
+        if not isinstance(input, Mapping):
+            refuse("input", input, "parameters by name", wrong_type=True)
+        own = flat_parameters("input", input)
+        given |= {f"input.{name}": value for name, value in own.items()}
+    if seed is not None:
+        given["seed"] = seed
+    if rate is not None:
+        given["rate"] = rate
+    elif "rate" not in given and t_ns is not None and not given.get("input.rate"):
+        given["rate"] = rate_of(t_ns)
+    found: ErrorModelParameters = load_error_model(given)
+    return found
+
+
+def rate_of(t_ns: NDArray[np.int64]) -> float:
+    """Return the readings per second of stamps, rounded to six digits [Hz].
+
+    Gaps are not counted: an interval much longer than most counts as several.
+
+    :raises ConfigurationError: for fewer than two stamps that follow each other.
+    """
+    steps = np.diff(t_ns)
+    steps = steps[steps > 0]
+    if not len(steps):
+        raise ConfigurationError("rate: two readings, or the rate, must be given")
+    whole = np.maximum(np.rint(steps / float(np.median(steps))), 1.0)
+    found = float(f"{whole.sum() / steps.sum() * timebase.NANOSECONDS_PER_SECOND:.6g}")
+    nearest = float(round(found))
+    return nearest if nearest and abs(found - nearest) < 2e-5 * nearest else found
+
+
+def _sensor_name(imu: object, built: ErrorModelParameters) -> str:
+    changed = isinstance(imu, Mapping) and set(imu) - {"preset"}
+    return f"{'modified ' if changed else ''}{Path(built.imu.preset).stem}"

@@ -1,0 +1,276 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The IMU that a model of Gazebo describes: SDF's ``<noise>``, Gazebo classic's plugin, RotorS'.
+
+The XML is read without entities: a document type, with which they are declared, is refused.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final, NamedTuple
+from xml.parsers import expat
+
+from imu_sim_ros.conventions import AXES, IMU_FRAME, TRIADS
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs.rows import number_of, read_text, shortened
+
+SUFFIXES: Final = (".sdf", ".world", ".urdf", ".xacro", ".xml")
+_DEEPEST: Final = 200
+_MOST_ELEMENTS: Final = 1_000_000
+_QUANTITIES: Final = {"gyroscope": "angular_velocity", "accelerometer": "linear_acceleration"}
+_OLD_QUANTITIES: Final = {"gyroscope": "rate", "accelerometer": "accel"}
+_ROTORS: Final = {
+    "NoiseDensity": "noise_density",
+    "RandomWalk": "gauss_markov_density",
+    "BiasCorrelationTime": "correlation_time",
+    "TurnOnBiasSigma": "turn_on_bias_sigma",
+}
+_ROTORS_DEFAULTS: Final = {
+    "gyroscopeNoiseDensity": 2.0 * 35.0 / 3600.0 / 180.0 * math.pi,
+    "gyroscopeRandomWalk": 2.0 * 4.0 / 3600.0 / 180.0 * math.pi,
+    "gyroscopeBiasCorrelationTime": 1000.0,
+    "gyroscopeTurnOnBiasSigma": 0.5 / 180.0 * math.pi,
+    "accelerometerNoiseDensity": 2.0 * 2.0e-3,
+    "accelerometerRandomWalk": 2.0 * 3.0e-3,
+    "accelerometerBiasCorrelationTime": 300.0,
+    "accelerometerTurnOnBiasSigma": 20.0e-3 * 9.8,
+}
+"""What the plugin takes where a model says nothing, those of an ADIS16448
+(rotors_gazebo_plugins/gazebo_imu_plugin.h)."""
+
+
+@dataclass
+class _Element:
+    """An element of XML: its name, attributes, text and children."""
+
+    tag: str
+    attributes: Mapping[str, str]
+    text: str = ""
+    children: "list[_Element]" = field(default_factory=list)
+
+    def child(self, *path: str) -> "_Element | None":
+        """Return the first element on a path of names; None where there is none."""
+        here: _Element | None = self
+        for name in path:
+            here = next((c for c in here.children if c.tag == name), None) if here else None
+        return here
+
+    def every(self) -> "Iterator[_Element]":
+        """Yield this element and all below."""
+        waiting = [self]
+        while waiting:
+            here = waiting.pop()
+            yield here
+            waiting += reversed(here.children)
+
+
+class Described(NamedTuple):
+    """An IMU of a model."""
+
+    name: str
+    """Of its sensor or plugin."""
+    parameters: dict[str, object]
+    """By dotted name: ``imu.*``, and ``rate`` and ``imu_frame`` where they are said."""
+
+
+def is_model(path: str | Path) -> bool:
+    """Return whether a file is a model of Gazebo, by its name; ``FILE#SENSOR`` is one, too."""
+    return Path(str(path).partition("#")[0]).suffix.lower() in SUFFIXES
+
+
+def read(path: str | Path, sensor: str | None = None) -> Described:
+    """Return the IMU of a model.
+
+    :param path: of the file, or ``FILE#SENSOR``.
+    :param sensor: its name; None: the only one.
+    :raises InputError: for a file that is none, one without an IMU, and one with several; the line
+        lists them.
+    """
+    file, _, named = str(path).partition("#")
+    sensor = sensor or named or None
+    found = [one for element in _parsed(file).every() for one in _described(file, element)]
+    if sensor is not None:
+        chosen = [one for one in found if one.name == sensor]
+        if not chosen:
+            have = ", ".join(one.name for one in found) or "none"
+            raise InputError(f"{file}: has no IMU {shortened(sensor)}; it has {have}")
+        return chosen[0]
+    if not found:
+        raise InputError(f"{file}: describes no IMU: no <sensor type='imu'>, no IMU plugin")
+    if len(found) > 1:
+        have = ", ".join(one.name for one in found)
+        raise InputError(f"{file}: has several IMUs, name one of {have}: {file}#{found[0].name}")
+    return found[0]
+
+
+def _parsed(path: str) -> _Element:
+    """Return the root of a file of bounded size, depth and number of elements.
+
+    :raises InputError: for what is not XML, and for a document type.
+    """
+    root = _Element("", {})
+    stack, count = [root], 0
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal count
+        count += 1
+        if len(stack) > _DEEPEST or count > _MOST_ELEMENTS:
+            raise InputError(f"{path}: nested deeper than {_DEEPEST}, or very many elements")
+        element = _Element(tag, attributes)
+        stack[-1].children.append(element)
+        stack.append(element)
+
+    def end(_: str) -> None:
+        stack.pop()
+
+    def text(words: str) -> None:
+        if len(stack[-1].text) < _LONGEST_TEXT:
+            stack[-1].text += words
+
+    def refuse(*_: object) -> None:
+        raise InputError(f"{path}: has a document type (<!DOCTYPE ...>), which is not read")
+
+    parser = expat.ParserCreate()
+    parser.buffer_text = True
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.CharacterDataHandler = text
+    parser.StartDoctypeDeclHandler = refuse
+    content = read_text(path).encode()
+    try:
+        parser.Parse(content, True)
+    except expat.ExpatError as error:
+        raise InputError(f"{path}: not XML: {error}") from None
+    return root
+
+
+_LONGEST_TEXT: Final = 4096
+
+
+def _described(path: str, element: _Element) -> Iterator[Described]:
+    """Yield the IMU that an element is, if it is one."""
+    if element.tag == "sensor" and element.attributes.get("type") in ("imu", "imu_sensor"):
+        yield _of_sensor(path, element)
+    if element.tag != "plugin":
+        return
+    library = element.attributes.get("filename", "") + element.attributes.get("name", "")
+    if "rotors_gazebo_imu" in library or element.child("gyroscopeNoiseDensity"):
+        yield _of_rotors(path, element)
+    elif element.child("gaussianNoise"):
+        yield _of_classic(path, element)
+
+
+def _of_sensor(path: str, element: _Element) -> Described:
+    """Return an IMU of SDF."""
+    name = element.attributes.get("name", "imu")
+    where = f"{path}: sensor {shortened(name)}"
+    rate = _number(where, element, "update_rate")
+    own: dict[str, object] = {}
+    for triad in TRIADS:
+        old = element.child("imu", "noise", _OLD_QUANTITIES[triad])
+        axes = [element.child("imu", _QUANTITIES[triad], axis, "noise") for axis in AXES]
+        noises = [old] * 3 if old is not None else axes
+        if any(noises):
+            own |= _of_noise(where, f"imu.{triad}_", noises, rate)
+    frame = element.child("gz_frame_id") or element.child("ignition_frame_id")
+    return Described(name, {**_common(rate, frame), **own})
+
+
+def _of_noise(
+    where: str, prefix: str, noises: "list[_Element | None]", rate: float
+) -> dict[str, object]:
+    """Return the parameters of three ``<noise>``.
+
+    ``stddev`` is that of a sample, at the sensor's rate. The bias at the start is drawn with either
+    sign, so ``bias_mean`` and ``bias_stddev`` are one deviation; ``dynamic_bias_stddev`` drives a
+    first-order Gauss-Markov process (gz-sensors, GaussianNoiseModel.cc).
+    """
+
+    def values(name: str) -> list[float]:
+        return [0.0 if one is None else _number(where, one, name) for one in noises]
+
+    for one in noises:
+        kind = one.attributes.get("type", "gaussian") if one is not None else "gaussian"
+        if kind not in ("gaussian", "gaussian_quantized", "none"):
+            raise InputError(f"{where}: noise of type {shortened(kind)} is not known")
+    deviations = values("stddev")
+    if any(deviations) and not rate:
+        raise InputError(
+            f"{where}: has no <update_rate>: <stddev> is that of one sample, so its density "
+            "depends on the rate"
+        )
+    driving, times = values("dynamic_bias_stddev"), values("dynamic_bias_correlation_time")
+    steady = zip(values("bias_mean"), values("bias_stddev"), strict=True)
+    found = {
+        "noise_density": [d / math.sqrt(rate) if d else 0.0 for d in deviations],
+        "bias": values("mean"),
+        "turn_on_bias_sigma": [math.hypot(mean, deviation) for mean, deviation in steady],
+        "gauss_markov_density": [s if t else 0.0 for s, t in zip(driving, times, strict=True)],
+        "correlation_time": [t if s else 0.0 for s, t in zip(driving, times, strict=True)],
+        "resolution": values("precision"),
+    }
+    for name in ("noise_density", "turn_on_bias_sigma", "gauss_markov_density", "resolution"):
+        if min(found[name]) < 0.0:
+            raise InputError(f"{where}: {name} would be {min(found[name]):g}: must be at least 0")
+    return {f"{prefix}{name}": numbers for name, numbers in found.items() if any(numbers)}
+
+
+def _of_rotors(path: str, element: _Element) -> Described:
+    """Return an IMU of RotorS; what the model leaves out the plugin has values for."""
+    name = element.attributes.get("name", "imu")
+    where = f"{path}: plugin {shortened(name)}"
+    own: dict[str, object] = {}
+    for key, default in _ROTORS_DEFAULTS.items():
+        triad = next(one for one in TRIADS if key.startswith(one))
+        value = default if element.child(key) is None else _number(where, element, key)
+        own[f"imu.{triad}_{_ROTORS[key.removeprefix(triad)]}"] = value
+    for triad in TRIADS:
+        if not own[f"imu.{triad}_correlation_time"]:
+            own[f"imu.{triad}_gauss_markov_density"] = 0.0
+    return Described(name, {**_common(0.0, element.child("linkName")), **own})
+
+
+def _of_classic(path: str, element: _Element) -> Described:
+    """Return an IMU of Gazebo classic: one deviation for all axes."""
+    name = element.attributes.get("name", "imu")
+    where = f"{path}: plugin {shortened(name)}"
+    deviation = _number(where, element, "gaussianNoise")
+    rate = _number(where, element, "updateRateHZ") or _number(where, element, "updateRate")
+    if deviation and not rate:
+        raise InputError(
+            f"{where}: has no <updateRateHZ>: <gaussianNoise> is that of one sample, so its "
+            "density depends on the rate"
+        )
+    density = deviation / math.sqrt(rate) if deviation else 0.0
+    own = {f"imu.{triad}_noise_density": density for triad in TRIADS}
+    return Described(name, {**_common(rate, element.child("frameName")), **own})
+
+
+def _common(rate: float, frame: _Element | None) -> dict[str, object]:
+    """Return rate and frame, where they are said."""
+    result: dict[str, object] = {}
+    if rate:
+        result["rate"] = rate
+    words = frame.text.strip() if frame is not None else ""
+    if words and words != IMU_FRAME:
+        result["imu_frame"] = words
+    return result
+
+
+def _number(where: str, element: _Element, name: str) -> float:
+    """Return the number in a child; 0 where there is none.
+
+    :raises InputError: for a child that is no finite number.
+    """
+    child = element.child(name)
+    if child is None:
+        return 0.0
+    try:
+        value = number_of(child.text.strip())
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError(f"{where}: <{name}> {shortened(child.text.strip())}: must be a number")
+    return value

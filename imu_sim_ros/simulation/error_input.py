@@ -1,0 +1,422 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""From what another simulator sends to the ideal reading of an IMU in its place.
+
+Everything is carried from one call to the next, so that the result does not depend on how many
+readings come at a time.
+"""
+
+import math
+from collections.abc import Iterator
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros import rotation, timebase
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.rotation.components import cross, normalise, rotate_inverse, transform
+from imu_sim_ros.sensors.gravity import gravity_vector
+from imu_sim_ros.sensors.imu.ideal import size_effect
+from imu_sim_ros.simulation.error_parameters import (
+    AXES_TO_FLU,
+    ErrorModelParameters,
+    has_place,
+    sensor_rotation,
+)
+from imu_sim_ros.types import Array, Times
+
+
+class Given(NamedTuple):
+    """n readings, and the attitude where it is known."""
+
+    t_ns: Times
+    """(n,) [ns]."""
+    gyro: Array
+    """(3, n) [rad/s]."""
+    accel: Array
+    """(3, n) [m/s^2]."""
+    q_wb: Array | None = None
+    """(4, n)."""
+
+    def at(self, rows: slice | NDArray[np.bool_]) -> "Given":
+        """Return some of them."""
+        q_wb = None if self.q_wb is None else self.q_wb[:, rows]
+        return Given(self.t_ns[rows], self.gyro[:, rows], self.accel[:, rows], q_wb)
+
+
+class Conventions:
+    """Axes, gravity and place as declared."""
+
+    def __init__(self, parameters: ErrorModelParameters) -> None:
+        """Take the declaration."""
+        declared, imu = parameters.input, parameters.imu
+        self._turn = sensor_rotation(declared)
+        self._adds_gravity = declared.gravity == "missing"
+        self._to_flu = AXES_TO_FLU[declared.axes]
+        self._gravity_w = gravity_vector(parameters)[:, None]
+        self._q_input = None if declared.axes == "flu" else _flu_in(declared.axes)
+        self._world = _enu_of_ned() if declared.axes == "frd" else None
+        self._place = _Place(parameters) if declared.place == "body" and has_place(imu) else None
+        self.nothing = self._turn is None and self._place is None and not self._adds_gravity
+        """Whether readings stay as they are."""
+
+    def apply(self, given: Given) -> Given:
+        """Return readings of the IMU in its place.
+
+        :raises InputError: where gravity is missing, and the orientation too.
+        """
+        q_wb = given.q_wb
+        if self.nothing and q_wb is None:
+            return given
+        if q_wb is not None and self._q_input is not None:
+            q_wb = rotation.components.multiply(q_wb, self._q_input)
+            if self._world is not None:
+                q_wb = rotation.components.multiply(self._world, q_wb)
+        if self.nothing:
+            return given._replace(q_wb=q_wb)
+        accel = given.accel
+        if self._adds_gravity:
+            if q_wb is None:
+                raise InputError(
+                    "input.gravity = missing: needs the orientation of every reading, and there "
+                    "is none"
+                )
+            accel = transform(self._to_flu, accel) - rotate_inverse(q_wb, self._gravity_w)
+            accel = transform(self._to_flu.T, accel)
+        gyro = given.gyro
+        if self._turn is not None:
+            gyro, accel = transform(self._turn, gyro), transform(self._turn, accel)
+        if self._place is not None:
+            gyro, accel = self._place.apply(given.t_ns, gyro, accel)
+        return Given(given.t_ns, gyro, accel, q_wb)
+
+
+def _flu_in(axes: str) -> Array:
+    """Return q (4, 1) of ``R_input_flu``: from forward left up into the input's axes."""
+    return rotation.from_matrix(AXES_TO_FLU[axes].T)[:, None]
+
+
+def _enu_of_ned() -> Array:
+    """Return q (4, 1) that maps north east down to east north up."""
+    return rotation.from_matrix(np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]))[
+        :, None
+    ]
+
+
+class _Place:
+    """Lever arm, mounting and size of an IMU, from the readings in the body's origin.
+
+    ``f_i = R_ib (f_b + alpha x r + omega x (omega x r))`` with alpha the derivative of the parabola
+    through the last three rates: without delay, and for a rate that changes with its third
+    derivative omega''' off by ``h^2 omega''' / 3``.
+    """
+
+    def __init__(self, parameters: ErrorModelParameters) -> None:
+        imu = parameters.imu
+        self._arm = np.reshape(imu.lever_arm, (3, 1))
+        self._r_ib = np.reshape(imu.mounting, (3, 3)).T
+        self._elements = np.reshape(imu.accelerometer_positions, (3, 3))
+        self._t_ns, self._rates = np.empty(0, np.int64), np.empty((3, 0))
+
+    def apply(self, t_ns: Times, gyro: Array, accel: Array) -> tuple[Array, Array]:
+        """Return rate and specific force in the IMU's place and axes."""
+        alpha = self._derivative(t_ns, gyro)
+        force = accel + cross(alpha, self._arm)
+        force += cross(gyro, cross(gyro, self._arm))
+        force, rate = transform(self._r_ib, force), transform(self._r_ib, gyro)
+        if self._elements.any():
+            force += size_effect(self._elements, rate, transform(self._r_ib, alpha))
+        return rate, force
+
+    def _derivative(self, t_ns: Times, gyro: Array) -> Array:
+        """Return the angular acceleration (3, n); 0 at the first reading."""
+        before = len(self._t_ns)
+        times = np.concatenate([self._t_ns, t_ns])
+        rates = np.concatenate([self._rates, gyro], axis=1)
+        self._t_ns, self._rates = times[-2:], rates[:, -2:]
+        alpha = np.zeros_like(rates)
+        h = np.diff(times) * 1e-9
+        slope = np.diff(rates, axis=1) / h
+        alpha[:, 1:] = slope
+        if len(h) > 1:  # the parabola's own slope at its end
+            alpha[:, 2:] += (slope[:, 1:] - slope[:, :-1]) * (h[1:] / (h[1:] + h[:-1]))
+        return alpha[:, before:]
+
+
+class Grid(NamedTuple):
+    """Samples of a sensor with a clock of its own."""
+
+    given: Given
+    """At the samples' times."""
+    inside: tuple[Array, Array]
+    """(3, n m) twice: the readings inside an oversampled sensor, for others those of ``given``."""
+
+
+class Resampler:
+    """Readings at the times of a sensor that samples slower than they come.
+
+    Between readings they are straight lines. ``instantaneous``: the value at a sample's time;
+    ``averaged``: the mean since the sample before; ``oversampled``: the values at the times inside.
+    """
+
+    def __init__(self, parameters: ErrorModelParameters) -> None:
+        """Begin with the next reading."""
+        imu, self._rate = parameters.imu, parameters.rate
+        self._averaged = imu.sampling == "averaged"
+        self._ratio = int(imu.internal_ratio(parameters.rate))
+        self._begin_ns: int | None = None
+        self._next = 0
+        self._kept: Given | None = None
+
+    def begin(self) -> None:
+        """Let the next reading be the first sample of a new grid, after a pause."""
+        self._begin_ns, self._next, self._kept = None, 0, None
+
+    def apply(self, given: Given) -> Grid:
+        """Take n readings; return the samples up to the last of them."""
+        if self._begin_ns is None:
+            self._begin_ns = int(given.t_ns[0])
+        known = given if self._kept is None else _joined(self._kept, given)
+        end_ns = int(known.t_ns[-1])
+        count = self._count_until(end_ns)
+        times = timebase.sample_times_ns(self._next, count, self._rate, self._begin_ns)
+        at = _interpolated(known, times)
+        inside = (at.gyro, at.accel)
+        if self._averaged and count:
+            at = inside_mean = self._means(known, at)
+            inside = (inside_mean.gyro, inside_mean.accel)
+        elif self._ratio > 1:
+            every = _interpolated(known, self._times_inside(count))
+            inside = (every.gyro, every.accel)
+        self._next += count
+        self._keep(known)
+        return Grid(at, inside)
+
+    def _count_until(self, end_ns: int) -> int:
+        """Return how many samples from the next on are not after a time."""
+        assert self._begin_ns is not None
+        after = timebase.exact_rate(self._rate) * (end_ns - self._begin_ns)
+        last = math.floor(after / timebase.NANOSECONDS_PER_SECOND) + 2
+        times = timebase.sample_times_ns(
+            self._next, max(last - self._next, 0) + 1, self._rate, self._begin_ns
+        )
+        return int(np.searchsorted(times, end_ns, side="right"))
+
+    def _times_inside(self, count: int) -> Times:
+        assert self._begin_ns is not None
+        j = np.arange((self._next - 1) * self._ratio + 1, (self._next + count - 1) * self._ratio + 1)
+        first = int(max(j[0], 0)) if len(j) else 0
+        later = timebase.sample_times_ns(
+            first, int(np.count_nonzero(j >= 0)), self._rate * self._ratio, self._begin_ns
+        )
+        before = np.full(len(j) - len(later), self._begin_ns)
+        return np.concatenate([before, later])
+
+    def _means(self, known: Given, at: Given) -> Given:
+        """Return the means between the samples; the first sample of all is the value at it."""
+        assert self._begin_ns is not None
+        rows = [known.gyro, known.accel]
+        ends = at.t_ns
+        if self._next:
+            before = timebase.sample_times_ns(self._next - 1, 1, self._rate, self._begin_ns)
+            ends = np.concatenate([before, ends])
+        means = []
+        points = np.union1d(known.t_ns, ends)
+        cuts = np.searchsorted(points, ends)
+        seconds = np.diff(points) * 1e-9
+        for values in rows:
+            line = np.stack([_line(known.t_ns, row, points) for row in values])
+            pieces = 0.5 * (line[:, 1:] + line[:, :-1]) * seconds
+            if len(ends) > 1:
+                sums = np.add.reduceat(pieces[:, : cuts[-1]], cuts[:-1], axis=1)
+                means.append(sums / (np.diff(ends) * 1e-9))
+            else:
+                means.append(np.empty((3, 0)))
+        gyro, accel = means
+        if not self._next:
+            gyro = np.concatenate([at.gyro[:, :1], gyro], axis=1)
+            accel = np.concatenate([at.accel[:, :1], accel], axis=1)
+        return at._replace(gyro=gyro, accel=accel)
+
+    def _keep(self, known: Given) -> None:
+        """Keep the readings that the next samples need: from the one before the last sample on."""
+        assert self._begin_ns is not None
+        reached = self._begin_ns
+        if self._next:
+            times = timebase.sample_times_ns(self._next - 1, 1, self._rate, self._begin_ns)
+            reached = int(times[0])
+        first = max(int(np.searchsorted(known.t_ns, reached, side="right")) - 1, 0)
+        self._kept = known.at(slice(first, None))
+
+
+def _joined(a: Given, b: Given) -> Given:
+    q_wb = None
+    if a.q_wb is not None and b.q_wb is not None:
+        q_wb = np.concatenate([a.q_wb, b.q_wb], axis=1)
+    return Given(
+        np.concatenate([a.t_ns, b.t_ns]),
+        np.concatenate([a.gyro, b.gyro], axis=1),
+        np.concatenate([a.accel, b.accel], axis=1),
+        q_wb,
+    )
+
+
+def _line(t_ns: Times, values: Array, at_ns: Times) -> Array:
+    """Return the straight lines through values (n,) at times (m,); exact at the values' times."""
+    if len(t_ns) == 1:
+        return np.full(len(at_ns), values[0])
+    k = np.clip(np.searchsorted(t_ns, at_ns, side="right") - 1, 0, len(t_ns) - 2)
+    step = (t_ns[k + 1] - t_ns[k]).astype(np.float64)
+    share = (at_ns - t_ns[k]) / step
+    result: Array = values[k] + share * (values[k + 1] - values[k])
+    result[share == 1.0] = values[k + 1][share == 1.0]
+    return result
+
+
+def _interpolated(known: Given, at_ns: Times) -> Given:
+    gyro = np.stack([_line(known.t_ns, row, at_ns) for row in known.gyro])
+    accel = np.stack([_line(known.t_ns, row, at_ns) for row in known.accel])
+    q_wb = None
+    if known.q_wb is not None:
+        same = np.cumprod(np.sign(_products(known.q_wb)))  # q and -q are one rotation
+        q_wb = normalise(np.stack([_line(known.t_ns, row * same, at_ns) for row in known.q_wb]))
+    return Given(at_ns, gyro, accel, q_wb)
+
+
+def _products(q: Array) -> Array:
+    """Return the sign that each quaternion has to the one before (n,)."""
+    dots = np.einsum("in,in->n", q[:, 1:], q[:, :-1])
+    return np.concatenate([[1.0], np.where(dots < 0.0, -1.0, 1.0)])
+
+
+class Differentiator:
+    """Rate and specific force of odometry: a velocity's change over 2 s + 1 messages.
+
+    The acceleration at a message is ``(v(t + s h) - v(t - s h)) / (2 s h)`` in the world, off by
+    ``(s h)^2 / 6`` times the third derivative of the velocity; it is known s messages later.
+    """
+
+    def __init__(self, parameters: ErrorModelParameters) -> None:
+        """Begin with the next message."""
+        self.span = parameters.input.odometry_span
+        self._gravity_w = gravity_vector(parameters)[:, None]
+        self._t_ns, self._rows = np.empty(0, np.int64), np.empty((10, 0))
+
+    def begin(self) -> None:
+        """Forget what was before."""
+        self._t_ns, self._rows = np.empty(0, np.int64), np.empty((10, 0))
+
+    def apply(self, t_ns: Times, q_wb: Array, velocity_b: Array, rate_b: Array) -> Given:
+        """Take n messages; return the readings that are now known, s messages late.
+
+        :param q_wb: (4, n).
+        :param velocity_b: (3, n) [m/s].
+        :param rate_b: (3, n) [rad/s].
+        """
+        velocity_w = rotation.components.rotate(q_wb, velocity_b)
+        times = np.concatenate([self._t_ns, t_ns])
+        rows = np.concatenate([self._rows, np.concatenate([q_wb, velocity_w, rate_b])], axis=1)
+        span = self.span
+        self._t_ns, self._rows = times[-2 * span :], rows[:, -2 * span :]
+        if len(times) <= 2 * span:
+            none = np.empty((3, 0))
+            return Given(np.empty(0, np.int64), none, none, np.empty((4, 0)))
+        middle = slice(span, -span)
+        change = rows[4:7, 2 * span :] - rows[4:7, : -2 * span]
+        acceleration = change / ((times[2 * span :] - times[: -2 * span]) * 1e-9)
+        q = rows[:4, middle]
+        force = rotate_inverse(q, acceleration - self._gravity_w)
+        return Given(times[middle], rows[7:, middle], force, q)
+
+
+_LOOK_NS: Final = 2_000_000_000
+_REST_RATE: Final = 0.02
+"""[rad/s] Deviation of each axis below which a body is at rest; any smooth start is."""
+_REST_FORCE: Final = 0.1
+"""[m/s^2] The same."""
+_TOLERANCE: Final = 0.05
+"""Share by which rate and gravity may miss what is declared."""
+
+
+class StartCheck:
+    """Looks at the first 2 s of readings as they come in, and says what contradicts."""
+
+    def __init__(self, parameters: ErrorModelParameters) -> None:
+        """Begin with the next reading."""
+        self._parameters = parameters
+        self._seen: list[Given] = []
+        self.done = not parameters.input.check
+
+    def look(self, given: Given) -> list[str]:
+        """Take readings as they came; return the remarks when 2 s are over, before that none."""
+        self._seen.append(given)
+        first, last = int(self._seen[0].t_ns[0]), int(given.t_ns[-1])
+        if last - first < _LOOK_NS:
+            return []
+        self.done = True
+        seen, self._seen = self._seen, []
+        t_ns = np.concatenate([one.t_ns for one in seen])
+        rows = t_ns <= first + _LOOK_NS
+        gyro = np.concatenate([one.gyro for one in seen], axis=1)[:, rows]
+        accel = np.concatenate([one.accel for one in seen], axis=1)[:, rows]
+        return [*self._of_rate(t_ns[rows]), *self._of_rest(gyro, accel)]
+
+    def _of_rate(self, t_ns: Times) -> Iterator[str]:
+        declared = self._parameters.input.rate or self._parameters.rate
+        name = "input.rate" if self._parameters.input.rate else "rate"
+        steps = np.diff(t_ns)
+        typical = float(np.median(steps)) if len(steps) else 0.0
+        if typical <= 0.0:
+            return
+        found = 1e9 / typical
+        if abs(found - declared) > _TOLERANCE * declared:
+            yield f"{name} = {declared:g}: the readings come {found:.4g} times a second"
+
+    def _of_rest(self, gyro: Array, accel: Array) -> Iterator[str]:
+        turning = np.abs(gyro).max() > 10.0 * _REST_RATE or gyro.std(axis=1).max() > _REST_RATE
+        if turning or accel.std(axis=1).max() > _REST_FORCE:
+            return  # not at rest: nothing can be said
+        g = math.hypot(*gravity_vector(self._parameters).tolist())
+        declared, mean = self._parameters.input, accel.mean(axis=1)
+        size = float(np.linalg.norm(mean))
+        if declared.gravity == "missing":
+            if size > 0.5 * g:
+                yield (
+                    f"input.gravity = missing: at rest the readings are {size:.3g} m/s^2 long, so "
+                    "gravity is included"
+                )
+            return
+        if size < 0.5 * g:
+            yield (
+                f"input.gravity = included: at rest the readings are {size:.3g} m/s^2 long, "
+                f"instead of {g:.4g}: gravity is missing"
+            )
+            return
+        if abs(size - g) > _TOLERANCE * g:
+            yield f"gravity: at rest the readings are {size:.4g} m/s^2 long, instead of {g:.4g}"
+        yield from self._of_axes(mean / size)
+
+    def _of_axes(self, up: Array) -> Iterator[str]:
+        """Say where upwards in the input's own axes is not where the declared ones have it."""
+        declared = self._parameters.input
+        turned = sensor_rotation(declared)
+        z = (up if turned is None else turned @ up)[2]
+        if declared.place == "imu":
+            z = (np.reshape(self._parameters.imu.mounting, (3, 3)) @ (
+                up if turned is None else turned @ up
+            ))[2]
+        if z > 0.5:
+            return
+        fits = [
+            axes
+            for axes, matrix in AXES_TO_FLU.items()
+            if axes != declared.axes and (matrix @ up)[2] > 0.9
+        ]
+        would = f"; {fits[0]} would fit" if fits else ""
+        shown = ", ".join(f"{value:.2f}" for value in up)
+        yield (
+            f"input.axes = {declared.axes}: at rest upwards is [{shown}] of the input, which is "
+            f"not upwards of the body{would}"
+        )

@@ -1,0 +1,328 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The errors of a sensor on ideal readings that somebody else makes.
+
+The chain of errors is the simulator's own, :class:`imu_sim_ros.sensors.imu.model.Imu`: for the
+ideal readings of a simulation, the same parameters and the same seed, the samples are the
+simulation's, bit for bit, in blocks of any size.
+"""
+
+import dataclasses
+from collections.abc import Callable, Collection, Iterator
+from typing import Final
+
+import numpy as np
+
+from imu_sim_ros import timebase
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.parameters.sections import flatten
+from imu_sim_ros.parameters.sections import parameters as described
+from imu_sim_ros.rotation.components import rotate
+from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.sensors.faults import Fault
+from imu_sim_ros.sensors.gravity import gravity_vector
+from imu_sim_ros.sensors.imu.model import CHUNK, Imu, unknown_motion
+from imu_sim_ros.simulation.error_input import Conventions, Given, Resampler, StartCheck
+from imu_sim_ros.simulation.error_parameters import ErrorModelParameters
+from imu_sim_ros.trajectory.motion import Motion
+from imu_sim_ros.types import Array
+
+RESTART_NS: Final = 1_000_000_000
+"""Stamps that jump back by more are those of a simulator that was reset."""
+_SAMPLES_AT_ONCE: Final = 65536
+"""Of a gap."""
+
+
+@dataclasses.dataclass
+class Counts:
+    """What happened to the readings so far."""
+
+    readings: int = 0
+    """That came in, the refused ones too."""
+    samples: int = 0
+    """That went out."""
+    missing: int = 0
+    """Samples that nobody sent, and during which biases went on."""
+    pauses: int = 0
+    restarts: int = 0
+    repeated: int = 0
+    """Readings with the stamp of the one before; left out."""
+    backward: int = 0
+    """Readings with an earlier stamp; left out."""
+
+
+class ErrorModel:
+    """Ideal readings in, a sensor's readings out, with every true error beside them."""
+
+    def __init__(
+        self,
+        parameters: ErrorModelParameters,
+        sensors: Collection[str] = (),
+        remark: Callable[[str], object] = lambda line: None,
+    ) -> None:
+        """Set up the sensor; its first sample is the first reading.
+
+        :param sensors: ``orientation``, or nothing: what else the board states.
+        :param remark: receives a line for everything that looks like a mistake, and for every
+            irregularity of the stamps.
+        """
+        self.parameters = parameters
+        self.counts = Counts()
+        self._sensors, self._remark = frozenset(sensors), remark
+        self._nominal_ns = 1e9 / parameters.rate
+        self._longest_gap_ns = parameters.input.longest_gap * 1e9
+        self._resamples = bool(parameters.input.rate) and (
+            parameters.input.rate != parameters.rate or parameters.imu.sampling != "instantaneous"
+        )
+        self._gravity_w = gravity_vector(parameters)[:, None]
+        self._check = StartCheck(parameters)
+        self._begin(parameters.seed)
+
+    def _begin(self, seed: int) -> None:
+        self.seed = seed
+        """Of the errors since the last restart."""
+        self.position = 0
+        """Samples since the last restart, missing ones too."""
+        self._imu: Imu | None = None
+        self._last_ns: int | None = None
+        self._held: Given | None = None
+        self._pending: ErrorModelParameters | None = None
+        self._faults: list[tuple[Fault, int]] = []
+        self._conventions = Conventions(self.parameters)
+        self._resampler = Resampler(self.parameters) if self._resamples else None
+
+    def reset(self) -> None:
+        """Begin again with the next reading, as if nothing had been; parameters stay."""
+        self._begin(self.parameters.seed)
+
+    def update(self, parameters: ErrorModelParameters) -> None:
+        """Take new values of live parameters, from the next multiple of 64 samples on.
+
+        :raises ConfigurationError: with a line for every changed parameter that is not live;
+            nothing is changed then.
+        """
+        old, new = flatten(self.parameters), flatten(parameters)
+        known = described(type(parameters), new)
+        problems = [
+            f"{name}: cannot be changed while the error model runs"
+            for name, value in new.items()
+            if old.get(name) != value and not known[name].live
+        ]
+        if problems:
+            raise ConfigurationError(problems)
+        self.parameters = parameters
+        self._pending = parameters
+
+    def inject(self, fault: Fault, delay: float = 0.0) -> int:
+        """Let a fault begin; returns the index of the first sample that it hits.
+
+        :param delay: seconds after the next sample, >= 0.
+        :raises ConfigurationError: for another delay, and a sensor that is not there.
+        """
+        if not 0.0 <= delay < np.inf:
+            raise ConfigurationError(f"fault delay = {delay}: must be at least 0 s")
+        if fault.triad not in ("", "gyroscope", "accelerometer"):
+            raise ConfigurationError(
+                f"fault triad = {fault.triad}: an error model has no {fault.triad}"
+            )
+        first = self.position + timebase.sample_count(delay, self.parameters.rate)
+        if self._imu is None:
+            self._faults.append((fault, first))
+        else:
+            self._imu.inject(fault, first, self.position)
+        return first
+
+    def read(self, given: Given) -> list[ImuBlock]:
+        """Return the samples that readings give, in one block or several.
+
+        Where stamps jump back the errors begin again; readings that repeat a stamp, or come late,
+        are left out. ``first`` of a block is the index of its first sample since the restart.
+
+        :param given: as they come from the other simulator; they have passed the gate.
+        :raises InputError: where gravity is missing and there is no orientation.
+        """
+        self.counts.readings += len(given.t_ns)
+        blocks = [block for part in self._in_order(given) for block in self._read(part)]
+        for block in blocks:
+            self.counts.samples += len(block.true_t_ns)
+        return blocks
+
+    def _in_order(self, given: Given) -> Iterator[Given]:
+        """Yield stretches of readings whose stamps increase, restarting where they jump back."""
+        t_ns, last = given.t_ns, self._last_ns
+        if not len(t_ns):
+            return
+        if (last is None or t_ns[0] > last) and (len(t_ns) == 1 or bool((t_ns[1:] > t_ns[:-1]).all())):
+            yield given
+            return
+        keep = np.zeros(len(t_ns), dtype=np.bool_)
+        begin = 0
+        for k, now in enumerate(t_ns.tolist()):
+            if last is not None and now <= last:
+                if now >= last - RESTART_NS:
+                    self._leave_out(now - last)
+                    continue
+                part = given.at(slice(begin, k))
+                if keep[begin:k].any():
+                    yield part.at(keep[begin:k])
+                self._restart(last - now)
+                begin = k
+            keep[k], last = True, now
+        if keep[begin:].any():
+            yield given.at(slice(begin, None)).at(keep[begin:])
+
+    def _leave_out(self, step_ns: int) -> None:
+        if step_ns:
+            self.counts.backward += 1
+            self._remark(f"a stamp {-step_ns * 1e-9:.6f} s before the previous one; left out")
+        else:
+            self.counts.repeated += 1
+            self._remark("a reading with the stamp of the previous one; left out")
+
+    def _restart(self, back_ns: int) -> None:
+        self.counts.restarts += 1
+        again = self.parameters.input.restart == "next_seed"
+        seed = self.seed + 1 if again else self.seed
+        self._remark(
+            f"stamps jump back by {back_ns * 1e-9:.3f} s: the errors begin again, seed {seed}"
+        )
+        self._begin(seed)
+
+    def _read(self, given: Given) -> list[ImuBlock]:
+        """Return the samples of readings in order, none of them before the last one."""
+        if not self._check.done:
+            for line in self._check.look(given):
+                self._remark(line)
+        blocks = []
+        for part, missing in self._without_gaps(given):
+            if missing:
+                self._skip(missing)
+            self._last_ns = int(part.t_ns[-1])
+            blocks += self._sampled(self._conventions.apply(part))
+        return blocks
+
+    def _without_gaps(self, given: Given) -> Iterator[tuple[Given, int]]:
+        """Yield readings without a gap, each part with the samples missing before it."""
+        t_ns = given.t_ns
+        last = self._last_ns
+        if len(t_ns) == 1:
+            first_step = 0 if last is None else int(t_ns[0]) - last
+            yield given, self._missing(first_step) if first_step > 1.5 * self._nominal_ns else 0
+            return
+        steps = np.diff(t_ns, prepend=t_ns[0] if last is None else last)
+        begin, missing = 0, 0
+        for k in np.flatnonzero(steps > 1.5 * self._nominal_ns).tolist():
+            if k > begin:
+                yield given.at(slice(begin, k)), missing
+            begin, missing = k, self._missing(int(steps[k]))
+        yield given.at(slice(begin, None)), missing
+
+    def _missing(self, step_ns: int) -> int:
+        """Return how many samples a step leaves out, for a sensor that has no clock of its own."""
+        if step_ns > self._longest_gap_ns:
+            self.counts.pauses += 1
+            self._remark(f"no readings for {step_ns * 1e-9:.3f} s: a pause, the errors stand still")
+            if self._resampler is not None:
+                self._resampler.begin()
+            return 0
+        if self._resampler is not None:
+            return 0
+        missing = round(step_ns / self._nominal_ns) - 1
+        self.counts.missing += missing
+        return missing
+
+    def _skip(self, count: int) -> None:
+        """Let the sensor take samples that nobody sees, at rest where it was last."""
+        held = self._held
+        if held is None:
+            return
+        while count:
+            step = min(count, _SAMPLES_AT_ONCE)
+            steps = np.arange(1, step + 1) * self._nominal_ns
+            t_ns = held.t_ns + np.rint(steps).astype(np.int64)
+            rows = [np.repeat(values, step, axis=1) for values in (held.gyro, held.accel)]
+            q_wb = None if held.q_wb is None else np.repeat(held.q_wb, step, axis=1)
+            self._sampled(Given(t_ns, *rows, q_wb))
+            count -= step
+
+    def _sampled(self, given: Given) -> list[ImuBlock]:
+        """Return the samples of readings in the IMU's place."""
+        inside = (given.gyro, given.accel)
+        if self._resampler is not None:
+            given, inside = self._resampler.apply(given)
+        else:
+            self._held = given if len(given.t_ns) == 1 else given.at(slice(-1, None))
+        count = len(given.t_ns)
+        if not count:
+            return []
+        imu = self._imu or self._start(given)
+        if self._pending is None:
+            block = imu.apply(self.position, given.t_ns, self._motion(given), *inside)
+            self.position += count
+            return [block]
+        ratio = inside[0].shape[1] // count
+        blocks, done = [], 0
+        while done < count:
+            if self._pending is not None and self.position % CHUNK == 0:
+                imu.configure(self._pending.imu)
+                self._pending = None
+            left = count - done
+            step = left if self._pending is None else min(left, -self.position % CHUNK)
+            rows, own = slice(done, done + step), slice(done * ratio, (done + step) * ratio)
+            part = given.at(rows)
+            blocks.append(
+                imu.apply(
+                    self.position,
+                    part.t_ns,
+                    self._motion(part),
+                    inside[0][:, own],
+                    inside[1][:, own],
+                )
+            )
+            self.position += step
+            done += step
+        return blocks
+
+    def _start(self, given: Given) -> Imu:
+        """Make the sensor, whose first sample is the first of the readings."""
+        parameters = self.parameters
+        environment = dataclasses.replace(parameters, seed=self.seed)
+        imu = Imu(parameters.imu, environment, int(given.t_ns[0]), self._sensors)
+        for fault, first in self._faults:
+            imu.inject(fault, first, 0)
+        self._imu, self._faults, self._pending = imu, [], None
+        return imu
+
+    def _motion(self, given: Given) -> Motion:
+        """Return what is known of the motion: the attitude, and the acceleration with it."""
+        motion = unknown_motion(len(given.t_ns))
+        if given.q_wb is None:
+            if self._sensors:
+                raise ConfigurationError(
+                    "orientation: the readings come without one, so there is none to state"
+                )
+            return motion
+        acceleration = rotate(given.q_wb, given.accel) + self._gravity_w
+        return motion._replace(q_wb=given.q_wb.T, acceleration=acceleration.T)
+
+
+def joined(blocks: list[ImuBlock]) -> ImuBlock:
+    """Return blocks, at least one, as one without auxiliary samples."""
+    if len(blocks) == 1:
+        return blocks[0]
+    columns: dict[str, Array] = {}
+    shift, delivered = 0, []
+    for block in blocks:
+        delivered.append(block.delivered + shift)
+        shift += len(block.true_t_ns)
+    for name in ImuBlock._fields:
+        if name not in ("first", "delivered", "motion", "auxiliary"):
+            columns[name] = np.concatenate([getattr(block, name) for block in blocks])
+    motion = Motion(*(np.concatenate(v) for v in zip(*(b.motion for b in blocks), strict=True)))
+    return ImuBlock(
+        first=blocks[0].first,
+        delivered=np.concatenate(delivered),
+        motion=motion,
+        **columns,
+    )

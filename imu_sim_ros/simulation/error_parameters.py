@@ -1,0 +1,227 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Parameters of the error model: what comes in, and which sensor it is to come from."""
+
+import dataclasses
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from imu_sim_ros.parameters.files import build_layered
+from imu_sim_ros.parameters.kinds import (
+    IDENTITY_MATRIX,
+    Matrix,
+    Parameter,
+    choice,
+    flag,
+    integer,
+    matrix,
+    number,
+)
+from imu_sim_ros.parameters.sections import parameters, section
+from imu_sim_ros.sensors.imu.parameters import LONGEST, ImuParameters, rotation_problems
+from imu_sim_ros.sensors.imu.presets import barometer_layer, sensor_layer
+from imu_sim_ros.simulation.parameters import DEFAULT_IMU, SampledParameters
+from imu_sim_ros.simulation.playback import InjectParameters, SimulatorParameters
+from imu_sim_ros.timebase import exact_rate
+
+NODE: Final = "error_model"
+
+
+@dataclass(frozen=True)
+class InputParameters:
+    """What another simulator sends, declared."""
+
+    rate: float = number(
+        0.0,
+        "readings that come in per second; 0: `rate`, each of them becomes one that goes out, with "
+        "its stamp; above `rate`: the sensor samples them with a clock of its own, as "
+        "imu.sampling says",
+        unit="Hz",
+        minimum=0.0,
+        maximum=1e6,
+    )
+    gravity: str = choice(
+        "included",
+        ("included", "missing"),
+        "included: specific force, +9.81 upwards at rest; missing: kinematic acceleration in the "
+        "sensor's axes, to which gravity is added with the orientation that comes with it",
+    )
+    axes: str = choice(
+        "flu",
+        ("flu", "frd", "optical"),
+        "axes of the input: forward left up, forward right down (orientation in north east down), "
+        "or right down forward",
+    )
+    frame_rotation: Matrix = matrix(
+        IDENTITY_MATRIX, "rotation of the input, in flu, into the IMU's frame: v_imu = R v_input"
+    )
+    place: str = choice(
+        "imu",
+        ("imu", "body"),
+        "imu: the input is that of the IMU's place and axes; body: that of the body's, and "
+        "imu.lever_arm, imu.mounting and imu.accelerometer_positions are applied to it, the "
+        "angular acceleration being the derivative of the rate",
+    )
+    longest_gap: float = number(
+        10.0,
+        "a gap up to this is one of missing samples, during which biases go on; a longer one is a "
+        "pause, during which the sensor is off",
+        unit="s",
+        minimum=0.0,
+        maximum=LONGEST,
+    )
+    restart: str = choice(
+        "same_seed",
+        ("same_seed", "next_seed"),
+        "with which seed the errors begin again where stamps jump back by more than a second",
+    )
+    check: bool = flag(
+        True,
+        "look at the first 2 s and say where rate, gravity or axes contradict what is declared",
+    )
+    odometry_span: int = integer(
+        1,
+        "messages of odometry on each side of the one whose acceleration is taken from the change "
+        "of velocity between them; readings are that many messages late",
+        minimum=1,
+        maximum=100,
+    )
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Say whether the rotation is one."""
+        yield from rotation_problems(self.frame_rotation, f"{prefix}frame_rotation")
+
+
+@dataclass(frozen=True)
+class ErrorModelParameters(SampledParameters):
+    """Everything that decides which errors ideal readings get."""
+
+    imu: ImuParameters = section(ImuParameters)
+    input: InputParameters = section(InputParameters)
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Say what cannot be done without the motion between the readings."""
+        yield from super().problems(prefix)
+        yield from self._rate_problems(prefix)
+        exponents = (*self.imu.vibration.gyroscope_exponents,)
+        if any(exponents) or any(self.imu.vibration.accelerometer_exponents):
+            yield (
+                f"{prefix}imu.vibration: exponents must be 0 in an error model: the speed that the "
+                "vibration follows is not known"
+            )
+
+    def _rate_problems(self, prefix: str) -> Iterator[str]:
+        given, sampling = self.input.rate, self.imu.sampling
+        if given and given < self.rate:
+            yield (
+                f"{prefix}input.rate = {given:g}: must be 0 or at least the rate, {self.rate:g} Hz"
+            )
+        elif sampling == "averaged" and given <= self.rate:
+            yield (
+                f"{prefix}imu.sampling = 'averaged': needs input.rate above the rate, "
+                f"{self.rate:g} Hz: nothing is known of the motion between readings that come "
+                "one by one"
+            )
+        elif sampling == "oversampled":
+            inside = exact_rate(self.rate) * self.imu.internal_ratio(self.rate)
+            if not given or exact_rate(given) != inside:
+                yield (
+                    f"{prefix}input.rate = {given:g}: must be {float(inside):g} Hz, the rate "
+                    f"inside the sensor, where {prefix}imu.sampling is oversampled"
+                )
+
+    @staticmethod
+    def passed_over() -> dict[str, Parameter]:
+        """Return the parameters of the simulator that need a trajectory, or none."""
+        return dict(_OF_THE_SIMULATOR)
+
+
+@dataclass(frozen=True)
+class ErrorPublishParameters:
+    """Which topics are published besides ``imu/data_raw``."""
+
+    ground_truth_imu: bool = flag(False, "publish ground_truth/imu, the readings without errors")
+    biases: bool = flag(
+        False, "publish ground_truth/gyroscope_bias and ground_truth/accelerometer_bias"
+    )
+    temperature: bool = flag(False, "publish imu/temperature")
+    orientation: bool = flag(
+        False,
+        "publish imu/data, the readings with an orientation; the input must have one",
+    )
+
+
+@dataclass(frozen=True)
+class ErrorNodeParameters(ErrorModelParameters):
+    """Everything that the node error_model takes."""
+
+    odometry: bool = flag(
+        False, "subscribe to odom_ideal (nav_msgs/Odometry) instead of imu/ideal"
+    )
+    publish: ErrorPublishParameters = section(ErrorPublishParameters)
+    inject: InjectParameters = section(InjectParameters)
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Say what cannot be published."""
+        yield from super().problems(prefix)
+        if self.publish.orientation:
+            yield from orientation_problems(self.imu, prefix)
+
+
+_OF_THE_SIMULATOR: Final = {
+    name: parameter
+    for name, parameter in parameters(SimulatorParameters).items()
+    if name.partition(".")[0]
+    not in {field.name for field in dataclasses.fields(ErrorModelParameters)} - {"publish"}
+}
+
+
+def layer_error_model(given: Mapping[str, object]) -> dict[str, object]:
+    """Return what was given above the preset that it names; what concerns motion is left out."""
+    above = {"imu.preset": DEFAULT_IMU, **given}
+    sensor = sensor_layer(str(above["imu.preset"]), NODE)
+    layers = {**sensor, **barometer_layer(above, NODE), **above}
+    return {name: value for name, value in layers.items() if not name.startswith("trajectory.")}
+
+
+def load_error_model(
+    given: Mapping[str, object], cls: type[ErrorModelParameters] = ErrorModelParameters
+) -> Any:
+    """Return the error model that parameters describe.
+
+    :raises ConfigurationError: with a line for each problem.
+    """
+    return build_layered(cls, layer_error_model, given)
+
+
+def orientation_problems(imu: ImuParameters, prefix: str = "") -> Iterator[str]:
+    """Say why a board cannot state an orientation of its own where only readings are given."""
+    if imu.orientation.source == "filter":
+        yield (
+            f"{prefix}imu.orientation_source = 'filter': must be model in an error model; there "
+            "is no magnetometer for a filter"
+        )
+
+
+def has_place(imu: ImuParameters) -> bool:
+    """Return whether an IMU sits anywhere but in the body's origin and axes."""
+    mounted = imu.mounting != IDENTITY_MATRIX
+    return bool(mounted or any(imu.lever_arm) or any(imu.accelerometer_positions))
+
+
+def sensor_rotation(parameters: InputParameters) -> np.ndarray | None:
+    """Return what turns the input's vectors into the IMU's axes (3, 3); None: nothing."""
+    turned = np.reshape(parameters.frame_rotation, (3, 3)) @ AXES_TO_FLU[parameters.axes]
+    return None if np.array_equal(turned, np.eye(3)) else turned
+
+
+AXES_TO_FLU: Final = {
+    "flu": np.eye(3),
+    "frd": np.diag([1.0, -1.0, -1.0]),
+    "optical": np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]),
+}
+"""``v_flu = M v_input``."""
