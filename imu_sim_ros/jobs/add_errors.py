@@ -203,6 +203,7 @@ def from_sdf(file: str | Path, sensor: str | None = None) -> dict[str, Any]:
     Understood are SDF's ``<noise>``, the IMU plugin of Gazebo classic, and that of RotorS; the
     result is taken as ``imu=`` by :func:`add_errors`, :func:`simulate` and :class:`ErrorModel`.
 
+    :param file: ``model.sdf``, a world, or a URDF with Gazebo's elements.
     :param sensor: name of the sensor or plugin, where the file has several.
     :raises InputError: for a file that is not one, and one without an IMU.
     """
@@ -229,10 +230,8 @@ def _given(t_ns: Any, gyro: Any, accel: Any, orientation: Any, name: str) -> Giv
     :raises InputError: for what is not a reading.
     """
     try:
-        if type(t_ns) is int:  # one reading, inside a simulator's step
-            times = np.array([t_ns], np.int64)
-        else:
-            times = _times(t_ns)
+        # One reading, inside a simulator's step, is the case that has to be fast.
+        times = np.array([t_ns], np.int64) if type(t_ns) is int else _times(t_ns)
         rates = np.array(gyro, np.float64).reshape(-1, 3)
         forces = np.array(accel, np.float64).reshape(-1, 3)
         q_wb = None if orientation is None else np.array(orientation, np.float64).reshape(-1, 4)

@@ -260,7 +260,9 @@ def imu_parameters(imu: object) -> dict[str, object]:
     return {"imu.preset": str(arguments.path("imu", imu, allowed))}
 
 
-def flat_parameters(argument: str, values: Mapping[str, Any], prefix: str = "") -> dict[str, object]:
+def flat_parameters(
+    argument: str, values: Mapping[str, Any], prefix: str = ""
+) -> dict[str, object]:
     """Return nested sections by dotted name; arrays become lists.
 
     :raises ConfigurationError: for a name that is none.

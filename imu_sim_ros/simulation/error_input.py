@@ -206,7 +206,8 @@ class Resampler:
 
     def _times_inside(self, count: int) -> Times:
         assert self._begin_ns is not None
-        j = np.arange((self._next - 1) * self._ratio + 1, (self._next + count - 1) * self._ratio + 1)
+        first, after = self._next, self._next + count
+        j = np.arange((first - 1) * self._ratio + 1, (after - 1) * self._ratio + 1)
         first = int(max(j[0], 0)) if len(j) else 0
         later = timebase.sample_times_ns(
             first, int(np.count_nonzero(j >= 0)), self._rate * self._ratio, self._begin_ns
@@ -404,9 +405,10 @@ class StartCheck:
         turned = sensor_rotation(declared)
         z = (up if turned is None else turned @ up)[2]
         if declared.place == "imu":
-            z = (np.reshape(self._parameters.imu.mounting, (3, 3)) @ (
-                up if turned is None else turned @ up
-            ))[2]
+            z = (
+                np.reshape(self._parameters.imu.mounting, (3, 3))
+                @ (up if turned is None else turned @ up)
+            )[2]
         if z > 0.5:
             return
         fits = [

@@ -10,7 +10,7 @@ simulation's, bit for bit, in blocks of any size.
 
 import dataclasses
 from collections.abc import Callable, Collection, Iterator
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -26,7 +26,6 @@ from imu_sim_ros.sensors.imu.model import CHUNK, Imu, unknown_motion
 from imu_sim_ros.simulation.error_input import Conventions, Given, Resampler, StartCheck
 from imu_sim_ros.simulation.error_parameters import ErrorModelParameters
 from imu_sim_ros.trajectory.motion import Motion
-from imu_sim_ros.types import Array
 
 RESTART_NS: Final = 1_000_000_000
 """Stamps that jump back by more are those of a simulator that was reset."""
@@ -153,7 +152,8 @@ class ErrorModel:
         t_ns, last = given.t_ns, self._last_ns
         if not len(t_ns):
             return
-        if (last is None or t_ns[0] > last) and (len(t_ns) == 1 or bool((t_ns[1:] > t_ns[:-1]).all())):
+        follows = last is None or t_ns[0] > last
+        if follows and (len(t_ns) == 1 or bool((t_ns[1:] > t_ns[:-1]).all())):
             yield given
             return
         keep = np.zeros(len(t_ns), dtype=np.bool_)
@@ -241,9 +241,9 @@ class ErrorModel:
             step = min(count, _SAMPLES_AT_ONCE)
             steps = np.arange(1, step + 1) * self._nominal_ns
             t_ns = held.t_ns + np.rint(steps).astype(np.int64)
-            rows = [np.repeat(values, step, axis=1) for values in (held.gyro, held.accel)]
+            gyro, accel = (np.repeat(one, step, axis=1) for one in (held.gyro, held.accel))
             q_wb = None if held.q_wb is None else np.repeat(held.q_wb, step, axis=1)
-            self._sampled(Given(t_ns, *rows, q_wb))
+            self._sampled(Given(t_ns, gyro, accel, q_wb))
             count -= step
 
     def _sampled(self, given: Given) -> list[ImuBlock]:
@@ -311,7 +311,7 @@ def joined(blocks: list[ImuBlock]) -> ImuBlock:
     """Return blocks, at least one, as one without auxiliary samples."""
     if len(blocks) == 1:
         return blocks[0]
-    columns: dict[str, Array] = {}
+    columns: dict[str, Any] = {}
     shift, delivered = 0, []
     for block in blocks:
         delivered.append(block.delivered + shift)

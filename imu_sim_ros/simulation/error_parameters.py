@@ -159,9 +159,7 @@ class ErrorPublishParameters:
 class ErrorNodeParameters(ErrorModelParameters):
     """Everything that the node error_model takes."""
 
-    odometry: bool = flag(
-        False, "subscribe to odom_ideal (nav_msgs/Odometry) instead of imu/ideal"
-    )
+    odometry: bool = flag(False, "subscribe to odom_ideal (nav_msgs/Odometry) instead of imu/ideal")
     publish: ErrorPublishParameters = section(ErrorPublishParameters)
     inject: InjectParameters = section(InjectParameters)
 

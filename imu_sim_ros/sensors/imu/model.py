@@ -103,7 +103,8 @@ class Imu:
         """Return samples ``first .. first + count - 1``; ``first`` follows the last call's."""
         true_t_ns = timebase.sample_times_ns(first, count, self._rate, self._t0_ns)
         t = timebase.seconds_since(true_t_ns, self._t0_ns)
-        motion, *ideal = self._ideal_readings(first, t, trajectory)
+        motion, ideal_gyro, ideal_accel = self._ideal_readings(first, t, trajectory)
+        ideal = (ideal_gyro, ideal_accel)
         temperature = self._temperature.at(t)
         vibration = self._vibration.read(first, motion) if self._vibration else None
         if self._ratio == 1:
@@ -130,10 +131,10 @@ class Imu:
         :param ideal_accel: (3, n m) [m/s^2].
         """
         m = self._ratio
-        ideal = [ideal_gyro, ideal_accel]
+        ideal = (ideal_gyro, ideal_accel)
         if m > 1:
             last = slice(m - 1, None, m)
-            ideal = [ideal_gyro[:, last], ideal_accel[:, last]]
+            ideal = (ideal_gyro[:, last], ideal_accel[:, last])
         vibration = self._vibration.read(first, motion) if self._vibration else None
         if m > 1 or self._follows_force:
             count = len(true_t_ns)
@@ -152,7 +153,7 @@ class Imu:
         first: int,
         true_t_ns: Times,
         motion: Motion,
-        ideal: Sequence[Array],
+        ideal: tuple[Array, Array],
         temperature: Array,
         gyro: Reading,
         accel: Reading,
@@ -177,7 +178,7 @@ class Imu:
         )
 
     def _in_chunks(
-        self, first: int, ideal: Sequence[Array], vibration: Array | None
+        self, first: int, ideal: tuple[Array, Array], vibration: Array | None
     ) -> tuple[Array, Reading, Reading]:
         """Return temperatures (n,) and the triads' readings, whatever is known of them ahead.
 
@@ -231,7 +232,7 @@ class Imu:
         return self._temperature.at(self._times_inside(first, first + count))
 
     def _times_inside(self, begin: int, end: int) -> Array:
-        """Return the times of the readings inside for samples begin .. end - 1 ((end-begin) m,) [s].
+        """Return the times [s] of the readings inside for samples begin .. end - 1.
 
         Those before the first sample are at it.
         """

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Final
 
 from imu_sim_ros.errors import ConfigurationError, InputError
-from imu_sim_ros.sensors.imu import sdf
 from imu_sim_ros.parameters.files import find, load
+from imu_sim_ros.sensors.imu import sdf
 
 BAROMETER_PRESET: Final = "imu.barometer_preset"
 

@@ -170,8 +170,9 @@ def _of_sensor(path: str, element: _Element) -> Described:
     own: dict[str, object] = {}
     for triad in TRIADS:
         old = element.child("imu", "noise", _OLD_QUANTITIES[triad])
-        axes = [element.child("imu", _QUANTITIES[triad], axis, "noise") for axis in AXES]
-        noises = [old] * 3 if old is not None else axes
+        noises = [element.child("imu", _QUANTITIES[triad], axis, "noise") for axis in AXES]
+        if old is not None:
+            noises = [old, old, old]
         if any(noises):
             own |= _of_noise(where, f"imu.{triad}_", noises, rate)
     frame = element.child("gz_frame_id") or element.child("ignition_frame_id")

@@ -1,0 +1,214 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Errors on given readings from Python: one sample or many, saved, refused; models of Gazebo."""
+
+import math
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import imu_sim_ros as ims
+
+
+@pytest.fixture(scope="module")
+def flight() -> ims.Flight:
+    return ims.simulate(imu="mpu6000", trajectory="figure_eight", duration=5, seed=3)
+
+
+def test_one_sample_or_many_are_those_of_the_simulation(flight: ims.Flight) -> None:
+    truth = flight.truth
+    added = ims.add_errors(truth.t_ns, truth.gyro, truth.accel, imu="mpu6000", seed=3)
+    model = ims.ErrorModel(imu="mpu6000", rate=200, seed=3)
+    singles = [
+        model.read(int(t), g, a)
+        for t, g, a in zip(truth.t_ns, truth.gyro.tolist(), truth.accel, strict=True)
+    ]
+    for name in ("gyro", "accel"):
+        own = getattr(flight, name)
+        assert np.array_equal(getattr(added, name), own)
+        assert np.array_equal(np.concatenate([getattr(b, name) for b in singles]), own)
+    assert np.array_equal(added.truth.gyro_bias, truth.gyro_bias)
+    assert np.array_equal(added.truth.accel, truth.accel)
+    assert np.isnan(added.truth.position).all()
+    assert np.isnan(added.trajectory.sample(np.zeros(2)).q_wb).all()
+    assert added.parameters.rate == 200.0
+    assert repr(model) == "<ErrorModel mpu6000 at 200 Hz, seed 3>"
+
+
+def test_a_bag_and_back(flight: ims.Flight, tmp_path: Path) -> None:
+    truth = flight.truth
+    added = ims.add_errors(truth.t_ns, truth.gyro, truth.accel, imu="mpu6000", seed=3)
+    path = added.save(tmp_path / "noisy.mcap")
+    assert np.array_equal(ims.read_imu(path, "imu/data_raw").accel, flight.accel)
+    ideal = ims.read_imu(path, "ground_truth/imu")
+    again = ims.add_errors(ideal.t_ns, ideal.gyro, ideal.accel, imu="mpu6000", seed=3)
+    assert np.array_equal(again.accel, flight.accel)
+    with pytest.raises(ims.InputError, match="a value that is not finite: position"):
+        ims.evaluate(ims.dead_reckon(flight), added.truth)
+
+
+def test_the_rate_is_that_of_the_stamps() -> None:
+    zero = np.zeros((500, 3))
+    level = np.tile([0.0, 0.0, 9.81], (500, 1))
+    for rate in (100.0, 190.0, 333.3, 8000.0):
+        t_ns = np.array([round(k * 1e9 / rate) for k in range(501)])
+        t_ns = np.delete(t_ns, 77)
+        assert ims.add_errors(t_ns, zero, level).parameters.rate == rate
+    with pytest.raises(ims.ConfigurationError, match="two readings, or the rate"):
+        ims.add_errors([1], zero[:1], zero[:1])
+    assert len(ims.add_errors([1], zero[:1], zero[:1], rate=100)) == 1
+
+
+def test_changes_faults_and_reset() -> None:
+    t_ns = np.arange(400) * 5_000_000
+    gyro, accel = np.zeros((400, 3)), np.tile([0.0, 0.0, 9.81], (400, 1))
+    model = ims.ErrorModel(imu="perfect", rate=200)
+    assert model.inject("bias_jump", triad="gyroscope", value=0.5, delay=0.5, duration=0.1) == 100
+    first = model.read(t_ns, gyro, accel)
+    assert np.flatnonzero(first.gyro[:, 0]).tolist() == list(range(100, 120))
+    model.update(imu={"accelerometer_bias": [0.1, 0.0, 0.0]})
+    later = model.read(t_ns + t_ns[-1] + 5_000_000, gyro, accel)
+    assert np.flatnonzero(later.accel[:, 0])[0] == 448 - 400  # the next multiple of 64
+    model.reset()
+    assert np.array_equal(model.read(t_ns, gyro, accel).gyro[:, 0], gyro[:, 0])
+    assert model.counts.samples == 1200
+    with pytest.raises(ims.ConfigurationError, match="cannot be changed while"):
+        model.update(imu={"gyroscope_bandwidth": 10.0})
+    with pytest.raises(ims.ConfigurationError, match="fault kind = 'jump'"):
+        model.inject("jump")
+
+
+def test_a_faster_input_gives_no_sample_at_most_calls() -> None:
+    model = ims.ErrorModel(imu="perfect", rate=100, input={"rate": 1000}, imu_frame="x")
+    counts = [len(model.read(k * 1_000_000, [0, 0, 0], [0, 0, 9.81]).t_ns) for k in range(31)]
+    assert [k for k, count in enumerate(counts) if count] == [0, 10, 20, 30]
+
+
+def test_remarks_are_warnings() -> None:
+    t_ns = np.arange(600) * 5_000_000
+    zero = np.zeros((600, 3))
+    with pytest.warns(UserWarning, match=r"input\.gravity = included: at rest .* is missing"):
+        ims.add_errors(t_ns, zero, zero)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        level = np.tile([1.0, 0.0, 0.0, 0.0], (600, 1))
+        ims.add_errors(t_ns, zero, zero, orientation=level, input={"gravity": "missing"})
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (([0.5], [[0, 0, 0]], [[0, 0, 0]]), "t_ns = .*: must be integers"),
+        (([1, 2], [[0, 0, 0]], [[0, 0, 0]]), "2 stamps, 1 rates, 1 specific forces"),
+        (([1], [[0, 0]], [[0, 0, 0]]), "gyro and accel .n, 3."),
+        (([1], ["a"], [[0, 0, 0]]), "gyro and accel .n, 3."),
+        (([1], [[0, math.nan, 0]], [[0, 0, 0]]), "not finite: angular velocity"),
+        (([1], [[0, 0, 0]], [[0, 0, 1e30]]), "at most .* is possible"),
+        (([-(2**62)], [[0, 0, 0]], [[0, 0, 1]]), "is outside the years"),
+    ],
+)
+def test_bad_readings_are_a_line_and_change_nothing(arguments: tuple, line: str) -> None:
+    model = ims.ErrorModel(imu="lecture", rate=100, seed=1)
+    with pytest.raises(ims.ImuSimError, match=line):
+        model.read(*arguments)
+    fresh = ims.ErrorModel(imu="lecture", rate=100, seed=1)
+    expected = fresh.read(5, [0, 0, 0], [0, 0, 9.81])
+    assert np.array_equal(model.read(5, [0, 0, 0], [0, 0, 9.81]).gyro, expected.gyro)
+
+
+# ------------------------------------------------------------------------ models of Gazebo
+SDF = """<?xml version="1.0"?>
+<sdf version="1.9"><model name="m"><link name="l">
+  <sensor name="front" type="imu"><update_rate>250</update_rate><imu>
+    <angular_velocity>{axes}</angular_velocity>
+    <linear_acceleration><z><noise type="gaussian_quantized">
+      <mean>0.2</mean><stddev>0.03</stddev><precision>0.01</precision></noise></z>
+    </linear_acceleration></imu></sensor>
+</link></model></sdf>"""
+AXIS = """<{a}><noise type="gaussian">
+<mean>0</mean><stddev>0.009</stddev><bias_mean>3e-4</bias_mean>
+<bias_stddev>4e-4</bias_stddev><dynamic_bias_stddev>2e-5</dynamic_bias_stddev>
+<dynamic_bias_correlation_time>400</dynamic_bias_correlation_time></noise></{a}>"""
+
+
+def write(folder: Path, text: str, name: str = "model.sdf") -> Path:
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_sdf_noise(tmp_path: Path) -> None:
+    path = write(tmp_path, SDF.format(axes="".join(AXIS.format(a=a) for a in "xyz")))
+    found = ims.from_sdf(path)
+    assert found["gyroscope_noise_density"] == pytest.approx([0.009 / math.sqrt(250.0)] * 3)
+    assert found["gyroscope_turn_on_bias_sigma"] == pytest.approx([5e-4] * 3)
+    assert found["gyroscope_gauss_markov_density"] == [2e-5] * 3
+    assert found["gyroscope_correlation_time"] == [400.0] * 3
+    assert found["accelerometer_noise_density"] == pytest.approx([0, 0, 0.03 / math.sqrt(250.0)])
+    assert found["accelerometer_bias"] == [0.0, 0.0, 0.2]
+    assert found["accelerometer_resolution"] == [0.0, 0.0, 0.01]
+    by_file = ims.simulate(imu=path, trajectory="static", duration=1, seed=2)
+    by_name = ims.simulate(imu=f"{path}#front", trajectory="static", duration=1, seed=2)
+    by_value = ims.simulate(imu=found, rate=250, trajectory="static", duration=1, seed=2)
+    assert np.array_equal(by_file.gyro, by_value.gyro)
+    assert np.array_equal(by_file.gyro, by_name.gyro)
+    # A sample's deviation is that of the file: 250 samples of 3 axes, within 4 deviations.
+    spread = (by_file.gyro - by_file.gyro.mean(axis=0)).std()
+    assert abs(spread / 0.009 - 1.0) < 4.0 / math.sqrt(2 * 750)
+
+
+def test_gazebo_classic_and_rotors(tmp_path: Path) -> None:
+    classic = write(
+        tmp_path,
+        "<robot><gazebo><plugin name='p' filename='libgazebo_ros_imu.so'><updateRateHZ>100"
+        "</updateRateHZ><gaussianNoise>0.01</gaussianNoise><frameName>imu0</frameName></plugin>"
+        "</gazebo></robot>",
+        "robot.urdf",
+    )
+    found = ims.from_sdf(classic)
+    assert found["gyroscope_noise_density"] == found["accelerometer_noise_density"]
+    assert found["gyroscope_noise_density"] == pytest.approx(1e-3)
+    assert ims.simulate(imu=classic, duration=0.1).parameters.imu_frame == "imu0"
+    rotors = write(
+        tmp_path,
+        "<sdf><plugin name='r' filename='librotors_gazebo_imu_plugin.so'>"
+        "<gyroscopeRandomWalk>3e-5</gyroscopeRandomWalk></plugin></sdf>",
+    )
+    found = ims.from_sdf(rotors)
+    assert found["gyroscope_gauss_markov_density"] == 3e-5
+    assert found["accelerometer_correlation_time"] == 300.0  # the plugin's own value
+    assert found["accelerometer_turn_on_bias_sigma"] == pytest.approx(0.196)
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("<sdf></sdf>", "describes no IMU"),
+        ("<sdf>", "not XML"),
+        ("nothing", "not XML"),
+        ('<!DOCTYPE a [<!ENTITY b "c">]><sdf>&b;</sdf>', "has a document type"),
+        ('<!DOCTYPE a SYSTEM "file:///etc/passwd"><sdf/>', "has a document type"),
+        ("<a>" * 300 + "</a>" * 300, "nested deeper"),
+        (SDF.format(axes="").replace("<update_rate>250</update_rate>", ""), "has no <update_rate>"),
+        (SDF.format(axes="").replace("0.03", "many"), "<stddev> 'many': must be a number"),
+        (SDF.format(axes="").replace("0.03", "-0.03"), "must be at least 0"),
+        (SDF.format(axes="").replace("gaussian_quantized", "pink"), "'pink' is not known"),
+        ("<s><sensor type='imu' name='a'/><sensor type='imu' name='b'/></s>", "name one of a, b"),
+    ],
+)
+def test_bad_models_are_a_line(tmp_path: Path, text: str, line: str) -> None:
+    path = write(tmp_path, text)
+    with pytest.raises(ims.InputError, match=line):
+        ims.from_sdf(path)
+    with pytest.raises(ims.ConfigurationError, match=line):
+        ims.simulate(imu=path, duration=1)
+
+
+def test_several_imus_of_a_model(tmp_path: Path) -> None:
+    path = write(tmp_path, "<s><sensor type='imu' name='a'/><sensor type='imu' name='b'/></s>")
+    assert ims.from_sdf(path, "b") == {"preset": "perfect"}
+    with pytest.raises(ims.InputError, match="has no IMU 'c'; it has a, b"):
+        ims.from_sdf(path, "c")

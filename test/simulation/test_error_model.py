@@ -1,0 +1,410 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Errors on given readings: those of a simulation to the last bit; gaps, jumps, conventions."""
+
+import numpy as np
+import pytest
+from simulation_runs import EVERY_TERM
+
+from imu_sim_ros import rotation
+from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.parameters.sections import parameters
+from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.sensors.faults import Fault
+from imu_sim_ros.sensors.imu.triads import TriadParameters
+from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.error_input import Differentiator, Given
+from imu_sim_ros.simulation.error_model import ErrorModel, joined
+from imu_sim_ros.simulation.error_parameters import load_error_model
+from imu_sim_ros.simulation.parameters import load_simulation
+
+COMPARED = [name for name in ImuBlock._fields if name not in ("first", "motion", "auxiliary")]
+COUNT = 700
+OF_TRIADS = {  # a value for every parameter of a triad that is not a switch of another
+    "noise_density": {"noise_density": 0.01},
+    "noise_correlation": {"noise_density": 0.01, "noise_correlation": [0.5, 0.2, 0.1]},
+    "noise_temperature_coefficient": {
+        "noise_density": 0.01,
+        "noise_temperature_coefficient": 0.01,
+    },
+    "random_walk": {"random_walk": 1e-3},
+    "gauss_markov_sigma": {"gauss_markov_sigma": 0.01, "correlation_time": 10.0},
+    "gauss_markov_density": {"gauss_markov_density": 0.01, "correlation_time": 10.0},
+    "correlation_time": {"gauss_markov_density": 0.01, "correlation_time": 1.0},
+    "bias_instability": {"bias_instability": 1e-3},
+    "rate_ramp": {"rate_ramp": 1e-3},
+    "bias": {"bias": [0.01, -0.02, 0.03]},
+    "turn_on_bias_sigma": {"turn_on_bias_sigma": 0.01},
+    "turn_on_scale_sigma": {"turn_on_scale_sigma": 0.01},
+    "scale_misalignment": {"scale_misalignment": [1.01, 0, 0.02, 0, 0.99, 0, 0.03, 0, 1.0]},
+    "scale_error_percent": {"scale_error_percent": [1.0, -1.0, 0.5]},
+    "misalignment_percent": {"misalignment_percent": [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]},
+    "quadratic": {"quadratic": [1e-3, 0.0, 2e-3]},
+    "g_sensitivity": {"g_sensitivity": [1e-4, 0, 0, 0, 2e-4, 0, 0, 1e-5, 3e-4]},
+    "g_squared_sensitivity": {"g_squared_sensitivity": [1e-4, 0, 0, 0, 2e-4, 0, 0, 1e-5, 3e-4]},
+    "temperature_bias": {"temperature_bias": [1e-3, 2e-3, 3e-3, 1e-5, 2e-5, 3e-5]},
+    "temperature_scale": {"temperature_scale": [1e-4, 2e-4, 3e-4]},
+    "temperature_bias_sigma": {"temperature_bias_sigma": 1e-3},
+    "temperature_scale_sigma": {"temperature_scale_sigma": 1e-3},
+    "temperature_hysteresis": {"temperature_hysteresis": 0.01},
+    "ageing_bias": {"ageing_bias": 0.01},
+    "ageing_scale": {"ageing_scale": 0.01},
+    "stress_step_sigma": {"stress_step_sigma": 0.01},
+    "shock_bias_sigma": {"shock_bias_sigma": 0.01},
+    "misalignment_sigma": {"misalignment_sigma": 0.01},
+    "quadratic_sigma": {"quadratic_sigma": 0.01},
+    "g_sensitivity_sigma": {"g_sensitivity_sigma": 0.001},
+    "bandwidth": {"bandwidth": [60.0, 40.0, 20.0]},
+    "range": {"range": 1.0},
+    "resolution": {"resolution": 1e-2},
+}
+ONLY_GYROSCOPE = ("g_sensitivity", "g_squared_sensitivity", "g_sensitivity_sigma")
+ONLY_AVERAGED = ("increment_resolution",)
+COMMON = {
+    "imu.age_days": 10.0,
+    "imu.stress_step_rate": 2.0,
+    "imu.shock_threshold": 9.9,
+    "imu.shock_recovery_time": 1.0,
+    "temperature.profile": [0.0, 20.0, 1.0, 40.0, 2.0, 30.0],
+    "temperature.time_constant": 1.0,
+}
+VIBRATION = {
+    "imu.vibration.line_frequency": [20.0],
+    "imu.vibration.line_amplitude": [0.1] * 6,
+    "imu.vibration.band_low": [10.0],
+    "imu.vibration.band_high": [50.0],
+    "imu.vibration.band_density": [0.01] * 6,
+}
+TIMING = {name: value for name, value in EVERY_TERM.items() if not name.startswith("imu.gyro")}
+
+
+def of_triads(name: str) -> dict[str, object]:
+    triads = ["gyroscope"] if name in ONLY_GYROSCOPE else ["gyroscope", "accelerometer"]
+    own = {f"imu.{t}_{key}": v for t in triads for key, v in OF_TRIADS[name].items()}
+    return {**COMMON, **own}
+
+
+CASES: dict[str, dict[str, object]] = {
+    **{name: of_triads(name) for name in OF_TRIADS},
+    "vibration": VIBRATION,
+    "timing": TIMING,
+    "together": {**EVERY_TERM, **COMMON, **VIBRATION},
+    "everything": {
+        **{k: v for name in OF_TRIADS for k, v in of_triads(name).items()},
+        **EVERY_TERM,
+        **VIBRATION,
+    },
+}
+CASES["everything"].pop("imu.gyroscope_gauss_markov_density")
+CASES["everything"].pop("imu.accelerometer_gauss_markov_density")
+for triad in ("gyroscope", "accelerometer"):  # percent and matrix exclude each other
+    CASES["everything"].pop(f"imu.{triad}_scale_misalignment")
+
+
+def truth_of(values: dict[str, object], count: int = COUNT) -> ImuBlock:
+    base = {"imu.preset": "perfect", "trajectory.type": "lecture", "seed": 5}
+    return Simulation(load_simulation({**base, **values})).next_block(count)
+
+
+def model_of(values: dict[str, object], **more: object) -> ErrorModel:
+    return ErrorModel(load_error_model({"imu.preset": "perfect", "seed": 5, **values, **more}))
+
+
+def given_of(block: ImuBlock) -> Given:
+    return Given(block.true_t_ns, block.ideal_gyro.T, block.ideal_accel.T)
+
+
+def read_in(model: ErrorModel, given: Given, sizes: list[int]) -> ImuBlock:
+    blocks, begin, k = [], 0, 0
+    while begin < len(given.t_ns):
+        size = sizes[k % len(sizes)]
+        blocks += model.read(given.at(slice(begin, begin + size)))
+        begin, k = begin + size, k + 1
+    return joined(blocks)
+
+
+def assert_same(found: ImuBlock, expected: ImuBlock) -> None:
+    for name in COMPARED:
+        mine, theirs = getattr(found, name), getattr(expected, name)
+        assert np.ascontiguousarray(mine).tobytes() == np.ascontiguousarray(theirs).tobytes(), name
+
+
+def test_every_parameter_of_a_triad_is_tested() -> None:
+    tested = {*OF_TRIADS, *ONLY_AVERAGED}
+    assert set(parameters(TriadParameters)) <= tested
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_errors_are_those_of_the_simulation(name: str) -> None:
+    expected = truth_of(CASES[name])
+    for sizes in ([COUNT], [1], [3, 64, 1, 200]):
+        assert_same(read_in(model_of(CASES[name]), given_of(expected), sizes), expected)
+
+
+def test_oversampled_errors_are_those_of_the_simulation() -> None:
+    values = {**EVERY_TERM, "imu.sampling": "oversampled", "imu.internal_rate": 1000.0}
+    expected = truth_of(values)
+    perfect = {name: v for name, v in values.items() if not name.startswith("imu.")}
+    mounted = {name: values[name] for name in ("imu.lever_arm", "imu.mounting")}
+    inside = truth_of({**perfect, **mounted, "rate": 1000.0}, 5 * (COUNT - 1) + 1)
+    for sizes in ([10000], [1], [3, 64, 1, 200]):
+        model = model_of(values, **{"input.rate": 1000.0})
+        assert_same(read_in(model, given_of(inside), sizes), expected)
+
+
+def test_averaged_errors_are_close_to_those_of_the_simulation() -> None:
+    values = {"imu.sampling": "averaged", "imu.gyroscope_bias": 0.1}
+    expected = truth_of(values)
+    dense = truth_of({"rate": 8000.0}, 40 * (COUNT - 1) + 1)
+    found = read_in(model_of(values, **{"input.rate": 8000.0}), given_of(dense), [1000])
+    again = read_in(model_of(values, **{"input.rate": 8000.0}), given_of(dense), [7])
+    assert np.array_equal(found.gyro, again.gyro)
+    assert np.array_equal(found.accel, again.accel)
+    # A straight line between readings misses h^2 / 12 of the second derivative, the lecture's
+    # motion has some 1e3 m/s^4 of it: 1e-6.
+    assert np.abs(found.gyro - expected.gyro).max() < 1e-6
+    assert np.abs(found.accel - expected.accel).max() < 1e-5
+
+
+def test_any_ratio_of_rates_is_sampled_in_any_blocks() -> None:
+    dense = truth_of({"rate": 700.0}, 2100)
+    expected = truth_of({"imu.gyroscope_noise_density": 0.01}, 600)
+    values = {"imu.gyroscope_noise_density": 0.01, "input.rate": 700.0}
+    found = read_in(model_of(values), given_of(dense), [2100])
+    assert np.array_equal(found.true_t_ns, expected.true_t_ns[: len(found.true_t_ns)])
+    assert len(found.true_t_ns) == 600
+    same = read_in(model_of(values), given_of(dense), [1, 2, 50])
+    assert_same(same, found)
+    assert np.abs(found.gyro - expected.gyro).max() < 1e-4  # the noise is the same
+
+
+def test_missing_samples_leave_the_errors_of_the_others_as_they_are() -> None:
+    values = {"imu.gyroscope_noise_density": 0.01, "imu.gyroscope_random_walk": 1e-3}
+    values |= {"imu.accelerometer_bias_instability": 1e-3}
+    expected = truth_of(values)
+    keep = np.ones(COUNT, dtype=np.bool_)
+    keep[[100, 101, 102, 400]] = False
+    model = model_of(values)
+    found = read_in(model, given_of(expected).at(keep), [37])
+    assert np.array_equal(found.gyro, expected.gyro[keep])
+    assert np.array_equal(found.accel, expected.accel[keep])
+    assert model.counts.missing == 4
+
+
+def test_a_long_gap_is_a_pause() -> None:
+    values = {"imu.gyroscope_noise_density": 0.01}
+    expected = truth_of(values)
+    given = given_of(expected)
+    late = given.t_ns.copy()
+    late[300:] += 60_000_000_000
+    lines: list[str] = []
+    model = ErrorModel(
+        load_error_model({"imu.preset": "perfect", "seed": 5, **values}), remark=lines.append
+    )
+    found = joined(model.read(given._replace(t_ns=late)))
+    assert np.array_equal(found.gyro, expected.gyro)
+    assert model.counts.pauses == 1
+    assert "60.005 s: a pause" in lines[0]
+
+
+@pytest.mark.parametrize("restart", ["same_seed", "next_seed"])
+def test_a_jump_back_begins_again(restart: str) -> None:
+    values = {"imu.gyroscope_noise_density": 0.01, "imu.latency": 0.01}
+    first, second = truth_of(values, 300), truth_of(values, 300)
+    if restart == "next_seed":
+        second = truth_of({**values, "seed": 6}, 300)
+    twice = Given(*(np.concatenate([v, v], axis=-1) for v in given_of(first)[:3]))
+    model = model_of(values, **{"input.restart": restart})
+    found = read_in(model, twice, [64])
+    assert np.array_equal(found.gyro, np.concatenate([first.gyro, second.gyro]))
+    assert model.counts.restarts == 1
+
+
+def test_late_and_repeated_readings_are_left_out() -> None:
+    values = {"imu.gyroscope_noise_density": 0.01}
+    expected = truth_of(values)
+    order = [0, 1, 2, 2, 3, 4, 1, 5, 6, 6, 7]
+    model = model_of(values)
+    found = joined(model.read(given_of(expected).at(np.array(order))))
+    assert np.array_equal(found.gyro, expected.gyro[:8])
+    assert (model.counts.repeated, model.counts.backward) == (2, 1)
+
+
+def test_live_changes_and_faults_do_not_depend_on_the_blocks() -> None:
+    values = {"imu.gyroscope_noise_density": 0.01, "imu.gyroscope_random_walk": 1e-3}
+    given = given_of(truth_of(values))
+
+    def run(sizes: list[int]) -> ImuBlock:
+        model = model_of(values)
+        model.inject(Fault("bias_jump", 0.5, (0.1, 0.0, 0.0), "gyroscope"), 1.0)
+        begin = read_in(model, given.at(slice(0, 100)), sizes)
+        changed = load_error_model(
+            {"imu.preset": "perfect", "seed": 5, **values, "imu.gyroscope_bias": [1.0, 0.0, 0.0]}
+        )
+        model.update(changed)
+        return joined([begin, read_in(model, given.at(slice(100, None)), sizes)])
+
+    whole = run([1000])
+    assert_same(run([1]), whole)
+    assert_same(run([7, 64]), whole)
+    jumps = np.flatnonzero(np.abs(np.diff(whole.gyro_bias[:, 0])) > 0.05) + 1
+    assert jumps.tolist() == [128, 200, 300]  # the next multiple of 64; 1 s; 1.5 s
+
+
+def test_a_parameter_that_is_not_live_stays() -> None:
+    model = model_of({})
+    with pytest.raises(ConfigurationError, match=r"imu\.gyroscope_bandwidth: cannot be changed"):
+        model.update(
+            load_error_model({"imu.preset": "perfect", "seed": 5, "imu.gyroscope_bandwidth": 10.0})
+        )
+
+
+# --------------------------------------------------------------------------- conventions
+AXES = {
+    "frd": np.diag([1.0, -1.0, -1.0]),
+    "optical": np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]),
+}
+"""``v_axes = M v_flu``: frd is forward, right, down; optical right, down, forward."""
+
+
+@pytest.mark.parametrize("axes", AXES)
+def test_axes(axes: str) -> None:
+    block = truth_of({})
+    turned = Given(
+        block.true_t_ns, AXES[axes] @ block.ideal_gyro.T, AXES[axes] @ block.ideal_accel.T
+    )
+    found = joined(model_of({}, **{"input.axes": axes}).read(turned))
+    assert np.array_equal(found.ideal_gyro, block.ideal_gyro)  # signs and order, no rounding
+    assert np.array_equal(found.ideal_accel, block.ideal_accel)
+
+
+def test_frame_rotation_is_into_the_imu() -> None:
+    block = truth_of({})
+    r = rotation.to_matrix(rotation.from_euler(np.array([0.1, -0.2, 0.3])))
+    turned = Given(block.true_t_ns, r.T @ block.ideal_gyro.T, r.T @ block.ideal_accel.T)
+    model = model_of({}, **{"input.frame_rotation": r.ravel().tolist()})
+    assert np.allclose(joined(model.read(turned)).ideal_accel, block.ideal_accel, atol=1e-13)
+
+
+@pytest.mark.parametrize("axes", ["flu", "frd", "optical"])
+def test_missing_gravity_is_added_with_the_orientation(axes: str) -> None:
+    block = truth_of({})
+    r_wb = rotation.to_matrix(block.motion.q_wb)
+    kinematic = np.einsum("nji,nj->ni", r_wb, block.motion.acceleration)  # R_bw a_w
+    to_axes = AXES.get(axes, np.eye(3))
+    r_w_axes = r_wb @ to_axes.T
+    if axes == "frd":  # its world is north, east, down
+        r_w_axes = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]) @ r_w_axes
+    q = np.stack([rotation.from_matrix(r) for r in r_w_axes])
+    given = Given(block.true_t_ns, to_axes @ block.ideal_gyro.T, to_axes @ kinematic.T, q.T)
+    model = model_of({}, **{"input.gravity": "missing", "input.axes": axes})
+    found = joined(model.read(given))
+    assert np.allclose(found.ideal_accel, block.ideal_accel, atol=1e-12)
+    difference = np.abs(np.sum(found.motion.q_wb * block.motion.q_wb, axis=1))
+    assert np.allclose(difference, 1.0, atol=1e-12)  # of the body in east north up
+
+
+def test_missing_gravity_needs_an_orientation() -> None:
+    model = model_of({}, **{"input.gravity": "missing"})
+    with pytest.raises(InputError, match=r"input\.gravity = missing: needs the orientation"):
+        model.read(given_of(truth_of({})))
+
+
+def test_lever_arm_from_the_rate_and_its_derivative() -> None:
+    mounted = {
+        "imu.lever_arm": [0.1, 0.2, -0.3],
+        "imu.mounting": [0, -1, 0, 1, 0, 0, 0, 0, 1],
+        "imu.accelerometer_positions": [0.01, 0, 0, 0, 0.02, 0, 0, 0, 0.03],
+    }
+    at_body, at_imu = truth_of({"rate": 1000.0}), truth_of({"rate": 1000.0, **mounted})
+    model = model_of({**mounted, "rate": 1000.0}, **{"input.place": "body"})
+    found = read_in(model, given_of(at_body), [1, 30])
+    assert np.allclose(found.gyro, at_imu.gyro, atol=1e-14)
+    # The stated error: |r| h^2 / 3 of the third derivative of the rate, here by differences.
+    third = np.abs(np.diff(at_body.ideal_gyro, 3, axis=0) * 1000.0**3).max()
+    bound = np.linalg.norm([0.1, 0.2, -0.3]) * third * 1e-6 / 3.0
+    error = np.abs(found.accel - at_imu.accel)[2:].max()
+    assert error < 3.0 * bound  # three axes
+    assert error > 0.01 * bound
+
+
+def test_odometry_becomes_readings_late_by_what_is_stated() -> None:
+    block = truth_of({"rate": 1000.0})
+    q = block.motion.q_wb
+    velocity_b = rotation.rotate_inverse(q, block.motion.velocity)
+    for span in (1, 3):
+        made = Differentiator(load_error_model({"input.odometry_span": span}))
+        parts = [
+            made.apply(block.true_t_ns[k], q.T[:, k], velocity_b.T[:, k], block.ideal_gyro.T[:, k])
+            for k in (slice(0, 1), slice(1, 2), slice(2, 50), slice(50, COUNT))
+        ]
+        t_ns = np.concatenate([part.t_ns for part in parts])
+        accel = np.concatenate([part.accel for part in parts], axis=1).T
+        rows = slice(span, COUNT - span)
+        assert np.array_equal(t_ns, block.true_t_ns[rows])
+        third = np.abs(np.diff(block.motion.acceleration, 2, axis=0)).max() * 1e6
+        bound = (span * 1e-3) ** 2 / 6.0 * third
+        assert np.abs(accel - block.ideal_accel[rows]).max() < 2.0 * bound
+
+
+# ------------------------------------------------------------------------------ remarks
+def resting(accel: list[float], rate: float = 200.0, **values: object) -> list[str]:
+    lines: list[str] = []
+    model = ErrorModel(load_error_model({"imu.preset": "perfect", **values}), remark=lines.append)
+    t_ns = np.arange(int(2.5 * rate), dtype=np.int64) * round(1e9 / rate)
+    force = np.repeat(np.array(accel)[:, None], len(t_ns), axis=1)
+    q_wb = np.zeros((4, len(t_ns)))
+    q_wb[0] = 1.0
+    given = Given(t_ns, np.zeros((3, len(t_ns))), force, q_wb)
+    for k in range(0, len(t_ns), 50):
+        model.read(given.at(slice(k, k + 50)))
+    return lines
+
+
+def test_the_check_at_the_start() -> None:
+    assert resting([0.0, 0.0, 9.81]) == []
+    assert "gravity is missing" in resting([0.0, 0.0, 0.0])[0]
+    assert "gravity is included" in resting([0.0, 0.0, 9.81], **{"input.gravity": "missing"})[0]
+    assert resting([0.0, 0.0, 0.0], **{"input.gravity": "missing"}) == []
+    assert "frd would fit" in resting([0.0, 0.0, -9.81])[0]
+    assert "optical would fit" in resting([0.0, -9.81, 0.0])[0]
+    assert resting([0.0, 0.0, -9.81], **{"input.axes": "frd"}) == []
+    assert resting([0.0, -9.81, 0.0], **{"input.axes": "optical"}) == []
+    upside_down = [1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, -1.0]
+    assert resting([0.0, 0.0, -9.81], **{"imu.mounting": upside_down}) == []
+    assert "the readings come 1000 times a second" in resting([0.0, 0.0, 9.81], 1000.0)[0]
+    assert resting([0.0, 0.0, 0.0], **{"input.check": False}) == []
+    assert "instead of 9.81" in resting([0.0, 0.0, 1.0 * 8.0])[0]
+
+
+@pytest.mark.parametrize(
+    ("values", "line"),
+    [
+        ({"imu.sampling": "averaged"}, "imu.sampling = 'averaged': needs input.rate above"),
+        ({"input.rate": 100.0}, "input.rate = 100: must be 0 or at least the rate, 200 Hz"),
+        (
+            {
+                "imu.sampling": "oversampled",
+                "imu.gyroscope_bandwidth": 50.0,
+                "imu.accelerometer_bandwidth": 50.0,
+            },
+            "input.rate = 0: must be 1600 Hz, the rate inside the sensor",
+        ),
+        ({"input.frame_rotation": [1.0, 0, 0, 0, 2, 0, 0, 0, 1]}, "must be a rotation matrix"),
+        ({"input.axes": "ned"}, "input.axes = 'ned'"),
+        (
+            {**VIBRATION, "imu.vibration.gyroscope_exponents": [1.0, 0.0, 0.0]},
+            "imu.vibration: exponents must be 0",
+        ),
+    ],
+)
+def test_what_cannot_be_is_refused_with_a_line(values: dict[str, object], line: str) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        load_error_model({"imu.preset": "perfect", **values})
+    assert any(line in problem for problem in caught.value.problems), caught.value.problems
+
+
+def test_parameters_of_the_simulator_are_passed_over() -> None:
+    built = load_error_model({"publish.ground_truth": True, "real_time_factor": 2.0})
+    assert built.imu.preset == "lecture"
