@@ -101,7 +101,7 @@ def test_remarks_are_warnings() -> None:
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
-        (([0.5], [[0, 0, 0]], [[0, 0, 0]]), "t_ns = .*: must be integers"),
+        (([0.5], [[0, 0, 0]], [[0, 0, 0]]), "t_ns = .*must be integers"),
         (([1, 2], [[0, 0, 0]], [[0, 0, 0]]), "2 stamps, 1 rates, 1 specific forces"),
         (([1], [[0, 0]], [[0, 0, 0]]), "gyro and accel .n, 3."),
         (([1], ["a"], [[0, 0, 0]]), "gyro and accel .n, 3."),

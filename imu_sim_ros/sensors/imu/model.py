@@ -320,6 +320,7 @@ class _Nowhere:
     """The trajectory of a body whose motion nobody knows."""
 
     duration = math.inf
+    highest_frequency = 0.0
 
     def sample(self, t: Array) -> Motion:
         """Return n unknown states."""
