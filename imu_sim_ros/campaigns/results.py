@@ -161,12 +161,15 @@ def _refuse(folder: Path, resume: bool, force: bool) -> None:
         )
     if force:
         return
-    if begun:
+    there = [name for name in _RESULTS if name in names and (folder / name) != log]
+    unfinished = there == [_RUNS]  # interrupted within the first runs of programs
+    if resume and unfinished:
+        return
+    if begun or unfinished:
         raise InputError(
             f"{folder}: holds results; continue with --resume, start over with --force, or name "
             "another one"
         )
-    there = [name for name in _RESULTS if name in names and (folder / name) != log]
     if there:
         raise InputError(
             f"{folder}: holds {there[0]} without the {LOG} it was generated from; start over with "

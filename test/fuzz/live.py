@@ -73,7 +73,12 @@ class Live:
         self.domain, self.place = processes.Domain(), place
         environment = {"env": {**processes.os.environ, **self.domain.environment()}}
         self._errors = (place / "nodes.txt").open("w+")
-        quiet = {"stdin": subprocess.DEVNULL, "stdout": self._errors, "stderr": self._errors}
+        quiet = {
+            "stdin": subprocess.DEVNULL,
+            "stdout": self._errors,
+            "stderr": self._errors,
+            "preexec_fn": processes.bound,
+        }
         self._nodes = [
             subprocess.Popen([*processes._start_of(name), *words], **quiet, **environment)
             for name, words in (
@@ -87,6 +92,7 @@ class Live:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
+            preexec_fn=processes.bound,
             **environment,
         )
 

@@ -10,6 +10,7 @@ ever (a simulator without an end) is ended by a signal once it is up.
 """
 
 import contextlib
+import ctypes
 import importlib.util
 import io
 import os
@@ -32,6 +33,8 @@ SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 NODES: Final = ("simulator", "integrator", "recorder")
 EXECUTED: Final = 8
 _POLL_S: Final = 0.02
+_LIBC: Final = ctypes.CDLL(None)
+_PARENT_DEATH_SIGNAL: Final = 1  # PR_SET_PDEATHSIG of linux/prctl.h
 _IDLE_S: Final = 0.3
 """[s] What is up has that long to refuse what it was given."""
 
@@ -124,7 +127,13 @@ def _is_up(pid: int, program: str, age: float) -> bool:
         return False
 
 
+def bound() -> None:
+    """Have this process, just forked, die with the fuzzer, however that ends."""
+    _LIBC.prctl(_PARENT_DEATH_SIGNAL, signal.SIGKILL)
+
+
 def _limit() -> None:
+    bound()
     resource.setrlimit(resource.RLIMIT_CPU, (int(HANG_S), int(HANG_S) + 2))
     os.setsid()
     for number in SIGNALS:  # whatever the fuzzer itself was started with, by nohup for instance
@@ -254,6 +263,7 @@ class Simulator:
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
+            preexec_fn=bound,
         )
 
     @property

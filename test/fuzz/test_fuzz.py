@@ -5,13 +5,18 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
+
+sys.path.insert(0, str(Path(__file__).parent))
+import hostile
 
 EXAMPLES = 80
 """Always the same ones; ten or twenty seconds."""
@@ -21,19 +26,53 @@ REPOSITORY = Path(__file__).parents[2]
 pytestmark = pytest.mark.slow
 
 
-@pytest.fixture(scope="module")
-def fuzzer():
+def started():
     """Start a process of its own: it forks, which one that has used ROS must not do."""
-    process = subprocess.Popen(
+    return subprocess.Popen(
         [sys.executable, str(REPOSITORY / "test/fuzz/hostile.py"), "--serve"],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
         env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
     )
+
+
+def descendants(pid):
+    """Return the ids of a process' children, and theirs."""
+    children = [
+        int(child)
+        for task in Path(f"/proc/{pid}/task").iterdir()
+        for child in (task / "children").read_text().split()
+    ]
+    return [*children, *(each for child in children for each in descendants(child))]
+
+
+@pytest.fixture(scope="module")
+def fuzzer():
+    """Return a running fuzzer."""
+    process = started()
     yield process
     process.stdin.close()
     assert process.wait(60) == 0
+
+
+@pytest.mark.skipif(not hostile.LIVE[1:], reason="without ROS there are no nodes")
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+def test_nothing_outlives_the_fuzzer(number):
+    """Its integrator, recorder, feed and simulator are real processes."""
+    process = started()
+    for kind in ("live", "control"):
+        process.stdin.write(f"{hostile.KINDS.index(kind)}\n")
+        process.stdin.flush()
+        assert json.loads(process.stdout.readline())[0] == kind
+    there = descendants(process.pid)
+    assert len(there) >= 4
+    process.send_signal(number)
+    process.communicate()
+    end = time.monotonic() + 60.0
+    while any(Path(f"/proc/{pid}").exists() for pid in there):
+        assert time.monotonic() < end, there
+        time.sleep(0.05)
 
 
 @settings(
