@@ -298,7 +298,7 @@ def test_a_program_does_not_outlive_its_campaign(plan_file, start, tmp_path, num
 def test_a_campaign_ended_within_its_first_program_resumes(plan_file, start, tmp_path, number):
     """Nothing but the plan and the folder of the run that was cut off are there."""
     begun, folder = tmp_path / "begun", tmp_path / "out"
-    command = f"{{python}} -c 'import time; open(\"{begun}\", \"w\"); time.sleep(600)'"
+    command = f'{{python}} -c \'import time; open("{begun}", "w"); time.sleep(600)\''
     path = plan_file(seeds=1, estimators={"a": {"command": command}})
     process = start(path, "-o", folder, "--workers", 1, "--no-report")
     until(begun.exists)
