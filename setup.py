@@ -59,7 +59,7 @@ setup(
     long_description_content_type="text/markdown",
     keywords=["imu", "simulation", "ros2", "visual-inertial", "allan-variance", "calibration"],
     classifiers=[
-        "Development Status :: 5 - Production/Stable",
+        "Development Status :: 4 - Beta",
         "Environment :: Console",
         "Intended Audience :: Science/Research",
         "Operating System :: POSIX",

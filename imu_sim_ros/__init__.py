@@ -65,6 +65,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.jobs.allan import Noise as Noise
     from imu_sim_ros.jobs.allan import TriadNoise as TriadNoise
     from imu_sim_ros.jobs.allan import allan as allan
+    from imu_sim_ros.jobs.attitude import AttitudeEvaluation as AttitudeEvaluation
     from imu_sim_ros.jobs.calibrate import Calibrated as Calibrated
     from imu_sim_ros.jobs.calibrate import Calibration as Calibration
     from imu_sim_ros.jobs.calibrate import TriadCalibration as TriadCalibration
@@ -86,6 +87,11 @@ if TYPE_CHECKING:
     from imu_sim_ros.jobs.readings import Readings as Readings
     from imu_sim_ros.jobs.readings import read_imu as read_imu
     from imu_sim_ros.jobs.readings import read_odometry as read_odometry
+    from imu_sim_ros.jobs.recorded import Samples as Samples
+    from imu_sim_ros.jobs.recorded import read_images as read_images
+    from imu_sim_ros.jobs.recorded import read_magnetometer as read_magnetometer
+    from imu_sim_ros.jobs.recorded import read_orientation as read_orientation
+    from imu_sim_ros.jobs.recorded import read_pressure as read_pressure
     from imu_sim_ros.jobs.simulate import blocks as blocks
     from imu_sim_ros.jobs.simulate import simulate as simulate
     from imu_sim_ros.jobs.twin import Twin as Twin
@@ -106,6 +112,7 @@ _HOMES = {
     ],
     "jobs.add_errors": ["ErrorModel", "add_errors", "from_sdf"],
     "jobs.allan": ["Estimated", "Noise", "TriadNoise", "allan"],
+    "jobs.attitude": ["AttitudeEvaluation"],
     "jobs.calibrate": [
         *("Calibrated", "Calibration", "TriadCalibration", "calibrate_magnetometer"),
         *("calibrate_six_position", "calibrate_temperature", "calibrate_turntable"),
@@ -116,6 +123,9 @@ _HOMES = {
     "jobs.preintegrate": ["preintegrate"],
     "jobs.readings": [
         *("Odometry", "Readings", "read_imu", "read_odometry"),
+    ],
+    "jobs.recorded": [
+        *("Samples", "read_images", "read_magnetometer", "read_orientation", "read_pressure"),
     ],
     "jobs.simulate": ["blocks", "simulate"],
     "jobs.twin": ["Twin", "twin"],
@@ -144,5 +154,5 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    """Return the public names, too, that have not been imported yet."""
-    return sorted({*globals(), *__all__})
+    """Return the public names, also those that have not been imported yet."""
+    return [*__all__, "__version__"]

@@ -9,17 +9,22 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, Protocol, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.arguments import array, number, one_of, switch
+from imu_sim_ros.arguments import array, number, one_of, refuse, switch
+from imu_sim_ros.arguments import path as checked_path
+from imu_sim_ros.arguments import topic as checked_topic
 from imu_sim_ros.conventions import GRAVITY, TRUTH_TOPIC
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.jobs import tracks
+from imu_sim_ros.jobs.attitude import AttitudeEvaluation, evaluate_attitude, has_attitude_alone
 from imu_sim_ros.jobs.flight import Flight, readings_of
 from imu_sim_ros.jobs.output import saved
 from imu_sim_ros.jobs.readings import (
+    BAG_OR_FILE,
     HasPoses,
     Odometry,
     Readings,
@@ -353,26 +358,79 @@ class Evaluation:
         return pictures.evaluation(t, *positions, self.attitude, title)
 
 
+class HasAttitude(Protocol):
+    """Anything with attitudes in time: orientations of a board, or an object with ``q_wb``."""
+
+    @property
+    def t_ns(self) -> Times:
+        """(n,) [ns]."""
+
+
+@overload
+def evaluate(  # type: ignore[overload-overlap]  # what has positions is compared as a path
+    estimate: HasPoses | str | Path,
+    truth: HasPoses | str | Path,
+    *,
+    align: str = ...,
+    max_gap: float = ...,
+    estimate_topic: str | None = ...,
+    truth_topic: str | None = ...,
+) -> Evaluation: ...
+
+
+@overload
 def evaluate(
-    estimate: HasPoses, truth: HasPoses, *, align: str = "none", max_gap: float = 0.5
-) -> Evaluation:
-    """Compare a trajectory with the truth at the estimate's times.
+    estimate: HasAttitude,
+    truth: HasPoses | str | Path,
+    *,
+    align: str = ...,
+    max_gap: float = ...,
+    estimate_topic: str | None = ...,
+    truth_topic: str | None = ...,
+) -> AttitudeEvaluation: ...
+
+
+def evaluate(
+    estimate: Any,
+    truth: HasPoses | str | Path,
+    *,
+    align: str = "none",
+    max_gap: float = 0.5,
+    estimate_topic: str | None = None,
+    truth_topic: str | None = None,
+) -> Evaluation | AttitudeEvaluation:
+    """Compare a trajectory, or attitudes alone, with the truth at the estimate's times.
 
     :param estimate: a track, odometry, or anything with ``t_ns``, ``position`` and ``q_wb``; a
-        ``covariance`` (n, 6, 6) of position and attitude in the world's axes gives the NEES.
-    :param truth: likewise.
+        ``covariance`` (n, 6, 6) of position and attitude in the world's axes gives the NEES. Or the
+        path of a TUM or EuRoC file or of a bag. Without positions (``q_wb``, ``q_wi`` or ``values``
+        (n, 4), in the frame of the truth's body) attitudes are compared.
+    :param truth: a path, or an object with ``t_ns``, ``position`` and ``q_wb``.
     :param align: align the estimate with the truth first: none, yaw, se3 or sim3.
     :param max_gap: the truth is not interpolated across longer gaps [s].
-    :raises InputError: where both do not overlap in time.
+    :param estimate_topic: of a bag with several trajectories.
+    :param truth_topic: likewise; None: ``ground_truth/odom`` if the bag has it.
+    :returns: an :class:`Evaluation`, for attitudes alone an :class:`AttitudeEvaluation`.
+    :raises InputError: if they do not overlap in time, or a path cannot be read.
 
     >>> import imu_sim_ros as ims
     >>> flight = ims.simulate(imu="navigation", trajectory="circle", duration=30, seed=1)
     >>> ims.evaluate(ims.dead_reckon(flight), flight.truth)
     <Evaluation of 6000 poses, 74.99 m: position 0.1208 m rms, attitude 3.995e-05 rad rms>
+    >>> board = ims.simulate(imu="mti3", duration=10, sensors=["orientation"], seed=1)
+    >>> ims.evaluate(board.orientation, board.truth)
+    <AttitudeEvaluation of 2000 attitudes: tilt 0.02025 rad rms, heading 0.03832 rad rms>
     """
     number("max_gap", max_gap, "a number of seconds above 0", 0.0, above=True)
     one_of("align", align, ALIGNMENTS)
-    own, known = checked_poses("estimate", estimate), checked_poses("truth", truth)
+    truth = _recorded("truth", truth, truth_topic)
+    known = checked_poses("truth", truth)
+    if has_attitude_alone(estimate):
+        if align != "none":
+            refuse("align", align, "none: attitudes alone are not aligned")
+        return evaluate_attitude(estimate, known, max_gap)
+    estimate = _recorded("estimate", estimate, estimate_topic)
+    own = checked_poses("estimate", estimate)
     rows = common_rows(own.t_ns, known.t_ns, max_gap)
     t_ns = own.t_ns[rows]
     true = interpolate_poses(known, t_ns)
@@ -394,6 +452,30 @@ def evaluate(
         why = "the estimate's covariances are singular" if found is None else None
     both = (errors.position, errors.attitude)
     return Evaluation(t_ns, *both, velocity, length, poses, true, found, why)
+
+
+class _Recorded(NamedTuple):
+    """A trajectory of a file, as :func:`evaluate` takes objects."""
+
+    t_ns: Times
+    position: Array
+    q_wb: Array
+    velocity: Array | None
+    covariance: Array | None
+
+
+def _recorded(name: str, given: Any, topic: str | None) -> HasPoses:
+    """Return what a path leads to, or what is no path as it is."""
+    of_a_file = isinstance(given, str | Path)
+    topic = checked_topic(f"{name}_topic", topic, of_a_file)
+    if not of_a_file:
+        return given  # checked_poses looks at it
+    place = checked_path(name, given, BAG_OR_FILE)
+    chosen = tracks.truth_topic(place, topic) if name == "truth" else topic
+    track = tracks.read_track(place, chosen, covariance=name == "estimate")
+    poses = track.poses
+    stated = track.pose_covariance
+    return _Recorded(poses.t_ns, poses.position, poses.q_wb, track.velocity, stated)
 
 
 def _speed(name: str, given: HasPoses) -> Array | None:

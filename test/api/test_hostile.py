@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
+from imu_sim_ros.commands import generate
 
 NAN = float("nan")
 PATIENCE = 20.0
@@ -69,7 +70,7 @@ class World:
     """Sound inputs, made once, and a new path for each output."""
 
     def __init__(self):
-        field = {"sensors": ["magnetic_field"]}
+        field = {"sensors": ["magnetic_field", "pressure", "orientation"]}
         still = {"imu": "lecture", "trajectory": "static", "rate": 20}
         soak = {"profile": [0, 0, 40, 20, 80, 40, 120, 60], "interpolation": "steps"}
         turns = {"imu": "adis16448", "trajectory": "figure_eight", "duration": 12, "rate": 55}
@@ -80,7 +81,11 @@ class World:
         self.tumble = ims.simulate(trajectory="tumble", duration=20, rate=20, **field)
         self.soaked = ims.simulate(**still, duration=160, temperature=soak)
         self.moved = ims.simulate(**turns)
-        self.file = self.flight.save("flight.mcap")
+        topics = ("imu/data_raw", "ground_truth/odom", "imu/mag", "imu/data", "imu/pressure")
+        self.file = self.flight.save("flight.mcap", topics=topics)
+        self.seen = Path("seen.mcap")
+        words = ["--duration", "0.1s", "--camera", "euroc_cam0", "--quiet"]
+        assert generate.main(["-o", str(self.seen), *words]) == 0
         self.stamps = np.arange(9) * 10_000_000
         self.rows = np.arange(27.0).reshape(9, 3)
         self.q_wb = np.tile([1.0, 0.0, 0.0, 0.0], (9, 1))
@@ -125,6 +130,10 @@ VALID = {
     "blocks": (lambda w: SHORT, OF_SIMULATION),
     "read_imu": (lambda w: {"path": w.file}, []),
     "read_odometry": (lambda w: {"path": w.file}, []),
+    "read_images": (lambda w: {"path": w.seen}, []),
+    "read_magnetometer": (lambda w: {"path": w.file}, []),
+    "read_orientation": (lambda w: {"path": w.file}, []),
+    "read_pressure": (lambda w: {"path": w.file}, []),
     "dead_reckon": (lambda w: {"readings": w.flight}, OF_INTEGRATOR),
     "evaluate": (lambda w: {"estimate": w.track, "truth": w.flight.truth}, []),
     "allan": (lambda w: {"source": w.rest, "force": True}, []),
@@ -167,6 +176,7 @@ VALID = {
 # What only the package makes.
 RESULTS = {
     *(
+        "AttitudeEvaluation",
         "Calibrated",
         "Calibration",
         "Campaign",
@@ -177,7 +187,8 @@ RESULTS = {
         "Noise",
         "Track",
     ),
-    *("MagneticReadings", "Orientations", "Preintegration", "PressureReadings", "TriadCalibration"),
+    *("MagneticReadings", "Orientations", "Preintegration", "PressureReadings", "Samples"),
+    "TriadCalibration",
     *("TriadNoise", "Truth", "Twin"),
 }
 

@@ -1,0 +1,170 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What other sensors recorded: magnetic field, pressure, orientation, images."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros import arguments
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.jobs.readings import BAG_OR_FILE
+from imu_sim_ros.timebase import span
+from imu_sim_ros.types import Array, Times
+
+
+@dataclass(frozen=True, repr=False)
+class Samples:
+    """The n samples of a recorded sensor."""
+
+    t_ns: Times
+    """(n,) stamps [ns]."""
+    values: Array
+    """(n, 3) magnetic field [T], (n,) pressure [Pa], or (n, 4) orientation q_wi (w, x, y, z)."""
+    covariance: Array
+    """(n, 3, 3), of a pressure (n,): of each sample, as its message states it; 0: unknown."""
+    name: str = "samples"
+
+    def __len__(self) -> int:
+        return len(self.t_ns)
+
+    def __repr__(self) -> str:
+        return f"<Samples {self.name}: {span(self.t_ns)}>"
+
+
+def read_magnetometer(path: str | Path, topic: str | None = None) -> Samples:
+    """Return the magnetic field that a bag or a EuRoC folder holds.
+
+    :param path: the file or folder.
+    :param topic: of type sensor_msgs/MagneticField; None: ``imu/mag``, or the only one.
+    :returns: stamps, fields (n, 3) [T] in the sensor's frame, and their covariances [T^2].
+    :raises InputError: for what cannot be read, or holds no magnetic field.
+
+    >>> import imu_sim_ros as ims
+    >>> flight = ims.simulate(imu="mpu9250", duration=2, sensors=["magnetic_field"])
+    >>> _ = flight.save(folder / "field.mcap", topics=["imu/data_raw", "imu/mag"])
+    >>> ims.read_magnetometer(folder / "field.mcap").values.shape
+    (200, 3)
+    """
+    return _read("mag", path, topic)
+
+
+def read_pressure(path: str | Path, topic: str | None = None) -> Samples:
+    """Return the pressure that a bag or a EuRoC folder holds.
+
+    :param path: the file or folder.
+    :param topic: of type sensor_msgs/FluidPressure; None: ``imu/pressure``, or the only one.
+    :returns: stamps, pressures (n,) [Pa] and their variances (n,) [Pa^2].
+    :raises InputError: for what cannot be read, or holds no pressure.
+
+    >>> import imu_sim_ros as ims
+    >>> flight = ims.simulate(duration=2, sensors=["pressure"], seed=1)
+    >>> _ = flight.save(folder / "pressure.mcap", topics=["imu/data_raw", "imu/pressure"])
+    >>> ims.read_pressure(folder / "pressure.mcap").values.shape
+    (200,)
+    """
+    found = _read("pressure", path, topic)
+    flat = found.values.reshape(-1), found.covariance.reshape(-1)
+    return Samples(found.t_ns, *flat, found.name)
+
+
+def read_orientation(path: str | Path, topic: str | None = None) -> Samples:
+    """Return the orientation that a board states, of a bag or a EuRoC folder.
+
+    :param path: the file or folder.
+    :param topic: of type sensor_msgs/Imu; None: ``imu/data``, or the only one.
+    :returns: stamps, quaternions q_wi (n, 4) (w, x, y, z), and covariances (n, 3, 3) [rad^2] of the
+        error about the world's axes. Messages without an orientation are left out.
+    :raises InputError: for what cannot be read, or holds no orientation.
+
+    >>> import imu_sim_ros as ims
+    >>> flight = ims.simulate(imu="mti3", duration=2, sensors=["orientation"])
+    >>> _ = flight.save(folder / "orientation.mcap", topics=["imu/data"])
+    >>> ims.read_orientation(folder / "orientation.mcap").values.shape
+    (400, 4)
+    """
+    return _read("orientation", path, topic)
+
+
+def _read(kind: str, path: str | Path, topic: str | None) -> Samples:
+    from imu_sim_ros.bags.beside import read_beside, topic_of
+    from imu_sim_ros.bags.read import open_bag
+    from imu_sim_ros.bags.text.reader import is_text
+
+    path = arguments.path("path", path, BAG_OR_FILE)
+    topic = arguments.topic("topic", topic)
+    if topic is None and not is_text(path):
+        with open_bag(path) as bag:
+            usual = topic_of(kind).strip("/")
+            topic = next((one.name for one in bag.topics if one.name.strip("/") == usual), None)
+    found = read_beside(path, kind, topic)
+    if not len(found.t_ns):
+        raise InputError(f"{path}: holds no {'orientation' if kind == 'orientation' else kind}")
+    return Samples(found.t_ns, found.values, found.covariance, Path(path).name)
+
+
+def read_images(path: str | Path, topic: str | None = None) -> Iterator[tuple[int, NDArray[Any]]]:
+    """Yield the images of a camera in a bag.
+
+    :param path: the bag.
+    :param topic: of type sensor_msgs/Image or CompressedImage; needed where a bag has several.
+    :returns: an iterator over stamps [ns] and images: (h, w), or (h, w, 3) in red, green and blue;
+        uint8, uint16 or float32 as recorded.
+    :raises InputError: for what cannot be read or decoded, or holds no images.
+    :raises MissingDependencyError: without OpenCV, for compressed images.
+
+    >>> import imu_sim_ros as ims
+    >>> from imu_sim_ros.commands import generate
+    >>> words = ["-o", f"{folder}/seen.mcap", "--duration", "0.2s", "--camera", "euroc_cam0"]
+    >>> generate.main([*words, "--quiet"])
+    0
+    >>> [image.shape for _, image in ims.read_images(folder / "seen.mcap")]
+    [(480, 752), (480, 752), (480, 752), (480, 752)]
+    """
+    from imu_sim_ros.bags.messages.encode_cameras import COMPRESSED_IMAGE, IMAGE
+    from imu_sim_ros.bags.read import open_bag
+
+    path = arguments.path("path", path, BAG_OR_FILE)
+    name = arguments.topic("topic", topic)
+    with open_bag(path) as bag:
+        offered = [one.name for one in bag.topics if one.type in (IMAGE, COMPRESSED_IMAGE)]
+    chosen = [one for one in offered if name is None or one.strip("/") == name.strip("/")]
+    if len(chosen) != 1:
+        words = ", ".join(offered) or "no images"
+        asked = "" if name is None else f"no images on {name}; "
+        raise InputError(f"{path}: {asked}has {words}; topic= names one")
+    return _images(Path(path), chosen[0])
+
+
+def _images(path: Path, name: str) -> Iterator[tuple[int, NDArray[Any]]]:
+    from imu_sim_ros.bags.messages import schemas
+    from imu_sim_ros.bags.messages.blocks import as_list
+    from imu_sim_ros.bags.messages.encode_cameras import IMAGE
+    from imu_sim_ros.bags.read import open_bag
+    from imu_sim_ros.bags.reader import told
+    from imu_sim_ros.datasets.recorded_bag import pixels
+    from imu_sim_ros.sensors.camera.images.files import decoded
+
+    with open_bag(path) as bag:
+        topic = next(one for one in bag.topics if one.name == name)
+        types = schemas.typestore([(topic.type, topic.schema)], bag.encoding)
+        decode = types.deserialize_cdr if bag.encoding == "cdr" else types.deserialize_ros1
+        for group in bag.groups():
+            for block in group:
+                if block.topic.name != name:
+                    continue
+                for payload in as_list(block.payloads):
+                    with told(path, f" ({name})"):
+                        message: Any = decode(payload, topic.type)
+                        stamp = message.header.stamp
+                        t_ns = int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+                        raw = topic.type == IMAGE
+                        image = pixels(name, message) if raw else decoded(bytes(message.data))
+                    yield t_ns, np.asarray(image)

@@ -1,0 +1,118 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Without ROS nothing needs Linux: its own calls are hidden, and the programs run all the same.
+
+What a pip install puts on the PATH is held here as well.
+"""
+
+import configparser
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+HIDDEN = (
+    *("O_DIRECT", "O_NOATIME", "O_PATH", "O_TMPFILE", "copy_file_range", "eventfd", "fdatasync"),
+    *("getrandom", "memfd_create", "pidfd_open", "pipe2", "posix_fadvise", "posix_fallocate"),
+    *("sched_getaffinity", "sched_setaffinity", "sched_setscheduler", "setns", "splice"),
+    *("unshare", "waitid"),
+)
+"""What ``os`` has on Linux and not on macOS."""
+
+HIDE = f"""
+import ctypes, os, resource, select, signal, sys
+for name in {HIDDEN!r}:
+    if hasattr(os, name):
+        delattr(os, name)
+for module, name in ((select, "epoll"), (resource, "prlimit"), (signal, "sigtimedwait")):
+    if hasattr(module, name):
+        delattr(module, name)
+real = ctypes.CDLL
+def without_prctl(name, *rest, **options):
+    found = real(name, *rest, **options)
+    return found if name is not None else object()
+ctypes.CDLL = without_prctl
+sys.modules["rclpy"] = None
+sys.modules["ament_index_python"] = None
+from imu_sim_ros.commands import start
+"""
+
+
+def run(folder: Path, *lines: str) -> None:
+    calls = "\n".join(
+        f"sys.argv[:] = {['imu_sim', *line.split()]!r}\nassert start.imu_sim() == 0, {line!r}"
+        for line in lines
+    )
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [sys.executable, "-c", HIDE + calls],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_files_are_written_and_read_without_linux(tmp_path):
+    run(
+        tmp_path,
+        "generate -o a.mcap --duration 3s --compression lz4 --quiet",
+        "generate -o b --storage sqlite3 --duration 3s --quiet",
+        "generate -o c.bag --duration 3s --quiet",
+        "generate -o d --format euroc --duration 3s --quiet",
+        "convert_bag c.bag -o e.mcap --quiet",
+        "dead_reckon a.mcap -o track.csv --quiet",
+        "evaluate track.csv a.mcap --quiet",
+        "generate -o rest.mcap --trajectory static --duration 60s --imu-only --quiet",
+        "allan rest.mcap -o allan --skip-checks --quiet",
+        "report a.mcap -o a.html --quiet",
+    )
+
+
+def test_images_are_written_and_read_without_linux(tmp_path):
+    pytest.importorskip("cv2")
+    run(
+        tmp_path,
+        "generate -o seen --format euroc --camera euroc_cam0 --duration 0.5s --quiet",
+        "convert_bag seen -o seen.mcap --images compressed --quiet",
+    )
+
+
+def test_a_campaign_runs_without_linux(tmp_path):
+    (tmp_path / "plan.yaml").write_text("parameters: {rate: 50.0, duration: 1.0}\nseeds: 2\n")
+    run(tmp_path, "campaign plan.yaml -o results --workers 1 --quiet")
+
+
+def test_a_program_is_run_and_killed_without_prctl(tmp_path, monkeypatch):
+    from imu_sim_ros.campaigns import command_estimator
+
+    monkeypatch.setattr(command_estimator, "_libc", object)  # it has no prctl
+    command_estimator._prctl(command_estimator._PR_SET_CHILD_SUBREAPER, 1)
+    monkeypatch.setattr(command_estimator, "Path", lambda _: tmp_path / "no_such_folder")
+    assert command_estimator._children() == set()
+
+
+def scripts(folder: Path) -> set[str]:
+    """Return the names of the programs in a description of a package."""
+    found = configparser.ConfigParser()
+    found.read(next(folder.glob("*.egg-info")) / "entry_points.txt")
+    return set(found["console_scripts"])
+
+
+def test_a_pip_install_puts_one_program_on_the_path(tmp_path):
+    pytest.importorskip("setuptools")
+    words = ["setup.py", "-q", "egg_info", "--egg-base", str(tmp_path)]
+    subprocess.run([sys.executable, *words], cwd=ROOT, capture_output=True, check=True)
+    assert scripts(tmp_path) == {"imu_sim"}
+
+
+@pytest.mark.ros
+def test_colcon_installs_every_program():
+    from imu_sim_ros.commands.start import NODES, PROGRAMS
+
+    assert scripts(ROOT / "build/imu_sim_ros") == {"imu_sim", *PROGRAMS, *NODES}
