@@ -424,13 +424,15 @@ def evaluate(
     number("max_gap", max_gap, "a number of seconds above 0", 0.0, above=True)
     one_of("align", align, ALIGNMENTS)
     truth = _recorded("truth", truth, truth_topic)
-    known = checked_poses("truth", truth)
     if has_attitude_alone(estimate):
         if align != "none":
             refuse("align", align, "none: attitudes alone are not aligned")
-        return evaluate_attitude(estimate, known, max_gap)
-    estimate = _recorded("estimate", estimate, estimate_topic)
-    own = checked_poses("estimate", estimate)
+        return evaluate_attitude(estimate, checked_poses("truth", truth), max_gap)
+    return _compared(_recorded("estimate", estimate, estimate_topic), truth, align, max_gap)
+
+
+def _compared(estimate: HasPoses, truth: HasPoses, align: str, max_gap: float) -> Evaluation:
+    own, known = checked_poses("estimate", estimate), checked_poses("truth", truth)
     rows = common_rows(own.t_ns, known.t_ns, max_gap)
     t_ns = own.t_ns[rows]
     true = interpolate_poses(known, t_ns)
