@@ -103,6 +103,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.sensors.barometer.declaration import PressureReadings as PressureReadings
     from imu_sim_ros.sensors.magnetometer.declaration import MagneticReadings as MagneticReadings
     from imu_sim_ros.sensors.orientation.declaration import Orientations as Orientations
+    from imu_sim_ros.sensors.registry import register_sensor as register_sensor
     from imu_sim_ros.trajectory.motion import Motion as Motion
 _HOMES = {
     "camera": ["camera"],
@@ -136,6 +137,7 @@ _HOMES = {
     "sensors.barometer.declaration": ["PressureReadings"],
     "sensors.magnetometer.declaration": ["MagneticReadings"],
     "sensors.orientation.declaration": ["Orientations"],
+    "sensors.registry": ["register_sensor"],
     "trajectory.motion": ["Motion"],
 }
 __version__ = "0.1.0"

@@ -5,6 +5,7 @@
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -26,6 +27,7 @@ from imu_sim_ros.bags.messages.encode import (
 )
 from imu_sim_ros.bags.read import imu_blocks, odometry_blocks, open_bag, vector_blocks
 from imu_sim_ros.bags.reader import Bag, missing, told
+from imu_sim_ros.bags.tables import Table, Tables
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text.writer import Dataset, States
 from imu_sim_ros.bags.writer import Block, Topic, Writer
@@ -163,10 +165,11 @@ def text_to_bag(
     advance: Callable[[int], object],
     skipped: Skipped | None = None,
     frames: Sequence[Iterator[list[Block]]] = (),
+    tables: Tables = MappingProxyType({}),
 ) -> None:
     """Copy a EuRoC folder or a CSV file: readings, and what a folder has beside them.
 
-    That is magnetic field, pressure and orientation; truth and biases where there are states.
+    That are tables of other sensors; truth and biases where there are states.
 
     Several IMUs have a namespace each, as in ``generate``: ``/imu1/imu/data_raw``. The poses of a
     motion capture system, as TUM VI has them, are a topic of poses.
@@ -174,13 +177,14 @@ def text_to_bag(
     :param skipped: as for :func:`imu_sim_ros.bags.read.imu_blocks`.
     :param frames: more streams in time order, of cameras; the blocks of one item have the same
         times.
+    :param tables: those of other sensors that are looked for.
     """
     names = text_reader.imu_names(path)
     streams = [
         _reading_messages(path, writer, renamed, skipped, name)
         for name in (names if len(names) > 1 else [None])
     ]
-    streams += beside.streams_of_tables(path, writer, renamed, names, skipped)
+    streams += beside.streams_of_tables(path, writer, renamed, names, skipped, tables)
     if text_reader.has_states(path):
         streams.append(_state_messages(path, writer, renamed, skipped))
     elif (poses := text_reader.pose_file(path)) is not None:
@@ -280,12 +284,12 @@ def to_dataset(
     advance: Callable[[int], object],
     recover: bool = False,
     skipped: Skipped | None = None,
-    tables: Mapping[str, str] | None = None,
+    tables: Sequence[tuple[Table, str]] = (),
     warned: Warned | None = None,
 ) -> None:
     """Copy readings, what is beside them, and truth of a bag or a dataset into text.
 
-    :param tables: of the dataset, by kind: a topic, or a table of the dataset that is read.
+    :param tables: of the dataset, each with its topic, or its name in the dataset that is read.
     :param skipped, warned: as for :func:`imu_sim_ros.bags.read.imu_blocks`.
     :param topics: name of the topic for each of the types Imu and Odometry that is to be copied;
         None: the only one.
@@ -294,9 +298,9 @@ def to_dataset(
         for readings in imu_blocks(path, topics[IMU], recover, skipped, warned):
             dataset.write_imu(readings.t_ns, readings.gyro, readings.accel)
             advance(len(readings.t_ns))
-    for kind, name in (tables or {}).items():
-        for measured in beside.blocks(path, kind, name, recover, skipped, warned):
-            dataset.write_beside(kind, 0, measured.t_ns, measured.values)
+    for table, name in tables:
+        for measured in beside.blocks(path, table, name, recover, skipped, warned):
+            dataset.write_beside(table.name, 0, measured.t_ns, measured.values)
             advance(len(measured.t_ns))
     if dataset.truth is not None and ODOMETRY in topics:
         for states in _states(path, topics[ODOMETRY], recover, skipped, warned):

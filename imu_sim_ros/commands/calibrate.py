@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 from imu_sim_ros import program
-from imu_sim_ros.bags.beside import read_magnetic_field
+from imu_sim_ros.bags.beside import read_measured
 from imu_sim_ros.bags.read import (
     ImuMessages,
     OdometryMessages,
@@ -45,6 +45,7 @@ from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.navigation.state import correction_of
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build
+from imu_sim_ros.sensors.magnetometer.declaration import SENSOR
 from imu_sim_ros.types import Array
 
 EXAMPLES: Final = """
@@ -277,7 +278,7 @@ def _temperature(arguments: argparse.Namespace) -> Result:
 
 
 def _magnetometer(arguments: argparse.Namespace) -> Result:
-    _, readings = read_magnetic_field(arguments.bag, arguments.topic, _left_out(arguments))
+    _, readings = read_measured(arguments.bag, SENSOR.table, arguments.topic, _left_out(arguments))
     found = calibrate_magnetometer(readings, arguments.field)
     facts = {
         "readings": len(readings),
@@ -290,7 +291,7 @@ def _magnetometer(arguments: argparse.Namespace) -> Result:
     def draw(path: Path) -> None:
         from imu_sim_ros.plots import calibration as pictures
 
-        pictures.draw_magnetometer(found, readings, path, arguments.bag.name)
+        pictures.draw_ellipsoid(found, readings, path, f"{arguments.bag.name}: magnetometer")
 
     return correction.magnetometer_parameters(found), facts, draw
 

@@ -293,8 +293,10 @@ class CameraTarget(DatasetTarget):
     block_size: Final = 512
     """Samples in a block at most: frames take far longer, and the progress bar should move."""
 
-    def __init__(self, dataset: Dataset, seen: Any, imus: Sequence[str]) -> None:
-        super().__init__(dataset, imus)
+    def __init__(
+        self, dataset: Dataset, seen: Any, imus: Sequence[str], further: Sequence[str] = ()
+    ) -> None:
+        super().__init__(dataset, imus, further)
         self.seen = seen
         self._body = body_of(imus)
 

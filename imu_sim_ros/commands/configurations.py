@@ -11,6 +11,7 @@ import numpy as np
 
 from imu_sim_ros import rotation
 from imu_sim_ros.bags.outputs import make_folder
+from imu_sim_ros.bags.tables import Table
 from imu_sim_ros.bags.text import writer as text_writer
 from imu_sim_ros.conventions import IMAGE_TOPIC, IMU_TOPIC
 from imu_sim_ros.datasets.consumers import kalibr
@@ -20,8 +21,9 @@ from imu_sim_ros.datasets.consumers.values import ImuValues
 from imu_sim_ros.datasets.topics import resolved
 from imu_sim_ros.sensors import auxiliary_sensors
 from imu_sim_ros.sensors.realised import realised_imu
+from imu_sim_ros.sensors.registry import find_sensor
 from imu_sim_ros.simulation.engine import Simulation
-from imu_sim_ros.simulation.parameters import SimulationParameters
+from imu_sim_ros.simulation.parameters import SimulationParameters, carried
 
 if TYPE_CHECKING:
     from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
@@ -100,25 +102,28 @@ def describe(
     index: int,
     parameters: SimulationParameters,
     states: bool,
-    beside: Iterable[str] = (),
+    beside: Iterable[Table] = (),
+    body: SimulationParameters | None = None,
 ) -> None:
     """Write the sensor.yaml files of an IMU of a EuRoC folder.
 
     :param index: of the IMU.
     :param states: whether the folder has its truth.
     :param beside: the further tables of this IMU.
+    :param body: has the parameters of the sensors of the body.
     """
     imu = parameters.imu
     mounting, lever_arm = np.reshape(imu.mounting, (3, 3)), np.asarray(imu.lever_arm)
     comment = f"simulated by imu_sim_ros, preset {imu.preset}, seed {parameters.seed}"
-    rates = {
-        sensor.table.name: getattr(imu, sensor.name).rate or parameters.rate
+    places = {
+        sensor.table.name: (getattr(imu, sensor.name).rate or parameters.rate, mounting, lever_arm)
         for sensor in auxiliary_sensors()
     }
-    for name in beside:
-        text_writer.write_euroc_beside(
-            folder, name, index, rates[name], mounting, lever_arm, comment
-        )
+    for name, own in carried(body).items():
+        at = (own.rate, np.eye(3), np.asarray(own.lever_arm))
+        places[find_sensor(name).table.name] = at
+    for table in beside:
+        text_writer.write_euroc_beside(folder, table, index, *places[table.name], comment)
     text_writer.write_euroc_descriptions(
         folder,
         parameters.rate,

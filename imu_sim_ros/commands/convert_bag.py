@@ -18,6 +18,7 @@ from imu_sim_ros.bags.messages.encode_cameras import COMPRESSED_IMAGE, IMAGE
 from imu_sim_ros.bags.outputs import Outputs
 from imu_sim_ros.bags.read import open_bag, read_poses
 from imu_sim_ros.bags.reader import Bag
+from imu_sim_ros.bags.tables import Table
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text import writer as text_writer
 from imu_sim_ros.bags.text.writer import Dataset
@@ -33,6 +34,7 @@ from imu_sim_ros.commands.inputs import (
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import Skipped
 from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.sensors import known_tables
 
 if TYPE_CHECKING:
     from imu_sim_ros.datasets.recorded_bag import RecordedImages
@@ -192,7 +194,7 @@ def _bag_to_dataset(
     if truths:
         chosen[ODOMETRY] = bag.topic(ODOMETRY, _only_named(topics, ODOMETRY, arguments)).name
     one_table = arguments.staged.suffix.lower() == ".csv"
-    tables = {} if one_table else beside.tables_of(topics, readings.name)
+    tables = {} if one_table else beside.tables_of(topics, readings.name, known_tables())
     names = {kind: topic.name for kind, topic in tables.items()}
     total = readings.count + sum(topic.count for topic in [*truths, *tables.values()])
     with _dataset(arguments, form, bool(truths), written, names) as dataset:
@@ -201,7 +203,14 @@ def _bag_to_dataset(
         with _progress(arguments, total) as advance:
             skipped, warned = refused_messages(arguments, "convert_bag", arguments.input)
             convert.to_dataset(
-                bag.path, dataset, chosen, advance, arguments.recover, skipped, names, warned
+                bag.path,
+                dataset,
+                chosen,
+                advance,
+                arguments.recover,
+                skipped,
+                _described(names),
+                warned,
             )
             if images:
                 images.write(advance, _comment(arguments))
@@ -247,7 +256,9 @@ def _dataset(
     written: Outputs,
     tables: Collection[str],
 ) -> Dataset:
-    dataset = Dataset(arguments.staged, form, states, beside=[(kind, 0) for kind in tables])
+    dataset = Dataset(
+        arguments.staged, form, states, beside=[(known_tables()[kind], 0) for kind in tables]
+    )
     written.describe(arguments.output, lambda: amount(dataset.rows, dataset.last_ns, "rows"))
     return dataset
 
@@ -313,7 +324,9 @@ def _from_text(arguments: argparse.Namespace, form: str | None, written: Outputs
     ):
         renamed = _renamed(arguments)
         seen = images.streams(writer, renamed, arguments.images or "raw") if images else []
-        convert.text_to_bag(arguments.input, writer, renamed, advance, _skipped(arguments), seen)
+        known = known_tables()
+        skipped = _skipped(arguments)
+        convert.text_to_bag(arguments.input, writer, renamed, advance, skipped, seen, known)
     return _result(arguments, *_tally(writer), False)
 
 
@@ -322,7 +335,7 @@ def _text_to_dataset(
 ) -> tuple[dict[str, int], int]:
     states = text_reader.has_states(arguments.input)
     one_table = arguments.staged.suffix.lower() == ".csv"
-    tables = {} if one_table else text_reader.beside_names(arguments.input)
+    tables = {} if one_table else text_reader.beside_names(arguments.input, known_tables())
     names = {kind: name for name, kind in tables.items()}
     with (
         _folder_images(arguments) as images,
@@ -331,14 +344,15 @@ def _text_to_dataset(
     ):
         chosen: dict[str, str | None] = {IMU: None, **({ODOMETRY: None} if states else {})}
         convert.to_dataset(
-            arguments.input, dataset, chosen, advance, False, _skipped(arguments), names
+            *(arguments.input, dataset, chosen, advance, False, _skipped(arguments)),
+            _described(names),
         )
         seen = {}
         if images and arguments.staged.is_dir():
             seen = images.copy(arguments.staged, form, _comment(arguments), advance)
     if form == "euroc":
         _describe(arguments, states, names)
-    called = {kind: beside.topic_of(kind) for kind in names}
+    called = {kind: f"/{known_tables()[kind].topic}" for kind in names}
     counts = _rows(dataset, convert.READINGS, convert.TRUTH, called)
     return {**counts, **seen}, dataset.last_ns
 
@@ -360,18 +374,25 @@ def _describe(arguments: argparse.Namespace, states: bool, tables: Collection[st
     """Write sensor.yaml files; what the input does not tell is left out."""
     import numpy as np
 
-    def rate(name: str) -> float:
+    def rate(name: str, table: Table | None = None) -> float:
         first = np.empty(0, np.int64)
         with contextlib.suppress(InputError):  # no usable row
-            first = next(beside.stamps(arguments.staged, name), first)
+            first = next(beside.stamps(arguments.staged, name, table), first)
         period = float(np.median(np.diff(first))) if len(first) > 1 else 0.0
         return round(1e9 / period, 3) if period else 0.0
 
     pose = (np.eye(3), np.zeros(3))
     comment = _comment(arguments)
     text_writer.write_euroc_descriptions(arguments.staged, rate("imu0"), {}, *pose, comment, states)
-    for kind in tables:
-        text_writer.write_euroc_beside(arguments.staged, kind, 0, rate(f"{kind}0"), *pose, comment)
+    for table, _ in _described(dict.fromkeys(tables, "")):
+        own = rate(f"{table.name}0", table)
+        text_writer.write_euroc_beside(arguments.staged, table, 0, own, *pose, comment)
+
+
+def _described(names: Mapping[str, str]) -> list[tuple[Table, str]]:
+    """Return tables instead of their kinds."""
+    known = known_tables()
+    return [(known[kind], name) for kind, name in names.items()]
 
 
 def _progress(arguments: argparse.Namespace, total: int) -> Any:

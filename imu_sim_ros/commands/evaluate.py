@@ -109,7 +109,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def run(arguments: argparse.Namespace) -> None:
     """Read, associate, align, compare, and say what came out."""
-    kind = measured.kind_of(arguments)
+    kind = measured.table_of(arguments)
     if kind is not None:
         measured.evaluate(arguments, kind)
         return

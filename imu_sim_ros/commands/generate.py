@@ -29,11 +29,12 @@ from imu_sim_ros.datasets.topics import (
     in_tables,
     offered,
     sensors,
+    usual_topics,
 )
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.sensors import catalogue
 from imu_sim_ros.simulation.engine import SimulatedBody
-from imu_sim_ros.simulation.parameters import SimulationParameters
+from imu_sim_ros.simulation.parameters import SimulationParameters, carried
 from imu_sim_ros.simulation.playback import simulations
 from imu_sim_ros.simulation.topics import TYPES
 
@@ -49,12 +50,13 @@ BLOCK_SIZE: Final = 16384
 
 def parser() -> program.Parser:
     """Return the command's arguments."""
-    result = program.Parser(
+    result = _Parser(
         prog="generate",
         description=__doc__,
         examples=EXAMPLES,
     )
     program.add_simulation_arguments(result)
+    result.sensors = result.add_argument_group("sensors of the body (--set sensors=[NAME,...])")
     camera_output.add_arguments(result)
     add_skip_bad_rows(result)
     group = result.add_argument_group("output")
@@ -84,16 +86,29 @@ _LISTS: Final = {
     "--list-trajectories": ("trajectories", "included motions"),
     "--list-cameras": ("cameras", "included cameras"),
     "--list-scenes": ("scenes", "included scenes"),
+    "--list-sensors": ("sensors", "sensors of the body, those of other packages too"),
 }
 
 
+class _Parser(program.Parser):
+    """Its help names the sensors of other packages, for which it looks only then."""
+
+    sensors: Any
+
+    def format_help(self) -> str:
+        """Return the help text."""
+        self.sensors.description = "; ".join(catalogue.carried_lines()) or "none is installed"
+        return super().format_help()
+
+
 class _List(argparse.Action):
-    """Prints what a folder of config/ holds and exits, as --help does."""
+    """Prints what a folder of config/ holds, or the sensors, and exits, as --help does."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_arguments: object) -> None:
         """Print the list."""
         folder = str(self.const)
-        print(catalogue.table() if folder == "imus" else catalogue.listing(folder))
+        tables = {"imus": catalogue.table, "sensors": catalogue.carried_table}
+        print(tables[folder]() if folder in tables else catalogue.listing(folder))
         parser.exit()
 
 
@@ -106,13 +121,19 @@ def generate(arguments: argparse.Namespace) -> None:
     """Write what the arguments ask for."""
     started = time.perf_counter()
     asked = camera_output.parameters(arguments)
-    simulated = simulations(asked.simulator)
+    simulated, further = simulations(asked.simulator), asked.simulator.sensors
     names = chosen_topics(
         [name for name in arguments.topics.split(",") if name],
         arguments.imu_only,
         dict(arguments.topic),
         imus_of(simulated),
-        camera_output.topics(arguments, asked.rig),
+        [
+            *camera_output.topics(arguments, asked.rig),
+            *usual_topics(
+                further, bag_output.form(arguments), arguments.output, arguments.imu_only
+            ),
+        ],
+        further,
     )
     fastest = max(parameters.rate for parameters in simulated.values())
     bag_output.check_split(arguments.split_duration, 1.0 / fastest, asked.simulator.duration or 0.0)
@@ -143,7 +164,7 @@ def _generated(
     body = SimulatedBody(
         simulated,
         pose_reader=PoseReader(arguments, "generate"),
-        sensors=sensors(names, imus_of(simulated)),
+        sensors=sensors(names, imus_of(simulated), asked.simulator.sensors),
     )
     if body.total is None:
         raise ConfigurationError(
@@ -190,7 +211,8 @@ def _bag(
     cameras: Any,
 ) -> Iterator[Any]:
     """Open a bag; it is complete when the block ends without an error."""
-    known = offered(imus_of(parameters))
+    imus = imus_of(parameters)
+    known = offered(imus, tuple(carried(parameters[body_of(imus)])))
     with open_writer(
         output,
         arguments.storage,
@@ -223,27 +245,29 @@ def _target(
         with _bag(arguments, output, parameters, names, cameras) as bag:
             yield bag
         return
-    tables = in_tables(names, form, imus)
+    body = parameters[body_of(imus)]
+    further = tuple(carried(body))
+    tables = in_tables(names, form, imus, further)
     if form in camera_output.CAMERA_FORMATS:
         with camera_output.opened(form, output, cameras, names, parameters, arguments) as seen:
             yield seen
         return
     states = TRUTH_TOPIC in names
     with text_writer.Dataset(output, form, states, len(imus), tables) as dataset:
-        target = DatasetTarget(dataset, imus)
+        target = DatasetTarget(dataset, imus, further)
         if cameras is None:
             yield target
         else:
-            comment = f"simulated by imu_sim_ros, seed {parameters[body_of(imus)].seed}"
+            comment = f"simulated by imu_sim_ros, seed {body.seed}"
             with camera_output.images(form, output, cameras, arguments, comment) as seen:
-                target = camera_output.CameraTarget(dataset, seen, imus)
+                target = camera_output.CameraTarget(dataset, seen, imus, further)
                 yield target
         if form == "euroc":
             from imu_sim_ros.commands.configurations import describe
 
             for k, name in enumerate(imus):
                 own = [table for table, imu in tables if imu == k]
-                describe(output, k, parameters[name], states, own)
+                describe(output, k, parameters[name], states, own, body)
     target.files = dataset.files
 
 

@@ -13,6 +13,7 @@ from imu_sim_ros import program, rotation
 from imu_sim_ros.bags import beside
 from imu_sim_ros.bags.beside import Beside, read_beside
 from imu_sim_ros.bags.read import open_bag
+from imu_sim_ros.bags.tables import Table
 from imu_sim_ros.bags.text.reader import is_text
 from imu_sim_ros.commands.inputs import skipped_rows
 from imu_sim_ros.errors import InputError
@@ -26,11 +27,11 @@ from imu_sim_ros.navigation.evaluation import (
     statistics,
     tilt_and_heading,
 )
+from imu_sim_ros.sensors import known_tables
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.types import Array
 
 _UNFIT: Final = ("align", "rpe", "time_offset", "tracks", "output", "plot")
-_UNITS: Final = {"mag": "T", "pressure": "Pa"}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -42,15 +43,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def kind_of(arguments: argparse.Namespace) -> str | None:
-    """Return what the estimate is, mag, pressure or orientation; None: a trajectory.
+def table_of(arguments: argparse.Namespace) -> Table | None:
+    """Return what the estimate is, as sensors declare their tables; None: a trajectory.
 
     :raises InputError: for arguments that apply to trajectories only, or the other way round.
     """
     kind = None
     if arguments.estimate_topic is not None:
-        kind = beside.kind_of(arguments.estimate, arguments.estimate_topic)
-    unfit = [] if kind == "orientation" or arguments.imu is None else ["imu"]
+        kind = beside.table_of(arguments.estimate, arguments.estimate_topic, known_tables())
+    of_orientation = kind is not None and kind.of_readings
+    unfit = [] if of_orientation or arguments.imu is None else ["imu"]
     if kind is not None:
         unfit += [name for name in _UNFIT if getattr(arguments, name) not in (None, False, "none")]
     if unfit:
@@ -61,16 +63,16 @@ def kind_of(arguments: argparse.Namespace) -> str | None:
     return kind
 
 
-def evaluate(arguments: argparse.Namespace, kind: str) -> None:
+def evaluate(arguments: argparse.Namespace, kind: Table) -> None:
     """Read, compare, and say what came out."""
     skipped = skipped_rows(arguments, "evaluate", arguments.estimate)
     measured = read_beside(arguments.estimate, kind, arguments.estimate_topic, skipped)
     where = f"{arguments.estimate}, {arguments.estimate_topic}"
-    if kind == "orientation" and not len(measured.t_ns):
+    if kind.of_readings and not len(measured.t_ns):
         raise InputError(f"{where}: no message has an orientation: orientation_covariance[0] is -1")
     if len(measured.t_ns) < 2:
         raise InputError(f"{where}: {len(measured.t_ns)} values; two or more are needed")
-    if kind == "orientation":
+    if kind.of_readings:
         result = _orientation(arguments, measured)
     else:
         result = _readings(arguments, measured, kind)
@@ -109,7 +111,7 @@ def _mounting(arguments: argparse.Namespace) -> Array:
     return rotation.from_matrix(np.reshape(imu.mounting, (3, 3)))
 
 
-def _readings(arguments: argparse.Namespace, measured: Beside, kind: str) -> dict[str, Any]:
+def _readings(arguments: argparse.Namespace, measured: Beside, kind: Table) -> dict[str, Any]:
     """Compare readings with the ideal ones of a recording and, where it has them, their biases."""
     truths = beside.truths_of(kind, arguments.estimate_topic)
     ideal_topic = arguments.truth_topic or truths.ideal
@@ -121,8 +123,8 @@ def _readings(arguments: argparse.Namespace, measured: Beside, kind: str) -> dic
     t_ns = measured.t_ns[rows]
     errors = measured.values[rows] - interpolate_vectors(truth.t_ns, truth.values, t_ns)
     result = {
-        **_common(arguments, kind, measured, rows),
-        "unit": _UNITS[kind],
+        **_common(arguments, kind.name, measured, rows),
+        "unit": kind.quantity.unit,
         "error": _moments(errors),
         "error_without_bias": None,
     }

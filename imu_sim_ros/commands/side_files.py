@@ -7,19 +7,17 @@ import dataclasses
 import glob
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Any, Final
 
 from imu_sim_ros.commands.outputs import named
-from imu_sim_ros.datasets.topics import imus_of
+from imu_sim_ros.datasets.topics import body_of, imus_of
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import is_present
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors.realised import realised_imu
-from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
-
-if TYPE_CHECKING:
-    pass
+from imu_sim_ros.sensors.registry import find_sensor
+from imu_sim_ros.simulation.parameters import SimulationParameters, carried, load_simulation
 
 _SUFFIXES: Final = (".bag", ".mcap", ".csv")
 """What is not part of the name of the truth; folders have none of them."""
@@ -64,8 +62,11 @@ def new_truths(output: Path, simulated: Mapping[str, SimulationParameters]) -> d
     :raises InputError: where another output of this name has another sensor.
     """
     result, problems = {}, []
-    for name in imus_of(simulated):
-        path, text = _truth(output, name), _truth_text(simulated[name])
+    texts = {name: _truth_text(simulated[name]) for name in imus_of(simulated)}
+    body = simulated[body_of(imus_of(simulated))]
+    texts |= {name: _sensor_text(body, name) for name in carried(body)}
+    for name, text in texts.items():
+        path = _truth(output, name)
         there = _read(path)
         if there == text:
             continue
@@ -81,8 +82,8 @@ def new_truths(output: Path, simulated: Mapping[str, SimulationParameters]) -> d
     return result
 
 
-def _truth(output: Path, imu: str) -> Path:
-    own = f"_{imu}" if imu else ""
+def _truth(output: Path, name: str) -> Path:
+    own = f"_{name}" if name else ""
     return output.parent / f"{_stem(output)}_truth{own}.yaml"
 
 
@@ -110,19 +111,38 @@ def _read(path: Path) -> str | None:
         return ""
 
 
+def _world(parameters: SimulationParameters) -> dict[str, Any]:
+    """Return what differs from the usual world."""
+    return {
+        name: getattr(parameters, name)
+        for name in _WORLD
+        if getattr(parameters, name) != getattr(SimulationParameters, name)
+    }
+
+
+def _sensor_text(parameters: SimulationParameters, name: str) -> str:
+    """Return a sensor of the body of this run, as ``--params-file`` takes it."""
+    own = find_sensor(name).realised(getattr(parameters, name), parameters.seed)
+    values = {f"{name}.{key}": value for key, value in flatten(own).items()}
+    return files.text(
+        {**_world(parameters), "sensors": (name,), **values},
+        comment=f"The sensor {name} of this run, with what seed {parameters.seed} drew in the "
+        "places of the parameters.\ngenerate --params-file FILE simulates the same unit.",
+    )
+
+
 def _truth_text(parameters: SimulationParameters) -> str:
     """Return the sensor of this run: every constant that its seed drew, in its parameter's place.
 
     ``calibrate --truth`` and ``allan --truth`` take it, and ``--imu`` for the same unit again.
     """
     imu = dataclasses.replace(realised_imu(parameters.imu, parameters.seed), preset="perfect")
-    world = {
-        name: getattr(parameters, name)
-        for name in _WORLD
-        if getattr(parameters, name) != getattr(SimulationParameters, name)
-    }
     return files.text(
-        {"rate": parameters.rate, **world, **{f"imu.{k}": v for k, v in flatten(imu).items()}},
+        {
+            "rate": parameters.rate,
+            **_world(parameters),
+            **{f"imu.{k}": v for k, v in flatten(imu).items()},
+        },
         comment=f"The sensor of this run: preset {parameters.imu.preset}, with the turn-on "
         f"biases and scales\nthat seed {parameters.seed} drew in the places of the parameters. "
         "For calibrate --truth and allan --truth;\ngenerate --imu FILE simulates the same unit.",

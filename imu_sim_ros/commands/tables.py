@@ -12,6 +12,9 @@ import numpy as np
 from imu_sim_ros import program
 from imu_sim_ros.calibration.deterministic import correction
 from imu_sim_ros.conventions import TRIADS
+from imu_sim_ros.parameters.sections import parameters
+from imu_sim_ros.sensors import auxiliary_sensors
+from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.types import Array
 
 _DIGITS = 1e-12  # of a noise-free result, relative
@@ -23,7 +26,6 @@ _UNITS = {
     "accelerometer_temperature_bias": "m/s^2/K^k",
     "gyroscope_temperature_scale": "1/K^k",
     "accelerometer_temperature_scale": "1/K^k",
-    "magnetometer_hard_iron": "T",
     "reference_temperature": "degC",
 }
 
@@ -50,7 +52,8 @@ def print_all(
     """Print a calibration's facts, parameters and files."""
     for name, fact in facts.items():
         print(f"{name}: {_shown(fact)}")
-    for triad in (*TRIADS, "magnetometer", "reference"):
+    sensors = (*TRIADS, *(sensor.name for sensor in auxiliary_sensors()), "reference")
+    for triad in sensors:
         own = {name: found for name, found in values.items() if name.startswith(triad)}
         _print_group(triad, own, true)
     for path in files:
@@ -68,13 +71,21 @@ def _print_group(triad: str, values: correction.Parameters, true: dict[str, Arra
                 f"{short} {label}",
                 f"{found.value[k]:.6g}",
                 f"{found.sigma[k]:.2g}" if found.sigma[k] > 0.0 else "",
-                _UNITS.get(name, "1"),
+                _unit(name),
             ]
             if true:
                 row += _deviation(found.value[k], found.sigma[k], true[name][k])
             rows.append(row)
     if rows:
         program.print_table(header, rows, f"{triad.capitalize()}; sigma: standard error")
+
+
+def _unit(name: str) -> str:
+    """Return a parameter's unit: that of polynomials for each power k, else as it is declared."""
+    if name in _UNITS:
+        return _UNITS[name]
+    declared = parameters(ImuParameters).get(name)
+    return declared.unit if declared is not None else "1"
 
 
 def _shown(fact: object) -> str:

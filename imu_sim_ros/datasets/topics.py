@@ -13,7 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags.text.writer import BESIDE, Dataset, States
+from imu_sim_ros.bags.tables import Table
+from imu_sim_ros.bags.text.writer import WITH_TABLES, Dataset, States
 from imu_sim_ros.bags.writer import Block, Topic, Writer, amount, described
 from imu_sim_ros.conventions import (
     IMU_TOPIC,
@@ -24,9 +25,19 @@ from imu_sim_ros.names import unknown
 from imu_sim_ros.sensors import auxiliary_sensors
 from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.declaration import Sensor
-from imu_sim_ros.simulation.parameters import SampledParameters
+from imu_sim_ros.sensors.registry import find_sensor
+from imu_sim_ros.simulation.parameters import SampledParameters, carried
 from imu_sim_ros.simulation.playback import BODY
-from imu_sim_ros.simulation.topics import OF_THE_BODY, TYPES, Encode, delivered, encoder, sensors_of
+from imu_sim_ros.simulation.topics import (
+    OF_THE_BODY,
+    TYPES,
+    Encode,
+    delivered,
+    encoder,
+    sensors_of,
+    topics_of,
+    types,
+)
 
 Blocks = Mapping[str, ImuBlock]
 """Blocks of the simulations of one body by name; a single IMU has an empty name."""
@@ -34,9 +45,13 @@ SINGLE = ("",)
 """The names of the IMUs where there is one only."""
 
 
-def _tables() -> dict[str, Sensor]:
-    """Return the auxiliary sensors by the topic that has a table of its own in a dataset."""
-    return {sensor.topics[0].name: sensor for sensor in auxiliary_sensors()}
+def _tables(further: Iterable[str] = ()) -> dict[str, Sensor]:
+    """Return the sensors beside the IMU by the topic that has a table of its own in a dataset.
+
+    :param further: names of sensors of the body.
+    """
+    known = (*auxiliary_sensors(), *map(find_sensor, further))
+    return {sensor.topics[0].name: sensor for sensor in known}
 
 
 class _Output(NamedTuple):
@@ -62,12 +77,14 @@ class BagTarget:
         """
         self.writer = writer
         simulated = imus_of(parameters)
-        sources, self.body = offered(simulated), body_of(simulated)
+        self.body = body_of(simulated)
+        further = tuple(carried(parameters[self.body]))
+        sources, known = offered(simulated, further), types(further)
         self.world_frame = parameters[self.body].world_frame
         self.fastest = max(simulation.rate for simulation in parameters.values())
         self._outputs = [
             _Output(
-                writer.add_topic(resolved(name), TYPES[key]),
+                writer.add_topic(resolved(name), known[key]),
                 simulation,
                 parameters[simulation],
                 encoder(key, parameters[simulation], writer.encoding),
@@ -107,11 +124,16 @@ class BagTarget:
 class DatasetTarget:
     """Blocks of samples into text."""
 
-    def __init__(self, dataset: Dataset, imus: Sequence[str] = SINGLE) -> None:
+    def __init__(
+        self, dataset: Dataset, imus: Sequence[str] = SINGLE, further: Sequence[str] = ()
+    ) -> None:
         """Join simulations with the files of a dataset.
 
         :param imus: the names of the IMUs: imu0, imu1, ... of the dataset.
+        :param further: names of the sensors of the body.
         """
+        self._tables = {one.table.name: one for one in _tables(further).values()}
+        self._further = tuple(further)
         self.dataset = dataset
         self.files: Sequence[Path] = ()
         self._imus = tuple(imus)
@@ -131,10 +153,10 @@ class DatasetTarget:
             **{resolved(f"{name}/{IMU_TOPIC}"): file.rows for name, file in readings},
             **{resolved(f"{_space(name)}{TRUTH_TOPIC}"): file.rows for name, file in states},
             **{
-                resolved(f"{_space(self._imus[k])}{topic}"): self.dataset.beside[kind, k].rows
-                for topic, kind in ((name, one.table.name) for name, one in _tables().items())
-                for k in range(len(self._imus))
-                if (kind, k) in self.dataset.beside
+                resolved(
+                    f"{_space(self._of(kind, k))}{self._tables[kind].topics[0].name}"
+                ): file.rows
+                for (kind, k), file in self.dataset.beside.items()
             },
         }
 
@@ -144,11 +166,16 @@ class DatasetTarget:
             if name in blocks:
                 self.dataset.write_imu(*delivered(blocks[name]), k)
         for kind, k in self.dataset.beside:
-            if self._imus[k] in blocks:
-                self.dataset.write_beside(kind, k, *_table(kind, blocks[self._imus[k]]))
+            name = self._of(kind, k)
+            if name in blocks:
+                self.dataset.write_beside(kind, k, *_rows(self._tables[kind], blocks[name]))
         for k, name in enumerate(self._states[: len(self.dataset.truths)]):
             if name in blocks:
                 self.dataset.write_states(_states(blocks[name]), k)
+
+    def _of(self, kind: str, k: int) -> str:
+        """Return the name of the simulation that a table is from."""
+        return body_of(self._imus) if self._tables[kind].name in self._further else self._imus[k]
 
 
 def _states(block: ImuBlock) -> States:
@@ -163,31 +190,44 @@ def _states(block: ImuBlock) -> States:
     )
 
 
-def _table(kind: str, block: ImuBlock) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return stamps (n,) and values (n, m) of what an auxiliary sensor delivered."""
-    sensor = next(one for one in auxiliary_sensors() if one.table.name == kind)
+def _rows(sensor: Sensor, block: ImuBlock) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return stamps (n,) and values (n, m) of what a sensor delivered."""
     read = block.auxiliary[sensor.quantity]
-    return read.t_ns[read.delivered], sensor.table.values(read)[read.delivered]
+    return read.t_ns[read.delivered], sensor.values(read)[read.delivered]
 
 
 def in_tables(
-    names: Iterable[str], form: str, imus: Sequence[str] = SINGLE
-) -> list[tuple[str, int]]:
-    """Return the tables that auxiliary sensors have in a dataset: kind, number of the IMU.
+    names: Iterable[str], form: str, imus: Sequence[str] = SINGLE, further: Sequence[str] = ()
+) -> list[tuple[Table, int]]:
+    """Return the tables that sensors have in a dataset, each with the number of the IMU.
 
     :param names: of topics that are written.
+    :param further: names of the sensors of the body; their tables have the number 0.
     :raises InputError: with a line for each topic that the form does not have.
     """
-    known, having, tables, unfit = offered(imus), _tables(), [], []
+    known, having, tables, unfit = offered(imus, further), _tables(further), [], []
     for name in names:
         imu, key = known[name]
-        if key in having and form in BESIDE:
-            tables.append((having[key].table.name, list(imus).index(imu)))
+        if key in having and form in WITH_TABLES:
+            tables.append((having[key].table, list(imus).index(imu) if imu in imus else 0))
         elif key not in (IMU_TOPIC, TRUTH_TOPIC):
             unfit.append(f"topic {name}: does not exist in {form}")
     if unfit:
         raise InputError(unfit)
     return tables
+
+
+def usual_topics(further: Iterable[str], form: str | None, path: Path, imu_only: bool) -> list[str]:
+    """Return the topics of sensors of the body that are written where none is named.
+
+    :param form: of a dataset, which has tables of readings; None: of a bag, which has all.
+    :param imu_only: without the truth.
+    """
+    if form is not None and (form not in WITH_TABLES or path.suffix.lower() == ".csv"):
+        return []
+    without_truth = imu_only or form is not None
+    topics = [topic for name in further for topic in topics_of(name)]
+    return [topic.name for topic in topics if not (without_truth and topic.truth)]
 
 
 def resolved(name: str) -> str:
@@ -210,10 +250,14 @@ def _space(name: str) -> str:
     return "" if name in ("", BODY) else f"{name}/"
 
 
-def offered(imus: Sequence[str] = SINGLE) -> dict[str, tuple[str, str]]:
-    """Return all topics as the simulator node names them: each one's simulation and key of TYPES.
+def offered(
+    imus: Sequence[str] = SINGLE, further: Iterable[str] = ()
+) -> dict[str, tuple[str, str]]:
+    """Return all topics as the simulator node names them: each one's simulation and own name.
 
     Several IMUs have a namespace each; the body's motion is the truth of all.
+
+    :param further: names of the sensors of the body.
     """
     body = body_of(imus)
     own = {
@@ -222,14 +266,21 @@ def offered(imus: Sequence[str] = SINGLE) -> dict[str, tuple[str, str]]:
         for key in TYPES
         if key not in OF_THE_BODY
     }
-    return {**own, **{key: (body, key) for key in OF_THE_BODY}}
+    of_body = (*OF_THE_BODY, *(topic.name for name in further for topic in topics_of(name)))
+    return {**own, **{key: (body, key) for key in of_body}}
 
 
-def sensors(names: Iterable[str], imus: Sequence[str] = SINGLE) -> dict[str, frozenset[str]]:
-    """Return what has to be read beside each IMU, by its name, for topics of :func:`offered`."""
-    known = offered(imus)
+def sensors(
+    names: Iterable[str], imus: Sequence[str] = SINGLE, further: Sequence[str] = ()
+) -> dict[str, frozenset[str]]:
+    """Return what has to be read beside each IMU, by its name, for topics of :func:`offered`.
+
+    :param further: names of the sensors of the body.
+    """
+    known = offered(imus, further)
     pairs = [known[name] for name in names if name in known]
-    return {imu: sensors_of(key for name, key in pairs if name == imu) for imu in imus}
+    every = dict.fromkeys([*imus, body_of(imus)])
+    return {imu: sensors_of((key for name, key in pairs if name == imu), further) for imu in every}
 
 
 def chosen_topics(
@@ -238,17 +289,18 @@ def chosen_topics(
     renamed: Mapping[str, str],
     imus: Sequence[str] = SINGLE,
     more: Iterable[str] = (),
+    further: Sequence[str] = (),
 ) -> dict[str, str]:
     """Return the topics to write, each with its name in the bag.
 
     :param topics: a name without a namespace stands for that topic of every IMU.
     :param imus: the names of the IMUs.
     :param more: topics besides those of the IMUs and the body: of cameras.
+    :param further: names of the sensors of the body.
     :raises InputError: with a line for every name that is unknown or given twice.
     """
-    more = tuple(more)
+    more, known = tuple(more), offered(imus, further)
     wanted = list(topics) or [IMU_TOPIC, *([] if imu_only else [TRUTH_TOPIC]), *more]
-    known = offered(imus)
     names: list[str] = []
     for name in (name.strip().lstrip("/") for name in wanted):
         of_all = [full for full, (_, key) in known.items() if key == name and full != name]

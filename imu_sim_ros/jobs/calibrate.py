@@ -206,9 +206,10 @@ def calibrate_magnetometer(
     if isinstance(readings, Flight):
         values = readings.magnetic_field.field
     elif isinstance(readings, str | PathLike):
-        from imu_sim_ros.bags.beside import read_magnetic_field
+        from imu_sim_ros.bags.beside import read_measured
+        from imu_sim_ros.sensors.magnetometer.declaration import SENSOR
 
-        _, values = read_magnetic_field(arguments.path("readings", readings, BAG_OR_FILE))
+        _, values = read_measured(arguments.path("readings", readings, BAG_OR_FILE), SENSOR.table)
     else:
         values = arguments.array("readings", readings, (None, 3))
         gate.Verdict(None, [(gate.FIELD, values)]).complain("readings")

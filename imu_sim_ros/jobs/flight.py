@@ -31,8 +31,9 @@ from imu_sim_ros.jobs.readings import (
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors import auxiliary_sensors
 from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.sensors.registry import find_sensor, in_use
 from imu_sim_ros.simulation.engine import Simulation
-from imu_sim_ros.simulation.parameters import SampledParameters
+from imu_sim_ros.simulation.parameters import SampledParameters, carried
 from imu_sim_ros.timebase import span
 from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.types import Array
@@ -154,22 +155,25 @@ class Flight:
         return self._joined("temperature")
 
     def __getattr__(self, name: str) -> Any:
-        """Return what an auxiliary sensor read, at its own rate and stamps.
+        """Return what another sensor read, at its own rate and stamps.
 
         ``magnetic_field`` is a :class:`MagneticReadings`, ``orientation`` are
-        :class:`Orientations`, ``pressure`` is a :class:`PressureReadings`.
+        :class:`Orientations`, ``pressure`` is a :class:`PressureReadings`; a sensor of one's own
+        has its name.
 
         :raises ConfigurationError: for one that was not simulated.
         """
-        for sensor in auxiliary_sensors():
-            if sensor.quantity == name:
-                found = self.__dict__[name] = joined(self._blocks, sensor)
-                return found
+        if not name.startswith("_"):
+            for sensor in (*auxiliary_sensors(), *in_use()):
+                if sensor.quantity == name:
+                    found = self.__dict__[name] = joined(self._blocks, sensor)
+                    return found
         raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
     def __dir__(self) -> list[str]:
         """Return all names, those of the auxiliary sensors too."""
-        return sorted({*super().__dir__(), *(sensor.quantity for sensor in auxiliary_sensors())})
+        known = (*auxiliary_sensors(), *map(find_sensor, carried(self.parameters)))
+        return sorted({*super().__dir__(), *(sensor.quantity for sensor in known)})
 
     @cached_property
     def truth(self) -> Truth:
@@ -232,7 +236,8 @@ class Flight:
         :param path: ``NAME.bag`` is a ROS 1 bag, ``NAME.mcap`` one MCAP file, ``NAME.csv`` a table,
             anything else a rosbag2 folder. Parents are made.
         :param format: ``euroc`` or ``csv`` for a dataset.
-        :param topics: by default the readings and ``ground_truth/odom``.
+        :param topics: by default the readings and ``ground_truth/odom``, and those of the sensors
+            of the body.
         :param imu_only: without the truth.
         :param rename: another name in the bag for a topic, ``{"imu/data_raw": "/imu0"}``.
         :param force: replace what exists, but never the file of the trajectory.
@@ -244,7 +249,7 @@ class Flight:
         >>> flight.save(folder / "flight.bag", rename={"imu/data_raw": "/imu0"}).name
         'flight.bag'
         """
-        from imu_sim_ros.datasets.topics import chosen_topics
+        from imu_sim_ros.datasets.topics import chosen_topics, usual_topics
         from imu_sim_ros.simulation.topics import sensors_of
 
         path = checked_place(path, force)
@@ -252,8 +257,11 @@ class Flight:
         arguments.switch("imu_only", imu_only)
         if format is not None:
             arguments.one_of("format", format, ("csv", "euroc"))
-        names = chosen_topics(wanted, imu_only, _renamed(rename))
-        for sensor in sensors_of(names):
+        further = tuple(carried(self.parameters))
+        form = format or ("csv" if path.suffix == ".csv" else None)
+        usual = usual_topics(further, form, path, imu_only)
+        names = chosen_topics(wanted, imu_only, _renamed(rename), more=usual, further=further)
+        for sensor in sensors_of(names, further):
             getattr(self, sensor)  # refused before anything is written
         with saved(path, force, flatten(self.parameters).values()) as place:
             self._write(place, format, names)
@@ -272,9 +280,10 @@ class Flight:
                     bag.write({"": block})
             return
         form = format or "csv"
-        tables = in_tables(names, form)
+        further = tuple(carried(self.parameters))
+        tables = in_tables(names, form, further=further)
         with text.Dataset(path, form, TRUTH_TOPIC in names, beside=tables) as dataset:
-            rows = DatasetTarget(dataset)
+            rows = DatasetTarget(dataset, further=further)
             for block in self._blocks:
                 rows.write({"": block})
 

@@ -23,6 +23,7 @@ from imu_sim_ros.rotation import from_euler, rotate
 from imu_sim_ros.sensors import auxiliary_sensors
 from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.declaration import Sensor
+from imu_sim_ros.sensors.registry import find_sensor, in_use
 from imu_sim_ros.timebase import span
 from imu_sim_ros.types import Array, Times
 
@@ -255,15 +256,21 @@ def frame(t_ns: Times, columns: Mapping[str, Array]) -> Any:
 
 
 def checked_sensors(names: Collection[str]) -> frozenset[str]:
-    """Return the names of auxiliary sensors.
+    """Return the names of sensors: what auxiliary ones measure, and those of the body.
 
     :raises ConfigurationError: with a line for each that does not exist.
     """
     given = words("sensors", names)
     known = [sensor.quantity for sensor in auxiliary_sensors()]
-    unknown = [
-        f"sensors: {name!r}: {suggestion(name, known)}" for name in given if name not in known
-    ]
+    unknown: list[str] = []
+    for name in dict.fromkeys(given):
+        if name not in known:
+            try:
+                find_sensor(name)
+            except ConfigurationError as error:
+                everything = [*known, *(sensor.name for sensor in in_use())]
+                missing = f"sensors: {name!r}: {suggestion(name, everything)}"
+                unknown += error.problems if "loaded" in str(error) else [missing]
     if unknown:
         raise ConfigurationError(unknown)
     return frozenset(given)

@@ -27,7 +27,7 @@ from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.sensors import auxiliary_sensors
 from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.simulation.engine import BLOCK_SIZE, Simulation
-from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
+from imu_sim_ros.simulation.parameters import SimulationParameters, carried, load_simulation
 from imu_sim_ros.simulation.playback import SimulatorParameters, of_the_node
 from imu_sim_ros.trajectory.build import PoseReader, build_trajectory
 from imu_sim_ros.trajectory.given import given_trajectory
@@ -71,7 +71,8 @@ def simulate(
     :param seed: of all random streams.
     :param params_file: a ROS 2 parameter file below all other arguments.
     :param sensors: what is simulated beside the IMU: ``magnetic_field``, ``orientation``,
-        ``pressure``; by default what the file publishes (``publish.magnetic_field``, ...).
+        ``pressure``, or a sensor of the body by its name; by default what the file publishes
+        (``publish.magnetic_field``, ...) or names.
     :param parameters: any other parameter by its ROS name; sections are mappings:
         ``gravity=[0, 0, -9.8]``.
     :raises ConfigurationError: with a line for each problem.
@@ -171,9 +172,12 @@ def _simulation(
     given = {"duration": None if duration is None else _seconds(duration), "rate": rate}
     given["seed"] = seed
     own.update({name: value for name, value in given.items() if value is not None})
+    if sensors is not None:
+        quantities = [sensor.quantity for sensor in auxiliary_sensors()]
+        own["sensors"] = sorted(name for name in beside if name not in quantities)
     built: SimulationParameters = load_simulation(below, own)
     moving = build_trajectory(built.trajectory, motion.pose_reader, motion.given)
-    simulation = Simulation(built, trajectory=moving, sensors=beside)
+    simulation = Simulation(built, trajectory=moving, sensors={*beside, *carried(built)})
     if simulation.total is None:
         raise ConfigurationError(
             "duration: this trajectory has no end; give a duration, duration=60"

@@ -11,6 +11,7 @@ from imu_sim_ros.bags.recorder_parameters import RecorderParameters
 from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.parameters.kinds import Parameter
 from imu_sim_ros.parameters.sections import parameters
+from imu_sim_ros.sensors.registry import all_sensors
 from imu_sim_ros.simulation.playback import SimulatorParameters
 
 
@@ -105,7 +106,12 @@ def parser(name: str) -> argparse.ArgumentParser:
     result.add_argument("--debug", action="store_true", help="show the traceback of an error")
     result.add_argument("--version", action="store_true", help="print the package's version")
     group = result.add_argument_group("parameters (* changes while the node runs)")
-    for key, parameter in parameters(program.section).items():
+    known = dict(parameters(program.section))
+    if name == "simulator":
+        for sensor in all_sensors()[0]:
+            own = parameters(sensor.section)
+            known |= {f"{sensor.name}.{key}": parameter for key, parameter in own.items()}
+    for key, parameter in known.items():
         mark = " *" if parameter.live else ""
         words = f"{parameter.text}{mark} ({parameter.allowed()}; default {_plainly(parameter)})"
         group.add_argument(f"--{key}", metavar="VALUE", help=words.replace("%", "%%"))

@@ -133,13 +133,11 @@ def _residuals(
     return figure
 
 
-def draw_magnetometer(
-    result: Ellipsoid, readings: Array, path: str | Path, source: str = ""
-) -> None:
+def draw_ellipsoid(result: Ellipsoid, readings: Array, path: str | Path, source: str) -> None:
     """Write the field's strength as read and as corrected, and what is left over the directions.
 
     :param readings: (n, 3) [T].
-    :param source: name of the bag, for the title.
+    :param source: what was read, and from which bag, for the title.
     """
     corrected = np.linalg.solve(result.soft_iron, (readings - result.hard_iron).T).T
     thin = slice(None, None, max(len(readings) // 4000, 1))
@@ -161,7 +159,7 @@ def draw_magnetometer(
     right.set_xticks(np.arange(-180, 181, 90))
     right.set_ylabel("z of the field's direction")
     figure.colorbar(shown, ax=right, label="residual [µT]")
-    figure.suptitle(f"{_named(source)}magnetometer, {len(readings)} readings")
+    figure.suptitle(f"{source}, {len(readings)} readings")
     style.save(figure, path)
 
 

@@ -21,6 +21,7 @@ from imu_sim_ros.bags.reader import Bag, told
 from imu_sim_ros.calibration.noise.deviation import Deviation, DeviationAccumulator
 from imu_sim_ros.errors import ImuSimError
 from imu_sim_ros.reports.page import Item, table
+from imu_sim_ros.sensors import auxiliary_sensors
 from imu_sim_ros.types import Array, Times
 
 _FIRST: Final = 64
@@ -31,7 +32,7 @@ _WIDTH: Final = 180
 """Pixels of an image of the strip."""
 _MOST_CAMERAS: Final = 4
 _IMAGE_TYPES: Final = (IMAGE, COMPRESSED_IMAGE)
-_UNITS: Final = {"gyroscope": "rad/s", "accelerometer": "m/s^2", "magnetometer": "T"}
+_UNITS: Final = {"gyroscope": "rad/s", "accelerometer": "m/s^2"}
 
 
 class _Passed:
@@ -164,9 +165,15 @@ def bias_series(path: Path, topics: Sequence[TopicInfo]) -> list[tuple[str, str,
             rows = extremes(values[:, k])
             line = {"name": axis, "colour": k, "x": t_s[rows], "y": values[rows, k]}
             series.append(line | {"thin": True})
-        unit = next((unit for name, unit in _UNITS.items() if name in topic.name), "")
+        unit = next((unit for name, unit in _bias_units().items() if name in topic.name), "")
         found.append((f"Bias: {topic.name}", unit, series))
     return found
+
+
+def _bias_units() -> dict[str, str]:
+    """Return the units of biases by what their topics are called."""
+    tables = [sensor.table for sensor in auxiliary_sensors()]
+    return _UNITS | {table.truths[1]: table.quantity.unit for table in tables if table.truths}
 
 
 PARTS: Final = 500

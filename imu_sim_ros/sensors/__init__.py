@@ -3,8 +3,9 @@
 
 """What the body carries: one folder a sensor, and what all of them share.
 
-The auxiliary sensors of a board are listed here, each with the declaration in its folder. Engine,
-node, ``generate``, datasets and Python go through this list and name none of them.
+The sensors are listed here, each with the declaration in its folder. Engine, node, ``generate``,
+datasets, reports and Python go through these lists and name none of them; other packages add theirs
+(:mod:`imu_sim_ros.sensors.registry`).
 """
 
 from functools import cache
@@ -12,10 +13,13 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
+    from imu_sim_ros.bags.tables import Table
     from imu_sim_ros.sensors.declaration import Sensor
 
 AUXILIARY: Final = ("magnetometer", "orientation", "barometer")
-"""A sensor that another one needs comes before it."""
+"""On the board of each IMU. A sensor that another one needs comes before it."""
+CARRIED: Final[tuple[str, ...]] = ()
+"""Of the body, for the parameter ``sensors``."""
 
 
 @cache
@@ -26,6 +30,27 @@ def auxiliary_sensors() -> "tuple[Sensor, ...]":
     )
 
 
+@cache
+def auxiliary_sections() -> dict[str, type]:
+    """Return the parameters of all auxiliary sensors by name."""
+    return {
+        name: import_module(f"imu_sim_ros.sensors.{name}.parameters").SECTION for name in AUXILIARY
+    }
+
+
 def with_faults() -> dict[str, str]:
-    """Return the names of the auxiliary sensors that have faults, each with what it measures."""
-    return {sensor.name: sensor.quantity for sensor in auxiliary_sensors() if sensor.faults}
+    """Return the names of the sensors that have faults, each with what it measures.
+
+    Those of the body are among them once they are in use.
+    """
+    from imu_sim_ros.sensors.registry import in_use
+
+    known = (*auxiliary_sensors(), *in_use())
+    return {sensor.name: sensor.quantity for sensor in known if sensor.faults}
+
+
+def known_tables() -> "dict[str, Table]":
+    """Return the tables of readings beside those of an IMU, by name."""
+    from imu_sim_ros.sensors.registry import in_use
+
+    return {one.table.name: one.table for one in (*auxiliary_sensors(), *in_use())}

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The sensors that come with the package, as the header of each file describes them."""
+"""The sensors that come with the package, and the sensors of the body that can be named."""
 
 import re
 from collections.abc import Iterator
@@ -9,6 +9,8 @@ from itertools import takewhile
 from typing import Final, NamedTuple
 
 from imu_sim_ros.parameters import files
+from imu_sim_ros.parameters.sections import parameters
+from imu_sim_ros.sensors.registry import all_sensors
 
 _GRADE: Final = re.compile(r"^# Grade: (?P<grade>.+?)\. Price class: (?P<price>.+)\.$")
 _SOURCE: Final = re.compile(r"^# (?P<source>\[\d\] .+)$")
@@ -59,6 +61,29 @@ def _sources(head: list[str]) -> Iterator[str]:
             words = []
         if begin or goes_on:
             words.append(begin["source"] if begin else line.removeprefix(_INDENT))
+
+
+def carried_lines() -> list[str]:
+    """Return the sensors of the body that can be named, a line each; those of other packages too.
+
+    What cannot be loaded has its reason.
+    """
+    found, problems = all_sensors()
+    return [f"{sensor.name}: {sensor.text or 'no description'}" for sensor in found] + problems
+
+
+def carried_table() -> str:
+    """Return the sensors of the body as text: topics, then parameters with default and unit."""
+    found, problems = all_sensors()
+    lines = []
+    for sensor in found:
+        lines.append(f"{sensor.name:12} {sensor.text}")
+        lines += [f"{'':12} {topic.name} ({topic.type})" for topic in sensor.topics]
+        for name, known in parameters(sensor.section).items():
+            unit = f" [{known.unit}]" if known.unit else ""
+            words = f"{sensor.name}.{name} ({known.default}{unit}): {known.text}"
+            lines.append(f"{'':12} {words}")
+    return "\n".join([*lines, *problems]) or "no sensor of the body is installed"
 
 
 def table() -> str:

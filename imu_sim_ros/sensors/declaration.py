@@ -1,26 +1,33 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How an auxiliary sensor of a board is declared: model, topics, table, readings, in one place."""
+"""How a sensor is declared: parameters, model, topics, table, readings, in one place.
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+An auxiliary sensor is on the board of an IMU, of which each has its own: its parameters are
+``imu.NAME_...``, its clock and transport the board's. A sensor of the body is named by the
+parameter ``sensors``: its parameters are ``NAME.*``, and the body has one of them.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from imu_sim_ros.bags.tables import Table
 from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.response import TemperatureProfile
 from imu_sim_ros.sensors.faults import Fault
-from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.timebase import span
 from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.types import Times
 
 if TYPE_CHECKING:
     from imu_sim_ros.bags.messages.blocks import Pattern
+    from imu_sim_ros.sensors.imu.parameters import ImuParameters
 
 
 class Samples(Protocol):
@@ -46,8 +53,11 @@ class Samples(Protocol):
 class Model(Protocol):
     """A sensor whose samples are read in order."""
 
-    def configure(self, imu: ImuParameters) -> None:
-        """Take new values of live parameters, from the next sample on."""
+    def configure(self, parameters: Any) -> None:
+        """Take new values of live parameters, from the next sample on.
+
+        :param parameters: what the sensor was made with: the board's, or its own section.
+        """
 
     def inject(self, fault: Fault, first: int) -> None:
         """Let a fault begin with the first sample not before the IMU's sample ``first``."""
@@ -59,10 +69,10 @@ class Model(Protocol):
 
 
 class Now(Protocol):
-    """The parameters that are valid for a block."""
+    """The parameters of a board that are valid for a block."""
 
     @property
-    def imu(self) -> ImuParameters:
+    def imu(self) -> "ImuParameters":
         """The board."""
 
     @property
@@ -70,8 +80,12 @@ class Now(Protocol):
         """Of the IMU [Hz]."""
 
 
-Payloads = Callable[[Any, Any, ImuBlock, Now], "Pattern"]
-"""Turns samples, the rows of them that are sent and the IMU's block into messages."""
+Payloads = Callable[[Any, Any, ImuBlock, Any], "Pattern"]
+"""Turns samples, the rows of them that are sent and the IMU's block into messages.
+
+The last argument are the parameters valid for the block: :class:`Now` of a board, or the section of
+a sensor of the body.
+"""
 
 
 @dataclass(frozen=True)
@@ -81,43 +95,78 @@ class Topic:
     name: str
     type: str
     flags: tuple[str, ...]
-    """The parameters ``publish.*`` that must all be true for the node to publish it."""
+    """The parameters ``publish.*`` that must all be true for the node to publish it; a sensor of
+    the body has none: what ``sensors`` names is published."""
     payloads: Callable[[str, str], Payloads]
     """Makes the encoder for a frame and an encoding, ``cdr`` or ``ros1``."""
     truth: bool = False
     """At the true times of all samples, lost ones too; else what is delivered, as stamped."""
 
 
-@dataclass(frozen=True)
-class Table:
-    """The table of a sensor in a dataset."""
+def topic(
+    name: str,
+    type_name: str,
+    encoder: str,
+    values: Callable[[Any, Any, Any], Sequence[ArrayLike]],
+    *flags: str,
+    truth: bool = False,
+) -> Topic:
+    """Return a topic whose messages have the stamps, or the true times, of the samples.
 
-    name: str
-    """A key of ``bags.text.writer.BESIDE``."""
-    values: Callable[[Any], NDArray[np.float64]]
-    """(n, columns) of all n samples."""
+    :param encoder: name of a class of ``bags.messages.encode`` that takes frame and encoding.
+    :param values: returns what its ``pattern`` takes behind the stamps, of samples, the rows of
+        them that are sent, and the valid parameters.
+    :param flags: as :class:`Topic` has them.
+    """
+
+    def make(frame: str, encoding: str) -> Payloads:
+        encode: Any = import_module("imu_sim_ros.bags.messages.encode")
+        messages = getattr(encode, encoder)(frame, encoding)
+
+        def payloads(read: Any, rows: Any, _: ImuBlock, now: Any) -> "Pattern":
+            t_ns = read.true_t_ns if truth else read.t_ns
+            result: Pattern = messages.pattern(t_ns[rows], *values(read, rows, now))
+            return result
+
+        return payloads
+
+    return Topic(name, type_name, flags, make, truth)
 
 
 @dataclass(frozen=True)
 class Sensor:
-    """All that the rest of the package has to know of an auxiliary sensor."""
+    """All that the rest of the package has to know of a sensor beside the IMU."""
 
     name: str
-    """Of its parameters, ``imu.NAME_...``, and of its faults."""
+    """Of its parameters, ``imu.NAME_...`` or ``NAME.*``, and of its faults."""
     quantity: str
-    """What it measures: the name in ``simulate(sensors=...)``, of ``publish.*`` and of a flight."""
-    model: Callable[[ImuParameters, EnvironmentParameters, int, Mapping[str, Model]], Model]
-    """Makes it: board, environment, time of the IMU's sample 0 [ns], the sensors before it."""
+    """What it measures: the name in ``simulate(sensors=...)``, of ``publish.*`` and of a flight.
+    That of a sensor of the body is its name."""
+    section: type
+    """Its parameters, a frozen dataclass; those of a sensor of the body derive from
+    :class:`~imu_sim_ros.sensors.own_rate_parameters.CarriedParameters`."""
+    model: Callable[[Any, EnvironmentParameters, int, Mapping[str, Model]], Model]
+    """Makes it: the board or its own section, environment, time of the IMU's sample 0 [ns], and
+    the sensors before it by quantity."""
     topics: tuple[Topic, ...]
     """The readings first."""
     table: Table
+    """The readings in datasets of text; ``values`` are its numbers."""
+    values: Callable[[Any], NDArray[np.float64]]
+    """The numbers (n, columns) of the table, of all n samples."""
     readings: "type[AuxiliaryReadings]"
     """What Python returns of a flight: a frozen dataclass of arrays of :class:`Samples`."""
-    needs: Callable[[ImuParameters], tuple[str, ...]] = lambda imu: ()
+    switches: Mapping[str, str] = field(default_factory=dict)
+    """Those of its flags that are parameters ``publish.*`` of its own, with their texts."""
+    needs: Callable[["ImuParameters"], tuple[str, ...]] = lambda imu: ()
     """Quantities of other sensors without which it cannot read."""
     realised: Callable[[Any, int], Any] = lambda parameters, seed: parameters
     """Its parameters for a seed, with nothing left to draw but the noise."""
     faults: bool = True
+    text: str = ""
+    """What it is, in a line of ``--help``."""
+    presets: str = ""
+    """The folder in config/ of the files that ``NAME.preset`` names; empty: it has none."""
 
 
 class AuxiliaryReadings:

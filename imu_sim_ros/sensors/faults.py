@@ -29,7 +29,7 @@ from imu_sim_ros.names import suggestion
 from imu_sim_ros.parameters.kinds import Vector
 from imu_sim_ros.random_streams import generator
 from imu_sim_ros.sensors import with_faults
-from imu_sim_ros.sensors.imu.parameters import LARGEST_LATENCY
+from imu_sim_ros.sensors.own_rate_parameters import LARGEST_LATENCY
 from imu_sim_ros.types import Array
 
 KINDS: Final = ("bias_jump", "saturation", "stuck", "dropout", "latency")

@@ -6,7 +6,7 @@
 import dataclasses
 import math
 from fractions import Fraction
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,11 +16,17 @@ from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.response import TemperatureProfile
 from imu_sim_ros.sensors.faults import Fault, FaultSchedule
-from imu_sim_ros.sensors.imu.parameters import LARGEST_JITTER_SIGMA, ImuParameters
-from imu_sim_ros.sensors.own_rate_parameters import OwnRateParameters
+from imu_sim_ros.sensors.own_rate_parameters import (
+    LARGEST_JITTER_SIGMA,
+    OwnRateParameters,
+    TimingParameters,
+)
 from imu_sim_ros.sensors.timing import Clock, Transport
-from imu_sim_ros.trajectory.motion import Trajectory
+from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.types import Array, Times
+
+if TYPE_CHECKING:
+    from imu_sim_ros.sensors.imu.parameters import ImuParameters
 
 
 class Sampled(NamedTuple):
@@ -59,13 +65,14 @@ class OwnRate:
         self,
         name: str,
         own: OwnRateParameters,
-        imu: ImuParameters,
+        timing: TimingParameters,
         environment: EnvironmentParameters,
         t0_ns: int,
     ) -> None:
         """Start before the first sample.
 
         :param name: of the sensor, the first part of its random streams' names.
+        :param timing: of clock and transport; an auxiliary sensor has those of its board.
         :param t0_ns: time of the IMU's sample 0 [ns].
         """
         self._rate, self._t0_ns = own.rate, t0_ns
@@ -81,17 +88,17 @@ class OwnRate:
         together = not self._offset and every.denominator == 1
         self._every = every.numerator if together else 0
         self._position = 0
-        self._clock = Clock(environment.seed, imu, own.rate, t0_ns, f"{name}.")
+        self._clock = Clock(environment.seed, timing, own.rate, t0_ns, f"{name}.")
         self._transport = Transport(environment.seed, own.rate, f"{name}.")
         self.faults = FaultSchedule(environment.seed, 1.0 / own.rate, f"{name}.")
-        self.configure(imu)
+        self.configure(timing)
 
-    def configure(self, imu: ImuParameters) -> None:
+    def configure(self, timing: TimingParameters) -> None:
         """Take new values of live parameters, from the next sample on."""
         # What suits the IMU's interval may be more than this sensor's allows.
-        jitter = min(imu.jitter, LARGEST_JITTER_SIGMA / self._rate)
-        self._clock.configure(dataclasses.replace(imu, jitter=jitter))
-        self._transport.configure(imu)
+        jitter = min(timing.jitter, LARGEST_JITTER_SIGMA / self._rate)
+        self._clock.configure(dataclasses.replace(timing, jitter=jitter))
+        self._transport.configure(timing)
 
     def inject(self, fault: Fault, first: int) -> None:
         """Let a fault begin with the first sample that is not before the IMU's sample ``first``."""
@@ -155,6 +162,17 @@ class OwnRate:
             celsius = temperature.at(samples.t)
         return position.T, np.ascontiguousarray(q_wb.T), celsius
 
+    def motion(self, samples: Sampled, block: ImuBlock, trajectory: Trajectory) -> Motion:
+        """Return the body's motion at the times of n samples.
+
+        :param block: of the IMU, in whose window the samples lie.
+        """
+        if not self._every:
+            return trajectory.sample(samples.t)
+        start = samples.first * self._every - block.first
+        rows = slice(start, start + self._every * len(samples.t), self._every)
+        return Motion(*(values[rows] for values in block.motion))
+
     def _count(self, end: Fraction) -> int:
         """Return how many samples lie before a time [s]."""
         return max(math.ceil((end - self._offset) * timebase.exact_rate(self._rate)), 0)
@@ -181,6 +199,6 @@ class _Grid:
         return (whole + quotient).astype(np.int64), (remainder == 0).astype(np.bool_)
 
 
-def instantaneous(imu: ImuParameters) -> ImuParameters:
+def instantaneous(imu: "ImuParameters") -> "ImuParameters":
     """Return the board with readings at an instant: only gyroscope and accelerometer average."""
     return dataclasses.replace(imu, sampling="instantaneous")

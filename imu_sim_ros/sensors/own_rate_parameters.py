@@ -1,15 +1,21 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rate and stamp grid of a sensor beside the IMU."""
+"""Parameters that many sensors have: rate, stamps and transport, place on the body."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from imu_sim_ros.parameters.kinds import number
+from imu_sim_ros.parameters.kinds import Vector, number, text, vector
 from imu_sim_ros.timebase import LOWEST_RATE
 
 LARGEST_RATE = 20000.0
+LARGEST_JITTER_SIGMA = 0.25
+"""The largest standard deviation of the stamps, in intervals between two samples."""
+LARGEST_LATENCY = 10.0
+"""[s] of a message: the node keeps what is under way in memory."""
+LONGEST = 1e6
+"""[s] for times that must only stay within what stamps can hold."""
 
 
 @dataclass(frozen=True)
@@ -37,4 +43,110 @@ class OwnRateParameters:
             yield (
                 f"{prefix}time_offset = {self.time_offset:g}: must be below 1 / {prefix}rate, "
                 f"{1.0 / self.rate:g} s"
+            )
+
+
+@dataclass(frozen=True)
+class TimingParameters:
+    """Errors of stamps and transport. The samples themselves are taken at the true times."""
+
+    stamp_offset: float = number(
+        0.0,
+        "constant error of the stamps: stamp = true time + offset",
+        unit="s",
+        minimum=-LONGEST,
+        maximum=LONGEST,
+    )
+    clock_skew_ppm: float = number(
+        0.0,
+        "rate error of the sensor's clock at the start; above 0: it runs fast",
+        unit="ppm",
+        minimum=-10000.0,
+        maximum=10000.0,
+    )
+    clock_drift_ppm_per_hour: float = number(
+        0.0, "change of the clock's skew", unit="ppm/h", minimum=-10.0, maximum=10.0
+    )
+    jitter: float = number(
+        0.0,
+        "standard deviation of the stamps' error, after the cut-off at 0.45 of the interval that "
+        "keeps stamps increasing; at most a quarter of the interval",
+        unit="s",
+        minimum=0.0,
+        live=True,
+    )
+    latency: float = number(
+        0.0,
+        "minimum delay from a sample to its message; where lowered, messages in transit "
+        "arrive at once",
+        unit="s",
+        minimum=0.0,
+        maximum=LARGEST_LATENCY,
+        live=True,
+    )
+    latency_jitter: float = number(
+        0.0,
+        "mean of the exponentially distributed extra delay of the message; order is kept",
+        unit="s",
+        minimum=0.0,
+        maximum=LARGEST_LATENCY / 10,
+        live=True,
+    )
+    dropout_probability: float = number(
+        0.0,
+        "probability that a single message is lost",
+        unit="1",
+        minimum=0.0,
+        maximum=1.0,
+        live=True,
+    )
+    dropout_burst_rate: float = number(
+        0.0,
+        "mean rate of bursts of lost messages",
+        unit="1/s",
+        minimum=0.0,
+        maximum=20000.0,
+        live=True,
+    )
+    dropout_burst_duration: float = number(
+        0.0,
+        "mean duration of a burst (exponentially distributed)",
+        unit="s",
+        minimum=0.0,
+        maximum=LONGEST,
+        live=True,
+    )
+    duplicate_probability: float = number(
+        0.0,
+        "probability that a message is delivered twice",
+        unit="1",
+        minimum=0.0,
+        maximum=1.0,
+        live=True,
+    )
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Say whether bursts of losses have no length."""
+        if self.dropout_burst_rate > 0.0 and self.dropout_burst_duration == 0.0:
+            yield (
+                f"{prefix}dropout_burst_duration = 0.0: must be above 0 s "
+                f"where {prefix}dropout_burst_rate is"
+            )
+
+
+@dataclass(frozen=True)
+class CarriedParameters(OwnRateParameters, TimingParameters):
+    """What every sensor of the body has: rate, stamps, transport, frame and place."""
+
+    frame: str = text("", "frame of its messages; empty: body_frame")
+    lever_arm: Vector = vector(0.0, "position of the sensor in the body frame", unit="m")
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Yield a line for each contradiction between parameters."""
+        yield from OwnRateParameters.problems(self, prefix)
+        yield from TimingParameters.problems(self, prefix)
+        if self.jitter * self.rate > LARGEST_JITTER_SIGMA:
+            yield (
+                f"{prefix}jitter = {self.jitter:g}: must be at most a quarter of the "
+                f"interval, {LARGEST_JITTER_SIGMA / self.rate:g} s"
             )

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from imu_sim_ros import timebase
 from imu_sim_ros.random_streams import generator
 from imu_sim_ros.sensors.faults import FaultSchedule
-from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.sensors.own_rate_parameters import TimingParameters
 from imu_sim_ros.types import Times
 
 LARGEST_JITTER: Final = 0.45
@@ -29,7 +29,7 @@ class Clock:
     """
 
     def __init__(
-        self, seed: int, imu: ImuParameters, rate: float, t0_ns: int, prefix: str = ""
+        self, seed: int, timing: TimingParameters, rate: float, t0_ns: int, prefix: str = ""
     ) -> None:
         """Set up the clock.
 
@@ -37,9 +37,9 @@ class Clock:
         """
         self._t0_ns = t0_ns
         self._interval_ns = timebase.NANOSECONDS_PER_SECOND / rate
-        self._offset_ns = timebase.to_nanoseconds(imu.stamp_offset)
-        self._skew = imu.clock_skew_ppm * 1e-6
-        self._drift = imu.clock_drift_ppm_per_hour * 1e-6 / 3600.0  # per second
+        self._offset_ns = timebase.to_nanoseconds(timing.stamp_offset)
+        self._skew = timing.clock_skew_ppm * 1e-6
+        self._drift = timing.clock_drift_ppm_per_hour * 1e-6 / 3600.0  # per second
         self._seed, self._source = seed, f"{prefix}clock.jitter"
         self._jitter_ns = 0.0
 
@@ -47,10 +47,10 @@ class Clock:
     def _stream(self) -> Generator:
         return generator(self._seed, self._source)
 
-    def configure(self, imu: ImuParameters) -> None:
+    def configure(self, timing: TimingParameters) -> None:
         """Take the jitter."""
         limit = LARGEST_JITTER * self._interval_ns
-        stated = imu.jitter * timebase.NANOSECONDS_PER_SECOND
+        stated = timing.jitter * timebase.NANOSECONDS_PER_SECOND
         self._jitter_ns = deviation_before_cut(stated, limit) if stated else 0.0
 
     def stamp(self, true_t_ns: Times) -> Times:
@@ -78,21 +78,21 @@ class Transport:
         self._burst_end = 0
         self._latency_ns, self._latency_jitter_ns = 0, 0.0
 
-    def configure(self, imu: ImuParameters) -> None:
+    def configure(self, timing: TimingParameters) -> None:
         """Take latency, losses and duplicates.
 
         A lowered latency applies to the next message at once: those still waiting leave first.
         """
         before = (self._latency_ns, self._latency_jitter_ns)
-        self._latency_ns = timebase.to_nanoseconds(imu.latency)
-        self._latency_jitter_ns = imu.latency_jitter * timebase.NANOSECONDS_PER_SECOND
+        self._latency_ns = timebase.to_nanoseconds(timing.latency)
+        self._latency_jitter_ns = timing.latency_jitter * timebase.NANOSECONDS_PER_SECOND
         if self._latency_ns < before[0] or self._latency_jitter_ns < before[1]:
             self._last_release_ns = int(_NEVER)
-        self._dropout = imu.dropout_probability
+        self._dropout = timing.dropout_probability
         # The first burst of an interval; a Poisson process of the given rate.
-        self._burst = -np.expm1(-imu.dropout_burst_rate * self._dt)
-        self._burst_samples = imu.dropout_burst_duration / self._dt
-        self._duplicate = imu.duplicate_probability
+        self._burst = -np.expm1(-timing.dropout_burst_rate * self._dt)
+        self._burst_samples = timing.dropout_burst_duration / self._dt
+        self._duplicate = timing.duplicate_probability
         self._loses = bool(self._dropout or self._burst or self._duplicate)
 
     def release(self, first: int, true_t_ns: Times, faults: FaultSchedule) -> Times:

@@ -35,7 +35,7 @@ from imu_sim_ros.sensors import with_faults
 from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.model import Imu
-from imu_sim_ros.simulation.parameters import SimulationParameters
+from imu_sim_ros.simulation.parameters import SimulationParameters, carried
 from imu_sim_ros.trajectory.build import PoseReader, build_trajectory
 from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.trajectory.parameters import PosesParameters
@@ -65,8 +65,8 @@ class Simulation:
         :param t0_ns: time of sample 0 [ns]; None: ``start_time``, or where that is -1 the stamp
             of recorded poses at the start of the motion, or else 1 s.
         :param trajectory: the one of these parameters, if it already exists.
-        :param sensors: what auxiliary sensors measure: ``magnetic_field``, ...; no
-            sample of another sensor depends on it.
+        :param sensors: what is read beside the IMU: ``magnetic_field``, or the name of a sensor
+            of the body; no sample of another sensor depends on it.
         :raises ConfigurationError: for inconsistent parameters.
         :raises InputError: for a file of poses that cannot be used.
         """
@@ -136,7 +136,8 @@ class Simulation:
     def reset(self) -> None:
         """Go back to the first sample: the same samples follow again."""
         self.position = 0
-        self._imu = Imu(self.parameters.imu, self.parameters, self.t0_ns, self._sensors)
+        p = self.parameters
+        self._imu = Imu(p.imu, p, self.t0_ns, self._sensors, carried(p))
         self._imu.prepare(self.trajectory)
 
     def with_seed(self, seed: int) -> "Simulation":
@@ -166,7 +167,7 @@ class Simulation:
         if problems:
             raise ConfigurationError(problems)
         self.parameters = parameters
-        self._imu.configure(parameters.imu)
+        self._imu.configure(parameters.imu, carried(parameters))
 
     def inject(self, fault: Fault, delay: float = 0.0) -> None:
         """Let a fault begin.

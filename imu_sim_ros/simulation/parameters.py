@@ -5,16 +5,23 @@
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, make_dataclass
+from functools import cache
+from typing import Any, Final
 
 from imu_sim_ros.conventions import TRIADS
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.files import build_layered
 from imu_sim_ros.parameters.included import names
+from imu_sim_ros.parameters.kinds import entries, texts
 from imu_sim_ros.parameters.sections import section, variant
 from imu_sim_ros.sensors.environment import EnvironmentParameters
-from imu_sim_ros.sensors.imu.parameters import LARGEST_JITTER_SIGMA, ImuParameters
+from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.presets import barometer_layer, sensor_layer
 from imu_sim_ros.sensors.orientation.parameters import MODEL_ERRORS
+from imu_sim_ros.sensors.own_rate_parameters import LARGEST_JITTER_SIGMA
+from imu_sim_ros.sensors.registry import find_sensor, sections
 from imu_sim_ros.timebase import exact_rate
 from imu_sim_ros.trajectory.parameters import (
     TrajectoryParameters,
@@ -25,6 +32,10 @@ from imu_sim_ros.trajectory.parameters import (
 DEFAULT_IMU = "lecture"
 DEFAULT_TRAJECTORY = "lecture"
 
+SENSORS: Final = (
+    "names of further sensors of the body, each the prefix of its own parameters (NAME.rate, ...); "
+    "none: what the boards of the IMUs carry"
+)
 _LOWEST_CUTOFF = 1e-6
 """Of half the rate; a low-pass far below it has no digits left."""
 
@@ -82,6 +93,52 @@ class SimulationParameters(SampledParameters):
     imu: ImuParameters = section(ImuParameters)
 
 
+def carried_names(given: Mapping[str, object]) -> tuple[str, ...]:
+    """Return the sensors of the body that parameters by dotted name name.
+
+    :raises ConfigurationError: with a line for each name that cannot be used.
+    """
+    value = entries(given.get("sensors", ()))
+    if not isinstance(value, list | tuple):
+        return ()
+    names = [str(name) for name in value]
+    if len(set(names)) < len(names):
+        raise ConfigurationError(f"sensors = {names}: names must differ")
+    return tuple(names)
+
+
+def carried_fields(names: tuple[str, ...]) -> list[Any]:
+    """Return the fields of a section that has the parameters of sensors of the body.
+
+    :raises ConfigurationError: with a line for each name that does not exist.
+    """
+    own = sections(names)
+    return [
+        ("sensors", tuple[str, ...], texts(names, SENSORS)),
+        *((name, cls, section(cls)) for name, cls in own.items()),
+    ]
+
+
+def simulation_section(names: tuple[str, ...]) -> type[SimulationParameters]:
+    """Return the section of a simulation with sensors of the body.
+
+    :raises ConfigurationError: with a line for each name that does not exist.
+    """
+    # By their sections, too: a sensor of this name may have been registered anew.
+    return _section_of(names, tuple(sections(names).values())) if names else SimulationParameters
+
+
+@cache
+def _section_of(names: tuple[str, ...], _: tuple[type, ...]) -> type[SimulationParameters]:
+    bases = (SimulationParameters,)
+    return make_dataclass("SimulationParameters", carried_fields(names), bases=bases, frozen=True)
+
+
+def carried(parameters: object) -> dict[str, Any]:
+    """Return the parameters of the sensors of the body, by name."""
+    return {name: getattr(parameters, name) for name in getattr(parameters, "sensors", ())}
+
+
 def load_simulation(*layers: Mapping[str, object], node: str = "simulator") -> SimulationParameters:
     """Return the simulation that layers of parameters describe, later ones above earlier ones.
 
@@ -90,8 +147,11 @@ def load_simulation(*layers: Mapping[str, object], node: str = "simulator") -> S
     given: dict[str, object] = {}
     for values in layers:
         given.update(values)
+    names = carried_names(given)
+    if not names:
+        given.pop("sensors", None)
     return build_layered(
-        SimulationParameters, lambda values: layer_simulation([values], node), given
+        simulation_section(names), lambda values: layer_simulation([values], node), given
     )
 
 
@@ -133,4 +193,15 @@ def _layered(layers: Iterable[Mapping[str, object]], node: str) -> dict[str, obj
         given = {"trajectory.type": DEFAULT_TRAJECTORY, **motion, **given}
     if str(given["trajectory.type"]) in names("trajectories"):
         sensor.update(trajectory_layer(str(given.pop("trajectory.type")), node))
-    return {**sensor, **barometer_layer(given, node), **given}
+    return {**sensor, **barometer_layer(given, node), **_carried_layers(given, node), **given}
+
+
+def _carried_layers(given: Mapping[str, object], node: str) -> dict[str, object]:
+    """Return what ``NAME.preset`` of sensors of the body stand for."""
+    result: dict[str, object] = {}
+    for name in carried_names(given):
+        preset = given.get(f"{name}.preset")
+        if preset and preset != "none":
+            folder = find_sensor(name).presets
+            result.update(files.load(files.find(folder or name, str(preset)), node))
+    return result

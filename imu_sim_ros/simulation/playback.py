@@ -5,7 +5,7 @@
 
 import dataclasses
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, make_dataclass
 from typing import Any
 
 from imu_sim_ros import timebase
@@ -14,6 +14,8 @@ from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.files import build_layered
 from imu_sim_ros.parameters.kinds import (
+    METADATA,
+    Parameter,
     Vector,
     choice,
     entries,
@@ -25,14 +27,29 @@ from imu_sim_ros.parameters.kinds import (
     vector,
 )
 from imu_sim_ros.parameters.sections import section, section_names
-from imu_sim_ros.sensors import with_faults
-from imu_sim_ros.sensors.imu.parameters import LARGEST_LATENCY, LONGEST, ImuParameters
-from imu_sim_ros.simulation.parameters import SimulationParameters, layer_simulation
+from imu_sim_ros.sensors import auxiliary_sensors
+from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.sensors.own_rate_parameters import LARGEST_LATENCY, LONGEST
+from imu_sim_ros.simulation.parameters import (
+    SENSORS,
+    SimulationParameters,
+    carried,
+    carried_fields,
+    carried_names,
+    layer_simulation,
+    simulation_section,
+)
 
 NODE = "simulator"
 FAULTS = ("none", "bias_jump", "saturation", "stuck", "dropout", "latency")
 BODY = "/body"
 """Name of the simulation that only tells the truth; no IMU can have it."""
+
+
+def _biases() -> str:
+    """Return the topics of the biases of all auxiliary sensors, in words."""
+    names = [t.name for one in auxiliary_sensors() for t in one.topics if "biases" in t.flags]
+    return " and ".join(names)
 
 
 @dataclass(frozen=True)
@@ -46,21 +63,10 @@ class PublishParameters:
     ground_truth_imu: bool = flag(False, "publish ground_truth/imu, the readings without errors")
     biases: bool = flag(
         False,
-        "publish ground_truth/gyroscope_bias and ground_truth/accelerometer_bias, and "
-        "ground_truth/magnetometer_bias and ground_truth/barometer_bias of what is published",
+        f"publish ground_truth/gyroscope_bias and ground_truth/accelerometer_bias, and "
+        f"{_biases()} of what is published",
     )
     temperature: bool = flag(False, "publish imu/temperature")
-    magnetic_field: bool = flag(False, "publish imu/mag, the readings of the magnetometer")
-    ground_truth_magnetic_field: bool = flag(
-        False, "publish ground_truth/mag, the magnetic field without errors"
-    )
-    orientation: bool = flag(
-        False, "publish imu/data, the readings of imu/data_raw with an orientation"
-    )
-    pressure: bool = flag(False, "publish imu/pressure, the readings of the barometer")
-    ground_truth_pressure: bool = flag(
-        False, "publish ground_truth/pressure, the pressure without errors"
-    )
     increments: bool = flag(
         False, "publish imu/delta_angle and imu/delta_velocity; imu.sampling must be averaged"
     )
@@ -82,6 +88,16 @@ class PublishParameters:
     tf_static: bool = flag(
         True, "publish the IMUs' lever arms and mountings in body_frame on /tf_static"
     )
+
+
+def _switches() -> type[PublishParameters]:
+    """Return the same with the switches of all auxiliary sensors."""
+    fields: list[Any] = [
+        (name, bool, flag(False, words))
+        for sensor in auxiliary_sensors()
+        for name, words in sensor.switches.items()
+    ]
+    return make_dataclass("PublishParameters", fields, bases=(PublishParameters,), frozen=True)
 
 
 @dataclass(frozen=True)
@@ -113,9 +129,9 @@ class InjectParameters:
     )
     triad: str = choice(
         "gyroscope",
-        (*TRIADS, *with_faults()),
-        "which triad a bias_jump, saturation or stuck affects; an auxiliary sensor: any fault, of "
-        "that sensor alone",
+        (*TRIADS, *(one.name for one in auxiliary_sensors() if one.faults)),
+        "which triad a bias_jump, saturation or stuck affects; another sensor: any fault, of that "
+        "sensor alone",
         live=True,
     )
     value: Vector = vector(
@@ -169,7 +185,8 @@ class SimulatorParameters(SimulationParameters):
         "names of the cameras on the body, each the namespace of its topics and the prefix of its "
         "own parameters (cam0.camera.rate, ...); none: no camera",
     )
-    publish: PublishParameters = section(PublishParameters)
+    sensors: tuple[str, ...] = texts((), SENSORS)
+    publish: PublishParameters = section(_switches())
     inject: InjectParameters = section(InjectParameters)
 
     def problems(self, prefix: str) -> Iterator[str]:
@@ -227,20 +244,24 @@ def simulations(parameters: SimulatorParameters) -> dict[str, SimulationParamete
     """
     fields = dataclasses.fields(SimulationParameters)
     shared = {field.name: getattr(parameters, field.name) for field in fields}
+    with_sensors, own_of_body = SimulationParameters, carried(parameters)
+    if own_of_body:
+        with_sensors = simulation_section(tuple(own_of_body))
+        own_of_body["sensors"] = parameters.sensors
     if not parameters.imus:
-        return {"": SimulationParameters(**shared)}
+        return {"": with_sensors(**shared, **own_of_body)}
     result = {}
     for name in parameters.imus:
         own: OneImuParameters = getattr(parameters, name)
         of_its_own = {field.name: getattr(own, field.name) for field in dataclasses.fields(own)}
         result[name] = SimulationParameters(**{**shared, **of_its_own})
     body = {**shared, "imu": ImuParameters(preset="perfect")}
-    return {**result, BODY: SimulationParameters(**body)}
+    return {**result, BODY: with_sensors(**body, **own_of_body)}
 
 
 def simulator_section(given: Mapping[str, object]) -> type[SimulatorParameters]:
     """Return the section that holds the parameters of all IMUs that ``imus`` names."""
-    names = _imus(given)
+    names, further = _imus(given), carried_names(given)
     bases: tuple[type, ...] = (SimulatorParameters,)
     if has_cameras(given):
         cameras = _rig().camera_names(given)
@@ -249,10 +270,25 @@ def simulator_section(given: Mapping[str, object]) -> type[SimulatorParameters]:
             raise ConfigurationError(both)
         if cameras:
             bases = (SimulatorParameters, _rig().rig_section(cameras))
-    if not names and len(bases) == 1:
+    if not names and not further and len(bases) == 1:
         return SimulatorParameters
     fields: list[Any] = [(name, OneImuParameters, section(OneImuParameters)) for name in names]
+    if further:
+        taken = {*names, *(field.name for base in bases for field in dataclasses.fields(base))}
+        section_names("sensors", further, taken)
+        fields += [*carried_fields(further), _injected(further)]
     return dataclasses.make_dataclass("SimulatorParameters", fields, bases=bases, frozen=True)
+
+
+def _injected(sensors: tuple[str, ...]) -> Any:
+    """Return the field ``inject`` that knows the faults of sensors of the body, too."""
+    known = {field.name: field for field in dataclasses.fields(InjectParameters)}["triad"]
+    triad: Parameter = known.metadata[METADATA]
+    more = choice("gyroscope", (*triad.choices, *sensors), triad.text, live=True)
+    cls = make_dataclass(
+        "InjectParameters", [("triad", str, more)], bases=(InjectParameters,), frozen=True
+    )
+    return ("inject", cls, section(cls))
 
 
 def has_cameras(given: Mapping[str, object]) -> bool:
@@ -330,6 +366,6 @@ def of_the_node(given: Mapping[str, object]) -> list[str]:
     node = (
         {field.name for field in dataclasses.fields(SimulatorParameters)}
         - samples
-        - {"imus", "cameras"}
+        - {"imus", "cameras", "sensors"}
     )
     return [name for name in given if name.partition(".")[0] in node or files.is_of_ros(name)]

@@ -50,7 +50,8 @@ from imu_sim_ros.sensors.errors.noise import (
     gyro_variance_discrete,
 )
 from imu_sim_ros.sensors.gravity import CurvedEarth
-from imu_sim_ros.simulation.parameters import SampledParameters
+from imu_sim_ros.sensors.registry import find_sensor
+from imu_sim_ros.simulation.parameters import SampledParameters, carried
 from imu_sim_ros.types import Times
 
 TYPES: Final[dict[str, str]] = {
@@ -86,25 +87,49 @@ Encode = Callable[[ImuBlock, SampledParameters], Messages]
 """Turns a block into messages; the parameters are those valid for the block."""
 
 
+def types(carried: Iterable[str] = ()) -> dict[str, str]:
+    """Return the types of all topics by name.
+
+    :param carried: names of sensors of the body.
+    """
+    return TYPES | {topic.name: topic.type for name in carried for topic in topics_of(name)}
+
+
+def topics_of(sensor: str) -> tuple[Topic, ...]:
+    """Return the topics of a sensor of the body."""
+    return find_sensor(sensor).topics
+
+
 def encoder(topic: str, parameters: SampledParameters, encoding: str = "cdr") -> Encode:
     """Return the encoder of a topic's messages.
 
     Readings have the stamps of the sensor's clock, and only delivered ones become messages;
     everything else has the true times.
 
-    :param topic: one of TYPES.
+    :param topic: one of :func:`types` of the sensors of the body in the parameters.
     :param encoding: ``cdr`` or ``ros1``.
     :raises ConfigurationError: for increments of a sensor whose readings are not means.
     """
-    return _MAKERS[topic](parameters, encoding)
+    if topic in _MAKERS:
+        return _MAKERS[topic](parameters, encoding)
+    sensor, own = next(
+        (find_sensor(name), one)
+        for name in carried(parameters)
+        for one in topics_of(name)
+        if one.name == topic
+    )
+    return _of_a_sensor(sensor, own, parameters, encoding)
 
 
-def sensors_of(topics: Iterable[str]) -> frozenset[str]:
-    """Return what auxiliary sensors have to measure for topics, keys of TYPES."""
+def sensors_of(topics: Iterable[str], carried: Iterable[str] = ()) -> frozenset[str]:
+    """Return what has to be measured beside the IMU for topics, keys of :func:`types`.
+
+    :param carried: names of sensors of the body.
+    """
     wanted = set(topics)
     return frozenset(
         sensor.quantity
-        for sensor in auxiliary_sensors()
+        for sensor in (*auxiliary_sensors(), *map(find_sensor, carried))
         if any(topic.name in wanted for topic in sensor.topics)
     )
 
@@ -187,10 +212,13 @@ def _temperature(parameters: SampledParameters, encoding: str) -> Encode:
 def _of_a_sensor(
     sensor: Sensor, topic: Topic, parameters: SampledParameters, encoding: str
 ) -> Encode:
-    """Return the source of a topic of an auxiliary sensor."""
-    payloads = topic.payloads(parameters.imu_frame, encoding)
+    """Return the source of a topic of a sensor beside the IMU."""
+    of_body = carried(parameters).get(sensor.name)
+    frame = parameters.imu_frame if of_body is None else of_body.frame or parameters.body_frame
+    payloads = topic.payloads(frame, encoding)
 
-    def encode(block: ImuBlock, now: SampledParameters) -> Messages:
+    def encode(block: ImuBlock, valid: SampledParameters) -> Messages:
+        now = valid if of_body is None else getattr(valid, sensor.name)
         read = block.auxiliary.get(sensor.quantity)
         if read is None:
             what = sensor.quantity.replace("_", " ")

@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imu_sim_ros.bags.beside import read_magnetic_field
+from imu_sim_ros.bags.beside import read_measured
 from imu_sim_ros.commands import calibrate, generate
 from imu_sim_ros.parameters import files
+from imu_sim_ros.sensors.magnetometer.declaration import SENSOR
 
 FLAWS = """
 /**:
@@ -185,7 +186,7 @@ def test_a_tumbling_magnetometer_gives_its_iron_back(tmp_path, capsys):
     own = files.load(tmp_path / "run/correction.yaml", "magnetometer")
     matrix = np.reshape(own["matrix"], (3, 3))
     assert np.allclose(matrix @ np.reshape(fitted["imu.magnetometer_soft_iron"], (3, 3)), np.eye(3))
-    _, readings = read_magnetic_field(bag)
+    _, readings = read_measured(bag, SENSOR.table)
     corrected = np.linalg.norm((readings - own["bias"]) @ matrix.T, axis=1)
     assert np.std(corrected) < 4e-7 < 5e-6 < np.std(np.linalg.norm(readings, axis=1))
     assert calibrate.main(["magnetometer", *options, "--no-files"]) == 0

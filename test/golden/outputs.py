@@ -5,7 +5,8 @@
 
 Only names that users rely on are called (``imu_sim_ros.__all__``, the programs, parameters), so
 that the same file runs against any revision; ``compare.py`` runs it against two. Bags are read by
-mcap and rosbags, a message counts by its topic, type, times and bytes.
+mcap and rosbags, a message counts by its topic, type, times and bytes, a parameter by its name and
+value.
 """
 
 import contextlib
@@ -21,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 
 import imu_sim_ros as ims
 
@@ -169,8 +171,18 @@ def digests_of_files(folder: Path) -> dict[str, str]:
             if path.parent not in bags:
                 found[name] = digest_of_bag(path)[0]
         elif path.is_file() and not any(bag in path.parents for bag in bags):
-            found[name] = hashlib.sha256(path.read_bytes()).hexdigest()
+            found[name] = hashlib.sha256(content_of(path)).hexdigest()
     return found
+
+
+def content_of(path: Path) -> bytes:
+    """Return what counts of a file: of parameters names, values and comments, in any order."""
+    content = path.read_bytes()
+    if path.suffix != ".yaml" or b"ros__parameters" not in content:
+        return content
+    values = json.dumps(yaml.safe_load(content), sort_keys=True)
+    comments = [line for line in content.decode().splitlines() if line.startswith("#")]
+    return "\n".join([*comments, values]).encode()
 
 
 def samples() -> Iterator[tuple[str, str]]:

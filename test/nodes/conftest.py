@@ -62,7 +62,9 @@ def domains() -> Iterator[tuple[int, int]]:
 class NodeProcess:
     """A node in a process of its own."""
 
-    def __init__(self, name: str, arguments: list[str], domain: int, log: Path) -> None:
+    def __init__(
+        self, name: str, arguments: list[str], domain: int, log: Path, installed: str = ""
+    ) -> None:
         executable = Path(sys.executable).with_name(name)
         start = (
             [str(executable)]
@@ -71,7 +73,7 @@ class NodeProcess:
         )
         environment = {
             **os.environ,
-            "PYTHONPATH": str(REPOSITORY),
+            "PYTHONPATH": os.pathsep.join(filter(None, [str(REPOSITORY), installed])),
             "ROS_DOMAIN_ID": str(domain),
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
             "ROS_PYTHON_CHECK_FIELDS": "1",
@@ -100,16 +102,25 @@ class NodeProcess:
 
 @pytest.fixture
 def start(domains: tuple[int, int], tmp_path: Path) -> Iterator[Callable[..., NodeProcess]]:
-    """Start nodes: ``start("simulator", rate=100, ...)``; they end with the test."""
+    """Start nodes: ``start("simulator", rate=100, ...)``; they end with the test.
+
+    ``installed`` is a folder with packages of other people.
+    """
     started: list[NodeProcess] = []
 
-    def run(name: str, *arguments: str, domain: int | None = None, **parameters: Any) -> Any:
+    def run(
+        name: str,
+        *arguments: str,
+        domain: int | None = None,
+        installed: Any = "",
+        **parameters: Any,
+    ) -> Any:
         words = [*arguments, "--ros-args"] if "--ros-args" not in arguments else [*arguments]
         for key, value in parameters.items():
             shown = str(value).lower() if isinstance(value, bool) else str(value)
             words += ["-p", f"{key.replace('__', '.')}:={shown}"]
         log = tmp_path / f"node{len(started)}.log"
-        started.append(NodeProcess(name, words, domain or domains[0], log))
+        started.append(NodeProcess(name, words, domain or domains[0], log, str(installed)))
         return started[-1]
 
     yield run

@@ -11,7 +11,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags.text.writer import BESIDE, States
+from imu_sim_ros.bags.tables import Table, Tables
+from imu_sim_ros.bags.text.writer import States
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.inputs.rows import (
@@ -38,11 +39,6 @@ _STATE: Final = (
     *((gate.POSITION, 3), (gate.ORIENTATION, 4), (gate.VELOCITY, 3)),
     *((gate.RATE, 3), (gate.FORCE, 3)),  # the biases
 )
-_BESIDE: Final = {
-    "mag": ((gate.FIELD, 3),),
-    "pressure": ((gate.PRESSURE, 1),),
-    "orientation": ((gate.ORIENTATION, 4),),
-}
 _STATE_FOLDER: Final = "state_groundtruth_estimate0"
 _POSE_FOLDER: Final = "mocap0"
 _SUFFIXES: Final = (".csv", ".txt", ".tum")
@@ -69,27 +65,26 @@ def imu_blocks(
 
 
 def beside_blocks(
-    path: Path, name: str, skipped: Skipped | None = None
+    path: Path, name: str, table: Table, skipped: Skipped | None = None
 ) -> Iterator[tuple[Times, Array]]:
     """Yield stamps (n,) and values (n, m) of a table beside the readings of an IMU, in blocks.
 
-    :param name: one of :func:`beside_names`: mag0, pressure0.
+    :param name: with the number of the IMU, as :func:`beside_names` gives it: mag0.
     :param skipped: as for :func:`imu_blocks`.
     :raises InputError: for a folder that has no such table, and bad rows.
     """
-    found = _tables_beside(path)
+    found = _tables_beside(path, {table.name: table})
     if name not in found:
         raise InputError(f"{path}: has no table {name}")
-    kind, file = found[name]
-    yield from _blocks(file, _BESIDE[kind], skipped)
+    yield from _blocks(found[name][1], ((table.quantity, table.columns),), skipped)
 
 
-def beside_names(path: Path) -> dict[str, str]:
-    """Return the tables beside the readings of IMUs, mag0 and so on, each with its kind.
+def beside_names(path: Path, tables: Tables) -> dict[str, str]:
+    """Return those of the known tables that a folder has, mag0 and so on, each with its kind.
 
     None of a file.
     """
-    return {name: kind for name, (kind, _) in _tables_beside(path).items()}
+    return {name: kind for name, (kind, _) in _tables_beside(path, tables).items()}
 
 
 def state_file(path: Path) -> Path:
@@ -152,11 +147,11 @@ def _imu_files(folder: Path) -> dict[str, Path]:
     return _tables(folder, "imu")
 
 
-def _tables_beside(path: Path) -> dict[str, tuple[str, Path]]:
+def _tables_beside(path: Path, known: Tables) -> dict[str, tuple[str, Path]]:
     """Return kind and file of tables beside the readings of IMUs, by name: a kind, a number."""
     return {
         name: (kind, file)
-        for kind in (BESIDE["euroc"] if path.is_dir() else ())
+        for kind in (known if path.is_dir() else ())
         for name, file in _tables(path, kind).items()
         if name.removeprefix(kind).isdigit()
     }

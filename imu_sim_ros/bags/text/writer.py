@@ -14,6 +14,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros.bags.outputs import OutputFile, make_folder
+from imu_sim_ros.bags.tables import Table
 from imu_sim_ros.bags.text import decimals
 from imu_sim_ros.bags.text.decimals import decimal
 from imu_sim_ros.errors import InputError
@@ -39,26 +40,8 @@ KALIBR_HEADER: Final = "timestamp,omega_x,omega_y,omega_z,alpha_x,alpha_y,alpha_
 TUM_HEADER: Final = "# timestamp tx ty tz qx qy qz qw"
 
 
-BESIDE: Final = {
-    "euroc": {
-        "mag": "#timestamp [ns],b_RS_S_x [T],b_RS_S_y [T],b_RS_S_z [T]",
-        "pressure": "#timestamp [ns],p [Pa]",
-        "orientation": "#timestamp [ns],q_RS_w [],q_RS_x [],q_RS_y [],q_RS_z []",
-    },
-    "csv": {
-        "mag": "timestamp,field_x,field_y,field_z",
-        "pressure": "timestamp,pressure",
-        "orientation": "timestamp,q_w,q_x,q_y,q_z",
-    },
-}
-"""Headers of what lies beside the readings of an IMU, by form and name of the table."""
-
-
-_SENSORS: Final = {
-    "mag": "Magnetometer",
-    "pressure": "Barometer",
-    "orientation": "Orientation of the sensor in the world",
-}
+WITH_TABLES: Final = ("euroc", "csv")
+"""Forms that have tables beside the readings of an IMU."""
 
 
 class States(NamedTuple):
@@ -127,7 +110,7 @@ class Dataset:
         form: str,
         states: bool = True,
         imus: int = 1,
-        beside: Sequence[tuple[str, int]] = (),
+        beside: Sequence[tuple[Table, int]] = (),
     ) -> None:
         """Make the files.
 
@@ -137,7 +120,7 @@ class Dataset:
 
         :param states: write the truth.
         :param imus: how many there are.
-        :param beside: further tables, mag0 and so on: a name in BESIDE, and the IMU's number.
+        :param beside: further tables, mag0 and so on, each with the IMU's number.
         :raises InputError: for a place that cannot be used, and several IMUs in one file.
         """
         if form not in FORMATS:
@@ -163,8 +146,8 @@ class Dataset:
                     self.truths = [TextFile(path / "groundtruth.tum", TUM_HEADER)]
             else:
                 self._make_euroc(states, imus)
-        for name, k in beside:
-            self._make_beside(name, k)
+        for table, k in beside:
+            self._make_beside(table, k)
 
     def _make_euroc(self, states: bool, imus: int) -> None:
         for k in range(imus):
@@ -176,18 +159,18 @@ class Dataset:
                 folder.mkdir()
                 self.truths.append(TextFile(folder / "data.csv", EUROC_STATE_HEADER))
 
-    def _make_beside(self, name: str, k: int) -> None:
+    def _make_beside(self, table: Table, k: int) -> None:
         """Make a table beside the readings of an IMU.
 
         :raises InputError: where the form has one table only.
         """
-        if self.form not in BESIDE or not self.path.is_dir():
+        if self.form not in WITH_TABLES or not self.path.is_dir():
             raise InputError(f"{self.path}: holds readings of an IMU only; name a folder")
-        place = self.path / f"{name}{k}.csv"
+        place = self.path / f"{table.name}{k}.csv"
         if self.form == "euroc":
-            place = self.path / f"{name}{k}" / "data.csv"
+            place = self.path / f"{table.name}{k}" / "data.csv"
             place.parent.mkdir()
-        self.beside[name, k] = TextFile(place, BESIDE[self.form][name])
+        self.beside[table.name, k] = TextFile(place, table.headers[self.form])
 
     @property
     def imu(self) -> TextFile | None:
@@ -299,14 +282,11 @@ def write_euroc_descriptions(
 
 
 def write_euroc_beside(
-    folder: Path, name: str, index: int, rate: float, r_bi: Array, p_bi: Array, comment: str
+    folder: Path, table: Table, index: int, rate: float, r_bi: Array, p_bi: Array, comment: str
 ) -> None:
-    """Write sensor.yaml of a table beside the readings of an IMU; arguments as above.
-
-    :param name: of the table, a key of BESIDE.
-    """
-    (folder / f"{name}{index}" / "sensor.yaml").write_text(
-        f"# {_SENSORS[name]}\nsensor_type: {name}\ncomment: {comment}\n\n"
+    """Write sensor.yaml of a table beside the readings of an IMU; arguments as above."""
+    (folder / f"{table.name}{index}" / "sensor.yaml").write_text(
+        f"# {table.title}\nsensor_type: {table.name}\ncomment: {comment}\n\n"
         f"# T_BS maps points of the sensor into the body.\n{_pose(r_bi, p_bi)}\n"
         f"rate_hz: {rate:g}\n",
         encoding="utf-8",

@@ -47,7 +47,7 @@ from imu_sim_ros.nodes.simulator.publish_queue import (
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.simulation import topics
 from imu_sim_ros.simulation.engine import Simulation
-from imu_sim_ros.simulation.parameters import DEFAULT_TRAJECTORY
+from imu_sim_ros.simulation.parameters import DEFAULT_TRAJECTORY, carried
 from imu_sim_ros.simulation.playback import (
     BODY,
     SimulatorParameters,
@@ -156,8 +156,11 @@ class Simulator(ConfiguredNode):
     def _streams(self, parameters: SimulatorParameters) -> Iterator[Stream]:
         publish = parameters.publish
         for name, simulated in simulations(parameters).items():
+            further = tuple(carried(simulated))
             chosen = [topic for topic in topics.TYPES if is_wanted(topic, name, publish)]
-            simulation = Simulation(simulated, _read_poses, sensors=topics.sensors_of(chosen))
+            chosen += [topic.name for own in further for topic in topics.topics_of(own)]
+            types, wanted = topics.types(further), topics.sensors_of(chosen, further)
+            simulation = Simulation(simulated, _read_poses, sensors=wanted)
             self._remarks += simulation.warnings()
             self._notes = simulation.notes()
             # Several IMUs have a namespace each; the body's truth is one, in the node's own.
@@ -165,7 +168,7 @@ class Simulator(ConfiguredNode):
             outputs = [
                 (
                     topics.encoder(topic, simulated),
-                    self._counted(prefix + topic, topics.TYPES[topic]),
+                    self._counted(prefix + topic, types[topic]),
                 )
                 for topic in chosen
             ]

@@ -6,26 +6,25 @@
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.conventions import BAROMETER_BIAS_TOPIC, IDEAL_PRESSURE_TOPIC, PRESSURE_TOPIC
+from imu_sim_ros.bags.tables import Encode, Table
+from imu_sim_ros.inputs.gate import PRESSURE
 from imu_sim_ros.sensors.barometer.parameters import BarometerParameters
-from imu_sim_ros.sensors.declaration import (
-    AuxiliaryReadings,
-    Model,
-    Payloads,
-    Sensor,
-    Table,
-    Topic,
-)
+from imu_sim_ros.sensors.declaration import AuxiliaryReadings, Model, Sensor, topic
 from imu_sim_ros.sensors.environment import EnvironmentParameters
-from imu_sim_ros.sensors.errors.noise import pressure_variance_discrete
 from imu_sim_ros.sensors.errors.realised import realised_triad
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.types import Array, Times
+
+TYPE: Final = "sensor_msgs/msg/FluidPressure"
+_ENCODER: Final = "FluidPressureEncoder"
+TOPIC: Final = "imu/pressure"
+IDEAL_TOPIC: Final = "ground_truth/pressure"
+BIAS_TOPIC: Final = "ground_truth/barometer_bias"
 
 
 class PressureBlock(NamedTuple):
@@ -63,28 +62,18 @@ class PressureReadings(AuxiliaryReadings):
     """(n,) what is added to it, without white noise and rounding [Pa]."""
 
 
-def _readings(frame: str, encoding: str) -> Payloads:
+def variance_discrete(imu: ImuParameters) -> float:
+    """Return the variance of one sample of the barometer [Pa^2]."""
+    p = imu.barometer
+    variance: float = p.noise_density**2 * p.rate + p.resolution**2 / 12.0
+    return variance
+
+
+def _of_table(frame: str, encoding: str) -> Encode:
     from imu_sim_ros.bags.messages.encode import FluidPressureEncoder
 
     pressures = FluidPressureEncoder(frame, encoding)
-    return lambda read, rows, _, now: pressures.pattern(
-        read.t_ns[rows], read.pressure[rows], pressure_variance_discrete(now.imu)
-    )
-
-
-def _ideal(frame: str, encoding: str) -> Payloads:
-    from imu_sim_ros.bags.messages.encode import FluidPressureEncoder
-
-    pressures = FluidPressureEncoder(frame, encoding)
-    return lambda read, *_: pressures.pattern(read.true_t_ns, read.ideal_pressure)
-
-
-def _bias(frame: str, encoding: str) -> Payloads:
-    from imu_sim_ros.bags.messages.encode import FluidPressureEncoder
-
-    # Of all messages for one number with a stamp, the one in pascal.
-    pressures = FluidPressureEncoder(frame, encoding)
-    return lambda read, *_: pressures.pattern(read.true_t_ns, read.bias)
+    return lambda t_ns, values: pressures.encode(t_ns, values[:, 0])
 
 
 def _model(
@@ -110,25 +99,45 @@ def _realised(own: BarometerParameters, seed: int) -> BarometerParameters:
 SENSOR = Sensor(
     name="barometer",
     quantity="pressure",
+    section=BarometerParameters,
     model=_model,
     topics=(
-        Topic(PRESSURE_TOPIC, "sensor_msgs/msg/FluidPressure", ("pressure",), _readings),
-        Topic(
-            IDEAL_PRESSURE_TOPIC,
-            "sensor_msgs/msg/FluidPressure",
-            ("ground_truth_pressure",),
-            _ideal,
-            True,
+        topic(
+            *(TOPIC, TYPE, _ENCODER),
+            lambda read, rows, now: (read.pressure[rows], variance_discrete(now.imu)),
+            "pressure",
         ),
-        Topic(
-            BAROMETER_BIAS_TOPIC,
-            "sensor_msgs/msg/FluidPressure",
-            ("biases", "pressure"),
-            _bias,
-            True,
+        topic(
+            *(IDEAL_TOPIC, TYPE, _ENCODER),
+            lambda read, rows, _: (read.ideal_pressure[rows],),
+            "ground_truth_pressure",
+            truth=True,
+        ),
+        # Of all messages for one number with a stamp, the one in pascal.
+        topic(
+            *(BIAS_TOPIC, TYPE, _ENCODER),
+            lambda read, rows, _: (read.bias[rows],),
+            *("biases", "pressure"),
+            truth=True,
         ),
     ),
-    table=Table("pressure", lambda read: read.pressure[:, None]),
+    switches={
+        "pressure": "publish imu/pressure, the readings of the barometer",
+        "ground_truth_pressure": "publish ground_truth/pressure, the pressure without errors",
+    },
+    table=Table(
+        name="pressure",
+        title="Barometer",
+        quantity=PRESSURE,
+        headers={"euroc": "#timestamp [ns],p [Pa]", "csv": "timestamp,pressure"},
+        type=TYPE,
+        topic=TOPIC,
+        fields=("fluid_pressure", "variance"),
+        encoder=_of_table,
+        truths=(IDEAL_TOPIC, BIAS_TOPIC),
+        bias_type=TYPE,
+    ),
+    values=lambda read: read.pressure[:, None],
     readings=PressureReadings,
     realised=_realised,
 )

@@ -130,3 +130,7 @@ class BarometerParameters(OwnRateParameters):
                 f"{prefix}gust_rate = {self.gust_rate:g} and {prefix}gust_sigma = "
                 f"{self.gust_sigma:g}: must both be 0 or both be above 0"
             )
+
+
+SECTION: Final = BarometerParameters
+"""What ``imu.barometer_...`` are."""

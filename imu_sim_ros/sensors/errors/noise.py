@@ -286,20 +286,6 @@ def accel_variance_discrete(imu: ImuParameters, rate: float) -> Vector:
     return _variance_discrete(imu, imu.accelerometer, rate)
 
 
-def field_variance_discrete(imu: ImuParameters) -> Vector:
-    """Return the variance of one sample of the magnetometer per axis [T^2]."""
-    p = imu.magnetometer
-    density, step = np.asarray(p.noise_density), np.asarray(p.resolution)
-    x, y, z = (density * density * p.rate + step * step / 12.0).tolist()
-    return (x, y, z)
-
-
-def pressure_variance_discrete(imu: ImuParameters) -> float:
-    """Return the variance of one sample of the barometer [Pa^2]."""
-    p = imu.barometer
-    return p.noise_density**2 * p.rate + p.resolution**2 / 12.0
-
-
 def _variance_discrete(imu: ImuParameters, triad: TriadParameters, rate: float) -> Vector:
     internal = rate * float(imu.internal_ratio(rate))
     white = [

@@ -4,9 +4,10 @@
 """An IMU on a moving body: both triads, the temperature and the clock."""
 
 import math
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING, Final, NamedTuple
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
@@ -44,11 +45,13 @@ class Imu:
         environment: EnvironmentParameters,
         t0_ns: int,
         sensors: Collection[str] = (),
+        carried: Mapping[str, Any] = MappingProxyType({}),
     ) -> None:
         """Set up all errors at their start.
 
         :param t0_ns: time of sample 0 [ns].
-        :param sensors: names of what is read beside the IMU .
+        :param sensors: names of what is read beside the IMU.
+        :param carried: the parameters of sensors of the body, by name.
         """
         seed, rate = environment.seed, environment.rate
         self._rate, self._t0_ns = rate, t0_ns
@@ -62,12 +65,16 @@ class Imu:
         self._clock = Clock(seed, imu, rate, t0_ns)
         self._transport = Transport(seed, rate)
         self._faults = FaultSchedule(seed, 1.0 / rate)
-        self._auxiliary = _beside(imu, environment, t0_ns, sensors) if sensors else None
+        self._auxiliary = None
+        if sensors:
+            self._auxiliary = _beside(imu, environment, t0_ns, sensors, carried)
         self._vibration = _vibration(imu, environment)
         self._ahead: _Ahead | None = None
-        self.configure(imu)
+        self.configure(imu, carried)
 
-    def configure(self, imu: ImuParameters) -> None:
+    def configure(
+        self, imu: ImuParameters, carried: Mapping[str, Any] = MappingProxyType({})
+    ) -> None:
         """Take new values of live parameters, from the next sample on.
 
         Of given readings, see :meth:`apply`, with the next chunk.
@@ -78,7 +85,7 @@ class Imu:
         self._clock.configure(imu)
         self._transport.configure(imu)
         if self._auxiliary is not None:
-            self._auxiliary.configure(imu)
+            self._auxiliary.configure(imu, carried)
 
     def prepare(self, trajectory: Trajectory) -> None:
         """Determine how finely a motion has to be sampled, before the first reading.
@@ -342,12 +349,16 @@ def _joined(readings: Iterable[Reading]) -> Reading:
 
 
 def _beside(
-    imu: ImuParameters, environment: EnvironmentParameters, t0_ns: int, sensors: Collection[str]
+    imu: ImuParameters,
+    environment: EnvironmentParameters,
+    t0_ns: int,
+    sensors: Collection[str],
+    carried: Mapping[str, Any],
 ) -> "Auxiliary":
     """Return what is read beside the IMU; most runs have nothing of it."""
     from imu_sim_ros.sensors.auxiliary import Auxiliary
 
-    return Auxiliary(imu, environment, t0_ns, sensors)
+    return Auxiliary(imu, environment, t0_ns, sensors, carried)
 
 
 def _vibration(imu: ImuParameters, environment: EnvironmentParameters) -> "BoardVibration | None":

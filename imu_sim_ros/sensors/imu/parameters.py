@@ -4,9 +4,10 @@
 """Parameters of the IMU: the triads' errors, mounting, timing, and the vehicle's vibration."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, make_dataclass
 from fractions import Fraction
 from itertools import pairwise
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,10 +28,9 @@ from imu_sim_ros.parameters.kinds import (
     vector,
 )
 from imu_sim_ros.parameters.sections import section
-from imu_sim_ros.sensors.barometer.parameters import BarometerParameters
+from imu_sim_ros.sensors import auxiliary_sections
 from imu_sim_ros.sensors.imu.triads import TriadParameters, TriadsParameters
-from imu_sim_ros.sensors.magnetometer.parameters import MagnetometerParameters
-from imu_sim_ros.sensors.orientation.parameters import OrientationParameters
+from imu_sim_ros.sensors.own_rate_parameters import LONGEST, TimingParameters
 
 AXES_READ = 6
 """Gyroscope x, y, z, accelerometer x, y, z."""
@@ -209,95 +209,9 @@ class BoardVibrationParameters:
 _USUAL_RATIO = 8
 """Readings inside a sensor for each sample."""
 ORTHONORMAL_TOLERANCE = 1e-6
-LARGEST_JITTER_SIGMA = 0.25
-"""The largest standard deviation of the stamps, in intervals between two samples."""
-LARGEST_LATENCY = 10.0
-"""[s] of a message: the node keeps what is under way in memory."""
-LONGEST = 1e6
-"""[s] for times that must only stay within what stamps can hold."""
 
 _CAUSES = {"stress_step_sigma": "stress_step_rate", "shock_bias_sigma": "shock_threshold"}
 """Errors of a triad, and the parameter of the board that makes them happen."""
-
-
-@dataclass(frozen=True)
-class TimingParameters:
-    """Errors of stamps and transport. The samples themselves are taken at the true times."""
-
-    stamp_offset: float = number(
-        0.0,
-        "constant error of the stamps: stamp = true time + offset",
-        unit="s",
-        minimum=-LONGEST,
-        maximum=LONGEST,
-    )
-    clock_skew_ppm: float = number(
-        0.0,
-        "rate error of the sensor's clock at the start; above 0: it runs fast",
-        unit="ppm",
-        minimum=-10000.0,
-        maximum=10000.0,
-    )
-    clock_drift_ppm_per_hour: float = number(
-        0.0, "change of the clock's skew", unit="ppm/h", minimum=-10.0, maximum=10.0
-    )
-    jitter: float = number(
-        0.0,
-        "standard deviation of the stamps' error, after the cut-off at 0.45 of the interval that "
-        "keeps stamps increasing; at most a quarter of the interval",
-        unit="s",
-        minimum=0.0,
-        live=True,
-    )
-    latency: float = number(
-        0.0,
-        "minimum delay from a sample to its message; where lowered, messages in transit "
-        "arrive at once",
-        unit="s",
-        minimum=0.0,
-        maximum=LARGEST_LATENCY,
-        live=True,
-    )
-    latency_jitter: float = number(
-        0.0,
-        "mean of the exponentially distributed extra delay of the message; order is kept",
-        unit="s",
-        minimum=0.0,
-        maximum=LARGEST_LATENCY / 10,
-        live=True,
-    )
-    dropout_probability: float = number(
-        0.0,
-        "probability that a single message is lost",
-        unit="1",
-        minimum=0.0,
-        maximum=1.0,
-        live=True,
-    )
-    dropout_burst_rate: float = number(
-        0.0,
-        "mean rate of bursts of lost messages",
-        unit="1/s",
-        minimum=0.0,
-        maximum=20000.0,
-        live=True,
-    )
-    dropout_burst_duration: float = number(
-        0.0,
-        "mean duration of a burst (exponentially distributed)",
-        unit="s",
-        minimum=0.0,
-        maximum=LONGEST,
-        live=True,
-    )
-    duplicate_probability: float = number(
-        0.0,
-        "probability that a message is delivered twice",
-        unit="1",
-        minimum=0.0,
-        maximum=1.0,
-        live=True,
-    )
 
 
 @dataclass(frozen=True)
@@ -348,8 +262,8 @@ class BoardParameters:
 
 
 @dataclass(frozen=True)
-class ImuParameters(TimingParameters, BoardParameters, TriadsParameters):
-    """One IMU."""
+class BareImuParameters(TimingParameters, BoardParameters, TriadsParameters):
+    """One IMU without the auxiliary sensors of its board."""
 
     preset: str = text("lecture", "file in config/imus, or a path, to start from")
     sampling: str = choice(
@@ -374,17 +288,7 @@ class ImuParameters(TimingParameters, BoardParameters, TriadsParameters):
     bandwidth_order: int = integer(
         2, "order of the low-pass filters (Butterworth)", minimum=1, maximum=8
     )
-    magnetometer: MagnetometerParameters = section(MagnetometerParameters, joint="_")
-    barometer: BarometerParameters = section(BarometerParameters, joint="_")
     vibration: BoardVibrationParameters = section(BoardVibrationParameters)
-    orientation: OrientationParameters = section(OrientationParameters, joint="_")
-
-    def triad(self, name: str) -> TriadParameters:
-        """Return the errors of one triad, or of an auxiliary sensor as if it were one."""
-        if name in TRIADS:
-            return super().triad(name)
-        errors: TriadParameters = getattr(self, name).as_triad()
-        return errors
 
     def internal_ratio(self, rate: float) -> Fraction:
         """Return how many readings inside the sensor make one sample.
@@ -403,11 +307,7 @@ class ImuParameters(TimingParameters, BoardParameters, TriadsParameters):
         for triad in TRIADS:
             yield from self._sampling_problems(triad, prefix)
         yield from self._board_problems(prefix)
-        if self.dropout_burst_rate > 0.0 and self.dropout_burst_duration == 0.0:
-            yield (
-                f"{prefix}dropout_burst_duration = 0.0: must be above 0 s "
-                f"where {prefix}dropout_burst_rate is"
-            )
+        yield from super().problems(prefix)
 
     def _board_problems(self, prefix: str) -> Iterator[str]:
         """Say which strengths have no event or age that would show them."""
@@ -444,6 +344,33 @@ class ImuParameters(TimingParameters, BoardParameters, TriadsParameters):
                 f"{prefix}accelerometer_range = {min(limits):g}: smaller than gravity "
                 f"({gravity:g} m/s^2), so an IMU at rest saturates"
             )
+
+
+if TYPE_CHECKING:
+
+    class AuxiliaryParameters:
+        """The auxiliary sensors of a board."""
+
+        def __getattr__(self, name: str) -> Any:
+            """Return the section of one of them."""
+else:
+    AuxiliaryParameters = make_dataclass(
+        "AuxiliaryParameters",
+        [(name, cls, section(cls, joint="_")) for name, cls in auxiliary_sections().items()],
+        frozen=True,
+    )
+
+
+@dataclass(frozen=True)
+class ImuParameters(AuxiliaryParameters, BareImuParameters):
+    """One IMU, with a section for each auxiliary sensor of its board."""
+
+    def triad(self, name: str) -> TriadParameters:
+        """Return the errors of one triad, or of an auxiliary sensor as if it were one."""
+        if name in TRIADS:
+            return super().triad(name)
+        errors: TriadParameters = getattr(self, name).as_triad()
+        return errors
 
 
 def rotation_problems(values: Matrix, name: str) -> Iterator[str]:

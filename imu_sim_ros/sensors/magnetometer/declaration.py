@@ -5,29 +5,25 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.conventions import (
-    IDEAL_MAGNETIC_FIELD_TOPIC,
-    MAGNETIC_FIELD_TOPIC,
-    MAGNETOMETER_BIAS_TOPIC,
-)
-from imu_sim_ros.sensors.declaration import (
-    AuxiliaryReadings,
-    Model,
-    Payloads,
-    Sensor,
-    Table,
-    Topic,
-)
+from imu_sim_ros.bags.tables import Encode, Table
+from imu_sim_ros.conventions import Vector
+from imu_sim_ros.inputs.gate import FIELD
+from imu_sim_ros.sensors.declaration import AuxiliaryReadings, Model, Sensor, topic
 from imu_sim_ros.sensors.environment import EnvironmentParameters
-from imu_sim_ros.sensors.errors.noise import field_variance_discrete
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.magnetometer.parameters import MagnetometerParameters
 from imu_sim_ros.types import Array, Times
+
+TYPE: Final = "sensor_msgs/msg/MagneticField"
+BIAS_TYPE: Final = "geometry_msgs/msg/Vector3Stamped"
+TOPIC: Final = "imu/mag"
+IDEAL_TOPIC: Final = "ground_truth/mag"
+BIAS_TOPIC: Final = "ground_truth/magnetometer_bias"
 
 
 class MagneticBlock(NamedTuple):
@@ -65,27 +61,18 @@ class MagneticReadings(AuxiliaryReadings):
     """(n, 3) what is added to the field times the sensor's response [T]."""
 
 
-def _readings(frame: str, encoding: str) -> Payloads:
+def variance_discrete(imu: ImuParameters) -> Vector:
+    """Return the variance of one sample of the magnetometer per axis [T^2]."""
+    p = imu.magnetometer
+    density, step = np.asarray(p.noise_density), np.asarray(p.resolution)
+    x, y, z = (density * density * p.rate + step * step / 12.0).tolist()
+    return (x, y, z)
+
+
+def _of_table(frame: str, encoding: str) -> Encode:
     from imu_sim_ros.bags.messages.encode import MagneticFieldEncoder
 
-    fields = MagneticFieldEncoder(frame, encoding)
-    return lambda read, rows, _, now: fields.pattern(
-        read.t_ns[rows], read.field[rows], field_variance_discrete(now.imu)
-    )
-
-
-def _ideal(frame: str, encoding: str) -> Payloads:
-    from imu_sim_ros.bags.messages.encode import MagneticFieldEncoder
-
-    fields = MagneticFieldEncoder(frame, encoding)
-    return lambda read, *_: fields.pattern(read.true_t_ns, read.ideal_field)
-
-
-def _bias(frame: str, encoding: str) -> Payloads:
-    from imu_sim_ros.bags.messages.encode import Vector3StampedEncoder
-
-    vectors = Vector3StampedEncoder(frame, encoding)
-    return lambda read, *_: vectors.pattern(read.true_t_ns, read.bias)
+    return MagneticFieldEncoder(frame, encoding).encode
 
 
 def _model(
@@ -107,29 +94,48 @@ def _realised(parameters: MagnetometerParameters, seed: int) -> Any:
 SENSOR = Sensor(
     name="magnetometer",
     quantity="magnetic_field",
+    section=MagnetometerParameters,
     model=_model,
     topics=(
-        Topic(
-            MAGNETIC_FIELD_TOPIC, "sensor_msgs/msg/MagneticField", ("magnetic_field",), _readings
+        topic(
+            *(TOPIC, TYPE, "MagneticFieldEncoder"),
+            lambda read, rows, now: (read.field[rows], variance_discrete(now.imu)),
+            "magnetic_field",
         ),
-        Topic(
-            *(
-                IDEAL_MAGNETIC_FIELD_TOPIC,
-                "sensor_msgs/msg/MagneticField",
-                ("ground_truth_magnetic_field",),
-            ),
-            *(_ideal, True),
+        topic(
+            *(IDEAL_TOPIC, TYPE, "MagneticFieldEncoder"),
+            lambda read, rows, _: (read.ideal_field[rows],),
+            "ground_truth_magnetic_field",
+            truth=True,
         ),
-        Topic(
-            *(
-                MAGNETOMETER_BIAS_TOPIC,
-                "geometry_msgs/msg/Vector3Stamped",
-                ("biases", "magnetic_field"),
-            ),
-            *(_bias, True),
+        topic(
+            *(BIAS_TOPIC, BIAS_TYPE, "Vector3StampedEncoder"),
+            lambda read, rows, _: (read.bias[rows],),
+            *("biases", "magnetic_field"),
+            truth=True,
         ),
     ),
-    table=Table("mag", lambda read: read.field),
+    switches={
+        "magnetic_field": "publish imu/mag, the readings of the magnetometer",
+        "ground_truth_magnetic_field": "publish ground_truth/mag, the magnetic field without "
+        "errors",
+    },
+    table=Table(
+        name="mag",
+        title="Magnetometer",
+        quantity=FIELD,
+        headers={
+            "euroc": "#timestamp [ns],b_RS_S_x [T],b_RS_S_y [T],b_RS_S_z [T]",
+            "csv": "timestamp,field_x,field_y,field_z",
+        },
+        type=TYPE,
+        topic=TOPIC,
+        fields=("magnetic_field", "magnetic_field_covariance"),
+        encoder=_of_table,
+        truths=(IDEAL_TOPIC, BIAS_TOPIC),
+        bias_type=BIAS_TYPE,
+    ),
+    values=lambda read: read.field,
     readings=MagneticReadings,
     realised=_realised,
 )

@@ -130,6 +130,7 @@ class Magnetometer:
         """
         self._own = OwnRate(NAME, imu.magnetometer, imu, environment, t0_ns)
         self._field = MagneticField(environment)
+        self.earth_w, self.interval = self._field.earth_w, 1.0 / imu.magnetometer.rate
         self._lever_arm_b = np.reshape(imu.lever_arm, (3, 1))
         self._r_ib = np.reshape(imu.mounting, (3, 3)).T
         unit = with_constants(imu.magnetometer, NAME, environment.seed)
@@ -150,6 +151,11 @@ class Magnetometer:
         self._reference_temperature = imu.reference_temperature
         self._own.configure(imu)
         self._triad.configure(instantaneous(imu))
+
+    def calibration(self, unit: ImuParameters) -> tuple[Array, Array]:
+        """Return M (3, 3) and b (3,) [T] of ``reading = M B + b`` for a realised board."""
+        result: tuple[Array, Array] = unit.magnetometer.response_and_bias()
+        return result
 
     def inject(self, fault: Fault, first: int) -> None:
         """Let a fault begin with the first sample not before the IMU's sample ``first``."""

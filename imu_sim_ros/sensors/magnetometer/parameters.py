@@ -166,3 +166,7 @@ class MagnetometerParameters(OwnRateParameters):
                     f"{prefix}current_profile: time {after:g} s after {before:g} s: "
                     "times must increase"
                 )
+
+
+SECTION: Final = MagnetometerParameters
+"""What ``imu.magnetometer_...`` are."""

@@ -5,12 +5,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.conventions import ORIENTATION_TOPIC
+from imu_sim_ros.bags.tables import Table
+from imu_sim_ros.inputs import gate
 from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.declaration import (
     AuxiliaryReadings,
@@ -18,16 +19,21 @@ from imu_sim_ros.sensors.declaration import (
     Now,
     Payloads,
     Sensor,
-    Table,
     Topic,
 )
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.noise import accel_variance_discrete, gyro_variance_discrete
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.sensors.orientation.parameters import OrientationParameters
 from imu_sim_ros.types import Array, Times
 
 if TYPE_CHECKING:
     from imu_sim_ros.bags.messages.blocks import Pattern
+
+
+TYPE: Final = "sensor_msgs/msg/Imu"
+TOPIC: Final = "imu/data"
+"""The readings again, with an orientation (REP-145)."""
 
 
 class OrientationBlock(NamedTuple):
@@ -93,8 +99,8 @@ def _model(
     from imu_sim_ros.sensors.orientation.model import Orientation  # most boards state none
 
     filtered = imu.orientation.source == "filter"
-    magnetometer: Any = others["magnetic_field"] if filtered else None
-    return Orientation(imu, environment, magnetometer)
+    field: Any = others["magnetic_field"] if filtered else None
+    return Orientation(imu, environment, field)
 
 
 def _needs(imu: ImuParameters) -> tuple[str, ...]:
@@ -104,9 +110,23 @@ def _needs(imu: ImuParameters) -> tuple[str, ...]:
 SENSOR = Sensor(
     name="orientation",
     quantity="orientation",
+    section=OrientationParameters,
     model=_model,
-    topics=(Topic(ORIENTATION_TOPIC, "sensor_msgs/msg/Imu", ("orientation",), _readings),),
-    table=Table("orientation", lambda read: read.q_wi),
+    topics=(Topic(TOPIC, TYPE, ("orientation",), _readings),),
+    switches={"orientation": "publish imu/data, the readings of imu/data_raw with an orientation"},
+    table=Table(
+        name="orientation",
+        title="Orientation of the sensor in the world",
+        quantity=gate.ORIENTATION,
+        headers={
+            "euroc": "#timestamp [ns],q_RS_w [],q_RS_x [],q_RS_y [],q_RS_z []",
+            "csv": "timestamp,q_w,q_x,q_y,q_z",
+        },
+        type=TYPE,
+        topic=TOPIC,
+        fields=("orientation", "orientation_covariance"),
+    ),
+    values=lambda read: read.q_wi,
     readings=Orientations,
     needs=_needs,
     faults=False,

@@ -115,7 +115,7 @@ class OrientationFilter:
         """Start with nothing known.
 
         :param dt: time between two readings of gyroscope and accelerometer [s].
-        :param magnetic_dt: likewise of the magnetometer.
+        :param magnetic_dt: likewise of the magnetic field's.
         :param field_w: (3,) the Earth's field, ENU; it gives true north for magnetic north.
         """
         self._dt = dt
@@ -138,11 +138,11 @@ class OrientationFilter:
     ) -> Array:
         """Return the orientations q_wi (4, n) at the next n readings.
 
-        Until the first reading of the magnetometer the heading is arbitrary.
+        Until the first reading of the magnetic field the heading is arbitrary.
 
         :param gyro: (3, n) [rad/s].
         :param accel: (3, n) [m/s^2].
-        :param field: (3, m) of the magnetometer.
+        :param field: (3, m) as the board reads it.
         :param behind: (m,) which of the n readings each of them follows.
         :param delay: (m,) by how much [s].
         :param known: (m,) from which of the n readings on each is known; n: not here.

@@ -3,7 +3,10 @@
 
 """The orientation that a board states with its readings: ``imu/data`` (REP-145)."""
 
+from typing import Any, Protocol
+
 import numpy as np
+from numpy.typing import NDArray
 
 from imu_sim_ros import rotation, timebase
 from imu_sim_ros.random_streams import axis_generators
@@ -14,13 +17,12 @@ from imu_sim_ros.sensors.errors.autoregressive import GaussMarkovBank
 from imu_sim_ros.sensors.errors.response import TemperatureProfile
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-from imu_sim_ros.sensors.magnetometer.model import MagneticField, Magnetometer
 from imu_sim_ros.sensors.orientation.declaration import OrientationBlock
 from imu_sim_ros.sensors.orientation.filter import OrientationFilter
 from imu_sim_ros.sensors.orientation.parameters import OrientationParameters
 from imu_sim_ros.sensors.realised import realised_imu
 from imu_sim_ros.trajectory.motion import Trajectory
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Times
 
 
 class OrientationModel:
@@ -90,19 +92,38 @@ class ModelledOrientation:
         return self._model.next(q_wi, block.motion.acceleration.T)
 
 
+class FieldSensor(Protocol):
+    """The board's sensor of the magnetic field, as the filter needs it."""
+
+    @property
+    def latest(self) -> Any:
+        """What was read last: ``true_t_ns`` (m,) [ns] and ``field`` (m, 3) [T]."""
+
+    @property
+    def interval(self) -> float:
+        """Between two samples [s]."""
+
+    @property
+    def earth_w(self) -> Array:
+        """(3,) the Earth's field in the world [T]."""
+
+    def imu_samples(self) -> tuple[Times, NDArray[np.bool_]]:
+        """Return, of the samples read last, the IMU's that each follows; whether at its time."""
+
+    def calibration(self, unit: ImuParameters) -> tuple[Array, Array]:
+        """Return M (3, 3) and b (3,) [T] of ``reading = M B + b`` for a realised board."""
+
+
 class FilteredOrientation:
     """A filter over the board's readings, corrected by a calibration or as they are."""
 
     def __init__(
-        self, imu: ImuParameters, environment: EnvironmentParameters, magnetometer: Magnetometer
+        self, imu: ImuParameters, environment: EnvironmentParameters, field: FieldSensor
     ) -> None:
         p = imu.orientation
-        self._magnetometer = magnetometer
+        self._field = field
         self._filter = OrientationFilter(
-            p.time_constant,
-            1.0 / environment.rate,
-            1.0 / imu.magnetometer.rate,
-            MagneticField(environment).earth_w,
+            p.time_constant, 1.0 / environment.rate, field.interval, field.earth_w
         )
         self._variance = np.square(p.stated_sigma)[:, None]
         unit = realised_imu(imu, environment.seed)
@@ -111,15 +132,14 @@ class FilteredOrientation:
             self._corrections = [
                 _Correction(unit.gyroscope.response(), np.array(unit.gyroscope.bias)),
                 _Correction(unit.accelerometer.response(), np.array(unit.accelerometer.bias)),
-                _Correction(*unit.magnetometer.response_and_bias()),
+                _Correction(*field.calibration(unit)),
             ]
 
     def next(self, block: ImuBlock, q_wi: Array) -> tuple[Array, Array]:
         """Return orientations (4, n) and the stated variances (3, n) [rad^2]."""
-        magnetic = self._magnetometer.latest
-        assert magnetic is not None
+        magnetic = self._field.latest
         n = len(block.true_t_ns)
-        index, together = self._magnetometer.imu_samples()
+        index, together = self._field.imu_samples()
         behind = index - block.first
         since = magnetic.true_t_ns - block.true_t_ns[behind] if n else np.empty(0)
         delay: Array = since.astype(np.float64) * 1e-9
@@ -150,11 +170,11 @@ class Orientation:
         self,
         imu: ImuParameters,
         environment: EnvironmentParameters,
-        magnetometer: Magnetometer | None,
+        field: FieldSensor | None,
     ) -> None:
         """Set up the model or the filter.
 
-        :param magnetometer: of the board; the filter needs it.
+        :param field: of the board; the filter needs it.
         """
         rate = imu.orientation.rate
         ratio = timebase.exact_rate(environment.rate) / timebase.exact_rate(rate) if rate else 1
@@ -162,10 +182,10 @@ class Orientation:
         mounting = np.reshape(imu.mounting, (3, 3))
         self._q_bi = rotation.from_matrix(mounting)[:, None]
         self._source: ModelledOrientation | FilteredOrientation
-        if magnetometer is None:
+        if field is None:
             self._source = ModelledOrientation(imu, environment)
         else:
-            self._source = FilteredOrientation(imu, environment, magnetometer)
+            self._source = FilteredOrientation(imu, environment, field)
 
     def configure(self, imu: ImuParameters) -> None:
         """Do nothing: no parameter of an orientation is live."""
@@ -176,7 +196,7 @@ class Orientation:
     def read(
         self, block: ImuBlock, trajectory: Trajectory, temperature: TemperatureProfile
     ) -> OrientationBlock:
-        """Return the orientations of a block of the IMU; the magnetometer has read it before."""
+        """Return the orientations of a block of the IMU, whose magnetic field has been read."""
         q_wb = np.ascontiguousarray(block.motion.q_wb.T)
         truth = components.multiply(q_wb, self._q_bi)
         q, variance = self._source.next(block, truth)

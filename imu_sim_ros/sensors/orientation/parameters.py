@@ -22,7 +22,7 @@ class OrientationParameters:
         "model",
         ("model", "filter"),
         "model: the truth and the errors below; filter: a complementary filter over the readings "
-        "of gyroscope, accelerometer and magnetometer",
+        "of gyroscope, accelerometer and magnetic field",
     )
     rate: float = number(
         0.0, "rate of imu/data, which must divide the IMU's; 0: the IMU's", unit="Hz", minimum=0.0
@@ -67,7 +67,7 @@ class OrientationParameters:
     )
     time_constant: float = number(
         20.0,
-        "filter: accelerometer and magnetometer are trusted for longer times, the gyroscope for "
+        "filter: accelerometer and magnetic field are trusted for longer times, the gyroscope for "
         "shorter ones",
         unit="s",
         minimum=0.0,
@@ -95,3 +95,7 @@ class OrientationParameters:
                         f"{prefix}{name} = {getattr(self, name)}: must be 0 where "
                         f"{prefix}source is filter"
                     )
+
+
+SECTION: Final = OrientationParameters
+"""What ``imu.orientation_...`` are."""

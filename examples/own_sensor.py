@@ -1,0 +1,80 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A sensor of one's own, a sonar altimeter, with parameters, truth, topics and a table.
+
+With an entry point "sonar = own_sensor:SENSOR" of the group imu_sim_ros.sensors in another package:
+generate -o flight.mcap --set sensors=[sonar], simulator --sensors "[sonar]". In a script,
+register_sensor(SENSOR) does without one.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from imu_sim_ros import register_sensor, rotation, simulate
+from imu_sim_ros.bags.messages.encode import VECTOR3_STAMPED
+from imu_sim_ros.bags.tables import Table
+from imu_sim_ros.inputs.gate import POSITION
+from imu_sim_ros.parameters.kinds import number
+from imu_sim_ros.random_streams import generator
+from imu_sim_ros.sensors.carried import CarriedReadings, CarriedSensor
+from imu_sim_ros.sensors.declaration import Sensor, topic
+from imu_sim_ros.sensors.own_rate_parameters import CarriedParameters
+from imu_sim_ros.types import Array
+
+
+@dataclass(frozen=True)
+class SonarParameters(CarriedParameters):
+    """Rate, stamps, losses, frame and lever arm are inherited."""
+
+    rate: float = number(10.0, "pings per second", unit="Hz", minimum=0.01, maximum=100.0)
+    noise: float = number(0.02, "of a range, one sigma", unit="m", minimum=0.0, live=True)
+    bias_sigma: float = number(0.0, "of a constant error, drawn from the seed", unit="m")
+    ground: float = number(-10.0, "height of the ground in the world", unit="m")
+
+
+@dataclass(frozen=True, repr=False)
+class SonarReadings(CarriedReadings):
+    """What a flight has as its ``sonar``."""
+
+    range: Array  # (n,) as read [m]
+    ideal: Array  # (n,) [m]
+    bias: Array  # (n,) [m]
+
+
+class Sonar(CarriedSensor):
+    """The model: motion in, readings and their truth out."""
+
+    def __init__(self, parameters, environment, t0_ns, others):
+        super().__init__("sonar", parameters, environment, t0_ns)
+        self.noise = generator(environment.seed, "sonar.noise")  # a random stream of its own
+        self.bias = parameters.bias_sigma * generator(environment.seed, "sonar.bias").normal()
+
+    def measure(self, t, motion):
+        """Return the readings first, then their truth."""
+        height = self.place(motion)[:, 2] - self.parameters.ground
+        ideal = height / rotation.to_matrix(motion.q_wb)[:, 2, 2]  # along the beam
+        bias = np.full(len(t), self.bias)
+        noise = self.parameters.noise * self.noise.standard_normal(len(t))
+        return {"range": ideal + bias + noise, "ideal": ideal, "bias": bias}
+
+
+DOWN = np.array([0.0, 0.0, -1.0])  # messages hold vectors from the sonar to the ground
+VECTOR = (VECTOR3_STAMPED, "Vector3StampedEncoder")
+HEADERS = {"csv": "timestamp,range", "euroc": "#timestamp [ns],range [m]"}
+SENSOR = Sensor(
+    *("sonar", "sonar", SonarParameters, Sonar),
+    topics=(
+        topic("sonar/beam", *VECTOR, lambda read, rows, _: [read.range[rows, None] * DOWN]),
+        topic("ground_truth/sonar", *VECTOR, lambda r, n, _: [r.ideal[n, None] * DOWN], truth=True),
+    ),
+    table=Table("sonar", "Sonar", POSITION, HEADERS, VECTOR3_STAMPED, "sonar/beam", ("vector",)),
+    values=lambda read: read.range[:, None],
+    readings=SonarReadings,
+    text="sonar altimeter: the distance to level ground along -z",
+)
+
+if __name__ == "__main__":
+    register_sensor(SENSOR)
+    print(simulate(trajectory="figure_eight", duration=10, sensors=["sonar"]).sonar)

@@ -1,0 +1,61 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""How the readings of a sensor beside the IMU stand in folders of text, and in bags.
+
+Sensors declare their tables; readers and writers are handed them and know none by name.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.inputs.gate import Quantity
+from imu_sim_ros.types import Array, Times
+
+Encode: TypeAlias = Callable[[Times, Array], NDArray[np.uint8]]
+"""Turns stamps (n,) and values (n, m) into messages (n, size)."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """The readings of one kind of sensor: a time and some numbers in each row."""
+
+    name: str
+    """Of its files, followed by the number of the IMU: ``mag`` of mag0.csv."""
+    title: str
+    """What it is, for the head of EuRoC's sensor.yaml."""
+    quantity: Quantity
+    """What the numbers measure, and how large they can be."""
+    headers: Mapping[str, str]
+    """The first line, by form, ``euroc`` and ``csv``: a column for the time, one a number."""
+    type: str
+    """Of its messages, in the form of ROS 2."""
+    topic: str
+    """Of its messages, without the namespace of an IMU of several."""
+    fields: tuple[str, ...]
+    """The field of the message that holds the numbers and, where there is one, their covariance."""
+    encoder: Callable[[str, str], Encode] | None = None
+    """Makes what writes messages of a table, for a frame and an encoding; None: the messages are
+    readings of the IMU once more, of equal stamps, with the numbers as their orientation."""
+    truths: tuple[str, str] | None = None
+    """Topics of the ideal readings, in messages of the same type, and of the true biases."""
+    bias_type: str = ""
+    """Of the messages of the biases: that of the readings, or Vector3Stamped."""
+
+    @property
+    def columns(self) -> int:
+        """Numbers in a row."""
+        return self.headers["csv"].count(",")
+
+    @property
+    def of_readings(self) -> bool:
+        """Whether its messages are readings of the IMU with an orientation."""
+        return self.encoder is None
+
+
+Tables: TypeAlias = Mapping[str, Table]
+"""All tables that are known, by their names."""

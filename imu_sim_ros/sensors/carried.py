@@ -1,0 +1,130 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What sensors of the body have in common: times, stamps, transport, faults, and their samples."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from imu_sim_ros import rotation
+from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.sensors.declaration import AuxiliaryReadings
+from imu_sim_ros.sensors.environment import EnvironmentParameters
+from imu_sim_ros.sensors.errors.response import TemperatureProfile
+from imu_sim_ros.sensors.faults import Fault
+from imu_sim_ros.sensors.own_rate import OwnRate
+from imu_sim_ros.sensors.own_rate_parameters import CarriedParameters
+from imu_sim_ros.trajectory.motion import Motion, Trajectory
+from imu_sim_ros.types import Array, Times
+
+
+class CarriedBlock(NamedTuple):
+    """n samples of a sensor of the body; ``block.NAME`` is ``block.values["NAME"]``."""
+
+    true_t_ns: Times
+    """(n,) true times [ns]."""
+    t_ns: Times
+    """(n,) the stamps of the messages, with the errors of the sensor's clock [ns]."""
+    release_t_ns: Times
+    """(n,) when a message leaves the driver [ns]."""
+    delivered: Times
+    """(m,) rows that are delivered, in order."""
+    values: Mapping[str, Array]
+    """(n,) or (n, m) by name: readings and their truth."""
+
+    def __getattr__(self, name: str) -> Any:
+        """Return one of the values."""
+        try:
+            return self.values[name]
+        except KeyError:
+            raise AttributeError(f"no {name} was measured") from None
+
+
+@dataclass(frozen=True, repr=False)
+class CarriedReadings(AuxiliaryReadings):
+    """The n readings of a sensor of the body that are delivered; fields of one's own follow."""
+
+    t_ns: Times
+    """(n,) stamps [ns], with the errors of the sensor's clock."""
+    true_t_ns: Times
+    """(n,) when the sample was taken [ns]."""
+
+
+class CarriedSensor:
+    """A sensor of the body: a class of one's own derives from it and has :meth:`measure`."""
+
+    def __init__(
+        self,
+        name: str,
+        parameters: CarriedParameters,
+        environment: EnvironmentParameters,
+        t0_ns: int,
+    ) -> None:
+        """Start before the first sample.
+
+        :param name: the first part of the names of its random streams.
+        :param t0_ns: time of the IMU's sample 0 [ns].
+        """
+        self.name, self.parameters = name, parameters
+        self.lever_arm_b: Array = np.array(parameters.lever_arm)
+        self._own = OwnRate(name, parameters, parameters, environment, t0_ns)
+        self._before: Array | None = None
+
+    def place(self, motion: Motion) -> Array:
+        """Return the sensor's positions (n, 3) in the world."""
+        return motion.position + rotation.rotate(motion.q_wb, self.lever_arm_b[None])
+
+    def measure(self, t: Array, motion: Motion) -> Mapping[str, Array]:
+        """Return the readings (n,) or (n, 3), first, and their truth, by name, of the next samples.
+
+        An array ``bias`` of the readings' shape takes the jumps that faults add.
+
+        :param t: (n,) since the IMU's first sample [s].
+        :param motion: of the body.
+        """
+        raise NotImplementedError
+
+    def configure(self, parameters: CarriedParameters) -> None:
+        """Take new values of live parameters, from the next sample on."""
+        self.parameters = parameters
+        self._own.configure(parameters)
+
+    def inject(self, fault: Fault, first: int) -> None:
+        """Let a fault begin with the first sample not before the IMU's sample ``first``."""
+        self._own.inject(fault, first)
+
+    def read(
+        self, block: ImuBlock, trajectory: Trajectory, temperature: TemperatureProfile
+    ) -> CarriedBlock:
+        """Return the samples that were not read yet and lie before the end of the IMU's block."""
+        samples = self._own.next(block.first + len(block.true_t_ns), trajectory.duration)
+        motion = self._own.motion(samples, block, trajectory)
+        values = dict(self.measure(samples.t, motion))
+        self._take_faults(samples.first, values)
+        return CarriedBlock(samples.true_t_ns, *self._own.stamp(samples), values)
+
+    def _take_faults(self, first: int, values: dict[str, Array]) -> None:
+        """Let faults change the readings."""
+        name = next(iter(values))
+        reading = values[name]
+        count = len(reading)
+        if self._own.faults.any and count:
+            columns = reading.reshape(count, -1).shape[1]
+            rows = np.zeros((3, count))
+            rows[:columns] = reading.reshape(count, -1).T
+            jump = np.zeros((3, count))
+            self._own.faults.add_bias(self.name, first, jump)
+            rows += jump
+            self._own.faults.saturate(self.name, first, rows)
+            self._own.faults.hold(self.name, first, rows, self._before)
+            values[name] = np.ascontiguousarray(rows[:columns].T).reshape(reading.shape)
+            if "bias" in values:
+                added = jump[:columns].T.reshape(reading.shape)
+                values["bias"] = values["bias"] + added
+        if count:
+            last = values[name][-1]
+            self._before = np.zeros(3)
+            self._before[: np.size(last)] = last

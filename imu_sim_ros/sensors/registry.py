@@ -1,0 +1,156 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Sensors of the body by name: those in this package, and those of other packages.
+
+Another package declares a :class:`~imu_sim_ros.sensors.declaration.Sensor` and either hands it to
+:func:`register_sensor`, or names it as an entry point of the group ``imu_sim_ros.sensors``. Entry
+points are looked up only for a name that is not known otherwise, and for ``--help``.
+"""
+
+import re
+from collections.abc import Iterable
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Final
+
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.names import suggestion
+from imu_sim_ros.sensors import AUXILIARY, CARRIED, auxiliary_sensors
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+
+    from imu_sim_ros.sensors.declaration import Sensor
+
+ENTRY_POINTS: Final = "imu_sim_ros.sensors"
+_NAME: Final = re.compile(r"[a-z][a-z0-9_]*")
+_REGISTERED: Final[dict[str, "Sensor"]] = {}
+
+
+def register_sensor(sensor: "Sensor") -> None:
+    """Make a sensor of one's own known by its name: ``simulate(sensors=[NAME])`` reads it.
+
+    The same name again replaces it.
+
+    :param sensor: a :class:`~imu_sim_ros.sensors.declaration.Sensor`; how one is declared, the
+        manual says (*A sensor of your own*).
+    :raises ConfigurationError: for something else, and a name that cannot be used, with a line for
+        each problem.
+
+    >>> import imu_sim_ros as ims
+    >>> ims.register_sensor("sonar")
+    Traceback (most recent call last):
+    ...
+    imu_sim_ros.errors.ConfigurationError: sensor: 'sonar' is not a Sensor
+    """
+    _REGISTERED[_checked(sensor, "sensor").name] = sensor
+
+
+def in_use() -> "tuple[Sensor, ...]":
+    """Return the sensors of the body that were registered or found so far."""
+    return tuple(_REGISTERED.values())
+
+
+def find_sensor(name: str) -> "Sensor":
+    """Return a sensor of the body: one that is registered, one of ours, or an entry point's.
+
+    :raises ConfigurationError: for a name that does not exist, or cannot be loaded.
+    """
+    if name in _REGISTERED:
+        return _REGISTERED[name]
+    if name in CARRIED:
+        found: Sensor = import_module(f"imu_sim_ros.sensors.{name}.declaration").SENSOR
+    else:
+        offered = _offered()
+        if name not in offered:
+            known = [*CARRIED, *_REGISTERED, *sorted(offered)]
+            hint = suggestion(name, known, f"must be one of {', '.join(known) or 'none'}")
+            if name in AUXILIARY or name in [one.quantity for one in auxiliary_sensors()]:
+                hint = "is on the board of an IMU: publish.* and --topics choose it"
+            raise ConfigurationError(f"sensors: {name!r}: {hint}")
+        found = _loaded(name, offered[name])
+    _REGISTERED[name] = found
+    return found
+
+
+def all_sensors() -> "tuple[list[Sensor], list[str]]":
+    """Return all sensors of the body, and a line for each that cannot be loaded.
+
+    This looks up all entry points.
+    """
+    found: list[Sensor] = []
+    problems: list[str] = []
+    for name in dict.fromkeys([*CARRIED, *_REGISTERED, *sorted(_offered())]):
+        try:
+            found.append(find_sensor(name))
+        except ConfigurationError as error:
+            problems += error.problems
+    return found, problems
+
+
+def sections(names: Iterable[str]) -> dict[str, type]:
+    """Return the sections of parameters of sensors of the body, by name.
+
+    :raises ConfigurationError: with a line for each name that does not exist.
+    """
+    result: dict[str, type] = {}
+    problems: list[str] = []
+    for name in names:
+        try:
+            result[name] = find_sensor(name).section
+        except ConfigurationError as error:
+            problems += error.problems
+    if problems:
+        raise ConfigurationError(problems)
+    return result
+
+
+def _offered() -> "dict[str, EntryPoint]":
+    from importlib.metadata import entry_points  # a search of all packages; seldom needed
+
+    return {point.name: point for point in entry_points(group=ENTRY_POINTS)}
+
+
+def _loaded(name: str, point: "EntryPoint") -> "Sensor":
+    """Return the sensor of an entry point: a declaration, or a module that has one as SENSOR."""
+    try:
+        found = point.load()
+    except Exception as error:  # code of other people: whatever it raises
+        raise ConfigurationError(
+            f"sensors: {name!r}: {point.value} cannot be loaded: {error}"
+        ) from error
+    sensor = _checked(getattr(found, "SENSOR", found), f"sensors: {point.value}")
+    if sensor.name != name:
+        raise ConfigurationError(
+            f"sensors: {name!r}: {point.value} is the sensor {sensor.name!r}; the entry point must "
+            "have its name"
+        )
+    return sensor
+
+
+def _checked(sensor: Any, what: str) -> "Sensor":
+    """Return a declaration of another package, checked.
+
+    :raises ConfigurationError: with a line for each problem.
+    """
+    from imu_sim_ros.sensors.declaration import Sensor
+    from imu_sim_ros.sensors.own_rate_parameters import CarriedParameters
+
+    given: object = sensor
+    if not isinstance(given, Sensor):
+        raise ConfigurationError(f"{what}: {sensor!r} is not a Sensor")
+    problems = []
+    if not _NAME.fullmatch(sensor.name) or sensor.name in AUXILIARY:
+        problems.append(
+            f"{what}: name = {sensor.name!r}: must be lower-case letters, digits and underscores, "
+            "and not that of a sensor of a board"
+        )
+    if sensor.quantity != sensor.name:
+        problems.append(f"{what}: quantity = {sensor.quantity!r}: must be the name, {sensor.name}")
+    if not (isinstance(sensor.section, type) and issubclass(sensor.section, CarriedParameters)):
+        problems.append(f"{what}: section = {sensor.section!r}: must derive from CarriedParameters")
+    if not sensor.topics:
+        problems.append(f"{what}: topics = (): must be one at least, of the readings")
+    if problems:
+        raise ConfigurationError(problems)
+    return sensor
