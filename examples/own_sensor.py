@@ -14,8 +14,8 @@ import numpy as np
 
 from imu_sim_ros import register_sensor, rotation, simulate
 from imu_sim_ros.bags.messages.encode import VECTOR3_STAMPED
-from imu_sim_ros.bags.tables import Table
 from imu_sim_ros.inputs.gate import POSITION
+from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.parameters.kinds import number
 from imu_sim_ros.random_streams import generator
 from imu_sim_ros.sensors.carried import CarriedReadings, CarriedSensor
@@ -69,7 +69,7 @@ SENSOR = Sensor(
         topic("sonar/beam", *VECTOR, lambda read, rows, _: [read.range[rows, None] * DOWN]),
         topic("ground_truth/sonar", *VECTOR, lambda r, n, _: [r.ideal[n, None] * DOWN], truth=True),
     ),
-    table=Table("sonar", "Sonar", POSITION, HEADERS, VECTOR3_STAMPED, "sonar/beam", ("vector",)),
+    table=Table("sonar", "Sonar", POSITION, HEADERS, VECTOR3_STAMPED, "sonar/beam"),
     values=lambda read: read.range[:, None],
     readings=SonarReadings,
     text="sonar altimeter: the distance to level ground along -z",

@@ -19,7 +19,10 @@ ROOT = Path(__file__).parents[1]
 PAGES = sorted(
     page for page in (ROOT / "docs/tutorials").glob("*.md") if page.stem not in ("gallery",)
 )
-GUIDES = [ROOT / f"docs/how_to/{name}.md" for name in ("ci_gate", "data_sheet", "own_trajectory")]
+GUIDES = [
+    ROOT / f"docs/how_to/{name}.md"
+    for name in ("ci_gate", "data_sheet", "own_sensor", "own_trajectory")
+]
 GUIDES.append(ROOT / "docs/how_to/madgwick.md")
 NEEDS = {"vio_stack": "gtsam", "madgwick": "ahrs"}
 """Pages with a library that only the tests install."""

@@ -3,7 +3,7 @@
 
 """What a board measures beside its IMU, read from bags and folders, and written to bags.
 
-Which sensors there are, the callers hand in: a :class:`~imu_sim_ros.bags.tables.Table` for each.
+Which sensors there are, the callers hand in: a :class:`~imu_sim_ros.inputs.tables.Table` for each.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -17,12 +17,12 @@ from imu_sim_ros.bags.messages.blocks import TopicInfo
 from imu_sim_ros.bags.messages.decode import inside_order
 from imu_sim_ros.bags.messages.encode import ImuEncoder
 from imu_sim_ros.bags.read import decoded_blocks, open_bag, vector_blocks
-from imu_sim_ros.bags.tables import Encode, Table, Tables
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.writer import Block, Topic, Writer
 from imu_sim_ros.conventions import IMU_FRAME, IMU_TOPIC
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import Skipped, Warned
+from imu_sim_ros.inputs.tables import Encode, Table, Tables
 from imu_sim_ros.types import Array, Times
 
 
@@ -119,7 +119,8 @@ def table_of(path: Path, topic: str, tables: Tables) -> Table | None:
     with open_bag(path) as bag:
         types = {info.name.lstrip("/"): info.type for info in bag.topics}
     found = types.get(topic.lstrip("/"))
-    return next((table for table in tables.values() if table.type == found), None)
+    converted = (table for table in tables.values() if table.is_converted)
+    return next((table for table in converted if table.type == found), None)
 
 
 class Truths(NamedTuple):
@@ -166,6 +167,8 @@ def tables_of(topics: Iterable[TopicInfo], readings: str, tables: Tables) -> dic
         space = space.removesuffix(again.topic) if again.of_readings else space
     for kind, of in tables.items():
         fitting = [topic for topic in topics if topic.type == of.type and _TRUTH not in topic.name]
+        if not of.is_converted:
+            continue
         own = [topic for topic in fitting if topic.name == space + of.topic]
         if of.of_readings:
             fitting = []  # other readings may have none
@@ -192,6 +195,8 @@ def streams_of_tables(
     names = text_reader.beside_names(path, tables)
     for name, kind in names.items():
         table, imu = tables[kind], f"imu{name.removeprefix(kind)}"
+        if not table.is_converted:
+            continue
         alone = len(imus) == 1 and (imu in imus or list(names.values()).count(kind) == 1)
         if table.of_readings and imu not in imus:
             if not alone:

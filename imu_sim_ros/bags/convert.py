@@ -27,7 +27,6 @@ from imu_sim_ros.bags.messages.encode import (
 )
 from imu_sim_ros.bags.read import imu_blocks, odometry_blocks, open_bag, vector_blocks
 from imu_sim_ros.bags.reader import Bag, missing, told
-from imu_sim_ros.bags.tables import Table, Tables
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text.writer import Dataset, States
 from imu_sim_ros.bags.writer import Block, Topic, Writer
@@ -43,6 +42,7 @@ from imu_sim_ros.conventions import (
 )
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import Skipped, Warned
+from imu_sim_ros.inputs.tables import Table, Tables
 from imu_sim_ros.poses import PoseSequence, read_poses
 from imu_sim_ros.rotation import rotate, rotate_inverse
 from imu_sim_ros.types import Array, Times

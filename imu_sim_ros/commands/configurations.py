@@ -11,7 +11,6 @@ import numpy as np
 
 from imu_sim_ros import rotation
 from imu_sim_ros.bags.outputs import make_folder
-from imu_sim_ros.bags.tables import Table
 from imu_sim_ros.bags.text import writer as text_writer
 from imu_sim_ros.conventions import IMAGE_TOPIC, IMU_TOPIC
 from imu_sim_ros.datasets.consumers import kalibr
@@ -19,6 +18,7 @@ from imu_sim_ros.datasets.consumers.folder import write_all
 from imu_sim_ros.datasets.consumers.rig import RigValues, Start, start_warnings
 from imu_sim_ros.datasets.consumers.values import ImuValues
 from imu_sim_ros.datasets.topics import resolved
+from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.sensors import auxiliary_sensors
 from imu_sim_ros.sensors.realised import realised_imu
 from imu_sim_ros.sensors.registry import find_sensor

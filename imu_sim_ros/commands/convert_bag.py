@@ -18,7 +18,6 @@ from imu_sim_ros.bags.messages.encode_cameras import COMPRESSED_IMAGE, IMAGE
 from imu_sim_ros.bags.outputs import Outputs
 from imu_sim_ros.bags.read import open_bag, read_poses
 from imu_sim_ros.bags.reader import Bag
-from imu_sim_ros.bags.tables import Table
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text import writer as text_writer
 from imu_sim_ros.bags.text.writer import Dataset
@@ -33,6 +32,7 @@ from imu_sim_ros.commands.inputs import (
 )
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import Skipped
+from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.sensors import known_tables
 

@@ -13,10 +13,10 @@ from imu_sim_ros import program, rotation
 from imu_sim_ros.bags import beside
 from imu_sim_ros.bags.beside import Beside, read_beside
 from imu_sim_ros.bags.read import open_bag
-from imu_sim_ros.bags.tables import Table
 from imu_sim_ros.bags.text.reader import is_text
 from imu_sim_ros.commands.inputs import skipped_rows
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.jobs.tracks import read_track, truth_topic
 from imu_sim_ros.navigation.association import common_rows, interpolate_poses, interpolate_vectors
 from imu_sim_ros.navigation.evaluation import (

@@ -12,10 +12,12 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from imu_sim_ros import program
 from imu_sim_ros.bags.recorder_parameters import RecorderParameters
+from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.kinds import Parameter, Value
 from imu_sim_ros.parameters.sections import parameters
+from imu_sim_ros.sensors import AUXILIARY
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
 from imu_sim_ros.sensors.camera.scene_parameters import TYPES as SCENES
@@ -25,7 +27,7 @@ from imu_sim_ros.trajectory.parameters import TYPES, TrajectoryParameters
 
 _PREFIX = "trajectory."
 
-_PARTS = ("gyroscope", "accelerometer", "magnetometer", "barometer", "orientation")
+_PARTS = (*TRIADS, *AUXILIARY)
 """First words of the parameters of a board's sensors, below ``imu.``."""
 _INTRODUCTION = """\
 # Parameters

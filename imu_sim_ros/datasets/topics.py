@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags.tables import Table
 from imu_sim_ros.bags.text.writer import WITH_TABLES, Dataset, States
 from imu_sim_ros.bags.writer import Block, Topic, Writer, amount, described
 from imu_sim_ros.conventions import (
@@ -21,6 +20,7 @@ from imu_sim_ros.conventions import (
     TRUTH_TOPIC,
 )
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.names import unknown
 from imu_sim_ros.sensors import auxiliary_sensors
 from imu_sim_ros.sensors.block import ImuBlock

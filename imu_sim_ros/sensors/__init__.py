@@ -13,7 +13,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
-    from imu_sim_ros.bags.tables import Table
+    from imu_sim_ros.inputs.tables import Table
     from imu_sim_ros.sensors.declaration import Sensor
 
 AUXILIARY: Final = ("magnetometer", "orientation", "barometer")

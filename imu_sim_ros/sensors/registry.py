@@ -13,8 +13,9 @@ from collections.abc import Iterable
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
+from imu_sim_ros import arguments
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.names import suggestion
+from imu_sim_ros.names import shown, suggestion
 from imu_sim_ros.sensors import AUXILIARY, CARRIED, auxiliary_sensors
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ _NAME: Final = re.compile(r"[a-z][a-z0-9_]*")
 _REGISTERED: Final[dict[str, "Sensor"]] = {}
 
 
-def register_sensor(sensor: "Sensor") -> None:
+def register_sensor(sensor: Any) -> None:
     """Make a sensor of one's own known by its name: ``simulate(sensors=[NAME])`` reads it.
 
     The same name again replaces it.
@@ -41,8 +42,12 @@ def register_sensor(sensor: "Sensor") -> None:
     >>> ims.register_sensor("sonar")
     Traceback (most recent call last):
     ...
-    imu_sim_ros.errors.ConfigurationError: sensor: 'sonar' is not a Sensor
+    imu_sim_ros.errors.ArgumentTypeError: sensor = 'sonar': must be a Sensor
     """
+    from imu_sim_ros.sensors.declaration import Sensor
+
+    if not isinstance(sensor, Sensor):
+        arguments.refuse("sensor", sensor, "a Sensor", wrong_type=True)
     _REGISTERED[_checked(sensor, "sensor").name] = sensor
 
 
@@ -138,7 +143,7 @@ def _checked(sensor: Any, what: str) -> "Sensor":
 
     given: object = sensor
     if not isinstance(given, Sensor):
-        raise ConfigurationError(f"{what}: {sensor!r} is not a Sensor")
+        raise ConfigurationError(f"{what}: {shown(sensor)} is not a Sensor")
     problems = []
     if not _NAME.fullmatch(sensor.name) or sensor.name in AUXILIARY:
         problems.append(

@@ -202,7 +202,7 @@ def orientation_problems(imu: ImuParameters, prefix: str = "") -> Iterator[str]:
     if imu.orientation.source == "filter":
         yield (
             f"{prefix}imu.orientation_source = 'filter': must be model in an error model; there "
-            "is no magnetometer for a filter"
+            "is no magnetic field for a filter"
         )
 
 

@@ -13,6 +13,7 @@ import signal
 import warnings
 from decimal import Decimal
 from functools import cached_property
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ import pytest
 
 import imu_sim_ros as ims
 from imu_sim_ros.commands import generate
+from imu_sim_ros.sensors import registry
 
 NAN = float("nan")
 PATIENCE = 20.0
@@ -96,6 +98,10 @@ class World:
         )
 
     @cached_property
+    def sensor(self):
+        return import_module("own_sensor").SENSOR
+
+    @cached_property
     def track(self):
         return ims.dead_reckon(self.flight)
 
@@ -142,6 +148,7 @@ VALID = {
     "calibrate_temperature": (lambda w: {"readings": w.soaked}, []),
     "calibrate_magnetometer": (lambda w: {"readings": w.tumble}, []),
     "campaign": (lambda w: {"plan": w.plan, "output": w.place["path"]}, []),
+    "register_sensor": (lambda w: {"sensor": w.sensor}, []),
     "report": (lambda w: {"inputs": w.file, "output": w.place["path"]}, []),
     "twin": (lambda w: {"recording": w.moved, "truth": w.moved.truth}, []),
     "preintegrate": (lambda w: {"readings": w.flight, "every": 0.1}, []),
@@ -197,6 +204,8 @@ RESULTS = {
 def world(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(tmp_path_factory.mktemp("hostile"))
+        patch.setattr(registry, "_REGISTERED", {})
+        patch.syspath_prepend(Path(__file__).parents[2] / "examples")
         yield World()
 
 

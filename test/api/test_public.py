@@ -66,6 +66,7 @@ PUBLIC = [
     "read_odometry",
     "read_orientation",
     "read_pressure",
+    "register_sensor",
     "report",
     "simulate",
     "twin",

@@ -11,7 +11,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags.tables import Table, Tables
 from imu_sim_ros.bags.text.writer import States
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import gate
@@ -28,6 +27,7 @@ from imu_sim_ros.inputs.rows import (
     row_blocks,
     shortened,
 )
+from imu_sim_ros.inputs.tables import Table, Tables
 from imu_sim_ros.rotation import normalise
 from imu_sim_ros.types import Array, Times
 

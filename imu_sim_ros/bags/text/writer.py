@@ -14,10 +14,10 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros.bags.outputs import OutputFile, make_folder
-from imu_sim_ros.bags.tables import Table
 from imu_sim_ros.bags.text import decimals
 from imu_sim_ros.bags.text.decimals import decimal
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.names import suggestion
 from imu_sim_ros.types import Array, Times
 

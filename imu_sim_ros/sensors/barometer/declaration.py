@@ -11,8 +11,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags.tables import Encode, Table
 from imu_sim_ros.inputs.gate import PRESSURE
+from imu_sim_ros.inputs.tables import Encode, Table
 from imu_sim_ros.sensors.barometer.parameters import BarometerParameters
 from imu_sim_ros.sensors.declaration import AuxiliaryReadings, Model, Sensor, topic
 from imu_sim_ros.sensors.environment import EnvironmentParameters

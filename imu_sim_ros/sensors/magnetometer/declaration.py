@@ -10,9 +10,9 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags.tables import Encode, Table
 from imu_sim_ros.conventions import Vector
 from imu_sim_ros.inputs.gate import FIELD
+from imu_sim_ros.inputs.tables import Encode, Table
 from imu_sim_ros.sensors.declaration import AuxiliaryReadings, Model, Sensor, topic
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.imu.parameters import ImuParameters

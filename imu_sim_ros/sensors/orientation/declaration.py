@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags.tables import Table
 from imu_sim_ros.inputs import gate
+from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.declaration import (
     AuxiliaryReadings,
@@ -125,6 +125,7 @@ SENSOR = Sensor(
         type=TYPE,
         topic=TOPIC,
         fields=("orientation", "orientation_covariance"),
+        of_readings=True,
     ),
     values=lambda read: read.q_wi,
     readings=Orientations,

@@ -36,11 +36,13 @@ class Table:
     """Of its messages, in the form of ROS 2."""
     topic: str
     """Of its messages, without the namespace of an IMU of several."""
-    fields: tuple[str, ...]
+    fields: tuple[str, ...] = ()
     """The field of the message that holds the numbers and, where there is one, their covariance."""
     encoder: Callable[[str, str], Encode] | None = None
-    """Makes what writes messages of a table, for a frame and an encoding; None: the messages are
-    readings of the IMU once more, of equal stamps, with the numbers as their orientation."""
+    """Makes what writes messages of a table, for a frame and an encoding."""
+    of_readings: bool = False
+    """Whether the messages are readings of the IMU once more, of equal stamps, with the numbers as
+    their orientation."""
     truths: tuple[str, str] | None = None
     """Topics of the ideal readings, in messages of the same type, and of the true biases."""
     bias_type: str = ""
@@ -52,9 +54,9 @@ class Table:
         return self.headers["csv"].count(",")
 
     @property
-    def of_readings(self) -> bool:
-        """Whether its messages are readings of the IMU with an orientation."""
-        return self.encoder is None
+    def is_converted(self) -> bool:
+        """Whether bags are converted to such tables, and back; others are only written."""
+        return self.of_readings or self.encoder is not None
 
 
 Tables: TypeAlias = Mapping[str, Table]

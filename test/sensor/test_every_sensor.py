@@ -1,0 +1,215 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What holds for every sensor beside the IMU: those in the lists, and the one of the example."""
+
+import dataclasses
+import importlib.util
+import sys
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import imu_sim_ros as ims
+from imu_sim_ros.bags import beside
+from imu_sim_ros.jobs.flight import Flight
+from imu_sim_ros.parameters.sections import parameters
+from imu_sim_ros.sensors import AUXILIARY, CARRIED, auxiliary_sensors, known_tables, registry
+from imu_sim_ros.sensors.declaration import Sensor
+from imu_sim_ros.sensors.faults import Fault
+from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.parameters import load_simulation
+
+ROOT = Path(__file__).parents[2]
+NAMES = (*AUXILIARY, *CARRIED, "sonar")
+BOARD = {"imu.preset": "perfect", "trajectory.type": "figure_eight", "duration": 3.0, "seed": 3}
+
+
+@pytest.fixture(params=NAMES)
+def sensor(request: Any, monkeypatch: Any) -> Sensor:
+    """Return each declaration in turn; the example's is registered for the test."""
+    monkeypatch.setattr(registry, "_REGISTERED", {})
+    if request.param in AUXILIARY:
+        return auxiliary_sensors()[AUXILIARY.index(request.param)]
+    if request.param == "sonar":
+        spec = importlib.util.spec_from_file_location("sonar", ROOT / "examples/own_sensor.py")
+        assert spec is not None
+        assert spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        monkeypatch.setitem(sys.modules, "sonar", module)  # dataclasses look there
+        spec.loader.exec_module(module)
+        ims.register_sensor(module.SENSOR)
+    return registry.find_sensor(request.param)
+
+
+def prefix(sensor: Sensor) -> str:
+    return f"imu.{sensor.name}_" if sensor.name in AUXILIARY else f"{sensor.name}."
+
+
+def given(sensor: Sensor, **own: object) -> dict[str, Any]:
+    """Return parameters in which the sensor is there, and noisy."""
+    known = parameters(sensor.section)
+    noisy = {
+        name: 1e-3 for name in known if name.startswith("noise") and known[name].kind != "choice"
+    }
+    named = {} if sensor.name in AUXILIARY else {"sensors": [sensor.name]}
+    values = {f"{prefix(sensor)}{name}": value for name, value in {**noisy, **own}.items()}
+    return {**BOARD, **named, **values}
+
+
+def simulation(sensor: Sensor, given: dict[str, Any]) -> Simulation:
+    return Simulation(load_simulation(given), sensors={sensor.quantity})
+
+
+def arrays(sensor: Sensor, blocks: Any) -> dict[str, Any]:
+    """Return all that was read, and its truth, joined."""
+    names = [*(field.name for field in fields(sensor.readings)), "release_t_ns"]  # type: ignore[arg-type]
+    read = [block.auxiliary[sensor.quantity] for block in blocks]
+    return {name: np.concatenate([getattr(one, name) for one in read]) for name in names}
+
+
+def whole(sensor: Sensor, given: dict[str, Any]) -> dict[str, Any]:
+    return arrays(sensor, [simulation(sensor, given).next_block(10**6)])
+
+
+def same(a: dict[str, Any], b: dict[str, Any]) -> bool:
+    return all(np.array_equal(a[name], b[name], equal_nan=True) for name in a)
+
+
+def test_blocks_may_have_any_size(sensor: Sensor) -> None:
+    one = whole(sensor, given(sensor))
+    assert same(one, arrays(sensor, simulation(sensor, given(sensor)).blocks(37)))
+    assert same(one, arrays(sensor, simulation(sensor, given(sensor)).blocks(1)))
+
+
+def test_seeds_differ_and_repeat(sensor: Sensor) -> None:
+    one, other = whole(sensor, given(sensor)), whole(sensor, {**given(sensor), "seed": 4})
+    assert not same(one, other)
+    assert same(one, whole(sensor, given(sensor)))
+
+
+def test_no_sample_of_the_imu_depends_on_it(sensor: Sensor) -> None:
+    with_it = simulation(sensor, given(sensor)).next_block(10**6)
+    alone = Simulation(load_simulation(BOARD)).next_block(10**6)
+    assert all(np.array_equal(getattr(alone, n), getattr(with_it, n)) for n in ("gyro", "accel"))
+
+
+def test_truth_is_complete_and_python_returns_it(sensor: Sensor) -> None:
+    """Each array has a row for every sample; what is lost is in the truth, not in the readings."""
+    lossy = {"dropout_probability": 0.5}
+    if sensor.name in AUXILIARY:
+        values = {**given(sensor), **{f"imu.{name}": value for name, value in lossy.items()}}
+    else:
+        values = given(sensor, **lossy)
+    run = simulation(sensor, values)
+    block = run.next_block(10**6)
+    read = block.auxiliary[sensor.quantity]
+    assert 0 < len(read.delivered) < len(read.true_t_ns)
+    for field in fields(sensor.readings):  # type: ignore[arg-type]
+        array = getattr(read, field.name)
+        assert len(array) == len(read.true_t_ns), field.name
+        assert array.dtype in (np.int64, np.float64), field.name
+    flight = Flight(run, [block], "all")
+    found = getattr(flight, sensor.quantity)
+    assert len(found) == len(read.delivered)
+    assert sensor.quantity in dir(flight)
+
+
+@pytest.mark.parametrize("name", ["all.mcap", "all.bag"])
+def test_messages_there_and_back(sensor: Sensor, tmp_path: Path, name: str) -> None:
+    flight = ims.simulate(**nested(given(sensor)), sensors=[sensor.quantity])
+    topics = ["imu/data_raw", *(topic.name for topic in sensor.topics)]
+    path = flight.save(tmp_path / name, topics=topics)
+    if not sensor.table.is_converted:
+        pytest.skip("its messages are not rows of its table")
+    back = beside.read_beside(path, sensor.table, f"/{sensor.table.topic}")
+    read = getattr(flight, sensor.quantity)
+    assert np.array_equal(back.t_ns, read.t_ns)
+    assert np.array_equal(back.values, sensor.values(read))
+
+
+@pytest.mark.parametrize("form", ["euroc", "csv"])
+def test_text_there_and_back(sensor: Sensor, tmp_path: Path, form: str) -> None:
+    flight = ims.simulate(**nested(given(sensor)), sensors=[sensor.quantity])
+    folder = flight.save(
+        tmp_path / "text", format=form, topics=["imu/data_raw", sensor.topics[0].name]
+    )
+    assert sensor.table.name in known_tables()
+    back = beside.read_beside(folder, sensor.table)
+    read = getattr(flight, sensor.quantity)
+    assert np.array_equal(back.t_ns, read.t_ns)
+    assert np.array_equal(back.values, sensor.values(read))
+
+
+def test_faults(sensor: Sensor) -> None:
+    if not sensor.faults:
+        pytest.skip("has no faults of its own")
+    plain = whole(sensor, given(sensor))
+    run = simulation(sensor, given(sensor))
+    run.inject(Fault("dropout", 1.0, 1.0, sensor.name))
+    block = run.next_block(10**6)
+    read = block.auxiliary[sensor.quantity]
+    lost = np.setdiff1d(np.arange(len(read.t_ns)), read.delivered)
+    since = (read.true_t_ns[lost] - run.t0_ns) * 1e-9
+    assert len(lost) == np.count_nonzero(read.true_t_ns < run.t0_ns + 10**9) > 0
+    assert since.max() < 1.0
+    assert same(plain, arrays(sensor, [block]))
+    assert len(block.delivered) == len(block.t_ns)
+
+
+def test_live_parameters_change_from_the_next_block_on(sensor: Sensor) -> None:
+    live = [name for name, known in parameters(sensor.section).items() if known.live]
+    name = next((name for name in live if name.startswith("noise")), None)
+    if name is None:
+        pytest.skip("no noise of it is live")
+    plain = whole(sensor, given(sensor))
+    run = simulation(sensor, given(sensor))
+    before = run.next_block(300)
+    run.update(load_simulation(given(sensor), {f"{prefix(sensor)}{name}": 0.0}))
+    both = arrays(sensor, [before, run.next_block(10**6)])
+    count = len(before.auxiliary[sensor.quantity].t_ns)
+    differs = [n for n in plain if not np.array_equal(plain[n], both[n])]
+    assert differs
+    assert all(np.array_equal(plain[n][:count], both[n][:count]) for n in plain)
+
+
+def test_declared_once_for_all(sensor: Sensor) -> None:
+    """Topics and tables have names of their own, and headers as many columns as numbers."""
+    assert sensor.topics[0].name == sensor.table.topic
+    others = [one for one in auxiliary_sensors() if one.name != sensor.name]
+    assert not {t.name for t in sensor.topics} & {t.name for one in others for t in one.topics}
+    assert {h.count(",") for h in sensor.table.headers.values()} == {sensor.table.columns}
+    assert set(sensor.table.headers) == {"euroc", "csv"}
+    flags = {flag for topic in sensor.topics for flag in topic.flags} - {"biases"}
+    assert flags == set(sensor.switches)
+
+
+def test_it_is_in_the_manual(sensor: Sensor) -> None:
+    """Its parameters are in the reference, its topics on a page."""
+    pages = [page.read_text(encoding="utf-8") for page in (ROOT / "docs").rglob("*.md")]
+    assert all(any(topic.name in page for page in pages) for topic in sensor.topics)
+    if sensor.name in (*AUXILIARY, *CARRIED):
+        reference = (ROOT / "docs/reference/parameters.md").read_text(encoding="utf-8")
+        for name in parameters(sensor.section):
+            assert f"`{prefix(sensor)}{name}`" in reference, name
+
+
+def nested(values: dict[str, Any]) -> dict[str, Any]:
+    """Return parameters as the arguments of ``simulate``; ``sensors`` is an argument of its own."""
+    result: dict[str, Any] = {}
+    for name, value in values.items():
+        *above, last = name.split(".")
+        place = result
+        for part in above:
+            place = place.setdefault(part, {})
+        place[last] = value
+    result.pop("sensors", None)
+    return result
+
+
+def test_sections_are_frozen(sensor: Sensor) -> None:
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        setattr(sensor.section(), next(iter(parameters(sensor.section))), 0)
