@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from imu_sim_ros import arguments
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.jobs.readings import BAG_OR_FILE
+from imu_sim_ros.sensors import known_tables
 from imu_sim_ros.timebase import span
 from imu_sim_ros.types import Array, Times
 
@@ -94,17 +95,18 @@ def read_orientation(path: str | Path, topic: str | None = None) -> Samples:
 
 
 def _read(kind: str, path: str | Path, topic: str | None) -> Samples:
-    from imu_sim_ros.bags.beside import read_beside, topic_of
+    from imu_sim_ros.bags.beside import read_beside
     from imu_sim_ros.bags.read import open_bag
     from imu_sim_ros.bags.text.reader import is_text
 
+    table = known_tables()[kind]
     path = arguments.path("path", path, BAG_OR_FILE)
     topic = arguments.topic("topic", topic)
     if topic is None and not is_text(path):
         with open_bag(path) as bag:
-            usual = topic_of(kind).strip("/")
-            topic = next((one.name for one in bag.topics if one.name.strip("/") == usual), None)
-    found = read_beside(path, kind, topic)
+            names = (one.name for one in bag.topics if one.name.strip("/") == table.topic)
+            topic = next(names, None)
+    found = read_beside(path, table, topic)
     if not len(found.t_ns):
         raise InputError(f"{path}: holds no {'orientation' if kind == 'orientation' else kind}")
     return Samples(found.t_ns, found.values, found.covariance, Path(path).name)
