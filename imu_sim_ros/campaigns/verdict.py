@@ -45,6 +45,8 @@ from imu_sim_ros.types import Array
 SIGNIFICANT: Final = 0.05
 BETTER, WORSE, EQUAL, UNDECIDED = "better", "worse", "equal", "undecided"
 RATIO, DIFFERENCE, SHARE = "ratio", "difference", "share"
+WITHOUT_ERRORS: Final = "perfect"
+"""The preset with which nothing but the integration is wrong."""
 _NUMBER: Final = re.compile(r"(?<![\w.])\d+(\.\d+)?(e[-+]?\d+)?\b")
 _ALL_PAIRS: Final = 30
 """Members of a contest up to which all pairs are compared; above, the best with each other one."""
@@ -105,15 +107,19 @@ class Effect:
         """Return the effect in words: ``12 % smaller (95 %: 8 % to 15 %)``."""
         return _size(self.kind, self.effect)
 
-    def line(self, metric: str) -> str:
-        """Return the effect in a line."""
+    def line(self, metric: str, subject: bool = True) -> str:
+        """Return the effect in a line.
+
+        :param subject: begin with A; False: that has been said.
+        """
         if self.note:
             return f"{self.a} and {self.b}: {self.note}"
+        words = f"{self.a}: " if subject else ""
         if self.effect.value is None:
-            words = f"{self.a}: {metric}, against {self.b}: {self.size()}"
+            words += f"{metric}, against {self.b}: {self.size()}"
         else:
             name = "" if self.kind == SHARE else f"{metric} "
-            words = f"{self.a}: {name}{self.size()} than {self.b}"
+            words += f"{name}{self.size()} than {self.b}"
         p = "" if self.p is None else f", p = {self.p:.2g}"
         words += f", better on {self.won} of {self.seeds} seeds{p}"
         if self.success.value:
@@ -153,6 +159,8 @@ class Contest:
     """What they have in common, by name: the other values of the grid, and the estimator."""
     ranking: list[str]
     """Values of the factor, by the median with failures, then by the share of runs done."""
+    unranked: list[str]
+    """``perfect``, the sensor without errors, if two others compete: last of ``ranking``."""
     best: str | None
     """The first, if it is better than the second beyond the tolerance; None: it is not decided."""
     lead: Effect
@@ -163,8 +171,10 @@ class Contest:
     def line(self, metric: str) -> str:
         """Return the result in a line."""
         where = ", ".join(f"{name}={value}" for name, value in self.where.items())
-        best = "undecided" if self.best is None else self.best
-        return f"{where or 'all'}: best {self.factor}: {best}; {self.lead.line(metric)}"
+        best = f"best {self.factor}: {self.best}, "
+        if self.best is None:
+            best = f"best {self.factor} {EQUAL if self.lead.verdict == EQUAL else UNDECIDED}; "
+        return f"{where or 'all'}: {best}{self.lead.line(metric, self.best is None)}"
 
 
 class Failure(NamedTuple):
@@ -298,7 +308,7 @@ def _problems(
 def counts(rows: Sequence[Row]) -> dict[str, int]:
     """Return how often each status occurs, the most frequent first.
 
-    Statuses that differ only in numbers are counted as one, with ``...`` for the numbers.
+    Statuses that differ only in numbers are counted as one, with ``...`` for those that differ.
     """
     return {status: len(alike) for status, alike in _alike(rows).items()}
 
@@ -308,9 +318,11 @@ def _alike(rows: Sequence[Row]) -> dict[str, list[Row]]:
     for row in rows:
         found[_NUMBER.sub("...", str(row["status"]))].append(row)
     named = {}
-    for masked, alike in found.items():
-        statuses = {str(row["status"]) for row in alike}
-        named[statuses.pop() if len(statuses) == 1 else masked] = alike
+    for alike in found.values():
+        texts = [str(row["status"]) for row in alike]
+        numbers_of = [[one[0] for one in _NUMBER.finditer(text)] for text in texts]
+        same = iter([column[0] if len(set(column)) == 1 else "..." for column in zip(*numbers_of)])
+        named[_NUMBER.sub(lambda _, same=same: next(same), texts[0])] = alike
     return dict(sorted(named.items(), key=lambda item: -len(item[1])))
 
 
@@ -511,23 +523,27 @@ def _factor(found: Sequence[Group]) -> str:
 
 
 def _contests(found: Sequence[Group], rule: Criterion) -> list[Contest]:
-    drafts: list[tuple[str, dict[str, str], list[str], list[Effect]]] = []
+    drafts: list[tuple[str, dict[str, str], list[str], list[str], list[Effect]]] = []
     typical = {id(group): _rank(group, rule) for group in found}
     for factor, members in _members(found):
         ranked = sorted(members, key=lambda group: typical[id(group)])
+        ideal = [one for one in ranked if factor == "imu" and one.words[factor] == WITHOUT_ERRORS]
+        ideal = ideal if len(ranked) > 2 else []  # it wins without a contest
+        ranked = [one for one in ranked if one not in ideal] + ideal
         firsts = ranked[:1] if len(ranked) > _ALL_PAIRS else ranked
         pairs = [(a, b) for k, a in enumerate(firsts) for b in ranked[k + 1 :]]
         names = [group.words[factor] for group in ranked]
         compared = [_effect(a, b, (a.words[factor], b.words[factor]), rule) for a, b in pairs]
         if compared[0] is not None:
             where = {name: word for name, word in ranked[0].words.items() if name != factor}
-            drafts.append((factor, where, names, [one for one in compared if one is not None]))
+            effects = [one for one in compared if one is not None]
+            drafts.append((factor, where, names, [one.words[factor] for one in ideal], effects))
     decided = iter(_decided([effect for *_, effects in drafts for effect in effects], rule))
     contests = []
-    for factor, where, names, effects in drafts:
+    for factor, where, names, unranked, effects in drafts:
         final = [next(decided) for _ in effects]
         best = names[0] if final[0].verdict == BETTER else None
-        contests.append(Contest(factor, where, names, best, final[0], final))
+        contests.append(Contest(factor, where, names, unranked, best, final[0], final))
     return contests
 
 
@@ -554,7 +570,7 @@ def _members(found: Sequence[Group]) -> Iterator[tuple[str, list[Group]]]:
 def _size(kind: str, effect: Interval) -> str:
     value = effect.value
     if value is None:
-        return "size unknown, because runs failed on half of the seeds or more"
+        return "size unknown, too many runs failed"
     if kind == SHARE:
         words = ("% more runs done", "% fewer runs done")
         return _change(Interval(*(None if e is None else 100.0 * e for e in effect)), *words)
@@ -568,7 +584,7 @@ def _size(kind: str, effect: Interval) -> str:
     if value < 1.0:
         ends = [None if end is None else 1.0 / end for end in reversed(ends)]
     word = "larger" if value >= 1.0 else "smaller"
-    return f"{factor:.3g} times {word}{_between(*(_words(end) for end in ends))}"
+    return f"{_number(factor)} times {word}{_between(*(_words(end) for end in ends))}"
 
 
 def _change(effect: Interval, more: str, less: str) -> str:
@@ -588,7 +604,12 @@ def _change(effect: Interval, more: str, less: str) -> str:
 
 
 def _words(end: float | None, unit: str = "") -> str | None:
-    return None if end is None else f"{end:.3g}{unit}"
+    return None if end is None else f"{_number(end)}{unit}"
+
+
+def _number(value: float) -> str:
+    """Return a number with three digits: ``12,600``, ``1.26e+06``."""
+    return f"{float(f'{value:.3g}'):,.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:.3g}"
 
 
 def _between(low: str | None, high: str | None) -> str:

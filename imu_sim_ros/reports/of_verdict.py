@@ -8,7 +8,15 @@ from typing import Final
 
 from imu_sim_ros.campaigns.plan import Plan
 from imu_sim_ros.campaigns.summary import Group
-from imu_sim_ros.campaigns.verdict import DIFFERENCE, EQUAL, RATIO, Contest, Effect, Judgement
+from imu_sim_ros.campaigns.verdict import (
+    DIFFERENCE,
+    EQUAL,
+    RATIO,
+    WITHOUT_ERRORS,
+    Contest,
+    Effect,
+    Judgement,
+)
 from imu_sim_ros.reports.page import Item, Section, table
 
 _MOST_SEEDS: Final = 100
@@ -78,6 +86,8 @@ def verdict_section(
         ],
     }
     told_of = f"{first.runs:,} runs, {first.done:,} done, in {len(found)} cells and estimators."
+    if any(one.unranked for one in first.headline):
+        told_of += f" {WITHOUT_ERRORS}, the sensor without errors, is compared and not ranked."
     text = (
         f"{told_of} Compared on the same seeds; failed runs are worse than any number; differences "
         f"up to {first.tolerance} do not matter; p values (Wilcoxon, for shares McNemar) are "
@@ -126,9 +136,10 @@ def _contest(
     return {
         "where": short(contest.where, where) if where else "",
         "ranking": contest.ranking,
+        "unranked": contest.unranked,
         "best": contest.best,
         "equal": contest.lead.verdict == EQUAL,
-        "line": contest.lead.line(judged.metric),
+        "line": contest.lead.line(judged.metric, contest.best is None),
         "effects": effects,
         "plot": _paired(contest, judged, found),
     }
@@ -142,16 +153,25 @@ def _brief(effect: Effect, turned: bool) -> str:
     if effect.kind == RATIO:
         if turned:
             value = 1.0 / value
-        return f"\u00d7{value:.3g}" if value >= 1.0 else f"\u00f7{1.0 / value:.3g}"
+        return f"\u00d7{_few(value)}" if value >= 1.0 else f"\u00f7{_few(1.0 / value)}"
     value = -value if turned else value
     return f"{value:+.3g}" if effect.kind == DIFFERENCE else f"{100.0 * value:+.3g} %"
+
+
+def _few(value: float) -> str:
+    """Return a number in four letters at most, up to a billion: ``1.03``, ``254``, ``13k``."""
+    for size, letter in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
+        if value >= 0.9995 * size:
+            return f"{value / size:.2g}{letter}" if value < 99.5 * size else f"{value:.0e}"
+    return f"{value:.3g}"
 
 
 def _paired(contest: Contest, judged: Judgement, found: Sequence[Group]) -> Item | None:
     """Return the plot of the first compared with each other one: the effect and every seed."""
     first, kind = contest.ranking[0], contest.lead.kind
     shown = [one for one in contest.effects if one.a == first and one.kind == kind]
-    shown = [one for one in shown if one.effect.value is not None][:_MOST_OTHERS]
+    shown = [one for one in shown if one.effect.value is not None]
+    shown = [one for one in shown if one.b not in contest.unranked][:_MOST_OTHERS]
     if not shown:
         return None
     ratio = kind == RATIO

@@ -420,7 +420,7 @@ def test_sensitivity_finds_the_exponent():
         (
             RATIO,
             (None, None, None),
-            "size unknown, because runs failed on half of the seeds or more",
+            "size unknown, too many runs failed",
         ),
     ],
 )

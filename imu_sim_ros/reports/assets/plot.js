@@ -4,7 +4,8 @@
 
 const linked = new Map();
 let clips = 0;
-const PAPER = 700;  // of a plot as wide as the page; others have half of it
+const PAPER = 700;  // of a plot as wide as the page; those in rows have half of it
+const TALL = 24;  // rows above which a plot comes last on paper, beside another such
 
 class Plot {
   // spec: {title, x: {label, log}, y: {label, log}, series, link, caption, categories, onpick}
@@ -27,7 +28,7 @@ class Plot {
     }
     this.show(spec);
     // On paper a plot of the screen's width would be shrunk, its words with it.
-    addEventListener("beforeprint", () => { this.paper = this.figure.matches(".plots > :not(.wide), .plots > :not(.wide) *") ? PAPER / 2 : PAPER; this.draw(); });
+    addEventListener("beforeprint", () => { this.paper = this.figure.matches(".plots > figure, .plots > :not(.wide) *") ? PAPER / 2 : PAPER; this.draw(); });
     addEventListener("afterprint", () => { this.paper = 0; this.draw(); });
     new ResizeObserver(() => {
       const width = this.holder.clientWidth;
@@ -74,7 +75,7 @@ class Plot {
         for (const value of one[key] || []) if (!this.spec[axis].log || value > 0) all.push(value);
       }
       if (axis === "x" && one.mode === "rows") for (const value of [...one.low, ...one.high]) if (!this.spec.x.log || value > 0) all.push(value);
-      if (axis === "x" && one.boxes) for (const box of one.boxes) all.push(box.low, box.high);
+      if (axis === "x" && one.boxes) for (const box of one.boxes) all.push(box.low, box.q1, box.median, box.q3, box.high);
     }
     return all;
   }
@@ -91,8 +92,10 @@ class Plot {
     const width = this.width = Math.max(this.paper || this.holder.clientWidth || 600, 260);
     const rows = spec.categories ? spec.categories.length : 0;
     const labelled = spec.series.some((one) => one.labels);
-    const height = this.height = rows ? 60 + rows * 22 : Math.min(labelled && !this.paper ? 520 : 340, 160 + width * (this.paper ? 0.15 : 0.3));
-    const longest = rows ? Math.min(width * 0.42, 12 + 6.4 * Math.max(...spec.categories.map((name) => name.length))) : 62;
+    const pitch = this.pitch = !this.paper ? 22 : rows > 48 ? 7 : rows > 12 ? 9 : 18;
+    this.figure.classList.toggle("tall", rows > TALL);
+    const height = this.height = rows ? 60 + rows * pitch : Math.min(labelled && !this.paper ? 520 : 340, 160 + width * (this.paper ? 0.15 : 0.3));
+    const longest = rows ? Math.min(width * 0.42, 12 + (pitch < 18 ? 4.6 : 6.4) * Math.max(...spec.categories.map((name) => name.length))) : 62;
     this.box = { left: longest, right: width - 12, top: 8, bottom: height - 42 };
     const [rangeX, rangeY] = this.ranges();
     this.sx = new Scale(rangeX, spec.x.log, this.box.left, this.box.right);
@@ -126,9 +129,9 @@ class Plot {
     svg.append(drawing("text", { x: (left + right) / 2, y: bottom + 34, "text-anchor": "middle" }, spec.x.label));
     if (spec.categories) {
       spec.categories.forEach((name, k) => {
-        const room = Math.floor((margin - 10) / 6.2);
+        const room = Math.floor((margin - 10) / (this.pitch < 18 ? 4.4 : 6.2));
         const words = name.length > room ? `${name.slice(0, room - 1)}\u2026` : name;
-        const text = drawing("text", { x: left - 6, y: this.sy.at(k) + 4, "text-anchor": "end" }, words);
+        const text = drawing("text", { class: this.pitch < 9 ? "tiny" : this.pitch < 18 ? "small" : "", x: left - 6, y: this.sy.at(k) + this.pitch * 0.18, "text-anchor": "end" }, words);
         text.append(drawing("title", {}, name));
         svg.append(text);
       });
@@ -221,10 +224,10 @@ class Plot {
       const y = this.sy.at(row + (one.shift || 0)), x = one.x && one.x[k], fill = colour(one.colour);
       const end = (value, open) => (value === null || (this.spec.x.log && value <= 0) ? open : this.sx.at(value));
       const low = end(one.low[k], left), high = end(one.high[k], right);
-      if (!one.x) marks.append(drawing("rect", { x: low, y: y - 10, width: Math.max(high - low, 1), height: 20, fill, "fill-opacity": 0.25, stroke: fill }));
+      if (!one.x) marks.append(drawing("rect", { x: low, y: y - this.pitch * 0.45, width: Math.max(high - low, 1), height: this.pitch * 0.9, fill, "fill-opacity": 0.25, stroke: fill }));
       else if (x !== null && !(this.spec.x.log && x <= 0)) {
         if (!one.bare) marks.append(drawing("line", { x1: low, x2: high, y1: y, y2: y, stroke: fill, "stroke-width": 2 }));
-        marks.append(drawing("circle", { cx: this.sx.at(x), cy: y, r: one.size || 4.5, fill, "fill-opacity": one.bare ? 0.35 : 1 }));
+        marks.append(drawing("circle", { cx: this.sx.at(x), cy: y, r: (one.size || 4.5) * (this.pitch < 18 ? 0.6 : 1), fill, "fill-opacity": one.bare ? 0.35 : 1 }));
       }
     });
     if (one.line !== undefined) marks.append(drawing("line", { x1: this.sx.at(one.line), x2: this.sx.at(one.line), y1: this.box.top, y2: this.box.bottom, stroke: "var(--ink)", "stroke-dasharray": "4 3" }));
@@ -233,12 +236,12 @@ class Plot {
   boxes(marks, one) {
     one.boxes.forEach((box, k) => {
       const y = this.sy.at(k), at = (value) => (Number.isFinite(value) ? this.sx.at(this.spec.x.log ? Math.max(value, 1e-300) : value) : value > 0 ? this.box.right : this.box.left);
-      const ink = { stroke: colour(box.colour), "stroke-width": 1.5 };
+      const ink = { stroke: colour(box.colour), "stroke-width": 1.5 }, half = this.pitch * 0.32;
       const group = drawing("g", { class: "box", "data-name": box.name });
       group.append(drawing("line", { x1: at(box.low), x2: at(box.high), y1: y, y2: y, ...ink }));
-      for (const end of [box.low, box.high]) group.append(drawing("line", { x1: at(end), x2: at(end), y1: y - 4, y2: y + 4, ...ink }));
-      group.append(drawing("rect", { x: at(box.q1), y: y - 7, width: Math.max(at(box.q3) - at(box.q1), 1), height: 14, fill: colour(box.colour), "fill-opacity": 0.3, ...ink }),
-        drawing("line", { x1: at(box.median), x2: at(box.median), y1: y - 7, y2: y + 7, stroke: colour(box.colour), "stroke-width": 3 }));
+      for (const end of [box.low, box.high]) group.append(drawing("line", { x1: at(end), x2: at(end), y1: y - half / 2, y2: y + half / 2, ...ink }));
+      group.append(drawing("rect", { x: at(box.q1), y: y - half, width: Math.max(at(box.q3) - at(box.q1), 1), height: 2 * half, fill: colour(box.colour), "fill-opacity": 0.3, ...ink }),
+        drawing("line", { x1: at(box.median), x2: at(box.median), y1: y - half, y2: y + half, stroke: colour(box.colour), "stroke-width": 3 }));
       marks.append(group);
     });
   }

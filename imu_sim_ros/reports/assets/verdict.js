@@ -5,6 +5,7 @@
 const campaigns = new Map();  // by the folder, for links to runs
 const MOST_LINES_OF_VERDICT = 12;
 const MOST_OF_MATRIX = 30;
+const MOST_OF_A_COLUMN = 8;  // members of a matrix beside which there is room for a plot
 
 function runsLink(campaign, query, words) {
   return element("a", { href: "#", onclick: (event) => {
@@ -58,24 +59,16 @@ class Verdict {
     const choice = element("select", { "aria-label": "where", onchange: () => this.contest(judged, choice.value) });
     if (judged.contests.length > 1) choice.append(element("option", { value: "" }, `all ${judged.contests.length}: how often`));
     judged.contests.forEach((one, n) => choice.append(element("option", { value: n }, one.where || "all runs")));
-    const plots = element("div", { class: "plots" }, element("div", {}, element("h3", {}, `Who is better: ${judged.label}`),
-      judged.contests.length > 1 ? element("div", { class: "controls" }, choice) : null, this.matrixHost), this.plotHost);
-    this.body.append(plots);
+    const wide = this.fullest(judged).ranking.length > MOST_OF_A_COLUMN;
+    this.body.append(rowsFilled(element("div", { class: "plots" }, element("div", { class: wide ? "wide" : null }, element("h3", {}, `Who is better: ${judged.label}`),
+      judged.contests.length > 1 ? element("div", { class: "controls" }, choice) : null, this.matrixHost), this.plotHost)));
     this.contest(judged, choice.value);
   }
 
   headline(judged) {
     const { contests, factor } = judged;
     if (!contests.length) return [element("p", { class: "headline" }, judged.alone)];
-    const wins = new Map();
-    for (const one of contests) if (one.best !== null) wins.set(one.best, (wins.get(one.best) || 0) + 1);
-    const [most] = [...wins].sort((a, b) => b[1] - a[1]);
-    const parts = [];
-    if (contests.length > 1) {
-      parts.push(element("p", { class: "headline" }, ...(most
-        ? [element("b", {}, most[0]), ` is the best ${factor} in ${most[1]} of ${contests.length} comparisons: ${judged.label}`]
-        : [`No ${factor} is better than the next in any of ${contests.length} comparisons: ${judged.label}`])));
-    }
+    const parts = contests.length > 1 ? [element("p", { class: "headline" }, ...this.summary(contests, factor), `: ${judged.label}`)] : [];
     const lines = contests.map((one) => {
       const where = one.where ? element("span", { class: "where" }, one.where) : null;
       const best = element("b", { class: one.best === null ? "faint" : "best" }, one.best !== null ? one.best : one.equal ? "equal" : "undecided");
@@ -87,6 +80,17 @@ class Verdict {
     return parts;
   }
 
+  // Who is best in how many of the cells.
+  summary(contests, factor) {
+    const wins = new Map(), of = (count) => `${count} of ${contests.length}`;
+    for (const one of contests) if (one.best !== null) wins.set(one.best, (wins.get(one.best) || 0) + 1);
+    const [first, ...others] = [...wins].sort((a, b) => b[1] - a[1]);
+    const open = contests.filter((one) => one.best === null).length;
+    if (!first) return [`No ${factor} is better than the next in any of ${contests.length} comparisons`];
+    const rest = others.flatMap(([name, count]) => [", ", element("b", {}, name), ` in ${count}`]);
+    return [element("b", {}, first[0]), ` is the best ${factor} in ${of(first[1])} comparisons`, ...rest, open ? `, undecided in ${open}` : ""];
+  }
+
   contest(judged, choice) {
     const one = choice === "" ? null : judged.contests[Number(choice)];
     const names = (one || this.fullest(judged)).ranking.slice(0, MOST_OF_MATRIX);
@@ -94,7 +98,7 @@ class Verdict {
     const heads = names.map((name) => element("th", { scope: "col" }, element("span", {}, name)));
     const rows = names.map((a) => element("tr", {}, element("th", { scope: "row" }, a), ...names.map((b) => (a === b ? element("td", { class: "same" }, "") : cell(a, b)))));
     const told = one ? "Row against column on the same seeds: green is better, red worse, beyond the tolerance; grey is equal within it; white is undecided. Hold the pointer over a field for its interval."
-      : "In how many comparisons the row is better than the column.";
+      : `In how many of ${judged.contests.length} comparisons the row is better than the column.`;
     this.matrixHost.replaceChildren(element("div", { class: "scroll", tabindex: "0" }, element("table", { class: "matrix" }, element("thead", {}, element("tr", {}, element("td"), ...heads)), element("tbody", {}, ...rows))),
       element("p", { class: "caption" }, told));
     const drawn = one || judged.contests[0];
@@ -122,5 +126,5 @@ function effectCell(contest, a, b) {
 function countCell(contests, a, b) {
   const found = contests.map((one) => effectOf(one, a, b)).filter(Boolean);
   const won = found.filter((one) => one.verdict === "better").length, lost = found.filter((one) => one.verdict === "worse").length;
-  return element("td", { class: won > lost ? "better" : lost > won ? "worse" : "undecided", title: `${a}: better than ${b} in ${won}, worse in ${lost} of ${found.length}` }, `${won} of ${found.length}`);
+  return element("td", { class: won > lost ? "better" : lost > won ? "worse" : "undecided", title: `${a}: better than ${b} in ${won}, worse in ${lost} of ${found.length}` }, found.length === contests.length ? String(won) : `${won} of ${found.length}`);
 }
