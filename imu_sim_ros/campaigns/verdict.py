@@ -317,13 +317,15 @@ def _alike(rows: Sequence[Row]) -> dict[str, list[Row]]:
     found: dict[str, list[Row]] = defaultdict(list)
     for row in rows:
         found[_NUMBER.sub("...", str(row["status"]))].append(row)
-    named = {}
-    for alike in found.values():
-        texts = [str(row["status"]) for row in alike]
-        numbers_of = [[one[0] for one in _NUMBER.finditer(text)] for text in texts]
-        same = iter([column[0] if len(set(column)) == 1 else "..." for column in zip(*numbers_of)])
-        named[_NUMBER.sub(lambda _, same=same: next(same), texts[0])] = alike
+    named = {_common([str(row["status"]) for row in alike]): alike for alike in found.values()}
     return dict(sorted(named.items(), key=lambda item: -len(item[1])))
+
+
+def _common(texts: Sequence[str]) -> str:
+    """Return texts that differ in numbers as one, with ``...`` for those that differ."""
+    columns = zip(*([one[0] for one in _NUMBER.finditer(text)] for text in texts), strict=True)
+    same = iter([column[0] if len(set(column)) == 1 else "..." for column in columns])
+    return _NUMBER.sub(lambda found: next(same), texts[0])
 
 
 def failures(found: Sequence[Group]) -> list[Failure]:

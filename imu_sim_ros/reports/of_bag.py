@@ -100,7 +100,7 @@ def _stream_items(name: str, stream: Stream, link: str) -> list[Item]:
     items += [_spectrum(stream, triad) for triad in range(2)]
     items += [_allan(stream, triad) for triad in range(2)]
     items.append(_intervals(stream, link))
-    result: list[Item] = [{"kind": "text", "text": words}, {"kind": "plots", "items": items}]
+    result: list[Item] = [{"kind": "heading", "text": words}, {"kind": "plots", "items": items}]
     if stream.gaps:
         rows = [[gap.at_s, gap.interval_s, gap.interval_s * rate] for gap in stream.gaps]
         header = ["at [s]", "interval [s]", "in usual intervals"]

@@ -81,7 +81,7 @@ class _Passed:
         rate = None if self.interval is None else 1.0 / self.interval
         mean = None if duration <= 0.0 else (self.count - 1) / duration
         each = self.size / self.count if self.count else None
-        named = [self.topic.name, self.topic.type, self.count, rate, mean]
+        named = [self.topic.name, self.topic.type.replace("/msg/", "/"), self.count, rate, mean]
         gaps = [None, None] if self.interval is None else [self.gaps, self.longest]
         return [*named, *gaps, each, self.size * 1e-6]
 
@@ -98,12 +98,12 @@ def topic_items(path: Path, topics: Sequence[TopicInfo]) -> list[Item]:
             one.close()
         cameras = [one for one in passed.values() if one.images][:_MOST_CAMERAS]
         strips = [_strip(bag, one) for one in cameras]
-    header = ["topic", "type", "messages", "rate [Hz]", "mean rate [Hz]"]
-    header += ["gaps", "longest [s]", "bytes each", "MB"]
+    header = ["topic", "type", "messages", "rate [Hz]", "mean [Hz]"]
+    header += ["gaps", "longest [s]", "bytes", "MB"]
     rows = [one.row() for one in passed.values()]
     words = (
-        f"The rate is that of the usual interval between record times; a gap is longer than "
-        f"{GAP:g} of it. Sizes are those of the messages, before compression."
+        f"The rate is that of the usual interval between record times, the mean that over all; a "
+        f"gap is longer than {GAP:g} intervals. Bytes are those of a message, before compression."
     )
     items = [table("topics", header, rows, search=False), {"kind": "text", "text": words}]
     items[-1]["faint"] = True

@@ -354,13 +354,25 @@ def test_the_best_is_named_with_effect_seeds_and_p():
     assert (judgement.factor, contest.best, contest.ranking) == ("imu", "good", ["good", "bad"])
     assert contest.lead.won == 30
     assert 1 / contest.lead.effect.value == pytest.approx(250.0, rel=0.1)
-    words = (
-        r"best imu: good; good: ate_rmse_m 2\d\d times smaller \(95 %: 2\d\d to 2\d\d\) than bad"
-    )
+    words = r"best imu: good, ate_rmse_m 2\d\d times smaller \(95 %: 2\d\d to 2\d\d\) than bad"
     assert re.search(
         words + r", better on 30 of 30 seeds, p = [\d.e-]+$", contest.line("ate_rmse_m")
     )
     json.dumps(judgement.to_dict(), allow_nan=False)
+
+
+def test_the_sensor_without_errors_is_compared_and_not_ranked():
+    """Unless it has but one other to be compared with."""
+    common = np.random.default_rng(13).lognormal(0.0, 0.5, 30)
+    rows = rows_of("good", common) + rows_of("bad", 2.0 * common)
+    rows += rows_of("perfect", 1e-3 * common)
+    (contest,) = judged(rows, grid={"imu": ["perfect", "good", "bad"]}, seeds=30).headline
+    assert (contest.best, contest.ranking) == ("good", ["good", "bad", "perfect"])
+    assert contest.unranked == ["perfect"]
+    assert {(one.a, one.b): one.verdict for one in contest.effects}["good", "perfect"] == "worse"
+    two = [row for row in rows if "bad" not in row["cell"]]
+    (contest,) = judged(two, grid={"imu": ["perfect", "good"]}, seeds=30).headline
+    assert (contest.best, contest.unranked) == ("perfect", [])
 
 
 def test_power_is_that_of_scipys_test_on_simulated_campaigns():

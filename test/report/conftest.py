@@ -13,7 +13,7 @@ from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY, ImuEncoder, Odometry
 from imu_sim_ros.bags.write import open_writer
 from imu_sim_ros.campaigns import campaign
 from imu_sim_ros.campaigns.engine import work
-from imu_sim_ros.campaigns.plan import load_plan
+from imu_sim_ros.campaigns.plan import find_plan, load_plan
 from imu_sim_ros.campaigns.results import Store
 
 HOSTILE = '</script><script>document.title = "owned"</script><img src=x onerror=alert(1)>'
@@ -40,16 +40,28 @@ def here(plan, todo, folder):
         yield work(plan, task, folder)
 
 
+def made(folder, content):
+    """Return the folder of a campaign that has been run."""
+    folder.mkdir()
+    path = folder / "plan.yaml"
+    path.write_text(yaml.safe_dump(content), encoding="utf-8")
+    with Store(folder, resume=False) as store:
+        campaign.run(load_plan(path), store, here)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def all_sensors(tmp_path_factory):
+    """Return the folder of a short campaign of every preset on three motions: ``which_imu``."""
+    plan = yaml.safe_load(find_plan("which_imu").read_text(encoding="utf-8"))
+    plan |= {"parameters": {"rate": 50.0, "duration": 1.0}, "seeds": 6, "rpe": ["0.5s"]}
+    return made(tmp_path_factory.mktemp("campaign") / "all_sensors", plan)
+
+
 @pytest.fixture(scope="session")
 def results(tmp_path_factory):
     """Return the folder of a campaign with names that are hostile to a page."""
-    folder = tmp_path_factory.mktemp("campaign") / "results"
-    folder.mkdir()
-    path = folder / "plan.yaml"
-    path.write_text(yaml.safe_dump(PLAN), encoding="utf-8")
-    plan = load_plan(path)
-    with Store(folder, resume=False) as store:
-        campaign.run(plan, store, here)
+    folder = made(tmp_path_factory.mktemp("campaign") / "results", PLAN)
     # What a program printed is part of its status.
     log = folder / "results.csv"
     rows = log.read_text(encoding="utf-8").splitlines()

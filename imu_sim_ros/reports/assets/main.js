@@ -4,7 +4,8 @@
 
 const builders = {
   text: (item) => element("p", { class: item.faint ? "caption" : null }, item.text),
-  code: (item) => element("pre", { tabindex: "0" }, item.text),
+  heading: (item) => element("h3", { class: "part" }, item.text),
+  code: (item) => element("pre", { tabindex: "0", class: item.text.split("\n").length > 20 ? "long" : null }, item.text),
   table: (item) => {
     const table = new Table(item.columns, { name: item.name, search: item.search, shown: item.shown });
     return item.name ? element("div", {}, element("h3", {}, item.name), table.host) : table.host;

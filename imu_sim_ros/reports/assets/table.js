@@ -3,7 +3,7 @@
 // A table that is sorted by a click on a column's name and searched by words and comparisons.
 
 const PAGE = 25;
-const PRINTED = 16;  // rows on paper, where nobody turns over
+const PRINTED = 10;  // rows on paper, where nobody turns over
 
 // A column comes as {name, values}, as {name, words, index} where few strings stand often, or as
 // {name, f4}, the base64 of little-endian floats, NaN for what is missing.
