@@ -6,17 +6,10 @@
 from collections.abc import Sequence
 from typing import Final
 
+from imu_sim_ros.campaigns.effects import DIFFERENCE, EQUAL, RATIO, Effect
 from imu_sim_ros.campaigns.plan import Plan
 from imu_sim_ros.campaigns.summary import Group
-from imu_sim_ros.campaigns.verdict import (
-    DIFFERENCE,
-    EQUAL,
-    RATIO,
-    WITHOUT_ERRORS,
-    Contest,
-    Effect,
-    Judgement,
-)
+from imu_sim_ros.campaigns.verdict import WITHOUT_ERRORS, Contest, Judgement
 from imu_sim_ros.reports.page import Item, Section, table
 
 _MOST_SEEDS: Final = 100

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import scipy.stats
 
+from imu_sim_ros.campaigns.effects import DIFFERENCE, RATIO, SHARE, Effect
 from imu_sim_ros.campaigns.gate import parse
 from imu_sim_ros.campaigns.plan import read_plan
 from imu_sim_ros.campaigns.statistics import (
@@ -28,7 +29,7 @@ from imu_sim_ros.campaigns.statistics import (
     success,
 )
 from imu_sim_ros.campaigns.summary import groups, unmet, unmet_lines
-from imu_sim_ros.campaigns.verdict import DIFFERENCE, RATIO, SHARE, Effect, judge
+from imu_sim_ros.campaigns.verdict import judge
 
 
 def test_an_unmet_requirement_of_many_cells_does_not_bury_the_results():
