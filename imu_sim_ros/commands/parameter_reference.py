@@ -17,11 +17,12 @@ from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.kinds import Parameter, Value
 from imu_sim_ros.parameters.sections import parameters
-from imu_sim_ros.sensors import AUXILIARY
+from imu_sim_ros.sensors import AUXILIARY, CARRIED
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
 from imu_sim_ros.sensors.camera.scene_parameters import TYPES as SCENES
 from imu_sim_ros.sensors.camera.scene_parameters import SceneParameters
+from imu_sim_ros.sensors.registry import find_sensor
 from imu_sim_ros.simulation.playback import SimulatorParameters
 from imu_sim_ros.trajectory.parameters import TYPES, TrajectoryParameters
 
@@ -88,6 +89,12 @@ def _lines() -> Iterator[str]:
         own = {_PREFIX + name: p for name, p in parameters(section).items()}
         yield from _table({name: p for name, p in own.items() if name not in shared})
     yield from _cameras()
+    for name in CARRIED:
+        sensor = find_sensor(name)
+        yield f"## Sensor {name}\n"
+        yield f"Of the body, where `sensors` names it: {sensor.text}.\n"
+        own = parameters(sensor.section)
+        yield from _table({f"{name}.{key}": parameter for key, parameter in own.items()})
     yield "## Integrator\n"
     yield _INTEGRATOR
     yield from _table(parameters(IntegratorParameters))

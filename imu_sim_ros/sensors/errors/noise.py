@@ -16,7 +16,7 @@ from imu_sim_ros.random_streams import axis_generators
 from imu_sim_ros.rotation.components import transform
 from imu_sim_ros.sensors.errors.autoregressive import GaussMarkovBank
 from imu_sim_ros.sensors.errors.flicker import FlickerNoise
-from imu_sim_ros.sensors.errors.response import noise_gain
+from imu_sim_ros.sensors.errors.response import ConstantBias, noise_gain
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.triads import TriadParameters
 from imu_sim_ros.types import Array
@@ -268,6 +268,21 @@ class RateRamp:
             t = np.arange(self._samples, self._samples + n) * self._dt
             values += self._reached[:, None] + self._slope[:, None] * t
             self._samples += n
+
+
+def bias_terms(seed: int, triad: str, own: TriadParameters, dt: float) -> tuple[Term, ...]:
+    """Return what adds up to a triad's bias, in this order; a new term is one line more.
+
+    :param triad: the first part of the names of their random streams.
+    :param dt: time between two readings [s].
+    """
+    return (
+        ConstantBias(),
+        RandomWalk(seed, triad, dt),
+        GaussMarkov(seed, triad, dt, own),
+        BiasInstability(seed, triad, dt),
+        RateRamp(dt),
+    )
 
 
 def gyro_variance_discrete(imu: ImuParameters, rate: float) -> Vector:

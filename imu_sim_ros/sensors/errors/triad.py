@@ -8,17 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.sensors.errors.noise import (
-    BiasInstability,
-    GaussMarkov,
-    RandomWalk,
-    RateRamp,
-    Term,
-    WhiteNoise,
-)
+from imu_sim_ros.sensors.errors.noise import WhiteNoise, bias_terms
 from imu_sim_ros.sensors.errors.realised import unit_of_seed
 from imu_sim_ros.sensors.errors.response import (
-    ConstantBias,
     Digitiser,
     IncrementRounding,
     LowPass,
@@ -73,13 +65,7 @@ class Triad:
         self._turn_on_bias = turn_on.bias[:, None] if turn_on.bias.any() else None
         self._turn_on_scale = (1.0 + turn_on.scale)[:, None] if turn_on.scale.any() else None
         self._response = Response()
-        self._bias_terms: tuple[Term, ...] = (
-            ConstantBias(),
-            RandomWalk(seed, triad, dt),
-            GaussMarkov(seed, triad, dt, own),
-            BiasInstability(seed, triad, dt),
-            RateRamp(dt),
-        )
+        self._bias_terms = bias_terms(seed, triad, own, dt)
         self._board_terms = board_terms(seed, triad, imu, dt)
         ages = any(own.ageing_scale)
         self._ageing_scale = np.asarray(own.ageing_scale)[:, None] if ages else None

@@ -1,0 +1,336 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The recipes of docs/contributing/architecture.md, done in a copy of the package and run.
+
+Each counts the files that it touches, without its test and its page.
+"""
+
+import json
+import shutil
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+
+class Copy:
+    """A copy of package and presets, and the files that were changed in it."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.touched = folder, set[str]()
+        ignored = shutil.ignore_patterns("__pycache__", "*.pyc")
+        for name in ("imu_sim_ros", "config"):
+            shutil.copytree(ROOT / name, folder / name, ignore=ignored)
+
+    def change(self, file: str, *pairs: tuple[str, str]) -> None:
+        """Put a text in another's place, once."""
+        path = self.folder / file
+        text = path.read_text(encoding="utf-8")
+        for old, new in pairs:
+            assert text.count(old) == 1, f"{file} has {text.count(old)} times {old!r}"
+            text = text.replace(old, new)
+        path.write_text(text, encoding="utf-8")
+        self.touched.add(file)
+
+    def write(self, file: str, text: str) -> None:
+        """Write a new file."""
+        path = self.folder / file
+        assert not path.exists()
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+        self.touched.add(file)
+
+    def run(self, code: str) -> Any:
+        """Run Python with the copy; returns the JSON object in the last line that it prints."""
+        done = subprocess.run(
+            [sys.executable, "-c", textwrap.dedent(code)],
+            env={"PYTHONPATH": str(self.folder), "PATH": "/usr/bin:/bin"},
+            cwd=self.folder,
+            capture_output=True,
+            text=True,
+        )
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout.splitlines()[-1])
+
+
+@pytest.fixture
+def copy(tmp_path: Path) -> Copy:
+    return Copy(tmp_path)
+
+
+SWING = '''\
+class Swing:
+    """A bias of 1 Hz: ``b = A sin(2 pi t)``."""
+
+    active = False
+
+    def __init__(self, dt: float) -> None:
+        self._dt, self._samples = dt, 0
+        self._amplitude = np.zeros((3, 1))
+
+    def configure(self, parameters: TriadParameters) -> None:
+        """Take the amplitude."""
+        self._amplitude = np.asarray(parameters.swing)[:, None]
+        self.active = any(parameters.swing)
+
+    def add_to(self, values: Array) -> None:
+        """Add n samples to values (3, n)."""
+        n = values.shape[1]
+        t = np.arange(self._samples, self._samples + n) * self._dt
+        values += self._amplitude * np.sin(2.0 * np.pi * t)
+        self._samples += n
+'''
+
+
+def test_an_error_term(copy: Copy) -> None:
+    """Its field, its formula: command, Python, truth file and reference follow."""
+    copy.change(
+        "imu_sim_ros/sensors/imu/triads.py",
+        (
+            "    rate_ramp: Vector = vector(",
+            "    swing: Vector = vector(\n"
+            '        0.0, "amplitude of a bias of 1 Hz of the {triad}", unit="{unit}", live=True\n'
+            "    )\n"
+            "    rate_ramp: Vector = vector(",
+        ),
+    )
+    copy.change(
+        "imu_sim_ros/sensors/errors/noise.py",
+        (
+            "class RateRamp:",
+            f"{SWING}\n\nclass RateRamp:",
+        ),
+        ("        RateRamp(dt),\n", "        RateRamp(dt),\n        Swing(dt),\n"),
+    )
+    assert len(copy.touched) == 2
+    found = copy.run(
+        """
+        import json, numpy as np, imu_sim_ros as ims
+        from pathlib import Path
+        from imu_sim_ros.commands import generate, parameter_reference
+        imu = {"preset": "perfect", "accelerometer_swing": [0.0, 0.5, 0.0]}
+        flight = ims.simulate(imu=imu, trajectory="static", duration=2, rate=100)
+        t = (flight.truth.t_ns - flight.t0_ns) * 1e-9
+        error = flight.accel - flight.truth.accel
+        off = np.abs(error[:, 1] - 0.5 * np.sin(2 * np.pi * t)).max()
+        same = np.array_equal(flight.truth.accel_bias[:, 1], error[:, 1] + 0.0) or off < 1e-12
+        set_ = ["--set", "imu.accelerometer_swing=[0,0.5,0]", "--imu", "perfect"]
+        status = generate.main(["-o", "a.mcap", "--duration", "1s", "--quiet", *set_])
+        truth = Path("a_truth.yaml").read_text()
+        reference = parameter_reference.reference()
+        print(json.dumps({
+            "off": float(off), "others": float(np.abs(error[:, [0, 2]]).max()), "status": status,
+            "truth": "accelerometer_swing: [0.0, 0.5, 0.0]" in truth, "same": bool(same),
+            "reference": "`imu.gyroscope_swing`" in reference and "rad/s" in reference,
+        }))
+        """
+    )
+    assert found.pop("off") < 1e-9  # rounding of 9.81 and of a float time
+    assert found == {"others": 0.0, "status": 0, "truth": True, "same": True, "reference": True}
+
+
+def renamed(text: str) -> str:
+    """Return a file of the barometer's folder as one of another sensor."""
+    for old, new in (
+        *(("barometer", "altimeter"), ('"pressure"', '"air"'), ("imu/pressure", "imu/air")),
+        *(("ground_truth/pressure", "ground_truth/air"), ("truth_pressure", "truth_air")),
+    ):
+        text = text.replace(old, new)
+    return text
+
+
+def test_a_sensor_of_a_board(copy: Copy) -> None:
+    """A folder of four files like the barometer's, and its name in the list."""
+    for path in sorted((ROOT / "imu_sim_ros/sensors/barometer").glob("*.py")):
+        place = f"imu_sim_ros/sensors/altimeter/{path.name}"
+        copy.write(place, renamed(path.read_text(encoding="utf-8")))
+    copy.change(
+        "imu_sim_ros/sensors/__init__.py",
+        ('"orientation", "barometer")', '"orientation", "barometer", "altimeter")'),
+    )
+    assert len(copy.touched) == 5
+    found = copy.run(
+        """
+        import json, numpy as np, imu_sim_ros as ims
+        from pathlib import Path
+        from imu_sim_ros.commands import generate, parameter_reference
+        from imu_sim_ros.simulation.playback import SimulatorParameters
+        from imu_sim_ros.parameters.sections import parameters
+        sensors, imu = ["air", "pressure"], {"altimeter_noise_density": 1.0, "altimeter_rate": 20}
+        flight = ims.simulate(imu=imu, trajectory="figure_eight", duration=2, sensors=sensors)
+        options = ["-o", "folder", "--format", "csv", "--topics", "imu/data_raw,imu/air"]
+        status = generate.main([*options, "--duration", "2s", "--quiet"])
+        known = parameters(SimulatorParameters)
+        print(json.dumps({
+            "samples": [len(flight.air), len(flight.pressure)],
+            "ideal": bool(np.array_equal(flight.air.ideal_pressure[::2],
+                                         flight.pressure.ideal_pressure[::10])),
+            "status": status, "rows": Path("folder/air0.csv").read_text().count("\\n"),
+            "switches": [n for n in known if n.startswith("publish.") and n.endswith("air")],
+            "faults": "altimeter" in known["inject.triad"].choices,
+            "reference": "`imu.altimeter_gust_rate`" in parameter_reference.reference(),
+            "truth": "altimeter_rate: 100.0" in Path("folder_truth.yaml").read_text(),
+        }))
+        """
+    )
+    assert found == {
+        "samples": [40, 200],
+        "ideal": True,
+        "status": 0,
+        "rows": 201,
+        "switches": ["publish.air", "publish.ground_truth_air"],
+        "faults": True,
+        "reference": True,
+        "truth": True,
+    }
+
+
+def test_a_sensor_of_the_body(copy: Copy) -> None:
+    """The example, moved into the package: a folder of two files, and its name in the list."""
+    example = (ROOT / "examples/own_sensor.py").read_text(encoding="utf-8")
+    copy.write("imu_sim_ros/sensors/sonar/__init__.py", '"""The sonar."""\n')
+    copy.write("imu_sim_ros/sensors/sonar/declaration.py", example)
+    init = "imu_sim_ros/sensors/__init__.py"
+    (line,) = [one for one in (ROOT / init).read_text().splitlines() if "CARRIED: Final" in one]
+    names = line.partition(" = (")[2].rstrip(")")
+    more = f"{names} " if names else ""
+    copy.change(init, (line, line.replace(f"({names})", f'({more}"sonar",)')))
+    assert len(copy.touched) == 3
+    found = copy.run(
+        """
+        import json, imu_sim_ros as ims
+        from imu_sim_ros.commands import generate, parameter_reference
+        status = generate.main(
+            ["-o", "a.mcap", "--duration", "2s", "--quiet", "--set", "sensors=[sonar]"]
+        )
+        print(json.dumps({
+            "samples": len(ims.simulate(duration=2, sensors=["sonar"]).sonar), "status": status,
+            "reference": "`sonar.noise`" in parameter_reference.reference(),
+        }))
+        """
+    )
+    assert found == {"samples": 20, "status": 0, "reference": True}
+
+
+def test_a_message_type(copy: Copy) -> None:
+    """Its layout and an encoder; rosbags reads what both bags hold, and the types are ROS' own."""
+    copy.change(
+        "imu_sim_ros/bags/messages/layouts.py",
+        (
+            '    "sensor_msgs/msg/NavSatFix": (',
+            '    "sensor_msgs/msg/RelativeHumidity": (\n        *_STAMPED,\n'
+            '        ("relative_humidity", "f8", 1),\n        ("variance", "f8", 1),\n    ),\n'
+            '    "sensor_msgs/msg/NavSatFix": (',
+        ),
+    )
+    copy.change(
+        "imu_sim_ros/bags/messages/encode.py",
+        (
+            "class NavSatFixEncoder(",
+            "class RelativeHumidityEncoder(_OfFrame):\n"
+            '    """sensor_msgs/RelativeHumidity."""\n\n'
+            '    type_name = "sensor_msgs/msg/RelativeHumidity"\n\n'
+            "    def encode(self, t_ns: Times, humidity: ArrayLike) -> Bytes:\n"
+            '        """Return messages (n, size) of humidities (n,) from 0 to 1."""\n'
+            "        return self._pattern(t_ns, relative_humidity=humidity).array()\n\n\n"
+            "class NavSatFixEncoder(",
+        ),
+    )
+    assert len(copy.touched) == 2
+    found = copy.run(
+        """
+        import json, numpy as np
+        from pathlib import Path
+        from rosbags.highlevel import AnyReader
+        from imu_sim_ros.bags.messages.encode import RelativeHumidityEncoder
+        from imu_sim_ros.bags.write import open_writer
+        found = []
+        for name in ("a.mcap", "a.bag", "folder"):
+            with open_writer(Path(name)) as writer:
+                encoder = RelativeHumidityEncoder("mast", writer.encoding)
+                topic = writer.add_topic("/humidity", encoder.type_name)
+                t_ns = np.array([1_000_000_000, 2_000_000_000])
+                writer.write(topic, t_ns, encoder.encode(t_ns, [0.25, 0.5]))
+            with AnyReader([Path(name)]) as reader:
+                for connection, _, content in reader.messages():
+                    message = reader.deserialize(content, connection.msgtype)
+                    found.append([message.header.frame_id, message.relative_humidity])
+        print(json.dumps(found))
+        """
+    )
+    assert found == 3 * [["mast", 0.25], ["mast", 0.5]]
+
+
+def test_a_preset(copy: Copy) -> None:
+    """One file: ``--imu``, Python and the list of sensors have it."""
+    copy.write(
+        "config/imus/own.yaml",
+        "# Made up, for a test.\n# Grade: consumer. Price class: 10 EUR.\n"
+        "# [1] Nobody, 2026.\n/**:\n  ros__parameters:\n    imu:\n"
+        "      gyroscope_noise_density: 0.001\n",
+    )
+    assert len(copy.touched) == 1
+    found = copy.run(
+        """
+        import json, imu_sim_ros as ims
+        from imu_sim_ros.commands import generate
+        from imu_sim_ros.sensors import catalogue
+        flight = ims.simulate(imu="own", duration=1)
+        print(json.dumps({
+            "value": flight.parameters.imu.gyroscope.noise_density, "table": catalogue.table(),
+            "status": generate.main("-o a.mcap --imu own --duration 1s --quiet".split()),
+        }))
+        """
+    )
+    assert found["value"] == [0.001] * 3
+    assert "own" in found["table"]
+    assert "consumer" in found["table"]
+    assert found["status"] == 0
+
+
+def test_a_consumer(copy: Copy) -> None:
+    """A module and a line in ``folder.py``: ``--with-configs`` writes its file."""
+    copy.write(
+        "imu_sim_ros/datasets/consumers/own_stack.py",
+        '"""Configuration of a stack of one\'s own."""\n\n'
+        "from imu_sim_ros.datasets.consumers.values import ImuValues, comment\n\n\n"
+        "def config(values: ImuValues) -> str:\n"
+        '    """Return rate and topic."""\n'
+        '    head = comment(["own_stack, whole."])\n'
+        '    return f"{head}imu_topic: {values.topic}\\nrate: {values.rate:g}\\n"\n',
+    )
+    copy.change(
+        "imu_sim_ros/datasets/consumers/folder.py",
+        ("    orb_slam3,\n    vins,\n)", "    orb_slam3,\n    own_stack,\n    vins,\n)"),
+        (
+            '        "imu_utils.yaml":',
+            '        "own_stack.yaml": own_stack.config(values),\n        "imu_utils.yaml":',
+        ),
+    )
+    assert len(copy.touched) == 2
+    found = copy.run(
+        """
+        import json
+        from pathlib import Path
+        from imu_sim_ros.commands import generate
+        words = ["-o", "a.mcap", "--with-configs", "--duration", "1s", "--rate", "250", "--quiet"]
+        status = generate.main(words)
+        print(json.dumps([status, Path("a.mcap_configs/own_stack.yaml").read_text()]))
+        """
+    )
+    assert found[0] == 0
+    assert found[1].endswith("imu_topic: /imu/data_raw\nrate: 250\n")
+
+
+def test_the_page_has_these_recipes() -> None:
+    page = (ROOT / "docs/contributing/architecture.md").read_text(encoding="utf-8")
+    recipes = page.partition("## Recipes")[2].partition("## Working")[0]
+    headings = " ".join(line for line in recipes.splitlines() if line.startswith("**")).lower()
+    for name in ("error term", "a sensor", "a message type", "a preset", "a consumer"):
+        assert name in headings, name
