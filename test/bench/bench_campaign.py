@@ -10,6 +10,7 @@ compared with the truth, with its NEES.
 """
 
 import argparse
+import math
 import os
 import resource
 import shutil
@@ -19,15 +20,21 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 import imu_sim_ros as ims
-from imu_sim_ros.campaigns import command_estimator as dataset
+from imu_sim_ros.campaigns import campaign
 from imu_sim_ros.campaigns.plan import load_plan
+from imu_sim_ros.campaigns.reckoning import DeadReckoning
+from imu_sim_ros.campaigns.results import read_log, write_tables
+from imu_sim_ros.campaigns.run_files import write_dataset
 from imu_sim_ros.campaigns.runs import CellRuns
+from imu_sim_ros.jobs.report import write_campaign_page
 from imu_sim_ros.navigation.covariance import POSITION, initial_covariance, propagate
 from imu_sim_ros.navigation.evaluation import nees
 from imu_sim_ros.navigation.noise import noise_of
@@ -39,6 +46,7 @@ RATE, SECONDS, IMU = 200.0, 20.0, "mpu6000"
 LOOP = 100
 """Runs of the plain loop, before and after the campaign."""
 NO_OP = 40
+BATCH = 20
 
 
 class Cost(NamedTuple):
@@ -165,6 +173,51 @@ def throughput(folder: Path, runs: int) -> None:
     print(f"the campaign is {wall * runs / cost.wall_s:.2f} times as fast as the loop")
 
 
+def stages(folder: Path) -> None:
+    """Print where the processor time of a run goes, in one process: the best of ten batches."""
+    plan = load_plan(plan_file(folder, 300))
+    runs = CellRuns(plan, next(plan.cells()))
+    cell, name = runs.simulated, next(iter(plan.estimators))
+    reckoning, estimator = DeadReckoning(cell), plan.estimators[name]
+    list(runs.rows(plan.seeds[:5], [name], folder))
+    best: dict[str, float] = {}
+
+    def timed(words: str, work: Callable[[Any], object], given: Sequence[object]) -> list[object]:
+        started = time.process_time()
+        made = [work(one) for one in given]
+        each = (time.process_time() - started) / len(given) * 1e3
+        best[words] = min(best.get(words, math.inf), each)
+        return made
+
+    for first in range(5, 205, BATCH):
+        seeds = plan.seeds[first : first + BATCH]
+        simulations = timed("random streams and sensor of a seed", cell.simulation, seeds)
+        blocks = timed("its readings", lambda one: one.next_block(cell.total), simulations)
+        metrics = partial(reckoning.metrics, name, estimator)
+        timed("dead reckoning, metrics, NEES", metrics, blocks)
+        timed("a run as a whole", lambda seed: list(runs.rows([seed], [name], folder)), seeds)
+    rows = [[words, f"{each:.2f}"] for words, each in best.items()]
+    print_table(["part of a run", "CPU ms"], rows, "Processor time of a run")
+
+
+def afterwards(folder: Path, runs: int) -> None:
+    """Print the processor time of the tables and the page of all runs."""
+    output = folder / f"out_{runs}"
+    plan, rows = load_plan(output / "plan.yaml"), list(read_log(output / "runs.jsonl"))
+    table = []
+    last = time.process_time()
+    for words, work in (
+        ("tables", lambda: write_tables(output, rows, campaign.columns(plan), plan.metrics)),
+        ("summary", lambda: campaign.write_summary(output, plan, rows)),
+        ("page", lambda: write_campaign_page(output, "", [], None, "bench")),
+    ):
+        work()
+        now = time.process_time()
+        table.append([words, f"{now - last:.2f}"])
+        last = now
+    print_table(["after the runs", "CPU s"], table, f"Of {runs:,} runs")
+
+
 def spent_so_far() -> tuple[float, float]:
     """Return wall time, and CPU time of this process and those that it has waited for [s]."""
     own = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
@@ -185,7 +238,8 @@ def no_op(folder: Path) -> None:
             else:
                 place = folder / "alone"
                 place.mkdir()
-                dataset.write_dataset(runs, "euroc", seed, runs.block(seed), place)
+                cell = runs.simulated
+                write_dataset(cell, "euroc", seed, cell.block(seed), place)
                 shutil.rmtree(place)
             after = spent_so_far()
             times.append((after[0] - before[0], after[1] - before[1]))
@@ -237,7 +291,9 @@ def main() -> None:
     runs = parser.parse_args().runs
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
+        stages(folder)
         throughput(folder, runs)
+        afterwards(folder, runs)
         no_op(folder)
         page(folder, runs)
 
