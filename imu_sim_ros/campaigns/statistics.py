@@ -60,32 +60,53 @@ def success(done: int, runs: int) -> Interval:
 
 
 def mean(values: Array) -> Interval:
-    """Return the mean of values (n,) with its BCa bootstrap interval (of SciPy).
+    """Return the mean of values (n,) with its BCa bootstrap interval (of SciPy)."""
+    return means([values])[0]
 
-    The resampling has a fixed seed: the same values give the same interval.
+
+def means(samples: Sequence[Array]) -> list[Interval]:
+    """Return the mean of each sample (n,) with its interval: :func:`mean` of many.
+
+    The resampling has a fixed seed: the same values give the same interval, and samples of one
+    size are resampled together.
     """
-    if not len(values):
-        return Interval(None, None, None)
-    found = float(np.mean(values))
-    if len(values) < _FEWEST:
-        return Interval(found, None, None)
-    if np.ptp(values) == 0.0:
-        return Interval(found, found, found)
-    if len(values) > _MOST_RESAMPLED:
-        half = _Z * float(np.std(values, ddof=1)) / math.sqrt(len(values))
-        return Interval(found, found - half, found + half)
+    result = []
+    of_size: dict[int, list[int]] = {}
+    for k, values in enumerate(samples):
+        n = len(values)
+        found = float(np.mean(values)) if n else None
+        ends: tuple[float | None, float | None] = None, None
+        if found is not None and n >= _FEWEST:
+            if np.ptp(values) == 0.0:
+                ends = found, found
+            elif n > _MOST_RESAMPLED:
+                half = _Z * float(np.std(values, ddof=1)) / math.sqrt(n)
+                ends = found - half, found + half
+            else:
+                of_size.setdefault(n, []).append(k)
+        result.append(Interval(found, *ends))
+    for places in of_size.values():
+        ends_of = _bootstrap(np.stack([samples[k] for k in places]))
+        for k, low, high in zip(places, *ends_of, strict=True):
+            result[k] = Interval(result[k].value, float(low), float(high))
+    return result
+
+
+def _bootstrap(values: Array) -> tuple[Array, Array]:
+    """Return the ends of the intervals of the means of rows (k, n)."""
     from scipy.stats import bootstrap
 
     ends = bootstrap(
         (values,),
         np.mean,
         n_resamples=_RESAMPLES,
-        batch=_CHUNK // len(values),
+        batch=max(_CHUNK // values.size, 1),
+        axis=1,
         confidence_level=CONFIDENCE,
         method="BCa",
         random_state=20_240_611,
     ).confidence_interval
-    return Interval(found, float(ends.low), float(ends.high))
+    return ends.low, ends.high
 
 
 def quantile(values: Array, p: float) -> Interval:

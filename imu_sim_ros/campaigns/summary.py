@@ -16,7 +16,7 @@ from imu_sim_ros.campaigns.results import Row, numbers
 from imu_sim_ros.campaigns.statistics import (
     Interval,
     Sensitivity,
-    mean,
+    means,
     quantile,
     sensitivity,
     statistic,
@@ -132,10 +132,16 @@ def unused(found: Sequence[Group], require: Sequence[Requirement]) -> list[Requi
 
 def summary_rows(found: Sequence[Group], metrics: Sequence[str]) -> list[dict[str, Any]]:
     """Return one row of ``summary.csv`` for each group."""
-    return [_summary_row(group, metrics) for group in found]
+    samples = [(group, metric, group.values(metric)) for group in found for metric in metrics]
+    known = [(id(group), metric, values) for group, metric, values in samples if len(values)]
+    of_group: dict[int, dict[str, tuple[Interval, Any]]] = defaultdict(dict)
+    averages = means([values for *_, values in known])
+    for (group, metric, values), average in zip(known, averages, strict=True):
+        of_group[group][metric] = average, values
+    return [_summary_row(group, of_group[id(group)]) for group in found]
 
 
-def _summary_row(group: Group, metrics: Sequence[str]) -> dict[str, Any]:
+def _summary_row(group: Group, metrics: dict[str, tuple[Interval, Any]]) -> dict[str, Any]:
     row: dict[str, Any] = {
         "cell": group.cell,
         "estimator": group.estimator,
@@ -144,11 +150,8 @@ def _summary_row(group: Group, metrics: Sequence[str]) -> dict[str, Any]:
         "done": group.done,
     }
     _put(row, "success", group.success())
-    for metric in metrics:
-        values = group.values(metric)
-        if not len(values):
-            continue
-        _put(row, f"{metric}.mean", mean(values))
+    for metric, (average, values) in metrics.items():
+        _put(row, f"{metric}.mean", average)
         for name, p in (("median", 0.5), ("p5", 0.05), ("p95", 0.95)):
             _put(row, f"{metric}.{name}", quantile(values, p))
     return row
