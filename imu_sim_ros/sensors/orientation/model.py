@@ -3,7 +3,7 @@
 
 """The orientation that a board states with its readings: ``imu/data`` (REP-145)."""
 
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,9 @@ from imu_sim_ros.sensors.realised import realised_imu
 from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.types import Array, Times
 
+EXACT: Final = 1e-12
+"""[rad^2] Stated of an orientation without any error: 0 would say that its variance is unknown."""
+
 
 class OrientationModel:
     """``q = exp(e) q_wi`` with a normal error e about the world's axes.
@@ -31,7 +34,8 @@ class OrientationModel:
     ``e = e_on + drift + noise + k |a| u``: constant, first-order Gauss-Markov, white, and, with a
     Gauss-Markov u of unit variance, an error that grows with the acceleration a of the body, like
     that of a filter that takes the specific force for the vertical. Its covariance, diagonal about
-    the world's axes, is exact: ``turn_on^2 + drift^2 + noise^2 + (k |a|)^2``.
+    the world's axes, is exact: ``turn_on^2 + drift^2 + noise^2 + (k |a|)^2``. Where all of it is 0,
+    ``EXACT`` is stated.
     """
 
     def __init__(self, parameters: OrientationParameters, seed: int, dt: float) -> None:
@@ -78,6 +82,8 @@ class OrientationModel:
             sigma = self._per_acceleration * np.sqrt(x * x + y * y + z * z)
             error += sigma * self._dynamic.next_block(n)
             variance += sigma * sigma
+        exact = np.all(variance == 0.0, axis=0)
+        variance[:, exact] = EXACT
         return components.multiply(components.exp(error), q_wi), variance
 
 

@@ -12,7 +12,9 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors.orientation.declaration import OrientationBlock
+from imu_sim_ros.sensors.orientation.model import EXACT
 from imu_sim_ros.sensors.realised import realised_imu
 from imu_sim_ros.simulation.engine import Simulation
 from imu_sim_ros.simulation.parameters import load_simulation
@@ -76,7 +78,16 @@ def test_without_errors_it_is_the_attitude_of_the_imu() -> None:
     truth = as_rotation(motion.q_wb) * MOUNTING
     assert np.abs((as_rotation(read.q_wi) * truth.inv()).magnitude()).max() < 1e-9
     assert np.allclose(read.q_wi, read.ideal_q_wi, rtol=0.0, atol=1e-15)
-    assert not read.variance.any()
+    assert np.all(read.variance == EXACT)
+
+
+@pytest.mark.parametrize("preset", files.names("imus"))
+def test_every_preset_states_how_exact_its_orientation_is(preset: str) -> None:
+    """A covariance of zeros would be unknown: no sensor's orientation comes without one."""
+    read = stated(simulation({"imu.preset": preset}), 100, 200)
+    assert np.all(read.variance >= EXACT)
+    found = errors(read)
+    assert np.abs(found).max() < 6.0 * np.sqrt(read.variance.max())
 
 
 def test_the_error_has_the_stated_covariance() -> None:
