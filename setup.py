@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 from setuptools import find_packages, setup
 
 PACKAGE = "imu_sim_ros"
-NODES = ("simulator", "integrator", "recorder")
+NODES = ("simulator", "integrator", "recorder", "error_model")
 COMMANDS = (
     "generate",
     "dead_reckon",
@@ -18,6 +18,7 @@ COMMANDS = (
     "calibrate",
     "twin",
     "convert_bag",
+    "add_errors",
     "evaluate",
     "campaign",
     "report",

@@ -47,6 +47,7 @@ from imu_sim_ros.poses import PoseSequence, read_poses
 from imu_sim_ros.rotation import rotate, rotate_inverse
 from imu_sim_ros.types import Array, Times
 
+More = Callable[[MessageBlock], Sequence[Block]]
 READINGS: Final = "/" + IMU_TOPIC
 POSES: Final = "/" + TRUTH_POSE_TOPIC
 TRUTH: Final = "/" + TRUTH_TOPIC
@@ -77,12 +78,14 @@ def bag_to_bag(
     advance: Callable[[int], object],
     skipped: Skipped | None = None,
     warned: Warned | None = None,
+    more: More | None = None,
 ) -> None:
     """Copy topics of any type; the bytes stay as they are where the encoding does.
 
     :param renamed: new names by old ones.
     :param advance: receives the number of messages copied.
     :param skipped, warned: as for :func:`imu_sim_ros.bags.read.imu_blocks`.
+    :param more: makes what is written beside the messages of a block.
     """
     with told(bag.path):
         translate = _translator(bag, writer, topics)
@@ -101,6 +104,8 @@ def bag_to_bag(
             for block in passed
             if len(block.t_ns)
         ]
+        if more is not None:
+            blocks += [made for block in passed for made in more(block)]
         writer.write_blocks(blocks)
         advance(sum(len(block.t_ns) for block in blocks))
     for gate in gates.values():

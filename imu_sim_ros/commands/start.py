@@ -13,6 +13,7 @@ from imu_sim_ros import signals, startup
 PROGRAMS: Final = {
     "generate": "parameters in, a bag or a dataset out",
     "convert_bag": "a bag into another form, EuRoC, CSV or TUM",
+    "add_errors": "another simulator's ideal readings into those of a sensor",
     "dead_reckon": "a bag's readings into a trajectory, and its error",
     "evaluate": "an estimated trajectory against the truth",
     "allan": "noise parameters from a recording at rest",
@@ -26,6 +27,7 @@ NODES: Final = {
     "simulator": "an IMU on a moving body, live (needs ROS 2)",
     "integrator": "dead reckoning, live (needs ROS 2)",
     "recorder": "topics into a bag (needs ROS 2)",
+    "error_model": "a sensor's errors on another simulator's readings, live (needs ROS 2)",
 }
 
 
@@ -41,6 +43,11 @@ def _run(name: str) -> int:
 def generate() -> int:
     """Run the command; returns its exit status."""
     return _run("generate")
+
+
+def add_errors() -> int:
+    """Run the command; returns its exit status."""
+    return _run("add_errors")
 
 
 def dead_reckon() -> int:

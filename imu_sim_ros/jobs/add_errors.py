@@ -41,7 +41,8 @@ from imu_sim_ros.simulation.error_parameters import (
 
 TOPICS: Final = (IMU_TOPIC, IDEAL_IMU_TOPIC, GYROSCOPE_BIAS_TOPIC, ACCELEROMETER_BIAS_TOPIC)
 """What a flight of given readings is saved as."""
-_BLOCK: Final = 8192
+ROWS_AT_ONCE: Final = 8192
+_LARGEST: Final = 1 << 63
 
 
 def add_errors(
@@ -91,8 +92,8 @@ def add_errors(
     built = _parameters(imu, seed, params_file, input, parameters, rate, given.t_ns)
     model = error_model.ErrorModel(built, remark=_warn)
     blocks: list[ImuBlock] = []
-    for begin in range(0, len(given.t_ns), _BLOCK):
-        blocks += model.read(given.at(slice(begin, begin + _BLOCK)))
+    for begin in range(0, len(given.t_ns), ROWS_AT_ONCE):
+        blocks += model.read(given.at(slice(begin, begin + ROWS_AT_ONCE)))
     name = f"{_sensor_name(imu, built)} on given readings"
     return Flight(Source(built, NOWHERE, int(given.t_ns[0])), blocks, name, TOPICS)
 
@@ -230,7 +231,8 @@ def _given(t_ns: Any, gyro: Any, accel: Any, orientation: Any, name: str) -> Giv
     :raises InputError: for what is not a reading.
     """
     # One reading, inside a simulator's step, is the case that has to be fast.
-    times = np.array([t_ns]) if type(t_ns) is int else _times(t_ns)
+    fast = type(t_ns) is int and abs(t_ns) < _LARGEST
+    times = np.array([t_ns], np.int64) if fast else _times(t_ns)
     try:
         rates = np.array(gyro, np.float64).reshape(-1, 3)
         forces = np.array(accel, np.float64).reshape(-1, 3)

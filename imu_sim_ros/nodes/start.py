@@ -34,6 +34,11 @@ def integrator() -> int:
     return _run("integrator")
 
 
+def error_model() -> int:
+    """Run the error model; returns its exit status."""
+    return _run("error_model")
+
+
 def recorder() -> int:
     """Run the recorder; returns its exit status."""
     return _run("recorder")

@@ -1,0 +1,249 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A bag of ideal readings with those of a sensor beside them; every other message stays."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Final
+
+import numpy as np
+
+from imu_sim_ros.bags import convert
+from imu_sim_ros.bags.messages.blocks import MessageBlock, TopicInfo
+from imu_sim_ros.bags.messages.decode import Decoded, decode_block, inside_order
+from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY
+from imu_sim_ros.bags.reader import Bag, told
+from imu_sim_ros.bags.writer import Block, Writer
+from imu_sim_ros.conventions import (
+    ACCELEROMETER_BIAS_TOPIC,
+    GYROSCOPE_BIAS_TOPIC,
+    IDEAL_IMU_TOPIC,
+    IMU_TOPIC,
+    ORIENTATION_TOPIC,
+    TEMPERATURE_TOPIC,
+)
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs import gate
+from imu_sim_ros.inputs.rows import BadRows, Skipped, Warned
+from imu_sim_ros.jobs.add_errors import rate_of
+from imu_sim_ros.simulation.error_input import Differentiator, Given
+from imu_sim_ros.simulation.error_model import ErrorModel
+from imu_sim_ros.simulation.error_parameters import ErrorModelParameters
+from imu_sim_ros.simulation.topics import TYPES, encoder, sensors_of
+from imu_sim_ros.types import Times
+
+OFFERED: Final = (
+    IMU_TOPIC,
+    ORIENTATION_TOPIC,
+    TEMPERATURE_TOPIC,
+    IDEAL_IMU_TOPIC,
+    GYROSCOPE_BIAS_TOPIC,
+    ACCELEROMETER_BIAS_TOPIC,
+)
+USUAL: Final = (IMU_TOPIC, GYROSCOPE_BIAS_TOPIC, ACCELEROMETER_BIAS_TOPIC)
+_FIELDS: Final = {
+    IMU: ("angular_velocity", "linear_acceleration", "orientation", "orientation_covariance"),
+    ODOMETRY: ("orientation", "linear", "angular"),
+}
+_FIRST: Final = 2000
+"""Stamps from which a rate is taken."""
+
+
+def source_of(bag: Bag, name: str | None) -> TopicInfo:
+    """Return the topic of ideal readings, or of odometry where it is named.
+
+    :raises InputError: where there is none, or several.
+    """
+    named = [t for t in bag.topics if name and t.name.lstrip("/") == name.lstrip("/")]
+    if named and named[0].type == ODOMETRY:
+        return named[0]
+    return bag.topic(IMU, name)
+
+
+def stamps(bag: Bag, source: TopicInfo) -> Times:
+    """Return the first stamps of a topic [ns]."""
+    found = np.empty(0, np.int64)
+    for group in bag.groups({source.name}):
+        for block in group:
+            found = np.concatenate([found, _decoded(bag, block).t_ns])
+        if len(found) > _FIRST:
+            break
+    return found[:_FIRST]
+
+
+def rate_in(bag: Bag, source: TopicInfo) -> float:
+    """Return the readings per second of a topic [Hz].
+
+    :raises InputError: where there are fewer than two.
+    """
+    t_ns = stamps(bag, source)
+    if not (np.diff(t_ns) > 0).any():
+        raise InputError(f"{bag.path}: {source.name}: fewer than two readings; --rate is needed")
+    return rate_of(t_ns)
+
+
+def names_in(
+    bag: Bag,
+    source: TopicInfo,
+    copied: Sequence[TopicInfo],
+    wanted: Sequence[str],
+    renamed: Mapping[str, str],
+) -> tuple[dict[str, str], dict[str, str]]:
+    """Return the new topics, each with its name, and new names of those that are copied.
+
+    Ideal readings that have the name of the new ones become ``ground_truth/imu``.
+
+    :param renamed: new names by old ones, as the user gives them, without slashes in front.
+    :raises InputError: with a line for each name that there would be twice.
+    """
+    new = {key: "/" + renamed.get(key, key).lstrip("/") for key in wanted}
+    old = {
+        topic.name: "/" + renamed[topic.name.lstrip("/")].lstrip("/")
+        for topic in copied
+        if topic.name.lstrip("/") in renamed and topic.name.lstrip("/") not in wanted
+    }
+    if source in copied and source.name in new.values():
+        old[source.name] = "/" + IDEAL_IMU_TOPIC
+    kept = [old.get(topic.name, topic.name) for topic in copied]
+    problems = [
+        f"{bag.path}: has a topic {name}; --topic {key}=NEW gives the new one another name, "
+        f"--without {name} leaves the old one out"
+        for key, name in new.items()
+        if name in kept
+    ]
+    every = [*kept, *new.values()]
+    twice = {name for name in every if every.count(name) > 1} - set(new.values())
+    problems += [f"{bag.path}: two topics would be {name}" for name in sorted(twice)]
+    if problems:
+        raise InputError(problems)
+    return new, old
+
+
+class BagErrors:
+    """Errors on the readings of one topic, as the blocks of messages come by."""
+
+    def __init__(
+        self,
+        bag: Bag,
+        source: TopicInfo,
+        parameters: ErrorModelParameters,
+        names: Mapping[str, str],
+        remark: Callable[[str], object],
+    ) -> None:
+        """Set up the sensor.
+
+        :param names: of :data:`OFFERED`, each with its name in the new bag.
+        :param remark: receives what looks like a mistake, a line each.
+        """
+        self._bag, self._source, self._parameters, self._names = bag, source, parameters, names
+        self.model = ErrorModel(parameters, sensors_of(names), remark)
+        self._odometry = Differentiator(parameters) if source.type == ODOMETRY else None
+        self._bad = BadRows(f"{bag.path}: {source.name}", "message")
+        self._seen = 0
+
+    def write(
+        self,
+        writer: Writer,
+        copied: Sequence[TopicInfo],
+        renamed: Mapping[str, str],
+        advance: Callable[[int], object],
+        skipped: Skipped | None,
+        warned: Warned | None,
+    ) -> None:
+        """Copy topics, with the sensor's beside them.
+
+        :param skipped: receives how many readings were left out; None: they are errors.
+        :param warned: receives what is wrong with messages that are copied.
+        :raises InputError: for readings that no sensor gives.
+        """
+        self._outputs = [
+            (writer.add_topic(name, TYPES[key]), encoder(key, self._parameters, writer.encoding))
+            for key, name in self._names.items()
+        ]
+        topics = [*copied, *([] if self._source in copied else [self._source])]
+        if self._source in copied:
+            convert.bag_to_bag(
+                self._bag, writer, topics, renamed, advance, None, warned, more=self._more
+            )
+        else:
+            self._write_without_source(writer, copied, renamed, advance, warned)
+        if skipped is not None and self._bad.rows:
+            skipped(self._bad.rows)
+        elif self._bad.rows:
+            self._bad.complain()
+
+    def _write_without_source(
+        self,
+        writer: Writer,
+        copied: Sequence[TopicInfo],
+        renamed: Mapping[str, str],
+        advance: Callable[[int], object],
+        warned: Warned | None,
+    ) -> None:
+        """Write the sensor's topics, then copy the others; bags are ordered when they are read."""
+        for group in self._bag.groups({self._source.name}):
+            for block in group:
+                writer.write_blocks(list(self._more(block)))
+                advance(len(block.t_ns))
+        if copied:
+            convert.bag_to_bag(self._bag, writer, copied, renamed, advance, None, warned)
+
+    def _more(self, block: MessageBlock) -> list[Block]:
+        """Return the sensor's messages for some of the ideal ones."""
+        if block.topic is not self._source or not len(block.t_ns):
+            return []
+        decoded = _decoded(self._bag, block)
+        made = []
+        # What was recorded late is so by as much beside it.
+        late_ns = int(np.median(block.t_ns - decoded.t_ns))
+        for given in self._passed(decoded):
+            for samples in self.model.read(given):
+                for topic, encode in self._outputs:
+                    messages = encode(samples, self._parameters)
+                    if len(messages.t_ns):
+                        made.append(Block(topic, messages.t_ns + late_ns, messages.payloads))
+        return made
+
+    def _passed(self, decoded: Decoded) -> Iterator[Given]:
+        """Yield the readings of messages that the gate lets pass."""
+        numbers = decoded.numbers
+        if self._odometry is None:
+            columns = [
+                (gate.RATE, numbers["angular_velocity"]),
+                (gate.FORCE, numbers["linear_acceleration"]),
+            ]
+        else:
+            columns = [
+                (gate.ORIENTATION, numbers["orientation"]),
+                (gate.VELOCITY, numbers["linear"]),
+                (gate.RATE, numbers["angular"]),
+            ]
+        verdict = gate.Verdict(decoded.t_ns, columns)
+        first, self._seen = self._seen, self._seen + len(decoded.t_ns)
+        if not verdict.good.all():
+            verdict.note(self._bad, np.arange(first, self._seen), stamps=True)
+            decoded = decoded.at(verdict.good)
+            numbers = decoded.numbers
+        if not len(decoded.t_ns):
+            return
+        t_ns = decoded.t_ns
+        if self._odometry is not None:
+            q_wb = np.ascontiguousarray(inside_order(numbers["orientation"]).T)
+            given = self._odometry.apply(t_ns, q_wb, numbers["linear"].T, numbers["angular"].T)
+            if len(given.t_ns):
+                yield given
+            return
+        stated = np.linalg.norm(numbers["orientation"], axis=1)
+        there = (numbers["orientation_covariance"][:, 0] >= 0.0) & (np.abs(stated - 1.0) < 1e-3)
+        q = inside_order(numbers["orientation"]).T / stated if there.all() else None
+        yield Given(
+            t_ns,
+            np.ascontiguousarray(numbers["angular_velocity"].T),
+            np.ascontiguousarray(numbers["linear_acceleration"].T),
+            q,
+        )
+
+
+def _decoded(bag: Bag, block: MessageBlock) -> Decoded:
+    with told(bag.path):
+        return decode_block(block, bag.encoding, _FIELDS[block.topic.type])
