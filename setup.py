@@ -88,6 +88,7 @@ setup(
         share("config/campaigns", "*.yaml"),
         share("config/estimators", "*.yaml"),
         share("examples", "*.py"),
+        share("examples", "*.sdf"),
         share("examples", "*.ipynb"),
         share("launch", "*.launch.py"),
     ],

@@ -23,7 +23,7 @@ GUIDES = [
     ROOT / f"docs/how_to/{name}.md"
     for name in ("ci_gate", "data_sheet", "own_sensor", "own_trajectory")
 ]
-GUIDES.append(ROOT / "docs/how_to/madgwick.md")
+GUIDES += [ROOT / f"docs/how_to/{name}.md" for name in ("madgwick", "error_model", "migration")]
 NEEDS = {"vio_stack": "gtsam", "madgwick": "ahrs"}
 """Pages with a library that only the tests install."""
 PICTURES = {

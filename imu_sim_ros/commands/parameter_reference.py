@@ -23,6 +23,7 @@ from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
 from imu_sim_ros.sensors.camera.scene_parameters import TYPES as SCENES
 from imu_sim_ros.sensors.camera.scene_parameters import SceneParameters
 from imu_sim_ros.sensors.registry import find_sensor
+from imu_sim_ros.simulation.error_parameters import ErrorNodeParameters
 from imu_sim_ros.simulation.playback import SimulatorParameters
 from imu_sim_ros.trajectory.parameters import TYPES, TrajectoryParameters
 
@@ -57,6 +58,11 @@ the kinds below.
 _INTEGRATOR = """\
 Node `integrator`. What a parameter file says below `imu.` for the simulator, and the integrator has
 no use for, is ignored, so that both can be given the same file.
+"""
+_ERROR_MODEL = """\
+Node and Python's `ErrorModel`, command `add_errors`. `imu.*`, `inject.*`, `temperature.*` and the
+general parameters are those of the simulation; what concerns a trajectory is passed over, so that
+both can be given the same file.
 """
 _RECORDER = """\
 Node `recorder`. Arguments without `--` are topics, `-o` stands for `--output`, and durations may
@@ -98,6 +104,11 @@ def _lines() -> Iterator[str]:
     yield "## Integrator\n"
     yield _INTEGRATOR
     yield from _table(parameters(IntegratorParameters))
+    yield "## Error model\n"
+    yield _ERROR_MODEL
+    names = ("input.", "odometry", "publish.")
+    own = {n: p for n, p in parameters(ErrorNodeParameters).items() if n.startswith(names)}
+    yield from _table(own)
     yield "## Recorder\n"
     yield _RECORDER
     yield from _table(parameters(RecorderParameters))

@@ -12,6 +12,7 @@ from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.parameters.kinds import Parameter
 from imu_sim_ros.parameters.sections import parameters
 from imu_sim_ros.sensors.registry import all_sensors
+from imu_sim_ros.simulation.error_parameters import ErrorNodeParameters
 from imu_sim_ros.simulation.playback import SimulatorParameters
 
 
@@ -46,6 +47,21 @@ The service ~/reset starts again at initial_state.""",
         (
             "integrator --initial_state truth --error true",
             "integrator --method rk4 --path-rate 5 --ros-args -r imu/data_raw:=/imu0",
+        ),
+    ),
+    "error_model": Program(
+        """Adds a sensor's errors to the ideal readings of another simulator.
+
+Subscribes to imu/ideal (sensor_msgs/Imu), or with --odometry true to odom/ideal
+(nav_msgs/Odometry), and publishes imu/data_raw; on request also imu/data, imu/temperature and the
+ground truth of readings and biases. What comes in is declared with --input.gravity, --input.axes
+and so on.
+The service ~/reset begins again with the next reading.""",
+        ErrorNodeParameters,
+        (
+            "error_model --imu bmi088 --rate 1000 --seed 3 --ros-args -r imu/ideal:=/imu",
+            "error_model --imu adis16448 --rate 250 --publish.biases true",
+            "error_model --imu mpu6000 --input.axes frd --input.gravity missing",
         ),
     ),
     "recorder": Program(

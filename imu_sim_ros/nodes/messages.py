@@ -169,7 +169,10 @@ _READINGS: Final = ("angular_velocity", "linear_acceleration")
 _STATES: Final = ("position", "orientation", "linear", "angular")
 _ROUNDING: Final = 1e-12
 """Of the squared length of a quaternion that was written as a unit one."""
+_LENGTH: Final = 1e-3
+"""By how much the squared length of a quaternion may miss 1 before it counts as none."""
 _imu = MessageDecoder(IMU, _READINGS)
+_ideal = MessageDecoder(IMU, ("orientation", "orientation_covariance", *_READINGS))
 _odometry = MessageDecoder(ODOMETRY, _STATES)
 
 
@@ -185,6 +188,22 @@ def imu_reading(payload: bytes) -> ImuReading:
     if not gate.is_reading(*result):
         raise _refused(t_ns, (gate.RATE, result.gyro), (gate.FORCE, result.accel))
     return result
+
+
+def ideal_reading(payload: bytes) -> tuple[ImuReading, Quaternion | None]:
+    """Return the reading in a sensor_msgs/Imu, and its orientation (w, x, y, z) if it has one.
+
+    :raises InputError: as for :func:`imu_reading`; an orientation of another length is none.
+    """
+    second, nanosecond, x, y, z, w, stated, *rest = _ideal.numbers(payload)
+    gx, gy, gz, ax, ay, az = rest[-6:]
+    t_ns = _stamp(second, nanosecond)
+    result = ImuReading(t_ns, (gx, gy, gz), (ax, ay, az))
+    if not gate.is_reading(*result):
+        raise _refused(t_ns, (gate.RATE, result.gyro), (gate.FORCE, result.accel))
+    if stated < 0.0 or not abs(w * w + x * x + y * y + z * z - 1.0) < _LENGTH:
+        return result, None
+    return result, normalise((w, x, y, z))
 
 
 def truth(payload: bytes) -> Truth:

@@ -27,6 +27,9 @@ from imu_sim_ros.simulation.error_parameters import (
 )
 from imu_sim_ros.types import Array, Times
 
+RESTART_NS: Final = 1_000_000_000
+"""Stamps that jump back by more are those of a simulator that was reset."""
+
 
 class Given(NamedTuple):
     """n readings, and the attitude where it is known."""
@@ -316,6 +319,10 @@ class Differentiator:
         :param velocity_b: (3, n) [m/s].
         :param rate_b: (3, n) [rad/s].
         """
+        wrong = np.flatnonzero(np.diff(t_ns, prepend=self._t_ns[-1:]) <= 0)
+        if len(wrong):
+            k = int(wrong[0]) + 1 - len(self._t_ns[-1:])
+            return self._around(k, Given(t_ns, velocity_b, rate_b, q_wb))
         velocity_w = rotation.components.rotate(q_wb, velocity_b)
         times = np.concatenate([self._t_ns, t_ns])
         rows = np.concatenate([self._rows, np.concatenate([q_wb, velocity_w, rate_b])], axis=1)
@@ -330,6 +337,23 @@ class Differentiator:
         q = rows[:4, middle]
         force = rotate_inverse(q, acceleration - self._gravity_w)
         return Given(times[middle], rows[7:, middle], force, q)
+
+    def _around(self, k: int, states: Given) -> Given:
+        """Return the readings of messages of which number k is not later than the one before.
+
+        :param states: velocities in the body in place of rates, rates in place of forces.
+        """
+
+        def part(rows: slice) -> Given:
+            some = states.at(rows)
+            assert some.q_wb is not None
+            return self.apply(some.t_ns, some.q_wb, some.gyro, some.accel)
+
+        before = part(slice(0, k))
+        if self._t_ns[-1] - states.t_ns[k] > RESTART_NS:
+            self.begin()
+            return _joined(before, part(slice(k, None)))
+        return _joined(before, part(slice(k + 1, None)))
 
 
 _LOOK_NS: Final = 2_000_000_000

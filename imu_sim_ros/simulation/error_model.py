@@ -23,12 +23,10 @@ from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.gravity import gravity_vector
 from imu_sim_ros.sensors.imu.model import CHUNK, Imu, unknown_motion
-from imu_sim_ros.simulation.error_input import Conventions, Given, Resampler, StartCheck
+from imu_sim_ros.simulation.error_input import RESTART_NS, Conventions, Given, Resampler, StartCheck
 from imu_sim_ros.simulation.error_parameters import ErrorModelParameters
 from imu_sim_ros.trajectory.motion import Motion
 
-RESTART_NS: Final = 1_000_000_000
-"""Stamps that jump back by more are those of a simulator that was reset."""
 _SAMPLES_AT_ONCE: Final = 65536
 """Of a gap."""
 
@@ -131,6 +129,12 @@ class ErrorModel:
         else:
             self._imu.inject(fault, first, self.position)
         return first
+
+    def time_of(self, index: int) -> int | None:
+        """Return about when a sample to come is taken [ns]; None before the first reading."""
+        if self._last_ns is None:
+            return None
+        return self._last_ns + round((index - self.position + 1) * self._nominal_ns)
 
     def read(self, given: Given) -> list[ImuBlock]:
         """Return the samples that readings give, in one block or several.

@@ -160,7 +160,7 @@ class ErrorPublishParameters:
 class ErrorNodeParameters(ErrorModelParameters):
     """Everything that the node error_model takes."""
 
-    odometry: bool = flag(False, "subscribe to odom_ideal (nav_msgs/Odometry) instead of imu/ideal")
+    odometry: bool = flag(False, "subscribe to odom/ideal (nav_msgs/Odometry) instead of imu/ideal")
     publish: ErrorPublishParameters = section(ErrorPublishParameters)
     inject: InjectParameters = section(InjectParameters)
 
@@ -169,6 +169,8 @@ class ErrorNodeParameters(ErrorModelParameters):
         yield from super().problems(prefix)
         if self.publish.orientation:
             yield from orientation_problems(self.imu, prefix)
+        if self.inject.imu:
+            yield f"{prefix}inject.imu = {self.inject.imu!r}: must be empty, there is one IMU"
 
 
 _OF_THE_SIMULATOR: Final = {

@@ -28,6 +28,7 @@ from imu_sim_ros.parameters.kinds import (
 )
 from imu_sim_ros.parameters.sections import section, section_names
 from imu_sim_ros.sensors import auxiliary_sensors
+from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.own_rate_parameters import LARGEST_LATENCY, LONGEST
 from imu_sim_ros.simulation.parameters import (
@@ -142,6 +143,16 @@ class InjectParameters:
         live=True,
     )
     imu: str = text("", "which of `imus` is affected; empty: all", live=True)
+
+    def fault(self) -> Fault:
+        """Return the fault.
+
+        :raises ConfigurationError: for one that cannot be.
+        """
+        of_triad = self.kind in ("bias_jump", "saturation", "stuck")
+        named = of_triad or self.triad not in TRIADS
+        value = self.value if of_triad else self.value[0]
+        return Fault(self.kind, self.duration, value, self.triad if named else "")
 
 
 @dataclass(frozen=True)

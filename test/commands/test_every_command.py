@@ -21,6 +21,7 @@ RUNS = [
     "convert_bag flight.bag -o euroc --format euroc --json",
     "convert_bag flight_db3 -o flight.tum --json",
     "convert_bag flight.mcap -o flight.csv --json",
+    "add_errors euroc -o noisy.mcap --imu bmi088 --json",
     "dead_reckon flight.mcap -o track.tum --plot track.png --json",
     "evaluate track.tum flight.tum --align se3 --plot errors.png --json",
     "allan rest.mcap --force -o allan --json",

@@ -219,6 +219,7 @@ _COMMANDS = {
     if name != "control"
 }
 _READING = [
+    ("add_errors", ["PATH", "-o", "made.mcap"]),
     ("allan", ["PATH", "-o", "made"]),
     ("calibrate", ["six_position", "PATH", "-o", "made"]),
     ("campaign", ["PATH", "-o", "made"]),
@@ -233,6 +234,7 @@ _READING = [
     ("twin", ["flight.mcap", "--truth", "PATH", "-o", "made"]),
 ]
 _WRITING = [
+    ("add_errors", ["flight.mcap", "--without", "imu/data_raw"]),
     ("allan", ["flight.mcap", "--skip-checks"]),
     ("calibrate", ["six_position", "flight.mcap"]),
     ("campaign", ["allan_coverage"]),

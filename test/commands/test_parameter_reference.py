@@ -15,6 +15,7 @@ from imu_sim_ros.parameters.sections import parameters
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
 from imu_sim_ros.sensors.camera.scene_parameters import TYPES as SCENES
+from imu_sim_ros.simulation.error_parameters import ErrorNodeParameters
 from imu_sim_ros.simulation.playback import SimulatorParameters
 from imu_sim_ros.trajectory.parameters import TYPES
 
@@ -37,6 +38,13 @@ def test_every_parameter_has_a_row_with_its_unit():
     known = {**parameters(IntegratorParameters), **parameters(RecorderParameters)}
     for kind in TYPES:
         known.update(parameters(SimulatorParameters, {"trajectory.type": kind}))
+    known.update(
+        {
+            name: parameter
+            for name, parameter in parameters(ErrorNodeParameters).items()
+            if name.startswith(("input.", "odometry", "publish."))
+        }
+    )
     rig = parameters(RigParameters)
     known.update({name: rig[name] for name in ("cameras", "features.layout")})
     sections = {"camera": [CameraParameters], "scene": list(SCENES.values())}

@@ -26,6 +26,7 @@ from imu_sim_ros.nodes import launching
 from imu_sim_ros.nodes.arguments import SHORT
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build, parameters
+from imu_sim_ros.simulation.error_parameters import ErrorNodeParameters
 from imu_sim_ros.simulation.playback import SimulatorParameters
 
 pytestmark = pytest.mark.ros
@@ -36,8 +37,9 @@ NODES = {
     "simulate": (SimulatorParameters,),
     "dead_reckoning": (SimulatorParameters, IntegratorParameters),
     "record": (RecorderParameters,),
+    "gazebo_imu": (ErrorNodeParameters,),
 }
-NOT_PARAMETERS = {"namespace", "params_file", "use_sim_time", "rviz"}
+NOT_PARAMETERS = {"namespace", "params_file", "use_sim_time", "rviz", "topic"}
 
 
 def name_of(path: Path) -> str:
@@ -52,7 +54,7 @@ def arguments_of(path: Path) -> list[launching.Argument]:
     return module.ARGUMENTS
 
 
-def test_there_are_the_three_launch_files():
+def test_there_are_these_launch_files():
     assert {name_of(path) for path in LAUNCH_FILES} == set(NODES)
 
 

@@ -348,6 +348,17 @@ def test_odometry_becomes_readings_late_by_what_is_stated() -> None:
         assert np.abs(accel - block.ideal_accel[rows]).max() < 2.0 * bound
 
 
+def test_odometry_that_begins_again_or_repeats_itself() -> None:
+    t_ns = np.array([10, 11, 12, 12, 13, 5, 6, 7, 8], np.int64) * 1_000_000_000
+    ones, zero = np.zeros((4, 9)), np.zeros((3, 9))
+    ones[0] = 1.0
+    whole = Differentiator(load_error_model({})).apply(t_ns, ones, zero, zero)
+    assert (whole.t_ns // 1_000_000_000).tolist() == [11, 12, 6, 7]
+    made = Differentiator(load_error_model({}))
+    parts = [made.apply(t_ns[k : k + 1], ones[:, :1], zero[:, :1], zero[:, :1]) for k in range(9)]
+    assert np.array_equal(np.concatenate([part.t_ns for part in parts]), whole.t_ns)
+
+
 # ------------------------------------------------------------------------------ remarks
 def resting(accel: list[float], rate: float = 200.0, **values: object) -> list[str]:
     lines: list[str] = []

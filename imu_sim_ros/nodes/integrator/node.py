@@ -13,7 +13,6 @@ from geometry_msgs.msg import Vector3Stamped
 from nav_msgs.msg import Odometry, Path
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
@@ -44,19 +43,16 @@ from imu_sim_ros.nodes.integrator.diagnostics import (
 )
 from imu_sim_ros.nodes.integrator.odometer import Odometer, PathPublisher, Row
 from imu_sim_ros.nodes.integrator.sensor import Sensor
+from imu_sim_ros.nodes.matched_inputs import MatchedInputs
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.publishing import Counter
-from imu_sim_ros.nodes.raw_subscription import RawSubscriptions, Taken, is_weaker, matching_qos
+from imu_sim_ros.nodes.raw_subscription import RawSubscriptions, Taken
 from imu_sim_ros.parameters.sections import build
 from imu_sim_ros.rotation.scalars import to_euler
 
 _DEPTH = 2000
 _READ_PERIOD = 0.002
 """[s] How long readings wait for each other, and about the longest that one waits."""
-_MATCHING_PERIOD = 0.02
-"""[s] How often publishers of the inputs are looked for until each has one."""
-_CHANGE_PERIOD = 0.5
-"""[s] The same afterwards."""
 _COMPLAINT_PERIOD = 1.0
 _REFUSAL_PERIOD = 10.0
 _ACKNOWLEDGEMENT = Duration(nanoseconds=300_000_000)
@@ -74,7 +70,6 @@ class Integrator(ConfiguredNode):
         self.comparison = TruthComparison() if parameters.error else None
         self._lock = threading.Lock()
         """Integrate readings in the reader's thread; everything else runs in the executor's."""
-        self._qos: dict[str, QoSProfile] = {}
         self._received = {IMU_TOPIC: 0, TRUTH_TOPIC: 0}
         self._add_publishers(parameters)
         self.sensor = Sensor(self, self._adopt, self._integrate, self._lock)
@@ -82,9 +77,7 @@ class Integrator(ConfiguredNode):
             self._tell_what_is_left_out()
         self.create_service(Trigger, "~/reset", self._reset)
         self.reader = RawSubscriptions(self, self._take, self.ending.fail, _READ_PERIOD, IMU_TOPIC)
-        # On the steady clock: with use_sim_time and a silent /clock, the node's own stops.
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._matching = self.create_timer(_MATCHING_PERIOD, self._match_publishers, clock=steady)
+        self._matched = MatchedInputs(self, self.reader, self._inputs, _DEPTH)
 
     def apply(self, new: IntegratorParameters) -> None:
         """Take new biases."""
@@ -128,34 +121,9 @@ class Integrator(ConfiguredNode):
         return self.create_publisher(message, topic, _DEPTH, qos_overriding_options=options)
 
     # ----------------------------------------------------------------------------- messages
-    def _inputs(self) -> list[str]:
+    def _inputs(self) -> dict[str, Any]:
         with_truth = self.parameters.error or self.parameters.initial_state == "truth"
-        return [IMU_TOPIC, TRUTH_TOPIC] if with_truth else [IMU_TOPIC]
-
-    def _subscribe(self, topic: str, qos: QoSProfile) -> None:
-        self._qos[topic] = qos
-        self.reader.subscribe(topic, Imu if topic == IMU_TOPIC else Odometry, qos)
-
-    def _match_publishers(self) -> None:
-        """Request what is offered, once it is known.
-
-        A request of more matches no publisher and makes each of them warn; one of less may lose
-        readings under load. So nothing is requested before a publisher is there.
-        """
-        for topic in self._inputs():
-            publishers = self.get_publishers_info_by_topic(topic)
-            if not publishers:
-                continue
-            offered, requested = matching_qos(publishers, _DEPTH), self._qos.get(topic)
-            offered.durability = DurabilityPolicy.VOLATILE  # readings of the past are of no use
-            if requested is None or is_weaker(offered, requested):
-                if offered.reliability == ReliabilityPolicy.BEST_EFFORT:
-                    self.get_logger().info(
-                        f"{topic} is offered as best effort; subscribing likewise"
-                    )
-                self._subscribe(topic, offered)
-        if len(self._qos) == len(self._inputs()):
-            self._matching.timer_period_ns = round(_CHANGE_PERIOD * 1e9)
+        return {IMU_TOPIC: Imu, TRUTH_TOPIC: Odometry} if with_truth else {IMU_TOPIC: Imu}
 
     def _take(self, topic: str, taken: list[Taken]) -> None:
         """Take messages of one topic, as they are delivered."""

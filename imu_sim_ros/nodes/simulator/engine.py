@@ -56,10 +56,7 @@ def wanted_fault(wanted: InjectParameters, publish: PublishParameters) -> Fault:
         raise ConfigurationError(
             f"inject.triad = {wanted.triad}: needs publish.{beside}, which is false"
         )
-    of_triad = wanted.kind in ("bias_jump", "saturation", "stuck")
-    value = wanted.value if of_triad else wanted.value[0]
-    triad = wanted.triad if of_triad or beside else ""
-    return Fault(wanted.kind, wanted.duration, value, triad)
+    return wanted.fault()
 
 
 _LEAD_NS: Final = 10_000_000

@@ -9,9 +9,16 @@ from typing import Final
 
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.parameters.files import find, load
-from imu_sim_ros.sensors.imu import sdf
 
 BAROMETER_PRESET: Final = "imu.barometer_preset"
+
+
+_OF_MODELS: Final = (".sdf", ".world", ".urdf", ".xacro", ".xml")
+
+
+def is_model(path: str) -> bool:
+    """Return whether a file is a model of Gazebo, by its name; ``FILE#SENSOR`` is one, too."""
+    return Path(path.partition("#")[0]).suffix.lower() in _OF_MODELS
 
 
 def sensor_layer(name_or_file: str, node: str = "simulator") -> dict[str, object]:
@@ -21,7 +28,9 @@ def sensor_layer(name_or_file: str, node: str = "simulator") -> dict[str, object
         ``model.sdf`` or ``model.sdf#SENSOR``.
     :raises ConfigurationError: for a preset that cannot be read, or that leads back to itself.
     """
-    if sdf.is_model(name_or_file):
+    if is_model(name_or_file):
+        from imu_sim_ros.sensors.imu import sdf  # few sensors come from a model
+
         try:
             return dict(sdf.read(name_or_file).parameters)
         except InputError as error:

@@ -17,7 +17,6 @@ from imu_sim_ros.conventions import AXES, IMU_FRAME, TRIADS
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import number_of, read_text, shortened
 
-SUFFIXES: Final = (".sdf", ".world", ".urdf", ".xacro", ".xml")
 _DEEPEST: Final = 200
 _MOST_ELEMENTS: Final = 1_000_000
 _QUANTITIES: Final = {"gyroscope": "angular_velocity", "accelerometer": "linear_acceleration"}
@@ -74,11 +73,6 @@ class Described(NamedTuple):
     """Of its sensor or plugin."""
     parameters: dict[str, object]
     """By dotted name: ``imu.*``, and ``rate`` and ``imu_frame`` where they are said."""
-
-
-def is_model(path: str | Path) -> bool:
-    """Return whether a file is a model of Gazebo, by its name; ``FILE#SENSOR`` is one, too."""
-    return Path(str(path).partition("#")[0]).suffix.lower() in SUFFIXES
 
 
 def read(path: str | Path, sensor: str | None = None) -> Described:

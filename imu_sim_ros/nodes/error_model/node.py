@@ -1,0 +1,223 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The error model node: another simulator's ideal readings in, those of a chosen sensor out."""
+
+import sys
+import threading
+import time
+from collections import deque
+from typing import Any, Final
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
+from nav_msgs.msg import Odometry
+from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.time import Time
+from sensor_msgs.msg import Imu
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from imu_sim_ros import conventions
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.nodes import messages as decode
+from imu_sim_ros.nodes import publishing as sensor_description
+from imu_sim_ros.nodes import run
+from imu_sim_ros.nodes.error_model.diagnostics import PERIOD, ErrorModelReport
+from imu_sim_ros.nodes.error_model.output import DEPTH, Outputs, wanted
+from imu_sim_ros.nodes.matched_inputs import MatchedInputs
+from imu_sim_ros.nodes.parameters import ConfiguredNode
+from imu_sim_ros.nodes.publishing import check_overrides, create
+from imu_sim_ros.nodes.raw_subscription import RawSubscriptions, Taken
+from imu_sim_ros.nodes.simulator.diagnostics import fault_message
+from imu_sim_ros.simulation.error_input import Differentiator, Given
+from imu_sim_ros.simulation.error_model import ErrorModel
+from imu_sim_ros.simulation.error_parameters import NODE, ErrorNodeParameters, layer_error_model
+from imu_sim_ros.simulation.topics import sensors_of
+
+_READ_PERIOD: Final = 0.001
+"""[s] How long readings wait for each other, and about the longest that one waits."""
+_REFUSAL_PERIOD: Final = 10.0
+_REMARKS_A_SECOND: Final = 5
+_ACKNOWLEDGEMENT: Final = Duration(nanoseconds=300_000_000)
+"""How long shutdown waits for subscribers; a signal must end the node within a second."""
+
+
+class ErrorModelNode(ConfiguredNode):
+    """Topics, services and parameters around an :class:`ErrorModel`."""
+
+    def __init__(self, **arguments: Any) -> None:
+        super().__init__(NODE, ErrorNodeParameters, layer_error_model, **arguments)
+        parameters: ErrorNodeParameters = self.parameters
+        self._lock = threading.Lock()
+        """Readings are taken in the reader's thread; everything else runs in the executor's."""
+        self.refused = 0
+        self._remarks: list[str] = []
+        self._said: deque[float] = deque(maxlen=_REMARKS_A_SECOND)
+        sensors = sensors_of(wanted(parameters.publish))
+        self.model = ErrorModel(parameters, sensors, self._remark)
+        self._odometry = Differentiator(parameters) if parameters.odometry else None
+        self.outputs = Outputs(self, parameters, self.ending.fail)
+        self._faults = create(
+            self,
+            DiagnosticArray,
+            conventions.FAULTS_TOPIC,
+            QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL),
+        )
+        self._description = create(
+            self,
+            sensor_description.TYPE,
+            sensor_description.topic(self),
+            sensor_description.QOS,
+        )
+        self._diagnostics = create(self, DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
+        check_overrides(self)
+        self._describe(parameters)
+        if parameters.inject.kind != "none":
+            self._inject(parameters)
+        hardware = f"simulated, {parameters.imu.preset}, seed {parameters.seed}"
+        self._report = ErrorModelReport(f"{self.get_name()}: errors", hardware)
+        self.create_service(Trigger, "~/reset", self._reset)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(PERIOD, self._diagnose, clock=steady)
+        for line in parameters.warnings():
+            self.get_logger().warning(line)
+        topic = next(iter(self._inputs()))
+        self.get_logger().info(
+            f"{parameters.imu.preset} at {parameters.rate:g} Hz, seed {parameters.seed}, "
+            f"on {self.resolve_topic_name(topic)}"
+        )
+        self.reader = RawSubscriptions(self, self._take, self.ending.fail, _READ_PERIOD, topic)
+        self._matched = MatchedInputs(self, self.reader, self._inputs, DEPTH)
+
+    def _inputs(self) -> dict[str, Any]:
+        if self.parameters.odometry:
+            return {conventions.INPUT_ODOMETRY_TOPIC: Odometry}
+        return {conventions.INPUT_IMU_TOPIC: Imu}
+
+    def close(self) -> None:
+        """Process what has arrived, wait for the subscribers, and print the counts."""
+        self.reader.close()
+        self.outputs.close()
+        for counter in self.outputs.counters:
+            counter.publisher.wait_for_all_acked(_ACKNOWLEDGEMENT)
+        print(f"error_model: received {self.model.counts.readings}", flush=True)
+        for counter in self.outputs.counters:
+            print(f"error_model: counted {counter.topic} {counter.count}", flush=True)
+
+    # ----------------------------------------------------------------------------- readings
+    def _take(self, topic: str, taken: list[Taken]) -> None:
+        """Add errors to messages, as they are delivered, and publish them."""
+        with self._lock:
+            try:
+                given = self._given(topic, taken)
+                for block in self.model.read(given) if len(given.t_ns) else ():
+                    self.outputs.publish(block, self.parameters)
+            except InputError as error:
+                self._refuse(topic, error, len(taken))
+
+    def _given(self, topic: str, taken: list[Taken]) -> Given:
+        """Return the readings in messages, without those that are none."""
+        if self._odometry is not None:
+            return self._of_odometry(self._odometry, topic, taken)
+        readings: list[decode.ImuReading] = []
+        orientations: list[decode.Quaternion | None] = []
+        for payload, _ in taken:
+            try:
+                reading, orientation = decode.ideal_reading(payload)
+            except InputError as error:
+                self._refuse(topic, error)
+                continue
+            readings.append(reading)
+            orientations.append(orientation)
+        q_wb = None
+        if orientations and all(q is not None for q in orientations):
+            q_wb = np.array(orientations, np.float64).T
+        return Given(
+            np.array([reading.t_ns for reading in readings], np.int64),
+            np.array([reading.gyro for reading in readings]).reshape(-1, 3).T,
+            np.array([reading.accel for reading in readings]).reshape(-1, 3).T,
+            q_wb,
+        )
+
+    def _of_odometry(self, odometry: Differentiator, topic: str, taken: list[Taken]) -> Given:
+        states: list[decode.Truth] = []
+        for payload, _ in taken:
+            try:
+                states.append(decode.truth(payload))
+            except InputError as error:
+                self._refuse(topic, error)
+        return odometry.apply(
+            np.array([state.t_ns for state in states], np.int64),
+            np.array([state.q_wb for state in states]).reshape(-1, 4).T,
+            np.array([state.velocity_b for state in states]).reshape(-1, 3).T,
+            np.array([state.angular_velocity_b for state in states]).reshape(-1, 3).T,
+        )
+
+    def _refuse(self, topic: str, error: InputError, count: int = 1) -> None:
+        """Count messages that cannot be used; the first of many says why, with its stamp."""
+        self.refused += count
+        self.get_logger().warning(
+            f"{topic}: refused: {error} ({self.refused} refused so far)",
+            throttle_duration_sec=_REFUSAL_PERIOD,
+        )
+
+    def _remark(self, line: str) -> None:
+        """Say what looks like a mistake, not more than a few lines a second."""
+        now = time.monotonic()
+        if line.startswith(("input.", "rate", "gravity")):  # of the declaration, for good
+            self._remarks.append(line)
+        if len(self._said) < _REMARKS_A_SECOND or now - self._said[0] > 1.0:
+            self._said.append(now)
+            self.get_logger().warning(line)
+
+    # ------------------------------------------------------------------------------ control
+    def apply(self, new: ErrorNodeParameters) -> None:
+        """Take new errors with the next samples, at the latest 64 later.
+
+        :raises ConfigurationError: for an invalid fault.
+        """
+        if "inject.kind" in self.changed and new.inject.kind != "none":
+            self._inject(new)
+        if any(not name.startswith("inject.") for name in self.changed):
+            with self._lock:
+                self.model.update(new)
+            self._describe(new)
+
+    def _inject(self, parameters: ErrorNodeParameters) -> None:
+        fault = parameters.inject.fault()
+        with self._lock:
+            first = self.model.inject(fault, parameters.inject.delay)
+            t_ns = self.model.time_of(first)
+        now = self.get_clock().now() if t_ns is None else Time(nanoseconds=t_ns)
+        name = f"{self.get_name()}: fault"
+        self._faults.publish(fault_message(name, fault, "", now.to_msg()))
+
+    def _describe(self, parameters: ErrorNodeParameters) -> None:
+        self._description.publish(String(data=sensor_description.encode(parameters)))
+
+    def _reset(self, _: Any, response: Any) -> Any:
+        with self._lock:
+            self.model.reset()
+            if self._odometry is not None:
+                self._odometry.begin()
+        response.success, response.message = True, "the errors begin again with the next reading"
+        return response
+
+    def _diagnose(self) -> None:
+        stamp = self.get_clock().now().to_msg()
+        counts = self.model.counts
+        self._diagnostics.publish(
+            self._report.message(stamp, counts, self.refused, self._remarks, self.outputs.counters)
+        )
+
+
+def main() -> int:
+    """Run the node."""
+    return run.main(NODE, ErrorModelNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,146 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What the error model publishes of a block of samples, at once or after the sensor's latency."""
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import Any, Final, NamedTuple
+
+from rclpy.qos import QoSProfile
+
+from imu_sim_ros.bags.messages.blocks import as_list
+from imu_sim_ros.conventions import (
+    ACCELEROMETER_BIAS_TOPIC,
+    GYROSCOPE_BIAS_TOPIC,
+    IDEAL_IMU_TOPIC,
+    IMU_TOPIC,
+    ORIENTATION_TOPIC,
+    TEMPERATURE_TOPIC,
+)
+from imu_sim_ros.nodes.publishing import Counter, create
+from imu_sim_ros.nodes.supervised_thread import Fail, SupervisedThread
+from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.simulation.error_parameters import ErrorNodeParameters, ErrorPublishParameters
+from imu_sim_ros.simulation.topics import TYPES, Encode, encoder
+
+DEPTH: Final = 4000
+"""Messages kept for a reliable subscriber that has not acknowledged them: 4 s at 1 kHz."""
+_READINGS: Final = (IMU_TOPIC, ORIENTATION_TOPIC)
+"""What the sensor's driver releases; the truth knows no latency."""
+
+
+def wanted(publish: ErrorPublishParameters) -> list[str]:
+    """Return the topics that are published."""
+    flags = {
+        IMU_TOPIC: True,
+        ORIENTATION_TOPIC: publish.orientation,
+        TEMPERATURE_TOPIC: publish.temperature,
+        IDEAL_IMU_TOPIC: publish.ground_truth_imu,
+        GYROSCOPE_BIAS_TOPIC: publish.biases,
+        ACCELEROMETER_BIAS_TOPIC: publish.biases,
+    }
+    return [topic for topic, flag in flags.items() if flag]
+
+
+class _Output(NamedTuple):
+    topic: str
+    encode: Encode
+    counter: Counter
+
+
+class Outputs:
+    """The publishers of the node."""
+
+    def __init__(self, node: Any, parameters: ErrorNodeParameters, fail: Fail) -> None:
+        self._outputs = [
+            _Output(
+                topic,
+                encoder(topic, parameters),
+                Counter(topic, create(node, TYPES[topic], topic, QoSProfile(depth=DEPTH))),
+            )
+            for topic in wanted(parameters.publish)
+        ]
+        self.counters = [output.counter for output in self._outputs]
+        self._delayed = Delayed(fail)
+
+    def publish(self, block: ImuBlock, parameters: ErrorNodeParameters) -> None:
+        """Publish the messages of a block; readings with the delay that they have."""
+        now = time.monotonic_ns()
+        for topic, encode, counter in self._outputs:
+            messages = encode(block, parameters)
+            payloads = as_list(messages.payloads)
+            if topic not in _READINGS:
+                for payload in payloads:
+                    counter.send(payload)
+                continue
+            rows = block.delivered
+            delays = block.release_t_ns[rows] - block.true_t_ns[rows]
+            if topic != IMU_TOPIC:  # an orientation belongs to some of the samples only
+                stated = block.auxiliary["orientation"]
+                delays = (stated.release_t_ns - stated.true_t_ns)[stated.delivered]
+            self._delayed.send(counter.send, payloads, delays.tolist(), now)
+
+    def close(self) -> None:
+        """Publish what is still waiting, and end the thread."""
+        self._delayed.close()
+
+
+class Delayed:
+    """Sends messages after their delays, in order; at once where there is none."""
+
+    def __init__(self, fail: Fail) -> None:
+        self._fail = fail
+        self._waiting: deque[tuple[int, Callable[[bytes], None], bytes]] = deque()
+        self._new = threading.Condition()
+        self._ended = False
+        self._thread: SupervisedThread | None = None
+
+    def send(
+        self,
+        send: Callable[[bytes], None],
+        payloads: Sequence[bytes],
+        delays: Sequence[int],
+        now: int,
+    ) -> None:
+        """Send messages.
+
+        :param delays: of each [ns].
+        :param now: on the steady clock [ns].
+        """
+        if self._thread is None and not any(delays):
+            for payload in payloads:
+                send(payload)
+            return
+        if self._thread is None:  # from now on all go this way, so that they stay in order
+            self._thread = SupervisedThread("latency", self._run, self._fail)
+            self._thread.start()
+        with self._new:
+            for payload, delay in zip(payloads, delays, strict=True):
+                self._waiting.append((now + delay, send, payload))
+            self._new.notify()
+
+    def close(self) -> None:
+        """Send the rest without waiting, and end."""
+        with self._new:
+            self._ended = True
+            self._new.notify()
+        if self._thread is not None:
+            self._thread.join()
+
+    def _run(self) -> None:
+        while True:
+            with self._new:
+                while not self._waiting and not self._ended:
+                    self._new.wait()
+                if not self._waiting:
+                    return
+                due, send, payload = self._waiting[0]
+                left = (due - time.monotonic_ns()) * 1e-9
+                if left > 0.0 and not self._ended:
+                    self._new.wait(left)
+                    continue
+                self._waiting.popleft()
+            send(payload)

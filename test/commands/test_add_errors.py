@@ -1,0 +1,191 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""``add_errors``: from every form into every form; what else is there stays as it is."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import imu_sim_ros as ims
+from imu_sim_ros.bags.messages.blocks import as_list
+from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
+from imu_sim_ros.bags.read import open_bag
+from imu_sim_ros.bags.write import open_writer
+from imu_sim_ros.commands import add_errors, convert_bag, generate
+
+COMMON = ["--trajectory", "figure_eight", "--duration", "3s", "--rate", "100", "--quiet"]
+SENSOR = ["--imu", "bmi088", "--seed", "3"]
+FORMS = {
+    "ideal.mcap": ["ideal.mcap"],
+    "ideal.bag": ["ideal.bag"],
+    "ideal_db3": ["ideal_db3", "--storage", "sqlite3"],
+    "ideal.csv": ["ideal.csv"],
+    "euroc": ["euroc", "--format", "euroc"],
+}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with ideal readings in every form."""
+    place = tmp_path_factory.mktemp("ideal")
+    for name, (_, *options) in FORMS.items():
+        words = ["-o", str(place / name), "--imu", "perfect", *options, *COMMON]
+        assert generate.main(words) == 0
+    return place
+
+
+@pytest.fixture(scope="module")
+def flight() -> ims.Flight:
+    return ims.simulate(imu="bmi088", trajectory="figure_eight", duration=3, rate=100, seed=3)
+
+
+def messages(path: Path) -> dict[str, list[tuple[int, bytes]]]:
+    """Return all messages of a bag by topic, with their record times."""
+    found: dict[str, list[tuple[int, bytes]]] = {}
+    with open_bag(path) as bag:
+        for group in bag.groups():
+            for block in group:
+                rows = zip(block.t_ns.tolist(), as_list(block.payloads), strict=True)
+                found.setdefault(block.topic.name, []).extend(rows)
+    return found
+
+
+@pytest.mark.parametrize("source", FORMS)
+@pytest.mark.parametrize("target", ["n.mcap", "n.bag", "n_db3", "n.csv", "n_euroc"])
+def test_every_form_into_every_form(
+    source: str, target: str, folder: Path, tmp_path: Path, flight: ims.Flight
+) -> None:
+    options = {"n_db3": ["--storage", "sqlite3"], "n_euroc": ["--format", "euroc"]}
+    words = [str(folder / source), "-o", str(tmp_path / target), *SENSOR, "--quiet"]
+    assert add_errors.main([*words, *options.get(target, [])]) == 0
+    topic = None if target in ("n.csv", "n_euroc") else "imu/data_raw"
+    read = ims.read_imu(tmp_path / target, topic)
+    assert np.array_equal(read.t_ns, flight.t_ns)
+    assert np.array_equal(read.gyro, flight.gyro)
+    assert np.array_equal(read.accel, flight.accel)
+    assert [path.name for path in tmp_path.iterdir()] == [target]
+
+
+def test_the_rest_of_a_bag_stays_byte_for_byte(folder: Path, tmp_path: Path, capsys) -> None:
+    source, target = folder / "ideal.mcap", tmp_path / "noisy.mcap"
+    assert add_errors.main([str(source), "-o", str(target), *SENSOR, "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert (result["readings"], result["samples"], result["missing"]) == (300, 300, 0)
+    before, after = messages(source), messages(target)
+    assert after["/ground_truth/odom"] == before["/ground_truth/odom"]
+    assert after["/ground_truth/imu"] == before["/imu/data_raw"]  # renamed: the name is taken
+    same = tmp_path / "same.mcap"
+    topics = "imu/data_raw,ground_truth/gyroscope_bias,ground_truth/accelerometer_bias"
+    words = ["-o", str(same), *SENSOR, "--topics", topics, *COMMON[:-1]]
+    assert generate.main(["--quiet", *words]) == 0
+    for name, expected in messages(same).items():  # what generate writes
+        assert after[name] == expected, name
+
+
+def test_readings_recorded_late_are_so_by_as_much(tmp_path: Path) -> None:
+    t_ns = np.arange(200) * 10_000_000
+    level = np.tile([0.0, 0.0, 9.81], (200, 1))
+    with open_writer(tmp_path / "late.mcap") as writer:
+        topic = writer.add_topic("/imu", IMU)
+        writer.write(topic, t_ns + 10**18, ImuEncoder("x").encode(t_ns, 0.0 * level, level))
+    words = [str(tmp_path / "late.mcap"), "-o", str(tmp_path / "n.mcap"), "--imu", "perfect"]
+    assert add_errors.main([*words, "--quiet"]) == 0
+    found = messages(tmp_path / "n.mcap")
+    assert [t for t, _ in found["/imu/data_raw"]] == (t_ns + 10**18).tolist()
+    assert found["/imu"][7][0] == t_ns[7] + 10**18
+
+
+def test_topics_are_chosen_renamed_and_left_out(folder: Path, tmp_path: Path, capsys) -> None:
+    source, target = str(folder / "ideal.bag"), tmp_path / "n.mcap"
+    words = [source, "-o", str(target), *SENSOR, "--quiet", "--topic", "imu/data_raw=/imu0"]
+    chosen = ["--topics", "imu/data_raw,imu/temperature,ground_truth/imu"]
+    assert add_errors.main([*words, *chosen, "--without", "ground_truth/odom"]) == 0
+    assert set(messages(target)) == {
+        *("/imu0", "/imu/temperature", "/ground_truth/imu", "/imu/data_raw")
+    }
+    again = [str(target), "-o", str(tmp_path / "m.mcap"), *SENSOR]
+    assert add_errors.main(again) == 2
+    assert "has several topics of sensor_msgs/msg/Imu" in capsys.readouterr().err
+    assert add_errors.main([*again, "--input-topic", "ground_truth/imu"]) == 2
+    assert "has a topic /imu/data_raw; --topic" in capsys.readouterr().err
+    without = ["--without", "imu/data_raw", "--input-topic", "ground_truth/imu", "--quiet"]
+    assert add_errors.main([*again, *without]) == 0
+
+
+def test_odometry_becomes_readings(folder: Path, tmp_path: Path) -> None:
+    target = tmp_path / "n.mcap"
+    words = [str(folder / "ideal.mcap"), "-o", str(target), "--imu", "perfect", "--quiet"]
+    options = ["--input-topic", "ground_truth/odom", "--without", "imu/data_raw"]
+    topics = ["--topics", "imu/data_raw,imu/data"]
+    assert add_errors.main([*words, *options, *topics]) == 0
+    read = ims.read_imu(target, "imu/data_raw")
+    true = ims.read_imu(folder / "ideal.mcap")
+    assert np.array_equal(read.t_ns, true.t_ns[1:-1])
+    # h^2 / 6 of the third derivative of the velocity, some 40 m/s^4
+    assert np.abs(read.accel - true.accel[1:-1]).max() < 1e-4 / 6.0 * 40.0
+    assert len(messages(target)["/imu/data"]) == 298
+
+
+def test_a_model_of_gazebo_and_conventions(folder: Path, tmp_path: Path, capsys) -> None:
+    model = tmp_path / "model.sdf"
+    model.write_text(
+        "<sdf><sensor name='a' type='imu'><update_rate>100</update_rate><imu><angular_velocity>"
+        "<x><noise><stddev>0.1</stddev></noise></x></angular_velocity></imu></sensor></sdf>"
+    )
+    words = [str(folder / "ideal.csv"), "-o", str(tmp_path / "n.csv"), "--imu", str(model)]
+    assert add_errors.main([*words, "--set", "input.axes=frd"]) == 0
+    read, true = ims.read_imu(tmp_path / "n.csv"), ims.read_imu(folder / "ideal.csv")
+    assert np.array_equal(read.gyro[:, 1:], -true.gyro[:, 1:])
+    spread = (read.gyro - true.gyro)[:, 0].std()
+    assert abs(spread / 0.1 - 1.0) < 4.0 / np.sqrt(2 * 300)
+
+
+def test_bad_readings(folder: Path, tmp_path: Path, capsys) -> None:
+    source = tmp_path / "bad.mcap"
+    t_ns = np.arange(50) * 10_000_000
+    accel = np.tile([0.0, 0.0, 9.81], (50, 1))
+    accel[7] = np.nan
+    with open_writer(source) as writer:
+        topic = writer.add_topic("/imu", IMU)
+        writer.write(topic, t_ns, ImuEncoder("x").encode(t_ns, np.zeros((50, 3)), accel))
+    words = [str(source), "-o", str(tmp_path / "n.mcap"), "--imu", "perfect", "--quiet"]
+    assert add_errors.main(words) == 2
+    assert "bad.mcap: /imu: message 7: stamp 0.07" in capsys.readouterr().err
+    assert not (tmp_path / "n.mcap").exists()
+    assert add_errors.main([*words, "--skip-bad-rows"]) == 0
+    assert "1 bad rows skipped" in capsys.readouterr().err
+    found = messages(tmp_path / "n.mcap")
+    assert (len(found["/imu"]), len(found["/imu/data_raw"])) == (50, 49)
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (["none.mcap"], "none.mcap: No such file"),
+        (["IN", "--imu", "bmi08"], "bmi08"),
+        (["IN", "--set", "input.axes=ned"], "input.axes"),
+        (["IN", "--set", "imu.sampling=averaged"], "needs input.rate above the rate"),
+        (["IN", "--topics", "imu/mag"], "imu/mag"),
+        (["IN", "--without", "nothing"], "nothing"),
+        (["IN", "--input-topic", "nothing"], "nothing"),
+        (["IN", "--set", "input.gravity=missing"], "needs the orientation of every reading"),
+        (["IN", "--format", "euroc", "--storage", "mcap"], "--storage: does not apply"),
+    ],
+)
+def test_bad_arguments_are_a_line(words, line: str, folder: Path, tmp_path: Path, capsys) -> None:
+    named = [str(folder / "ideal.mcap") if word == "IN" else word for word in words]
+    assert add_errors.main([*named, "-o", str(tmp_path / "n.mcap")]) == 2
+    said = capsys.readouterr().err
+    assert line in said
+    assert "Traceback" not in said
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_convert_bag_reads_what_is_written(folder: Path, tmp_path: Path) -> None:
+    target = tmp_path / "n.bag"
+    assert add_errors.main([str(folder / "euroc"), "-o", str(target), *SENSOR, "--quiet"]) == 0
+    assert convert_bag.main([str(target), "-o", str(tmp_path / "n.mcap"), "--quiet"]) == 0
+    assert messages(tmp_path / "n.mcap").keys() == messages(target).keys()

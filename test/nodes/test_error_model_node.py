@@ -1,0 +1,232 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The error model as a real process: its readings are a simulation's, whatever arrives."""
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import Vector3Stamped
+from nav_msgs.msg import Odometry
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import Imu, Temperature
+from std_srvs.srv import Trigger
+
+import imu_sim_ros as ims
+from imu_sim_ros.bags.messages.encode import ImuEncoder, OdometryEncoder
+from imu_sim_ros.rotation import rotate_inverse
+
+pytestmark = pytest.mark.ros
+SEED, RATE = 3, 500.0
+
+
+@pytest.fixture(scope="module")
+def flight() -> ims.Flight:
+    return ims.simulate(imu="mpu6000", trajectory="figure_eight", rate=RATE, duration=4, seed=SEED)
+
+
+class Source:
+    """Publishes messages as a simulator would."""
+
+    def __init__(self, listener, kind, topic: str) -> None:
+        self._listener = listener
+        self._publisher = listener.node.create_publisher(kind, topic, QoSProfile(depth=5000))
+        listener.wait_until(self._publisher.get_subscription_count, f"a subscriber of {topic}")
+        listener.spin(0.3)  # it may still have to learn of this publisher
+
+    def send(self, messages, at_once: int = 20) -> None:
+        for k, message in enumerate(messages):
+            self._publisher.publish(message)
+            if k % at_once == at_once - 1:
+                self._listener.spin(0.001)
+
+
+def ideal(flight: ims.Flight, q_wb=None) -> list[bytes]:
+    truth = flight.truth
+    encoder = ImuEncoder("imu_link")
+    if q_wb is None:
+        rows = encoder.encode(truth.t_ns, truth.gyro, truth.accel)
+    else:
+        zero = np.zeros(3)
+        variance = np.zeros((len(q_wb), 3))
+        rows = encoder.pattern(
+            truth.t_ns, truth.gyro, truth.accel, zero, zero, q_wb, variance
+        ).array()
+    return [row.tobytes() for row in rows]
+
+
+def vectors(messages, name: str) -> np.ndarray:
+    rows = [getattr(message, name) for message in messages]
+    return np.array([[row.x, row.y, row.z] for row in rows])
+
+
+def test_live_readings_are_those_of_the_simulation(start, listener, flight):
+    names = {
+        "imu/data_raw": Imu,
+        "ground_truth/imu": Imu,
+        "ground_truth/gyroscope_bias": Vector3Stamped,
+        "ground_truth/accelerometer_bias": Vector3Stamped,
+        "imu/temperature": Temperature,
+        "/diagnostics": DiagnosticArray,
+    }
+    for topic, kind in names.items():
+        listener.listen(topic, kind)
+    node = start(
+        "error_model",
+        *("--imu", "mpu6000", "--rate", "500", "--seed", "3", "--publish.biases", "true"),
+        *("--publish.ground_truth_imu", "true", "--publish.temperature", "true"),
+    )
+    source = Source(listener, Imu, "imu/ideal")
+    source.send(ideal(flight))
+    for topic in [*names][:-1]:
+        listener.wait_for(topic, len(flight))
+    read = listener.messages("imu/data_raw")
+    stamps = [message.header.stamp.sec * 10**9 + message.header.stamp.nanosec for message in read]
+    assert np.array_equal(stamps, flight.t_ns)
+    assert np.array_equal(vectors(read, "angular_velocity"), flight.gyro)
+    assert np.array_equal(vectors(read, "linear_acceleration"), flight.accel)
+    bias = listener.messages("ground_truth/accelerometer_bias")
+    assert np.array_equal(vectors(bias, "vector"), flight.truth.accel_bias)
+    true = listener.messages("ground_truth/imu")
+    assert np.array_equal(vectors(true, "linear_acceleration"), flight.truth.accel)
+    assert {message.header.frame_id for message in read} == {"imu_link"}
+
+    def running():
+        messages = listener.messages("/diagnostics")
+        values = [{v.key: v.value for v in m.status[0].values} for m in messages]
+        return any(v.get("readings") == str(len(flight)) for v in values)
+
+    listener.wait_until(running, "diagnostics")
+    assert node.end() == 0
+    assert f"error_model: counted imu/data_raw {len(flight)}" in node.output
+
+
+def test_changes_faults_reset_and_bad_messages(start, listener):
+    listener.listen("imu/data_raw", Imu)
+    listener.listen("ground_truth/faults", DiagnosticArray)
+    node = start("error_model", "--imu", "perfect", "--rate", "100")
+    source = Source(listener, Imu, "imu/ideal")
+    encoder = ImuEncoder("x")
+
+    def rows(first: int, count: int) -> list[bytes]:
+        t_ns = (first + np.arange(count)) * 10_000_000 + 10**9
+        level = np.tile([0.0, 0.0, 9.81], (count, 1))
+        return [row.tobytes() for row in encoder.encode(t_ns, np.zeros((count, 3)), level)]
+
+    source.send(rows(0, 10))
+    listener.wait_for("imu/data_raw", 10)
+    good = rows(10, 2)
+    nan = good[0].replace(np.float64(9.81).tobytes(), np.float64(np.nan).tobytes())
+    source.send([nan, good[1], b"\0\1\0\0", good[0][:40], *rows(12, 8)])
+    listener.wait_for("imu/data_raw", 19)
+    result = listener.set(
+        "error_model",
+        inject__kind="bias_jump",
+        inject__value=[0.5, 0.0, 0.0],
+        inject__duration=0.05,
+    )
+    assert result.successful, result.reason
+    assert listener.set("error_model", imu__gyroscope_bias=[0.0, 0.25, 0.0]).successful
+    assert not listener.set("error_model", imu__gyroscope_bandwidth=[9.0] * 3).successful
+    refused = listener.set("error_model", inject__kind="stuck", inject__triad="magnetometer")
+    assert "has no magnetometer" in refused.reason
+    source.send(rows(20, 100))
+    listener.wait_for("imu/data_raw", 119)
+    read = vectors(listener.messages("imu/data_raw"), "angular_velocity")
+    # Reading 10 is missing: row k - 1 is sample k; the fault lasts 5 of them.
+    assert np.flatnonzero(read[:, 0]).tolist() == [19, 20, 21, 22, 23]
+    assert np.flatnonzero(read[:, 1])[0] == 64 - 1
+    fault = listener.messages("ground_truth/faults")[0]
+    assert (fault.header.stamp.sec, fault.header.stamp.nanosec) == (1, 200_000_000)
+    assert listener.call("error_model/reset", Trigger).success
+    source.send(rows(0, 5))
+    listener.wait_for("imu/data_raw", 124)
+    assert node.end() == 0
+    assert "refused: stamp 1.100000000 s: a value that is not finite" in node.output
+
+
+def test_a_simulator_that_is_reset_and_two_nodes_in_namespaces(start, listener, flight):
+    for name in ("left", "right"):
+        listener.listen(f"/{name}/imu/data_raw", Imu)
+    nodes = [
+        start(
+            "error_model",
+            *("--imu", "mpu6000", "--rate", "500", "--seed", str(seed)),
+            *("--input.restart", "next_seed", "--ros-args", "-r", f"__ns:=/{name}"),
+            *("-r", "imu/ideal:=/shared/imu"),
+        )
+        for name, seed in (("left", 3), ("right", 4))
+    ]
+    source = Source(listener, Imu, "/shared/imu")
+    listener.wait_until(lambda: source._publisher.get_subscription_count() == 2, "both nodes")
+    listener.spin(0.3)
+    messages = ideal(flight)
+    source.send(messages)
+    source.send(messages)
+    for name in ("left", "right"):
+        listener.wait_for(f"/{name}/imu/data_raw", 2 * len(flight))
+    left, right = (
+        vectors(listener.messages(f"/{name}/imu/data_raw"), "linear_acceleration")
+        for name in ("left", "right")
+    )
+    assert np.array_equal(left[: len(flight)], flight.accel)
+    assert np.array_equal(left[len(flight) :], right[: len(flight)])  # seed 4 of both
+    for node in nodes:
+        assert node.end() == 0
+    assert "jump back" in nodes[0].output
+
+
+def test_odometry_and_an_orientation(start, listener, flight):
+    listener.listen("imu/data_raw", Imu)
+    listener.listen("imu/data", Imu)
+    start(
+        "error_model",
+        *("--imu", "perfect", "--rate", "500", "--odometry", "true"),
+        *("--publish.orientation", "true"),
+    )
+    source = Source(listener, Odometry, "odom/ideal")
+    truth = flight.truth
+    velocity_b = rotate_inverse(truth.q_wb, truth.velocity)
+    rows = OdometryEncoder("world", "base_link").encode(
+        truth.t_ns, truth.position, truth.q_wb, velocity_b, truth.angular_velocity
+    )
+    source.send([row.tobytes() for row in rows])
+    listener.wait_for("imu/data", len(flight) - 2)
+    read = vectors(listener.messages("imu/data_raw"), "linear_acceleration")
+    # A message late, off by h^2 / 6 of the third derivative of the velocity, some 40 m/s^4.
+    assert np.abs(read - truth.accel[1:-1]).max() < 4e-6 / 6.0 * 40.0
+    stated = [message.orientation for message in listener.messages("imu/data")]
+    q = np.array([[one.w, one.x, one.y, one.z] for one in stated])
+    assert np.allclose(np.abs(np.sum(q * truth.q_wb[1:-1], axis=1)), 1.0, atol=1e-12)
+
+
+def test_the_latency_of_the_sensor(start, listener):
+    listener.listen("imu/data_raw", Imu)
+    node = start("error_model", "--imu", "perfect", "--rate", "100", "--imu.latency", "0.5")
+    source = Source(listener, Imu, "imu/ideal")
+    level = np.array([[0.0, 0.0, 9.81]])
+    encoder = ImuEncoder("x")
+    for k in range(3):
+        row = encoder.encode(np.array([10**9 + k * 10**7]), np.zeros((1, 3)), level)
+        source.send([row.tobytes()])
+    listener.spin(0.2)
+    early = len(listener.raw["imu/data_raw"])
+    listener.wait_for("imu/data_raw", 3)
+    assert early == 0
+    assert node.end() == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (["--input.axes", "ned"], "input.axes"),
+        (["--imu.sampling", "averaged"], "needs input.rate above the rate"),
+        (["--imu", "none.sdf"], "none.sdf"),
+        (["--publish.ground_truth", "1", "--rat", "3"], "rat"),
+    ],
+)
+def test_bad_arguments_are_a_line(start, arguments, line):
+    node = start("error_model", *arguments)
+    assert node.status() == 2
+    assert line in node.output
+    assert "Traceback" not in node.output

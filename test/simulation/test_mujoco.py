@@ -1,0 +1,142 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Errors on MuJoCo's accelerometer and gyroscope: what goes in is recovered from what comes out."""
+
+import importlib.util
+import types
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import imu_sim_ros as ims
+
+mujoco = pytest.importorskip("mujoco")
+EXAMPLE = Path(__file__).parents[2] / "examples/mujoco_imu.py"
+RATE = 1000.0
+RESTING = """
+<mujoco>
+  <option timestep="0.001" gravity="0 0 -9.81"/>
+  <worldbody>
+    <body quat="{q}" gravcomp="1"><joint type="slide"/><geom size="0.1"/><site name="imu"/></body>
+  </worldbody>
+  <sensor><gyro site="imu"/><accelerometer site="imu"/></sensor>
+</mujoco>
+"""
+SIX = [  # +x, -x, +y, -y, +z, -z upwards
+    *("0.7071067811865476 0 -0.7071067811865476 0", "0.7071067811865476 0 0.7071067811865476 0"),
+    *("0.7071067811865476 0.7071067811865476 0 0", "0.7071067811865476 -0.7071067811865476 0 0"),
+    *("1 0 0 0", "0 1 0 0"),
+]
+
+
+@pytest.fixture(scope="module")
+def example() -> types.ModuleType:
+    spec = importlib.util.spec_from_file_location("mujoco_imu", EXAMPLE)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def resting(q: str, seconds: float) -> np.ndarray:
+    """Return MuJoCo's readings (n, 6) of a body at rest, held against gravity.
+
+    A body without a joint reads 0: for MuJoCo it is part of the world.
+    """
+    model = mujoco.MjModel.from_xml_string(RESTING.format(q=q))
+    data = mujoco.MjData(model)
+    rows = np.empty((round(seconds * RATE), 6))
+    for row in rows:
+        mujoco.mj_step(model, data)
+        row[:] = data.sensordata
+    return rows
+
+
+def stamps(count: int) -> np.ndarray:
+    return np.arange(count, dtype=np.int64) * 1_000_000
+
+
+@pytest.fixture(scope="module")
+def pendulum(example: types.ModuleType) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return MuJoCo's readings and poses (n, 16) in 60 s, and what a streaming gyroscope read."""
+    ideal, blocks = example.simulate(60.0, "mpu6000", 7)
+    return ideal, np.concatenate([block.gyro for block in blocks]), blocks[-1].gyro_bias[0]
+
+
+def test_one_step_at_a_time_is_all_at_once(pendulum) -> None:
+    ideal, gyro, bias = pendulum
+    t_ns = stamps(len(ideal))
+    flight = ims.add_errors(t_ns, ideal[:, :3], ideal[:, 3:6], imu="mpu6000", seed=7)
+    assert np.array_equal(flight.gyro, gyro)
+    assert np.array_equal(flight.truth.gyro_bias[-1], bias)
+
+
+def test_allan_recovers_the_noise_on_a_body_at_rest() -> None:
+    ideal = resting("1 0 0 0", 60.0)
+    sensor = {
+        "preset": "perfect",
+        "gyroscope_noise_density": [1e-3, 2e-3, 3e-3],
+        "accelerometer_noise_density": [1e-2, 2e-2, 3e-2],
+    }
+    flight = ims.add_errors(stamps(len(ideal)), ideal[:, :3], ideal[:, 3:], imu=sensor, seed=2)
+    found = ims.allan(flight)
+    for triad, density in (("gyroscope", 1e-3), ("accelerometer", 1e-2)):
+        value = getattr(found, triad).noise_density.value
+        # 60,000 samples know the deviation to 1 / sqrt(120,000) = 0.3 %; three axes, 4 of them.
+        assert np.abs(value / (density * np.array([1.0, 2.0, 3.0])) - 1.0).max() < 0.012
+
+
+def test_calibrate_recovers_bias_scale_and_misalignment_of_six_positions() -> None:
+    ideal = np.concatenate([resting(q, 5.0) for q in SIX])
+    matrix = [1.02, 0.003, -0.002, 0.001, 0.98, 0.004, -0.005, 0.002, 1.01]
+    sensor = {
+        "preset": "perfect",
+        "accelerometer_bias": [0.1, -0.2, 0.3],
+        "accelerometer_scale_misalignment": matrix,
+        "accelerometer_noise_density": 1e-3,
+        "gyroscope_bias": [0.01, -0.02, 0.03],
+    }
+    t_ns = stamps(len(ideal))
+    with pytest.warns(UserWarning, match="at rest upwards is .1.00, 0.00, 0.00. of the input"):
+        flight = ims.add_errors(t_ns, ideal[:, :3], ideal[:, 3:], imu=sensor, seed=2)
+    found = ims.calibrate_six_position(flight)
+    # Each position's mean is known to 1e-3 / sqrt(5 s) = 4.5e-4 m/s^2; over 9.81 for the matrix.
+    assert np.abs(found.accelerometer.bias.value - [0.1, -0.2, 0.3]).max() < 4 * 4.5e-4
+    response = found.accelerometer.scale_misalignment.value
+    assert np.abs(np.ravel(response) - matrix).max() < 4 * 4.5e-4 / 9.81
+    assert np.allclose(found.gyroscope.bias.value, [0.01, -0.02, 0.03], atol=1e-9)
+
+
+def test_the_errors_of_dead_reckoning_are_as_large_as_stated(
+    example: types.ModuleType, pendulum
+) -> None:
+    """NEES of many seeds: the mean of chi squared over 3 runs in its 99.9 % band."""
+    ideal = pendulum[0][:5000]
+    t_ns = stamps(len(ideal))
+    truth = example.truth_of(ideal, t_ns)
+    start = ims.NavigationState(truth.position[0], truth.velocity[0], truth.q_wb[0])
+    perfect = ims.Readings(t_ns, ideal[:, :3], ideal[:, 3:6], "ideal")
+    assert ims.evaluate(ims.dead_reckon(perfect, initial=start), truth).rms_position < 1e-3
+    sensor = {
+        "preset": "perfect",
+        "gyroscope_noise_density": 1e-3,
+        "accelerometer_noise_density": 1e-2,
+        "gyroscope_random_walk": 1e-4,
+        "gyroscope_turn_on_bias_sigma": 2e-3,
+        "accelerometer_turn_on_bias_sigma": 2e-2,
+    }
+    runs = 40
+    found = {"position": 0.0, "attitude": 0.0}
+    for seed in range(runs):
+        flight = ims.add_errors(t_ns, ideal[:, :3], ideal[:, 3:6], imu=sensor, seed=seed)
+        track = ims.dead_reckon(flight, initial=start, covariance=True)
+        nees = ims.evaluate(track, truth).nees
+        for name in found:
+            found[name] += nees[name]["final"]
+    low, high = stats.chi2.ppf([0.0005, 0.9995], 3 * runs)
+    for name, total in found.items():
+        assert low < total < high, name
