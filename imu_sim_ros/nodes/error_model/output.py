@@ -17,12 +17,12 @@ from imu_sim_ros.conventions import (
     GYROSCOPE_BIAS_TOPIC,
     IDEAL_IMU_TOPIC,
     IMU_TOPIC,
-    ORIENTATION_TOPIC,
     TEMPERATURE_TOPIC,
 )
 from imu_sim_ros.nodes.publishing import Counter, create
 from imu_sim_ros.nodes.supervised_thread import Fail, SupervisedThread
 from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.sensors.orientation.declaration import TOPIC as ORIENTATION_TOPIC
 from imu_sim_ros.simulation.error_parameters import ErrorNodeParameters, ErrorPublishParameters
 from imu_sim_ros.simulation.topics import TYPES, Encode, encoder
 
