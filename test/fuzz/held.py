@@ -142,11 +142,9 @@ def signals(rounds: int, place: Path) -> dict[str, int]:
                 os.killpg(process.pid, sent)
                 found["ended by a signal"] += 1
             output = process.communicate(timeout=processes.LONGEST_S)[0].decode("utf-8", "replace")
-            # Before a line of ours runs, the interpreter alone handles a signal.
-            told = "Traceback" in output or "Exception ignored" in output
-            ours = told and "imu_sim_ros" in output
+            ours, of_python = processes.told(output)
             found["tracebacks"] += ours
-            found["tracebacks of the interpreter's own start"] += told and not ours
+            found["tracebacks of the interpreter's own start"] += of_python
             time.sleep(0.5)
             left = _group(process.pid)
             found["processes left"] += bool(left)

@@ -282,11 +282,12 @@ def _signalled(number: int, kind: str, inputs: Inputs, place: Path) -> Outcome:
     status, output = processes.interrupted(
         program, arguments, place, inputs.environment(kind), sent, delay
     )
+    ours, of_python = processes.told(output)
     judged = {
-        "traceback": "Traceback" in output or "Exception ignored" in output,
+        "traceback": ours,
         # Before any code of ours runs a signal has the effect that the system gives it.
         "status": status not in {0, *STATUSES, 128 + sent, -sent},
-        "library": LIBRARIES.search(output) is not None,
+        "library": not of_python and LIBRARIES.search(output) is not None,
     }
     words = [program, *arguments, f"{sent.name} after {delay} s"]
     return Outcome(kind, words, status, tuple(n for n, found in judged.items() if found), output)

@@ -15,6 +15,7 @@ import importlib.util
 import io
 import os
 import random
+import re
 import resource
 import signal
 import socket
@@ -250,6 +251,17 @@ def interrupted(
             status = process.wait()
         output.seek(0)
         return status, output.read().decode("utf-8", "replace")
+
+
+def told(output: str) -> tuple[bool, bool]:
+    """Return whether an output has a traceback of ours, or one of the interpreter's own start.
+
+    Before a line of the program runs (``site`` imports what installed packages ask for, ROS from
+    wheels among them), the interpreter alone handles a signal.
+    """
+    there = "Traceback" in output or "Exception ignored" in output
+    ours = there and re.search(r"imu_sim_ros/[\w/]+\.py", output) is not None
+    return ours, there and not ours
 
 
 class Simulator:
