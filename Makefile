@@ -142,9 +142,9 @@ docs: build .venv/test-installed
 
 # The pages of the manual that are written from the parameters, presets and parsers themselves.
 reference: build
-	@for name in parameter preset program; do
-	  $(CLEAN) $(BIN)/python -m imu_sim_ros.commands.$${name}_reference >docs/reference/$${name}s.md
-	done
+	@$(CLEAN) $(BIN)/python -m imu_sim_ros.commands.parameter_reference >docs/reference/parameters.md
+	$(CLEAN) $(BIN)/python docs/contributing/write_presets.py >docs/reference/presets.md
+	$(CLEAN) $(BIN)/python docs/contributing/write_programs.py >docs/reference/programs.md
 
 bench: build .venv/test-installed
 	@$(CLEAN) $(BIN)/python test/bench/run.py

@@ -22,6 +22,7 @@ COMMANDS = (
     "evaluate",
     "campaign",
     "report",
+    "view",
     "control",
 )
 

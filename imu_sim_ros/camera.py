@@ -117,7 +117,7 @@ def depths(
 ) -> Iterator[tuple[int, NDArray[np.float32]]]:
     """Yield the stamp [ns] and the depth along the view (h, w) [m] of each frame of a camera.
 
-    Without any error, in the middle of the exposure; 0 where nothing is seen. Needs OpenCV.
+    Without any error, in the middle of the exposure; 0 if nothing is seen. Needs OpenCV.
 
     :param flight: what :func:`imu_sim_ros.simulate` returns.
     :param camera: as in :func:`tracks`.

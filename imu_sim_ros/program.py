@@ -61,7 +61,7 @@ def add_parameter_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         action="append",
         default=[],
-        help="ROS 2 parameter file, or a kalibr imu.yaml; repeatable",
+        help="ROS 2 parameter file or kalibr imu.yaml; repeatable",
     )
     group.add_argument(
         "--set",
@@ -69,7 +69,7 @@ def add_parameter_arguments(parser: argparse.ArgumentParser) -> None:
         type=assignment,
         action="append",
         default=[],
-        help="one parameter, for instance imu.gyroscope_bias=[0.01,0,0]; repeatable",
+        help="set one parameter, e.g. imu.gyroscope_bias=[0.01,0,0]; repeatable",
     )
 
 
@@ -80,28 +80,30 @@ def add_simulation_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--imu",
         metavar="NAME|FILE",
-        help=f"the sensor: {', '.join(files.names('imus'))}, or a file",
+        help="sensor: a preset (see generate --list-imus) or a file",
     )
     group.add_argument(
         "--trajectory",
         metavar="NAME|FILE",
-        help=f"the motion: {', '.join(files.names('trajectories'))}, a parameter file, "
-        "or recorded poses in TUM or EuRoC format",
+        help="motion: a preset (see generate --list-trajectories), a parameter file, or recorded "
+        "poses in TUM or EuRoC format",
     )
     group.add_argument(
         "--robust",
         action="store_true",
-        help="repair recorded poses: drop outliers, close jumps, even out stamps of "
-        "arrival (trajectory.robust)",
+        help="repair recorded poses: drop outliers, close jumps, smooth arrival stamps "
+        "(trajectory.robust)",
     )
-    group.add_argument("--rate", metavar="HZ", type=float, help="samples per second")
-    group.add_argument("--duration", metavar="TIME", type=duration, help="20s, 10min, 4h")
+    group.add_argument("--rate", metavar="HZ", type=float, help="sampling rate")
+    group.add_argument(
+        "--duration", metavar="TIME", type=duration, help="length of the run (20s, 10min, 4h)"
+    )
     group.add_argument("--seed", metavar="N", type=int, help="seed of all random streams")
 
 
 def add_output_arguments(parser: argparse.ArgumentParser) -> None:
     """Add ``--json`` and ``--quiet``."""
-    parser.add_argument("--json", action="store_true", help="print the result as one JSON object")
+    parser.add_argument("--json", action="store_true", help="print the result as a JSON object")
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
 
 

@@ -30,12 +30,12 @@ class RecorderParameters:
         "auto", STORAGES, "format of the bag; auto: by the extension of output, mcap for a folder"
     )
     compression: str = choice(
-        "none", COMPRESSIONS, "of the chunks: lz4 and zstd in mcap, lz4 and bz2 in ROS 1"
+        "none", COMPRESSIONS, "compression of chunks: lz4 or zstd in mcap, lz4 or bz2 in ROS 1"
     )
     record_time: str = choice(
         "stamp",
         RECORD_TIMES,
-        "the time that the bag stores for a message: the stamp of its header where there is one "
+        "time that the bag stores for a message: the stamp of its header, if there is one "
         "that is set, or always the time of its reception",
     )
     duration: float = number(

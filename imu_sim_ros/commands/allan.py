@@ -53,9 +53,9 @@ def parser() -> program.Parser:
         metavar="BAG",
         nargs="+",
         type=Path,
-        help="bag, EuRoC folder or CSV file of one IMU at rest; several are combined",
+        help="bag, EuRoC folder or CSV file of one IMU at rest; several bags are combined",
     )
-    result.add_argument("--topic", help="sensor_msgs/Imu topic, where a bag has several")
+    result.add_argument("--topic", help="sensor_msgs/Imu topic, if a bag has several")
     result.add_argument(
         "-o", "--output", type=Path, metavar="DIR", help="folder for the files (default: allan)"
     )

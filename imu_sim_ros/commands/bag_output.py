@@ -36,19 +36,27 @@ def add_arguments(group: Any, formats: Sequence[str] = text_writer.FORMATS) -> N
         help="NAME.bag: ROS 1; NAME.mcap: one MCAP file; NAME.csv, NAME.tum: text; "
         "another name: a rosbag2 folder",
     )
-    group.add_argument("--format", choices=formats, help="a dataset instead of a bag")
-    group.add_argument("--storage", choices=STORAGES, help="of the bag (mcap)")
+    group.add_argument("--format", choices=formats, help="write a dataset instead of a bag")
+    group.add_argument("--storage", choices=STORAGES, help="bag storage (default: mcap)")
     group.add_argument(
         "--compression",
         choices=sorted({name for names in COMPRESSIONS.values() for name in names}),
-        help="of chunks (none): "
+        help="compression of chunks (default: none). "
         + "; ".join(f"{storage}: {', '.join(names)}" for storage, names in COMPRESSIONS.items()),
     )
     group.add_argument(
-        "--split-duration", metavar="TIME", type=program.duration, default=0.0, help="of one file"
+        "--split-duration",
+        metavar="TIME",
+        type=program.duration,
+        default=0.0,
+        help="start a new file after TIME",
     )
     group.add_argument(
-        "--split-size", metavar="SIZE", type=size, default=0, help="of one file: 500M, 2G"
+        "--split-size",
+        metavar="SIZE",
+        type=size,
+        default=0,
+        help="start a new file after SIZE (500M, 2G)",
     )
     group.add_argument(
         "--topic",
@@ -56,7 +64,7 @@ def add_arguments(group: Any, formats: Sequence[str] = text_writer.FORMATS) -> N
         type=renaming,
         action="append",
         default=[],
-        help="another name in the bag, for instance imu/data_raw=/imu0; repeatable",
+        help="rename a topic in the bag, e.g. imu/data_raw=/imu0; repeatable",
     )
     add_force(group, parts=True)
 

@@ -89,7 +89,7 @@ def parser() -> program.Parser:
     temperature.add_argument(
         "--temperature-topic",
         metavar="TOPIC",
-        help="sensor_msgs/Temperature topic, where the bag has several",
+        help="sensor_msgs/Temperature topic, if the bag has several",
     )
     temperature.add_argument(
         "--reference", metavar="DEGC", type=float, default=25.0, help="T0 (default: 25)"
@@ -111,7 +111,7 @@ def _kind(kinds: Any, name: str, text: str) -> argparse.ArgumentParser:
         name, help=text, description=text, examples=examples
     )
     result.add_argument("bag", metavar="BAG", type=Path, help="bag, EuRoC folder or CSV file")
-    result.add_argument("--topic", help="sensor_msgs/Imu topic, where the bag has several")
+    result.add_argument("--topic", help="sensor_msgs/Imu topic, if the bag has several")
     result.add_argument(
         "--gravity", type=float, default=-GRAVITY[2], help="local gravity [m/s^2] (%(default)s)"
     )

@@ -145,21 +145,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME|FILE",
         action="append",
         default=[],
-        help=f"a camera, named cam0, cam1, ... in order: {', '.join(files.names('cameras'))}, or a "
-        "file; repeatable",
+        help="camera: a preset (see --list-cameras) or a file; repeatable, named cam0, cam1, "
+        "... in order",
     )
     group.add_argument(
         "--jobs",
         metavar="N",
         type=int,
         default=cores(),
-        help="threads that render images (default: one per processor)",
+        help="number of threads that render images (default: one per processor)",
     )
     group.add_argument(
         "--scene",
         metavar="NAME|FILE",
-        help=f"what they see: {', '.join(files.names('scenes'))}, a parameter file, or a file of "
-        "points (CSV, PLY)",
+        help="scene: a preset (see --list-scenes), a parameter file, or points (CSV, PLY)",
     )
 
 

@@ -38,14 +38,14 @@ def parser() -> program.Parser:
         "--node",
         metavar="NAME",
         default="/simulator",
-        help="which simulator, with its namespace; default /simulator",
+        help="simulator node with its namespace (default: /simulator)",
     )
     shared.add_argument(
         "--timeout",
         metavar="TIME",
         type=program.duration,
         default=_PATIENCE,
-        help="how long to wait for it; default 5s",
+        help="time to wait for the node (default: 5s)",
     )
     actions = result.add_subparsers(dest="action", required=True, metavar="ACTION")
     for name, words in (
@@ -56,11 +56,15 @@ def parser() -> program.Parser:
         _add(actions, shared, name, words)
     step = _add(actions, shared, "step", "publish samples while paused")
     step.add_argument(
-        "samples", nargs="?", type=int, metavar="N", help="how many; default step_samples"
+        "samples",
+        nargs="?",
+        type=int,
+        metavar="N",
+        help="number of samples (default: step_samples)",
     )
     _add_inject(actions, shared)
     watch = _add(actions, shared, "watch", "show rates, lateness and faults, one line per second")
-    watch.add_argument("--json", action="store_true", help="one JSON object per line")
+    watch.add_argument("--json", action="store_true", help="print one JSON object per line")
     watch.add_argument(
         "--duration", metavar="TIME", type=program.duration, help="stop after this time"
     )
@@ -77,7 +81,7 @@ def _add_inject(actions: Any, shared: Any) -> None:
     known = parameters(InjectParameters)
     inject = _add(actions, shared, "inject", "start a fault with the next block")
     kinds = [kind for kind in known["kind"].choices if kind != "none"]
-    inject.add_argument("kind", choices=kinds, help="what goes wrong")
+    inject.add_argument("kind", choices=kinds, help="kind of fault")
     inject.add_argument(
         "--value", type=_value, metavar="NUMBER|LIST", help=_escaped(known["value"].text)
     )

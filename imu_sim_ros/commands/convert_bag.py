@@ -61,17 +61,17 @@ def parser() -> program.Parser:
     )
     bag_output.add_arguments(result)
     result.add_argument(
-        "--topics", metavar="NAME,...", default="", help="what is converted (everything)"
+        "--topics", metavar="NAME,...", default="", help="topics to convert (default: all)"
     )
     result.add_argument(
         "--images",
         choices=("raw", "compressed", "both", "none"),
-        help="of a folder: which messages its images become (raw); --topics chooses those of a bag",
+        help="messages for a folder's images (default: raw); select a bag's images with --topics",
     )
     result.add_argument(
         "--recover",
         action="store_true",
-        help="take all complete messages of an interrupted or damaged bag",
+        help="recover all complete messages of an interrupted or damaged bag",
     )
     add_skip_bad_rows(result)
     program.add_output_arguments(result)

@@ -65,12 +65,20 @@ def parser() -> program.Parser:
         "bag", type=Path, metavar="BAG", help="a bag of any format, or a EuRoC folder"
     )
     result.add_argument(
-        "--imu-topic", metavar="TOPIC", help="topic of the readings, if there are several"
+        "--imu-topic", metavar="TOPIC", help="topic of the readings, if the bag has several"
     )
     result.add_argument("--truth-topic", metavar="TOPIC", help=f"default: {TRUTH_TOPIC}")
-    result.add_argument("--method", choices=METHODS, help="position and velocity; default midpoint")
-    result.add_argument("--attitude-update", choices=ATTITUDE_UPDATES, help="default so3")
-    result.add_argument("--all", action="store_true", help="all methods with all attitude updates")
+    result.add_argument(
+        "--method", choices=METHODS, help="integration of position and velocity (default: midpoint)"
+    )
+    result.add_argument(
+        "--attitude-update",
+        choices=ATTITUDE_UPDATES,
+        help="integration of the attitude (default: so3)",
+    )
+    result.add_argument(
+        "--all", action="store_true", help="run all methods with all attitude updates"
+    )
     result.add_argument(
         "--initial-state",
         choices=INITIAL_STATES,

@@ -191,12 +191,13 @@ def _end(process: "subprocess.Popen[str]") -> None:
 
 
 def _counts(log: str) -> dict[str, dict[str, int]]:
-    """Return what the nodes' closing lines say they ``counted`` (published) and ``received``.
+    """Return what the nodes' closing lines say they ``published`` and ``received``.
 
     What the recorder has ``taken`` from the network stands in its closing table.
     """
-    result: dict[str, dict[str, int]] = {"counted": {}, "received": {}, "taken": {}}
-    for verb, topic, count in re.findall(r"^\w+: (counted|received) (\S+) (\d+)$", log, re.M):
+    result: dict[str, dict[str, int]] = {"published": {}, "received": {}, "taken": {}}
+    line = re.compile(r"^\w+: (published|received) (\d+) messages on (\S+)$", re.M)
+    for verb, count, topic in line.findall(log):
         result[verb][topic.lstrip("/")] = int(count)
     for topic, count in re.findall(r"^ +(/\S+) +(\d+) ", log, re.M):
         result["taken"][topic.lstrip("/")] = int(count)
@@ -209,7 +210,7 @@ def _print_counts(bag: Path, counts: dict[str, dict[str, int]]) -> None:
         recorded = {info.name.lstrip("/"): info.count for info in opened.topics}
     rows = []
     for topic in (IMU_TOPIC, TRUTH_TOPIC, DEAD_RECKONED_TOPIC):
-        published = counts["counted"].get(topic, 0)
+        published = counts["published"].get(topic, 0)
         received = counts["received"].get(topic, counts["taken"].get(topic, 0))
         t_ns = (read_imu if topic == IMU_TOPIC else read_odometry)(bag, f"/{topic}").t_ns
         rate = (len(t_ns) - 1) * 1e9 / (t_ns[-1] - t_ns[0])

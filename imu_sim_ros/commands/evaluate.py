@@ -59,9 +59,11 @@ def parser() -> program.Parser:
     result = program.Parser(prog="evaluate", description=__doc__, examples=EXAMPLES)
     kinds = "TUM or EuRoC text, or a bag"
     result.add_argument("estimate", type=Path, metavar="ESTIMATE", help=kinds)
-    result.add_argument("truth", type=Path, metavar="TRUTH", help=f"{kinds}, may be the same one")
-    result.add_argument("--estimate-topic", metavar="TOPIC", help="where the bag has several")
-    result.add_argument("--truth-topic", metavar="TOPIC", help="where the bag has several")
+    result.add_argument("truth", type=Path, metavar="TRUTH", help=f"{kinds}; may be the same bag")
+    result.add_argument(
+        "--estimate-topic", metavar="TOPIC", help="topic of the estimate, if several"
+    )
+    result.add_argument("--truth-topic", metavar="TOPIC", help="topic of the truth, if several")
     result.add_argument(
         "--align",
         choices=ALIGNMENTS,
@@ -80,15 +82,15 @@ def parser() -> program.Parser:
     result.add_argument(
         "--time-offset",
         action="store_true",
-        help="estimate the offset of the estimate's stamps from the motion, up to 1 s either way, "
-        "and take it out before comparing",
+        help="find the time offset of the estimate from the motion (up to 1 s) and remove it "
+        "before comparing",
     )
     result.add_argument(
         "--max-gap",
         metavar="TIME",
         type=program.duration,
         default=0.5,
-        help="the truth is not interpolated across longer gaps; default 0.5s",
+        help="do not interpolate the truth across longer gaps (default: 0.5s)",
     )
     result.add_argument("--tracks", type=Path, metavar="DIR", help=reprojection.HELP)
     result.add_argument("--plot", type=Path, metavar="FILE", help="write a plot")

@@ -65,14 +65,14 @@ def parser() -> program.Parser:
         "--topics",
         metavar="NAME,...",
         default="",
-        help=f"what is written ({IMU_TOPIC},{TRUTH_TOPIC}); all: {', '.join(TYPES)}",
+        help=f"topics to write (default: {IMU_TOPIC},{TRUTH_TOPIC}); all: {', '.join(TYPES)}",
     )
-    group.add_argument("--imu-only", action="store_true", help="no ground truth")
+    group.add_argument("--imu-only", action="store_true", help="leave out the ground truth")
     group.add_argument(
         "--with-configs",
         action="store_true",
-        help="write the IMU, and the cameras, for kalibr, VINS, OpenVINS, ORB_SLAM3, Basalt, "
-        "imu_utils and allan_variance_ros, and all parameters, to OUTPUT_configs",
+        help="write configurations of IMU and cameras for kalibr, VINS, OpenVINS, ORB_SLAM3, "
+        "Basalt, imu_utils and allan_variance_ros, and all parameters, to OUTPUT_configs",
     )
     program.add_output_arguments(result)
     lists = result.add_argument_group("lists (print and exit)")

@@ -17,7 +17,7 @@ def add_skip_bad_rows(parser: Any) -> None:
     parser.add_argument(
         "--skip-bad-rows",
         action="store_true",
-        help="skip bad rows of text and bad messages of bags (poses, readings), and count them",
+        help="skip and count bad rows of text and bad messages of bags (poses, readings)",
     )
 
 

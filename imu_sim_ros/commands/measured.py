@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--imu",
         metavar="NAME|FILE",
-        help="of an orientation: the sensor, for its imu.mounting on the body; default: aligned",
+        help="sensor of an orientation, for its imu.mounting on the body (default: aligned)",
     )
 
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 PICTURES: Final = (".png", ".svg", ".pdf")
 """What the name of a picture may end in."""
-_WRITTEN: Final = frozenset({"output", "plot"})
+_WRITTEN: Final = frozenset({"output", "save", "plot"})
 
 
 def add_force(parser: Any, *, parts: bool = False) -> None:
@@ -25,13 +25,13 @@ def add_force(parser: Any, *, parts: bool = False) -> None:
 
     :param parts: add ``--discard-partial`` as well, for commands that may be stopped half-way.
     """
-    parser.add_argument("--force", action="store_true", help="replace outputs that exist")
+    parser.add_argument("--force", action="store_true", help="overwrite existing output")
     if parts:
         parser.add_argument(
             "--discard-partial",
             action="store_true",
-            help="when interrupted, leave nothing; otherwise the complete part is "
-            "kept as NAME.partial.EXT",
+            help="leave nothing when interrupted (default: keep the complete part as "
+            "NAME.partial.EXT)",
         )
 
 

@@ -42,9 +42,9 @@ def parser() -> program.Parser:
         metavar="FILE",
         help="the page; default: report.html in the first campaign, else NAME.html",
     )
-    result.add_argument("--title", help="the page's title")
+    result.add_argument("--title", help="title of the page")
     result.add_argument(
-        "--metric", default="", metavar="NAME", help="metric of a campaign that is shown first"
+        "--metric", default="", metavar="NAME", help="metric of a campaign to show first"
     )
     result.add_argument(
         "--baseline",
@@ -55,7 +55,9 @@ def parser() -> program.Parser:
         help="folder, results.csv or results.parquet of an earlier campaign; several, each after a "
         "--baseline of its own and the oldest first, make a trend",
     )
-    result.add_argument("--truth-topic", metavar="TOPIC", help="where a bag has several")
+    result.add_argument(
+        "--truth-topic", metavar="TOPIC", help="topic of the truth, if a bag has several"
+    )
     add_skip_bad_rows(result)
     add_force(result)
     program.add_output_arguments(result)

@@ -11,23 +11,24 @@ from typing import Final
 from imu_sim_ros import signals, startup
 
 PROGRAMS: Final = {
-    "generate": "parameters in, a bag or a dataset out",
-    "convert_bag": "a bag into another form, EuRoC, CSV or TUM",
-    "add_errors": "another simulator's ideal readings into those of a sensor",
-    "dead_reckon": "a bag's readings into a trajectory, and its error",
-    "evaluate": "an estimated trajectory against the truth",
-    "allan": "noise parameters from a recording at rest",
-    "calibrate": "bias, scale, misalignment and temperature",
-    "twin": "a sensor on its vehicle, from a flight with a true trajectory",
-    "campaign": "many runs of an estimator, and their statistics",
-    "report": "a campaign or bags as one HTML page",
-    "control": "a running simulator: pause, step, inject, watch (needs ROS 2)",
+    "generate": "simulate into a bag or dataset",
+    "convert_bag": "convert or repair bags and datasets",
+    "add_errors": "add a sensor's errors to ideal readings of a bag",
+    "dead_reckon": "integrate readings into a trajectory; report its error",
+    "evaluate": "compare an estimate with the truth: ATE, RPE, NEES",
+    "allan": "find noise parameters in a recording at rest",
+    "calibrate": "find bias, scale, misalignment and temperature terms",
+    "twin": "fit a sensor to a recording with known poses",
+    "campaign": "run estimators many times; statistics and a gate",
+    "report": "write a campaign or bags as one HTML page",
+    "view": "show a flight in rerun (pip install imu_sim_ros[view])",
+    "control": "pause, step, inject faults into or watch a simulator (ROS 2)",
 }
 NODES: Final = {
-    "simulator": "an IMU on a moving body, live (needs ROS 2)",
-    "integrator": "dead reckoning, live (needs ROS 2)",
-    "recorder": "topics into a bag (needs ROS 2)",
-    "error_model": "a sensor's errors on another simulator's readings, live (needs ROS 2)",
+    "simulator": "publish simulated sensors (ROS 2)",
+    "integrator": "dead-reckon a topic (ROS 2)",
+    "recorder": "record topics into a bag (ROS 2)",
+    "error_model": "add a sensor's errors to another simulator's topic (ROS 2)",
 }
 
 
@@ -90,6 +91,11 @@ def report() -> int:
     return _run("report")
 
 
+def view() -> int:
+    """Run the command; returns its exit status."""
+    return _run("view")
+
+
 def control() -> int:
     """Run the command; returns its exit status."""
     return _run("control")
@@ -110,7 +116,7 @@ def _completed() -> str | None:
 
 
 def _print_programs() -> None:
-    print("usage: imu_sim PROGRAM ...\n\nEach PROGRAM has --help of its own:\n")
+    print("usage: imu_sim PROGRAM ...\n\nprograms (imu_sim PROGRAM --help describes each):\n")
     for program, text in (PROGRAMS | NODES).items():
         print(f"  {program:12} {text}")
     print("\nexamples:\n  imu_sim generate -o flight.mcap --imu mpu6000 --duration 1min")

@@ -163,9 +163,9 @@ def parser() -> program.Parser:
         required=True,
         help="true poses of the body: TUM or EuRoC text, or a bag",
     )
-    result.add_argument("--topic", help="sensor_msgs/Imu topic, where the bag has several")
+    result.add_argument("--topic", help="sensor_msgs/Imu topic, if the bag has several")
     result.add_argument(
-        "--truth-topic", metavar="TOPIC", help="of the poses, where there are several"
+        "--truth-topic", metavar="TOPIC", help="topic of the poses, if the bag has several"
     )
     _add_numbers(result)
     result.add_argument(

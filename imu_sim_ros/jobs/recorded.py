@@ -170,3 +170,43 @@ def _images(path: Path, name: str) -> Iterator[tuple[int, NDArray[Any]]]:
                         raw = topic.type == IMAGE
                         image = pixels(name, message) if raw else decoded(bytes(message.data))
                     yield t_ns, np.asarray(image)
+
+
+def read_cloud(path: Path, name: str) -> Array:
+    """Return the points (n, 3) [m] of the first PointCloud2 of a topic; (0, 3): the bag has none.
+
+    :raises InputError: for a cloud without x, y and z.
+    """
+    from imu_sim_ros.bags.messages import schemas
+    from imu_sim_ros.bags.messages.blocks import as_list
+    from imu_sim_ros.bags.read import open_bag
+    from imu_sim_ros.bags.reader import told
+
+    with open_bag(path) as bag:
+        topic = next((one for one in bag.topics if one.name.strip("/") == name), None)
+        if topic is None or not topic.count:
+            return np.empty((0, 3))
+        types = schemas.typestore([(topic.type, topic.schema)], bag.encoding)
+        decode = types.deserialize_cdr if bag.encoding == "cdr" else types.deserialize_ros1
+        blocks = (block for group in bag.groups() for block in group)
+        payload = next(as_list(b.payloads)[0] for b in blocks if b.topic.name == topic.name)
+        with told(path, f" ({name})"):
+            return _points(decode(payload, topic.type), name)
+
+
+def _points(cloud: Any, name: str) -> Array:
+    kinds = {7: "f4", 8: "f8"}  # sensor_msgs/PointField
+    fields = {one.name: (kinds.get(int(one.datatype)), int(one.offset)) for one in cloud.fields}
+    if any(fields.get(axis, (None, 0))[0] is None for axis in "xyz"):
+        raise InputError(f"{name}: a cloud without x, y and z as floating-point numbers")
+    order = ">" if cloud.is_bigendian else "<"
+    row = np.dtype(
+        {
+            "names": list("xyz"),
+            "formats": [f"{order}{fields[axis][0]}" for axis in "xyz"],
+            "offsets": [fields[axis][1] for axis in "xyz"],
+            "itemsize": int(cloud.point_step),
+        }
+    )
+    rows = np.frombuffer(bytes(cloud.data), dtype=row)
+    return np.stack([rows[axis].astype(np.float64) for axis in "xyz"], axis=-1)

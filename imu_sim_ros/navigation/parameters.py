@@ -80,7 +80,7 @@ class IntegratorNoiseParameters:
 
     preset: str = text(
         DEFAULT_IMU,
-        "file in config/imus, or a path, with the noise parameters; where no imu.* is given, "
+        "file in config/imus, or a path, with the noise parameters; if no imu.* is given, "
         "the node uses those that the simulator publishes",
     )
     gyroscope: TriadNoiseParameters = triad(TriadNoiseParameters, "gyroscope")

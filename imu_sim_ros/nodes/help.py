@@ -27,7 +27,7 @@ class Program(NamedTuple):
 
 PROGRAMS: Final = {
     "simulator": Program(
-        "Publish the readings of a simulated IMU, and the truth beside them.",
+        "Publish the readings of a simulated IMU together with the ground truth.",
         SimulatorParameters,
         (
             "simulator --imu mpu6000 --trajectory figure_eight --rate 400",

@@ -77,7 +77,7 @@ class TimingParameters:
     )
     latency: float = number(
         0.0,
-        "minimum delay from a sample to its message; where lowered, messages in transit "
+        "minimum delay from a sample to its message; if it is lowered, messages in transit "
         "arrive at once",
         unit="s",
         minimum=0.0,

@@ -82,7 +82,7 @@ class InputParameters:
     )
     check: bool = flag(
         True,
-        "look at the first 2 s and say where rate, gravity or axes contradict what is declared",
+        "look at the first 2 s and say if rate, gravity or axes contradict what is declared",
     )
     odometry_span: int = integer(
         1,

@@ -137,7 +137,7 @@ class InjectParameters:
     )
     value: Vector = vector(
         0.0,
-        "bias_jump: what is added to the bias [rad/s, m/s^2, T or Pa]; saturation: limit in the "
+        "bias_jump: change of the bias [rad/s, m/s^2, T or Pa]; saturation: limit in the "
         "same unit, 0: this axis has none; dropout: probability (1: all are lost); latency: [s], "
         f"at most {LARGEST_LATENCY:g}",
         live=True,

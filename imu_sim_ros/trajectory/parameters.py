@@ -34,12 +34,14 @@ class VibrationParameters:
     """Vibration of the body along and about its own axes, on top of any motion or rest."""
 
     frequency: tuple[float, ...] = numbers(
-        (), "of each sinusoid", unit="Hz", minimum=0.0, above_minimum=True
+        (), "frequency of each sinusoid", unit="Hz", minimum=0.0, above_minimum=True
     )
     acceleration: tuple[float, ...] = numbers(
         (), "amplitude of each sinusoid along x, y, z; none: all 0", unit="m/s^2", group=3
     )
-    phase: tuple[float, ...] = numbers((), "of each sinusoid at t = 0; none: all 0", unit="rad")
+    phase: tuple[float, ...] = numbers(
+        (), "phase of each sinusoid at t = 0; none: all 0", unit="rad"
+    )
     angular_rate: tuple[float, ...] = numbers(
         (),
         "amplitude of each sinusoid's rotation about x, y, z; none: all 0",
@@ -47,7 +49,7 @@ class VibrationParameters:
         group=3,
     )
     angular_phase: tuple[float, ...] = numbers(
-        (), "of each sinusoid's rotation at t = 0; none: as phase", unit="rad"
+        (), "phase of each sinusoid's rotation at t = 0; none: same as phase", unit="rad"
     )
     noise_rms: Vector = vector(
         ZERO_VECTOR, "band-limited noise: RMS of its acceleration", unit="m/s^2", minimum=0.0
@@ -64,7 +66,7 @@ class VibrationParameters:
     noise_lines: int = integer(
         32, "sinusoids per axis that make up the noise", minimum=8, maximum=4096
     )
-    seed: int = integer(0, "of the noise", minimum=0, maximum=2**63 - 1)
+    seed: int = integer(0, "seed of the noise", minimum=0, maximum=2**63 - 1)
 
     def problems(self, prefix: str) -> Iterator[str]:
         """Yield what does not fit together."""
@@ -151,12 +153,12 @@ class SeriesParameters:
     polynomial: tuple[float, ...] = numbers(
         (), "coefficients of t^0, t^1, t^2, ...", unit="m or rad per s^k"
     )
-    amplitude: tuple[float, ...] = numbers((), "of each sinusoid", unit="m or rad")
+    amplitude: tuple[float, ...] = numbers((), "amplitude of each sinusoid", unit="m or rad")
     angular_frequency: tuple[float, ...] = numbers(
-        (), "of each sinusoid", unit="rad/s", minimum=0.0, above_minimum=True
+        (), "angular frequency of each sinusoid", unit="rad/s", minimum=0.0, above_minimum=True
     )
     phase: tuple[float, ...] = numbers(
-        (), "of each sinusoid at t = 0, pi/2 makes a cosine; none: all 0", unit="rad"
+        (), "phase of each sinusoid at t = 0 (pi/2 makes a cosine); none: all 0", unit="rad"
     )
 
     def problems(self, prefix: str) -> Iterator[str]:
@@ -227,7 +229,7 @@ class PolarParameters(TrajectoryParameters):
     type: str = text("polar", TYPE_TEXT)
     radius: SeriesParameters = section(SeriesParameters)
     angle: SeriesParameters = section(SeriesParameters)
-    height: float = number(0.0, "of the plane in the world", unit="m")
+    height: float = number(0.0, "height of the plane in the world", unit="m")
 
 
 @dataclass(frozen=True)
@@ -258,16 +260,27 @@ class WaypointsParameters(TrajectoryParameters):
         (), "yaw at each waypoint, not wrapped (2 pi is a full turn); none: all 0", unit="rad"
     )
     times: tuple[float, ...] = numbers(
-        (), "of each waypoint, the first 0; none: as the limits allow", unit="s", minimum=0.0
+        (),
+        "time of each waypoint, the first 0; none: as fast as the limits allow",
+        unit="s",
+        minimum=0.0,
     )
     speed_limit: float = number(
-        1.0, "where no times are given", unit="m/s", minimum=0.0, above_minimum=True
+        1.0, "largest speed, if no times are given", unit="m/s", minimum=0.0, above_minimum=True
     )
     acceleration_limit: float = number(
-        1.0, "where no times are given", unit="m/s^2", minimum=0.0, above_minimum=True
+        1.0,
+        "largest acceleration, if no times are given",
+        unit="m/s^2",
+        minimum=0.0,
+        above_minimum=True,
     )
     heading_rate_limit: float = number(
-        1.0, "where no times are given", unit="rad/s", minimum=0.0, above_minimum=True
+        1.0,
+        "largest heading rate, if no times are given",
+        unit="rad/s",
+        minimum=0.0,
+        above_minimum=True,
     )
 
     def problems(self, prefix: str) -> Iterator[str]:
@@ -350,7 +363,7 @@ class TurntableParameters(SixPositionParameters):
     )
     upside_down: bool = flag(True, "each axis down as well, to separate g-sensitivity from bias")
     tilt: float = number(
-        0.0, "of the table's axis from the vertical, about the world's x", unit="rad"
+        0.0, "tilt of the table's axis from the vertical, about the world's x", unit="rad"
     )
 
     def problems(self, prefix: str) -> Iterator[str]:

@@ -132,8 +132,8 @@ def test_the_lists_of_a_users_launch_file_reach_the_readings(
 def test_names_of_imus_in_a_users_launch_file(start, tmp_path):
     node = start("simulator", *arguments_of(of_node("user", "simulator", 0), tmp_path))
     assert node.status() == 0, node.output
-    assert "counted left/imu/data_raw 100" in node.output
-    assert "counted right/imu/data_raw 100" in node.output
+    assert "published 100 messages on left/imu/data_raw" in node.output
+    assert "published 100 messages on right/imu/data_raw" in node.output
 
 
 def test_a_wrong_argument_names_itself(start, tmp_path):
@@ -161,7 +161,7 @@ def test_two_imus_are_dead_reckoned_each_and_none_of_their_readings_is_lost(star
     assert node.status() == 0, node.output
     for integrator in integrators:
         assert integrator.end() == 0, integrator.output
-        assert "counted dead_reckoned/odom 100" in integrator.output
+        assert "published 100 messages on dead_reckoned/odom" in integrator.output
 
 
 def test_the_arguments_of_a_launch_stand_above_its_files(start, listener, tmp_path):

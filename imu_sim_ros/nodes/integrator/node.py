@@ -90,8 +90,9 @@ class Integrator(ConfiguredNode):
         self.sensor.settle()
         self._odometry_out.publisher.wait_for_all_acked(_ACKNOWLEDGEMENT)
         for topic, count in self._received.items():
-            print(f"integrator: received {topic} {count}", flush=True)
-        print(f"integrator: counted {DEAD_RECKONED_TOPIC} {self._odometry_out.count}", flush=True)
+            print(f"integrator: received {count} messages on {topic}", flush=True)
+        sent = self._odometry_out.count
+        print(f"integrator: published {sent} messages on {DEAD_RECKONED_TOPIC}", flush=True)
 
     def _add_publishers(self, parameters: IntegratorParameters) -> None:
         world, body = parameters.world_frame, parameters.body_frame

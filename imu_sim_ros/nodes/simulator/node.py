@@ -138,7 +138,7 @@ class Simulator(ConfiguredNode):
         if self._cameras is not None:
             self._cameras.close()
         for counter in self._counters:
-            print(f"simulator: counted {counter.topic} {counter.count}", flush=True)
+            print(f"simulator: published {counter.count} messages on {counter.topic}", flush=True)
 
     # ------------------------------------------------------------------------- set-up
     def _check_clocks(self, parameters: SimulatorParameters) -> None:

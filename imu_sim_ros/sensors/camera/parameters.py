@@ -81,11 +81,11 @@ class ImageParameters:
         "messages on topics and in bags: raw: NAME/image_raw; compressed: "
         "NAME/image_raw/compressed, PNG; both; none: only tracks, for scenes without surfaces",
     )
-    encoding: str = choice("mono8", ENCODINGS, "of the pixels: grey values, or colours")
+    encoding: str = choice("mono8", ENCODINGS, "pixel encoding: grey values or colours")
     depth: bool = flag(
         False,
         "depth along the view without any error, too: NAME/depth/image_raw, 32FC1 in m; in EuRoC "
-        "folders NAME/depth, PNG of 16 bits in mm; 0 where nothing is seen",
+        "folders NAME/depth, PNG of 16 bits in mm; 0 if nothing is seen",
     )
     frame: str = text("", "frame of the messages; empty: NAME_optical_frame")
     supersampling: int = integer(
@@ -118,7 +118,7 @@ class ImageParameters:
         maximum=0.95,
     )
     exposure_period: float = number(
-        10.0, "of that change", unit="s", minimum=0.0, above_minimum=True, maximum=LONGEST
+        10.0, "period of that change", unit="s", minimum=0.0, above_minimum=True, maximum=LONGEST
     )
     gain: float = number(
         1.0, "factor applied to all grey values", minimum=0.0, above_minimum=True, maximum=1e6
@@ -130,7 +130,7 @@ class ImageParameters:
         maximum=0.95,
     )
     gain_period: float = number(
-        10.0, "of that change", unit="s", minimum=0.0, above_minimum=True, maximum=LONGEST
+        10.0, "period of that change", unit="s", minimum=0.0, above_minimum=True, maximum=LONGEST
     )
     vignetting: float = number(
         0.0,
@@ -186,8 +186,8 @@ class CameraModelParameters:
     distortion_model: str = choice(
         "none", tuple(COUNTS), "behind the model; equidistant (Kannala-Brandt) with pinhole only"
     )
-    width: int = integer(640, "of the image", unit="px", minimum=1, maximum=LARGEST_IMAGE)
-    height: int = integer(480, "of the image", unit="px", minimum=1, maximum=LARGEST_IMAGE)
+    width: int = integer(640, "width of the image", unit="px", minimum=1, maximum=LARGEST_IMAGE)
+    height: int = integer(480, "height of the image", unit="px", minimum=1, maximum=LARGEST_IMAGE)
     intrinsics: tuple[float, ...] = numbers(
         (400.0, 400.0, 319.5, 239.5), "fx, fy, cx, cy", unit="px"
     )
@@ -195,7 +195,9 @@ class CameraModelParameters:
         (), "radtan: k1, k2, p1, p2 and optionally k3; equidistant: k1, k2, k3, k4"
     )
     xi: float = number(0.0, "distance between the spheres' centres", minimum=-1.0, maximum=10.0)
-    alpha: float = number(0.5, "of the double sphere", minimum=0.0, maximum=1.0)
+    alpha: float = number(
+        0.5, "parameter alpha of the double sphere model", minimum=0.0, maximum=1.0
+    )
 
     def problems(self, prefix: str) -> Iterator[str]:
         """Yield a line for each contradiction between parameters."""

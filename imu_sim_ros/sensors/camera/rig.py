@@ -94,7 +94,7 @@ class Rig:
     def depths(self, name: str) -> Iterator[tuple[int, NDArray[np.float32]]]:
         """Yield the stamp [ns] and the true depth (h, w) [m] of all frames of a camera.
 
-        0 where nothing is seen; frames that are lost are left out.
+        0 if nothing is seen; frames that are lost are left out.
 
         :raises ConfigurationError: for a scene without surfaces.
         :raises MissingDependencyError: where OpenCV is not installed.

@@ -31,7 +31,7 @@ class SceneParameters:
     """What every scene has."""
 
     type: str = text("room", TYPE_TEXT)
-    seed: int = integer(0, "of places and textures", minimum=0, maximum=2**63 - 1)
+    seed: int = integer(0, "seed of places and textures", minimum=0, maximum=2**63 - 1)
 
 
 @dataclass(frozen=True)
@@ -59,10 +59,10 @@ class RoomParameters(PathSceneParameters):
         minimum=0.0,
         maximum=1e6,
     )
-    center: Vector = vector(ZERO_VECTOR, "of the room, where it has a size", unit="m")
+    center: Vector = vector(ZERO_VECTOR, "center of the room, if it has a size", unit="m")
     margin: float = number(
         2.0,
-        "distance of the walls from the path, where the room has no size",
+        "distance of the walls from the path, if the room has no size",
         unit="m",
         minimum=0.0,
         above_minimum=True,
@@ -157,7 +157,7 @@ class PlanesParameters(SceneParameters):
 class TargetParameters(SceneParameters):
     """What calibration targets share: the target's x to the right and y up, seen from its +z."""
 
-    position: Vector = vector(ZERO_VECTOR, "of the target's origin in the world", unit="m")
+    position: Vector = vector(ZERO_VECTOR, "position of the target's origin in the world", unit="m")
     orientation: Matrix = matrix(
         IDENTITY_MATRIX, "rotation R_wt of the target in the world; it is seen from its +z side"
     )

@@ -166,14 +166,14 @@ class TriadParameters:
     )
     g_sensitivity: Matrix = matrix(
         ZERO_MATRIX,
-        "what one m/s^2 of specific force adds to the {triad}'s reading",
+        "change of the {triad}'s reading per m/s^2 of specific force",
         unit="({unit})/(m/s^2)",
         live=True,
         turn_on_scale="multiplies",
     )
     g_squared_sensitivity: Matrix = matrix(
         ZERO_MATRIX,
-        "what the square of one m/s^2 along each axis adds to the {triad}'s reading "
+        "change of the {triad}'s reading per square of one m/s^2 along each axis "
         "(vibration rectification); the accelerometer has `quadratic` for it",
         unit="({unit})/(m/s^2)^2",
         live=True,
@@ -273,7 +273,7 @@ class TriadParameters:
     )
     increment_resolution: Vector = vector(
         0.0,
-        "step of the {triad}'s {increments} where sampling is averaged; the rounding remainder "
+        "step of the {triad}'s {increments} with averaged sampling; the rounding remainder "
         "is carried over to the next; 0: exact",
         unit="{increment}",
         minimum=0.0,

@@ -86,7 +86,7 @@ def listen(images: str | None) -> None:
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     for topic, number in counts.items():
-        print(f"listener: counted {topic} {number}", flush=True)
+        print(f"listener: published {number} messages on {topic}", flush=True)
     rclpy.try_shutdown()
 
 
@@ -112,7 +112,8 @@ def simulator(images: str | None, duration: float, recorded: bool) -> list[str]:
 
 def counted(words: str) -> dict[str, int]:
     """Return the counts that a process printed, by topic."""
-    return {"/" + name.lstrip("/"): int(n) for name, n in re.findall(r"counted (\S+) (\d+)", words)}
+    found = re.findall(r"published (\d+) messages on (\S+)", words)
+    return {"/" + name.lstrip("/"): int(n) for n, name in found}
 
 
 def start(command: list[str], folder: str) -> subprocess.Popen[str]:

@@ -113,7 +113,7 @@ def timer(rate: float, duration: float) -> None:
     end = time.monotonic() + duration
     while time.monotonic() < end:
         executor.spin_once(timeout_sec=0.1)
-    print(f"simulator: counted imu/data_raw {count}", flush=True)
+    print(f"simulator: published {count} messages on imu/data_raw", flush=True)
     rclpy.try_shutdown()
 
 
@@ -144,7 +144,7 @@ def loop(rate: float, duration: float) -> None:
         reading[4:12] = truth[4:12] = struct.pack("<iI", *divmod(due, 10**9))
         imu.publish(bytes(reading))
         odometry.publish(bytes(truth))
-    print(f"simulator: counted imu/data_raw {count}", flush=True)
+    print(f"simulator: published {count} messages on imu/data_raw", flush=True)
     time.sleep(0.5)
     rclpy.try_shutdown()
 
@@ -188,7 +188,7 @@ def measure(publisher: str, rate: int, duration: float, preset: str) -> list[str
     time.sleep(1.0)
     listener.send_signal(signal.SIGINT)
     heard = listener.communicate()[0]
-    published = int(re.search(r"counted imu/data_raw (\d+)", said)[1])
+    published = int(re.search(r"published (\d+) messages on imu/data_raw", said)[1])
     lateness = re.search(r"p50 (\d+) us, p99 (\d+) us, max (\d+) us", said)
     received = [int(n) for n in re.findall(r"listener: \S+ (\d+) lost", heard)]
     return [

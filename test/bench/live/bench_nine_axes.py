@@ -119,7 +119,7 @@ def measure(rate: int, duration: float) -> list[list[str]]:
         time.sleep(0.5)
         listener.send_signal(signal.SIGINT)
         received = int(re.search(r"received (\d+)", listener.communicate()[0])[1])
-        sent = sum(int(n) for n in re.findall(r"counted \S+ (\d+)", said))
+        sent = sum(int(n) for n in re.findall(r"published (\d+) messages", said))
         extra = cpu - percent[0]
         rows.append([variant, f"{cpu:.2f}", f"{extra:.2f}", f"{cpu / percent[0]:.2f}"])
         rows[-1] += [str(sent), str(sent - received)]

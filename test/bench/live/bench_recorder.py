@@ -113,7 +113,7 @@ def loop() -> None:
         while take(Imu, True) is not None:
             publish(content)
             count += 1
-    print(f"loop: counted dead_reckoned/odom {count}", flush=True)
+    print(f"loop: published {count} messages on dead_reckoned/odom", flush=True)
     rclpy.try_shutdown()
 
 
@@ -144,7 +144,8 @@ def simulate(rate: int, duration: float, folder: str, both: bool) -> int:
 def counted(words: str, topic: str) -> int:
     """Return what a node said it published on a topic."""
     lines = [line.split() for line in words.splitlines()]
-    return next((int(line[3]) for line in lines if line[1:3] == ["counted", topic]), 0)
+    sent = [line for line in lines if line[1:2] == ["published"] and line[5:] == [topic]]
+    return int(sent[0][2]) if sent else 0
 
 
 def stored(words: str, topics: tuple[str, ...]) -> int:

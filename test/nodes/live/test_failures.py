@@ -57,7 +57,7 @@ def test_an_error_in_a_trajectory_ends_the_simulator(node, faulty):
         "run with --debug for the traceback\n" in simulator.output
     )
     assert "Traceback" not in simulator.output
-    assert "counted imu/data_raw" in simulator.output
+    assert "messages on imu/data_raw" in simulator.output
 
 
 @pytest.mark.parametrize("more", [["--debug"], ["--ros-args", "--log-level", "debug"]])
@@ -123,7 +123,7 @@ def test_an_error_in_a_callback_ends_the_node(start, tmp_path):
     simulator = start("-c", program)
     assert simulator.status() == 1
     assert "simulator: unexpected: KeyError: 'a bug'; run with --debug" in simulator.output
-    assert "counted imu/data_raw" in simulator.output
+    assert "messages on imu/data_raw" in simulator.output
 
 
 def test_the_integrator_hears_best_effort_drivers_while_the_clock_is_silent(node, feed, start):

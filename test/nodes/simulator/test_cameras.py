@@ -105,7 +105,7 @@ def test_frames_are_those_of_a_file_bit_for_bit(start, listener, offline, factor
         if topic != "/ground_truth/landmarks":
             assert stamps(listener.raw[topic]) == stamps(payloads), topic
             assert unpadded(listener.raw[topic], payloads) == payloads, topic
-            assert f"counted {topic[1:]} {len(payloads)}" in node.output
+            assert f"published {len(payloads)} messages on {topic[1:]}" in node.output
     assert len(offline["/cam1/image_raw"]) == len(offline["/cam1/depth/image_raw"]) < 30
     (cloud,) = listener.raw["/ground_truth/landmarks"]
     (expected,) = offline["/ground_truth/landmarks"]

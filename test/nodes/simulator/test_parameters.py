@@ -96,7 +96,7 @@ def test_files_of_every_form_are_read(start: Any, tmp_path: Path) -> None:
     files = ["--params-file", str(mixed), "--params-file", str(kalibr)]
     node = start("simulator", "--ros-args", *files, real_time_factor=10.0)
     assert node.status() == 0, node.output
-    assert "counted imu/data_raw 50" in node.output
+    assert "published 50 messages on imu/data_raw" in node.output
 
 
 def test_parameters_are_described(start: Any, listener: Any) -> None:
@@ -228,4 +228,4 @@ def test_a_dump_of_a_node_with_remappings_starts_again(start: Any) -> None:
     assert node.status() == 0, node.output
     (note,) = [line for line in node.output.splitlines() if "WARN" in line]
     assert "qos_overrides.* of /imu0 ignored: the topics published here are" in note
-    assert "counted imu/data_raw 100" in node.output
+    assert "published 100 messages on imu/data_raw" in node.output

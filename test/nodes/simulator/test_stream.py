@@ -74,7 +74,7 @@ def test_readings_equal_those_of_the_stream(
     )
     quaternions = [m.pose.pose.orientation for m in truth]
     np.testing.assert_array_equal([[q.w, q.x, q.y, q.z] for q in quaternions], motion.q_wb)
-    assert f"counted {IMU} {len(rows)}" in node.output
+    assert f"published {len(rows)} messages on {IMU}" in node.output
 
 
 def test_frames_covariances_and_spacing(start: Any, listener: Any) -> None:

@@ -93,7 +93,7 @@ def test_the_moving_transform_is_the_true_pose(start, listener):
         world_frame="map",
     )
     assert listener.wait_for_end(node) == 0, node.output
-    assert "counted /tf 50" in node.output
+    assert "published 50 messages on /tf" in node.output
     moved = transforms(listener.raw["/tf"])
     poses = {
         (m.header.stamp.sec, m.header.stamp.nanosec): m

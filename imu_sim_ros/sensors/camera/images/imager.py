@@ -94,7 +94,7 @@ class Imager:
     def depth(self, number: int) -> NDArray[np.float32]:
         """Return the depth z (h, w) [m] at each pixel's centre in the middle of the exposure.
 
-        0 where nothing is seen. A frame that repeats another has its depth, too.
+        0 if nothing is seen. A frame that repeats another has its depth, too.
         """
         t = np.array([self._seconds(self._content(number))])
         renderer = self._centres

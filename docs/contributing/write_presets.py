@@ -3,16 +3,13 @@
 
 """The presets as Markdown: numbers, grades and sources of the files in config/.
 
-``python -m imu_sim_ros.commands.preset_reference > docs/reference/presets.md``
+``python docs/contributing/write_presets.py > docs/reference/presets.md``
 """
 
-import argparse
-import sys
 from collections.abc import Iterator
 
 import numpy as np
 
-from imu_sim_ros import program
 from imu_sim_ros.sensors import catalogue
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.types import Array
@@ -20,7 +17,7 @@ from imu_sim_ros.types import Array
 _INTRODUCTION = """\
 # Presets
 
-Written by `python -m imu_sim_ros.commands.preset_reference > docs/reference/presets.md`; a test
+Written by `python docs/contributing/write_presets.py > docs/reference/presets.md`; a test
 checks that it is current.
 
 Names for `--imu`, `--trajectory`, `--camera` and `--scene`, or for `imu.preset`, `trajectory.type`,
@@ -98,13 +95,5 @@ def _number(values: Array) -> str:
     return words[0] if len(set(words)) == 1 else "/".join(words)
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Print the page."""
-    parser = program.Parser("preset_reference", description=__doc__)
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.parse_args(arguments)
-    return program.run("preset_reference", lambda: print(reference(), end=""))
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    print(reference(), end="")

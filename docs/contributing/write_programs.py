@@ -3,21 +3,19 @@
 
 """The programs as Markdown: what each does, its arguments, examples.
 
-``python -m imu_sim_ros.commands.program_reference > docs/reference/programs.md``
+``python docs/contributing/write_programs.py > docs/reference/programs.md``
 """
 
 import argparse
 import importlib
-import sys
 from collections.abc import Iterator
 
-from imu_sim_ros import program
 from imu_sim_ros.commands.start import NODES, PROGRAMS
 
 _INTRODUCTION = """\
 # Programs
 
-Written by `python -m imu_sim_ros.commands.program_reference > docs/reference/programs.md`; a test
+Written by `python docs/contributing/write_programs.py > docs/reference/programs.md`; a test
 checks that it is current.
 
 `imu_sim PROGRAM` calls every program; `imu_sim PROGRAM --help` prints what is below. In a ROS 2
@@ -100,13 +98,5 @@ def _plain(words: str) -> str:
     return words.replace("|", "\\|").replace("<", "\\<").replace("*", "\\*").replace("``", "`")
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Print the page."""
-    parser = program.Parser("program_reference", description=__doc__)
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.parse_args(arguments)
-    return program.run("program_reference", lambda: print(reference(), end=""))
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    print(reference(), end="")

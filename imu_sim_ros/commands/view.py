@@ -1,0 +1,151 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""``view``: a flight in the rerun viewer: truth, estimates, images, readings and biases over time.
+
+Needs rerun: ``pip install imu_sim_ros[view]``.
+"""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from imu_sim_ros import program
+from imu_sim_ros.bags.messages.encode import IMU, VECTOR3_STAMPED
+from imu_sim_ros.bags.messages.encode_cameras import COMPRESSED_IMAGE, IMAGE
+from imu_sim_ros.bags.read import open_bag, read_imu, vector_blocks
+from imu_sim_ros.bags.text.reader import is_text
+from imu_sim_ros.commands.outputs import add_force, outputs
+from imu_sim_ros.conventions import LANDMARKS_TOPIC
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.jobs.recorded import read_cloud, read_images
+from imu_sim_ros.jobs.tracks import has_truth, read_track, truth_topic
+from imu_sim_ros.plots.flight_view import FlightView, rerun
+
+EXAMPLES: Final = """
+view flight.mcap
+view flight.mcap track.csv vio.tum --save flight.rrd
+view MH_01/mav0 --save MH_01.rrd
+"""
+
+
+def parser() -> program.Parser:
+    """Return the command's arguments."""
+    result = program.Parser(prog="view", description=__doc__, examples=EXAMPLES)
+    result.add_argument("flight", type=Path, metavar="FLIGHT", help="bag or EuRoC folder")
+    result.add_argument(
+        "estimates",
+        type=Path,
+        nargs="*",
+        metavar="ESTIMATE",
+        help="estimated path: TUM or EuRoC text, or a bag",
+    )
+    result.add_argument("--truth-topic", metavar="TOPIC", help="topic of the truth, if several")
+    result.add_argument(
+        "--save", type=Path, metavar="FILE", help="write a .rrd file and start no viewer"
+    )
+    result.add_argument("--no-images", action="store_true", help="leave out images")
+    result.add_argument(
+        "--landmarks",
+        type=Path,
+        metavar="FILE",
+        help="landmarks.csv of generate --format tracks (default: those of the bag)",
+    )
+    add_force(result)
+    program.add_output_arguments(result)
+    return result
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command; returns its exit status."""
+    return program.main(parser, view, argv)
+
+
+def view(arguments: argparse.Namespace) -> None:
+    """Read the flight and send it to the viewer or into a file."""
+    rerun()  # said before anything is read
+    written = outputs(arguments)
+    if arguments.save is not None:
+        written.add(arguments.save, endings=(".rrd",))
+    with written:
+        shown = FlightView(arguments.flight.name)
+        if arguments.save is not None:
+            shown.save(written.where(arguments.save))
+        else:
+            shown.spawn()
+        result = _fill(shown, arguments)
+        shown.flush()
+    result = {"output": arguments.save and str(arguments.save), **result}
+    if arguments.json:
+        program.print_json(result)
+    elif not arguments.quiet:
+        parts = ", ".join(f"{count} {what}" for what, count in result.items() if what != "output")
+        print(f"{arguments.save or 'rerun'}: {parts}")
+
+
+def _fill(shown: FlightView, arguments: argparse.Namespace) -> dict[str, Any]:
+    """Add all that the inputs hold; returns how much it is."""
+    flight = arguments.flight
+    found = {"paths": 0, "readings": 0, "biases": 0, "images": 0, "landmarks": 0}
+    if has_truth(flight):
+        topic = truth_topic(flight, arguments.truth_topic)
+        shown.path("truth", read_track(flight, topic).poses)
+        found["paths"] += 1
+    for estimate in arguments.estimates:
+        shown.path(estimate.stem, read_track(estimate).poses)
+        found["paths"] += 1
+    for topic in [None] if is_text(flight) else _topics(flight, IMU):
+        readings = read_imu(flight, topic)
+        name = "imu" if topic is None else topic.strip("/")
+        shown.series(f"{name}/gyroscope", readings.t_ns, readings.gyro)
+        shown.series(f"{name}/accelerometer", readings.t_ns, readings.accel)
+        found["readings"] += len(readings.t_ns)
+    if not is_text(flight):
+        found["biases"] = _biases(shown, flight)
+        if not arguments.no_images:
+            for topic in _topics(flight, IMAGE, COMPRESSED_IMAGE):
+                shown.images(topic.strip("/"), read_images(flight, topic))
+                found["images"] += 1
+    points = _landmarks(flight, arguments.landmarks)
+    if len(points):
+        shown.points("landmarks", points)
+        found["landmarks"] = len(points)
+    if not found["paths"] and not found["readings"]:
+        raise InputError(f"{flight}: has neither odometry nor readings of an IMU")
+    return found
+
+
+def _topics(flight: Path, *types: str) -> list[str]:
+    with open_bag(flight) as bag:
+        return [info.name for info in bag.topics if info.type in types and info.count]
+
+
+def _biases(shown: FlightView, flight: Path) -> int:
+    """Add the true biases of a bag; returns how many topics have some."""
+    topics = [name for name in _topics(flight, VECTOR3_STAMPED) if name.endswith("_bias")]
+    for topic in topics:
+        parts = list(vector_blocks(flight, topic))
+        t_ns, values = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
+        shown.series(topic.strip("/"), t_ns, values)
+    return len(topics)
+
+
+def _landmarks(flight: Path, path: Path | None) -> Any:
+    """Return the positions (n, 3) of landmarks.csv (id, x, y, z), or of a bag's first cloud."""
+    if path is None:
+        return np.empty((0, 3)) if is_text(flight) else read_cloud(flight, LANDMARKS_TOPIC)
+    try:
+        rows = np.loadtxt(path, delimiter=",", ndmin=2, skiprows=1)
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: {error}") from None
+    if rows.shape[1] != 4:
+        raise InputError(f"{path}: must have the columns id, x, y, z")
+    return rows[:, 1:]
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,107 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A flight in rerun's viewer: paths, readings, biases and images on one time line."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.errors import MissingDependencyError
+from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.types import Array, Times
+
+_TIME: Final = "stamp"
+_COLOURS: Final = ((120, 120, 120), (0, 114, 178), (213, 94, 0), (0, 158, 115), (204, 121, 167))
+"""Of the truth, then of each estimate (Okabe and Ito: told apart by everybody)."""
+_AXES: Final = ((230, 60, 60), (60, 160, 60), (60, 90, 230))
+_RADIUS: Final = 0.01
+"""[m] Of a path's line."""
+_MOST_POINTS: Final = 20_000
+"""Of a path as a line; the moving body has all poses."""
+
+
+def rerun() -> Any:
+    """Return the library.
+
+    :raises MissingDependencyError: if it is not installed.
+    """
+    try:
+        import rerun
+    except ImportError as error:
+        raise MissingDependencyError(
+            f"view needs rerun ({error}): pip install imu_sim_ros[view], or rerun-sdk"
+        ) from None
+    return rerun
+
+
+class FlightView:
+    """A recording of rerun that is filled part by part."""
+
+    def __init__(self, title: str) -> None:
+        """Begin.
+
+        :param title: name of the recording.
+        :raises MissingDependencyError: without rerun.
+        """
+        self._rr = rerun()
+        self._recording = self._rr.RecordingStream("imu_sim_ros", recording_id=None)
+        self._recording.send_recording_name(title)
+        self._recording.log("world", self._rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        self._paths = 0
+
+    def save(self, path: Path) -> None:
+        """Send everything from now on into a file; call it first."""
+        self._recording.save(str(path))
+
+    def spawn(self) -> None:
+        """Start the viewer and send everything from now on to it; call it first."""
+        self._recording.spawn()
+
+    def flush(self) -> None:
+        """Wait until everything has arrived."""
+        self._recording.flush()
+        self._recording.disconnect()
+
+    def path(self, name: str, poses: PoseSequence) -> None:
+        """Add a path: its line, and a body that moves along it."""
+        rr, colour = self._rr, _COLOURS[self._paths % len(_COLOURS)]
+        self._paths += 1
+        every = max(1, -(-len(poses.t_ns) // _MOST_POINTS))
+        line = rr.LineStrips3D([poses.position[::every]], colors=[colour], radii=[_RADIUS])
+        self._recording.log(f"world/{name}/path", line, static=True)
+        self._columns(
+            f"world/{name}/body",
+            poses.t_ns,
+            rr.Transform3D.columns(
+                translation=poses.position, quaternion=np.roll(poses.q_wb, -1, axis=1)
+            ),
+        )
+        axes = rr.Arrows3D(vectors=np.eye(3) * 0.5, colors=_AXES)
+        self._recording.log(f"world/{name}/body/axes", axes, static=True)
+
+    def points(self, name: str, positions: Array) -> None:
+        """Add landmarks (n, 3) [m]."""
+        cloud = self._rr.Points3D(positions, radii=[2.0 * _RADIUS])
+        self._recording.log(f"world/{name}", cloud, static=True)
+
+    def series(self, name: str, t_ns: Times, values: Array) -> None:
+        """Add values (n, 3) over time, a curve for each axis."""
+        lines = self._rr.SeriesLines(names=list("xyz"), colors=_AXES)
+        self._recording.log(name, lines, static=True)
+        scalars = self._rr.Scalars.columns(scalars=values)
+        self._columns(name, t_ns, scalars)
+
+    def images(self, name: str, frames: Iterable[tuple[int, NDArray[Any]]]) -> None:
+        """Add the images (h, w) or (h, w, 3) of a camera."""
+        for t_ns, image in frames:
+            self._recording.set_time(_TIME, timestamp=np.datetime64(t_ns, "ns"))
+            kind = self._rr.DepthImage if image.dtype == np.float32 else self._rr.Image
+            self._recording.log(name, kind(image))
+
+    def _columns(self, name: str, t_ns: Times, columns: Any) -> None:
+        stamps = self._rr.TimeColumn(_TIME, timestamp=t_ns.astype("datetime64[ns]"))
+        self._recording.send_columns(name, indexes=[stamps], columns=columns)

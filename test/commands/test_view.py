@@ -1,0 +1,72 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""``view --save``: all of a flight is in rerun's file, on one time line, without a screen."""
+
+import json
+import re
+import subprocess
+import sys
+
+import pytest
+
+from imu_sim_ros.commands import dead_reckon, generate, view
+
+TOPICS = "imu/data_raw,ground_truth/odom,ground_truth/gyroscope_bias"
+
+
+def rows(path):
+    """Return what rerun's own program finds in a file: entities and its time lines."""
+    words = ["-m", "rerun", "rrd", "stats", str(path)]
+    done = subprocess.run([sys.executable, *words], capture_output=True, text=True, check=True)
+    entities = re.findall(r"^(/\S+): (\d+)$", done.stdout, re.M)
+    return dict(entities), re.search(r"num_rows = (.*)", done.stdout)[1], done.stdout
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory):
+    pytest.importorskip("rerun")
+    folder = tmp_path_factory.mktemp("view")
+    words = ["--trajectory", "figure_eight", "--duration", "2s", "--quiet"]
+    assert generate.main(["-o", str(folder / "flight.mcap"), "--topics", TOPICS, *words]) == 0
+    track = ["-o", str(folder / "track.csv"), "--quiet"]
+    assert dead_reckon.main([str(folder / "flight.mcap"), *track]) == 0
+    return folder
+
+
+def test_truth_estimate_readings_and_biases_are_in_the_file(flight, capsys):
+    saved = flight / "flight.rrd"
+    inputs = [str(flight / "flight.mcap"), str(flight / "track.csv")]
+    assert view.main([*inputs, "--save", str(saved), "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert (result["paths"], result["readings"], result["biases"]) == (2, 400, 1)
+    entities, count, printed = rows(saved)
+    expected = {"/world/truth/path", "/world/truth/body", "/world/track/body"}
+    expected |= {"/imu/data_raw/gyroscope", "/imu/data_raw/accelerometer"}
+    assert expected | {"/ground_truth/gyroscope_bias"} <= set(entities)
+    assert "stamp" in printed
+    # Two paths, two triads and a bias of 400 rows each, and a few static ones.
+    assert 2000 <= int(re.sub(r"\D", "", count)) < 2100
+
+
+def test_images_and_landmarks_are_in_the_file(flight, capsys):
+    pytest.importorskip("cv2")
+    bag = flight / "seen.mcap"
+    words = ["--camera", "euroc_cam0", "--duration", "0.2s", "--quiet"]
+    assert generate.main(["-o", str(bag), *words]) == 0
+    assert view.main([str(bag), "--save", str(flight / "seen.rrd"), "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert result["images"] == 1
+    assert result["landmarks"] > 100
+    entities, _, _ = rows(flight / "seen.rrd")
+    assert {"/cam0/image_raw", "/world/landmarks"} <= set(entities)
+
+
+def test_an_existing_file_is_kept_and_a_missing_library_is_named(flight, capsys, monkeypatch):
+    taken = flight / "taken.rrd"
+    taken.write_text("mine")
+    assert view.main([str(flight / "flight.mcap"), "--save", str(taken)]) == 2
+    assert "already exists" in capsys.readouterr().err
+    monkeypatch.setitem(sys.modules, "rerun", None)
+    assert view.main([str(flight / "flight.mcap"), "--save", "x.rrd"]) == 2
+    assert "pip install imu_sim_ros[view]" in capsys.readouterr().err
