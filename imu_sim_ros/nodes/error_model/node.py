@@ -105,7 +105,7 @@ class ErrorModelNode(ConfiguredNode):
             counter.publisher.wait_for_all_acked(_ACKNOWLEDGEMENT)
         print(f"error_model: received {self.model.counts.readings}", flush=True)
         for counter in self.outputs.counters:
-            print(f"error_model: counted {counter.topic} {counter.count}", flush=True)
+            print(f"error_model: published {counter.count} messages on {counter.topic}", flush=True)
 
     # ----------------------------------------------------------------------------- readings
     def _take(self, topic: str, taken: list[Taken]) -> None:
