@@ -97,7 +97,7 @@ class Contest:
     factor: str
     """``estimator``, or a name of the grid."""
     where: dict[str, str]
-    """What they have in common, by name: the other values of the grid, and the estimator."""
+    """What they have in common, by name: values of the grid and the estimator, if others exist."""
     ranking: list[str]
     """Values of the factor, by the median with failures, then by the share of runs done."""
     unranked: list[str]
@@ -452,13 +452,15 @@ def _baseline(found: Sequence[Group], rows: Sequence[Row], rule: Criterion) -> l
     return _decided(effects, rule)
 
 
+def varying_names(found: Sequence[Group]) -> list[str]:
+    """Return the names of the grid, and ``estimator``, that have several values."""
+    names = list(found[0].words) if found else []
+    return [name for name in names if len({group.words[name] for group in found}) > 1]
+
+
 def _factor(found: Sequence[Group]) -> str:
     """Return what a campaign is about."""
-    values: dict[str, set[str]] = defaultdict(set)
-    for group in found:
-        for name, word in group.words.items():
-            values[name].add(word)
-    several = [name for name, words in values.items() if len(words) > 1]
+    several = varying_names(found)
     for name in ("estimator", "imu"):
         if name in several:
             return name
@@ -468,6 +470,7 @@ def _factor(found: Sequence[Group]) -> str:
 def _contests(found: Sequence[Group], rule: Criterion) -> list[Contest]:
     drafts: list[tuple[str, dict[str, str], list[str], list[str], list[Effect]]] = []
     typical = {id(group): _rank(group, rule) for group in found}
+    varying = varying_names(found)
     for factor, members in _members(found):
         ranked = sorted(members, key=lambda group: typical[id(group)])
         ideal = [one for one in ranked if factor == "imu" and one.words[factor] == WITHOUT_ERRORS]
@@ -478,7 +481,8 @@ def _contests(found: Sequence[Group], rule: Criterion) -> list[Contest]:
         names = [group.words[factor] for group in ranked]
         compared = [_effect(a, b, (a.words[factor], b.words[factor]), rule) for a, b in pairs]
         if compared[0] is not None:
-            where = {name: word for name, word in ranked[0].words.items() if name != factor}
+            others = [name for name in varying if name != factor]
+            where = {name: ranked[0].words[name] for name in others}
             effects = [one for one in compared if one is not None]
             drafts.append((factor, where, names, [one.words[factor] for one in ideal], effects))
     decided = iter(_decided([effect for *_, effects in drafts for effect in effects], rule))

@@ -14,14 +14,14 @@ from imu_sim_ros.campaigns.plan import Plan, load_plan
 from imu_sim_ros.campaigns.results import LOG, TABLE, Row, read_results
 from imu_sim_ros.campaigns.statistics import quantile
 from imu_sim_ros.campaigns.summary import Group, groups, slopes
-from imu_sim_ros.campaigns.verdict import judge
+from imu_sim_ros.campaigns.verdict import judge, varying_names
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import is_present
 from imu_sim_ros.names import unknown
 from imu_sim_ros.navigation.evaluation import LARGEST_SIGMA, anees_band
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.reports.of_runs import PLAN, opened, repeated
-from imu_sim_ros.reports.of_verdict import against_baseline, short, varying_names, verdict_section
+from imu_sim_ros.reports.of_verdict import against_baseline, short, verdict_section
 from imu_sim_ros.reports.page import Item, Section, column, table
 
 _SENSORS: Final = {

@@ -9,7 +9,7 @@ from typing import Final
 from imu_sim_ros.campaigns.effects import DIFFERENCE, EQUAL, RATIO, Effect
 from imu_sim_ros.campaigns.plan import Plan
 from imu_sim_ros.campaigns.summary import Group
-from imu_sim_ros.campaigns.verdict import WITHOUT_ERRORS, Contest, Judgement
+from imu_sim_ros.campaigns.verdict import WITHOUT_ERRORS, Contest, Judgement, varying_names
 from imu_sim_ros.reports.page import Item, Section, table
 
 _MOST_SEEDS: Final = 100
@@ -87,12 +87,6 @@ def verdict_section(
         "corrected by Holm."
     )
     return Section("Verdict", [item, {"kind": "text", "text": text, "faint": True}])
-
-
-def varying_names(found: Sequence[Group]) -> list[str]:
-    """Return the names of the grid, and ``estimator``, that have several values."""
-    names = list(found[0].words) if found else []
-    return [name for name in names if len({group.words[name] for group in found}) > 1]
 
 
 def _judged(words: str, judged: Judgement, factor: str, found: Sequence[Group]) -> Item:

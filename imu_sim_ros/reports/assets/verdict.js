@@ -66,29 +66,32 @@ class Verdict {
   }
 
   headline(judged) {
-    const { contests, factor } = judged;
+    const { contests } = judged;
     if (!contests.length) return [element("p", { class: "headline" }, judged.alone)];
-    const parts = contests.length > 1 ? [element("p", { class: "headline" }, ...this.summary(contests, factor), `: ${judged.label}`)] : [];
+    const all = this.item.judged.filter((one) => one.label === judged.label && one.contests.length);
+    const parts = all.length > 1 || contests.length > 1 ? all.map((one) => element("p", { class: "headline" }, ...this.summary(one))) : [];
     const lines = contests.map((one) => {
       const where = one.where ? element("span", { class: "where" }, one.where) : null;
       const best = element("b", { class: one.best === null ? "faint" : "best" }, one.best !== null ? one.best : one.equal ? "equal" : "undecided");
-      return element("li", { class: contests.length > 1 ? null : "headline" }, where, best, ` ${one.line.replaceAll(" = ", "\u00a0=\u00a0")}`);
+      return element("li", { class: parts.length ? null : "headline" }, where, best, ` ${one.line.replaceAll(" = ", "\u00a0=\u00a0")}`);
     });
     const rest = lines.splice(MOST_LINES_OF_VERDICT);
+    if (all.length > 1) parts.push(element("h3", { class: "part" }, `Which ${judged.factor}`));
     parts.push(element("ul", { class: "contests" }, ...lines));
     if (rest.length) parts.push(element("details", {}, element("summary", {}, `${rest.length} more`), element("ul", { class: "contests" }, ...rest)));
     return parts;
   }
 
-  // Who is best in how many of the cells.
-  summary(contests, factor) {
-    const wins = new Map(), of = (count) => `${count} of ${contests.length}`;
+  // Who is best, in how many of the cells, for one factor.
+  summary({ contests, factor, label }) {
+    const wins = new Map(), count = contests.length;
     for (const one of contests) if (one.best !== null) wins.set(one.best, (wins.get(one.best) || 0) + 1);
     const [first, ...others] = [...wins].sort((a, b) => b[1] - a[1]);
-    const open = contests.filter((one) => one.best === null).length;
-    if (!first) return [`No ${factor} is better than the next in any of ${contests.length} comparisons`];
-    const rest = others.flatMap(([name, count]) => [", ", element("b", {}, name), ` in ${count}`]);
-    return [element("b", {}, first[0]), ` is the best ${factor} in ${of(first[1])} comparisons`, ...rest, open ? `, undecided in ${open}` : ""];
+    const open = contests.filter((one) => one.best === null).length, times = count > 1 ? ` in any of ${count} comparisons` : "";
+    if (!first) return [`No ${factor} is better than the next${times}: ${label}`];
+    const rest = others.flatMap(([name, of]) => [", ", element("b", {}, name), ` in ${of}`]);
+    const where = count > 1 ? ` in ${first[1]} of ${count} comparisons` : "";
+    return [element("b", {}, first[0]), ` is the best ${factor}${where}`, ...rest, open ? `, undecided in ${open}` : "", `: ${label}`];
   }
 
   contest(judged, choice) {
