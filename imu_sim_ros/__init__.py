@@ -78,6 +78,8 @@ if TYPE_CHECKING:
     from imu_sim_ros.jobs.campaign import report as report
     from imu_sim_ros.jobs.flight import Flight as Flight
     from imu_sim_ros.jobs.flight import Truth as Truth
+    from imu_sim_ros.jobs.generate import Generated as Generated
+    from imu_sim_ros.jobs.generate import generate as generate
     from imu_sim_ros.jobs.navigation import Evaluation as Evaluation
     from imu_sim_ros.jobs.navigation import Track as Track
     from imu_sim_ros.jobs.navigation import dead_reckon as dead_reckon
@@ -120,6 +122,7 @@ _HOMES = {
     ],
     "jobs.campaign": ["Campaign", "campaign", "report"],
     "jobs.flight": ["Flight", "Truth"],
+    "jobs.generate": ["Generated", "generate"],
     "jobs.navigation": ["Evaluation", "Track", "dead_reckon", "evaluate"],
     "jobs.preintegrate": ["preintegrate"],
     "jobs.readings": [

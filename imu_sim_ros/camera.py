@@ -10,35 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from imu_sim_ros import arguments, rotation
-from imu_sim_ros.sensors.camera.model import CameraModel, Projection
-from imu_sim_ros.sensors.camera.parameters import CameraParameters
+from imu_sim_ros import arguments
+from imu_sim_ros.sensors.camera.model import Projection
+from imu_sim_ros.sensors.camera.model import reprojection_errors as reprojection_errors
 from imu_sim_ros.sensors.camera.rig import BLOCK, Rig
 from imu_sim_ros.sensors.camera.rig_parameters import scene_layer
 from imu_sim_ros.sensors.camera.tracker import Tracks
 from imu_sim_ros.simulation.cameras import Simulated, build_rig, on_simulation
 from imu_sim_ros.simulation.parameters import SimulationParameters
-from imu_sim_ros.types import Array
-
-
-def reprojection_errors(
-    camera: CameraParameters, position: Array, q_wb: Array, landmarks: Array, uv: Array
-) -> Array:
-    """Return ``uv - project(T_bc^-1 T_wb^-1 p_w)`` (n, 2) [px].
-
-    Not a number where a landmark would be behind the camera or outside its model.
-
-    :param position: (n, 3) p_wb [m] of the body when each feature was seen.
-    :param q_wb: (n, 4).
-    :param landmarks: (n, 3) p_w [m] of what was seen.
-    :param uv: (n, 2) where it was seen.
-    """
-    r_bc, p_bc = camera.pose()
-    in_body = rotation.rotate_inverse(q_wb, landmarks - position)
-    pixels, valid = CameraModel(camera).project((in_body - p_bc) @ r_bc)
-    errors: Array = np.where(valid[:, None], uv - pixels, np.nan)
-    return errors
-
 
 _NAME = "cam0"
 

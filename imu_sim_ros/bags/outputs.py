@@ -45,6 +45,11 @@ def active_path(path: Path) -> Path:
     return path.with_name(path.name + ACTIVE_SUFFIX)
 
 
+def named(path: Path) -> Path:
+    """Return a path that ends in a name: ``.`` is the working folder; only the root has none."""
+    return Path(os.path.abspath(path)) if path.name in ("", "..") else path
+
+
 def unfinished(path: Path) -> Path | None:
     """Return what a killed program left of an output; None if nothing.
 

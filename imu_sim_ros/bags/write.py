@@ -3,12 +3,13 @@
 
 """Opening a bag for writing: one interface for every container."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
 from imu_sim_ros.bags.messages.schemas import Qos
 from imu_sim_ros.bags.outputs import refuse_existing
-from imu_sim_ros.bags.split import PartsWriter, Rosbag2Writer
+from imu_sim_ros.bags.split import MAX_PARTS, PartsWriter, Rosbag2Writer
 from imu_sim_ros.bags.writer import Block, Topic, Writer
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.names import suggestion
@@ -95,3 +96,35 @@ def check_writer(path: Path, storage: str | None, compression: str | None) -> No
         raise InputError(f"{path}: a .mcap file has the storage mcap, not {storage}")
     if path.suffix == ".bag" and storage != "ros1":
         raise InputError(f"{path}: a .bag file is a ROS 1 bag; give {storage} a folder's name")
+
+
+DATASET_SUFFIXES: Final = {".csv": "csv", ".tum": "tum", ".txt": "tum"}
+
+
+def dataset_form(path: Path, named: str | None, of_bags: Mapping[str, object]) -> str | None:
+    """Return the form of the dataset that a name or a suffix asks for; None: a bag.
+
+    :param of_bags: what applies to bags only, by its name.
+    :raises InputError: for what is given of it with a dataset.
+    """
+    result = named or DATASET_SUFFIXES.get(path.suffix.lower())
+    unfit = [f"{name}: does not apply to {result}" for name in of_bags if result and of_bags[name]]
+    if unfit:
+        raise InputError(unfit)
+    return result
+
+
+def check_split(split_duration: float, period: float, duration: float) -> None:
+    """Refuse parts that are shorter than the time between two messages, or very many.
+
+    :param split_duration: of one part [s]; 0: no parts.
+    :param period: between two messages [s].
+    :param duration: of all [s].
+    :raises InputError: with what is allowed.
+    """
+    shortest = max(period, duration / MAX_PARTS)
+    if 0.0 < split_duration < shortest:
+        raise InputError(
+            f"--split-duration {split_duration:g}s: must be at least {shortest:g} s, which gives "
+            f"every message a part of its own, or {MAX_PARTS} parts"
+        )

@@ -11,13 +11,11 @@ from typing import Any, Final
 
 from imu_sim_ros import program
 from imu_sim_ros.bags.outputs import Outputs
-from imu_sim_ros.bags.split import MAX_PARTS
 from imu_sim_ros.bags.text import writer as text_writer
-from imu_sim_ros.bags.write import COMPRESSIONS, STORAGES, check_writer
+from imu_sim_ros.bags.write import COMPRESSIONS, STORAGES, check_writer, dataset_form
 from imu_sim_ros.commands.outputs import add_force, outputs
 from imu_sim_ros.errors import InputError
 
-DATASET_SUFFIXES: Final = {".csv": "csv", ".tum": "tum", ".txt": "tum"}
 _LONGEST_SIZE: Final = 20
 _SIZE_UNITS: Final = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9}
 
@@ -70,35 +68,13 @@ def add_arguments(group: Any, formats: Sequence[str] = text_writer.FORMATS) -> N
 
 
 def form(arguments: argparse.Namespace) -> str | None:
-    """Return the form of the dataset that is asked for; None: a bag.
+    """Return the form of the dataset that the arguments ask for; None: a bag.
 
     :raises InputError: for arguments that do not fit that form.
     """
-    result: str | None = arguments.format or DATASET_SUFFIXES.get(arguments.output.suffix.lower())
-    unfit = [
-        f"--{name.replace('_', '-')}: does not apply to {result}"
-        for name in ("storage", "compression", "split_duration", "split_size")
-        if result and getattr(arguments, name)
-    ]
-    if unfit:
-        raise InputError(unfit)
-    return result
-
-
-def check_split(split_duration: float, period: float, duration: float) -> None:
-    """Refuse parts that are shorter than the time between two messages, or very many.
-
-    :param split_duration: of one part [s]; 0: no parts.
-    :param period: between two messages [s].
-    :param duration: of all [s].
-    :raises InputError: with what is allowed.
-    """
-    shortest = max(period, duration / MAX_PARTS)
-    if 0.0 < split_duration < shortest:
-        raise InputError(
-            f"--split-duration {split_duration:g}s: must be at least {shortest:g} s, which gives "
-            f"every message a part of its own, or {MAX_PARTS} parts"
-        )
+    names = ("storage", "compression", "split_duration", "split_size")
+    of_bags = {f"--{name.replace('_', '-')}": getattr(arguments, name) for name in names}
+    return dataset_form(arguments.output, arguments.format, of_bags)
 
 
 def bag_outputs(arguments: argparse.Namespace, inputs: Iterable[object] = ()) -> Outputs:

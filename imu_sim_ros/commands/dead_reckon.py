@@ -21,8 +21,8 @@ from imu_sim_ros.bags.outputs import Outputs
 from imu_sim_ros.bags.read import ImuMessages, read_imu
 from imu_sim_ros.commands.inputs import PoseReader, add_skip_bad_rows, skipped_rows
 from imu_sim_ros.commands.outputs import add_force, output_and_plot
-from imu_sim_ros.commands.side_files import world_of
 from imu_sim_ros.conventions import TRUTH_TOPIC
+from imu_sim_ros.datasets.truth_files import world_of
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.jobs.tracks import has_truth, read_track, truth_topic, write_states
 from imu_sim_ros.navigation import initialisation

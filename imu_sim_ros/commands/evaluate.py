@@ -14,11 +14,11 @@ import numpy as np
 
 from imu_sim_ros import program
 from imu_sim_ros.bags.outputs import Outputs
-from imu_sim_ros.commands import camera_output as reprojection
 from imu_sim_ros.commands import measured
 from imu_sim_ros.commands import tables as consistency
 from imu_sim_ros.commands.inputs import PoseReader, add_skip_bad_rows, skipped_rows
 from imu_sim_ros.commands.outputs import add_force, output_and_plot
+from imu_sim_ros.jobs import reprojection
 from imu_sim_ros.jobs.tracks import Track, read_track, truth_topic
 from imu_sim_ros.navigation.association import (
     ALIGNMENTS,
@@ -52,6 +52,12 @@ evaluate vio.tum flight.mcap --align yaw --time-offset
 evaluate run.mcap run.mcap --estimate-topic /dead_reckoned/odom --plot errors.png
 evaluate flight.mcap flight.mcap --estimate-topic imu/data  # or imu/mag, imu/pressure
 """
+
+
+_TRACKS: Final = (
+    "folder of generate --format tracks: report the reprojection error, in pixels, of its "
+    "landmarks as seen from the estimate; poses further apart than 20 ms are not interpolated"
+)
 
 
 def parser() -> program.Parser:
@@ -92,7 +98,7 @@ def parser() -> program.Parser:
         default=0.5,
         help="do not interpolate the truth across longer gaps (default: 0.5s)",
     )
-    result.add_argument("--tracks", type=Path, metavar="DIR", help=reprojection.HELP)
+    result.add_argument("--tracks", type=Path, metavar="DIR", help=_TRACKS)
     result.add_argument("--plot", type=Path, metavar="FILE", help="write a plot")
     result.add_argument(
         "-o", "--output", type=Path, metavar="FILE", help="write the aligned estimate in TUM format"

@@ -5,37 +5,21 @@
 
 import argparse
 import sys
-import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from pathlib import Path
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
 from typing import Any, Final
 
 from imu_sim_ros import program
-from imu_sim_ros.bags.outputs import Outputs
-from imu_sim_ros.bags.text import writer as text_writer
-from imu_sim_ros.bags.threads import ahead
-from imu_sim_ros.bags.write import open_writer
-from imu_sim_ros.commands import bag_output, camera_output
+from imu_sim_ros.commands import bag_output
 from imu_sim_ros.commands.inputs import PoseReader, add_skip_bad_rows
-from imu_sim_ros.commands.side_files import configs, new_truths
+from imu_sim_ros.commands.outputs import outputs
 from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
-from imu_sim_ros.datasets.topics import (
-    BagTarget,
-    DatasetTarget,
-    body_of,
-    chosen_topics,
-    imus_of,
-    in_tables,
-    offered,
-    sensors,
-    usual_topics,
-)
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.datasets.camera_outputs import FORMATS
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.jobs.generate import Form, Setup, Watcher, camera_layer, write
+from imu_sim_ros.machine import cores
 from imu_sim_ros.sensors import catalogue
-from imu_sim_ros.simulation.engine import SimulatedBody
-from imu_sim_ros.simulation.parameters import SimulationParameters, carried
-from imu_sim_ros.simulation.playback import simulations
+from imu_sim_ros.simulation.playback import of_the_node
 from imu_sim_ros.simulation.topics import TYPES
 
 EXAMPLES: Final = """
@@ -45,7 +29,6 @@ EXAMPLES: Final = """
   generate -o MH_99/mav0 --format euroc --duration 2min
   generate -o tracks --format tracks --camera euroc_cam0 --trajectory groundtruth.csv
 """
-BLOCK_SIZE: Final = 16384
 
 
 def parser() -> program.Parser:
@@ -57,10 +40,10 @@ def parser() -> program.Parser:
     )
     program.add_simulation_arguments(result)
     result.sensors = result.add_argument_group("sensors of the body (--set sensors=[NAME,...])")
-    camera_output.add_arguments(result)
+    _add_cameras(result)
     add_skip_bad_rows(result)
     group = result.add_argument_group("output")
-    bag_output.add_arguments(group, camera_output.FORMATS)
+    bag_output.add_arguments(group, FORMATS)
     group.add_argument(
         "--topics",
         metavar="NAME,...",
@@ -119,177 +102,121 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def generate(arguments: argparse.Namespace) -> None:
     """Write what the arguments ask for."""
-    started = time.perf_counter()
-    asked = camera_output.parameters(arguments)
-    simulated, further = simulations(asked.simulator), asked.simulator.sensors
-    names = chosen_topics(
-        [name for name in arguments.topics.split(",") if name],
-        arguments.imu_only,
-        dict(arguments.topic),
-        imus_of(simulated),
-        [
-            *camera_output.topics(arguments, asked.rig),
-            *usual_topics(
-                further, bag_output.form(arguments), arguments.output, arguments.imu_only
-            ),
-        ],
-        further,
-    )
-    fastest = max(parameters.rate for parameters in simulated.values())
-    bag_output.check_split(arguments.split_duration, 1.0 / fastest, asked.simulator.duration or 0.0)
-    written = bag_output.bag_outputs(arguments, asked.values().values())
-    if arguments.with_configs:
-        written.add(configs(arguments.output))
-    truths: dict[Path, str] = {}
-    if _has_readings(arguments) and not arguments.output.parent.is_file():  # one line is enough
-        truths = new_truths(arguments.output, simulated)
-        for path in truths:
-            written.add(path)
-    with written:
-        result = _generated(arguments, asked, names, written)
-        for path, text in truths.items():
-            written.where(path).write_text(text, encoding="utf-8")
-    result["wall_s"] = time.perf_counter() - started
-    _report(result, arguments)
-
-
-def _generated(
-    arguments: argparse.Namespace,
-    asked: camera_output.Asked,
-    names: dict[str, str],
-    written: Outputs,
-) -> dict[str, Any]:
-    """Write the output and its configurations; returns the result but the time that it took."""
-    simulated = simulations(asked.simulator)
-    body = SimulatedBody(
-        simulated,
-        pose_reader=PoseReader(arguments, "generate"),
-        sensors=sensors(names, imus_of(simulated), asked.simulator.sensors),
-    )
-    if body.total is None:
-        raise ConfigurationError(
-            "duration = 0: this trajectory has no end; give a duration, for instance --duration 20s"
-        )
-    for warning in body.warnings():
-        print(f"generate: warning: {warning}", file=sys.stderr)
-    imus = {name: body.simulations[name] for name in imus_of(simulated)}
-    of_body = body.simulations[body_of(list(imus))]
-    if not (arguments.quiet or arguments.json):
-        print("".join(f"{note}\n" for note in of_body.notes()), end="")
-    output = written.where(arguments.output)
-    cameras = camera_output.rig(asked.rig, of_body)
-    with _target(arguments, output, simulated, names, cameras) as target:
-        written.describe(arguments.output, target.described)
-        _write(body, target, arguments)
-    if bag_output.form(arguments) == "tum_vi":
-        from imu_sim_ros.commands.configurations import write_tum_vi_calibration
-
-        write_tum_vi_calibration(output / "dso", simulated[""], asked.rig)
-    if arguments.with_configs:
-        from imu_sim_ros.commands.configurations import bagcreater_topics, write_configs
-
-        folder = written.where(configs(arguments.output))
-        topics = bagcreater_topics(imus) if arguments.format == "csv" else names
-        for warning in write_configs(folder, imus, topics, asked.rig):
-            print(f"generate: warning: {warning}", file=sys.stderr)
-        camera_output.write_parameters(folder, arguments.output.name, asked)
-    return {
-        "output": str(arguments.output),
-        "messages": target.counts,
-        "samples": sum(simulation.position for simulation in imus.values()),
-        "wall_s": 0.0,
-        "bytes": sum(file.stat().st_size for file in target.files if file.is_file()),
-    }
-
-
-@contextmanager
-def _bag(
-    arguments: argparse.Namespace,
-    output: Path,
-    parameters: dict[str, SimulationParameters],
-    names: dict[str, str],
-    cameras: Any,
-) -> Iterator[Any]:
-    """Open a bag; it is complete when the block ends without an error."""
-    imus = imus_of(parameters)
-    known = offered(imus, tuple(carried(parameters[body_of(imus)])))
-    with open_writer(
-        output,
+    setup = Setup.load(_layers(arguments))
+    bag_output.form(arguments)  # a line for each option that does not fit
+    if setup.rig is not None and arguments.jobs < 1:
+        raise InputError(f"--jobs {arguments.jobs}: must be at least 1")
+    written = outputs(arguments, setup.values().values())
+    form = Form(
+        arguments.format,
         arguments.storage,
         arguments.compression,
         arguments.split_duration,
         arguments.split_size,
-    ) as writer:
-        own = {name: new for name, new in names.items() if name in known}
-        bag = BagTarget(writer, parameters, own)
-        if cameras is None:
-            yield bag
-            return
-        seen = {name: new for name, new in names.items() if name not in known}
-        with camera_output.in_bag(bag, cameras, seen, arguments) as target:
-            yield target
+        [name for name in arguments.topics.split(",") if name],
+        arguments.imu_only,
+        dict(arguments.topic),
+        arguments.with_configs,
+        arguments.jobs,
+    )
+    reader = PoseReader(arguments, "generate")
+    _report(
+        write(arguments.output, form, setup, written, _watcher(arguments), reader).to_dict(),
+        arguments,
+    )
 
 
-@contextmanager
-def _target(
-    arguments: argparse.Namespace,
-    output: Path,
-    parameters: dict[str, SimulationParameters],
-    names: dict[str, str],
-    cameras: Any,
-) -> Iterator[Any]:
-    """Open the output; it is complete when the block ends without an error."""
-    form, imus = bag_output.form(arguments), imus_of(parameters)
-    camera_output.check_form(form, output, cameras, len(imus))
-    if form is None:
-        with _bag(arguments, output, parameters, names, cameras) as bag:
-            yield bag
-        return
-    body = parameters[body_of(imus)]
-    further = tuple(carried(body))
-    tables = in_tables(names, form, imus, further)
-    if form in camera_output.CAMERA_FORMATS:
-        with camera_output.opened(form, output, cameras, names, parameters, arguments) as seen:
-            yield seen
-        return
-    states = TRUTH_TOPIC in names
-    with text_writer.Dataset(output, form, states, len(imus), tables) as dataset:
-        target = DatasetTarget(dataset, imus, further)
-        if cameras is None:
-            yield target
-        else:
-            comment = f"simulated by imu_sim_ros, seed {body.seed}"
-            with camera_output.images(form, output, cameras, arguments, comment) as seen:
-                target = camera_output.CameraTarget(dataset, seen, imus, further)
-                yield target
-        if form == "euroc":
-            from imu_sim_ros.commands.configurations import describe
-
-            for k, name in enumerate(imus):
-                own = [table for table, imu in tables if imu == k]
-                describe(output, k, parameters[name], states, own, body)
-    target.files = dataset.files
-
-
-def _write(
-    body: SimulatedBody, target: BagTarget | DatasetTarget, arguments: argparse.Namespace
-) -> None:
-    """Write all samples."""
+def _watcher(arguments: argparse.Namespace) -> Watcher:
+    """Return who prints warnings, notes and progress."""
     quiet = arguments.quiet or arguments.json
-    with program.progress(f"writing {arguments.output}", body.total or 0, quiet) as advance:
-        # The samples are made in a thread of their own while the messages are written.
-        size = min(BLOCK_SIZE, getattr(target, "block_size", BLOCK_SIZE))
-        windows = ahead(body.windows(size))
-        try:
-            for blocks in windows:
-                target.write(blocks)
-                advance(sum(len(block.t_ns) for block in blocks.values()))
-        finally:
-            windows.close()  # type: ignore[attr-defined]
+
+    def warn(line: str) -> None:
+        print(f"generate: warning: {line}", file=sys.stderr)
+
+    def note(line: str) -> None:
+        if not quiet:
+            print(line)
+
+    def progress(total: int) -> AbstractContextManager[Callable[[float], None]]:
+        return program.progress(f"writing {arguments.output}", total, quiet)
+
+    return Watcher(warn, note, progress)
 
 
-def _has_readings(arguments: argparse.Namespace) -> bool:
-    return bag_output.form(arguments) not in ("tum", "vio_data_simulation")
+def _layers(arguments: argparse.Namespace) -> dict[str, object]:
+    """Return all parameters by dotted name; prints what a user may not expect of them."""
+    *below, last = program.simulation_layers(arguments)
+    given: dict[str, object] = {}
+    for values in below:
+        given.update(values)
+    short = camera_layer(arguments.camera, arguments.scene)
+    _put_short(given, short, len(arguments.camera))
+    given.update(last)
+    if not (arguments.quiet or arguments.json):
+        for note in _notes(arguments, below[:-1], of_the_node(given)):
+            print(f"generate: note: {note}", file=sys.stderr)
+    return given
+
+
+def _put_short(given: dict[str, object], short: Mapping[str, object], cameras: int) -> None:
+    """Put short arguments above the files', whose further cameras do not count beside ``--camera``.
+
+    :param cameras: how many ``--camera`` there are.
+    """
+    named = given.get("cameras")
+    if cameras and isinstance(named, list):
+        gone = set(map(str, named)) - {f"cam{k}" for k in range(cameras)}
+        for name in [name for name in given if name.partition(".")[0] in gone]:
+            del given[name]
+    given.update(short)
+
+
+def _notes(
+    arguments: argparse.Namespace,
+    in_files: Iterable[Mapping[str, object]],
+    node: Iterable[str],
+) -> Iterator[str]:
+    """Yield what a user may not expect of parameters that are allowed.
+
+    :param in_files: the parameters that stand in files.
+    :param node: names of parameters that only a node has.
+    """
+    shown = dict.fromkeys(name.partition("./")[0] for name in node)  # one for all topics
+    if shown:
+        yield f"no effect in a file: {', '.join(shown)}"
+    every = dict.fromkeys(name for values in in_files for name in values)
+    above = [name for name in every if name.startswith("imu.") and name != "imu.preset"]
+    if arguments.imu is not None and above:
+        others = f" and {len(above) - 3} more" if len(above) > 3 else ""
+        yield (
+            f"--imu {arguments.imu} is what the parameter file starts from; "
+            f"the file's own values count: {', '.join(above[:3])}{others}"
+        )
+
+
+def _add_cameras(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments that choose cameras and scene."""
+    group = parser.add_argument_group("cameras")
+    group.add_argument(
+        "--camera",
+        metavar="NAME|FILE",
+        action="append",
+        default=[],
+        help="camera: a preset (see --list-cameras) or a file; repeatable, named cam0, cam1, "
+        "... in order",
+    )
+    group.add_argument(
+        "--jobs",
+        metavar="N",
+        type=int,
+        default=cores(),
+        help="number of threads that render images (default: one per processor)",
+    )
+    group.add_argument(
+        "--scene",
+        metavar="NAME|FILE",
+        help="scene: a preset (see --list-scenes), a parameter file, or points (CSV, PLY)",
+    )
 
 
 def _report(result: dict[str, Any], arguments: argparse.Namespace) -> None:

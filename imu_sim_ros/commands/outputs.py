@@ -4,16 +4,12 @@
 """Arguments of what a command writes: ``-o``, ``--plot``, ``--force``."""
 
 import argparse
-import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from imu_sim_ros import signals
 from imu_sim_ros.bags.outputs import Outputs
-
-if TYPE_CHECKING:
-    pass
 
 PICTURES: Final = (".png", ".svg", ".pdf")
 """What the name of a picture may end in."""
@@ -56,11 +52,6 @@ def output_and_plot(arguments: argparse.Namespace) -> Outputs:
     if arguments.plot is not None:
         written.add(arguments.plot, endings=PICTURES)
     return written
-
-
-def named(path: Path) -> Path:
-    """Return a path that ends in a name: ``.`` is the working folder; only the root has none."""
-    return Path(os.path.abspath(path)) if path.name in ("", "..") else path
 
 
 def _named_files(arguments: argparse.Namespace) -> Iterator[Path]:

@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Final
 
 from imu_sim_ros import program
+from imu_sim_ros.bags.outputs import named
 from imu_sim_ros.commands.inputs import PoseReader, add_skip_bad_rows, skipped_rows
-from imu_sim_ros.commands.outputs import add_force, named, outputs
+from imu_sim_ros.commands.outputs import add_force, outputs
 from imu_sim_ros.errors import InputError
 
 EXAMPLES: Final = """

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from imu_sim_ros import arguments
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import gate
-from imu_sim_ros.jobs.output import checked_place, saved
+from imu_sim_ros.jobs.output import checked_place, renamed_topics, saved
 from imu_sim_ros.jobs.readings import (
     BAG_OR_FILE,
     Odometry,
@@ -260,7 +260,7 @@ class Flight:
         further = tuple(carried(self.parameters))
         form = format or ("csv" if path.suffix == ".csv" else None)
         usual = usual_topics(further, form, path, imu_only)
-        names = chosen_topics(wanted, imu_only, _renamed(rename), more=usual, further=further)
+        names = chosen_topics(wanted, imu_only, renamed_topics(rename), more=usual, further=further)
         for sensor in sensors_of(names, further):
             getattr(self, sensor)  # refused before anything is written
         with saved(path, force, flatten(self.parameters).values()) as place:
@@ -286,15 +286,3 @@ class Flight:
             rows = DatasetTarget(dataset, further=further)
             for block in self._blocks:
                 rows.write({"": block})
-
-
-def _renamed(given: Mapping[str, str] | None) -> Mapping[str, str]:
-    if given is None:
-        return {}
-    allowed = "names of topics by names of topics"
-    if not isinstance(given, Mapping):
-        arguments.refuse("rename", given, allowed, wrong_type=True)
-    return {
-        arguments.text("rename", a, allowed): arguments.text("rename", b, allowed)
-        for a, b in given.items()
-    }

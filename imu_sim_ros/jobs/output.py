@@ -3,7 +3,7 @@
 
 """How every ``save`` writes: refused where something exists, renamed when it is complete."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -32,14 +32,28 @@ def saved(path: str | Path, force: bool, inputs: Iterable[object] = ()) -> Itera
     from imu_sim_ros.bags.outputs import Outputs
 
     path = checked_place(path, force)
-    outputs = Outputs([word for word in inputs if _is_file(word)], force)  # type: ignore[misc]
+    outputs = Outputs([word for word in inputs if is_file(word)], force)  # type: ignore[misc]
     place = outputs.add(path)
     with outputs:
         yield place
 
 
-def _is_file(word: object) -> bool:
+def is_file(word: object) -> bool:
+    """Return whether a value is the name of a file."""
     try:
         return isinstance(word, str | Path) and bool(str(word)) and Path(word).is_file()
     except (OSError, ValueError):  # no name of a file
         return False
+
+
+def renamed_topics(given: Mapping[str, str] | None) -> Mapping[str, str]:
+    """Return names in a bag by the topics' own, the argument ``rename``."""
+    if given is None:
+        return {}
+    allowed = "names of topics by names of topics"
+    if not isinstance(given, Mapping):
+        arguments.refuse("rename", given, allowed, wrong_type=True)
+    return {
+        arguments.text("rename", a, allowed): arguments.text("rename", b, allowed)
+        for a, b in given.items()
+    }

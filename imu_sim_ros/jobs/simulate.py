@@ -166,12 +166,7 @@ def _simulation(
     if params_file is not None:
         below, published = _of_file(arguments.path("params_file", params_file))
         beside = published if sensors is None else beside
-    own: dict[str, object] = {**imu_parameters(imu), **flat_parameters("parameters", parameters)}
-    motion = _motion(trajectory)
-    own.update(motion.parameters)
-    given = {"duration": None if duration is None else _seconds(duration), "rate": rate}
-    given["seed"] = seed
-    own.update({name: value for name, value in given.items() if value is not None})
+    own, motion = given_layers(imu, trajectory, duration, rate, seed, parameters)
     if sensors is not None:
         quantities = [sensor.quantity for sensor in auxiliary_sensors()]
         own["sensors"] = sorted(name for name in beside if name not in quantities)
@@ -183,6 +178,24 @@ def _simulation(
             "duration: this trajectory has no end; give a duration, duration=60"
         )
     return simulation
+
+
+def given_layers(
+    imu: object,
+    trajectory: object,
+    duration: float | str | None,
+    rate: float | None,
+    seed: int | None,
+    parameters: Mapping[str, Any],
+) -> tuple[dict[str, object], GivenMotion]:
+    """Return the parameters that the arguments of :func:`simulate` give, by dotted name."""
+    own: dict[str, object] = {**imu_parameters(imu), **flat_parameters("parameters", parameters)}
+    motion = _motion(trajectory)
+    own.update(motion.parameters)
+    given = {"duration": None if duration is None else _seconds(duration), "rate": rate}
+    given["seed"] = seed
+    own.update({name: value for name, value in given.items() if value is not None})
+    return own, motion
 
 
 def _of_file(path: Path) -> tuple[dict[str, object], frozenset[str]]:
@@ -208,7 +221,7 @@ def _poses_of_any_file(path: str | Path, *options: Any) -> PoseSequence:
     return read_poses(path, *options)
 
 
-class _Motion(NamedTuple):
+class GivenMotion(NamedTuple):
     """What a trajectory stands for."""
 
     parameters: Mapping[str, object]
@@ -216,21 +229,21 @@ class _Motion(NamedTuple):
     given: Trajectory | None = None
 
 
-def _motion(trajectory: object) -> _Motion:
+def _motion(trajectory: object) -> GivenMotion:
     if trajectory is None:
-        return _Motion({})
+        return GivenMotion({})
     if isinstance(trajectory, np.ndarray):
         trajectory = poses_of_rows(trajectory)
     if isinstance(trajectory, PoseSequence):
         own = {"trajectory.type": "poses", "trajectory.file": "poses given as arrays"}
         poses = checked_poses("trajectory", trajectory)
-        return _Motion(own, lambda *_: poses)
+        return GivenMotion(own, lambda *_: poses)
     if isinstance(trajectory, Mapping):
         flat = flat_parameters("trajectory", trajectory)
-        return _Motion({f"trajectory.{name}": value for name, value in flat.items()})
+        return GivenMotion({f"trajectory.{name}": value for name, value in flat.items()})
     if isinstance(trajectory, str | PathLike):
         path = arguments.path("trajectory", trajectory, "a name or the path of a file")
-        return _Motion(trajectory_layer(str(path)))
+        return GivenMotion(trajectory_layer(str(path)))
     given = given_trajectory(trajectory)
     if given is None:
         refuse(
@@ -241,7 +254,7 @@ def _motion(trajectory: object) -> _Motion:
             "that returns positions (n, 3) and attitudes (n, 4)",
             wrong_type=True,
         )
-    return _Motion({"trajectory.type": GIVEN}, given=given)
+    return GivenMotion({"trajectory.type": GIVEN}, given=given)
 
 
 def _name(imu: object, trajectory: object, simulation: Simulation) -> str:

@@ -221,14 +221,19 @@ class SimulatedBody:
         parameters: Mapping[str, SimulationParameters],
         pose_reader: PoseReader = read_poses,
         sensors: Mapping[str, Collection[str]] | None = None,
+        given: Trajectory | None = None,
     ) -> None:
         """Set up all simulations; arguments and errors as for :class:`Simulation`.
 
         :param parameters: at least one; all have the same trajectory and duration.
         :param sensors: what is read beside each IMU, by the names of the simulations.
+        :param given: the bare motion of the type ``given``.
         """
         self.simulations: dict[str, Simulation] = {}
         trajectory = None
+        if given is not None:
+            first = next(iter(parameters.values()))
+            trajectory = build_trajectory(first.trajectory, pose_reader, given)
         for name, own in parameters.items():
             beside = (sensors or {}).get(name, ())
             self.simulations[name] = Simulation(

@@ -8,7 +8,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from imu_sim_ros.commands.side_files import _truth_text
+from imu_sim_ros.datasets.truth_files import _truth_text
 from imu_sim_ros.parameters.sections import flatten, parameters
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.realised import realised_imu

@@ -10,8 +10,10 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from imu_sim_ros import rotation
 from imu_sim_ros.sensors.camera.parameters import (
     CameraModelParameters,
+    CameraParameters,
     distorted_radius,
     fold,
     radial_coefficients,
@@ -392,3 +394,22 @@ def _polar(p: Array) -> tuple[Array, Array]:
     """Return the distance of points (n, 3) from the axis, and the angle from it [rad]."""
     rho = np.sqrt(p[:, 0] * p[:, 0] + p[:, 1] * p[:, 1])
     return rho, np.arctan2(rho, p[:, 2])
+
+
+def reprojection_errors(
+    camera: CameraParameters, position: Array, q_wb: Array, landmarks: Array, uv: Array
+) -> Array:
+    """Return ``uv - project(T_bc^-1 T_wb^-1 p_w)`` (n, 2) [px].
+
+    Not a number where a landmark would be behind the camera or outside its model.
+
+    :param position: (n, 3) p_wb [m] of the body when each feature was seen.
+    :param q_wb: (n, 4).
+    :param landmarks: (n, 3) p_w [m] of what was seen.
+    :param uv: (n, 2) where it was seen.
+    """
+    r_bc, p_bc = camera.pose()
+    in_body = rotation.rotate_inverse(q_wb, landmarks - position)
+    pixels, valid = CameraModel(camera).project((in_body - p_bc) @ r_bc)
+    errors: Array = np.where(valid[:, None], uv - pixels, np.nan)
+    return errors

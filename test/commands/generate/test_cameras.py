@@ -10,6 +10,7 @@ import pytest
 
 from imu_sim_ros import rotation
 from imu_sim_ros.commands import generate
+from imu_sim_ros.jobs import generate as job
 from imu_sim_ros.parameters import files
 from imu_sim_ros.poses import read_poses
 from imu_sim_ros.sensors.camera.rig_parameters import load_rig, split_rig
@@ -88,7 +89,7 @@ def test_the_truth_of_the_tracks_is_that_of_the_poses(tmp_path):
 
 def test_tracks_do_not_depend_on_how_they_are_written(tmp_path, monkeypatch):
     for name, size in (("a", 16384), ("b", 33)):
-        monkeypatch.setattr(generate, "BLOCK_SIZE", size)
+        monkeypatch.setattr(job, "BLOCK_SIZE", size)
         words = ["-o", str(tmp_path / name), "--format", "tracks", *STEREO]
         assert generate.main(words) == 0
     files_a = sorted(file.name for file in (tmp_path / "a").iterdir())

@@ -14,6 +14,7 @@ import yaml
 
 from imu_sim_ros.commands import generate
 from imu_sim_ros.datasets.images import millimetres
+from imu_sim_ros.jobs import generate as job
 from imu_sim_ros.simulation.cameras import build_rig
 from imu_sim_ros.trajectory.parameters import trajectory_layer
 
@@ -129,7 +130,7 @@ def test_python_gives_the_frames_of_the_command(tmp_path):
 
 def test_the_number_of_threads_and_the_block_change_nothing(tmp_path, monkeypatch):
     for name, jobs, size in (("a", "1", 16384), ("b", "3", 17)):
-        monkeypatch.setattr(generate, "BLOCK_SIZE", size)
+        monkeypatch.setattr(job, "BLOCK_SIZE", size)
         words = ["-o", str(tmp_path / name), "--format", "euroc", "--jobs", jobs, *RIG]
         assert generate.main(words) == 0
     assert hashes(tmp_path / "a") == hashes(tmp_path / "b")

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What ``generate`` puts next to its output: the realised truth, and each stack's configuration."""
+"""Next to an output of a simulation: its realised truth, and the folder of configurations."""
 
 import dataclasses
 import glob
@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from imu_sim_ros.commands.outputs import named
+from imu_sim_ros.bags.outputs import named
 from imu_sim_ros.datasets.topics import body_of, imus_of
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import is_present

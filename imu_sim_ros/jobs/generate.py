@@ -1,0 +1,525 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Parameters in, a bag or a dataset out, as fast as the machine can."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+from imu_sim_ros import arguments
+from imu_sim_ros.bags.outputs import Outputs
+from imu_sim_ros.bags.text import writer as text_writer
+from imu_sim_ros.bags.threads import ahead
+from imu_sim_ros.bags.write import (
+    COMPRESSIONS,
+    STORAGES,
+    check_split,
+    check_writer,
+    dataset_form,
+    open_writer,
+)
+from imu_sim_ros.conventions import TRUTH_TOPIC
+from imu_sim_ros.datasets import camera_outputs, truth_files
+from imu_sim_ros.datasets.topics import (
+    BagTarget,
+    DatasetTarget,
+    body_of,
+    chosen_topics,
+    imus_of,
+    in_tables,
+    offered,
+    sensors,
+    usual_topics,
+)
+from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.jobs.output import checked_place, is_file, renamed_topics
+from imu_sim_ros.jobs.simulate import GivenMotion, Moving, given_layers
+from imu_sim_ros.machine import cores
+from imu_sim_ros.parameters import files
+from imu_sim_ros.parameters.sections import flatten
+from imu_sim_ros.simulation.engine import SimulatedBody, Simulation
+from imu_sim_ros.simulation.playback import (
+    SimulatorParameters,
+    has_cameras,
+    load_simulator,
+    of_the_node,
+    simulations,
+)
+from imu_sim_ros.trajectory.build import PoseReader
+from imu_sim_ros.trajectory.motion import Trajectory
+
+if TYPE_CHECKING:
+    from imu_sim_ros.sensors.camera.rig import Rig
+    from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
+
+BLOCK_SIZE: Final = 16384
+_MOST_JOBS: Final = 1024
+
+
+class Setup(NamedTuple):
+    """What is simulated: IMUs on a body, and cameras."""
+
+    simulator: SimulatorParameters
+    rig: RigParameters | None
+    """None without cameras."""
+
+    @classmethod
+    def load(cls, given: Mapping[str, object]) -> Setup:
+        """Return what parameters by dotted name describe.
+
+        :raises ConfigurationError: with a line for each problem with IMUs or cameras.
+        """
+        if not has_cameras(given):
+            return cls(load_simulator(given), None)
+        from imu_sim_ros.sensors.camera.rig_parameters import load_rig, rig_problems, split_rig
+        from imu_sim_ros.simulation.cameras import fitted
+
+        of_rig, others = split_rig(fitted(given))
+        problems: list[str] = []
+        loaded: list[Any] = []
+        for load, values in ((load_simulator, others), (load_rig, of_rig)):
+            try:
+                loaded.append(load(values))
+            except ConfigurationError as error:
+                problems += error.problems
+        if not problems:
+            problems += rig_problems(loaded[1], loaded[0])
+        if problems:
+            raise ConfigurationError(problems)
+        return cls(*loaded)
+
+    def values(self) -> dict[str, Any]:
+        """Return everything that decides the samples and frames, by dotted name."""
+        simulated = flatten(simulations(self.simulator).get("", self.simulator))
+        node = set(of_the_node(simulated))
+        own = {name: value for name, value in simulated.items() if name not in node}
+        return {**own, **(flatten(self.rig) if self.rig else {})}
+
+
+@dataclass(frozen=True)
+class Form:
+    """What is written, and how."""
+
+    dataset: str | None = None
+    """``euroc``, ``csv``, ``tum``, ``tracks``, ``tum_vi``, ``vio_data_simulation``; None: a bag."""
+    storage: str | None = None
+    compression: str | None = None
+    split_duration: float = 0.0
+    """[s] of one file; 0: all."""
+    split_size: int = 0
+    """[bytes] of one file; 0: all."""
+    topics: Sequence[str] = ()
+    """None: the readings, the truth and the cameras' own."""
+    imu_only: bool = False
+    """Without the truth."""
+    renamed: Mapping[str, str] = field(default_factory=dict)
+    """Names in the bag by the topics' own."""
+    with_configs: bool = False
+    """Write each stack's configuration to OUTPUT_configs."""
+    jobs: int = field(default_factory=cores)
+    """Threads that render images."""
+
+
+@dataclass(frozen=True)
+class Generated:
+    """What :func:`generate` wrote."""
+
+    output: Path
+    messages: dict[str, int]
+    """Messages by topic, rows by table, images by camera."""
+    samples: int
+    """Of all IMUs."""
+    bytes: int
+    wall_s: float
+    warnings: tuple[str, ...] = ()
+    """Settings that are allowed but may be unintended, a line each."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what ``--json`` prints."""
+        return {
+            "output": str(self.output),
+            "messages": self.messages,
+            "samples": self.samples,
+            "wall_s": self.wall_s,
+            "bytes": self.bytes,
+        }
+
+    def __repr__(self) -> str:
+        counts = ", ".join(f"{count} {name}" for name, count in self.messages.items())
+        return f"<Generated {self.output.name}: {counts}>"
+
+
+@contextmanager
+def _no_progress(_total: int) -> Iterator[Callable[[float], None]]:
+    yield lambda _count: None
+
+
+@dataclass(frozen=True)
+class Watcher:
+    """Who learns of what happens meanwhile; nobody by default."""
+
+    warn: Callable[[str], None] = lambda line: None
+    note: Callable[[str], None] = lambda line: None
+    progress: Callable[[int], AbstractContextManager[Callable[[float], None]]] = _no_progress
+    """Called with the number of samples; its block receives how many more have been written."""
+
+
+def generate(
+    output: str | Path,
+    *,
+    imu: str | Path | Mapping[str, Any] | None = None,
+    trajectory: Moving = None,
+    duration: float | str | None = None,
+    rate: float | None = None,
+    seed: int | None = None,
+    cameras: str | Path | Sequence[str | Path] = (),
+    scene: str | Path | None = None,
+    params_file: str | Path | None = None,
+    format: str | None = None,
+    storage: str | None = None,
+    compression: str | None = None,
+    split_duration: float = 0.0,
+    split_size: int = 0,
+    topics: str | Sequence[str] = (),
+    imu_only: bool = False,
+    rename: Mapping[str, str] | None = None,
+    with_configs: bool = False,
+    jobs: int | None = None,
+    force: bool = False,
+    **parameters: Any,
+) -> Generated:
+    """Write a bag or a dataset, the files of the program ``generate``, of any duration.
+
+    :param output: ``NAME.bag`` is a ROS 1 bag, ``NAME.mcap`` one MCAP file, ``NAME.csv`` and
+        ``NAME.tum`` are tables, anything else a rosbag2 folder. Parents are made.
+    :param cameras: names in config/cameras or parameter files: cam0, cam1, ... in this order.
+    :param scene: what they see: a name in config/scenes, a parameter file, or a file of points.
+    :param format: a dataset in place of a bag: ``euroc``, ``csv``, ``tum``, ``tracks``, ...
+    :param storage: of a bag, ``mcap``, ``sqlite3`` or ``ros1``; ``compression``: ``none``, ...
+    :param split_duration: [s] of one file, and ``split_size`` [bytes]; 0: all.
+    :param topics: by default the readings, ``ground_truth/odom`` and those of other sensors.
+    :param imu_only: without the truth.
+    :param rename: another name in the bag for a topic, ``{"imu/data_raw": "/imu0"}``.
+    :param with_configs: write the configuration of each stack to OUTPUT_configs.
+    :param jobs: threads that render images; by default one for each processor.
+    :param force: replace what exists, but never a file that is read.
+
+    The other arguments are those of :func:`simulate`.
+
+    :raises ConfigurationError: with a line for each problem with an argument or a parameter.
+    :raises InputError: for a file that cannot be read, and an output that cannot be written.
+
+    >>> import imu_sim_ros as ims
+    >>> ims.generate(folder / "made.mcap", imu="mpu6000", duration=2, seed=1)
+    <Generated made.mcap: 400 /imu/data_raw, 400 /ground_truth/odom>
+    """
+    bag = (storage, compression, split_duration, split_size)
+    form = _form(format, bag, topics, imu_only, rename, with_configs, jobs)
+    own, motion = given_layers(imu, trajectory, duration, rate, seed, parameters)
+    file = None if params_file is None else arguments.path("params_file", params_file)
+    below = {} if file is None else files.load(file, "simulator")
+    setup = Setup.load({**below, **_of_cameras(cameras, scene), **own})
+    return _written(checked_place(output, force), form, setup, motion, force)
+
+
+def _written(path: Path, form: Form, setup: Setup, motion: GivenMotion, force: bool) -> Generated:
+    """Write an output; its warnings are a part of the result."""
+    read = [word for word in setup.values().values() if is_file(word)]
+    warnings: list[str] = []
+    watcher = Watcher(warnings.append)
+    found = write(
+        path, form, setup, Outputs(read, force), watcher, motion.pose_reader, motion.given
+    )
+    return dataclasses.replace(found, warnings=tuple(warnings))
+
+
+def _form(
+    format: str | None,
+    bag: tuple[str | None, str | None, float, int],
+    topics: str | Sequence[str],
+    imu_only: bool,
+    rename: Mapping[str, str] | None,
+    with_configs: bool,
+    jobs: int | None,
+) -> Form:
+    """Return the form that arguments of :func:`generate` describe.
+
+    :raises ConfigurationError: for one that is not what it must be.
+    """
+    storage, compression, split_duration, split_size = bag
+    return Form(
+        None if format is None else arguments.one_of("format", format, camera_outputs.FORMATS),
+        None if storage is None else arguments.one_of("storage", storage, STORAGES),
+        None if compression is None else arguments.one_of("compression", compression, _COMPRESSED),
+        arguments.number("split_duration", split_duration, "seconds, 0 or more", 0.0),
+        arguments.whole("split_size", split_size, "bytes, 0 or more", 0, 1 << 62),
+        arguments.words("topics", topics),
+        arguments.switch("imu_only", imu_only),
+        renamed_topics(rename),
+        arguments.switch("with_configs", with_configs),
+        cores() if jobs is None else jobs,
+    )
+
+
+_COMPRESSED: Final = tuple(dict.fromkeys(name for names in COMPRESSIONS.values() for name in names))
+
+
+def _of_cameras(
+    cameras: str | Path | Sequence[str | Path], scene: str | Path | None
+) -> dict[str, object]:
+    """Return the parameters of cameras that are given by name or file."""
+    several = [cameras] if isinstance(cameras, str | Path) else list(cameras)
+    allowed = "a name or the path of a file"
+    return camera_layer(
+        [str(arguments.path("cameras", one, allowed)) for one in several],
+        None if scene is None else str(arguments.path("scene", scene, allowed)),
+    )
+
+
+def camera_layer(cameras: Sequence[str], scene: str | None) -> dict[str, object]:
+    """Return the parameters, by dotted name, of cameras cam0, cam1, ... and what they see.
+
+    :param cameras: names in config/cameras, or files.
+    :param scene: a name in config/scenes or a file.
+    """
+    result: dict[str, object] = {}
+    if cameras:
+        result["cameras"] = [f"cam{k}" for k in range(len(cameras))]
+        result.update({f"cam{k}.camera.preset": name for k, name in enumerate(cameras)})
+    if scene is not None:
+        from imu_sim_ros.sensors.camera.rig_parameters import scene_layer
+
+        result.update(scene_layer(scene))
+    return result
+
+
+def write(
+    path: Path,
+    form: Form,
+    setup: Setup,
+    written: Outputs,
+    watcher: Watcher,
+    pose_reader: PoseReader,
+    trajectory: Trajectory | None = None,
+) -> Generated:
+    """Write an output, its realised truth and its configurations.
+
+    :param written: receives all that is written.
+    :param pose_reader: reads a file of poses.
+    :param trajectory: a bare motion that was given as an object.
+    :raises ConfigurationError: for what cannot be simulated.
+    :raises InputError: for what cannot be written.
+    """
+    started = time.perf_counter()
+    if not path.name:  # the files next to it are named after it
+        raise InputError(f"{str(path)!r}: is not a file name")
+    job = _Job(path, form, setup, watcher)
+    written.add(path, kept=True)
+    if form.with_configs:
+        written.add(truth_files.configs(path))
+    truths: dict[Path, str] = {}
+    if job.dataset not in _WITHOUT_READINGS and not path.parent.is_file():  # one line is enough
+        truths = truth_files.new_truths(path, job.simulated)
+        for place in truths:
+            written.add(place)
+    with written:
+        result = job.run(written, pose_reader, trajectory)
+        for place, text in truths.items():
+            written.where(place).write_text(text, encoding="utf-8")
+    return dataclasses.replace(result, wall_s=time.perf_counter() - started)
+
+
+_WITHOUT_READINGS: Final = ("tum", "vio_data_simulation")
+
+
+class _Job:
+    """One output that is written."""
+
+    def __init__(self, path: Path, form: Form, setup: Setup, watcher: Watcher) -> None:
+        self.path, self.form, self.setup, self.watcher = path, form, setup, watcher
+        self.simulated = simulations(setup.simulator)
+        self.imus = imus_of(self.simulated)
+        self.dataset = dataset_form(path, form.dataset, _of_bags_only(form))
+        self.further = setup.simulator.sensors
+        self.body = self.simulated[body_of(self.imus)]
+        usual = usual_topics(self.further, self.dataset, path, form.imu_only)
+        self.names = chosen_topics(
+            form.topics,
+            form.imu_only,
+            form.renamed,
+            self.imus,
+            [*self._camera_topics(), *usual],
+            self.further,
+        )
+        fastest = max(parameters.rate for parameters in self.simulated.values())
+        check_split(form.split_duration, 1.0 / fastest, setup.simulator.duration or 0.0)
+        if setup.rig is not None and setup.rig.cameras:
+            arguments.whole("jobs", form.jobs, f"from 1 to {_MOST_JOBS}", 1, _MOST_JOBS)
+        if self.dataset is None:
+            check_writer(path, form.storage, form.compression)
+
+    def _camera_topics(self) -> list[str]:
+        """Return the topics that the cameras have in a bag; none in any other form."""
+        rig = self.setup.rig
+        if rig is None or not rig.cameras or self.dataset is not None:
+            return []
+        from imu_sim_ros.datasets.features import camera_topics
+
+        return list(camera_topics(rig))
+
+    def run(
+        self, written: Outputs, pose_reader: PoseReader, trajectory: Trajectory | None
+    ) -> Generated:
+        """Write the output and its configurations."""
+        topics = sensors(self.names, self.imus, self.further)
+        body = SimulatedBody(self.simulated, pose_reader, topics, trajectory)
+        if body.total is None:
+            raise ConfigurationError(
+                "duration = 0: this trajectory has no end; give a duration, for instance 20s"
+            )
+        for warning in body.warnings():
+            self.watcher.warn(warning)
+        imus = {name: body.simulations[name] for name in self.imus}
+        of_body = body.simulations[body_of(self.imus)]
+        for note in of_body.notes():
+            self.watcher.note(note)
+        output = written.where(self.path)
+        cameras = self._cameras(of_body)
+        with self._target(output, cameras) as target:
+            written.describe(self.path, target.described)
+            self._write(body, target)
+        if self.dataset == "tum_vi":
+            from imu_sim_ros.datasets.configurations import write_tum_vi_calibration
+
+            write_tum_vi_calibration(output / "dso", self.simulated[""], self.setup.rig)
+        if self.form.with_configs:
+            self._write_configs(written.where(truth_files.configs(self.path)), imus)
+        return Generated(
+            self.path,
+            target.counts,
+            sum(simulation.position for simulation in imus.values()),
+            sum(file.stat().st_size for file in target.files if file.is_file()),
+            0.0,
+        )
+
+    def _cameras(self, simulation: Simulation) -> Rig | None:
+        """Return the cameras on the body, with their scene."""
+        if self.setup.rig is None or not self.setup.rig.cameras:
+            return None
+        from imu_sim_ros.sensors.camera.rig import Rig
+
+        own = simulation.parameters
+        duration = own.duration or simulation.trajectory.duration
+        cameras = Rig(self.setup.rig, simulation.trajectory, simulation.t0_ns, duration, own.seed)
+        for name in cameras.views:
+            for line in cameras.warnings(name):
+                self.watcher.warn(f"{name}: {line}")
+        return cameras
+
+    def _write_configs(self, folder: Path, imus: Mapping[str, Simulation]) -> None:
+        """Write each stack's configuration, and all parameters."""
+        from imu_sim_ros.datasets.configurations import bagcreater_topics, write_configs
+
+        topics = bagcreater_topics(imus) if self.form.dataset == "csv" else self.names
+        for warning in write_configs(folder, imus, topics, self.setup.rig):
+            self.watcher.warn(warning)
+        files.write(
+            self.setup.values(),
+            folder / "simulation.yaml",
+            comment=f"All parameters of {self.path.name}:\n"
+            "generate --params-file simulation.yaml generates the same samples.",
+        )
+
+    @contextmanager
+    def _bag(self, output: Path, cameras: Rig | None) -> Iterator[Any]:
+        """Open a bag; it is complete when the block ends without an error."""
+        known, form = offered(self.imus, self.further), self.form
+        with open_writer(
+            output, form.storage, form.compression, form.split_duration, form.split_size
+        ) as writer:
+            own = {name: new for name, new in self.names.items() if name in known}
+            bag = BagTarget(writer, self.simulated, own)
+            if cameras is None:
+                yield bag
+                return
+            of_cameras = {name: new for name, new in self.names.items() if name not in known}
+            with camera_outputs.in_bag(bag, cameras, of_cameras, form.jobs) as target:
+                yield target
+
+    @contextmanager
+    def _target(self, output: Path, cameras: Rig | None) -> Iterator[Any]:
+        """Open the output; it is complete when the block ends without an error."""
+        form = self.dataset
+        camera_outputs.check_form(form, output, cameras, len(self.imus))
+        if form is None:
+            with self._bag(output, cameras) as bag:
+                yield bag
+        elif form in camera_outputs.CAMERA_FORMATS:
+            assert cameras is not None
+            with camera_outputs.opened(
+                form,
+                output,
+                cameras,
+                self.names,
+                self.simulated,
+                self.form.jobs,
+                self.watcher.warn,
+            ) as folder:
+                yield folder
+        else:
+            with self._tables(form, output, cameras) as tables:
+                yield tables
+
+    @contextmanager
+    def _tables(self, form: str, output: Path, cameras: Rig | None) -> Iterator[Any]:
+        """Open tables of text, with images on request."""
+        tables = in_tables(self.names, form, self.imus, self.further)
+        states = TRUTH_TOPIC in self.names
+        with text_writer.Dataset(output, form, states, len(self.imus), tables) as dataset:
+            target = DatasetTarget(dataset, self.imus, self.further)
+            if cameras is None:
+                yield target
+            else:
+                comment = f"simulated by imu_sim_ros, seed {self.body.seed}"
+                with camera_outputs.images(
+                    form, output, cameras, self.form.jobs, comment
+                ) as images:
+                    target = camera_outputs.CameraTarget(dataset, images, self.imus, self.further)
+                    yield target
+            if form == "euroc":
+                from imu_sim_ros.datasets.configurations import describe
+
+                for k, name in enumerate(self.imus):
+                    own = [table for table, imu in tables if imu == k]
+                    describe(output, k, self.simulated[name], states, own, self.body)
+        target.files = dataset.files
+
+    def _write(self, body: SimulatedBody, target: Any) -> None:
+        """Write all samples; they are made in a thread of their own meanwhile."""
+        with self.watcher.progress(body.total or 0) as advance:
+            windows = ahead(
+                body.windows(min(BLOCK_SIZE, getattr(target, "block_size", BLOCK_SIZE)))
+            )
+            try:
+                for blocks in windows:
+                    target.write(blocks)
+                    advance(sum(len(block.t_ns) for block in blocks.values()))
+            finally:
+                windows.close()  # type: ignore[attr-defined]
+
+
+def _of_bags_only(form: Form) -> dict[str, object]:
+    """Return what applies to bags only, by name."""
+    return {
+        "storage": form.storage,
+        "compression": form.compression,
+        "split_duration": form.split_duration,
+        "split_size": form.split_size,
+    }
