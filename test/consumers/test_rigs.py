@@ -401,5 +401,8 @@ def test_what_a_format_cannot_express_of_a_camera_is_said_at_its_top(tmp_path):
         text = (tmp_path / "configs" / name).read_text()
         text = " ".join(text.replace("\n#", " ").split())
         assert text.count(": simulated, but not expressible in this format:") == cameras, name
+        assert "expresses everything" not in text, (
+            name
+        )  # what is said of the IMU is said of it alone
         assert all(term in text for term in said), name
         assert not any(term in text for term in unsaid), name

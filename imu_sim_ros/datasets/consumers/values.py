@@ -172,7 +172,7 @@ def remarks(
     if missing:
         yield f"Simulated, but not expressible in this format: {', '.join(missing)}"
     else:
-        yield "This format expresses everything that is simulated."
+        yield "This format expresses every error of the IMU that is simulated."
 
 
 def comment(lines: Iterator[str] | list[str]) -> str:
