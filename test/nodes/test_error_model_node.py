@@ -98,7 +98,7 @@ def test_live_readings_are_those_of_the_simulation(start, listener, flight):
 
     listener.wait_until(running, "diagnostics")
     assert node.end() == 0
-    assert f"error_model: counted imu/data_raw {len(flight)}" in node.output
+    assert f"error_model: published {len(flight)} messages on imu/data_raw" in node.output
 
 
 def test_changes_faults_reset_and_bad_messages(start, listener):
