@@ -6,7 +6,7 @@
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Final, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.poses import PoseSequence, read_poses
-from imu_sim_ros.trajectory.given import given_trajectory
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.trajectory.parameters import (
     GIVEN,
@@ -220,6 +219,13 @@ def _own_motion(parameters: TrajectoryParameters) -> Trajectory:
             f"trajectory.type = {parameters.type!r}: {type(parameters).__name__} lacks "
             "duration or sample(t)"
         )
-    own = given_trajectory(parameters)
-    assert own is not None
-    return own
+    return _Own(parameters)
+
+
+class _Own:
+    """The motion of a user's own parameters, which may leave out the highest frequency."""
+
+    def __init__(self, parameters: Any) -> None:
+        self.sample = parameters.sample
+        self.duration: float = parameters.duration
+        self.highest_frequency: float = getattr(parameters, "highest_frequency", 0.0)

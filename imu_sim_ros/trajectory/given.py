@@ -4,7 +4,6 @@
 """A motion that comes from Python: an object with ``sample(t)``, or a function of time."""
 
 import math
-import traceback
 from collections.abc import Callable
 from typing import Any, Final
 
@@ -159,6 +158,8 @@ def _called(function: Callable[[], Any], name: str) -> Any:
     except ImuSimError:
         raise
     except Exception as error:
+        import traceback
+
         where = traceback.extract_tb(error.__traceback__)[-1]
         raise ConfigurationError(
             f"{name}: raised {type(error).__name__}: {error} (line {where.lineno} of "
