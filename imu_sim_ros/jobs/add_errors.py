@@ -153,11 +153,28 @@ class ErrorModel:
         :param orientation: (4,) or (n, 4) q_wb (w, x, y, z); needed where gravity is missing.
         :raises InputError: for readings that are not finite or not possible; none of them counts.
         """
+        if type(t_ns) is int and orientation is None:
+            block = self._read_one(t_ns, gyro, accel)
+            if block is not None:
+                return block
         given = _given(t_ns, gyro, accel, orientation, "read")
         blocks = self._model.read(given)
         if len(blocks) == 1:
             return blocks[0]
         return error_model.joined(blocks) if blocks else _nothing(self._model.position)
+
+    def _read_one(self, t_ns: int, gyro: Any, accel: Any) -> ImuBlock | None:
+        """Return the sample of one sound reading, the usual case inside a simulator's step."""
+        try:
+            x, y, z = gyro.tolist() if isinstance(gyro, np.ndarray) else gyro
+            rate = (float(x), float(y), float(z))
+            x, y, z = accel.tolist() if isinstance(accel, np.ndarray) else accel
+            force = (float(x), float(y), float(z))
+        except (TypeError, ValueError, OverflowError):  # many, or none: said elsewhere
+            return None
+        if not gate.is_reading(t_ns, rate, force):
+            return None
+        return self._model.read_one(t_ns, rate, force)
 
     def update(self, **parameters: Any) -> None:
         """Change live parameters by their ROS names, ``imu={"gyroscope_bias": [0.1, 0, 0]}``.

@@ -124,6 +124,16 @@ def read_in(model: ErrorModel, given: Given, sizes: list[int]) -> ImuBlock:
     return joined(blocks)
 
 
+def read_singly(model: ErrorModel, given: Given) -> ImuBlock:
+    """Read one by one in plain floats wherever that is possible."""
+    blocks = []
+    for k, t_ns in enumerate(given.t_ns.tolist()):
+        gyro, accel = given.gyro[:, k].tolist(), given.accel[:, k].tolist()
+        block = model.read_one(t_ns, gyro, accel)
+        blocks += model.read(given.at(slice(k, k + 1))) if block is None else [block]
+    return joined(blocks)
+
+
 def assert_same(found: ImuBlock, expected: ImuBlock) -> None:
     for name in COMPARED:
         mine, theirs = getattr(found, name), getattr(expected, name)
@@ -140,6 +150,24 @@ def test_errors_are_those_of_the_simulation(name: str) -> None:
     expected = truth_of(CASES[name])
     for sizes in ([COUNT], [1], [3, 64, 1, 200]):
         assert_same(read_in(model_of(CASES[name]), given_of(expected), sizes), expected)
+    assert_same(read_singly(model_of(CASES[name]), given_of(expected)), expected)
+
+
+def test_one_reading_in_plain_floats_follows_blocks_and_faults() -> None:
+    values = {k: v for name in ("noise_density", "resolution") for k, v in of_triads(name).items()}
+    given = given_of(truth_of(values))
+
+    def run(pieces: list[tuple[int, bool]]) -> ImuBlock:
+        model, blocks, begin = model_of(values), [], 0
+        model.inject(Fault("stuck", 0.1, triad="gyroscope"), 2.0)
+        for count, singly in pieces:
+            part = given.at(slice(begin, begin + count))
+            blocks.append(read_singly(model, part) if singly else read_in(model, part, [count]))
+            begin += count
+        return joined(blocks)
+
+    whole = run([(700, False)])
+    assert_same(run([(3, False), (70, True), (200, False), (427, True)]), whole)
 
 
 def test_oversampled_errors_are_those_of_the_simulation() -> None:
@@ -238,16 +266,23 @@ def test_live_changes_and_faults_do_not_depend_on_the_blocks() -> None:
     def run(sizes: list[int]) -> ImuBlock:
         model = model_of(values)
         model.inject(Fault("bias_jump", 0.5, (0.1, 0.0, 0.0), "gyroscope"), 1.0)
-        begin = read_in(model, given.at(slice(0, 100)), sizes)
+
+        def read(rows: slice) -> ImuBlock:
+            if not sizes:
+                return read_singly(model, given.at(rows))
+            return read_in(model, given.at(rows), sizes)
+
+        begin = read(slice(0, 100))
         changed = load_error_model(
             {"imu.preset": "perfect", "seed": 5, **values, "imu.gyroscope_bias": [1.0, 0.0, 0.0]}
         )
         model.update(changed)
-        return joined([begin, read_in(model, given.at(slice(100, None)), sizes)])
+        return joined([begin, read(slice(100, None))])
 
     whole = run([1000])
     assert_same(run([1]), whole)
     assert_same(run([7, 64]), whole)
+    assert_same(run([]), whole)
     jumps = np.flatnonzero(np.abs(np.diff(whole.gyro_bias[:, 0])) > 0.05) + 1
     assert jumps.tolist() == [128, 200, 300]  # the next multiple of 64; 1 s; 1.5 s
 

@@ -3,6 +3,7 @@
 
 """The chain of a triad: scale, misalignment, temperature, low-pass, range, resolution."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -17,6 +18,9 @@ from imu_sim_ros.sensors.environment import TemperatureParameters
 from imu_sim_ros.sensors.imu.triads import TriadParameters
 from imu_sim_ros.types import Array
 
+Floats = Sequence[float]
+"""Three, x y z."""
+
 
 class Response:
     """The response of a triad to its input x: ``S x + q x^2 + G f + H f^2`` (lecture eq. 7 and 25).
@@ -30,6 +34,11 @@ class Response:
         self._quadratic: Array | None = None
         self._g: Array | None = None
         self._h: Array | None = None
+        # The same in plain floats.
+        self._rows: list[list[float]] = []
+        self._quadratics: list[float] | None = None
+        self._g_rows: list[list[float]] | None = None
+        self._h_rows: list[list[float]] | None = None
 
     def configure(self, parameters: TriadParameters) -> None:
         """Take the coefficients."""
@@ -38,6 +47,10 @@ class Response:
         self._quadratic = np.asarray(parameters.quadratic)[:, None] if quadratic else None
         self._g = _matrix(parameters.g_sensitivity)
         self._h = _matrix(parameters.g_squared_sensitivity)
+        self._rows = self._s.tolist()
+        self._quadratics = None if self._quadratic is None else self._quadratic[:, 0].tolist()
+        self._g_rows = None if self._g is None else self._g.tolist()
+        self._h_rows = None if self._h is None else self._h.tolist()
 
     def apply(self, ideal: Array, force: Array) -> Array:
         """Return the response (3, n), a new array.
@@ -54,6 +67,23 @@ class Response:
             result += transform(self._g, force)
         if self._h is not None:
             result += transform(self._h, force * force)
+        return result
+
+    def one(self, x: Floats, f: Floats) -> list[float]:
+        """Return the response of one reading, :meth:`apply` in plain floats: the same bits."""
+        a, b, c = x
+        result = [0.0 + s[0] * a + s[1] * b + s[2] * c for s in self._rows]
+        if self._quadratics is not None:
+            for k, q in enumerate(self._quadratics):
+                result[k] += q * x[k] * x[k]
+        if self._g_rows is not None:
+            a, b, c = f
+            for k, g in enumerate(self._g_rows):
+                result[k] += 0.0 + g[0] * a + g[1] * b + g[2] * c
+        if self._h_rows is not None:
+            a, b, c = (component * component for component in f)
+            for k, h in enumerate(self._h_rows):
+                result[k] += 0.0 + h[0] * a + h[1] * b + h[2] * c
         return result
 
 
@@ -221,6 +251,11 @@ class LowPass:
                 axes = np.flatnonzero(cutoffs == cutoff)
                 self._groups.append(_Group(axes, sections, signal.sosfilt_zi(sections)))
 
+    @property
+    def active(self) -> bool:
+        """Whether any axis is filtered."""
+        return bool(self._groups)
+
     def apply(self, values: Array) -> None:
         """Filter the next n samples (3, n) in place."""
         if values.shape[1] == 0:
@@ -244,10 +279,14 @@ class Digitiser:
 
     def __init__(self) -> None:
         self._axes: list[tuple[int | slice, float, float]] = []
+        self._limits: list[tuple[float, float, int]] = []
 
     def configure(self, parameters: TriadParameters) -> None:
         """Take range and resolution; 0 is none."""
         limits = list(zip(parameters.range, parameters.resolution, strict=True))
+        self._limits = [
+            (r, step, math.floor(r / step * _WHOLE) if step else 0) for r, step in limits
+        ]
         alike = len(set(limits)) == 1
         axes = [(slice(None), limits[0])] if alike else list(enumerate(limits))
         self._axes = [(rows, r, step) for rows, (r, step) in axes if r or step]
@@ -264,6 +303,21 @@ class Digitiser:
                 row *= step
             else:
                 _clip(row, limit)
+
+    def one(self, values: list[float]) -> None:
+        """Saturate and round one reading in place, :meth:`apply` in plain floats: the same bits."""
+        if not self._axes:
+            return
+        for k, (limit, step, steps) in enumerate(self._limits):
+            value = values[k]
+            if step:
+                value /= step
+                value = math.copysign(round(value), value)
+                if limit:
+                    value = min(max(value, -steps), steps)
+                values[k] = value * step
+            elif limit:
+                values[k] = min(max(value, -limit), limit)
 
 
 def _clip(values: Array, limit: float) -> None:
@@ -296,6 +350,11 @@ class IncrementRounding:
             if old != new:
                 self._sum[k] = 0.0
         self._step, self._active = step, any(step)
+
+    @property
+    def active(self) -> bool:
+        """Whether there are steps."""
+        return self._active
 
     def apply(self, values: Array) -> None:
         """Round the increments of mean readings (3, n) in place."""

@@ -12,6 +12,7 @@ from imu_sim_ros.sensors.errors.noise import WhiteNoise, bias_terms
 from imu_sim_ros.sensors.errors.realised import unit_of_seed
 from imu_sim_ros.sensors.errors.response import (
     Digitiser,
+    Floats,
     IncrementRounding,
     LowPass,
     Response,
@@ -32,6 +33,10 @@ class Reading(NamedTuple):
     scale: Array
 
 
+AddedToOne = tuple[list[float] | None, list[float], list[float]]
+"""Scale, bias and noise of one reading."""
+
+
 class Additions(NamedTuple):
     """What n readings of a triad get, whatever they are; made before they are known."""
 
@@ -41,6 +46,11 @@ class Additions(NamedTuple):
     """(3, n) without faults."""
     noise: Array
     """(3, n) white noise."""
+
+    def rows(self) -> list[AddedToOne]:
+        """Return those of each reading, in plain floats."""
+        scales = [None] * self.bias.shape[1] if self.scale is None else self.scale.T.tolist()
+        return list(zip(scales, self.bias.T.tolist(), self.noise.T.tolist(), strict=True))
 
     def at(self, rows: slice) -> "Additions":
         """Return some consecutive ones."""
@@ -74,7 +84,7 @@ class Triad:
         self._low_pass = LowPass(np.asarray(own.bandwidth), imu.bandwidth_order, internal)
         self._digitiser = Digitiser()
         self._increments = IncrementRounding(1.0 / rate)
-        self._last: Array | None = None
+        self._last: Array | list[float] | None = None
 
     def configure(self, imu: ImuParameters) -> None:
         """Take new values of live parameters, from the next sample on."""
@@ -139,10 +149,31 @@ class Triad:
         self._digitiser.apply(reading)
         self._increments.apply(reading)
         if faults.any:
-            faults.hold(self._triad, first, reading, self._last)
+            before = None if self._last is None else np.asarray(self._last)
+            faults.hold(self._triad, first, reading, before)
         if reading.shape[1]:
             self._last = reading[:, -1].copy()
         return Reading(reading, bias, scale)
+
+    @property
+    def is_simple(self) -> bool:
+        """Whether a reading depends on none before it, so that :meth:`one` gives it."""
+        return not (self._low_pass.active or self._increments.active or self.follows_force)
+
+    def one(self, ideal: Floats, force: Floats, added: AddedToOne) -> list[float]:
+        """Return one reading of a simple triad without faults, in plain floats.
+
+        The same bits as :meth:`read`. At blocks of one, calls of NumPy would take three quarters
+        of the time: 60,000 steps of a simulator, a minute at 1 kHz, some two seconds.
+        """
+        scale, bias, noise = added
+        x, y, z = self._response.one(ideal, force)
+        if scale is not None:
+            x, y, z = x * scale[0], y * scale[1], z * scale[2]
+        values = [x + bias[0] + noise[0], y + bias[1] + noise[1], z + bias[2] + noise[2]]
+        self._digitiser.one(values)
+        self._last = values
+        return values
 
     @property
     def follows_force(self) -> bool:

@@ -16,8 +16,8 @@ from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.sensors import with_faults
 from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.environment import EnvironmentParameters
-from imu_sim_ros.sensors.errors.response import TemperatureProfile
-from imu_sim_ros.sensors.errors.triad import Additions, Reading, Triad
+from imu_sim_ros.sensors.errors.response import Floats, TemperatureProfile
+from imu_sim_ros.sensors.errors.triad import AddedToOne, Additions, Reading, Triad
 from imu_sim_ros.sensors.faults import Fault, FaultSchedule
 from imu_sim_ros.sensors.imu.ideal import IdealImu, Quadrature, quadrature
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
@@ -84,6 +84,11 @@ class Imu:
             triad.configure(imu)
         self._clock.configure(imu)
         self._transport.configure(imu)
+        self._is_plain = (
+            self._ratio == 1
+            and self._vibration is None
+            and all(triad.is_simple for triad in self._triads)
+        )
         if self._auxiliary is not None:
             self._auxiliary.configure(imu, carried)
 
@@ -154,6 +159,44 @@ class Imu:
         if self._auxiliary is None:
             return block
         return self._auxiliary.add_to(block, NOWHERE, self._temperature)
+
+    def apply_one(
+        self, first: int, t_ns: Times, motion: Motion, gyro: Floats, accel: Floats
+    ) -> ImuBlock | None:
+        """Return sample ``first`` of one given reading in plain floats; the bits of :meth:`apply`.
+
+        None where something else than plain sums is to be done.
+
+        :param t_ns: (1,) its time [ns].
+        """
+        plain = self._is_plain and not self._faults.any
+        if not plain or self._auxiliary is not None:
+            return None
+        ahead = self._ahead
+        if ahead is None or ahead.end == first:
+            ahead = self._ahead = self._make_ahead(first)
+        k = first - ahead.first
+        at = slice(k, k + 1)
+        (of_gyro, of_accel), (gyros, accels) = ahead.additions, ahead.rows
+        gyro_scale = _ONE if of_gyro.scale is None else of_gyro.scale[:, at].T
+        accel_scale = _ONE if of_accel.scale is None else of_accel.scale[:, at].T
+        return ImuBlock(
+            first,
+            t_ns,
+            self._clock.stamp(t_ns),
+            self._transport.release(first, t_ns, self._faults),
+            self._transport.deliver(first, 1, self._faults),
+            np.array([self._triads[0].one(gyro, accel, gyros[k])]),
+            np.array([self._triads[1].one(accel, accel, accels[k])]),
+            ahead.temperature[at],
+            np.array([gyro]),
+            np.array([accel]),
+            of_gyro.bias[:, at].T,
+            of_accel.bias[:, at].T,
+            gyro_scale,
+            accel_scale,
+            motion,
+        )
 
     def _block(
         self,
@@ -227,7 +270,8 @@ class Imu:
         temperature = self._temperature_of(first, CHUNK)
         offset = temperature - self._reference_temperature
         additions = [triad.ahead(offset) for triad in self._triads]
-        return _Ahead(first, first + CHUNK, temperature, additions)
+        rows = [one.rows() for one in additions]
+        return _Ahead(first, first + CHUNK, temperature, additions, rows)
 
     def _temperature_of(self, first: int, count: int) -> Array:
         """Return the temperature of samples by their index (count,) [degC]."""
@@ -321,6 +365,8 @@ class _Ahead(NamedTuple):
     """(end - first,) [degC]."""
     additions: list[Additions]
     """Of the gyroscope, of the accelerometer."""
+    rows: list[list[AddedToOne]]
+    """The same in plain floats."""
 
 
 class _Nowhere:
@@ -335,6 +381,10 @@ class _Nowhere:
 
 
 NOWHERE: Final = _Nowhere()
+
+
+_ONE: Final = np.broadcast_to(1.0, (1, 3))
+"""The scale of a triad without an error of scale."""
 
 
 @lru_cache(maxsize=8)
