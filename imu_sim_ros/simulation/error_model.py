@@ -231,19 +231,15 @@ class ErrorModel:
 
     def _without_gaps(self, given: Given) -> Iterator[tuple[Given, int]]:
         """Yield readings without a gap, each part with the samples missing before it."""
-        t_ns = given.t_ns
-        last = self._last_ns
-        if len(t_ns) == 1:
-            first_step = 0 if last is None else int(t_ns[0]) - last
-            yield given, self._missing(first_step) if first_step > 1.5 * self._nominal_ns else 0
-            return
-        steps = np.diff(t_ns, prepend=t_ns[0] if last is None else last)
-        begin, missing = 0, 0
-        for k in np.flatnonzero(steps > 1.5 * self._nominal_ns).tolist():
-            if k > begin:
-                yield given.at(slice(begin, k)), missing
-            begin, missing = k, self._missing(int(steps[k]))
-        yield given.at(slice(begin, None)), missing
+        t_ns, limit = given.t_ns, 1.5 * self._nominal_ns
+        before = 0 if self._last_ns is None else int(t_ns[0]) - self._last_ns
+        missing = self._missing(before) if before > limit else 0
+        steps = t_ns[1:] - t_ns[:-1]
+        begin = 0
+        for k in np.flatnonzero(steps > limit).tolist():
+            yield given.at(slice(begin, k + 1)), missing
+            begin, missing = k + 1, self._missing(int(steps[k]))
+        yield given.at(slice(begin, None)) if begin else given, missing
 
     def _missing(self, step_ns: int) -> int:
         """Return how many samples a step leaves out, for a sensor that has no clock of its own."""

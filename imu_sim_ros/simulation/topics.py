@@ -41,6 +41,7 @@ from imu_sim_ros.conventions import (
     TRUTH_TOPIC,
 )
 from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.parameters.kinds import Vector
 from imu_sim_ros.rotation import rotate_inverse
 from imu_sim_ros.sensors import auxiliary_sensors
 from imu_sim_ros.sensors.block import ImuBlock
@@ -147,18 +148,22 @@ def _is_all(block: ImuBlock) -> bool:
     return len(rows) == len(block.t_ns) and bool(np.array_equal(rows, np.arange(len(rows))))
 
 
+def _variances(parameters: SampledParameters) -> tuple[Vector, Vector]:
+    """Return the variances of one sample of gyroscope and accelerometer."""
+    imu, rate = parameters.imu, parameters.rate
+    return gyro_variance_discrete(imu, rate), accel_variance_discrete(imu, rate)
+
+
 def _readings(parameters: SampledParameters, encoding: str) -> Encode:
     readings = ImuEncoder(parameters.imu_frame, encoding)
+    known, variances = parameters, _variances(parameters)
 
     def encode(block: ImuBlock, now: SampledParameters) -> Messages:
+        nonlocal known, variances
+        if now is not known:
+            known, variances = now, _variances(now)
         t_ns, gyro, accel = delivered(block)
-        payloads = readings.pattern(
-            t_ns,
-            gyro,
-            accel,
-            gyro_variance_discrete(now.imu, now.rate),
-            accel_variance_discrete(now.imu, now.rate),
-        )
+        payloads = readings.pattern(t_ns, gyro, accel, *variances)
         return Messages(t_ns, block.release_t_ns[block.delivered], payloads)
 
     return encode
