@@ -92,7 +92,7 @@ class Plot {
     const width = this.width = Math.max(this.paper || this.holder.clientWidth || 600, 260);
     const rows = spec.categories ? spec.categories.length : 0;
     const labelled = spec.series.some((one) => one.labels);
-    const pitch = this.pitch = !this.paper ? 22 : rows > 48 ? 7 : rows > 12 ? 9 : 18;
+    const pitch = this.pitch = !this.paper ? 22 : rows > 48 ? 7 : rows > 12 ? 9 : 12;
     this.figure.classList.toggle("tall", rows > TALL);
     const height = this.height = rows ? 60 + rows * pitch : Math.min(labelled && !this.paper ? 520 : 340, 160 + width * (this.paper ? 0.15 : 0.3));
     const longest = rows ? Math.min(width * 0.42, 12 + (pitch < 18 ? 4.6 : 6.4) * Math.max(...spec.categories.map((name) => name.length))) : 62;
