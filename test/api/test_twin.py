@@ -167,6 +167,18 @@ def test_numbers_that_hang_on_the_noise_are_not_given(flight, found):
     )
 
 
+@pytest.mark.parametrize(
+    ("white", "steps", "given"),
+    [(1e-3, (1e-4, 1e-4), True), (1e-5, (1e-3, 0.0), False), (1e-5, (0.0, 1e-3), False)],
+)
+def test_less_may_hang_on_rounding_than_on_white_noise(found, white, steps, given):
+    hanging = np.zeros(42)
+    hanging[30] = 3.0
+    noise = PoseNoise(np.full(6, white), *steps)
+    trust = judged(found.analysis.fit._replace(hanging=hanging), np.ones(42), noise)
+    assert trust.given[30] == given
+
+
 def test_quarters_that_contradict_each_other_widen_the_intervals(flight):
     """The accelerometer's bias jumps by 0.3 m/s^2 in the middle."""
     readings = flight.readings

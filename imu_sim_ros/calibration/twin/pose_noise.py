@@ -100,6 +100,13 @@ class PoseNoise(NamedTuple):
         return bool(self.white.any() or self.quaternion_step or self.position_step)
 
     @property
+    def is_rounding(self) -> bool:
+        """Whether it is mostly rounding, of attitudes or of positions."""
+        turn, shift = np.mean(self.white.reshape(2, 3) ** 2, axis=1)
+        steps = (2.0 * self.quaternion_step) ** 2, self.position_step**2
+        return bool(steps[0] / 12.0 > turn or steps[1] / 12.0 > shift)
+
+    @property
     def deviation(self) -> Array:
         """(2,) standard deviations of attitude [rad] and position [m], rounding included."""
         steps = np.array([2.0 * self.quaternion_step, self.position_step])
