@@ -85,6 +85,7 @@ setup(
         share("config/barometers", "*.yaml"),
         share("config/trajectories", "*.yaml"),
         share("config/cameras", "*.yaml"),
+        share("config/gnss", "*.yaml"),
         share("config/scenes", "*.yaml"),
         share("config/campaigns", "*.yaml"),
         share("config/estimators", "*.yaml"),

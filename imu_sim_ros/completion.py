@@ -17,6 +17,7 @@ _FOLDERS: Final = {
     "truth": "imus",
     "trajectory": "trajectories",
     "camera": "cameras",
+    "gnss": "gnss",
     "scene": "scenes",
     "plan": "campaigns",
 }

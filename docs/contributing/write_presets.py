@@ -45,6 +45,7 @@ _FOLDERS = {
     "cameras": "Cameras",
     "scenes": "Scenes",
     "barometers": "Barometers",
+    "gnss": "GNSS receivers",
 }
 
 

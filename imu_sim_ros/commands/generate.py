@@ -18,7 +18,9 @@ from imu_sim_ros.datasets.camera_outputs import FORMATS
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.jobs.generate import Form, Setup, Watcher, camera_layer, write
 from imu_sim_ros.machine import cores
-from imu_sim_ros.sensors import catalogue
+from imu_sim_ros.parameters import files
+from imu_sim_ros.sensors import CARRIED, catalogue
+from imu_sim_ros.simulation.parameters import carried_names
 from imu_sim_ros.simulation.playback import of_the_node
 from imu_sim_ros.simulation.topics import TYPES
 
@@ -40,6 +42,11 @@ def parser() -> program.Parser:
     )
     program.add_simulation_arguments(result)
     result.sensors = result.add_argument_group("sensors of the body (--set sensors=[NAME,...])")
+    for name in CARRIED:
+        known = ", ".join(files.names(name))
+        result.sensors.add_argument(
+            f"--{name}", metavar="NAME|FILE", help=f"{name} of a preset ({known}) or a file"
+        )
     _add_cameras(result)
     add_skip_bad_rows(result)
     group = result.add_argument_group("output")
@@ -151,6 +158,7 @@ def _layers(arguments: argparse.Namespace) -> dict[str, object]:
         given.update(values)
     short = camera_layer(arguments.camera, arguments.scene)
     _put_short(given, short, len(arguments.camera))
+    _put_sensors(given, arguments)
     given.update(last)
     if not (arguments.quiet or arguments.json):
         for note in _notes(arguments, below[:-1], of_the_node(given)):
@@ -169,6 +177,16 @@ def _put_short(given: dict[str, object], short: Mapping[str, object], cameras: i
         for name in [name for name in given if name.partition(".")[0] in gone]:
             del given[name]
     given.update(short)
+
+
+def _put_sensors(given: dict[str, object], arguments: argparse.Namespace) -> None:
+    """Add sensors of the body that have an option of their own to those of the files."""
+    for name in CARRIED:
+        preset = getattr(arguments, name)
+        if preset is not None:
+            named = list(carried_names(given))
+            given["sensors"] = named if name in named else [*named, name]
+            given[f"{name}.preset"] = preset
 
 
 def _notes(

@@ -225,9 +225,10 @@ def usual_topics(further: Iterable[str], form: str | None, path: Path, imu_only:
     """
     if form is not None and (form not in WITH_TABLES or path.suffix.lower() == ".csv"):
         return []
-    without_truth = imu_only or form is not None
+    if form is not None:
+        return [topics_of(name)[0].name for name in further]
     topics = [topic for name in further for topic in topics_of(name)]
-    return [topic.name for topic in topics if not (without_truth and topic.truth)]
+    return [topic.name for topic in topics if not (imu_only and topic.truth)]
 
 
 def resolved(name: str) -> str:

@@ -20,6 +20,7 @@ _KINDS: Final = {
     "campaigns": "campaign",
     "estimators": "estimator",
     "barometers": "barometer",
+    "gnss": "GNSS receiver",
 }
 
 

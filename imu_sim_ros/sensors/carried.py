@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
 from imu_sim_ros.sensors.block import ImuBlock
@@ -87,6 +88,14 @@ class CarriedSensor:
         """
         raise NotImplementedError
 
+    def complete(self, values: Mapping[str, Array]) -> Mapping[str, Array]:
+        """Return the values with what follows from the readings, after faults."""
+        return values
+
+    def sent(self, values: Mapping[str, Array]) -> NDArray[np.bool_] | None:
+        """Return which samples the sensor sends (n,); None: all."""
+        return None
+
     def configure(self, parameters: CarriedParameters) -> None:
         """Take new values of live parameters, from the next sample on."""
         self.parameters = parameters
@@ -104,7 +113,12 @@ class CarriedSensor:
         motion = self._own.motion(samples, block, trajectory)
         values = dict(self.measure(samples.t, motion))
         self._take_faults(samples.first, values)
-        return CarriedBlock(samples.true_t_ns, *self._own.stamp(samples), values)
+        values = dict(self.complete(values))
+        t_ns, release_t_ns, delivered = self._own.stamp(samples)
+        sent = self.sent(values)
+        if sent is not None:
+            delivered = delivered[sent[delivered]]
+        return CarriedBlock(samples.true_t_ns, t_ns, release_t_ns, delivered, values)
 
     def _take_faults(self, first: int, values: dict[str, Array]) -> None:
         """Let faults change the readings."""

@@ -20,6 +20,7 @@ SEMI_MAJOR_AXIS: Final = 6378137.0
 """[m]"""
 FLATTENING: Final = 1.0 / 298.257223563
 ECCENTRICITY_SQUARED: Final = 6.69437999014e-3
+_GEODETIC_STEPS: Final = 5
 _EQUATOR_GRAVITY: Final = 9.7803253359
 _SOMIGLIANA_CONSTANT: Final = 0.00193185265241
 _CENTRIFUGAL_RATIO: Final = 0.00344978650684
@@ -181,6 +182,42 @@ class CurvedEarth:
             swing = cross(rate, arm_b)
             force += cross(change, arm_b) + cross(rate, swing) + 2.0 * cross(earth_rate, swing)
         return rate + earth_rate, force
+
+
+def geodetic(environment: EnvironmentParameters, position: Array) -> tuple[Array, Array, Array]:
+    """Return latitudes [deg], longitudes [deg, -180 to 180] and heights [m] of places (n, 3).
+
+    On a curved Earth the world's coordinates follow the ellipsoid (:class:`CurvedEarth`). A flat
+    world is Cartesian, with east, north and up of its origin; the ellipsoid curves below it.
+    """
+    if environment.curved_earth:
+        latitude, longitude, height = CurvedEarth(environment).place(position)
+    else:
+        latitude, longitude, height = _from_tangent_plane(environment, position)
+    turned = np.remainder(np.degrees(longitude) + 180.0, 360.0) - 180.0
+    return np.degrees(latitude), turned, height
+
+
+def _from_tangent_plane(environment: EnvironmentParameters, position: Array) -> Place:
+    """Return places on WGS84 of Cartesian coordinates east, north, up (n, 3)."""
+    phi, lam = math.radians(environment.latitude_deg), math.radians(environment.longitude_deg)
+    sine, cosine = math.sin(phi), math.cos(phi)
+    vertical = SEMI_MAJOR_AXIS / math.sqrt(1.0 - ECCENTRICITY_SQUARED * sine * sine)
+    east, north, up = position.T
+    out = (vertical + environment.height) * cosine - sine * north + cosine * up
+    z = (vertical * (1.0 - ECCENTRICITY_SQUARED) + environment.height) * sine
+    z = z + cosine * north + sine * up
+    longitude = lam + np.arctan2(east, out)
+    across = np.hypot(out, east)
+    # Fixed point of tan(phi) = (z + e^2 N sin(phi)) / p: each step is 150 times better.
+    latitude = np.arctan2(z, across * (1.0 - ECCENTRICITY_SQUARED))
+    for _ in range(_GEODETIC_STEPS):
+        s = np.sin(latitude)
+        n = SEMI_MAJOR_AXIS / np.sqrt(1.0 - ECCENTRICITY_SQUARED * s * s)
+        latitude = np.arctan2(z + ECCENTRICITY_SQUARED * n * s, across)
+    s, c = np.sin(latitude), np.cos(latitude)
+    w = np.sqrt(1.0 - ECCENTRICITY_SQUARED * s * s)
+    return Place(latitude, longitude, across * c + z * s - SEMI_MAJOR_AXIS * w)
 
 
 def radii_of_curvature(latitude: Array) -> tuple[Array, Array]:

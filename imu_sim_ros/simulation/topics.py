@@ -50,7 +50,7 @@ from imu_sim_ros.sensors.errors.noise import (
     accel_variance_discrete,
     gyro_variance_discrete,
 )
-from imu_sim_ros.sensors.gravity import CurvedEarth
+from imu_sim_ros.sensors.gravity import geodetic
 from imu_sim_ros.sensors.registry import find_sensor
 from imu_sim_ros.simulation.parameters import SampledParameters, carried
 from imu_sim_ros.types import Times
@@ -184,12 +184,9 @@ def _truth(parameters: SampledParameters, encoding: str) -> Encode:
 
 def _fix(parameters: SampledParameters, encoding: str) -> Encode:
     fixes = NavSatFixEncoder(parameters.body_frame, encoding)
-    earth = CurvedEarth(parameters)
 
     def messages(block: ImuBlock) -> Pattern:
-        place = earth.place(block.motion.position)
-        longitude = np.remainder(np.degrees(place.longitude) + 180.0, 360.0) - 180.0
-        return fixes.pattern(block.true_t_ns, np.degrees(place.latitude), longitude, place.height)
+        return fixes.pattern(block.true_t_ns, *geodetic(parameters, block.motion.position))
 
     return _at_true_times(messages)
 

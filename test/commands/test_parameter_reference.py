@@ -12,9 +12,11 @@ from imu_sim_ros.bags.recorder_parameters import RecorderParameters
 from imu_sim_ros.commands.parameter_reference import reference
 from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.parameters.sections import parameters
+from imu_sim_ros.sensors import CARRIED
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
 from imu_sim_ros.sensors.camera.scene_parameters import TYPES as SCENES
+from imu_sim_ros.sensors.registry import find_sensor
 from imu_sim_ros.simulation.error_parameters import ErrorNodeParameters
 from imu_sim_ros.simulation.playback import SimulatorParameters
 from imu_sim_ros.trajectory.parameters import TYPES
@@ -49,6 +51,9 @@ def test_every_parameter_has_a_row_with_its_unit():
     for prefix, classes in sections.items():
         for one in classes:
             known.update({f"{prefix}.{name}": p for name, p in parameters(one).items()})
+    for name in CARRIED:
+        own = parameters(find_sensor(name).section)
+        known.update({f"{name}.{key}": p for key, p in own.items()})
     assert set(rows) == set(known)
     # Names that several sections share have rows of their own; the last one is looked at.
     assert "| m/s^2 |" in rows["gravity"]

@@ -27,6 +27,7 @@ POSE_STAMPED: Final = "geometry_msgs/msg/PoseStamped"
 VECTOR3_STAMPED: Final = "geometry_msgs/msg/Vector3Stamped"
 TEMPERATURE: Final = "sensor_msgs/msg/Temperature"
 NAV_SAT_FIX: Final = "sensor_msgs/msg/NavSatFix"
+TWIST_WITH_COVARIANCE: Final = "geometry_msgs/msg/TwistWithCovarianceStamped"
 MAGNETIC_FIELD: Final = "sensor_msgs/msg/MagneticField"
 FLUID_PRESSURE: Final = "sensor_msgs/msg/FluidPressure"
 CLOCK: Final = "rosgraph_msgs/msg/Clock"
@@ -36,6 +37,7 @@ _GPS: Final = 1
 """sensor_msgs/NavSatStatus.SERVICE_GPS"""
 _COVARIANCE_TYPE_KNOWN: Final = 3
 """sensor_msgs/NavSatFix"""
+_COVARIANCE_TYPE_DIAGONAL: Final = 2
 _STAMP_SIZE: Final = 8
 _UNKNOWN: Final = bytes(36 * 8)
 """A (6, 6) covariance of zeros."""
@@ -93,7 +95,8 @@ class Encoder:
             values = np.asarray(given, dtype=np.float64)
             field = template[name]
             if values.ndim == field.ndim:
-                columns.append(Column(self.layout.offset(name), values))
+                own = values.astype(field.dtype, copy=False)
+                columns.append(Column(self.layout.offset(name), own))
             else:
                 field[...] = values
         return Pattern(template.tobytes(), columns, len(t_ns))
@@ -333,20 +336,61 @@ class FluidPressureEncoder(_OfFrame):
         return self.pattern(t_ns, pressure, variance).array()
 
 
+class TwistWithCovarianceEncoder(_OfFrame):
+    """geometry_msgs/TwistWithCovarianceStamped of a velocity alone."""
+
+    type_name = TWIST_WITH_COVARIANCE
+
+    def pattern(self, t_ns: Times, velocity: ArrayLike, variance: ArrayLike) -> Pattern:
+        """Return n messages; the angular velocity is 0 and its covariance -1: unknown.
+
+        :param velocity: (n, 3) [m/s].
+        :param variance: (n, 3) or (3,) [m^2/s^2].
+        """
+        own = np.asarray(variance, dtype=np.float64)
+        covariance = np.zeros((*own.shape[:-1], 36))
+        covariance[..., [0, 7, 14]] = own
+        covariance[..., [21, 28, 35]] = -1.0
+        return self._pattern(t_ns, linear=velocity, twist_covariance=covariance)
+
+
 class NavSatFixEncoder(_OfFrame):
-    """sensor_msgs/NavSatFix, as a receiver without errors would give it."""
+    """sensor_msgs/NavSatFix, as a receiver without errors would give it, or a real one."""
 
     type_name = NAV_SAT_FIX
 
     def pattern(
-        self, t_ns: Times, latitude: ArrayLike, longitude: ArrayLike, altitude: ArrayLike
+        self,
+        t_ns: Times,
+        latitude: ArrayLike,
+        longitude: ArrayLike,
+        altitude: ArrayLike,
+        status: ArrayLike | None = None,
+        variance: ArrayLike = 0.0,
     ) -> Pattern:
-        """Return n messages with a covariance that is known, and zero.
+        """Return n messages.
 
         :param latitude: (n,) geodetic [deg].
         :param longitude: (n,) [deg].
         :param altitude: (n,) above the ellipsoid [m].
+        :param status: (n,) of each; -1: no fix, of unknown covariance. None: all have a fix, with a
+            covariance that is known, and zero.
+        :param variance: (n, 3) of the errors east, north, up [m^2].
         """
+        if status is not None:
+            given = np.asarray(status)
+            covariance = np.zeros((len(given), 9))
+            covariance[:, ::4] = variance
+            return self._pattern(
+                t_ns,
+                status=given,
+                service=_GPS,
+                latitude=latitude,
+                longitude=longitude,
+                altitude=altitude,
+                position_covariance=covariance,
+                position_covariance_type=np.where(given < 0, 0, _COVARIANCE_TYPE_DIAGONAL),
+            )
         return self._pattern(
             t_ns,
             service=_GPS,

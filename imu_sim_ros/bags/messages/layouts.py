@@ -58,6 +58,12 @@ FIELDS: Final[dict[str, tuple[tuple[str, str, int], ...]]] = {
         ("orientation", "f8", 4),
     ),
     "geometry_msgs/msg/Vector3Stamped": (*_STAMPED, ("vector", "f8", 3)),
+    "geometry_msgs/msg/TwistWithCovarianceStamped": (
+        *_STAMPED,
+        ("linear", "f8", 3),
+        ("angular", "f8", 3),
+        ("twist_covariance", "f8", 36),
+    ),
     "sensor_msgs/msg/Temperature": (
         *_STAMPED,
         ("temperature", "f8", 1),

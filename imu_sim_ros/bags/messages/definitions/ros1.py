@@ -48,6 +48,11 @@ TEXTS: Final[dict[str, str]] = {
         "Vector3  linear\n"
         "Vector3  angular\n"
     ),
+    "geometry_msgs/TwistWithCovarianceStamped": (
+        "# This represents an estimated twist with reference coordinate frame and timestamp.\n"
+        "Header header\n"
+        "TwistWithCovariance twist\n"
+    ),
     "geometry_msgs/TwistWithCovariance": (
         "# This expresses velocity in free space with uncertainty.\n"
         "\n"
@@ -277,12 +282,19 @@ NESTED: Final[dict[str, tuple[str, ...]]] = {
         "geometry_msgs/Point",
         "geometry_msgs/Quaternion",
     ),
+    "geometry_msgs/TwistWithCovarianceStamped": (
+        "std_msgs/Header",
+        "geometry_msgs/TwistWithCovariance",
+        "geometry_msgs/Twist",
+        "geometry_msgs/Vector3",
+    ),
     "geometry_msgs/Vector3Stamped": ("std_msgs/Header", "geometry_msgs/Vector3"),
     "rosgraph_msgs/Clock": (),
 }
 
 MD5_SUMS: Final[dict[str, str]] = {
     "geometry_msgs/PoseStamped": "d3812c3cbc69362b77dc0b19b345f8f5",
+    "geometry_msgs/TwistWithCovarianceStamped": "8927a1a12fb2607ceea095b2dc440a96",
     "geometry_msgs/Vector3Stamped": "7b324c7325e683bf02a9b14b01090ec7",
     "nav_msgs/Odometry": "cd5e73d190d741a2f92e81eda573aca7",
     "rosgraph_msgs/Clock": "a9c97c1d230cfc112e270351a944ee47",

@@ -18,6 +18,9 @@ FIELDS: Final[dict[str, str]] = {
     "geometry_msgs/Quaternion": ("float64 x\nfloat64 y\nfloat64 z\nfloat64 w\n"),
     "geometry_msgs/Twist": ("geometry_msgs/Vector3 linear\ngeometry_msgs/Vector3 angular\n"),
     "geometry_msgs/TwistWithCovariance": ("geometry_msgs/Twist twist\nfloat64[36] covariance\n"),
+    "geometry_msgs/TwistWithCovarianceStamped": (
+        "std_msgs/Header header\ngeometry_msgs/TwistWithCovariance twist\n"
+    ),
     "geometry_msgs/Vector3": ("float64 x\nfloat64 y\nfloat64 z\n"),
     "geometry_msgs/Vector3Stamped": ("std_msgs/Header header\ngeometry_msgs/Vector3 vector\n"),
     "nav_msgs/Odometry": (
@@ -134,6 +137,9 @@ FIELDS: Final[dict[str, str]] = {
 """Of each type, by its name in definitions, without those that it contains."""
 
 RIHS01: Final[dict[str, str]] = {
+    "geometry_msgs/TwistWithCovarianceStamped": (
+        "RIHS01_77b67434531e6529b7a0091357b186b6ebdb17fd9ffd3e0c7ce9d3fb11a44563"
+    ),
     "geometry_msgs/PoseStamped": (
         "RIHS01_10f3786d7d40fd2b54367835614bff85d4ad3b5dab62bf8bca0cc232d73b4cd8"
     ),

@@ -1,0 +1,137 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The GNSS receiver as the rest of the package sees it: topics, table, readings."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.inputs.gate import OTHER
+from imu_sim_ros.inputs.tables import Table
+from imu_sim_ros.sensors.carried import CarriedReadings
+from imu_sim_ros.sensors.declaration import Model, Sensor, topic
+from imu_sim_ros.sensors.environment import EnvironmentParameters
+from imu_sim_ros.sensors.gnss.parameters import GnssParameters
+from imu_sim_ros.types import Array
+
+FIX: Final = ("sensor_msgs/msg/NavSatFix", "NavSatFixEncoder")
+TWIST: Final = ("geometry_msgs/msg/TwistWithCovarianceStamped", "TwistWithCovarianceEncoder")
+VECTOR: Final = ("geometry_msgs/msg/Vector3Stamped", "Vector3StampedEncoder")
+TOPIC: Final = "gps/fix"
+_NAMES: Final = (
+    "latitude,longitude,altitude,variance_e,variance_n,variance_u,velocity_e,velocity_n,velocity_u,"
+    "status"
+)
+_UNITS: Final = (
+    "latitude [deg],longitude [deg],altitude [m],variance_e [m^2],variance_n [m^2],"
+    "variance_u [m^2],velocity_e [m s^-1],velocity_n [m s^-1],velocity_u [m s^-1],status []"
+)
+
+
+@dataclass(frozen=True, repr=False)
+class GnssReadings(CarriedReadings):
+    """The n fixes of a receiver that are delivered, and the truth of each."""
+
+    geodetic: Array
+    """(n, 3) latitude [deg], longitude [deg], height above the ellipsoid [m] as read."""
+    position: Array
+    """(n, 3) the same in the world [m]."""
+    variance: Array
+    """(n, 3) stated, of the error east, north, up [m^2]."""
+    velocity: Array
+    """(n, 3) of the antenna, east, north, up, as read [m/s]."""
+    velocity_variance: Array
+    """(n, 3) stated [m^2/s^2]."""
+    status: NDArray[np.int64]
+    """(n,) as NavSatStatus has it: -1 no fix, 0 fix, 1 with corrections, 2 RTK."""
+    mode: NDArray[np.int64]
+    """(n,) 0 single, 1 dgps, 2 float, 3 fixed, -1 no fix."""
+    satellites: NDArray[np.int64]
+    """(n,) in use."""
+    ideal_geodetic: Array
+    """(n, 3) of the antenna, without error."""
+    ideal_position: Array
+    """(n, 3) [m]."""
+    ideal_velocity: Array
+    """(n, 3) [m/s]."""
+    error: Array
+    """(n, 3) of the position: as read minus true, east, north, up [m]."""
+
+    def nmea(self, hdop: float = 0.9) -> str:
+        """Return sentences GGA, RMC and VTG of every fix, as receivers write them."""
+        from imu_sim_ros.sensors.gnss.nmea import sentences
+
+        return sentences(self, hdop)
+
+    def save_nmea(self, path: str | Path, hdop: float = 0.9) -> Path:
+        """Write a file of NMEA sentences; returns its path.
+
+        :param hdop: horizontal dilution of precision in GGA.
+        """
+        path = Path(path)
+        path.write_bytes(self.nmea(hdop).encode("ascii"))
+        return path
+
+
+def _model(
+    own: GnssParameters,
+    environment: EnvironmentParameters,
+    t0_ns: int,
+    others: Mapping[str, Model],
+) -> Model:
+    from imu_sim_ros.sensors.gnss.model import Receiver  # most runs have none
+
+    return Receiver(own, environment, t0_ns, others)
+
+
+def _fix(read: Any, rows: Any, _: Any) -> tuple[Array, ...]:
+    place, status = read.geodetic[rows], read.status[rows]
+    variance = np.where(status[:, None] < 0, 0.0, read.variance[rows])
+    return (*place.T, status, variance)
+
+
+SENSOR = Sensor(
+    name="gnss",
+    quantity="gnss",
+    section=GnssParameters,
+    model=_model,
+    topics=(
+        topic(TOPIC, *FIX, _fix),
+        topic(
+            *("gps/velocity", *TWIST),
+            lambda read, rows, _: (read.velocity[rows], read.velocity_variance[rows]),
+        ),
+        topic(
+            *("ground_truth/gps_fix", *FIX),
+            lambda read, rows, _: tuple(read.ideal_geodetic[rows].T),
+            truth=True,
+        ),
+        topic(
+            *("ground_truth/gps_velocity", *TWIST),
+            lambda read, rows, _: (read.ideal_velocity[rows], np.zeros(3)),
+            truth=True,
+        ),
+        topic(
+            *("ground_truth/gps_error", *VECTOR),
+            lambda read, rows, _: (read.error[rows],),
+            truth=True,
+        ),
+    ),
+    table=Table(
+        name="gps",
+        title="GNSS receiver",
+        quantity=OTHER,
+        headers={"euroc": f"#timestamp [ns],{_UNITS}", "csv": f"timestamp,{_NAMES}"},
+        type=FIX[0],
+        topic=TOPIC,
+    ),
+    values=lambda read: np.column_stack([read.geodetic, read.variance, read.velocity, read.status]),
+    readings=GnssReadings,
+    text="GNSS receiver: fixes and velocities of an antenna, with outages and modes",
+    presets="gnss",
+)

@@ -1,0 +1,183 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The receiver: where and how fast its antenna is, what is wrong with it, and when it is silent."""
+
+import math
+from collections.abc import Mapping
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros import rotation
+from imu_sim_ros.random_streams import axis_generators, generator
+from imu_sim_ros.sensors.carried import CarriedSensor
+from imu_sim_ros.sensors.environment import EnvironmentParameters
+from imu_sim_ros.sensors.errors.autoregressive import GaussMarkovBank
+from imu_sim_ros.sensors.gnss.parameters import MODES, GnssParameters
+from imu_sim_ros.sensors.gravity import CurvedEarth, geodetic
+from imu_sim_ros.trajectory.motion import Motion
+from imu_sim_ros.types import Array
+
+NAME: Final = "gnss"
+NO_FIX: Final = -1
+STATUS: Final = (0, 1, 2, 2)
+"""Of sensor_msgs/NavSatStatus for each mode: FIX, SBAS_FIX, GBAS_FIX."""
+
+
+class Events:
+    """A Poisson process whose events last for exponentially distributed times; none overlap."""
+
+    def __init__(self, seed: int, source: str, rate: float, duration: float, dt: float) -> None:
+        """Start before the first event.
+
+        :param source: the first part of the names of its random streams.
+        """
+        self._begins, self._lengths = (generator(seed, f"{source}{part}") for part in ("", "_end"))
+        self._probability = -math.expm1(-rate * dt)
+        self._duration = duration / dt
+        self._done = self._end = self.count = 0
+
+    def next(self, count: int) -> NDArray[np.int64]:
+        """Return the number of the event (count,), from 1, that each sample lies in; 0: none."""
+        found = np.zeros(count, np.int64)
+        if not self._probability:
+            return found
+        first = self._done
+        if self._end > first:
+            found[: self._end - first] = self.count
+        for k in np.flatnonzero(self._begins.random(count) < self._probability):
+            if first + k >= self._end:
+                self.count += 1
+                length = max(1, math.ceil(self._lengths.exponential() * self._duration))
+                self._end = first + int(k) + length
+                found[k : k + length] = self.count
+        self._done = first + count
+        return found
+
+
+class Receiver(CarriedSensor):
+    """Fixes and velocities of one antenna."""
+
+    def __init__(
+        self,
+        parameters: GnssParameters,
+        environment: EnvironmentParameters,
+        t0_ns: int,
+        _: Mapping[str, Any],
+    ) -> None:
+        """Set up all errors at their start."""
+        super().__init__(NAME, parameters, environment, t0_ns)
+        seed, dt, p = environment.seed, 1.0 / parameters.rate, parameters
+        self._environment = environment
+        self._earth = CurvedEarth(environment)
+        self._white = axis_generators(seed, f"{NAME}.white_noise")
+        self._slow = GaussMarkovBank(
+            axis_generators(seed, f"{NAME}.gauss_markov"), np.full((3, 1), p.correlation_time), dt
+        )
+        self._steps = axis_generators(seed, f"{NAME}.random_walk")
+        self._walked = np.zeros((3, 1))
+        self._of_velocity = axis_generators(seed, f"{NAME}.velocity")
+        self._jumps = Events(seed, f"{NAME}.multipath", p.multipath_rate, p.multipath_duration, dt)
+        self._sizes, self._jump = axis_generators(seed, f"{NAME}.multipath_size"), np.zeros(3)
+        self._jumped = 0
+        self._random = Events(seed, f"{NAME}.outage", p.outage_rate, p.outage_duration, dt)
+        self._dt = dt
+
+    def measure(self, t: Array, motion: Motion) -> Mapping[str, Array]:
+        """Return place and velocity of the antenna as read, and the truth of both."""
+        p = self._own_parameters
+        ideal = self.place(motion)
+        mode = self._mode(t)
+        sigma = np.stack(
+            [np.array(s)[mode] for s in (p.horizontal_sigma, p.horizontal_sigma, p.vertical_sigma)]
+        )
+        error = self._error(sigma)
+        velocity = self._velocity(motion)
+        noise = p.velocity_sigma * self._numbers(self._of_velocity, len(t)).T
+        return {
+            "position": ideal + error.T,
+            "ideal_position": ideal,
+            "velocity": velocity + noise,
+            "ideal_velocity": velocity,
+            "variance": p.covariance_factor * np.square(sigma).T,
+            "mode": np.where(self._is_out(t, ideal), -1, mode).astype(np.int64),
+        }
+
+    def complete(self, values: Mapping[str, Array]) -> Mapping[str, Array]:
+        """Return latitudes and so on of the places as read."""
+        mode = values["mode"]
+        read, true = (
+            np.stack(geodetic(self._environment, values[name]), axis=1)
+            for name in ("position", "ideal_position")
+        )
+        count = len(mode)
+        speed = self._own_parameters.covariance_factor * self._own_parameters.velocity_sigma**2
+        return {
+            **values,
+            "error": values["position"] - values["ideal_position"],
+            "geodetic": read,
+            "ideal_geodetic": true,
+            "velocity_variance": np.full((count, 3), speed),
+            "status": np.append(STATUS, NO_FIX)[mode],
+            "satellites": np.where(mode < 0, 0, self._own_parameters.satellites),
+        }
+
+    def sent(self, values: Mapping[str, Array]) -> NDArray[np.bool_] | None:
+        """Return which samples become messages."""
+        return values["mode"] >= 0 if self._own_parameters.silent else None
+
+    @property
+    def _own_parameters(self) -> GnssParameters:
+        assert isinstance(self.parameters, GnssParameters)
+        return self.parameters
+
+    @staticmethod
+    def _numbers(streams: list[Any], count: int) -> Array:
+        return np.stack([stream.standard_normal(count) for stream in streams])
+
+    def _mode(self, t: Array) -> NDArray[np.int64]:
+        """Return the index in MODES of n samples."""
+        p = self._own_parameters
+        changes = np.reshape(p.mode_changes, (-1, 2))
+        numbers = np.concatenate([[MODES.index(p.mode)], changes[:, 1] - 1.0]).astype(np.int64)
+        found: NDArray[np.int64] = numbers[np.searchsorted(changes[:, 0], t, side="right")]
+        return found
+
+    def _error(self, sigma: Array) -> Array:
+        """Return the error (3, n) east, north, up of the next samples."""
+        p, count = self._own_parameters, sigma.shape[1]
+        white = self._numbers(self._white, count)
+        slow = self._slow.next_block(count)
+        error = sigma * (math.sqrt(p.white_share) * white + math.sqrt(1.0 - p.white_share) * slow)
+        if p.random_walk:
+            steps = p.random_walk * math.sqrt(self._dt) * self._numbers(self._steps, count)
+            # Summed in one order, so that blocks of any size give the same bits.
+            walked = np.cumsum(np.concatenate([self._walked, steps], axis=1), axis=1)[:, 1:]
+            self._walked = walked[:, -1:] if count else self._walked
+            error += walked
+        numbers = self._jumps.next(count)
+        for k in np.unique(numbers[numbers > 0]):
+            if k > self._jumped:
+                self._jump = p.multipath_sigma * self._numbers(self._sizes, 1)[:, 0]
+                self._jumped = int(k)
+            error[:, numbers == k] += self._jump[:, None]
+        return error
+
+    def _velocity(self, motion: Motion) -> Array:
+        """Return the antenna's velocity (n, 3), east, north, up."""
+        v = motion.velocity
+        if getattr(self._environment, "curved_earth", False):
+            v = self._earth.over_ground(motion).velocity.T
+        return v + rotation.rotate(motion.q_wb, np.cross(motion.angular_velocity, self.lever_arm_b))
+
+    def _is_out(self, t: Array, place: Array) -> NDArray[np.bool_]:
+        """Return whether there is no fix, by time, by place, or by chance."""
+        p = self._own_parameters
+        out = self._random.next(len(t)) > 0
+        for start, length in np.reshape(p.outages, (-1, 2)):
+            out |= (t >= start) & (t < start + length)
+        for box in np.reshape(p.outage_boxes, (-1, 6)):
+            out |= ((place >= box[:3]) & (place <= box[3:])).all(axis=1)
+        return out

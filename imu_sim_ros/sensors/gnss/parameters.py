@@ -1,0 +1,150 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Parameters of a GNSS receiver on the body: ``gnss.*``."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
+from imu_sim_ros.parameters.kinds import choice, flag, integer, number, numbers, text
+from imu_sim_ros.sensors.own_rate_parameters import CarriedParameters
+from imu_sim_ros.timebase import LOWEST_RATE
+
+MODES: Final = ("single", "dgps", "float", "fixed")
+"""What a receiver may reach: alone, with corrections, with carrier phase."""
+_EACH: Final = "for the modes single, dgps, float (RTK) and fixed (RTK)"
+
+
+@dataclass(frozen=True)
+class GnssParameters(CarriedParameters):
+    """One receiver; its lever arm is that of the antenna."""
+
+    rate: float = number(10.0, "fixes per second", unit="Hz", minimum=LOWEST_RATE, maximum=100.0)
+    frame: str = text("gps_link", "frame of its messages, at the antenna; empty: body_frame")
+    preset: str = text("none", "file in config/gnss, or a path, to start from")
+    mode: str = choice("single", MODES, "mode at the start")
+    mode_changes: tuple[float, ...] = numbers(
+        (),
+        "time [s] since the start and mode (1 single, 2 dgps, 3 float, 4 fixed) alternating, times "
+        "increasing",
+        unit="s, 1",
+        group=2,
+        minimum=0.0,
+    )
+    horizontal_sigma: tuple[float, ...] = numbers(
+        (1.5, 0.6, 0.2, 0.01),
+        f"standard deviation of the error east, and of that north, {_EACH}",
+        unit="m",
+        minimum=0.0,
+        group=4,
+    )
+    vertical_sigma: tuple[float, ...] = numbers(
+        (3.0, 1.2, 0.4, 0.015),
+        f"standard deviation of the error up, {_EACH}",
+        unit="m",
+        minimum=0.0,
+        group=4,
+    )
+    white_share: float = number(
+        0.1,
+        "share of white noise in the variance of these errors; the rest is a first-order "
+        "Gauss-Markov process, like what ionosphere and troposphere leave",
+        unit="1",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    correlation_time: float = number(
+        200.0, "time constant of that process", unit="s", minimum=0.0, above_minimum=True
+    )
+    random_walk: float = number(
+        0.0,
+        "random walk of the error on each axis; the stated covariance does not know it",
+        unit="m/sqrt(s)",
+        minimum=0.0,
+    )
+    multipath_rate: float = number(
+        0.0, "mean rate of jumps by multipath", unit="1/s", minimum=0.0, maximum=100.0
+    )
+    multipath_sigma: float = number(
+        0.0,
+        "standard deviation of a jump on each axis; the stated covariance does not know it",
+        unit="m",
+        minimum=0.0,
+    )
+    multipath_duration: float = number(
+        5.0,
+        "mean time after which a jump is gone (exponentially distributed)",
+        unit="s",
+        minimum=0.0,
+        above_minimum=True,
+        maximum=1e6,
+    )
+    velocity_sigma: float = number(
+        0.05, "standard deviation of the velocity, white, on each axis", unit="m/s", minimum=0.0
+    )
+    covariance_factor: float = number(
+        1.0,
+        "stated covariance over the true one, of position and velocity; below 1 the receiver "
+        "claims to be better than it is",
+        unit="1",
+        minimum=0.0,
+        above_minimum=True,
+        maximum=1e6,
+    )
+    outages: tuple[float, ...] = numbers(
+        (),
+        "start and duration of each outage, since the IMU's first sample",
+        unit="s, s",
+        group=2,
+        minimum=0.0,
+    )
+    outage_boxes: tuple[float, ...] = numbers(
+        (),
+        "boxes in the world in which there is no fix: least x, y, z, then largest x, y, z, of each",
+        unit="m",
+        group=6,
+    )
+    outage_rate: float = number(
+        0.0, "mean rate of further outages", unit="1/s", minimum=0.0, maximum=100.0
+    )
+    outage_duration: float = number(
+        10.0,
+        "mean duration of those (exponentially distributed)",
+        unit="s",
+        minimum=0.0,
+        above_minimum=True,
+        maximum=1e6,
+    )
+    silent: bool = flag(
+        True,
+        "no message in an outage; false: messages with STATUS_NO_FIX, the last known place and "
+        "unknown covariance",
+    )
+    satellites: int = integer(12, "satellites in use", minimum=4, maximum=60)
+    hdop: float = number(
+        0.9, "horizontal dilution of precision, as NMEA has it", minimum=0.1, maximum=99.9
+    )
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Yield a line for each contradiction between parameters."""
+        yield from super().problems(prefix)
+        for name in ("horizontal_sigma", "vertical_sigma"):
+            if len(getattr(self, name)) != len(MODES):
+                yield f"{prefix}{name}: must be four numbers, {_EACH}"
+        for before, after in pairwise(self.mode_changes[::2]):
+            if after <= before:
+                yield f"{prefix}mode_changes: time {after:g} s after {before:g} s: must increase"
+        for mode in self.mode_changes[1::2]:
+            if mode not in (1.0, 2.0, 3.0, 4.0):
+                yield f"{prefix}mode_changes: mode {mode:g}: must be 1, 2, 3 or 4"
+        for k in range(0, len(self.outage_boxes), 6):
+            box = self.outage_boxes[k : k + 6]
+            if any(low >= high for low, high in zip(box[:3], box[3:], strict=True)):
+                yield f"{prefix}outage_boxes: {list(box)}: least must be below largest"
+        if bool(self.multipath_rate) != bool(self.multipath_sigma):
+            yield (
+                f"{prefix}multipath_rate = {self.multipath_rate:g} and {prefix}multipath_sigma = "
+                f"{self.multipath_sigma:g}: must both be 0 or both be above 0"
+            )

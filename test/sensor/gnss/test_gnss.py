@@ -1,0 +1,238 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The receiver against theory, pymap3d, pynmeagps and rosbags.
+
+What holds for every sensor is in test_every_sensor.py.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import imu_sim_ros as ims
+from imu_sim_ros import rotation
+from imu_sim_ros.commands import generate
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.parameters import files
+from imu_sim_ros.sensors.environment import EnvironmentParameters
+from imu_sim_ros.sensors.gravity import geodetic
+from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.parameters import load_simulation
+
+PERFECT = {
+    "horizontal_sigma": [0.0] * 4,
+    "vertical_sigma": [0.0] * 4,
+    "velocity_sigma": 0.0,
+}
+STILL = {"imu": "perfect", "trajectory": "static", "rate": 20, "sensors": ["gnss"]}
+
+
+def read(**gnss: Any) -> Any:
+    return ims.simulate(**STILL, duration=gnss.pop("duration", 100), seed=5, gnss=gnss).gnss
+
+
+@pytest.mark.parametrize("latitude", [-70.0, 0.0, 48.0, 89.9])
+def test_a_flat_world_is_the_tangent_plane_of_wgs84(latitude: float) -> None:
+    """To 1 mm over 100 km and up to 20 km high, against pymap3d's ENU and ECEF."""
+    pymap3d = pytest.importorskip("pymap3d")
+    origin = {"latitude_deg": latitude, "longitude_deg": 179.5, "height": 250.0}
+    places = np.random.default_rng(1).uniform(-1e5, 1e5, (500, 3))
+    places[:, 2] = places[:, 2] / 1e5 * 1e4 + 1e4
+    found = geodetic(EnvironmentParameters(**origin), places)
+    wanted = pymap3d.enu2ecef(*places.T, *origin.values())
+    off = np.array(pymap3d.geodetic2ecef(*found)) - np.array(wanted)
+    assert np.linalg.norm(off, axis=0).max() < 1e-3
+    assert (np.abs(found[1]) <= 180.0).all()
+
+
+def test_a_curved_world_is_that_of_the_truth(tmp_path: Path) -> None:
+    """Fixes without error at the body's origin are ground_truth/fix, bit for bit."""
+    pytest.importorskip("rosbags")
+    from rosbags.highlevel import AnyReader
+
+    words = [
+        *("--imu", "perfect", "--duration", "5s", "--rate", "50", "--quiet", "--trajectory"),
+        *("figure_eight", "--topics", "ground_truth/fix,gps/fix,gps/velocity", "--gnss", "zed_f9p"),
+        *("--set", "curved_earth=true", "--set", "gravity_model=wgs84"),
+        *("--set", "latitude_deg=48", "--set", "gnss.rate=50", "--set", "gnss.frame=base_link"),
+        *(w for k, v in PERFECT.items() for w in ("--set", f"gnss.{k}={v}")),
+    ]
+    assert generate.main(["-o", str(tmp_path / "a.mcap"), *words]) == 0
+    found: dict[str, list[Any]] = {}
+    with AnyReader([tmp_path / "a.mcap"]) as reader:
+        for connection, _, content in reader.messages():
+            message = reader.deserialize(content, connection.msgtype)
+            found.setdefault(connection.topic, []).append(message)
+    truth, fixes = found["/ground_truth/fix"], found["/gps/fix"]
+    assert len(truth) == len(fixes) == len(found["/gps/velocity"]) == 250
+    for one, other in zip(truth, fixes, strict=True):
+        assert one.latitude == other.latitude
+        assert one.longitude == other.longitude
+        assert one.altitude == other.altitude
+    assert (fixes[0].status.status, fixes[0].position_covariance_type) == (2, 2)
+    assert fixes[0].header.frame_id == "base_link"
+
+
+def test_the_antenna_has_its_place_and_its_velocity() -> None:
+    """Against the derivative of its place: 1e-6 m/s is the rounding of 0.1 s differences."""
+    given = {**STILL, "trajectory": "figure_eight"}
+    arm = {**PERFECT, "lever_arm": [0.5, -0.3, 0.2], "rate": 20.0}
+    flight = ims.simulate(**given, duration=10, gnss=arm)
+    gnss = flight.gnss
+    h = 1e-4
+    t = (gnss.true_t_ns - flight.t0_ns)[1:-1] * 1e-9
+
+    def place(at: Any) -> Any:
+        motion = flight.trajectory.sample(at)
+        return motion.position + rotation.rotate(motion.q_wb, np.array([[0.5, -0.3, 0.2]]))
+
+    np.testing.assert_allclose(gnss.position[1:-1], place(t), rtol=0, atol=1e-12)
+    slope = (place(t + h) - place(t - h)) / (2.0 * h)
+    np.testing.assert_allclose(gnss.velocity[1:-1], slope, rtol=0, atol=1e-6)
+
+
+def test_errors_have_the_stated_size_and_time() -> None:
+    """Of 4 h with 20 s: 720 independent values, the deviation is known to 2.6 %; five of these.
+
+    Between fixes 20 s apart the correlation is (1 - white share) / e, known to 1 / sqrt(720).
+    """
+    gnss = read(
+        duration=14400, rate=1.0, mode="dgps", correlation_time=20.0, white_share=0.2,
+        horizontal_sigma=[9.0, 0.6, 9.0, 9.0], vertical_sigma=[9.0, 1.2, 9.0, 9.0],
+    )  # fmt: skip
+    np.testing.assert_allclose(gnss.error.std(axis=0), [0.6, 0.6, 1.2], rtol=0.13)
+    np.testing.assert_allclose(gnss.variance[0], [0.36, 0.36, 1.44], rtol=1e-12)
+    e = gnss.error / gnss.error.std(axis=0)
+    correlation = (e[20:] * e[:-20]).mean(axis=0)
+    np.testing.assert_allclose(correlation, 0.8 / np.e, rtol=0, atol=5.0 / np.sqrt(720.0))
+    speed = gnss.velocity - gnss.ideal_velocity
+    np.testing.assert_allclose(speed.std(axis=0), 0.05, rtol=0.03)  # 5 / sqrt(2 * 14400)
+
+
+def test_the_stated_covariance_may_lie() -> None:
+    honest, proud = read(), read(covariance_factor=0.25)
+    assert np.array_equal(honest.error, proud.error)
+    assert np.array_equal(0.25 * honest.variance, proud.variance)
+    assert np.array_equal(0.25 * honest.velocity_variance, proud.velocity_variance)
+
+
+def test_modes_change_accuracy_and_status() -> None:
+    gnss = read(mode="single", mode_changes=[20.0, 3, 40.0, 4, 60.0, 2])
+    t = (gnss.true_t_ns - gnss.true_t_ns[0]) * 1e-9
+    for begin, mode, status, sigma in ((0, 0, 0, 1.5), (20, 2, 2, 0.2), (40, 3, 2, 0.01)):
+        rows = (t >= begin) & (t < begin + 20)
+        assert set(gnss.mode[rows]) == {mode}
+        assert set(gnss.status[rows]) == {status}
+        np.testing.assert_allclose(gnss.variance[rows][:, 0], sigma**2)
+    assert gnss.status[-1] == 1
+
+
+def test_outages_by_time_and_place() -> None:
+    gnss = read(outages=[10.0, 5.0, 50.0, 0.95])
+    t = np.round((gnss.true_t_ns - gnss.true_t_ns[0]) * 1e-9, 6)
+    assert len(gnss) == 1000 - 50 - 10
+    assert not ((t >= 10.0) & (t < 15.0)).any()
+    assert len(read(outage_boxes=[-1.0, -1.0, -1.0, 1.0, 1.0, 1.0])) == 0
+    loud = read(outages=[10.0, 5.0], silent=False)
+    assert len(loud) == 1000
+    assert np.count_nonzero(loud.status == -1) == 50
+    assert set(loud.satellites[loud.status == -1]) == {0}
+
+
+def test_random_outages_and_jumps_have_their_rates() -> None:
+    """Outages of 2 s each 10 s: a share of 2 / 12 is lost, over 2000 s by 170 of them to 8 %.
+
+    (Lengths are rounded up to whole intervals of 0.1 s, half of one on average, 2.5 %.)
+    """
+    gnss = read(duration=2000, outage_rate=0.1, outage_duration=2.0)
+    assert 1.0 - len(gnss) / 20000 == pytest.approx(1.0 / 6.0, rel=0.4)
+    still = {"horizontal_sigma": [0.0] * 4, "vertical_sigma": [0.0] * 4}
+    jumps = read(duration=2000, multipath_rate=0.1, multipath_sigma=3.0, **still).error
+    hit = np.abs(jumps[:, 0]) > 0.0
+    assert hit.mean() == pytest.approx(5.0 / 15.0, rel=0.4)
+    assert jumps[hit].std() == pytest.approx(3.0, rel=0.4)
+
+
+def test_the_walk_grows_with_the_root_of_time() -> None:
+    """64 seeds after 100 s: 0.1 m/sqrt(s) make 1 m, known to 1 / sqrt(2 * 192); five of these."""
+    parameters = load_simulation(
+        {"sensors": ["gnss"], "imu.preset": "perfect", "trajectory.type": "static", "rate": 10.0,
+         "duration": 100.0, "gnss.random_walk": 0.1, "gnss.horizontal_sigma": [0.0] * 4,
+         "gnss.vertical_sigma": [0.0] * 4}
+    )  # fmt: skip
+    run = Simulation(parameters, sensors={"gnss"})
+    ends = [run.with_seed(seed).next_block(10**6).auxiliary["gnss"].error[-1] for seed in range(64)]
+    assert np.std(ends) == pytest.approx(1.0, rel=5.0 / np.sqrt(2 * 192))
+
+
+def test_noisy_errors_do_not_depend_on_blocks() -> None:
+    given = {
+        "sensors": ["gnss"],
+        "imu.preset": "perfect",
+        "trajectory.type": "figure_eight",
+        "duration": 60.0,
+        "gnss.random_walk": 0.1,
+        "gnss.multipath_rate": 0.2,
+        "gnss.multipath_sigma": 2.0,
+        "gnss.outage_rate": 0.1,
+        "gnss.outage_duration": 2.0,
+    }
+    whole = Simulation(load_simulation(given), sensors={"gnss"}).next_block(10**6)
+    parts = list(Simulation(load_simulation(given), sensors={"gnss"}).blocks(53))
+    for name in ("error", "geodetic", "velocity", "mode"):
+        joined = np.concatenate([getattr(part.auxiliary["gnss"], name) for part in parts])
+        assert np.array_equal(joined, getattr(whole.auxiliary["gnss"], name)), name
+
+
+def test_nmea_is_read_by_pynmeagps(tmp_path: Path) -> None:
+    """Places to 0.2 mm, the resolution of 1e-7 minutes; checksums are checked by the reader."""
+    pynmeagps = pytest.importorskip("pynmeagps")
+    flight = ims.simulate(
+        **{**STILL, "trajectory": "figure_eight"}, duration=5, start_time=1.7e9,
+        latitude_deg=-33.9, longitude_deg=151.2, gnss={"mode": "fixed", "outages": [2.0, 1.0]},
+    )  # fmt: skip
+    path = flight.gnss.save_nmea(tmp_path / "a.nmea")
+    with path.open("rb") as file:
+        messages = [parsed for _, parsed in pynmeagps.NMEAReader(file, quitonerror=2)]
+    assert [m.msgID for m in messages] == ["GGA", "RMC", "VTG"] * 40
+    for k, (latitude, longitude, height) in enumerate(flight.gnss.geodetic):
+        gga, rmc, vtg = messages[3 * k : 3 * k + 3]
+        assert gga.lat == pytest.approx(latitude, abs=2e-9)
+        assert gga.lon == pytest.approx(longitude, abs=2e-9)
+        assert gga.alt == pytest.approx(height, abs=1e-4)
+        assert (gga.quality, gga.numSV, rmc.status) == (4, 12, "A")
+        east, north, _ = flight.gnss.velocity[k]
+        assert vtg.sogk == pytest.approx(3.6 * np.hypot(east, north), abs=1e-3)
+    assert str(messages[1].date) == "2023-11-14"
+
+
+@pytest.mark.parametrize("name", files.names("gnss"))
+def test_presets_have_sources_and_run(name: str, tmp_path: Path) -> None:
+    assert "# [1] " in files.find("gnss", name).read_text(encoding="utf-8")
+    gnss = ims.simulate(**STILL, duration=10, gnss={"preset": name}).gnss
+    assert len(gnss) == 10 * round(len(gnss) / 10) > 0
+    words = ["-o", str(tmp_path / "a"), "--format", "csv", "--duration", "2s", "--gnss", name]
+    assert generate.main([*words, "--quiet"]) == 0
+    header, *rows = (tmp_path / "a/gps0.csv").read_text().splitlines()
+    assert header.startswith("timestamp,latitude,longitude,altitude")
+    assert len(rows) == len(gnss) // 5
+    assert (tmp_path / "a_truth_gnss.yaml").exists()
+
+
+@pytest.mark.parametrize(
+    ("own", "line"),
+    [
+        ({"preset": "f9"}, "unknown GNSS receiver 'f9'"),
+        ({"horizontal_sigma": [1.0, 1.0, 1.0]}, "gnss.horizontal_sigma"),
+        ({"mode_changes": [5.0, 2, 5.0, 3]}, "times|must increase"),
+        ({"mode_changes": [5.0, 7]}, "mode 7: must be 1, 2, 3 or 4"),
+        ({"outage_boxes": [1, 0, 0, 0, 1, 1]}, "least must be below largest"),
+        ({"multipath_rate": 1.0}, "must both be 0 or both be above 0"),
+    ],
+)
+def test_mistakes_are_told(own: dict[str, Any], line: str) -> None:
+    with pytest.raises(ConfigurationError, match=line):
+        read(**own)
