@@ -311,6 +311,7 @@ def _print(made: "Campaign") -> None:
     if len(found) > _SHOWN:
         print(f"{len(found) - _SHOWN} more in {made.folder / 'summary.csv'}")
     _print_differences(made.judgement)
+    _print_baseline(made.judgement)
     _print_slopes(made.runs, found, metric)
     for status, count in counts(made.runs).items():
         if status != "done":
@@ -335,6 +336,16 @@ def _print_differences(found: "Judgement") -> None:
         program.print_table(["of", "A", "B", "A than B", "p", "A is"], rows[:_SHOWN], title)
     for note in sorted({e.note for c in found.contests for e in c.effects if e.note}):
         print(note)
+
+
+def _print_baseline(found: "Judgement") -> None:
+    """Print how each group compares with the baseline, what is worse first."""
+    effects = sorted(found.baseline or [], key=lambda effect: effect.verdict != "worse")
+    rows = [[one.a, one.note or one.size(), _number(one.p), one.verdict] for one in effects]
+    if rows:
+        title = f"Against the baseline: {found.metric}"
+        header = ["cell; estimator", "than before", "p", "is"]
+        program.print_table(header, rows[:_SHOWN], title)
 
 
 def _place(contest: "Contest") -> str:

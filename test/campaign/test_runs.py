@@ -408,6 +408,19 @@ def test_the_baseline_finds_what_became_worse(plan_file, campaign, tmp_path):
     )
 
 
+def test_the_terminal_says_how_runs_compare_with_the_baseline(plan_file, tmp_path, capsys):
+    """What is equal, too: status 0 alone does not tell what was compared."""
+    path = plan_file(seeds=6)
+    common = [str(path), "--workers", "1", "--no-report"]
+    assert command([*common, "-o", str(tmp_path / "last")]) == 0
+    assert "baseline" not in capsys.readouterr().out
+    again = ["-o", str(tmp_path / "now"), "--baseline", str(tmp_path / "last")]
+    assert command([*common, *again]) == 0
+    out = capsys.readouterr().out
+    assert "Against the baseline: ate_rmse_m" in out
+    assert re.search(r"all; dead_reckon +0 % larger \(95 %: 0 % to 0 %\) +1 +equal", out)
+
+
 def test_a_campaign_in_python_is_that_of_the_command(plan_file, campaign, tmp_path):
     """The same rows and judgement; every wrong argument has a line."""
     plan = plan_file(seeds=3, parameters={"rate": 100.0, "duration": 2.0})
