@@ -76,6 +76,8 @@ if TYPE_CHECKING:
     from imu_sim_ros.jobs.campaign import Campaign as Campaign
     from imu_sim_ros.jobs.campaign import campaign as campaign
     from imu_sim_ros.jobs.campaign import report as report
+    from imu_sim_ros.jobs.convert import Converted as Converted
+    from imu_sim_ros.jobs.convert import convert as convert
     from imu_sim_ros.jobs.flight import Flight as Flight
     from imu_sim_ros.jobs.flight import Truth as Truth
     from imu_sim_ros.jobs.generate import Generated as Generated
@@ -121,6 +123,7 @@ _HOMES = {
         *("calibrate_six_position", "calibrate_temperature", "calibrate_turntable"),
     ],
     "jobs.campaign": ["Campaign", "campaign", "report"],
+    "jobs.convert": ["Converted", "convert"],
     "jobs.flight": ["Flight", "Truth"],
     "jobs.generate": ["Generated", "generate"],
     "jobs.navigation": ["Evaluation", "Track", "dead_reckon", "evaluate"],

@@ -22,6 +22,8 @@ COMPRESSIONS: Final[dict[str, tuple[str, ...]]] = {
     "sqlite3": ("none",),
     "ros1": ("none", "lz4", "bz2"),
 }
+COMPRESSED: Final = tuple(dict.fromkeys(name for names in COMPRESSIONS.values() for name in names))
+"""The compressions of any storage."""
 
 
 def storage_of(path: Path) -> str:

@@ -19,12 +19,13 @@ from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text.writer import Dataset
 from imu_sim_ros.bags.write import open_writer
 from imu_sim_ros.bags.writer import described
-from imu_sim_ros.commands import bag_output, convert_bag
+from imu_sim_ros.commands import bag_output
 from imu_sim_ros.commands.inputs import add_skip_bad_rows, refused_messages, skipped_rows
 from imu_sim_ros.conventions import IMU_TOPIC
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.jobs.add_errors import ROWS_AT_ONCE, rate_of
 from imu_sim_ros.jobs.add_errors_bag import OFFERED, USUAL, BagErrors, names_in, rate_in, source_of
+from imu_sim_ros.jobs.convert import Form, Watcher, write
 from imu_sim_ros.names import unknown
 from imu_sim_ros.parameters import files
 from imu_sim_ros.simulation.error_input import Given
@@ -107,13 +108,13 @@ def add_errors(arguments: argparse.Namespace) -> None:
         else:
             source = arguments.input
             if from_text:
-                _convert(arguments, source, between, ())
+                _convert(arguments, source, between)
                 source = between
             place = Path(folder) / "noisy.mcap" if form is not None else staged
             run = _Run(arguments, layers, wanted, place, dataset=form is not None)
             counts, messages = run.bag(source, written)
             if form is not None:
-                _convert(arguments, place, staged, ("--format", form))
+                _convert(arguments, place, staged, form)
     result = {
         "output": str(arguments.output),
         "messages": messages,
@@ -150,12 +151,12 @@ def _layers(arguments: argparse.Namespace) -> dict[str, object]:
 
 
 def _convert(
-    arguments: argparse.Namespace, source: Path, target: Path, options: Sequence[str]
+    arguments: argparse.Namespace, source: Path, target: Path, dataset: str | None = None
 ) -> None:
     """Convert text or bag into the other, as ``convert_bag`` does."""
-    words = [str(source), "-o", str(target), "--quiet", *options]
-    words += ["--skip-bad-rows"] * bool(arguments.skip_bad_rows)
-    convert_bag.convert_bag(convert_bag.parser().parse_every(words))
+    skipped, warned = refused_messages(arguments, "add_errors", source)
+    watcher = Watcher(_remark, skipped=skipped, warned=warned)
+    write(source, target, Form(dataset), Outputs([source]), watcher)
 
 
 def _remark(line: str) -> None:
@@ -240,7 +241,7 @@ def _text_to_text(
     arguments: argparse.Namespace, form: str, staged: Path, layers: Mapping[str, object]
 ) -> tuple[Counts, dict[str, int]]:
     """Convert a dataset with all that it has, and replace the readings."""
-    _convert(arguments, arguments.input, staged, ("--format", form))
+    _convert(arguments, arguments.input, staged, form)
     skipped = skipped_rows(arguments, "add_errors", arguments.input)
     blocks = text_reader.imu_blocks(arguments.input, None, skipped and (lambda _: None))
     model: ErrorModel | None = None

@@ -18,7 +18,7 @@ from imu_sim_ros.bags.outputs import Outputs
 from imu_sim_ros.bags.text import writer as text_writer
 from imu_sim_ros.bags.threads import ahead
 from imu_sim_ros.bags.write import (
-    COMPRESSIONS,
+    COMPRESSED,
     STORAGES,
     check_split,
     check_writer,
@@ -125,6 +125,11 @@ class Form:
     """Write each stack's configuration to OUTPUT_configs."""
     jobs: int = field(default_factory=cores)
     """Threads that render images."""
+
+    def of_bags_only(self) -> dict[str, object]:
+        """Return what applies to bags only, by name."""
+        names = ("storage", "compression", "split_duration", "split_size")
+        return {name: getattr(self, name) for name in names}
 
 
 @dataclass(frozen=True)
@@ -257,7 +262,7 @@ def _form(
     return Form(
         None if format is None else arguments.one_of("format", format, camera_outputs.FORMATS),
         None if storage is None else arguments.one_of("storage", storage, STORAGES),
-        None if compression is None else arguments.one_of("compression", compression, _COMPRESSED),
+        None if compression is None else arguments.one_of("compression", compression, COMPRESSED),
         arguments.number("split_duration", split_duration, "seconds, 0 or more", 0.0),
         arguments.whole("split_size", split_size, "bytes, 0 or more", 0, 1 << 62),
         arguments.words("topics", topics),
@@ -266,9 +271,6 @@ def _form(
         arguments.switch("with_configs", with_configs),
         cores() if jobs is None else jobs,
     )
-
-
-_COMPRESSED: Final = tuple(dict.fromkeys(name for names in COMPRESSIONS.values() for name in names))
 
 
 def _of_cameras(
@@ -346,7 +348,7 @@ class _Job:
         self.path, self.form, self.setup, self.watcher = path, form, setup, watcher
         self.simulated = simulations(setup.simulator)
         self.imus = imus_of(self.simulated)
-        self.dataset = dataset_form(path, form.dataset, _of_bags_only(form))
+        self.dataset = dataset_form(path, form.dataset, form.of_bags_only())
         self.further = setup.simulator.sensors
         self.body = self.simulated[body_of(self.imus)]
         usual = usual_topics(self.further, self.dataset, path, form.imu_only)
@@ -513,13 +515,3 @@ class _Job:
                     advance(sum(len(block.t_ns) for block in blocks.values()))
             finally:
                 windows.close()  # type: ignore[attr-defined]
-
-
-def _of_bags_only(form: Form) -> dict[str, object]:
-    """Return what applies to bags only, by name."""
-    return {
-        "storage": form.storage,
-        "compression": form.compression,
-        "split_duration": form.split_duration,
-        "split_size": form.split_size,
-    }

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``ims.generate``: the files of the program, from Python."""
+"""``ims.generate`` and ``ims.convert``: the files of the programs, from Python."""
 
 import filecmp
 
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
-from imu_sim_ros.commands import generate
+from imu_sim_ros.commands import convert_bag, generate
 
 
 @pytest.mark.parametrize(
@@ -95,3 +95,74 @@ def test_nothing_is_overwritten_unless_forced(tmp_path):
     with pytest.raises(ims.InputError, match="already exists"):
         ims.generate(tmp_path / "a.mcap", duration=1)
     assert ims.generate(tmp_path / "a.mcap", duration=1, seed=1, force=True).bytes == first.bytes
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments", "words"),
+    [
+        ("b.bag", {"compression": "bz2", "topics": "imu/data_raw"}, "--compression bz2"),
+        ("b", {"format": "euroc"}, "--format euroc"),
+        ("b.tum", {}, ""),
+    ],
+)
+def test_conversions_are_those_of_the_program(name, arguments, words, tmp_path):
+    made = ims.generate(tmp_path / "a.mcap", duration=1, seed=1)
+    found = ims.convert(made.output, tmp_path / "python" / name, **arguments)
+    options = [
+        *words.split(),
+        *(["--topics", arguments["topics"]] if "topics" in arguments else []),
+    ]
+    place = tmp_path / "command" / name
+    assert convert_bag.main([str(made.output), "-o", str(place), "--quiet", *options]) == 0
+    files = [path for path in place.rglob("*") if path.is_file()] or [place]
+    for path in files:
+        assert filecmp.cmp(
+            path, tmp_path / "python" / path.relative_to(tmp_path / "command"), False
+        )
+    assert not found.recovered
+    assert found.last_stamp_ns == 1_995_000_000
+
+
+def test_a_torn_bag_is_recovered_and_says_what_was_found(tmp_path):
+    whole = ims.generate(tmp_path / "a.mcap", duration=20, seed=1).output
+    torn = tmp_path / "torn.mcap"
+    torn.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
+    with pytest.raises(ims.InputError, match="recover"):
+        ims.convert(torn, tmp_path / "b.mcap")
+    found = ims.convert(torn, tmp_path / "b.mcap", recover=True)
+    assert found.recovered
+    assert 0 < found.messages["/imu/data_raw"] < 4000
+    assert found.found
+    assert found.to_dict()["left_out"] == list(found.left_out)
+
+
+def test_impossible_readings_are_named_or_left_out(tmp_path):
+    rows = tmp_path / "a.csv"
+    ims.generate(rows, duration=1, imu_only=True)
+    lines = rows.read_text().splitlines()
+    lines[5] = lines[5].replace(",", ",nan,", 1).rsplit(",", 1)[0]
+    rows.write_text("\n".join(lines) + "\n")
+    with pytest.raises(ims.InputError, match="line 6"):
+        ims.convert(rows, tmp_path / "b.mcap")
+    found = ims.convert(rows, tmp_path / "b.mcap", skip_bad_rows=True)
+    assert found.messages == {"/imu/data_raw": 199}
+    assert found.warnings == (f"{rows}: 1 bad rows skipped",)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"source": 3}, "source = 3: must be the path of a file"),
+        ({"source": "none.mcap"}, "none.mcap"),
+        ({"format": "tracks"}, "format = 'tracks': must be one of"),
+        ({"images": "raw"}, "images raw: is for folders"),
+        ({"topics": ["imu/nothing"]}, "has no topic /imu/nothing"),
+    ],
+)
+def test_bad_conversions_are_refused_and_leave_nothing(arguments, message, tmp_path):
+    source = ims.generate(tmp_path / "a.mcap", duration=1).output
+    before = sorted(tmp_path.iterdir())
+    with pytest.raises(ims.ImuSimError) as caught:
+        ims.convert(**{"source": source, "output": tmp_path / "b", **arguments})
+    assert message in str(caught.value)
+    assert sorted(tmp_path.iterdir()) == before

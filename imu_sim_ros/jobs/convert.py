@@ -1,0 +1,508 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A bag or dataset into another form; interrupted bags into whole ones."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from imu_sim_ros import arguments
+from imu_sim_ros.bags import beside
+from imu_sim_ros.bags import convert as streams
+from imu_sim_ros.bags.messages.blocks import TopicInfo
+from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY
+from imu_sim_ros.bags.messages.encode_cameras import COMPRESSED_IMAGE, IMAGE
+from imu_sim_ros.bags.outputs import Outputs
+from imu_sim_ros.bags.read import open_bag, read_poses
+from imu_sim_ros.bags.reader import Bag
+from imu_sim_ros.bags.text import reader as text_reader
+from imu_sim_ros.bags.text import writer as text_writer
+from imu_sim_ros.bags.text.writer import Dataset
+from imu_sim_ros.bags.write import COMPRESSED, STORAGES, check_writer, dataset_form, open_writer
+from imu_sim_ros.bags.writer import Writer, amount, described
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs.rows import BadRows, Skipped, Warned
+from imu_sim_ros.inputs.tables import Table
+from imu_sim_ros.jobs.output import checked_place, renamed_topics
+from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.sensors import known_tables
+
+if TYPE_CHECKING:
+    from imu_sim_ros.datasets.recorded_bag import RecordedImages
+    from imu_sim_ros.datasets.recorded_folder import FolderImages
+
+IMAGES: Final = ("raw", "compressed", "both", "none")
+_SHOWN_DAMAGE: Final = 10
+Counts = tuple[dict[str, int], int]
+"""Messages or rows by topic, and the last stamp [ns]; -1 without any."""
+
+
+@dataclass(frozen=True)
+class Form:
+    """What is converted into what."""
+
+    dataset: str | None = None
+    """``euroc``, ``csv`` or ``tum``; None: a bag."""
+    storage: str | None = None
+    compression: str | None = None
+    split_duration: float = 0.0
+    """[s] of one file; 0: all."""
+    split_size: int = 0
+    """[bytes] of one file; 0: all."""
+    topics: Sequence[str] = ()
+    """Empty: all."""
+    renamed: Mapping[str, str] = field(default_factory=dict)
+    """Names in the bag by the topics' own."""
+    images: str | None = None
+    """Messages for a folder's images: raw, compressed, both, none; None: raw."""
+    recover: bool = False
+    """Recover all complete messages of an interrupted or damaged bag."""
+
+    def of_bags_only(self) -> dict[str, object]:
+        """Return what applies to bags only, by name."""
+        names = ("storage", "compression", "split_duration", "split_size")
+        return {name: getattr(self, name) for name in names}
+
+
+@dataclass(frozen=True)
+class Converted:
+    """What :func:`convert` wrote."""
+
+    output: Path
+    messages: dict[str, int]
+    """Messages by topic, rows by table, images by camera."""
+    recovered: bool
+    """Whether the input was not whole."""
+    last_stamp_ns: int | None
+    found: tuple[str, ...] | None = None
+    """What a recovery found, line by line; None without one."""
+    left_out: tuple[str, ...] | None = None
+    warnings: tuple[str, ...] = ()
+    """What is wrong with messages that are passed on or skipped, a line each."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what ``--json`` prints."""
+        result = {
+            "output": str(self.output),
+            "messages": self.messages,
+            "recovered": self.recovered,
+            "last_stamp_ns": self.last_stamp_ns,
+        }
+        if self.found is None or self.left_out is None:
+            return result
+        return {**result, "found": list(self.found), "left_out": list(self.left_out)}
+
+    def __repr__(self) -> str:
+        counts = ", ".join(f"{count} {name}" for name, count in self.messages.items())
+        return f"<Converted {self.output.name}: {counts or 'no messages'}>"
+
+
+@contextmanager
+def _no_progress(_total: int) -> Iterator[Callable[[float], None]]:
+    yield lambda _count: None
+
+
+@dataclass(frozen=True)
+class Watcher:
+    """Who learns of what happens meanwhile; nobody by default."""
+
+    warn: Callable[[str], None] = lambda line: None
+    progress: Callable[[int], AbstractContextManager[Callable[[float], None]]] = _no_progress
+    """Called with the number of messages; its block receives how many more have been written."""
+    skipped: Skipped | None = None
+    """Receives how many bad rows or messages are skipped; None: those of text are errors, those
+    of bags are passed on."""
+    warned: Warned | None = None
+    """Receives what is passed on although it is not finite or not possible."""
+
+
+def convert(
+    source: str | Path,
+    output: str | Path,
+    *,
+    format: str | None = None,
+    storage: str | None = None,
+    compression: str | None = None,
+    split_duration: float = 0.0,
+    split_size: int = 0,
+    topics: str | Sequence[str] = (),
+    rename: Mapping[str, str] | None = None,
+    images: str | None = None,
+    recover: bool = False,
+    skip_bad_rows: bool = False,
+    force: bool = False,
+) -> Converted:
+    """Write a bag or dataset in another form, as the program ``convert_bag`` does.
+
+    :param source: ROS 1 bag, ``.mcap``, rosbag2 folder, EuRoC folder, CSV or TUM file.
+    :param output: as for :func:`generate`.
+    :param format: a dataset in place of a bag: ``euroc``, ``csv``, ``tum``.
+    :param storage: ``mcap``, ``sqlite3`` or ``ros1``; by default what the name asks for.
+    :param compression: of chunks: ``none``, ``lz4``, ``zstd`` (mcap), ``bz2`` (ros1).
+    :param split_duration: [s] of one file; 0: all.
+    :param split_size: [bytes] of one file; 0: all.
+    :param topics: those to convert; by default all.
+    :param rename: another name in the bag for a topic.
+    :param images: messages for a folder's images: ``raw``, ``compressed``, ``both``, ``none``.
+    :param recover: recover all complete messages of an interrupted or damaged bag.
+    :param skip_bad_rows: leave out readings and poses that are not finite or not possible.
+    :param force: replace what exists, but never the source.
+    :raises ConfigurationError: with a line for each argument that is not what it must be.
+    :raises InputError: for a source that cannot be read, and an output that cannot be written.
+
+    >>> import imu_sim_ros as ims
+    >>> made = ims.generate(folder / "torn.mcap", duration=2, seed=1)
+    >>> ims.convert(made.output, folder / "whole.bag", compression="lz4")
+    <Converted whole.bag: 400 /imu/data_raw, 400 /ground_truth/odom>
+    """
+    path, place = arguments.path("source", source), checked_place(output, force)
+    names = {"format": format, "storage": storage, "compression": compression, "images": images}
+    known = (text_writer.FORMATS, STORAGES, COMPRESSED, IMAGES)
+    for (name, value), words in zip(names.items(), known, strict=True):
+        if value is not None:
+            arguments.one_of(name, value, words)
+    form = Form(
+        format,
+        storage,
+        compression,
+        arguments.number("split_duration", split_duration, "seconds, 0 or more", 0.0),
+        arguments.whole("split_size", split_size, "bytes, 0 or more", 0, 1 << 62),
+        arguments.words("topics", topics),
+        renamed_topics(rename),
+        images,
+        arguments.switch("recover", recover),
+    )
+    return _written(path, place, form, force, arguments.switch("skip_bad_rows", skip_bad_rows))
+
+
+def _written(path: Path, place: Path, form: Form, force: bool, skip: bool) -> Converted:
+    """Convert; what is said meanwhile is a part of the result."""
+    lines: list[str] = []
+
+    def skipped(count: int) -> None:
+        lines.append(f"{path}: {count} bad rows skipped")
+
+    def warned(bad: BadRows) -> None:
+        lines.append(f"{passed_on(bad)}; they are passed on, skip_bad_rows leaves them out")
+
+    watcher = Watcher(
+        lines.append, skipped=skipped if skip else None, warned=None if skip else warned
+    )
+    found = write(path, place, form, Outputs([path], force), watcher)
+    return dataclasses.replace(found, warnings=tuple(lines))
+
+
+def passed_on(bad: BadRows) -> str:
+    """Return what is wrong with messages of a bag that are converted all the same."""
+    return (
+        f"{bad.source}: {bad.rows} of {bad.rows + bad.good} messages are not finite or not "
+        f"possible, the first is {bad.first}"
+    )
+
+
+def write(source: Path, path: Path, form: Form, written: Outputs, watcher: Watcher) -> Converted:
+    """Convert a source into an output.
+
+    :param written: receives the output.
+    :raises InputError: for a source that cannot be read, and an output that cannot be written.
+    """
+    if not path.name:
+        raise InputError(f"{str(path)!r}: is not a file name")
+    dataset = dataset_form(path, form.dataset, form.of_bags_only())
+    if dataset is None:
+        check_writer(path, form.storage, form.compression)
+    written.add(path, kept=True)
+    job = _Job(source, path, form, dataset, written, watcher)
+    job.check_images()
+    with written:
+        return job.from_text() if job.is_text else job.from_bag()
+
+
+class _Job:
+    """One conversion."""
+
+    def __init__(
+        self,
+        source: Path,
+        path: Path,
+        form: Form,
+        dataset: str | None,
+        written: Outputs,
+        watcher: Watcher,
+    ) -> None:
+        self.source, self.path, self.form = source, path, form
+        self.dataset = dataset or ""
+        """Empty: a bag."""
+        self.written, self.watcher = written, watcher
+        self.staged = written.where(path)
+        self.is_text = text_reader.is_text(source)
+        self.comment = f"converted from {source.name} by imu_sim_ros"
+        self.renamed = {
+            "/" + old.lstrip("/"): "/" + new.lstrip("/") for old, new in form.renamed.items()
+        }
+
+    def check_images(self) -> None:
+        """Refuse a choice of images that would have no effect."""
+        images = self.form.images
+        if images and not self.is_text:
+            raise InputError(f"images {images}: is for folders; topics chooses of a bag")
+        if self.dataset and images not in (None, "none"):
+            raise InputError(f"images {images}: does not apply to {self.dataset}; only none does")
+
+    def from_bag(self) -> Converted:
+        whole = not self.form.recover or _is_whole(self.source)
+        with open_bag(self.source, self.form.recover) as bag:
+            topics = streams.chosen(bag, self.form.topics)
+            if not self.dataset:
+                counts, last_ns = self._bag_to_bag(bag, topics)
+            elif self.dataset == "tum":
+                counts, last_ns = self._bag_to_tum(bag, topics)
+            else:
+                counts, last_ns = self._bag_to_dataset(bag, topics)
+        if not self.form.recover:
+            return self._result((counts, last_ns))
+        if not sum(counts.values()):
+            raise InputError([*self._recovery(bag), f"{self.source}: nothing recoverable"])
+        for line in self._recovery(bag):
+            self.watcher.warn(line)
+        recovered = not whole or bool(bag.damage or bag.found)
+        return dataclasses.replace(
+            self._result((counts, last_ns)),
+            recovered=recovered,
+            found=tuple(bag.found),
+            left_out=tuple(bag.damage),
+        )
+
+    def _result(self, counts: Counts) -> Converted:
+        messages, last_ns = counts
+        return Converted(self.path, messages, False, last_ns if last_ns >= 0 else None)
+
+    def _recovery(self, bag: Bag) -> list[str]:
+        """Return what a recovery found and left out, line by line."""
+        lines = [f"{bag.path}: found: {line}" for line in bag.found]
+        for k, line in enumerate(bag.damage):
+            if k == _SHOWN_DAMAGE:
+                lines.append(f"{bag.path}: left out: and {len(bag.damage) - k} more places")
+                break
+            lines.append(f"{bag.path}: left out: {line}")
+        return lines if bag.damage else [*lines, f"{bag.path}: nothing is left out"]
+
+    def _writer(self) -> Writer:
+        writer = open_writer(
+            self.staged,
+            self.form.storage,
+            self.form.compression,
+            self.form.split_duration,
+            self.form.split_size,
+        )
+        self.written.describe(self.path, lambda: described(writer.topics))
+        return writer
+
+    def _bag_to_bag(self, bag: Bag, topics: Sequence[Any]) -> Counts:
+        total = sum(topic.count for topic in topics)
+        with (
+            self._writer() as writer,
+            self.watcher.progress(total) as advance,
+        ):
+            refused = self.watcher.skipped, self.watcher.warned
+            streams.bag_to_bag(bag, writer, topics, self.renamed, advance, *refused)
+        return _tally(writer)
+
+    def _bag_to_dataset(self, bag: Bag, topics: Sequence[Any]) -> Counts:
+        readings = bag.topic(IMU, self._only_named(topics, IMU))
+        truths = [topic for topic in topics if topic.type == ODOMETRY]
+        chosen: dict[str, str | None] = {IMU: readings.name}
+        if truths:
+            chosen[ODOMETRY] = bag.topic(ODOMETRY, self._only_named(topics, ODOMETRY)).name
+        one_table = self.staged.suffix.lower() == ".csv"
+        tables = {} if one_table else beside.tables_of(topics, readings.name, known_tables())
+        names = {kind: topic.name for kind, topic in tables.items()}
+        total = readings.count + sum(topic.count for topic in [*truths, *tables.values()])
+        with self._dataset(bool(truths), names) as dataset:
+            images = self._images(bag, topics)
+            total += sum(topic.count for topic in images.topics) if images else 0
+            with self.watcher.progress(total) as advance:
+                skipped, warned = self.watcher.skipped, self.watcher.warned
+                streams.to_dataset(
+                    bag.path,
+                    dataset,
+                    chosen,
+                    advance,
+                    self.form.recover,
+                    skipped,
+                    _described(names),
+                    warned,
+                )
+                if images:
+                    images.write(advance, self.comment)
+        if self.dataset == "euroc":
+            self._describe(bool(truths), names)
+        counts = _rows(dataset, readings.name, chosen.get(ODOMETRY), names)
+        if images is None:
+            return counts, dataset.last_ns
+        return {**counts, **images.counts}, max(dataset.last_ns, images.last_ns)
+
+    def _images(self, bag: Bag, topics: Sequence[TopicInfo]) -> RecordedImages | None:
+        """Return the images of the topics, where there are some and the dataset is a folder."""
+        kinds = {topic.type for topic in topics}
+        if not kinds & {IMAGE, COMPRESSED_IMAGE} or not self.staged.is_dir():
+            return None
+        from imu_sim_ros.datasets.recorded_bag import (  # they need OpenCV
+            RecordedImages,
+            recorded_cameras,
+        )
+
+        return RecordedImages(bag, recorded_cameras(topics), self.staged, self.dataset)
+
+    def _only_named(self, topics: Sequence[Any], type_name: str) -> str | None:
+        """Return the topic of a type that ``topics`` names; None where none is named."""
+        fitting = [topic.name for topic in topics if topic.type == type_name]
+        if self.form.topics and not fitting:
+            raise InputError(f"topics {','.join(self.form.topics)}: none of them is of {type_name}")
+        return fitting[0] if self.form.topics and len(fitting) == 1 else None
+
+    def _dataset(
+        self,
+        states: bool,
+        tables: Collection[str],
+    ) -> Dataset:
+        dataset = Dataset(
+            self.staged, self.dataset, states, beside=[(known_tables()[kind], 0) for kind in tables]
+        )
+        self.written.describe(self.path, lambda: amount(dataset.rows, dataset.last_ns, "rows"))
+        return dataset
+
+    def _bag_to_tum(self, bag: Bag, topics: Sequence[Any]) -> Counts:
+        named = topics[0].name if self.form.topics and len(topics) == 1 else None
+        skipped, warned = self.watcher.skipped, self.watcher.warned
+        recover = self.form.recover
+        poses = read_poses(bag.path, named, skipped is not None, warned=warned, recover=recover)
+        if skipped is not None and poses.skipped:
+            skipped(poses.skipped)
+        return self._write_tum(poses, named or streams.TRUTH)
+
+    def _write_tum(self, poses: PoseSequence, name: str) -> Counts:
+        none = np.zeros((len(poses.t_ns), 3))
+        with Dataset(self.staged, "tum") as dataset:
+            dataset.write_states(text_writer.States(*poses[:3], none, none, none))
+        return {name: len(poses.t_ns)}, int(max(poses.t_ns, default=-1))
+
+    def from_text(self) -> Converted:
+        if self.form.topics:
+            raise InputError(f"{self.source}: text has no topics to choose from")
+        if self.dataset == "tum":
+            return self._result(self._write_tum(self._poses(), streams.TRUTH))
+        if self.dataset:
+            return self._result(self._text_to_dataset())
+        if streams.holds_poses(self.source):
+            with self._writer() as writer, self.watcher.progress(0) as advance:
+                streams.poses_to_bag(self._poses(), writer, self.renamed, advance)
+            return self._result(_tally(writer))
+        with (
+            self._folder_images() as images,
+            self._writer() as writer,
+            self.watcher.progress(0) as advance,
+        ):
+            renamed = self.renamed
+            seen = images.streams(writer, renamed, self.form.images or "raw") if images else []
+            known = known_tables()
+            skipped = self.watcher.skipped
+            streams.text_to_bag(self.source, writer, renamed, advance, skipped, seen, known)
+        return self._result(_tally(writer))
+
+    def _poses(self) -> PoseSequence:
+        """Return the poses of a text file."""
+        poses = read_poses(self.source, None, self.watcher.skipped is not None)
+        if self.watcher.skipped is not None and poses.skipped:
+            self.watcher.skipped(poses.skipped)
+        return poses
+
+    def _text_to_dataset(self) -> Counts:
+        states = text_reader.has_states(self.source)
+        one_table = self.staged.suffix.lower() == ".csv"
+        tables = {} if one_table else text_reader.beside_names(self.source, known_tables())
+        names = {kind: name for name, kind in tables.items()}
+        with (
+            self._folder_images() as images,
+            self._dataset(states, names) as dataset,
+            self.watcher.progress(0) as advance,
+        ):
+            chosen: dict[str, str | None] = {IMU: None, **({ODOMETRY: None} if states else {})}
+            streams.to_dataset(
+                *(self.source, dataset, chosen, advance, False, self.watcher.skipped),
+                _described(names),
+            )
+            seen = {}
+            if images and self.staged.is_dir():
+                seen = images.copy(self.staged, self.dataset, self.comment, advance)
+        if self.dataset == "euroc":
+            self._describe(states, names)
+        called = {kind: f"/{known_tables()[kind].topic}" for kind in names}
+        counts = _rows(dataset, streams.READINGS, streams.TRUTH, called)
+        return {**counts, **seen}, dataset.last_ns
+
+    def _folder_images(self) -> AbstractContextManager[FolderImages | None]:
+        """Return the images of a folder; None where it has none, or they are not wanted."""
+        places = text_reader.places(self.source) if self.source.is_dir() else ()
+        cameras = [name for place in places for name in text_reader.sensor_folders(place, "cam")]
+        if self.form.images == "none" or not cameras:
+            return contextlib.nullcontext()
+        from imu_sim_ros.datasets.recorded_folder import FolderImages  # with the cameras' modules
+
+        return FolderImages(self.source, self.watcher.skipped)
+
+    def _describe(self, states: bool, tables: Collection[str]) -> None:
+        """Write sensor.yaml files; what the input does not tell is left out."""
+
+        def rate(name: str, table: Table | None = None) -> float:
+            first = np.empty(0, np.int64)
+            with contextlib.suppress(InputError):  # no usable row
+                first = next(beside.stamps(self.staged, name, table), first)
+            period = float(np.median(np.diff(first))) if len(first) > 1 else 0.0
+            return round(1e9 / period, 3) if period else 0.0
+
+        pose = (np.eye(3), np.zeros(3))
+        comment = self.comment
+        text_writer.write_euroc_descriptions(self.staged, rate("imu0"), {}, *pose, comment, states)
+        for table, _ in _described(dict.fromkeys(tables, "")):
+            own = rate(f"{table.name}0", table)
+            text_writer.write_euroc_beside(self.staged, table, 0, own, *pose, comment)
+
+
+def _is_whole(path: Path) -> bool:
+    try:
+        open_bag(path).close()
+    except InputError:
+        return False
+    return True
+
+
+def _tally(writer: Writer) -> Counts:
+    counts = {topic.name: topic.count for topic in writer.topics}
+    return counts, max((topic.last_ns for topic in writer.topics), default=-1)
+
+
+def _rows(
+    dataset: Dataset, readings: str, truth: str | None, tables: Mapping[str, str]
+) -> dict[str, int]:
+    counts = {name: dataset.beside[kind, 0].rows for kind, name in tables.items()}
+    if dataset.imu is not None:
+        counts[readings] = dataset.imu.rows
+    if dataset.truth is not None and truth:
+        counts[truth] = dataset.truth.rows
+    return counts
+
+
+def _described(names: Mapping[str, str]) -> list[tuple[Table, str]]:
+    """Return tables instead of their kinds."""
+    known = known_tables()
+    return [(known[kind], name) for kind, name in names.items()]
