@@ -34,4 +34,5 @@ html_theme = next(name for name in ("furo", "sphinx_rtd_theme", "alabaster") if 
 html_title = "imu_sim_ros"
 html_static_path = ["_static"]
 html_css_files = ["custom.css"]
+smartquotes = False  # --option stays --option
 highlight_language = "none"  # command lines are no Python
