@@ -22,7 +22,7 @@ from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors import CARRIED, catalogue
 from imu_sim_ros.simulation.parameters import carried_names
 from imu_sim_ros.simulation.playback import of_the_node
-from imu_sim_ros.simulation.topics import TYPES
+from imu_sim_ros.simulation.topics import types
 
 EXAMPLES: Final = """
   generate -o a.bag --imu-only --trajectory static --duration 4h --topic imu/data_raw=/imu
@@ -55,7 +55,7 @@ def parser() -> program.Parser:
         "--topics",
         metavar="NAME,...",
         default="",
-        help=f"topics to write (default: {IMU_TOPIC},{TRUTH_TOPIC}); all: {', '.join(TYPES)}",
+        help=f"topics to write (default: {IMU_TOPIC},{TRUTH_TOPIC}); all: {', '.join(types())}",
     )
     group.add_argument("--imu-only", action="store_true", help="leave out the ground truth")
     group.add_argument(

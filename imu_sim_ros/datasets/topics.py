@@ -29,11 +29,14 @@ from imu_sim_ros.sensors.registry import find_sensor
 from imu_sim_ros.simulation.parameters import SampledParameters, carried
 from imu_sim_ros.simulation.playback import BODY
 from imu_sim_ros.simulation.topics import (
+    MOUNTINGS,
+    OF_A_BAG,
     OF_THE_BODY,
     TYPES,
     Encode,
     delivered,
     encoder,
+    mountings,
     sensors_of,
     topics_of,
     types,
@@ -87,10 +90,18 @@ class BagTarget:
                 writer.add_topic(resolved(name), known[key]),
                 simulation,
                 parameters[simulation],
-                encoder(key, parameters[simulation], writer.encoding),
+                self._encoder(key, parameters, simulation),
             )
             for (simulation, key), name in ((sources[full], name) for full, name in names.items())
         ]
+
+    def _encoder(
+        self, key: str, parameters: Mapping[str, SampledParameters], simulation: str
+    ) -> Encode:
+        if key == MOUNTINGS:  # one message for all IMUs
+            imus = [one for name, one in parameters.items() if name != BODY]
+            return mountings(imus, self.writer.encoding)
+        return encoder(key, parameters[simulation], self.writer.encoding)
 
     @property
     def counts(self) -> dict[str, int]:
@@ -118,7 +129,7 @@ class BagTarget:
             for topic, name, parameters, encode in self._outputs
             if name in blocks
         ]
-        return [Block(topic, m.t_ns, m.payloads) for topic, m in made]
+        return [Block(topic, m.t_ns, m.payloads) for topic, m in made if len(m.t_ns)]
 
 
 class DatasetTarget:
@@ -267,7 +278,11 @@ def offered(
         for key in TYPES
         if key not in OF_THE_BODY
     }
-    of_body = (*OF_THE_BODY, *(topic.name for name in further for topic in topics_of(name)))
+    of_body = (
+        *OF_THE_BODY,
+        *OF_A_BAG,
+        *(topic.name for name in further for topic in topics_of(name)),
+    )
     return {**own, **{key: (body, key) for key in of_body}}
 
 

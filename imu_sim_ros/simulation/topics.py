@@ -14,19 +14,22 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags.messages.blocks import Pattern
+from imu_sim_ros.bags.messages.blocks import Pattern, as_pattern
 from imu_sim_ros.bags.messages.encode import (
     IMU,
     NAV_SAT_FIX,
     ODOMETRY,
+    POSE_STAMPED,
     TEMPERATURE,
     VECTOR3_STAMPED,
     ImuEncoder,
     NavSatFixEncoder,
     OdometryEncoder,
+    PoseStampedEncoder,
     TemperatureEncoder,
     Vector3StampedEncoder,
 )
+from imu_sim_ros.bags.messages.transforms import TF_MESSAGE, TransformsEncoder
 from imu_sim_ros.conventions import (
     ACCELEROMETER_BIAS_TOPIC,
     DELTA_ANGLE_TOPIC,
@@ -37,12 +40,15 @@ from imu_sim_ros.conventions import (
     IDEAL_IMU_TOPIC,
     IMU_TOPIC,
     TEMPERATURE_TOPIC,
+    TF_STATIC_TOPIC,
+    TF_TOPIC,
     TRUTH_FIX_TOPIC,
+    TRUTH_POSE_TOPIC,
     TRUTH_TOPIC,
 )
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.parameters.kinds import Vector
-from imu_sim_ros.rotation import rotate_inverse
+from imu_sim_ros.rotation import from_matrix, rotate_inverse
 from imu_sim_ros.sensors import auxiliary_sensors
 from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.declaration import Sensor, Topic
@@ -73,6 +79,15 @@ OF_THE_BODY: Final = (TRUTH_TOPIC, TRUTH_FIX_TOPIC)
 """Topics that several IMUs on one body have in common."""
 
 
+TRANSFORMS, MOUNTINGS = TF_TOPIC.strip("/"), TF_STATIC_TOPIC.strip("/")
+OF_A_BAG: Final = {
+    TRANSFORMS: TF_MESSAGE,
+    MOUNTINGS: TF_MESSAGE,
+    TRUTH_POSE_TOPIC: POSE_STAMPED,
+}
+"""Topics of the body that a bag holds on request; the node has its own publishers of transforms."""
+
+
 class Messages(NamedTuple):
     """The m messages of one topic in a block."""
 
@@ -93,7 +108,8 @@ def types(carried: Iterable[str] = ()) -> dict[str, str]:
 
     :param carried: names of sensors of the body.
     """
-    return TYPES | {topic.name: topic.type for name in carried for topic in topics_of(name)}
+    own = {topic.name: topic.type for name in carried for topic in topics_of(name)}
+    return TYPES | OF_A_BAG | own
 
 
 def topics_of(sensor: str) -> tuple[Topic, ...]:
@@ -191,6 +207,53 @@ def _fix(parameters: SampledParameters, encoding: str) -> Encode:
     return _at_true_times(messages)
 
 
+def _pose(parameters: SampledParameters, encoding: str) -> Encode:
+    poses = PoseStampedEncoder(parameters.world_frame, encoding)
+
+    def messages(block: ImuBlock) -> Pattern:
+        motion = block.motion
+        return as_pattern(poses.encode(block.true_t_ns, motion.position, motion.q_wb))
+
+    return _at_true_times(messages)
+
+
+def _transforms(parameters: SampledParameters, encoding: str) -> Encode:
+    frames = TransformsEncoder([(parameters.world_frame, parameters.body_frame)], encoding)
+
+    def messages(block: ImuBlock) -> Pattern:
+        position, q_wb = block.motion.position[:, None], block.motion.q_wb[:, None]
+        return as_pattern(frames.encode(block.true_t_ns, position, q_wb))
+
+    return _at_true_times(messages)
+
+
+def mountings(imus: Iterable[SampledParameters], encoding: str = "cdr") -> Encode:
+    """Return the encoder of the transforms from the body to its IMUs.
+
+    They are one message, with the first sample's time.
+
+    :param imus: the parameters of each; at least one.
+    """
+    placed = list(imus)
+    frames = TransformsEncoder([(one.body_frame, one.imu_frame) for one in placed], encoding)
+    turns = np.stack([np.reshape(one.imu.mounting, (3, 3)) for one in placed])
+    arms = np.stack([np.asarray(one.imu.lever_arm, dtype=np.float64) for one in placed])
+    rotations, written = from_matrix(turns), False
+
+    def encode(block: ImuBlock, _: SampledParameters) -> Messages:
+        nonlocal written
+        t_ns = block.true_t_ns[: 0 if written else 1]
+        written = written or len(t_ns) > 0
+        count = len(t_ns)
+        shape = (count, *arms.shape), (count, *rotations.shape)
+        rows = frames.encode(
+            t_ns, np.broadcast_to(arms, shape[0]), np.broadcast_to(rotations, shape[1])
+        )
+        return Messages(t_ns, t_ns, as_pattern(rows))
+
+    return encode
+
+
 def _ideal(parameters: SampledParameters, encoding: str) -> Encode:
     readings = ImuEncoder(parameters.imu_frame, encoding)
     return _at_true_times(lambda b: readings.pattern(b.true_t_ns, b.ideal_gyro, b.ideal_accel))
@@ -283,6 +346,9 @@ _MAKERS: Final[dict[str, Callable[[SampledParameters, str], Encode]]] = {
     IMU_TOPIC: _readings,
     TRUTH_TOPIC: _truth,
     TRUTH_FIX_TOPIC: _fix,
+    TRUTH_POSE_TOPIC: _pose,
+    TRANSFORMS: _transforms,
+    MOUNTINGS: lambda parameters, encoding: mountings([parameters], encoding),
     IDEAL_IMU_TOPIC: _ideal,
     GYROSCOPE_BIAS_TOPIC: _gyroscope_bias,
     ACCELEROMETER_BIAS_TOPIC: _accelerometer_bias,

@@ -1,0 +1,62 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Transforms and poses in generated bags, as rosbags reads them."""
+
+import numpy as np
+import pytest
+from rosbags.highlevel import AnyReader
+
+import imu_sim_ros as ims
+from imu_sim_ros.commands import generate
+
+WORDS = ["--trajectory", "figure_eight", "--duration", "1s", "--quiet"]
+
+
+def messages(path, topic):
+    """Return the decoded messages of a topic."""
+    with AnyReader([path]) as reader:
+        chosen = [one for one in reader.connections if one.topic == topic]
+        return [reader.deserialize(raw, one.msgtype) for one, _, raw in reader.messages(chosen)]
+
+
+@pytest.mark.parametrize("name", ["flight.bag", "flight", "flight.db"])
+def test_transforms_and_poses_are_the_truth(tmp_path, name):
+    path = tmp_path / name
+    storage = ["--storage", "sqlite3"] if name == "flight.db" else []
+    topics = "imu/data_raw,ground_truth/odom,ground_truth/pose,tf,tf_static"
+    settings = ["--set", "imu.lever_arm=[0.1, 0.2, 0.3]"]
+    assert generate.main(["-o", str(path), "--topics", topics, *settings, *storage, *WORDS]) == 0
+    truth = ims.read_odometry(path, "ground_truth/odom")
+    moved = [one.transforms[0] for one in messages(path, "/tf")]
+    assert len(moved) == len(truth)
+    assert {(one.header.frame_id, one.child_frame_id) for one in moved} == {("world", "base_link")}
+    shifts = [one.transform.translation for one in moved]
+    assert np.array_equal([[p.x, p.y, p.z] for p in shifts], truth.position)
+    poses = messages(path, "/ground_truth/pose")
+    turns = [one.pose.orientation for one in poses]
+    assert np.allclose([[q.w, q.x, q.y, q.z] for q in turns], truth.q_wb, atol=1e-15)
+    (fixed,) = messages(path, "/tf_static")
+    (mount,) = fixed.transforms
+    assert (mount.header.frame_id, mount.child_frame_id) == ("base_link", "imu_link")
+    shift = mount.transform.translation
+    assert [shift.x, shift.y, shift.z] == [0.1, 0.2, 0.3]
+
+
+def test_several_imus_share_one_static_message(tmp_path):
+    settings = ["--set", "imus=[left, right]", "--set", "left.imu.lever_arm=[0, 0.1, 0]"]
+    path, topics = tmp_path / "two.mcap", "imu/data_raw,tf_static,tf"
+    words = [*settings, "--topics", topics, *WORDS]
+    assert generate.main(["-o", str(path), *words]) == 0
+    (fixed,) = messages(path, "/tf_static")
+    frames = {one.child_frame_id: one.transform for one in fixed.transforms}
+    assert set(frames) == {"left_imu_link", "right_imu_link"}
+    assert frames["left_imu_link"].translation.y == 0.1
+    assert frames["right_imu_link"].rotation.w == 1.0
+
+
+def test_a_dataset_has_no_transforms(tmp_path, capsys):
+    words = ["-o", str(tmp_path / "mav0"), "--format", "euroc", "--topics", "imu/data_raw,tf"]
+    status = generate.main([*words, *WORDS])
+    assert status == 2
+    assert "tf" in capsys.readouterr().err
