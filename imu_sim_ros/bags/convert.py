@@ -29,6 +29,7 @@ from imu_sim_ros.bags.read import imu_blocks, odometry_blocks, open_bag, vector_
 from imu_sim_ros.bags.reader import Bag, missing, told
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text.writer import Dataset, States
+from imu_sim_ros.bags.threads import ahead
 from imu_sim_ros.bags.writer import Block, Topic, Writer
 from imu_sim_ros.conventions import (
     ACCELEROMETER_BIAS_TOPIC,
@@ -79,13 +80,15 @@ def bag_to_bag(
     skipped: Skipped | None = None,
     warned: Warned | None = None,
     more: More | None = None,
+    ungated: str = "",
 ) -> None:
     """Copy topics of any type; the bytes stay as they are where the encoding does.
 
     :param renamed: new names by old ones.
     :param advance: receives the number of messages copied.
     :param skipped, warned: as for :func:`imu_sim_ros.bags.read.imu_blocks`.
-    :param more: makes what is written beside the messages of a block.
+    :param more: makes what is written beside the messages of a block, in a thread of its own.
+    :param ungated: a topic whose messages somebody else looks at.
     """
     with told(bag.path):
         translate = _translator(bag, writer, topics)
@@ -97,19 +100,31 @@ def bag_to_bag(
             name, info.type, info.qos, translate.schema(info), keeps_seq
         )
     gates = {info: MessageGate(bag.path, info.name, warned is not None) for info in topics}
-    for group in bag.groups({info.name for info in topics}):
-        passed = [gates[b.topic].passed(b, bag.encoding) for b in group if b.topic in handles]
+    groups = bag.groups({info.name for info in topics})
+    for group, beside_it in _with_more(groups, more):
+        passed = [
+            b if b.topic.name == ungated else gates[b.topic].passed(b, bag.encoding)
+            for b in group
+            if b.topic in handles
+        ]
         blocks = [
             Block(handles[block.topic], block.t_ns, translate.payloads(block))
             for block in passed
             if len(block.t_ns)
         ]
-        if more is not None:
-            blocks += [made for block in passed for made in more(block)]
-        writer.write_blocks(blocks)
+        writer.write_blocks([*blocks, *beside_it])
         advance(sum(len(block.t_ns) for block in blocks))
     for gate in gates.values():
         gate.settle(skipped, warned)
+
+
+def _with_more(
+    groups: Iterator[list[MessageBlock]], more: More | None
+) -> Iterator[tuple[list[MessageBlock], list[Block]]]:
+    """Yield groups, each with what is written beside it."""
+    if more is None:
+        return ((group, []) for group in groups)
+    return ahead((group, [made for block in group for made in more(block)]) for group in groups)
 
 
 class _Translator:

@@ -13,6 +13,7 @@ from imu_sim_ros.bags.messages.blocks import MessageBlock, TopicInfo
 from imu_sim_ros.bags.messages.decode import Decoded, decode_block, inside_order
 from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY
 from imu_sim_ros.bags.reader import Bag, told
+from imu_sim_ros.bags.threads import ahead
 from imu_sim_ros.bags.writer import Block, Writer
 from imu_sim_ros.conventions import (
     ACCELEROMETER_BIAS_TOPIC,
@@ -162,8 +163,9 @@ class BagErrors:
         ]
         topics = [*copied, *([] if self._source in copied else [self._source])]
         if self._source in copied:
+            more, name = self._more, self._source.name
             convert.bag_to_bag(
-                self._bag, writer, topics, renamed, advance, None, warned, more=self._more
+                self._bag, writer, topics, renamed, advance, None, warned, more, name
             )
         else:
             self._write_without_source(writer, copied, renamed, advance, warned)
@@ -181,10 +183,11 @@ class BagErrors:
         warned: Warned | None,
     ) -> None:
         """Write the sensor's topics, then copy the others; bags are ordered when they are read."""
-        for group in self._bag.groups({self._source.name}):
-            for block in group:
-                writer.write_blocks(list(self._more(block)))
-                advance(len(block.t_ns))
+        groups = self._bag.groups({self._source.name})
+        made = ((self._more(block), len(block.t_ns)) for group in groups for block in group)
+        for blocks, count in ahead(made):
+            writer.write_blocks(blocks)
+            advance(count)
         if copied:
             convert.bag_to_bag(self._bag, writer, copied, renamed, advance, None, warned)
 
