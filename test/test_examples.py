@@ -57,6 +57,16 @@ def test_digital_twin(tmp_path):
             assert ratio == pytest.approx(1.0, abs=0.01)
 
 
+def test_mujoco_imu(tmp_path):
+    """An ADIS16470 for a minute at 1 kHz, a sample at each of MuJoCo's steps."""
+    pytest.importorskip("mujoco")
+    readings, evaluation, bias = run(EXAMPLES / "mujoco_imu.py", tmp_path).splitlines()
+    assert readings == "<Readings adis16470 on a pendulum: 60000 at 1000 Hz, 59.999 s>"
+    assert "60000 poses" in evaluation
+    assert len(numbers(bias)) == 3
+    assert (tmp_path / "mujoco_imu.png").is_file()
+
+
 def test_preintegration(tmp_path):
     """40 runs, 21 intervals, 3 axes: 2520 squares give a deviation to 1 / sqrt(5040) = 1.4 %.
 

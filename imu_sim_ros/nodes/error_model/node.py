@@ -58,6 +58,8 @@ class ErrorModelNode(ConfiguredNode):
         self._said: deque[float] = deque(maxlen=_REMARKS_A_SECOND)
         sensors = sensors_of(wanted(parameters.publish))
         self.model = ErrorModel(parameters, sensors, self._remark)
+        self._oriented = bool(sensors) or parameters.input.gravity == "missing"
+        """Whether an orientation is of any use."""
         self._odometry = Differentiator(parameters) if parameters.odometry else None
         self.outputs = Outputs(self, parameters, self.ending.fail)
         self._faults = create(
@@ -133,7 +135,7 @@ class ErrorModelNode(ConfiguredNode):
             readings.append(reading)
             orientations.append(orientation)
         q_wb = None
-        if orientations and all(q is not None for q in orientations):
+        if self._oriented and orientations and all(q is not None for q in orientations):
             q_wb = np.array(orientations, np.float64).T
         return Given(
             np.array([reading.t_ns for reading in readings], np.int64),
