@@ -27,6 +27,7 @@ def project(points: ArrayLike, camera: str | Path | Mapping[str, Any] = "euroc_c
 
     :param points: (n, 3) in the camera's frame, z along the view [m].
     :param camera: a name in config/cameras, a parameter file, or the ``camera.*`` parameters.
+    :returns: pixels, depths and which points are seen.
     :raises ConfigurationError: with a line for each problem.
 
     >>> import imu_sim_ros as ims
@@ -55,6 +56,7 @@ def tracks(
         ``{"preset": "euroc_cam0", "pixel_noise": 0.5}``.
     :param scene: a name in config/scenes, a parameter file, or a file of points.
     :param block: frames in a block.
+    :returns: an iterator over blocks of features.
     :raises ConfigurationError: with a line for each problem.
     :raises InputError: for a file that cannot be used.
 
@@ -82,6 +84,7 @@ def frames(
     :param flight: what :func:`imu_sim_ros.simulate` returns.
     :param camera: as in :func:`tracks`.
     :param scene: as in :func:`tracks`, with surfaces.
+    :returns: an iterator over stamps [ns] and images.
     :raises ConfigurationError: with a line for each problem.
     :raises InputError: for a file that cannot be used.
     :raises MissingDependencyError: where OpenCV is not installed.
@@ -101,6 +104,7 @@ def depths(
     :param flight: what :func:`imu_sim_ros.simulate` returns.
     :param camera: as in :func:`tracks`.
     :param scene: as in :func:`tracks`, with surfaces.
+    :returns: an iterator over stamps [ns] and depths (h, w) [m].
     :raises ConfigurationError: with a line for each problem.
     :raises InputError: for a file that cannot be used.
     :raises MissingDependencyError: where OpenCV is not installed.

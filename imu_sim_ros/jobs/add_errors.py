@@ -74,6 +74,7 @@ def add_errors(
     :param params_file: a ROS 2 parameter file below all other arguments.
     :param input: what the readings are, by name: ``{"gravity": "missing", "axes": "frd"}``.
     :param parameters: any other parameter by its ROS name.
+    :returns: a :class:`Flight` with the readings of the sensor and their truth.
     :raises ConfigurationError: with a line for each problem.
     :raises InputError: for readings that are not finite or not possible.
 
@@ -223,6 +224,7 @@ def from_sdf(file: str | Path, sensor: str | None = None) -> dict[str, Any]:
 
     :param file: ``model.sdf``, a world, or a URDF with Gazebo's elements.
     :param sensor: name of the sensor or plugin, where the file has several.
+    :returns: parameters by name, as ``imu=`` takes them.
     :raises InputError: for a file that is not one, and one without an IMU.
     """
     path = arguments.path("file", file)

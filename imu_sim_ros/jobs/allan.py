@@ -138,6 +138,7 @@ def allan(
         show them) or ``gauss_markov``.
     :param force: continue when a check of the data fails.
     :param topic: of a bag with several IMUs.
+    :returns: a :class:`Noise`: densities with intervals for each triad and axis.
     :raises InputError: with a line for each check that fails.
 
     >>> import imu_sim_ros as ims

@@ -99,6 +99,7 @@ def calibrate_six_position(
     :param readings: of a body that rests on each of its six faces.
     :param gravity: its magnitude where the run was made [m/s^2].
     :param simple: the lecture's eq. 6: bias and scale per axis only.
+    :returns: a :class:`Calibration` with standard errors.
     :raises InputError: where a face is missing.
 
     >>> import imu_sim_ros as ims
@@ -126,6 +127,7 @@ def calibrate_turntable(
     :param readings: of a body that is turned about each axis both ways, and rests.
     :param rates: magnitudes that the table was set to [rad/s]; those of a flight are known.
     :param gravity: its magnitude [m/s^2].
+    :returns: a :class:`Calibration` with standard errors.
     :raises InputError: where the rates are not known, or an axis is not turned both ways.
 
     >>> import imu_sim_ros as ims
@@ -163,6 +165,7 @@ def calibrate_temperature(
     :param temperature: (n,) of the sensor at the readings [degC]; that of a flight is known.
     :param reference: T0 of the polynomials [degC].
     :param gravity: its magnitude [m/s^2].
+    :returns: a :class:`Calibration` with standard errors.
     :raises InputError: for temperatures that are unknown or hardly differ.
     """
     imu = readings_of("readings", readings)
@@ -191,6 +194,7 @@ def calibrate_magnetometer(
     :param readings: of a flight with ``sensors=["magnetic_field"]``, of a bag, or (n, 3) [T].
     :param strength: of the true field [T]; None: not known, the soft iron then has the
         determinant 1.
+    :returns: a :class:`Calibration` with standard errors.
     :raises InputError: where the readings do not determine an ellipsoid.
 
     >>> import imu_sim_ros as ims

@@ -173,6 +173,7 @@ def campaign(
     :param metric: of the verdict, or ``success``; none: the plan's first.
     :param baseline: folder, ``results.csv`` or ``results.parquet`` of an earlier campaign.
     :param tolerance: difference that does not matter, ``5 %`` or a number in the metric's unit.
+    :returns: a :class:`Campaign`: rows of results and the judgement.
     :raises ConfigurationError: for a plan or an argument that is wrong, with a line for each
         problem.
     :raises InputError: for a folder or file that cannot be used.

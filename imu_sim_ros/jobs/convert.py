@@ -156,6 +156,7 @@ def convert(
     :param recover: recover all complete messages of an interrupted or damaged bag.
     :param skip_bad_rows: leave out readings and poses that are not finite or not possible.
     :param force: replace what exists, but never the source.
+    :returns: what was written: paths, messages.
     :raises ConfigurationError: with a line for each argument that is not what it must be.
     :raises InputError: for a source that cannot be read, and an output that cannot be written.
 

@@ -218,6 +218,7 @@ def generate(
 
     The other arguments are those of :func:`simulate`.
 
+    :returns: what was written: path, messages of each topic.
     :raises ConfigurationError: with a line for each problem with an argument or a parameter.
     :raises InputError: for a file that cannot be read, and an output that cannot be written.
 

@@ -159,6 +159,7 @@ def dead_reckon(
     :param covariance: of the poses as well, of a flight from an exact start.
     :param parameters: of the node integrator by their ROS names: ``gravity``, ``gyroscope_bias``,
         ``accelerometer_scale_misalignment``, ``level_time``, ``max_gap``, ...
+    :returns: a :class:`Track`: the states at the readings' times.
     :raises ConfigurationError: with a line for every parameter that is wrong.
     :raises InputError: for readings that cannot be integrated, or that have no truth to start at.
 

@@ -43,6 +43,7 @@ def preintegrate(
     :param gyro_bias: (B, 3), (3,) or one number [rad/s], subtracted from the readings.
     :param accel_bias: likewise [m/s^2].
     :param method: euler or midpoint.
+    :returns: a :class:`Preintegration` of all intervals.
     :raises InputError: for times outside the stamps.
 
     >>> import imu_sim_ros as ims

@@ -148,6 +148,7 @@ def read_imu(path: str | Path, topic: str | None = None) -> Readings:
 
     :param path: the file or folder.
     :param topic: of type sensor_msgs/Imu; needed where a bag has several.
+    :returns: the :class:`Readings` in the order of the file.
     :raises InputError: for what cannot be read, or holds no readings.
 
     >>> import imu_sim_ros as ims
@@ -169,6 +170,7 @@ def read_odometry(path: str | Path, topic: str | None = None) -> Odometry:
     :param path: the file or folder.
     :param topic: of type nav_msgs/Odometry, for instance ``ground_truth/odom``; needed where a bag
         has several.
+    :returns: the :class:`Odometry`.
     :raises InputError: for what cannot be read, or holds no odometry.
 
     >>> import imu_sim_ros as ims

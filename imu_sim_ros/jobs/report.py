@@ -63,6 +63,7 @@ def report(
     :param baselines: earlier campaigns, the oldest first.
     :param truth_topic: of bags that have several topics of Odometry.
     :param force: replace what exists.
+    :returns: the path of the page.
     :raises InputError: for what cannot be read or written, with a line for each.
     """
     sources = Sources(

@@ -75,6 +75,7 @@ def simulate(
         (``publish.magnetic_field``, ...) or names.
     :param parameters: any other parameter by its ROS name; sections are mappings:
         ``gravity=[0, 0, -9.8]``.
+    :returns: a :class:`Flight`: readings, their truth and the parameters.
     :raises ConfigurationError: with a line for each problem.
     :raises InputError: for a file that cannot be read.
 
@@ -115,6 +116,7 @@ def blocks(
     :param block_size: samples in a block; the samples do not depend on it.
 
     The other arguments and the errors are those of :func:`simulate`.
+    :returns: an iterator over blocks of samples with their truth.
 
     >>> import imu_sim_ros as ims
     >>> [len(block.t_ns) for block in ims.blocks(duration="1min", rate=200, block_size=5000)]

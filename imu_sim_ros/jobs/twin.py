@@ -336,6 +336,7 @@ def twin(
     :param max_offset: between the clocks of recording and truth that is looked for [s].
     :param topic: of the readings in a bag that has several.
     :param truth_topic: of the poses in a bag that has several.
+    :returns: a :class:`Twin`: errors with standard errors, spectra, parameters.
     :raises InputError: with a line for each reason why there is no twin.
 
     >>> import imu_sim_ros as ims

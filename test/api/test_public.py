@@ -96,6 +96,8 @@ def test_every_public_name_is_documented_with_its_arguments_and_errors(name):
     if inspect.isfunction(value):
         for argument in inspect.signature(value).parameters:
             assert f":param {argument}:" in value.__doc__ or "other arguments" in value.__doc__
+        gives_nothing = inspect.signature(value).return_annotation in (None, "None")
+        assert ":returns:" in value.__doc__ or gives_nothing
         assert ":raises" in value.__doc__ or "errors are those of" in value.__doc__
 
 
