@@ -523,6 +523,10 @@ def test_statuses_that_differ_in_numbers_are_counted_together():
         ("failed: no estimate", 1),
         ("failed: x 1", 1),
     ]
+    # Numbers that all have in common stay.
+    words = ["line 8: at most 1e+10 m is possible", "line 9: at most 1e+10 m is possible"]
+    found = counts([{"status": f"failed: {word}"} for word in words])
+    assert found == {"failed: line ...: at most 1e+10 m is possible": 2}
 
 
 def test_the_largest_plan_asks_first(plan_file, campaign, tmp_path):

@@ -18,6 +18,7 @@ from imu_sim_ros.campaigns.statistics import (
     Interval,
     holm,
     mean,
+    means,
     power,
     quantile,
     seeds_needed,
@@ -66,6 +67,16 @@ def test_the_mean_has_the_interval_of_scipys_bootstrap():
     assert ours.value == pytest.approx(values.mean())
     assert ours.low == pytest.approx(theirs.low, abs=0.06 * width)
     assert ours.high == pytest.approx(theirs.high, abs=0.06 * width)
+
+
+def test_many_means_have_the_intervals_of_each_alone():
+    """Samples of any size, constant and short ones too; sums in another order differ by 1e-13."""
+    rng = np.random.default_rng(4)
+    samples = [rng.lognormal(0.0, 0.6, n) for n in (40, 40, 12, 1, 0, 5, 1200, 12, 40)]
+    samples.insert(3, np.full(12, 2.5))
+    for ours, values in zip(means(samples), samples, strict=True):
+        for end, alone in zip(ours, mean(values), strict=True):
+            assert end == (None if alone is None else pytest.approx(alone, rel=1e-12))
 
 
 @pytest.mark.parametrize("p", [0.5, 0.05, 0.95])

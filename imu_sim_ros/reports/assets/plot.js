@@ -95,7 +95,7 @@ class Plot {
     const pitch = this.pitch = !this.paper ? 22 : rows > 48 ? 7 : rows > 12 ? 9 : 12;
     this.figure.classList.toggle("tall", rows > TALL);
     const height = this.height = rows ? 60 + rows * pitch : Math.min(labelled && !this.paper ? 520 : 340, 160 + width * (this.paper ? 0.15 : 0.3));
-    const longest = rows ? Math.min(width * 0.42, 12 + (pitch < 18 ? 4.6 : 6.4) * Math.max(...spec.categories.map((name) => name.length))) : 62;
+    const longest = rows ? Math.min(width * 0.42, 14 + (pitch < 18 ? 4.6 : 6.8) * Math.max(...spec.categories.map((name) => name.length))) : 62;
     this.box = { left: longest, right: width - 12, top: 8, bottom: height - 42 };
     const [rangeX, rangeY] = this.ranges();
     this.sx = new Scale(rangeX, spec.x.log, this.box.left, this.box.right);
