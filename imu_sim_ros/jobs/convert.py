@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -32,7 +32,7 @@ from imu_sim_ros.bags.writer import Writer, amount, described
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import BadRows, Skipped, Warned
 from imu_sim_ros.inputs.tables import Table
-from imu_sim_ros.jobs.output import checked_place, renamed_topics
+from imu_sim_ros.jobs.output import checked_place, no_progress, renamed_topics
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.sensors import known_tables
 
@@ -106,17 +106,12 @@ class Converted:
         return f"<Converted {self.output.name}: {counts or 'no messages'}>"
 
 
-@contextmanager
-def _no_progress(_total: int) -> Iterator[Callable[[float], None]]:
-    yield lambda _count: None
-
-
 @dataclass(frozen=True)
 class Watcher:
     """Who learns of what happens meanwhile; nobody by default."""
 
     warn: Callable[[str], None] = lambda line: None
-    progress: Callable[[int], AbstractContextManager[Callable[[float], None]]] = _no_progress
+    progress: Callable[[int], AbstractContextManager[Callable[[float], None]]] = no_progress
     """Called with the number of messages; its block receives how many more have been written."""
     skipped: Skipped | None = None
     """Receives how many bad rows or messages are skipped; None: those of text are errors, those

@@ -39,7 +39,7 @@ from imu_sim_ros.datasets.topics import (
     usual_topics,
 )
 from imu_sim_ros.errors import ConfigurationError, InputError
-from imu_sim_ros.jobs.output import checked_place, is_file, renamed_topics
+from imu_sim_ros.jobs.output import checked_place, is_file, no_progress, renamed_topics
 from imu_sim_ros.jobs.simulate import GivenMotion, Moving, given_layers
 from imu_sim_ros.machine import cores
 from imu_sim_ros.parameters import files
@@ -161,18 +161,13 @@ class Generated:
         return f"<Generated {self.output.name}: {counts}>"
 
 
-@contextmanager
-def _no_progress(_total: int) -> Iterator[Callable[[float], None]]:
-    yield lambda _count: None
-
-
 @dataclass(frozen=True)
 class Watcher:
     """Who learns of what happens meanwhile; nobody by default."""
 
     warn: Callable[[str], None] = lambda line: None
     note: Callable[[str], None] = lambda line: None
-    progress: Callable[[int], AbstractContextManager[Callable[[float], None]]] = _no_progress
+    progress: Callable[[int], AbstractContextManager[Callable[[float], None]]] = no_progress
     """Called with the number of samples; its block receives how many more have been written."""
 
 

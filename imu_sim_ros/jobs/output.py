@@ -3,7 +3,7 @@
 
 """How every ``save`` writes: refused where something exists, renamed when it is complete."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -17,6 +17,12 @@ def checked_place(path: str | Path, force: bool) -> Path:
     """
     arguments.switch("force", force)
     return arguments.path("path", path, "the path of an output")
+
+
+@contextmanager
+def no_progress(_total: int) -> Iterator[Callable[[float], None]]:
+    """Yield what receives progress that nobody watches."""
+    yield lambda _count: None
 
 
 @contextmanager
