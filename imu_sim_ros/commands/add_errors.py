@@ -25,7 +25,8 @@ from imu_sim_ros.conventions import IMU_TOPIC
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.jobs.add_errors import ROWS_AT_ONCE, rate_of
 from imu_sim_ros.jobs.add_errors_bag import OFFERED, USUAL, BagErrors, names_in, rate_in, source_of
-from imu_sim_ros.jobs.convert import Form, Watcher, write
+from imu_sim_ros.jobs.convert import Choice, Watcher, write
+from imu_sim_ros.jobs.output import Form
 from imu_sim_ros.names import unknown
 from imu_sim_ros.parameters import files
 from imu_sim_ros.simulation.error_input import Given
@@ -156,7 +157,7 @@ def _convert(
     """Convert text or bag into the other, as ``convert_bag`` does."""
     skipped, warned = refused_messages(arguments, "add_errors", source)
     watcher = Watcher(_remark, skipped=skipped, warned=warned)
-    write(source, target, Form(dataset), Outputs([source]), watcher)
+    write(source, target, Form(dataset), Choice(), Outputs([source]), watcher)
 
 
 def _remark(line: str) -> None:

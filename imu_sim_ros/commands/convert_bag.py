@@ -16,7 +16,8 @@ from imu_sim_ros.commands import bag_output
 from imu_sim_ros.commands.inputs import add_skip_bad_rows, refused_messages
 from imu_sim_ros.commands.outputs import outputs
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.jobs.convert import IMAGES, Form, Watcher, write
+from imu_sim_ros.jobs.convert import IMAGES, Choice, Watcher, write
+from imu_sim_ros.jobs.output import Form
 
 EXAMPLES: Final = """
   convert_bag recording -o recording.bag --compression lz4  # rosbag2 -> ROS 1
@@ -72,15 +73,14 @@ def convert_bag(arguments: argparse.Namespace) -> None:
         arguments.split_size,
         [name for name in arguments.topics.split(",") if name],
         dict(arguments.topic),
-        arguments.images,
-        arguments.recover,
     )
+    choice = Choice(arguments.images, arguments.recover)
     watcher = Watcher(
         lambda line: print(f"convert_bag: {line}", file=sys.stderr),
         lambda total: _progress(arguments, total),
         *refused_messages(arguments, "convert_bag", arguments.input),
     )
-    made = write(arguments.input, arguments.output, form, outputs(arguments), watcher)
+    made = write(arguments.input, arguments.output, form, choice, outputs(arguments), watcher)
     _report(made.to_dict(), arguments)
 
 

@@ -16,7 +16,8 @@ from imu_sim_ros.commands.outputs import outputs
 from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.datasets.camera_outputs import FORMATS
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.jobs.generate import Form, Setup, Watcher, camera_layer, write
+from imu_sim_ros.jobs.generate import Choice, Setup, Watcher, camera_layer, write
+from imu_sim_ros.jobs.output import Form
 from imu_sim_ros.machine import cores
 from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors import CARRIED, catalogue
@@ -121,14 +122,14 @@ def generate(arguments: argparse.Namespace) -> None:
         arguments.split_duration,
         arguments.split_size,
         [name for name in arguments.topics.split(",") if name],
-        arguments.imu_only,
         dict(arguments.topic),
-        arguments.with_configs,
-        arguments.jobs,
     )
+    choice = Choice(arguments.imu_only, arguments.with_configs, arguments.jobs)
     reader = PoseReader(arguments, "generate")
     _report(
-        write(arguments.output, form, setup, written, _watcher(arguments), reader).to_dict(),
+        write(
+            arguments.output, form, choice, setup, written, _watcher(arguments), reader
+        ).to_dict(),
         arguments,
     )
 

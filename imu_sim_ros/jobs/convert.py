@@ -9,7 +9,7 @@ import contextlib
 import dataclasses
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -27,12 +27,12 @@ from imu_sim_ros.bags.reader import Bag
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text import writer as text_writer
 from imu_sim_ros.bags.text.writer import Dataset
-from imu_sim_ros.bags.write import COMPRESSED, STORAGES, check_writer, dataset_form, open_writer
+from imu_sim_ros.bags.write import check_writer, dataset_form, open_writer
 from imu_sim_ros.bags.writer import Writer, amount, described
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import BadRows, Skipped, Warned
 from imu_sim_ros.inputs.tables import Table
-from imu_sim_ros.jobs.output import checked_place, no_progress, renamed_topics
+from imu_sim_ros.jobs.output import Form, checked_form, checked_place, no_progress
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.sensors import known_tables
 
@@ -47,30 +47,13 @@ Counts = tuple[dict[str, int], int]
 
 
 @dataclass(frozen=True)
-class Form:
-    """What is converted into what."""
+class Choice:
+    """How a source is read."""
 
-    dataset: str | None = None
-    """``euroc``, ``csv`` or ``tum``; None: a bag."""
-    storage: str | None = None
-    compression: str | None = None
-    split_duration: float = 0.0
-    """[s] of one file; 0: all."""
-    split_size: int = 0
-    """[bytes] of one file; 0: all."""
-    topics: Sequence[str] = ()
-    """Empty: all."""
-    renamed: Mapping[str, str] = field(default_factory=dict)
-    """Names in the bag by the topics' own."""
     images: str | None = None
     """Messages for a folder's images: raw, compressed, both, none; None: raw."""
     recover: bool = False
     """Recover all complete messages of an interrupted or damaged bag."""
-
-    def of_bags_only(self) -> dict[str, object]:
-        """Return what applies to bags only, by name."""
-        names = ("storage", "compression", "split_duration", "split_size")
-        return {name: getattr(self, name) for name in names}
 
 
 @dataclass(frozen=True)
@@ -161,26 +144,18 @@ def convert(
     <Converted whole.bag: 400 /imu/data_raw, 400 /ground_truth/odom>
     """
     path, place = arguments.path("source", source), checked_place(output, force)
-    names = {"format": format, "storage": storage, "compression": compression, "images": images}
-    known = (text_writer.FORMATS, STORAGES, COMPRESSED, IMAGES)
-    for (name, value), words in zip(names.items(), known, strict=True):
-        if value is not None:
-            arguments.one_of(name, value, words)
-    form = Form(
-        format,
-        storage,
-        compression,
-        arguments.number("split_duration", split_duration, "seconds, 0 or more", 0.0),
-        arguments.whole("split_size", split_size, "bytes, 0 or more", 0, 1 << 62),
-        arguments.words("topics", topics),
-        renamed_topics(rename),
-        images,
-        arguments.switch("recover", recover),
-    )
-    return _written(path, place, form, force, arguments.switch("skip_bad_rows", skip_bad_rows))
+    bag = (storage, compression, split_duration, split_size)
+    form = checked_form(text_writer.FORMATS, format, *bag, topics, rename)
+    if images is not None:
+        arguments.one_of("images", images, IMAGES)
+    choice = Choice(images, arguments.switch("recover", recover))
+    skip = arguments.switch("skip_bad_rows", skip_bad_rows)
+    return _written(path, place, form, choice, force, skip)
 
 
-def _written(path: Path, place: Path, form: Form, force: bool, skip: bool) -> Converted:
+def _written(
+    path: Path, place: Path, form: Form, choice: Choice, force: bool, skip: bool
+) -> Converted:
     """Convert; what is said meanwhile is a part of the result."""
     lines: list[str] = []
 
@@ -193,7 +168,7 @@ def _written(path: Path, place: Path, form: Form, force: bool, skip: bool) -> Co
     watcher = Watcher(
         lines.append, skipped=skipped if skip else None, warned=None if skip else warned
     )
-    found = write(path, place, form, Outputs([path], force), watcher)
+    found = write(path, place, form, choice, Outputs([path], force), watcher)
     return dataclasses.replace(found, warnings=tuple(lines))
 
 
@@ -205,7 +180,9 @@ def passed_on(bad: BadRows) -> str:
     )
 
 
-def write(source: Path, path: Path, form: Form, written: Outputs, watcher: Watcher) -> Converted:
+def write(
+    source: Path, path: Path, form: Form, choice: Choice, written: Outputs, watcher: Watcher
+) -> Converted:
     """Convert a source into an output.
 
     :param written: receives the output.
@@ -217,7 +194,7 @@ def write(source: Path, path: Path, form: Form, written: Outputs, watcher: Watch
     if dataset is None:
         check_writer(path, form.storage, form.compression)
     written.add(path, kept=True)
-    job = _Job(source, path, form, dataset, written, watcher)
+    job = _Job(source, path, form, choice, dataset, written, watcher)
     job.check_images()
     with written:
         return job.from_text() if job.is_text else job.from_bag()
@@ -231,11 +208,12 @@ class _Job:
         source: Path,
         path: Path,
         form: Form,
+        choice: Choice,
         dataset: str | None,
         written: Outputs,
         watcher: Watcher,
     ) -> None:
-        self.source, self.path, self.form = source, path, form
+        self.source, self.path, self.form, self.choice = source, path, form, choice
         self.dataset = dataset or ""
         """Empty: a bag."""
         self.written, self.watcher = written, watcher
@@ -248,15 +226,15 @@ class _Job:
 
     def check_images(self) -> None:
         """Refuse a choice of images that would have no effect."""
-        images = self.form.images
+        images = self.choice.images
         if images and not self.is_text:
             raise InputError(f"images {images}: is for folders; topics chooses of a bag")
         if self.dataset and images not in (None, "none"):
             raise InputError(f"images {images}: does not apply to {self.dataset}; only none does")
 
     def from_bag(self) -> Converted:
-        whole = not self.form.recover or _is_whole(self.source)
-        with open_bag(self.source, self.form.recover) as bag:
+        whole = not self.choice.recover or _is_whole(self.source)
+        with open_bag(self.source, self.choice.recover) as bag:
             topics = streams.chosen(bag, self.form.topics)
             if not self.dataset:
                 counts, last_ns = self._bag_to_bag(bag, topics)
@@ -264,7 +242,7 @@ class _Job:
                 counts, last_ns = self._bag_to_tum(bag, topics)
             else:
                 counts, last_ns = self._bag_to_dataset(bag, topics)
-        if not self.form.recover:
+        if not self.choice.recover:
             return self._result((counts, last_ns))
         if not sum(counts.values()):
             raise InputError([*self._recovery(bag), f"{self.source}: nothing recoverable"])
@@ -333,7 +311,7 @@ class _Job:
                     dataset,
                     chosen,
                     advance,
-                    self.form.recover,
+                    self.choice.recover,
                     skipped,
                     _described(names),
                     warned,
@@ -380,7 +358,7 @@ class _Job:
     def _bag_to_tum(self, bag: Bag, topics: Sequence[Any]) -> Counts:
         named = topics[0].name if self.form.topics and len(topics) == 1 else None
         skipped, warned = self.watcher.skipped, self.watcher.warned
-        recover = self.form.recover
+        recover = self.choice.recover
         poses = read_poses(bag.path, named, skipped is not None, warned=warned, recover=recover)
         if skipped is not None and poses.skipped:
             skipped(poses.skipped)
@@ -409,7 +387,7 @@ class _Job:
             self.watcher.progress(0) as advance,
         ):
             renamed = self.renamed
-            seen = images.streams(writer, renamed, self.form.images or "raw") if images else []
+            seen = images.streams(writer, renamed, self.choice.images or "raw") if images else []
             known = known_tables()
             skipped = self.watcher.skipped
             streams.text_to_bag(self.source, writer, renamed, advance, skipped, seen, known)
@@ -450,7 +428,7 @@ class _Job:
         """Return the images of a folder; None where it has none, or they are not wanted."""
         places = text_reader.places(self.source) if self.source.is_dir() else ()
         cameras = [name for place in places for name in text_reader.sensor_folders(place, "cam")]
-        if self.form.images == "none" or not cameras:
+        if self.choice.images == "none" or not cameras:
             return contextlib.nullcontext()
         from imu_sim_ros.datasets.recorded_folder import FolderImages  # with the cameras' modules
 

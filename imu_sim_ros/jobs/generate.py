@@ -18,8 +18,6 @@ from imu_sim_ros.bags.outputs import Outputs
 from imu_sim_ros.bags.text import writer as text_writer
 from imu_sim_ros.bags.threads import ahead
 from imu_sim_ros.bags.write import (
-    COMPRESSED,
-    STORAGES,
     check_split,
     check_writer,
     dataset_form,
@@ -39,7 +37,7 @@ from imu_sim_ros.datasets.topics import (
     usual_topics,
 )
 from imu_sim_ros.errors import ConfigurationError, InputError
-from imu_sim_ros.jobs.output import checked_place, is_file, no_progress, renamed_topics
+from imu_sim_ros.jobs.output import Form, checked_form, checked_place, is_file, no_progress
 from imu_sim_ros.jobs.simulate import GivenMotion, Moving, given_layers
 from imu_sim_ros.machine import cores
 from imu_sim_ros.parameters import files
@@ -104,32 +102,15 @@ class Setup(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Form:
-    """What is written, and how."""
+class Choice:
+    """What is written besides the readings, and how fast."""
 
-    dataset: str | None = None
-    """``euroc``, ``csv``, ``tum``, ``tracks``, ``tum_vi``, ``vio_data_simulation``; None: a bag."""
-    storage: str | None = None
-    compression: str | None = None
-    split_duration: float = 0.0
-    """[s] of one file; 0: all."""
-    split_size: int = 0
-    """[bytes] of one file; 0: all."""
-    topics: Sequence[str] = ()
-    """None: the readings, the truth and the cameras' own."""
     imu_only: bool = False
     """Without the truth."""
-    renamed: Mapping[str, str] = field(default_factory=dict)
-    """Names in the bag by the topics' own."""
     with_configs: bool = False
     """Write each stack's configuration to OUTPUT_configs."""
     jobs: int = field(default_factory=cores)
     """Threads that render images."""
-
-    def of_bags_only(self) -> dict[str, object]:
-        """Return what applies to bags only, by name."""
-        names = ("storage", "compression", "split_duration", "split_size")
-        return {name: getattr(self, name) for name in names}
 
 
 @dataclass(frozen=True)
@@ -222,51 +203,28 @@ def generate(
     <Generated made.mcap: 400 /imu/data_raw, 400 /ground_truth/odom>
     """
     bag = (storage, compression, split_duration, split_size)
-    form = _form(format, bag, topics, imu_only, rename, with_configs, jobs)
+    form = checked_form(camera_outputs.FORMATS, format, *bag, topics, rename)
+    imu_only = arguments.switch("imu_only", imu_only)
+    with_configs = arguments.switch("with_configs", with_configs)
+    choice = Choice(imu_only, with_configs, cores() if jobs is None else jobs)
     own, motion = given_layers(imu, trajectory, duration, rate, seed, parameters)
     file = None if params_file is None else arguments.path("params_file", params_file)
     below = {} if file is None else files.load(file, "simulator")
     setup = Setup.load({**below, **_of_cameras(cameras, scene), **own})
-    return _written(checked_place(output, force), form, setup, motion, force)
+    return _written(checked_place(output, force), form, choice, setup, motion, force)
 
 
-def _written(path: Path, form: Form, setup: Setup, motion: GivenMotion, force: bool) -> Generated:
+def _written(
+    path: Path, form: Form, choice: Choice, setup: Setup, motion: GivenMotion, force: bool
+) -> Generated:
     """Write an output; its warnings are a part of the result."""
     read = [word for word in setup.values().values() if is_file(word)]
     warnings: list[str] = []
     watcher = Watcher(warnings.append)
     found = write(
-        path, form, setup, Outputs(read, force), watcher, motion.pose_reader, motion.given
+        path, form, choice, setup, Outputs(read, force), watcher, motion.pose_reader, motion.given
     )
     return dataclasses.replace(found, warnings=tuple(warnings))
-
-
-def _form(
-    format: str | None,
-    bag: tuple[str | None, str | None, float, int],
-    topics: str | Sequence[str],
-    imu_only: bool,
-    rename: Mapping[str, str] | None,
-    with_configs: bool,
-    jobs: int | None,
-) -> Form:
-    """Return the form that arguments of :func:`generate` describe.
-
-    :raises ConfigurationError: for one that is not what it must be.
-    """
-    storage, compression, split_duration, split_size = bag
-    return Form(
-        None if format is None else arguments.one_of("format", format, camera_outputs.FORMATS),
-        None if storage is None else arguments.one_of("storage", storage, STORAGES),
-        None if compression is None else arguments.one_of("compression", compression, COMPRESSED),
-        arguments.number("split_duration", split_duration, "seconds, 0 or more", 0.0),
-        arguments.whole("split_size", split_size, "bytes, 0 or more", 0, 1 << 62),
-        arguments.words("topics", topics),
-        arguments.switch("imu_only", imu_only),
-        renamed_topics(rename),
-        arguments.switch("with_configs", with_configs),
-        cores() if jobs is None else jobs,
-    )
 
 
 def _of_cameras(
@@ -301,6 +259,7 @@ def camera_layer(cameras: Sequence[str], scene: str | None) -> dict[str, object]
 def write(
     path: Path,
     form: Form,
+    choice: Choice,
     setup: Setup,
     written: Outputs,
     watcher: Watcher,
@@ -318,9 +277,9 @@ def write(
     started = time.perf_counter()
     if not path.name:  # the files next to it are named after it
         raise InputError(f"{str(path)!r}: is not a file name")
-    job = _Job(path, form, setup, watcher)
+    job = _Job(path, form, choice, setup, watcher)
     written.add(path, kept=True)
-    if form.with_configs:
+    if choice.with_configs:
         written.add(truth_files.configs(path))
     truths: dict[Path, str] = {}
     if job.dataset not in _WITHOUT_READINGS and not path.parent.is_file():  # one line is enough
@@ -340,17 +299,20 @@ _WITHOUT_READINGS: Final = ("tum", "vio_data_simulation")
 class _Job:
     """One output that is written."""
 
-    def __init__(self, path: Path, form: Form, setup: Setup, watcher: Watcher) -> None:
-        self.path, self.form, self.setup, self.watcher = path, form, setup, watcher
+    def __init__(
+        self, path: Path, form: Form, choice: Choice, setup: Setup, watcher: Watcher
+    ) -> None:
+        self.path, self.form, self.choice = path, form, choice
+        self.setup, self.watcher = setup, watcher
         self.simulated = simulations(setup.simulator)
         self.imus = imus_of(self.simulated)
         self.dataset = dataset_form(path, form.dataset, form.of_bags_only())
         self.further = setup.simulator.sensors
         self.body = self.simulated[body_of(self.imus)]
-        usual = usual_topics(self.further, self.dataset, path, form.imu_only)
+        usual = usual_topics(self.further, self.dataset, path, choice.imu_only)
         self.names = chosen_topics(
             form.topics,
-            form.imu_only,
+            choice.imu_only,
             form.renamed,
             self.imus,
             [*self._camera_topics(), *usual],
@@ -359,7 +321,7 @@ class _Job:
         fastest = max(parameters.rate for parameters in self.simulated.values())
         check_split(form.split_duration, 1.0 / fastest, setup.simulator.duration or 0.0)
         if setup.rig is not None and setup.rig.cameras:
-            arguments.whole("jobs", form.jobs, f"from 1 to {_MOST_JOBS}", 1, _MOST_JOBS)
+            arguments.whole("jobs", choice.jobs, f"from 1 to {_MOST_JOBS}", 1, _MOST_JOBS)
         if self.dataset is None:
             check_writer(path, form.storage, form.compression)
 
@@ -397,7 +359,7 @@ class _Job:
             from imu_sim_ros.datasets.configurations import write_tum_vi_calibration
 
             write_tum_vi_calibration(output / "dso", self.simulated[""], self.setup.rig)
-        if self.form.with_configs:
+        if self.choice.with_configs:
             self._write_configs(written.where(truth_files.configs(self.path)), imus)
         return Generated(
             self.path,
@@ -448,7 +410,7 @@ class _Job:
                 yield bag
                 return
             of_cameras = {name: new for name, new in self.names.items() if name not in known}
-            with camera_outputs.in_bag(bag, cameras, of_cameras, form.jobs) as target:
+            with camera_outputs.in_bag(bag, cameras, of_cameras, self.choice.jobs) as target:
                 yield target
 
     @contextmanager
@@ -467,7 +429,7 @@ class _Job:
                 cameras,
                 self.names,
                 self.simulated,
-                self.form.jobs,
+                self.choice.jobs,
                 self.watcher.warn,
             ) as folder:
                 yield folder
@@ -487,7 +449,7 @@ class _Job:
             else:
                 comment = f"simulated by imu_sim_ros, seed {self.body.seed}"
                 with camera_outputs.images(
-                    form, output, cameras, self.form.jobs, comment
+                    form, output, cameras, self.choice.jobs, comment
                 ) as images:
                     target = camera_outputs.CameraTarget(dataset, images, self.imus, self.further)
                     yield target

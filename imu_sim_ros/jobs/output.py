@@ -3,8 +3,9 @@
 
 """How every ``save`` writes: refused where something exists, renamed when it is complete."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from imu_sim_ros import arguments
@@ -17,6 +18,60 @@ def checked_place(path: str | Path, force: bool) -> Path:
     """
     arguments.switch("force", force)
     return arguments.path("path", path, "the path of an output")
+
+
+@dataclass(frozen=True)
+class Form:
+    """What kind of file or folder is written."""
+
+    dataset: str | None = None
+    """``euroc``, ``csv``, ``tum``, ...; None: a bag."""
+    storage: str | None = None
+    compression: str | None = None
+    split_duration: float = 0.0
+    """[s] of one file; 0: all."""
+    split_size: int = 0
+    """[bytes] of one file; 0: all."""
+    topics: Sequence[str] = ()
+    """Those that are written; empty: the usual ones."""
+    renamed: Mapping[str, str] = field(default_factory=dict)
+    """Names in the bag by the topics' own."""
+
+    def of_bags_only(self) -> dict[str, object]:
+        """Return what applies to bags only, by name."""
+        names = ("storage", "compression", "split_duration", "split_size")
+        return {name: getattr(self, name) for name in names}
+
+
+def checked_form(
+    formats: Collection[str],
+    format: str | None,
+    storage: str | None,
+    compression: str | None,
+    split_duration: float,
+    split_size: int,
+    topics: str | Sequence[str],
+    rename: Mapping[str, str] | None,
+) -> Form:
+    """Return the form that a caller's arguments describe.
+
+    :param formats: the datasets that can be written.
+    :raises ConfigurationError: for one that is not what it must be.
+    """
+    from imu_sim_ros.bags.write import COMPRESSED, STORAGES
+
+    def known(name: str, value: str | None, words: Collection[str]) -> str | None:
+        return None if value is None else arguments.one_of(name, value, words)
+
+    return Form(
+        known("format", format, formats),
+        known("storage", storage, STORAGES),
+        known("compression", compression, COMPRESSED),
+        arguments.number("split_duration", split_duration, "seconds, 0 or more", 0.0),
+        arguments.whole("split_size", split_size, "bytes, 0 or more", 0, 1 << 62),
+        arguments.words("topics", topics),
+        renamed_topics(rename),
+    )
 
 
 @contextmanager
