@@ -35,7 +35,7 @@ FLOOR := test/rotation test/test_timebase.py test/inputs test/config/test_files.
          test/navigation/test_covariance.py test/navigation/test_dead_reckoning.py \
          test/navigation/test_evaluation.py test/navigation/test_gauge.py test/plots \
          test/sensor/ideal test/sensor/test_chain.py test/sensor/test_drawn.py test/sensor/test_noise.py \
-         test/sensor/test_sampling.py test/sensor/test_presets.py test/simulation/test_run.py \
+         test/sensor/test_sampling.py test/sensor/test_presets.py test/simulation/test_error_model.py test/simulation/test_run.py \
          test/trajectory/test_all_trajectories.py test/trajectory/splines/test_recorded.py
 # A sourced ROS or an active environment must not leak into ours; without its byte code each of
 # the programs that tests start would compile the package anew.

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
@@ -20,6 +21,7 @@ from imu_sim_ros.conventions import (
     GYROSCOPE_BIAS_TOPIC,
     IDEAL_IMU_TOPIC,
     IMU_TOPIC,
+    TRIADS,
 )
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.inputs import gate
@@ -28,9 +30,10 @@ from imu_sim_ros.jobs.simulate import flat_parameters, imu_parameters
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build, flatten
 from imu_sim_ros.sensors.block import ImuBlock
-from imu_sim_ros.sensors.faults import Fault
+from imu_sim_ros.sensors.faults import KINDS, Fault
 from imu_sim_ros.sensors.imu import sdf
 from imu_sim_ros.sensors.imu.model import NOWHERE, unknown_motion
+from imu_sim_ros.sensors.own_rate_parameters import LONGEST
 from imu_sim_ros.simulation import error_model
 from imu_sim_ros.simulation.error_input import Given
 from imu_sim_ros.simulation.error_parameters import (
@@ -38,11 +41,11 @@ from imu_sim_ros.simulation.error_parameters import (
     ErrorModelParameters,
     load_error_model,
 )
+from imu_sim_ros.types import Array
 
 TOPICS: Final = (IMU_TOPIC, IDEAL_IMU_TOPIC, GYROSCOPE_BIAS_TOPIC, ACCELEROMETER_BIAS_TOPIC)
 """What a flight of given readings is saved as."""
 ROWS_AT_ONCE: Final = 8192
-_LARGEST: Final = 1 << 63
 
 
 def add_errors(
@@ -205,7 +208,18 @@ class ErrorModel:
         :param delay: from the next sample [s].
         :raises ConfigurationError: with a line for each problem.
         """
-        return self._model.inject(Fault(kind, duration, value, triad), delay)
+        arguments.one_of("kind", kind, KINDS)
+        if not isinstance(triad, str) or triad:
+            arguments.one_of("triad", triad, TRIADS)
+        if not (isinstance(duration, float) and duration == math.inf):
+            arguments.number("duration", duration, "seconds, or math.inf", 0.0, above=True)
+        arguments.number("delay", delay, "seconds", 0.0, LONGEST)
+        if isinstance(value, int | float):
+            fault = Fault(kind, float(duration), float(value), triad)
+        else:
+            x, y, z = arguments.array("value", value, (3,)).tolist()
+            fault = Fault(kind, float(duration), (x, y, z), triad)
+        return self._model.inject(fault, float(delay))
 
     def reset(self) -> None:
         """Begin again with the next reading, as if nothing had been."""
@@ -249,17 +263,9 @@ def _given(t_ns: Any, gyro: Any, accel: Any, orientation: Any, name: str) -> Giv
 
     :raises InputError: for what is not a reading.
     """
-    # One reading, inside a simulator's step, is the case that has to be fast.
-    fast = type(t_ns) is int and abs(t_ns) < _LARGEST
-    times = np.array([t_ns], np.int64) if fast else _times(t_ns)
-    try:
-        rates = np.array(gyro, np.float64).reshape(-1, 3)
-        forces = np.array(accel, np.float64).reshape(-1, 3)
-        q_wb = None if orientation is None else np.array(orientation, np.float64).reshape(-1, 4)
-    except (TypeError, ValueError, OverflowError):
-        raise ConfigurationError(
-            f"{name}: t_ns must be (n,), gyro and accel (n, 3), orientation (n, 4) numbers"
-        ) from None
+    times = arguments.stamps("t_ns", [t_ns] if isinstance(t_ns, int | np.integer) else t_ns)
+    rates, forces = _rows("gyro", gyro, 3), _rows("accel", accel, 3)
+    q_wb = None if orientation is None else _rows("orientation", orientation, 4)
     count = len(times)
     if not len(rates) == len(forces) == count or (q_wb is not None and len(q_wb) != count):
         raise ConfigurationError(
@@ -279,12 +285,14 @@ def _given(t_ns: Any, gyro: Any, accel: Any, orientation: Any, name: str) -> Giv
     return Given(times, np.ascontiguousarray(rates.T), np.ascontiguousarray(forces.T))
 
 
-def _times(t_ns: Any) -> NDArray[np.int64]:
-    """Return stamps (n,); floating numbers are none."""
-    times = np.atleast_1d(np.asarray(t_ns))
-    if times.ndim != 1 or (times.size and times.dtype.kind != "i"):
-        refuse("t_ns", t_ns, "integers (n,), nanoseconds", wrong_type=True)
-    return times.astype(np.int64)
+def _rows(name: str, value: Any, columns: int) -> Array:
+    """Return vectors (n, columns); one is a row."""
+    try:
+        one = np.ndim(value) == 1
+    except (TypeError, ValueError):
+        one = False
+    shape = (columns,) if one else (None, columns)
+    return arguments.array(name, value, shape, finite=False).reshape(-1, columns)
 
 
 def _parameters(

@@ -92,6 +92,8 @@ class World:
         self.rows = np.arange(27.0).reshape(9, 3)
         self.q_wb = np.tile([1.0, 0.0, 0.0, 0.0], (9, 1))
         self._places = itertools.count()
+        self.sdf = Path("model.sdf")
+        self.sdf.write_text("<sdf><sensor name='a' type='imu'/></sdf>")
         self.plan = Path("plan.yaml")
         self.plan.write_text(
             "parameters: {rate: 50.0, duration: 0.5, imu: perfect, trajectory: circle}\nseeds: 1\n"
@@ -122,6 +124,10 @@ class World:
         return ims.twin(self.moved, self.moved.truth)
 
     @property
+    def model(self):
+        return ims.ErrorModel(rate=100)
+
+    @property
     def place(self):
         return {"path": f"out{next(self._places)}"}
 
@@ -140,6 +146,15 @@ VALID = {
     "read_magnetometer": (lambda w: {"path": w.file}, []),
     "read_orientation": (lambda w: {"path": w.file}, []),
     "read_pressure": (lambda w: {"path": w.file}, []),
+    "add_errors": (
+        lambda w: {"t_ns": w.stamps, "gyro": w.rows, "accel": w.rows, "rate": 100},
+        OF_SIMULATION,
+    ),
+    "ErrorModel": (lambda w: {"rate": 100}, OF_SIMULATION),
+    "model.read": (lambda w: {"t_ns": 5, "gyro": w.rows[0], "accel": w.rows[0]}, []),
+    "model.inject": (lambda w: {"kind": "dropout", "value": 0.5}, []),
+    "model.update": (lambda w: {}, ["imu", "gravity", "nonsense"]),
+    "from_sdf": (lambda w: {"file": w.sdf}, []),
     "dead_reckon": (lambda w: {"readings": w.flight}, OF_INTEGRATOR),
     "evaluate": (lambda w: {"estimate": w.track, "truth": w.flight.truth}, []),
     "allan": (lambda w: {"source": w.rest, "force": True}, []),
