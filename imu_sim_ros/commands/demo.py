@@ -117,8 +117,8 @@ def _demonstrate(
     counts = _fly(parameters, folder, bag)
     _print_counts(bag, counts)
     title = (
-        f"IMU {arguments.imu}, trajectory {arguments.trajectory}, {parameters.rate:g} Hz, "
-        f"{parameters.duration:g} s: dead reckoning against the truth"
+        f"Dead reckoning against the truth: sensor {arguments.imu}, "
+        f"trajectory {arguments.trajectory}, {parameters.rate:g} Hz, {parameters.duration:g} s"
     )
     _print_errors(parameters, folder, bag, title)
 

@@ -119,11 +119,13 @@ class Track:
         return Path(path)
 
     def plot(self) -> Figure:
-        """Return a matplotlib figure: the path, beside the truth where there is one."""
+        """Return a matplotlib figure: the path, with the truth if there is one."""
         from imu_sim_ros.plots import navigation as pictures
 
         name = f"{self.method}, {self.attitude_update}"
-        title = f"{self.name}: dead reckoning" if self.name else "Dead reckoning"
+        sensor, _, motion = self.name.partition(" on ")
+        of = f"IMU {sensor}, trajectory {motion}" if motion else self.name
+        title = f"{of}: dead reckoning" if of else "Dead reckoning"
         if self.truth is None:
             return pictures.trajectories({name: self.position}, None, {}, {}, title)
         found = evaluate(self, self.truth)
