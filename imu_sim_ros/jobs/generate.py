@@ -231,8 +231,10 @@ def _of_cameras(
     cameras: str | Path | Sequence[str | Path], scene: str | Path | None
 ) -> dict[str, object]:
     """Return the parameters of cameras that are given by name or file."""
-    several = [cameras] if isinstance(cameras, str | Path) else list(cameras)
     allowed = "a name or the path of a file"
+    several = [cameras] if isinstance(cameras, str | Path) else cameras
+    if not isinstance(several, list | tuple):
+        arguments.refuse("cameras", cameras, "names or paths of files", wrong_type=True)
     return camera_layer(
         [str(arguments.path("cameras", one, allowed)) for one in several],
         None if scene is None else str(arguments.path("scene", scene, allowed)),

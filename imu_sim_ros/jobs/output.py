@@ -67,7 +67,7 @@ def checked_form(
         known("format", format, formats),
         known("storage", storage, STORAGES),
         known("compression", compression, COMPRESSED),
-        arguments.number("split_duration", split_duration, "seconds, 0 or more", 0.0),
+        arguments.number("split_duration", split_duration, "seconds, from 0 to 1e9", 0.0, 1e9),
         arguments.whole("split_size", split_size, "bytes, 0 or more", 0, 1 << 62),
         arguments.words("topics", topics),
         renamed_topics(rename),

@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.conventions import WORLD_FRAME
 from imu_sim_ros.errors import MissingDependencyError
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.types import Array, Times
@@ -50,7 +51,7 @@ class FlightView:
         self._rr = rerun()
         self._recording = self._rr.RecordingStream("imu_sim_ros", recording_id=None)
         self._recording.send_recording_name(title)
-        self._recording.log("world", self._rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        self._recording.log(WORLD_FRAME, self._rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         self._paths = 0
 
     def save(self, path: Path) -> None:
@@ -72,21 +73,21 @@ class FlightView:
         self._paths += 1
         every = max(1, -(-len(poses.t_ns) // _MOST_POINTS))
         line = rr.LineStrips3D([poses.position[::every]], colors=[colour], radii=[_RADIUS])
-        self._recording.log(f"world/{name}/path", line, static=True)
+        self._recording.log(f"{WORLD_FRAME}/{name}/path", line, static=True)
         self._columns(
-            f"world/{name}/body",
+            f"{WORLD_FRAME}/{name}/body",
             poses.t_ns,
             rr.Transform3D.columns(
                 translation=poses.position, quaternion=np.roll(poses.q_wb, -1, axis=1)
             ),
         )
         axes = rr.Arrows3D(vectors=np.eye(3) * 0.5, colors=_AXES)
-        self._recording.log(f"world/{name}/body/axes", axes, static=True)
+        self._recording.log(f"{WORLD_FRAME}/{name}/body/axes", axes, static=True)
 
     def points(self, name: str, positions: Array) -> None:
         """Add landmarks (n, 3) [m]."""
         cloud = self._rr.Points3D(positions, radii=[2.0 * _RADIUS])
-        self._recording.log(f"world/{name}", cloud, static=True)
+        self._recording.log(f"{WORLD_FRAME}/{name}", cloud, static=True)
 
     def series(self, name: str, t_ns: Times, values: Array) -> None:
         """Add values (n, 3) over time, a curve for each axis."""
