@@ -232,6 +232,8 @@ _READING = [
     ("report", ["PATH"]),
     ("twin", ["PATH", "--truth", "flight.mcap", "-o", "made"]),
     ("twin", ["flight.mcap", "--truth", "PATH", "-o", "made"]),
+    ("view", ["PATH", "--save", "made.rrd"]),
+    ("view", ["flight.mcap", "PATH", "--save", "made.rrd"]),
 ]
 _WRITING = [
     ("add_errors", ["flight.mcap", "--without", "imu/data_raw"]),
