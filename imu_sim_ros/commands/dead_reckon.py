@@ -24,6 +24,7 @@ from imu_sim_ros.commands.outputs import add_force, output_and_plot
 from imu_sim_ros.conventions import TRUTH_TOPIC
 from imu_sim_ros.datasets.truth_files import world_of
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.jobs.navigation import CURVED_EARTH, world_parameters
 from imu_sim_ros.jobs.tracks import has_truth, read_track, truth_topic, write_states
 from imu_sim_ros.navigation import initialisation
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
@@ -39,7 +40,6 @@ from imu_sim_ros.navigation.parameters import (
 from imu_sim_ros.navigation.state import NavigationStates
 from imu_sim_ros.parameters.files import build_layered
 from imu_sim_ros.rotation import to_euler
-from imu_sim_ros.sensors.gravity import earth_rate_vector, gravity_vector
 
 
 class Result(NamedTuple):
@@ -176,13 +176,8 @@ def _world(bag: Path) -> dict[str, object]:
     if world is None:
         return {}
     if world.curved_earth:
-        print(
-            f"dead_reckon: {bag}: simulated over a curved Earth, which is integrated as a plane: "
-            "the errors include what the local level turns and gravity changes along the way",
-            file=sys.stderr,
-        )
-    gravity, rate = gravity_vector(world), earth_rate_vector(world)
-    return {"gravity": gravity.tolist(), "earth_rate": rate.tolist()}
+        print(f"dead_reckon: {bag}: {CURVED_EARTH}", file=sys.stderr)
+    return world_parameters(world)
 
 
 def _ways(

@@ -5,9 +5,11 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, Protocol, overload
 
@@ -63,6 +65,7 @@ from imu_sim_ros.navigation.state import (
 )
 from imu_sim_ros.parameters.files import build_layered
 from imu_sim_ros.poses import PoseSequence, write_tum
+from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.gravity import earth_rate_vector, gravity_vector
 from imu_sim_ros.types import Array, Times
 
@@ -216,11 +219,34 @@ def _covariance(
 
 
 def _world(readings: object) -> dict[str, Any]:
-    """Return gravity and the Earth's rate of a flight where they are not the usual ones."""
-    if not isinstance(readings, Flight):
+    """Return gravity and the Earth's rate where readings were simulated with other than usual ones.
+
+    Those of a file are found in the realised truth beside it.
+    """
+    if isinstance(readings, Flight):
+        flight: EnvironmentParameters | None = readings.parameters
+    elif isinstance(readings, str | PathLike):
+        from imu_sim_ros.datasets.truth_files import world_of  # most readings are at hand
+
+        flight = world_of(Path(readings))
+    else:
+        flight = None
+    if flight is None:
         return {}
-    flight = readings.parameters
-    gravity, rate = gravity_vector(flight).tolist(), earth_rate_vector(flight).tolist()
+    if flight.curved_earth:
+        warnings.warn(CURVED_EARTH, stacklevel=3)
+    return world_parameters(flight)
+
+
+CURVED_EARTH: Final = (
+    "simulated over a curved Earth, which is integrated as a plane: the errors include what the "
+    "local level turns and gravity changes along the way"
+)
+
+
+def world_parameters(world: EnvironmentParameters) -> dict[str, Any]:
+    """Return what dead reckoning has to know of a world, where it is not the usual one."""
+    gravity, rate = gravity_vector(world).tolist(), earth_rate_vector(world).tolist()
     found = {"gravity": gravity} if tuple(gravity) != GRAVITY else {}
     return {**found, "earth_rate": rate} if any(rate) else found
 
