@@ -14,6 +14,7 @@ import pytest
 MAY_BE_MISSING = {
     "no recorded poses in": "real flights are not part of the repository",
     "the launch package comes with": "ROS 2's launch is not on PyPI",
+    "could not import 'rerun'": "rerun has wheels for Python 3.11 and later",
     "REAL ROS 1 NOT TESTED": "only Debian has it, and only root can install it",
 }
 """What CI cannot have, by words of the skip's reason. Anything else that a test skips for, an

@@ -68,7 +68,7 @@ def parser() -> program.Parser:
         metavar="SHARE",
         default="20%",
         help="for --power: scatter of the ratio of both results on the same seed (its logarithm's "
-        "standard deviation, 'scatter' of an earlier campaign's --json); default: %(default)s%%",
+        "standard deviation, 'scatter' of an earlier campaign's --json); default: %(default)s",
     )
     result.add_argument("--yes", action="store_true", help=f"confirm {MANY:,} runs or more")
     program.add_output_arguments(result)

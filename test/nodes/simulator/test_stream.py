@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from imu_sim_ros.rotation import rotate_inverse
+from imu_sim_ros.sensors.gravity import geodetic
 from imu_sim_ros.simulation.engine import Simulation
 from imu_sim_ros.simulation.parameters import load_simulation
 
@@ -118,8 +119,9 @@ def test_truth_beside_the_readings(start: Any, listener: Any) -> None:
     )
     temperatures = [m.temperature for m in listener.messages("imu/temperature")]
     assert temperatures == block.temperature.tolist()
-    heights = [m.altitude for m in listener.messages("ground_truth/fix")]
-    assert heights == block.motion.position[:, 2].tolist()
+    fixes = [(m.latitude, m.longitude, m.altitude) for m in listener.messages("ground_truth/fix")]
+    expected = geodetic(parameters, block.motion.position)
+    np.testing.assert_array_equal(fixes, np.column_stack(expected))
 
 
 def test_increments_are_those_of_the_stream_in_whole_steps(start: Any, listener: Any) -> None:
