@@ -111,7 +111,7 @@ def _demonstrate(
     bag = folder / "bag"
     print(
         f"simulator, integrator and recorder run for {parameters.duration:g} s "
-        f"at {parameters.rate:g} Hz: {arguments.imu} on {arguments.trajectory}",
+        f"at {parameters.rate:g} Hz: IMU {arguments.imu}, trajectory {arguments.trajectory}",
         flush=True,
     )
     counts = _fly(parameters, folder, bag)
