@@ -148,7 +148,6 @@ def test_text_there_and_back(sensor: Sensor, tmp_path: Path, form: str) -> None:
 def test_faults(sensor: Sensor) -> None:
     if not sensor.faults:
         with pytest.raises(ims.ConfigurationError, match="fault triad"):
-            Fault("dropout", 1.0, 1.0, sensor.name)
             Fault("bias_jump", 1.0, 1.0, sensor.name)
         return
     plain = whole(sensor, given(sensor))
