@@ -86,6 +86,7 @@ setup(
         share("config/trajectories", "*.yaml"),
         share("config/cameras", "*.yaml"),
         share("config/gnss", "*.yaml"),
+        share("config/wheels", "*.yaml"),
         share("config/scenes", "*.yaml"),
         share("config/campaigns", "*.yaml"),
         share("config/estimators", "*.yaml"),

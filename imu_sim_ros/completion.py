@@ -18,6 +18,7 @@ _FOLDERS: Final = {
     "trajectory": "trajectories",
     "camera": "cameras",
     "gnss": "gnss",
+    "wheels": "wheels",
     "scene": "scenes",
     "plan": "campaigns",
 }

@@ -46,6 +46,7 @@ _FOLDERS = {
     "scenes": "Scenes",
     "barometers": "Barometers",
     "gnss": "GNSS receivers",
+    "wheels": "Wheels",
 }
 
 

@@ -21,6 +21,7 @@ _KINDS: Final = {
     "estimators": "estimator",
     "barometers": "barometer",
     "gnss": "GNSS receiver",
+    "wheels": "set of wheels",
 }
 
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 AUXILIARY: Final = ("magnetometer", "orientation", "barometer")
 """On the board of each IMU. A sensor that another one needs comes before it."""
-CARRIED: Final[tuple[str, ...]] = ("gnss",)
+CARRIED: Final[tuple[str, ...]] = ("gnss", "wheels")
 """Of the body, for the parameter ``sensors``."""
 
 

@@ -165,6 +165,8 @@ class Sensor:
     faults: bool = True
     text: str = ""
     """What it is, in a line of ``--help``."""
+    warnings: Callable[[Any, Trajectory, float], list[str]] = lambda own, trajectory, duration: []
+    """Returns a line for each way in which a motion of this length [s] is not for this sensor."""
     presets: str = ""
     """The folder in config/ of the files that ``NAME.preset`` names; empty: it has none."""
 

@@ -35,6 +35,7 @@ from imu_sim_ros.sensors import with_faults
 from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.model import Imu
+from imu_sim_ros.sensors.registry import find_sensor
 from imu_sim_ros.simulation.parameters import SimulationParameters, carried
 from imu_sim_ros.trajectory.build import PoseReader, build_trajectory
 from imu_sim_ros.trajectory.motion import Trajectory
@@ -108,15 +109,21 @@ class Simulation:
 
         imu, recorded = self.parameters.imu, self._recorded()
         of_poses = recorded.warnings if recorded is not None else []
+        duration = self.parameters.duration or self.trajectory.duration
         return (
             self.parameters.warnings()
             + of_poses
+            + [
+                line
+                for name, own in carried(self.parameters).items()
+                for line in find_sensor(name).warnings(own, self.trajectory, duration)
+            ]
             + implausible(
                 self.trajectory,
                 imu.gyroscope.range,
                 imu.accelerometer.range,
                 self.parameters.gravity,
-                self.parameters.duration or self.trajectory.duration,
+                duration,
             )
         )
 

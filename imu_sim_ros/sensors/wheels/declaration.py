@@ -1,0 +1,181 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The wheels as the rest of the package sees them: topics, table, readings."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from imu_sim_ros.inputs.gate import OTHER
+from imu_sim_ros.inputs.tables import Table
+from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.sensors.carried import CarriedReadings
+from imu_sim_ros.sensors.declaration import Model, Payloads, Sensor, Topic, topic
+from imu_sim_ros.sensors.environment import EnvironmentParameters
+from imu_sim_ros.sensors.wheels.parameters import WheelsParameters
+from imu_sim_ros.trajectory.motion import Trajectory
+from imu_sim_ros.types import Array
+
+if TYPE_CHECKING:
+    from imu_sim_ros.bags.messages.blocks import Pattern
+
+ODOMETRY: Final = "nav_msgs/msg/Odometry"
+JOINT_STATE: Final = "sensor_msgs/msg/JointState"
+VECTOR: Final = ("geometry_msgs/msg/Vector3Stamped", "Vector3StampedEncoder")
+TOPIC: Final = "wheel/odom"
+NOT_MEASURED: Final = 1e6
+"""Variance of what wheels do not measure, as ros2_controllers state it."""
+_NAMES: Final = "x,y,yaw,speed_x,speed_y,yaw_rate,variance_x,variance_y,variance_yaw_rate"
+_UNITS: Final = (
+    "x [m],y [m],yaw [rad],speed_x [m s^-1],speed_y [m s^-1],yaw_rate [rad s^-1],"
+    "variance_x [m^2 s^-2],variance_y [m^2 s^-2],variance_yaw_rate [rad^2 s^-2]"
+)
+
+
+@dataclass(frozen=True, repr=False)
+class WheelsReadings(CarriedReadings):
+    """The n readings of the wheels that are delivered, and the truth of each.
+
+    Twists are (forward speed, sideways speed, yaw rate) [m/s, m/s, rad/s], means over the interval
+    before the reading, as counts give them; ``true_twist`` alone is of the instant.
+    """
+
+    pose: Array
+    """(n, 3) x, y [m] and yaw [rad]: the sum of the readings from 0."""
+    twist: Array
+    """(n, 3) as read."""
+    covariance: Array
+    """(n, 3, 3) stated, of the twist."""
+    angle: Array
+    """(n, m) of the joints, as read [rad]."""
+    speed: Array
+    """(n, m) of the joints, as read [rad/s]."""
+    ideal_twist: Array
+    """(n, 3) of the vehicle, without error."""
+    true_twist: Array
+    """(n, 6) of the vehicle at the instant, in the child frame: linear, angular."""
+    true_pose: Array
+    """(n, 7) place and q (w, x, y, z), relative to the first reading."""
+    ideal_angle: Array
+    """(n, m) true angles of the joints [rad]."""
+    ideal_speed: Array
+    """(n, m) true means over the interval [rad/s]."""
+    slip: Array
+    """(n, 3) twist for which the wheels turn, minus the vehicle's."""
+    slip_ratio: Array
+    """(n, wheels) of the patch: how much faster a rim is than the ground, 0.1 for 10 percent."""
+
+
+def _model(
+    own: WheelsParameters,
+    environment: EnvironmentParameters,
+    t0_ns: int,
+    others: Mapping[str, Model],
+) -> Model:
+    from imu_sim_ros.sensors.wheels.model import Odometer  # most runs have none
+
+    return Odometer(own, environment, t0_ns, others)
+
+
+def _realised(own: WheelsParameters, seed: int) -> WheelsParameters:
+    from imu_sim_ros.sensors.wheels.model import realised_wheels
+
+    return realised_wheels(own, seed)
+
+
+def _warnings(own: WheelsParameters, trajectory: Trajectory, duration: float) -> list[str]:
+    from imu_sim_ros.sensors.wheels.model import unseen
+
+    return unseen(own, trajectory, duration)
+
+
+def _joints(name: str, position: str, velocity: str, truth: bool = False) -> Topic:
+    def make(_: str, encoding: str) -> Payloads:
+        from imu_sim_ros.bags.messages.joints import JointStateEncoder
+
+        def payloads(read: Any, rows: Any, _: ImuBlock, now: Any) -> "Pattern":
+            t_ns = (read.true_t_ns if truth else read.t_ns)[rows]
+            encoder = JointStateEncoder(now.joints, "", encoding)
+            return encoder.pattern(
+                t_ns, getattr(read, position)[rows], getattr(read, velocity)[rows]
+            )
+
+        return payloads
+
+    return Topic(name, JOINT_STATE, (), make, truth)
+
+
+def _odometry(name: str, truth: bool = False) -> Topic:
+    def make(frame: str, encoding: str) -> Payloads:
+        from imu_sim_ros.bags.messages.encode import OdometryEncoder
+
+        def payloads(read: Any, rows: Any, _: ImuBlock, now: Any) -> "Pattern":
+            encoder = OdometryEncoder(now.odom_frame, frame, encoding)
+            if truth:
+                pose, twist = read.true_pose[rows], read.true_twist[rows]
+                ideal = pose[:, :3], pose[:, 3:], twist[:, :3], twist[:, 3:]
+                return encoder.pattern(read.true_t_ns[rows], *ideal)
+            place, q, velocity, rate, covariance = _as_read(read, rows)
+            twist = velocity, rate, None, covariance
+            return encoder.pattern(read.t_ns[rows], place, q, *twist)
+
+        return payloads
+
+    return Topic(name, ODOMETRY, (), make, truth)
+
+
+def _as_read(read: Any, rows: Any) -> tuple[Array, ...]:
+    """Return position, attitude, velocity, angular velocity; the covariance of the twist."""
+    pose, twist = read.pose[rows], read.twist[rows]
+    count = len(pose)
+    none = np.zeros(count)
+    half = 0.5 * pose[:, 2]
+    covariance = np.zeros((count, 6, 6))
+    measured = np.array([0, 1, 5])
+    covariance[:, measured[:, None], measured] = read.covariance[rows]
+    covariance[:, [2, 3, 4], [2, 3, 4]] = NOT_MEASURED
+    return (
+        np.column_stack([pose[:, :2], none]),
+        np.column_stack([np.cos(half), none, none, np.sin(half)]),
+        np.column_stack([twist[:, :2], none]),
+        np.column_stack([none, none, twist[:, 2]]),
+        covariance,
+    )
+
+
+SENSOR = Sensor(
+    name="wheels",
+    quantity="wheels",
+    section=WheelsParameters,
+    model=_model,
+    topics=(
+        _odometry(TOPIC),
+        _joints("joint_states", "angle", "speed"),
+        _odometry("ground_truth/wheel_odom", truth=True),
+        _joints("ground_truth/joint_states", "ideal_angle", "ideal_speed", truth=True),
+        topic(
+            *("ground_truth/wheel_slip", *VECTOR),
+            lambda read, rows, _: (read.slip[rows],),
+            truth=True,
+        ),
+    ),
+    table=Table(
+        name="wheels",
+        title="wheel odometry",
+        quantity=OTHER,
+        headers={"euroc": f"#timestamp [ns],{_UNITS}", "csv": f"timestamp,{_NAMES}"},
+        type=ODOMETRY,
+        topic=TOPIC,
+    ),
+    values=lambda read: np.column_stack(
+        [read.pose, read.twist, np.diagonal(read.covariance, axis1=1, axis2=2)]
+    ),
+    readings=WheelsReadings,
+    realised=_realised,
+    text="wheels: encoders with slip and errors of radii and base, and odometry from them",
+    warnings=_warnings,
+    presets="wheels",
+)

@@ -1,0 +1,306 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Wheels on the ground: how far each turns, what its encoder counts, and odometry from that.
+
+A twist is (forward speed, sideways speed, yaw rate). The kinematics are those of R. Siegwart and
+I. Nourbakhsh, "Introduction to Autonomous Mobile Robots", chapter 3; the odometry knows the nominal
+radii and distances, the wheels have the true ones.
+"""
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from typing import Any, Final
+
+import numpy as np
+
+from imu_sim_ros import rotation
+from imu_sim_ros.random_streams import generator
+from imu_sim_ros.sensors.carried import CarriedSensor
+from imu_sim_ros.sensors.environment import EnvironmentParameters
+from imu_sim_ros.sensors.errors.events import Events
+from imu_sim_ros.sensors.wheels.parameters import WheelsParameters
+from imu_sim_ros.trajectory.motion import Motion, Trajectory
+from imu_sim_ros.types import Array
+
+NAME: Final = "wheels"
+_LONGEST_LOOK: Final = 600.0
+"""[s] of a motion that warnings look at, in steps of 0.1 s."""
+_UNSEEN: Final = 0.01
+"""A speed that no wheel measures is worth a warning above this share of the largest speed."""
+
+
+def rim_speeds(model: str, track: float, wheelbase: float) -> Array:
+    """Return J (m, 3): the speed of each wheel's rim without slip is J times the twist."""
+    if model == "omnidirectional":
+        arm = 0.5 * (track + wheelbase)
+        sides = np.array([[-1.0, -arm], [1.0, arm], [1.0, -arm], [-1.0, arm]])
+        return np.column_stack([np.ones(4), sides])
+    return np.array([[1.0, 0.0, -0.5 * track], [1.0, 0.0, 0.5 * track]])
+
+
+def applied(matrix: Array, rows: Array) -> Array:
+    """Return ``rows @ matrix.T``, with sums in an order that the number of rows does not change."""
+    result = rows[:, :1] * matrix[:, 0]
+    for k in range(1, matrix.shape[1]):
+        result = result + rows[:, k : k + 1] * matrix[:, k]
+    return result
+
+
+def realised_wheels(p: WheelsParameters, seed: int) -> WheelsParameters:
+    """Return the wheels of a seed, with the true radii, distances and offset in their places."""
+
+    def drawn(source: str, percent: float, count: int) -> Array:
+        return 1.0 + 0.01 * percent * generator(seed, f"{NAME}.{source}").standard_normal(count)
+
+    radii = p.radius * drawn("radius", p.radius_sigma_percent, p.wheels)
+    base = np.array([p.track, p.wheelbase]) * drawn("base", p.base_sigma_percent, 1)
+    offset = generator(seed, f"{NAME}.steering_offset").standard_normal()
+    return dataclasses.replace(
+        p,
+        true_radii=p.true_radii or tuple(radii.tolist()),
+        true_base=p.true_base or tuple(base.tolist()),
+        steering_offset=p.steering_offset or (float(offset * p.steering_offset_sigma),),
+    )
+
+
+def point_twist(motion: Motion, lever_arm: Array) -> tuple[Array, Array]:
+    """Return the velocity (n, 3) of a point of the body in body axes, and its derivative."""
+    omega = motion.angular_velocity
+    velocity = rotation.rotate_inverse(motion.q_wb, motion.velocity)
+    rate = rotation.rotate_inverse(motion.q_wb, motion.acceleration) - np.cross(omega, velocity)
+    return (
+        velocity + np.cross(omega, lever_arm),
+        rate + np.cross(motion.angular_acceleration, lever_arm),
+    )
+
+
+class Odometer(CarriedSensor):
+    """Encoders of all wheels, and the odometry that a robot makes of them."""
+
+    def __init__(
+        self,
+        parameters: WheelsParameters,
+        environment: EnvironmentParameters,
+        t0_ns: int,
+        _: Mapping[str, Any],
+    ) -> None:
+        """Set up all errors at their start; the angles and the pose are 0 at the first reading."""
+        super().__init__(NAME, parameters, environment, t0_ns)
+        seed, p = environment.seed, parameters
+        self._dt = 1.0 / p.rate
+        self._unit = realised_wheels(p, seed)
+        self._rims = rim_speeds(p.model, self._unit.true_base[0], self._unit.true_base[1])
+        self._known = rim_speeds(p.model, p.track, p.wheelbase)
+        self._to_twist, self._to_true_twist = (
+            np.asarray(np.linalg.pinv(rims), np.float64) for rims in (self._known, self._rims)
+        )
+        wheels = range(p.wheels)
+        self._noise = [generator(seed, f"{NAME}.encoder.{k}") for k in wheels]
+        self._slips = [generator(seed, f"{NAME}.slip.{k}") for k in wheels]
+        self._of_patch = [generator(seed, f"{NAME}.patch_slip.{k}") for k in wheels]
+        self._steering = generator(seed, f"{NAME}.steering")
+        self._patches = Events(seed, f"{NAME}.patch", p.patch_rate, p.patch_duration, self._dt)
+        self._patched, self._patch = 0, np.zeros(p.wheels)
+        self._last: tuple[Array, Array] | None = None
+        self._angle, self._read = np.zeros(p.wheels), np.zeros(p.wheels)
+        self._steered = np.zeros(2)
+        self._start: tuple[Array, Array] | None = None
+        self._pose = np.zeros(3)
+        self._is_at_start = True
+
+    def measure(self, t: Array, motion: Motion) -> Mapping[str, Array]:
+        """Return the twist as read, means over the interval before each reading, and all truth."""
+        p = self._own_parameters
+        velocity, rate = point_twist(motion, self.lever_arm_b)
+        twist = np.column_stack([velocity[:, :2], motion.angular_velocity[:, 2]])
+        mean = self._mean(twist, np.column_stack([rate[:, :2], motion.angular_acceleration[:, 2]]))
+        slipped = mean * np.array([1.0, 1.0, 1.0 + p.turn_slip])
+        rims = applied(self._rims, slipped)
+        ratio = self._patch_ratios(len(t))
+        rims = rims * (1.0 + ratio)
+        rims = rims + self._random_slip(rims)
+        ideal, angle, speed = self._turn(rims / np.array(self._unit.true_radii))
+        read = applied(self._to_twist, p.radius * speed)
+        with_slip = applied(self._to_true_twist, rims)
+        if p.model == "ackermann":
+            true, steered = self._steer(slipped)
+            read[:, 2] = read[:, 0] * np.tan(steered[:, 0]) / p.wheelbase
+            with_slip[:, 2] = with_slip[:, 0] * np.tan(true[:, 0]) / self._unit.true_base[1]
+            angle = np.column_stack([angle, steered[:, 0]])
+            speed = np.column_stack([speed, steered[:, 1]])
+            ideal = (
+                np.column_stack([ideal[0], true[:, 0]]),
+                np.column_stack([ideal[1], true[:, 1]]),
+            )
+        return {
+            "twist": read,
+            "ideal_twist": mean,
+            "true_twist": np.column_stack([velocity, motion.angular_velocity]),
+            "true_pose": self._relative(motion),
+            "angle": angle,
+            "speed": speed,
+            "ideal_angle": ideal[0],
+            "ideal_speed": ideal[1],
+            "slip": with_slip - mean,
+            "slip_ratio": ratio,
+        }
+
+    def complete(self, values: Mapping[str, Array]) -> Mapping[str, Array]:
+        """Return the pose that the readings add up to, and their covariance."""
+        twist = values["twist"]
+        return {**values, "pose": self._integrated(twist), "covariance": self._covariance(twist)}
+
+    @property
+    def _own_parameters(self) -> WheelsParameters:
+        assert isinstance(self.parameters, WheelsParameters)
+        return self.parameters
+
+    def _mean(self, twist: Array, rate: Array) -> Array:
+        """Return means over the intervals before n samples, by cubic Hermite polynomials."""
+        if not len(twist):
+            return twist
+        first, slope = self._last or (twist[0], rate[0])
+        before = np.concatenate([first[None], twist[:-1]])
+        slopes = np.concatenate([slope[None], rate[:-1]])
+        self._last = twist[-1].copy(), rate[-1].copy()
+        return 0.5 * (before + twist) + self._dt / 12.0 * (slopes - rate)
+
+    def _patch_ratios(self, count: int) -> Array:
+        """Return how much faster each wheel is on a patch (count, m)."""
+        numbers = self._patches.next(count)
+        ratio = np.zeros((count, len(self._patch)))
+        for k in np.unique(numbers[numbers > 0]):
+            if k > self._patched:
+                share = np.array([one.random() for one in self._of_patch])
+                self._patch, self._patched = self._own_parameters.patch_slip * share, int(k)
+            ratio[numbers == k] = self._patch
+        return ratio
+
+    def _random_slip(self, rims: Array) -> Array:
+        """Return what random slip adds to the speeds (n, m) of the rims."""
+        noise = np.column_stack([one.standard_normal(len(rims)) for one in self._slips])
+        return self._own_parameters.slip_noise * np.sqrt(np.abs(rims) / self._dt) * noise
+
+    def _turn(self, speed: Array) -> tuple[tuple[Array, Array], Array, Array]:
+        """Return true angles and speeds of n samples of m wheels, then both as read.
+
+        :param speed: (n, m) means over the intervals [rad/s].
+        """
+        noise = self._own_parameters.encoder_noise
+        if not len(speed):
+            return (speed, speed), speed, speed
+        if self._is_at_start:
+            start = np.array([one.standard_normal() for one in self._noise])
+            self._angle = -speed[0] * self._dt
+            self._read = self._counted(self._angle + noise * start)
+        turned = np.cumsum(np.concatenate([self._angle[None], speed * self._dt]), axis=0)
+        drawn = np.column_stack([one.standard_normal(len(speed)) for one in self._noise])
+        read = np.concatenate([self._read[None], self._counted(turned[1:] + noise * drawn)])
+        self._angle, self._read = turned[-1], read[-1]
+        return (turned[1:], speed), read[1:], np.diff(read, axis=0) / self._dt
+
+    def _counted(self, angle: Array) -> Array:
+        """Return angles as whole counts give them."""
+        ticks = self._own_parameters.ticks
+        return np.rint(angle * (ticks / math.tau)) * (math.tau / ticks) if ticks else angle
+
+    def _steer(self, twist: Array) -> tuple[Array, Array]:
+        """Return the steering's angle and rate (n, 2) that turn the vehicle so; then as read."""
+        p, wheelbase = self._own_parameters, self._unit.true_base[1]
+        moves = twist[:, 0] != 0.0
+        ratio = np.divide(twist[:, 2], twist[:, 0], out=np.zeros(len(twist)), where=moves)
+        true = np.clip(np.arctan(wheelbase * ratio), -p.steering_limit, p.steering_limit)
+        noise = p.steering_noise * self._steering.standard_normal(len(twist))
+        both = np.column_stack([true, true + self._unit.steering_offset[0] + noise])
+        if not len(both):
+            return both, both
+        before = both[0] if self._is_at_start else self._steered
+        rates = np.diff(np.concatenate([before[None], both]), axis=0) / self._dt
+        self._steered = both[-1]
+        true_pair, read_pair = (np.column_stack([both[:, k], rates[:, k]]) for k in (0, 1))
+        return true_pair, read_pair
+
+    def _relative(self, motion: Motion) -> Array:
+        """Return true poses (n, 7), place and q (w, x, y, z), in the frame of the first reading."""
+        place = self.place(motion)
+        if not len(place):
+            return np.zeros((0, 7))
+        if self._start is None:
+            self._start = place[0].copy(), motion.q_wb[0].copy()
+        origin, q_ws = self._start
+        moved = rotation.rotate_inverse(q_ws[None], place - origin)
+        turned = rotation.multiply(rotation.conjugate(q_ws)[None], motion.q_wb)
+        return np.column_stack([moved, turned])
+
+    def _integrated(self, twist: Array) -> Array:
+        """Return poses (n, 3), x, y and yaw: each twist is an arc of one interval."""
+        if not len(twist):
+            return np.zeros((0, 3))
+        way = twist * self._dt
+        if self._is_at_start:
+            way[0] = 0.0
+            self._is_at_start = False
+        yaw = np.cumsum(np.concatenate([self._pose[2:], way[:, 2]]))
+        middle, chord = yaw[:-1] + 0.5 * way[:, 2], np.sinc(way[:, 2] / math.tau)
+        forward, left = chord * way[:, 0], chord * way[:, 1]
+        cosine, sine = np.cos(middle), np.sin(middle)
+        steps = np.column_stack([cosine * forward - sine * left, sine * forward + cosine * left])
+        places = np.cumsum(np.concatenate([self._pose[None, :2], steps]), axis=0)
+        result = np.column_stack([places, yaw])[1:]
+        self._pose = result[-1]
+        return result
+
+    def _covariance(self, twist: Array) -> Array:
+        """Return the stated covariance (n, 3, 3) of twists."""
+        p, m = self._own_parameters, self._to_twist
+        tick = math.tau / p.ticks if p.ticks else 0.0
+        counted = 2.0 * (p.radius / self._dt) ** 2 * (p.encoder_noise**2 + tick**2 / 12.0)
+        rims = np.abs(applied(self._known, twist))
+        spread = (0.01 * p.radius_sigma_percent * rims) ** 2
+        each = counted + p.slip_noise**2 * rims / self._dt + spread
+        squares = np.einsum("im,jm->ijm", m, m).reshape(9, -1)
+        result = applied(squares, each).reshape(-1, 3, 3)
+        if p.model == "ackermann":
+            self._put_steering(result, twist)
+        if p.model != "omnidirectional":
+            result[:, 1, 1] = p.side_slip_sigma**2
+        result[:, 2, 2] += (0.01 * p.base_sigma_percent * twist[:, 2]) ** 2
+        return result
+
+    def _put_steering(self, result: Array, twist: Array) -> None:
+        """Put in the yaw rate's part that follows from speed and steering angle."""
+        p, v = self._own_parameters, twist[:, 0]
+        moves = v != 0.0
+        curvature = np.divide(twist[:, 2], v, out=np.zeros(len(v)), where=moves)
+        slope = v * (1.0 / p.wheelbase + p.wheelbase * curvature**2)
+        result[:, 0, 2] = result[:, 2, 0] = curvature * result[:, 0, 0]
+        of_steering = p.steering_noise**2 + p.steering_offset_sigma**2
+        result[:, 2, 2] = curvature**2 * result[:, 0, 0] + slope**2 * of_steering
+
+
+def unseen(p: WheelsParameters, trajectory: Trajectory, duration: float) -> list[str]:
+    """Return a line where the motion is not that of such a vehicle, with how large the rest is."""
+    longest = min(duration, trajectory.duration, _LONGEST_LOOK)
+    t = np.linspace(0.0, longest, 1 + math.ceil(10.0 * longest))[:-1]
+    motion = trajectory.sample(t)
+    velocity, _ = point_twist(motion, np.array(p.lever_arm))
+    forward, side, up = np.abs(velocity).max(axis=0, initial=0.0)
+    least = max(_UNSEEN * max(forward, side, up), 1e-3)
+    rest = []
+    if side > least and p.model != "omnidirectional":
+        rest.append(f"sideways at up to {side:.3g} m/s")
+    if up > least:
+        rest.append(f"up or down at up to {up:.3g} m/s")
+    if p.model == "ackermann":
+        speed, turn = np.abs(velocity[:, 0]), np.abs(motion.angular_velocity[:, 2])
+        excess = turn - speed * math.tan(p.steering_limit) / p.wheelbase
+        if excess.max(initial=0.0) > 1e-3:
+            rest.append(f"turning by {excess.max():.3g} rad/s more than the steering can")
+    if not rest:
+        return []
+    return [
+        f"{NAME}: the body moves {' and '.join(rest)}, which {p.model} wheels neither do nor "
+        "measure: wheel/odom is without it"
+    ]
