@@ -199,7 +199,7 @@ def test_a_sensor_of_the_body(copy: Copy) -> None:
     init = "imu_sim_ros/sensors/__init__.py"
     (line,) = [one for one in (ROOT / init).read_text().splitlines() if "CARRIED: Final" in one]
     names = line.partition(" = (")[2].rstrip(")")
-    more = f"{names} " if names else ""
+    more = f"{names.rstrip(',')}, " if names else ""
     copy.change(init, (line, line.replace(f"({names})", f'({more}"sonar",)')))
     assert len(copy.touched) == 3
     found = copy.run(

@@ -150,7 +150,8 @@ class Odometer(CarriedSensor):
     def complete(self, values: Mapping[str, Array]) -> Mapping[str, Array]:
         """Return the pose that the readings add up to, and their covariance."""
         twist = values["twist"]
-        return {**values, "pose": self._integrated(twist), "covariance": self._covariance(twist)}
+        covariance = self._covariance(twist, values["angle"])
+        return {**values, "pose": self._integrated(twist), "covariance": covariance}
 
     @property
     def _own_parameters(self) -> WheelsParameters:
@@ -252,8 +253,8 @@ class Odometer(CarriedSensor):
         self._pose = result[-1]
         return result
 
-    def _covariance(self, twist: Array) -> Array:
-        """Return the stated covariance (n, 3, 3) of twists."""
+    def _covariance(self, twist: Array, angle: Array) -> Array:
+        """Return the stated covariance (n, 3, 3) of twists, at angles (n, m) of the joints."""
         p, m = self._own_parameters, self._to_twist
         tick = math.tau / p.ticks if p.ticks else 0.0
         counted = 2.0 * (p.radius / self._dt) ** 2 * (p.encoder_noise**2 + tick**2 / 12.0)
@@ -263,21 +264,22 @@ class Odometer(CarriedSensor):
         squares = np.einsum("im,jm->ijm", m, m).reshape(9, -1)
         result = applied(squares, each).reshape(-1, 3, 3)
         if p.model == "ackermann":
-            self._put_steering(result, twist)
+            self._put_steering(result, twist[:, 0], angle[:, -1])
         if p.model != "omnidirectional":
             result[:, 1, 1] = p.side_slip_sigma**2
         result[:, 2, 2] += (0.01 * p.base_sigma_percent * twist[:, 2]) ** 2
         return result
 
-    def _put_steering(self, result: Array, twist: Array) -> None:
-        """Put in the yaw rate's part that follows from speed and steering angle."""
-        p, v = self._own_parameters, twist[:, 0]
-        moves = v != 0.0
-        curvature = np.divide(twist[:, 2], v, out=np.zeros(len(v)), where=moves)
-        slope = v * (1.0 / p.wheelbase + p.wheelbase * curvature**2)
-        result[:, 0, 2] = result[:, 2, 0] = curvature * result[:, 0, 0]
+    def _put_steering(self, result: Array, speed: Array, steered: Array) -> None:
+        """Put in the yaw rate's part that follows from forward speeds and steering angles (n,)."""
+        p, variance = self._own_parameters, result[:, 0, 0]
+        curvature = np.tan(steered) / p.wheelbase
+        slope = (1.0 + np.tan(steered) ** 2) / p.wheelbase
         of_steering = p.steering_noise**2 + p.steering_offset_sigma**2
-        result[:, 2, 2] = curvature**2 * result[:, 0, 0] + slope**2 * of_steering
+        result[:, 0, 2] = result[:, 2, 0] = curvature * variance
+        # The variance of the speed is what is left where the vehicle stands.
+        turning = (speed**2 + variance) * slope**2 * of_steering
+        result[:, 2, 2] = curvature**2 * variance + turning
 
 
 def unseen(p: WheelsParameters, trajectory: Trajectory, duration: float) -> list[str]:

@@ -181,6 +181,14 @@ def test_the_stated_covariance_is_that_of_the_errors(model: str) -> None:
     assert low < nees.sum() < high
 
 
+@pytest.mark.parametrize("model", ["differential", "ackermann", "omnidirectional"])
+def test_the_covariance_of_wheels_at_rest_can_be_inverted(model: str) -> None:
+    """Of the smallest part, yaw rates of a car at rest, v tan(angle) / L: 1e-5 rad/s at least."""
+    given = {**CIRCLE, "trajectory": "static", "duration": 5}
+    wheels = ims.simulate(**given, wheels={"model": model}).wheels
+    assert np.linalg.eigvalsh(wheels.covariance).min() > 1e-10
+
+
 def test_a_smaller_spread_than_stated_shows() -> None:
     """With radii that are true, NEES falls below the band: the test above can fail."""
     blocks = draw_seeds(100, radius_sigma_percent=1.0, true_radii=[0.1, 0.1])
