@@ -25,14 +25,14 @@ _FOLDERS: Final = {
 """Arguments that take a name in config/, by their names in the parsers."""
 
 
-def is_asked() -> bool:
+def is_requested() -> bool:
     """Return whether the shell asks what could follow, instead of running the program."""
     return _ASKED in os.environ
 
 
 def complete(parser: argparse.ArgumentParser) -> None:
     """Answer the shell and end the process, if it asks and argcomplete is installed."""
-    if is_asked():
+    if is_requested():
         with suppress(ImportError):
             import argcomplete
 

@@ -10,7 +10,7 @@ _LONGEST: Final = 100
 """Letters of a name that are compared."""
 _SHOWN: Final = 60
 """Letters of a value."""
-_FEW: Final = 8
+_MAX_LISTED: Final = 8
 """So many names are listed with the nearest one."""
 
 
@@ -29,7 +29,7 @@ def suggestion(name: object, known: Iterable[str], otherwise: str | None = None)
     if not near:
         return every
     hint = f"did you mean {lower[near[0]]}?"
-    return f"{every}; {hint}" if otherwise is None and len(known) <= _FEW else hint
+    return f"{every}; {hint}" if otherwise is None and len(known) <= _MAX_LISTED else hint
 
 
 def shown(value: object) -> str:

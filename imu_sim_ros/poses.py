@@ -180,7 +180,7 @@ _EUROC_PLAIN: Final = (_POSE_COLUMNS, 11, 17)  # pose; and velocity; and both bi
 _EUROC_COLUMNS: Final = (*_EUROC_PLAIN, *(count + _TRIANGLES for count in _EUROC_PLAIN))
 _TUM_COLUMNS: Final = (_POSE_COLUMNS, 14, _POSE_COLUMNS + _TRIANGLES)  # pose; OpenVINS: and more
 _WITH_COVARIANCE: Final = frozenset(count + _TRIANGLES for count in _EUROC_PLAIN)
-_FEW: Final = 8
+_MAX_LISTED: Final = 8
 """So few lines are looked at one by one."""
 _SAME: Final = 1.0 - 1e-15
 _WHAT: Final = "a text file of poses"
@@ -286,7 +286,7 @@ class _Reading:
             try:
                 yield self._parsed(part)
             except (ValueError, OverflowError):
-                if len(part) > _FEW:
+                if len(part) > _MAX_LISTED:
                     half = len(part) // 2
                     waiting += [part[half:], part[:half]]
                     continue

@@ -234,7 +234,7 @@ def progress(
         TextColumn("{task.fields[left]}"),
     )
     with Progress(*columns, console=Console(stderr=True), transient=True, expand=True) as bar:
-        pace = Pace()
+        pace = ProgressRate()
         task = bar.add_task(text, total=total, completed=done, speed="", left=_UNKNOWN_TIME)
 
         def advance(count: int, now: str = "") -> None:
@@ -248,7 +248,7 @@ def progress(
         yield advance
 
 
-class Pace:
+class ProgressRate:
     """Speed and time left of something that is done in parts, perhaps by several processes.
 
     What they deliver arrives in bursts, the first only after the processes have started: neither a
@@ -474,7 +474,7 @@ def main(
         _give_up_output()
         return 1
     except Exception as error:  # an argument of an unforeseen kind
-        return _told(made.prog, error, debug=False)
+        return _report_error(made.prog, error, debug=False)
     return run(made.prog, lambda: command(arguments), getattr(arguments, "debug", False))
 
 
@@ -495,11 +495,11 @@ def run(program: str, command: Callable[[], None], debug: bool = False) -> int:
             print(f"{program}: interrupted; {line}", file=sys.stderr)
         return signals.status()
     except Exception as error:
-        return _told(program, error, debug)
+        return _report_error(program, error, debug)
     return 0
 
 
-def _told(program: str, error: Exception, debug: bool) -> int:
+def _report_error(program: str, error: Exception, debug: bool) -> int:
     """Print what an error means; return the exit status."""
     if debug:
         import traceback

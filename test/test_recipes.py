@@ -238,7 +238,7 @@ def test_a_message_type(copy: Copy) -> None:
             '    type_name = "sensor_msgs/msg/RelativeHumidity"\n\n'
             "    def encode(self, t_ns: Times, humidity: ArrayLike) -> Bytes:\n"
             '        """Return messages (n, size) of humidities (n,) from 0 to 1."""\n'
-            "        return self._pattern(t_ns, relative_humidity=humidity).array()\n\n\n"
+            "        return self._row_template(t_ns, relative_humidity=humidity).array()\n\n\n"
             "class NavSatFixEncoder(",
         ),
     )

@@ -12,7 +12,13 @@ from typing import Any, Final, NamedTuple, TypeVar
 
 import numpy as np
 
-from imu_sim_ros.bags.messages.blocks import Pattern, Payloads, as_list, as_pattern, side_by_side
+from imu_sim_ros.bags.messages.blocks import (
+    Payloads,
+    RowTemplate,
+    as_list,
+    as_row_template,
+    side_by_side,
+)
 from imu_sim_ros.bags.messages.layouts import Bytes
 from imu_sim_ros.bags.messages.schemas import Schema
 from imu_sim_ros.bags.outputs import OutputFile
@@ -109,7 +115,7 @@ def _stream(compression: str) -> Any:
 
 
 CHUNK_BYTES: Final = 1 << 20
-_MOST_WORKERS: Final = 4
+_MAX_WORKERS: Final = 4
 """More than this the thread that writes cannot follow; each has a few chunks in memory."""
 _SPARE_ROWS: Final = 8
 """Chunks of one emission differ by a row."""
@@ -171,7 +177,7 @@ class ChunkWriter(Writer):
         self._pipeline: Pipeline[_Job, tuple[_Job, Any]] | None = None
 
     @abstractmethod
-    def _records(self, topic: Topic, first: int, t_ns: Times, payloads: Pattern) -> Pattern:
+    def _records(self, topic: Topic, first: int, t_ns: Times, payloads: RowTemplate) -> RowTemplate:
         """Return messages of equal size as records.
 
         :param first: how many messages of the topic were written before.
@@ -325,7 +331,7 @@ class ChunkWriter(Writer):
         """
         if self._pipeline is None:
             # A checksum alone is quick, and quickest where the records are still in the cache.
-            workers = min(cores(), _MOST_WORKERS) if self._compression not in ("", "none") else 0
+            workers = min(cores(), _MAX_WORKERS) if self._compression not in ("", "none") else 0
             self._pipeline = Pipeline(self._packed_job, self._store_job, workers)
         self._emit()
 
@@ -391,7 +397,7 @@ class ChunkWriter(Writer):
                 for topic, times, payloads in blocks
             ]
             patterns = [
-                self._records(topic, topic.count, times, as_pattern(payloads))
+                self._records(topic, topic.count, times, as_row_template(payloads))
                 for topic, times, payloads in chunk
                 if not isinstance(payloads, list)
             ]
@@ -440,15 +446,15 @@ class ChunkWriter(Writer):
             start = stop
 
     def _record_list(
-        self, topic: Topic, first: int, t_ns: Times, payloads: Payloads | Pattern
+        self, topic: Topic, first: int, t_ns: Times, payloads: Payloads | RowTemplate
     ) -> list[bytes]:
         if isinstance(payloads, list):
             return [
                 self._record(topic, first + k, time, payload)
                 for k, (time, payload) in enumerate(zip(t_ns.tolist(), payloads, strict=True))
             ]
-        return as_list(self._records(topic, first, t_ns, as_pattern(payloads)))
+        return as_list(self._records(topic, first, t_ns, as_row_template(payloads)))
 
 
-def _bytes(payloads: Payloads | Pattern) -> int:
+def _bytes(payloads: Payloads | RowTemplate) -> int:
     return sum(map(len, payloads)) if isinstance(payloads, list) else payloads.size

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags import beside
+from imu_sim_ros.bags import sensor_tables
 from imu_sim_ros.bags.messages import schemas
 from imu_sim_ros.bags.messages.blocks import MessageBlock, Payloads, TopicInfo, as_list
 from imu_sim_ros.bags.messages.decode import MessageGate, transcode
@@ -26,10 +26,10 @@ from imu_sim_ros.bags.messages.encode import (
     Vector3StampedEncoder,
 )
 from imu_sim_ros.bags.read import imu_blocks, odometry_blocks, open_bag, vector_blocks
-from imu_sim_ros.bags.reader import Bag, missing, told
+from imu_sim_ros.bags.reader import Bag, errors_naming, missing
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text.writer import Dataset, States
-from imu_sim_ros.bags.threads import ahead
+from imu_sim_ros.bags.threads import prefetch
 from imu_sim_ros.bags.writer import Block, Topic, Writer
 from imu_sim_ros.conventions import (
     ACCELEROMETER_BIAS_TOPIC,
@@ -87,10 +87,10 @@ def bag_to_bag(
     :param renamed: new names by old ones.
     :param advance: receives the number of messages copied.
     :param skipped, warned: as for :func:`imu_sim_ros.bags.read.imu_blocks`.
-    :param more: makes what is written beside the messages of a block, in a thread of its own.
+    :param more: makes what is written next to the messages of a block, in a thread of its own.
     :param ungated: a topic whose messages somebody else looks at.
     """
-    with told(bag.path):
+    with errors_naming(bag.path):
         translate = _translator(bag, writer, topics)
     handles: dict[TopicInfo, Topic] = {}
     keeps_seq = bag.encoding == "ros1"
@@ -121,10 +121,10 @@ def bag_to_bag(
 def _with_more(
     groups: Iterator[list[MessageBlock]], more: More | None
 ) -> Iterator[tuple[list[MessageBlock], list[Block]]]:
-    """Yield groups, each with what is written beside it."""
+    """Yield groups, each with what is written next to it."""
     if more is None:
         return ((group, []) for group in groups)
-    return ahead((group, [made for block in group for made in more(block)]) for group in groups)
+    return prefetch((group, [made for block in group for made in more(block)]) for group in groups)
 
 
 class _Translator:
@@ -164,7 +164,7 @@ class _Between(_Translator):
         if quick is not None:
             return quick
         type_name = block.topic.type
-        with told(Path(block.topic.name)):
+        with errors_naming(Path(block.topic.name)):
             if self._encoding == "ros1":
                 convert = self._types.cdr_to_ros1
             else:
@@ -187,7 +187,7 @@ def text_to_bag(
     frames: Sequence[Iterator[list[Block]]] = (),
     tables: Tables = MappingProxyType({}),
 ) -> None:
-    """Copy a EuRoC folder or a CSV file: readings, and what a folder has beside them.
+    """Copy a EuRoC folder or a CSV file: readings, and what a folder has next to them.
 
     That are tables of other sensors; truth and biases where there are states.
 
@@ -204,7 +204,7 @@ def text_to_bag(
         _reading_messages(path, writer, renamed, skipped, name)
         for name in (names if len(names) > 1 else [None])
     ]
-    streams += beside.streams_of_tables(path, writer, renamed, names, skipped, tables)
+    streams += sensor_tables.streams_of_tables(path, writer, renamed, names, skipped, tables)
     if text_reader.has_states(path):
         streams.append(_state_messages(path, writer, renamed, skipped))
     elif (poses := text_reader.pose_file(path)) is not None:
@@ -307,7 +307,7 @@ def to_dataset(
     tables: Sequence[tuple[Table, str]] = (),
     warned: Warned | None = None,
 ) -> None:
-    """Copy readings, what is beside them, and truth of a bag or a dataset into text.
+    """Copy readings, what is next to them, and truth of a bag or a dataset into text.
 
     :param tables: of the dataset, each with its topic, or its name in the dataset that is read.
     :param skipped, warned: as for :func:`imu_sim_ros.bags.read.imu_blocks`.
@@ -319,8 +319,8 @@ def to_dataset(
             dataset.write_imu(readings.t_ns, readings.gyro, readings.accel)
             advance(len(readings.t_ns))
     for table, name in tables:
-        for measured in beside.blocks(path, table, name, recover, skipped, warned):
-            dataset.write_beside(table.name, 0, measured.t_ns, measured.values)
+        for measured in sensor_tables.blocks(path, table, name, recover, skipped, warned):
+            dataset.write_table(table.name, 0, measured.t_ns, measured.values)
             advance(len(measured.t_ns))
     if dataset.truth is not None and ODOMETRY in topics:
         for states in _states(path, topics[ODOMETRY], recover, skipped, warned):
@@ -349,10 +349,10 @@ def _states(
 class BiasTopicReader:
     """A topic of vectors that is read in step with another one; zero where the bag has none."""
 
-    def __init__(self, path: Path, name: str, beside: str | None, recover: bool) -> None:
+    def __init__(self, path: Path, name: str, of_truth: str | None, recover: bool) -> None:
         with open_bag(path, recover) as bag:
             counts = {topic.name: topic.count for topic in bag.topics if topic.name == name}
-            truth = bag.topic(ODOMETRY, beside).count
+            truth = bag.topic(ODOMETRY, of_truth).count
         there = counts.get(name, -1) == truth
         self._blocks = vector_blocks(path, name, recover, gated=False) if there else None
         self._t_ns, self._vectors = np.empty(0, dtype=np.int64), np.empty((0, 3))

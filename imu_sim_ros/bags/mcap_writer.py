@@ -16,7 +16,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros.bags.chunks import ChunkWriter, Indexed
-from imu_sim_ros.bags.messages.blocks import Column, Pattern, side_by_side
+from imu_sim_ros.bags.messages.blocks import Column, RowTemplate, side_by_side
 from imu_sim_ros.bags.messages.layouts import Bytes
 from imu_sim_ros.bags.messages.schemas import qos_text
 from imu_sim_ros.bags.writer import Topic
@@ -138,7 +138,7 @@ class McapWriter(ChunkWriter):
         self._channels.append(channel)
         self.file.write(_packed(channel))
 
-    def _records(self, topic: Topic, first: int, t_ns: Times, payloads: Pattern) -> Pattern:
+    def _records(self, topic: Topic, first: int, t_ns: Times, payloads: RowTemplate) -> RowTemplate:
         count, size = payloads.shape
         header = np.zeros(1, MESSAGE_HEADER)
         header["opcode"] = MESSAGE
@@ -149,7 +149,7 @@ class McapWriter(ChunkWriter):
             Column(_PLACES["log_time"], t_ns),
             Column(_PLACES["publish_time"], t_ns),
         ]
-        return side_by_side([Pattern(header.tobytes(), columns, count), payloads])
+        return side_by_side([RowTemplate(header.tobytes(), columns, count), payloads])
 
     def _record(self, topic: Topic, index: int, t_ns: int, payload: bytes) -> bytes:
         length = MESSAGE_HEADER.itemsize - _RECORD_HEADER_BYTES + len(payload)

@@ -175,7 +175,7 @@ class Target:
 
     @property
     def staging(self) -> Path:
-        """The folder that is renamed from; it lies beside the target."""
+        """The folder that is renamed from; it lies next to the target."""
         return self.final.parent / (self.final.name + ACTIVE_SUFFIX)
 
     @property

@@ -21,7 +21,7 @@ from imu_sim_ros.bags.messages.encode import (
     VECTOR3_STAMPED,
 )
 from imu_sim_ros.bags.outputs import unfinished
-from imu_sim_ros.bags.reader import Bag, told
+from imu_sim_ros.bags.reader import Bag, errors_naming
 from imu_sim_ros.bags.ros1_reader import Rosbag1Bag
 from imu_sim_ros.bags.rosbag2_reader import Rosbag2Folder, SqliteBag
 from imu_sim_ros.bags.text import reader as text_reader
@@ -117,7 +117,7 @@ def open_bag(path: str | Path, recover: bool = False) -> Bag:
     path = Path(path)
     if recover and not path.exists():
         path = unfinished(path) or path
-    with told(path, "" if recover else "; convert_bag --recover salvages what is there"):
+    with errors_naming(path, "" if recover else "; convert_bag --recover salvages what is there"):
         return _opened(path, recover)
 
 
@@ -149,13 +149,13 @@ def decoded_messages(bag: Bag, names: Collection[str]) -> Iterator[tuple[TopicIn
     :raises InputError: for messages that are not of their topic's type.
     """
     topics = [topic for topic in bag.topics if topic.name in names]
-    with told(bag.path):
+    with errors_naming(bag.path):
         types = schemas.typestore([(topic.type, topic.schema) for topic in topics], bag.encoding)
     decode = types.deserialize_cdr if bag.encoding == "cdr" else types.deserialize_ros1
     for group in bag.groups({topic.name for topic in topics}):
         for block in group:
             for payload in as_list(block.payloads) if block.topic in topics else ():
-                with told(bag.path, f" ({block.topic.name})"):
+                with errors_naming(bag.path, f" ({block.topic.name})"):
                     message = decode(payload, block.topic.type)
                 yield block.topic, message
 

@@ -16,7 +16,7 @@ from numpy.lib.stride_tricks import as_strided, sliding_window_view
 
 from imu_sim_ros.bags.messages.blocks import MessageBlock, Payloads, TopicInfo, as_list
 from imu_sim_ros.bags.messages.layouts import Bytes
-from imu_sim_ros.bags.threads import ahead
+from imu_sim_ros.bags.threads import prefetch
 from imu_sim_ros.errors import ImuSimError, InputError, system_error
 from imu_sim_ros.inputs.rows import open_regular
 from imu_sim_ros.names import suggestion
@@ -49,7 +49,7 @@ class Timed(NamedTuple):
 
 
 @contextmanager
-def told(path: Path, hint: str = "") -> Iterator[None]:
+def errors_naming(path: Path, hint: str = "") -> Iterator[None]:
     """Turn the errors of damaged bytes into one line; wraps the reader of a file.
 
     :param hint: advice to append.
@@ -109,10 +109,10 @@ class Bag(ABC):
         """
         if names is None:
             names = {topic.name for topic in self.topics}
-        return ahead(self._told(_in_time_order(self._timed(names))))
+        return prefetch(self._naming_errors(_in_time_order(self._timed(names))))
 
-    def _told(self, groups: Iterator[list[MessageBlock]]) -> Iterator[list[MessageBlock]]:
-        with told(self.path):
+    def _naming_errors(self, groups: Iterator[list[MessageBlock]]) -> Iterator[list[MessageBlock]]:
+        with errors_naming(self.path):
             yield from groups
 
     def topic(self, type_name: str, name: str | None) -> TopicInfo:

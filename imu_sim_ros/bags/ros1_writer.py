@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros.bags.chunks import ChunkWriter, Indexed
-from imu_sim_ros.bags.messages.blocks import Column, Pattern, side_by_side
+from imu_sim_ros.bags.messages.blocks import Column, RowTemplate, side_by_side
 from imu_sim_ros.bags.messages.encode import divided
 from imu_sim_ros.bags.messages.layouts import Bytes
 from imu_sim_ros.bags.messages.schemas import ros1_name
@@ -173,7 +173,7 @@ class Rosbag1Writer(ChunkWriter):
         )
         return fields(conn=_u4(topic.index), op=_u1(OP_CONNECTION), topic=name) + details
 
-    def _records(self, topic: Topic, first: int, t_ns: Times, payloads: Pattern) -> Pattern:
+    def _records(self, topic: Topic, first: int, t_ns: Times, payloads: RowTemplate) -> RowTemplate:
         count, size = payloads.shape
         header = np.frombuffer(bytearray(_HEADER), _HEADER_TYPE)
         header["connection"], header["length"] = topic.index, size
@@ -185,8 +185,8 @@ class Rosbag1Writer(ChunkWriter):
         if topic in self._numbered and size >= _SEQ_BYTES:
             first += topic.before
             seq = Column(0, np.arange(first, first + count).astype("<u4"))
-            payloads = Pattern(payloads.template, [*payloads.columns, seq], count)
-        return side_by_side([Pattern(header.tobytes(), columns, count), payloads])
+            payloads = RowTemplate(payloads.template, [*payloads.columns, seq], count)
+        return side_by_side([RowTemplate(header.tobytes(), columns, count), payloads])
 
     def _record(self, topic: Topic, index: int, t_ns: int, payload: bytes) -> bytes:
         header = fields(conn=_u4(topic.index), op=_u1(OP_MESSAGE), time=_time(t_ns))

@@ -19,14 +19,14 @@ from imu_sim_ros.bags.mcap_reader import McapBag
 from imu_sim_ros.bags.messages.blocks import MessageBlock, TopicInfo
 from imu_sim_ros.bags.messages.layouts import Bytes
 from imu_sim_ros.bags.messages.schemas import Schema, parse_qos
-from imu_sim_ros.bags.reader import Bag, Timed, told
+from imu_sim_ros.bags.reader import Bag, Timed, errors_naming
 from imu_sim_ros.errors import InputError, MachineError
 from imu_sim_ros.inputs.rows import is_present, open_regular, read_text
 from imu_sim_ros.parameters.yaml_text import parse_yaml
 
 _END_ID: Final = 2**63 - 1
 _ROWS: Final = 4096
-_MOST_TOPICS: Final = 10_000
+_MAX_TOPICS: Final = 10_000
 
 
 class SqliteBag(Bag):
@@ -106,7 +106,7 @@ class SqliteBag(Bag):
         counts = self._counts()
         qos = "offered_qos_profiles" if "offered_qos_profiles" in columns else "''"
         rows = self._database.execute(f"SELECT id, name, type, {qos} FROM topics ORDER BY id")
-        topics = rows.fetchmany(_MOST_TOPICS)
+        topics = rows.fetchmany(_MAX_TOPICS)
         if not all(isinstance(word, str) for _, *words in topics for word in words[:2]):
             raise InputError(f"{self.path}: the names of its topics are not strings")
         return {
@@ -226,7 +226,7 @@ class Rosbag2Folder(Bag):
         """Open a file; one that cannot be opened is left out when recovering."""
         opener: Callable[..., Bag] = SqliteBag if file.suffix == ".db3" else McapBag
         try:
-            with told(file):
+            with errors_naming(file):
                 part = opener(file, recover)
         except InputError as error:
             if not recover:

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from imu_sim_ros.bags import rosbag2_metadata as rosbag2_metadata
-from imu_sim_ros.bags.messages.blocks import as_list, as_pattern, side_by_side
+from imu_sim_ros.bags.messages.blocks import as_list, as_row_template, side_by_side
 from imu_sim_ros.bags.messages.schemas import qos_text
 from imu_sim_ros.bags.outputs import refuse_existing
 from imu_sim_ros.bags.writer import Block, Topic, Writer, simultaneous, tally, time_order
@@ -133,7 +133,7 @@ class SqliteWriter(Writer):
         for each of them, and other threads run meanwhile.
         """
         patterns = [
-            as_pattern(payloads) for _, _, payloads in blocks if not isinstance(payloads, list)
+            as_row_template(payloads) for _, _, payloads in blocks if not isinstance(payloads, list)
         ]
         table = side_by_side(patterns)
         sizes = [pattern.shape[1] for pattern in patterns]

@@ -16,15 +16,15 @@ from typing import Any, Final, Generic, TypeVar
 _T = TypeVar("_T")
 _Made = TypeVar("_Made")
 
-_AHEAD: Final = 2
+_PREFETCHED: Final = 2
 _END: Final = "end"
 
 
-def ahead(items: Iterable[_T]) -> Iterator[_T]:
+def prefetch(items: Iterable[_T]) -> Iterator[_T]:
     """Yield items that are made in a thread of their own, a few ahead of the one that is used."""
     made: SimpleQueue[tuple[str, Any]] = SimpleQueue()
     places: SimpleQueue[bool] = SimpleQueue()
-    for _ in range(_AHEAD):
+    for _ in range(_PREFETCHED):
         places.put(True)
     stopped = False
 

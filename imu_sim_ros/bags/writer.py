@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags.messages.blocks import Pattern, Payloads
+from imu_sim_ros.bags.messages.blocks import Payloads, RowTemplate
 from imu_sim_ros.bags.messages.schemas import Qos, Schema, schema
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.types import Times
@@ -48,7 +48,7 @@ class Block(NamedTuple):
     topic: Topic
     t_ns: Times
     """(n,) record times."""
-    payloads: Payloads | Pattern
+    payloads: Payloads | RowTemplate
     """(n, size) bytes of messages of equal size, or a list of n messages."""
 
 
@@ -88,7 +88,7 @@ class Writer(ABC):
         self.topics.append(topic)
         return topic
 
-    def write(self, topic: Topic, t_ns: Times, payloads: Payloads | Pattern) -> None:
+    def write(self, topic: Topic, t_ns: Times, payloads: Payloads | RowTemplate) -> None:
         """Write n messages with record times (n,)."""
         self.write_blocks([Block(topic, t_ns, payloads)])
 

@@ -25,7 +25,7 @@ between 0.45 and 0.48 steps, wherever the mean lies."""
 HIDDEN: Final = 0.58
 """Deviation, in steps, that noise with its rounding may have where the readings are coarse."""
 _LOOKED_AT: Final = 4096
-_MOST_CODES: Final = 256
+_MAX_CODES: Final = 256
 
 
 class StepFinder:
@@ -41,7 +41,7 @@ class StepFinder:
         """Take the next readings (axes, n)."""
         for k in np.flatnonzero(self._open):
             codes = np.union1d(self._codes[k], columns[k, :_LOOKED_AT])
-            if len(codes) > _MOST_CODES:
+            if len(codes) > _MAX_CODES:
                 self.step[k], self._open[k] = 0.0, False
                 continue
             self._codes[k] = codes

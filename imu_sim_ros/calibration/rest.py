@@ -27,7 +27,7 @@ _SUDDEN: Final = 50.0
 Without its line, a walk's variance in a stretch is nearly chi-square's of one degree of freedom,
 which is 23 times its mean, 50 times its median, once in 10^6.
 """
-_FEWEST: Final = 4
+_MIN_WINDOWS: Final = 4
 """Number of stretches below which none of them can stand out."""
 
 
@@ -139,7 +139,7 @@ class RestCheck:
 
     def sudden(self, motion: Motion) -> bool:
         """Return whether a motion is far larger than the axis' motion in the other stretches."""
-        if len(self.spreads) < _FEWEST:
+        if len(self.spreads) < _MIN_WINDOWS:
             return False
         typical = float(np.median([spread[motion.axis] for spread in self.spreads]))
         return motion.size**2 > _SUDDEN * typical**2

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Estimators that are ``allan`` and ``calibrate``: their results beside the sensor."""
+"""Estimators that are ``allan`` and ``calibrate``: their results next to the sensor."""
 
 import dataclasses
 from collections.abc import Iterator
@@ -22,7 +22,7 @@ from imu_sim_ros.calibration.noise import truth
 from imu_sim_ros.calibration.noise.analysis import analyse
 from imu_sim_ros.campaigns.metrics import CALIBRATED, NOISE, THERMAL, Metrics
 from imu_sim_ros.campaigns.parameters import CalibrationEstimator
-from imu_sim_ros.campaigns.simulated import Readings, SimulatedCell
+from imu_sim_ros.campaigns.simulated import RunReadings, SimulatedCell
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.realised import realised_imu
@@ -45,14 +45,14 @@ def run_calibration(cell: SimulatedCell, estimator: CalibrationEstimator, seed: 
     return _deterministic(cell, parameters, estimator.type)
 
 
-def _blocks(cell: SimulatedCell, seed: int) -> Iterator[Readings]:
+def _blocks(cell: SimulatedCell, seed: int) -> Iterator[RunReadings]:
     simulation = cell.simulation(seed)
     for first in range(0, cell.total, _BLOCK):
         block = simulation.next_block(min(_BLOCK, cell.total - first))
-        yield Readings(*delivered(block))
+        yield RunReadings(*delivered(block))
 
 
-def _allan(blocks: Iterator[Readings], parameters: SimulationParameters, model: str) -> Metrics:
+def _allan(blocks: Iterator[RunReadings], parameters: SimulationParameters, model: str) -> Metrics:
     result = analyse([blocks], model=model)
     found: Metrics = {}
     compared = truth.compare(result, realised_imu(parameters.imu, parameters.seed))

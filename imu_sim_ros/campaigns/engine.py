@@ -393,7 +393,7 @@ def dashboard(client: "Client") -> str | None:
 
 
 def _dashboard() -> str:
-    """Return where Dask's dashboard is known to be, or a free port beside another cluster's."""
+    """Return where Dask's dashboard is known to be, or a free port next to another cluster's."""
     with socket.socket() as probe:
         try:
             probe.bind(("127.0.0.1", _DASHBOARD_PORT))

@@ -96,7 +96,7 @@ class CommandEstimator:
 
 @dataclass(frozen=True)
 class CalibrationEstimator:
-    """What ``allan`` or ``calibrate`` makes of a record, beside the sensor that made it."""
+    """What ``allan`` or ``calibrate`` makes of a record, next to the sensor that made it."""
 
     type: str = choice("allan", KINDS, "kind of the estimator")
     model: str = choice("standard", ("standard", "gauss_markov"), "for allan: the noise model")

@@ -68,10 +68,10 @@ _KEYS: Final = (
 )
 _COLUMNS: Final = ("cell", "seed", "estimator", "status", "align", "digest", "version", "success")
 _NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]{0,63}")
-_MOST_SEEDS: Final = 1_000_000
+_MAX_SEEDS: Final = 1_000_000
 _ALL_CHECKED: Final = 2000
 """Cells up to which every one is built before the start; each takes some 6 ms."""
-_MOST_PROBLEMS: Final = 20
+_MAX_PROBLEMS: Final = 20
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ class Plan:
     tolerance: Tolerance = Tolerance(0.02, relative=True)
     """Differences that do not matter."""
     folder: Path = Path()
-    """Absolute: where the plan lies, and programs beside it."""
+    """Absolute: where the plan lies, and programs next to it."""
 
     @property
     def metrics(self) -> tuple[str, ...]:
@@ -256,7 +256,7 @@ def missing(plan: Plan) -> list[str]:
                 f"estimators.{name}.command: {words[0]}: no such program, neither in PATH nor in "
                 f"{plan.folder}"
             )
-        # A shell's words may be anything; what lies beside the plan or in the package may not.
+        # A shell's words may be anything; what lies next to the plan or in the package may not.
         places = {"{plan}": plan.folder, "{share}": files.config_folder().parent}
         for word in words:
             place, _, rest = word.partition("/")
@@ -283,9 +283,9 @@ def program(plan: Plan, word: str, path: str | None) -> str | None:
 
     :param path: the variable PATH; None: that of this process.
     """
-    beside = plan.folder / word
-    if os.access(beside, os.X_OK) and beside.is_file():
-        return str(beside)
+    in_folder = plan.folder / word
+    if os.access(in_folder, os.X_OK) and in_folder.is_file():
+        return str(in_folder)
     return shutil.which(word, path=path)
 
 
@@ -351,11 +351,11 @@ def check_cells(plan: Plan) -> None:
         except ConfigurationError as error:
             for line in error.problems:
                 found.setdefault(line.removeprefix(f"cell {cell.name}: "), []).append(cell)
-        if len(found) >= _MOST_PROBLEMS:
+        if len(found) >= _MAX_PROBLEMS:
             break
     if found:
         lines = [_of_grid(line, having, cells) for line, having in found.items()]
-        more = ["further cells are not checked"] if len(found) >= _MOST_PROBLEMS else []
+        more = ["further cells are not checked"] if len(found) >= _MAX_PROBLEMS else []
         raise ConfigurationError(lines + more)
 
 
@@ -417,9 +417,9 @@ def _seeds(content: object) -> tuple[int, ...]:
     if isinstance(content, bool):
         raise wrong
     if isinstance(content, int):
-        if not 1 <= content <= _MOST_SEEDS:
+        if not 1 <= content <= _MAX_SEEDS:
             raise ConfigurationError(
-                f"seeds = {content}: must be at least 1 and at most {_MOST_SEEDS}"
+                f"seeds = {content}: must be at least 1 and at most {_MAX_SEEDS}"
             )
         return tuple(range(content))
     if not isinstance(content, list) or not content:

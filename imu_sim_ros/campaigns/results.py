@@ -109,7 +109,7 @@ class Store:
                 self._made.pop().rmdir()
 
     def keep_plan(self, path: Path) -> None:
-        """Copy the plan beside its results; it may already be there.
+        """Copy the plan next to its results; it may already be there.
 
         A different plan there gets a free name, plan.1.yaml and so on: it may be the user's.
         """
@@ -335,7 +335,7 @@ def _read_parquet(path: Path) -> list[Row]:
         import pyarrow.parquet
     except ImportError:
         raise InputError(
-            f"{path}: needs pyarrow: pip install pyarrow; or name the results.csv beside it"
+            f"{path}: needs pyarrow: pip install pyarrow; or name the results.csv next to it"
         ) from None
     rows: list[Row] = pyarrow.parquet.read_table(path).to_pylist()
     return rows

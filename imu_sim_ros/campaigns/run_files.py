@@ -85,7 +85,7 @@ def write_config(cell: SimulatedCell, seed: int, place: Path) -> Path:
 
 
 def _rig_values(values: ImuValues, rig: "RigParameters") -> RigValues | None:
-    """Return the cameras beside an IMU; None where there are none."""
+    """Return the cameras next to an IMU; None where there are none."""
     if not rig.cameras:
         return None
     from imu_sim_ros.datasets.features import camera_topics, image_topic

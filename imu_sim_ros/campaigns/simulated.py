@@ -21,7 +21,7 @@ from imu_sim_ros.trajectory.motion import RememberedTrajectory
 from imu_sim_ros.types import Array
 
 
-class Readings(NamedTuple):
+class RunReadings(NamedTuple):
     """The input of an estimator."""
 
     t_ns: NDArray[np.int64]
@@ -80,10 +80,10 @@ class SimulatedCell:
             self._truth = TrueMotion(states, PoseSequence(t_ns, motion.position, motion.q_wb))
         return self._truth
 
-    def readings(self, block: ImuBlock) -> Readings:
+    def readings(self, block: ImuBlock) -> RunReadings:
         """Return the delivered readings, each stamp once and in order."""
         t_ns, gyro, accel = delivered(block)
         if len(t_ns) and bool(np.all(t_ns[1:] > t_ns[:-1])):
-            return Readings(t_ns, gyro, accel)
+            return RunReadings(t_ns, gyro, accel)
         first = np.unique(t_ns, return_index=True)[1]
-        return Readings(t_ns[first], gyro[first], accel[first])
+        return RunReadings(t_ns[first], gyro[first], accel[first])

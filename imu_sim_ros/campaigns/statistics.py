@@ -25,19 +25,19 @@ CONFIDENCE: Final = 0.95
 _Z: Final = 1.959963984540054
 """Quantile of the normal distribution for :data:`CONFIDENCE`."""
 _RESAMPLES: Final = 4999
-_MOST_RESAMPLED: Final = 1000
+_MAX_RESAMPLED: Final = 1000
 """Runs above which a mean has the normal interval: what the bootstrap adds to it falls with their
 number."""
 _CHUNK: Final = 1_000_000
 """Numbers drawn at a time, so that memory does not grow with the runs."""
 _INFINITE: Final = 1e9
 """Difference that stands for an infinite one: a failed run is worse than any number."""
-_MOST_PAIRS: Final = 1000
+_MAX_PAIRS: Final = 1000
 """Pairs above which a million of their averages are drawn instead of all."""
-_MOST_EXACT: Final = 50
+_MAX_EXACT: Final = 50
 _CAMPAIGNS: Final = 4000
-_MOST_SEEDS: Final = 100_000
-_FEWEST: Final = 6
+_MAX_SEEDS: Final = 100_000
+_MIN_PAIRS: Final = 6
 """Runs below which no interval is given; two-sided, Wilcoxon's test needs as many for 5 %."""
 
 
@@ -76,10 +76,10 @@ def means(samples: Sequence[Array]) -> list[Interval]:
         n = len(values)
         found = float(np.mean(values)) if n else None
         ends: tuple[float | None, float | None] = None, None
-        if found is not None and n >= _FEWEST:
+        if found is not None and n >= _MIN_PAIRS:
             if np.ptp(values) == 0.0:
                 ends = found, found
-            elif n > _MOST_RESAMPLED:
+            elif n > _MAX_RESAMPLED:
                 half = _Z * float(np.std(values, ddof=1)) / math.sqrt(n)
                 ends = found - half, found + half
             else:
@@ -164,7 +164,7 @@ def share_difference(a: NDArray[np.bool_], b: NDArray[np.bool_]) -> tuple[Interv
     gain, loss = (only_a + 1) / (n + 2), (only_b + 1) / (n + 2)
     half = _Z * math.sqrt((gain + loss - (gain - loss) ** 2) / (n + 2))
     low, high = max(gain - loss - half, -1.0), min(gain - loss + half, 1.0)
-    p = binomtest(only_a, only_a + only_b).pvalue if only_a + only_b >= _FEWEST else None
+    p = binomtest(only_a, only_a + only_b).pvalue if only_a + only_b >= _MIN_PAIRS else None
     return Interval((only_a - only_b) / n, low, high), None if p is None else float(p)
 
 
@@ -194,7 +194,7 @@ def shift(differences: Array, margin: float = 0.0) -> Shift:
     if not n:
         return Shift(Interval(None, None, None), 0, None, None)
     d = np.clip(differences, -_INFINITE, _INFINITE)
-    if n <= _MOST_PAIRS:
+    if n <= _MAX_PAIRS:
         first, second = np.triu_indices(n)
     else:
         first, second = np.random.default_rng(20_240_611).integers(0, n, (2, _CHUNK))
@@ -204,7 +204,7 @@ def shift(differences: Array, margin: float = 0.0) -> Shift:
     if rank is None:
         return Shift(Interval(_known(middle), None, None), int(np.sign(middle)), None, None)
     # Of all averages, the one of rank + 1; a drawn part has a proportional place.
-    place = rank if n <= _MOST_PAIRS else rank * len(averages) // (n * (n + 1) // 2)
+    place = rank if n <= _MAX_PAIRS else rank * len(averages) // (n * (n + 1) // 2)
     ends = _known(float(averages[place])), _known(float(averages[-1 - place]))
     beyond = min(_tails(d - margin)[1], _tails(d + margin)[0])
     return Shift(
@@ -233,7 +233,7 @@ def _tails(d: Array) -> tuple[float, float]:
         return 1.0, 1.0
     ranks = rankdata(np.abs(d))
     found = ranks[d > 0.0].sum()
-    if len(d) > _MOST_EXACT:
+    if len(d) > _MAX_EXACT:
         z = (found - 0.5 * ranks.sum()) / math.sqrt(0.25 * np.sum(ranks**2))
         return float(ndtr(z)), float(ndtr(-z))
     chance = _rank_sums(tuple((2.0 * np.sort(ranks)).astype(int)))
@@ -257,7 +257,7 @@ def signed_rank_limit(n: int, tail: float) -> int | None:
 
     None: there is none; smaller sums are as unlikely.
     """
-    if n <= _MOST_EXACT:
+    if n <= _MAX_EXACT:
         found = int(np.searchsorted(np.cumsum(_rank_sums(tuple(range(1, n + 1)))), tail, "right"))
     else:
         from scipy.special import ndtri
@@ -297,7 +297,7 @@ def seeds_needed(
     low, high = 0, 8
     while power(high, difference, scatter, margin, comparisons) < wanted:
         low, high = high, 2 * high
-        if high > _MOST_SEEDS:
+        if high > _MAX_SEEDS:
             return None
     while high - low > max(high // 100, 1):
         middle = (low + high) // 2

@@ -58,7 +58,7 @@ WITHOUT_ERRORS: Final = "perfect"
 _NUMBER: Final = re.compile(r"(?<![\w.])\d+(\.\d+)?(e[-+]?\d+)?\b")
 _ALL_PAIRS: Final = 30
 """Members of a contest up to which all pairs are compared; above, the best with each other one."""
-_MOST_SEEDS: Final = 20
+_MAX_SEEDS: Final = 20
 """Seeds that a failure names."""
 
 
@@ -277,7 +277,7 @@ def failures(found: Sequence[Group]) -> list[Failure]:
             group.estimator,
             status.removeprefix("failed: "),
             len(alike),
-            [int(row["seed"]) for row in alike[:_MOST_SEEDS]],
+            [int(row["seed"]) for row in alike[:_MAX_SEEDS]],
         )
         for group in found
         for status, alike in _alike(group.rows).items()

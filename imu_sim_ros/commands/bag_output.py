@@ -83,7 +83,7 @@ def bag_outputs(arguments: argparse.Namespace, inputs: Iterable[object] = ()) ->
     :param inputs: what may be the name of a file that is read besides: values of parameters.
     :raises InputError: for what cannot be the name of an output.
     """
-    if not arguments.output.name:  # the files beside it are named after it
+    if not arguments.output.name:  # the files next to it are named after it
         raise InputError(f"{str(arguments.output)!r}: is not a file name")
     if form(arguments) is None:
         check_writer(arguments.output, arguments.storage, arguments.compression)

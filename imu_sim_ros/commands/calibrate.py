@@ -15,7 +15,6 @@ from typing import Any, Final
 import numpy as np
 
 from imu_sim_ros import program
-from imu_sim_ros.bags.beside import read_measured
 from imu_sim_ros.bags.read import (
     ImuMessages,
     OdometryMessages,
@@ -23,6 +22,7 @@ from imu_sim_ros.bags.read import (
     read_odometry,
     read_temperature,
 )
+from imu_sim_ros.bags.sensor_tables import read_measured
 from imu_sim_ros.calibration.deterministic import correction
 from imu_sim_ros.calibration.deterministic.ellipsoid import calibrate_magnetometer
 from imu_sim_ros.calibration.deterministic.positions import FIXTURES, NORM, calibrate_six_position

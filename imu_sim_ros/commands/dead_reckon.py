@@ -171,7 +171,7 @@ def _parameters(arguments: argparse.Namespace) -> IntegratorParameters:
 
 
 def _world(bag: Path) -> dict[str, object]:
-    """Return gravity and the Earth's rate as the realised truth beside a bag tells, if it does."""
+    """Return gravity and the Earth's rate as the realised truth next to a bag tells, if it does."""
     world = world_of(bag)
     if world is None:
         return {}

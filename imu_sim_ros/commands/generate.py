@@ -168,7 +168,7 @@ def _layers(arguments: argparse.Namespace) -> dict[str, object]:
 
 
 def _put_short(given: dict[str, object], short: Mapping[str, object], cameras: int) -> None:
-    """Put short arguments above the files', whose further cameras do not count beside ``--camera``.
+    """Put short arguments above the files'; with ``--camera`` their further cameras do not count.
 
     :param cameras: how many ``--camera`` there are.
     """

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``evaluate`` on what a board states beside its readings: orientation, field, pressure."""
+"""``evaluate`` on what a board states besides its readings: orientation, field, pressure."""
 
 import argparse
 from typing import Any, Final
@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros import program, rotation
-from imu_sim_ros.bags import beside
-from imu_sim_ros.bags.beside import Beside, read_beside
+from imu_sim_ros.bags import sensor_tables
 from imu_sim_ros.bags.read import open_bag
+from imu_sim_ros.bags.sensor_tables import TableRows, read_table
 from imu_sim_ros.bags.text.reader import is_text
 from imu_sim_ros.commands.inputs import skipped_rows
 from imu_sim_ros.errors import InputError
@@ -50,7 +50,7 @@ def table_of(arguments: argparse.Namespace) -> Table | None:
     """
     kind = None
     if arguments.estimate_topic is not None:
-        kind = beside.table_of(arguments.estimate, arguments.estimate_topic, known_tables())
+        kind = sensor_tables.table_of(arguments.estimate, arguments.estimate_topic, known_tables())
     of_orientation = kind is not None and kind.of_readings
     unfit = [] if of_orientation or arguments.imu is None else ["imu"]
     if kind is not None:
@@ -66,7 +66,7 @@ def table_of(arguments: argparse.Namespace) -> Table | None:
 def evaluate(arguments: argparse.Namespace, kind: Table) -> None:
     """Read, compare, and say what came out."""
     skipped = skipped_rows(arguments, "evaluate", arguments.estimate)
-    measured = read_beside(arguments.estimate, kind, arguments.estimate_topic, skipped)
+    measured = read_table(arguments.estimate, kind, arguments.estimate_topic, skipped)
     where = f"{arguments.estimate}, {arguments.estimate_topic}"
     if kind.of_readings and not len(measured.t_ns):
         raise InputError(f"{where}: no message has an orientation: orientation_covariance[0] is -1")
@@ -82,7 +82,7 @@ def evaluate(arguments: argparse.Namespace, kind: Table) -> None:
         _print(result)
 
 
-def _orientation(arguments: argparse.Namespace, measured: Beside) -> dict[str, Any]:
+def _orientation(arguments: argparse.Namespace, measured: TableRows) -> dict[str, Any]:
     """Compare orientations of the IMU with the truth of the body and the IMU's mounting."""
     topic = truth_topic(arguments.truth, arguments.truth_topic)
     skipped = skipped_rows(arguments, "evaluate", arguments.truth)
@@ -111,14 +111,14 @@ def _mounting(arguments: argparse.Namespace) -> Array:
     return rotation.from_matrix(np.reshape(imu.mounting, (3, 3)))
 
 
-def _readings(arguments: argparse.Namespace, measured: Beside, kind: Table) -> dict[str, Any]:
+def _readings(arguments: argparse.Namespace, measured: TableRows, kind: Table) -> dict[str, Any]:
     """Compare readings with the ideal ones of a recording and, where it has them, their biases."""
-    truths = beside.truths_of(kind, arguments.estimate_topic)
+    truths = sensor_tables.truths_of(kind, arguments.estimate_topic)
     ideal_topic = arguments.truth_topic or truths.ideal
     if is_text(arguments.truth):
         raise InputError(f"{arguments.truth}: has no {ideal_topic}; a bag that has it is needed")
     skipped = skipped_rows(arguments, "evaluate", arguments.truth)
-    truth = read_beside(arguments.truth, kind, ideal_topic, skipped)
+    truth = read_table(arguments.truth, kind, ideal_topic, skipped)
     rows = common_rows(measured.t_ns, truth.t_ns, arguments.max_gap)
     t_ns = measured.t_ns[rows]
     errors = measured.values[rows] - interpolate_vectors(truth.t_ns, truth.values, t_ns)
@@ -133,14 +133,14 @@ def _readings(arguments: argparse.Namespace, measured: Beside, kind: Table) -> d
     if not biased:
         why = f"the covariance is that of white noise, and there is no {truths.bias}"
         return {**result, "nees": None, "no_nees": why}
-    bias_t_ns, bias = beside.read_bias(arguments.truth, kind, truths.bias)
+    bias_t_ns, bias = sensor_tables.read_bias(arguments.truth, kind, truths.bias)
     errors = errors - interpolate_vectors(bias_t_ns, bias, t_ns)
     result["error_without_bias"] = _moments(errors)
     return {**result, **_consistency(errors, measured.covariance[rows])}
 
 
 def _common(
-    arguments: argparse.Namespace, kind: str, measured: Beside, rows: NDArray[np.intp]
+    arguments: argparse.Namespace, kind: str, measured: TableRows, rows: NDArray[np.intp]
 ) -> dict[str, Any]:
     t_ns = measured.t_ns[rows]
     return {

@@ -61,8 +61,8 @@ def print_twin(found: Twin) -> None:
         )
     if found.clock_wander > 0.0:
         print(
-            f"the truth's clock wanders by {1e3 * found.clock_wander:.2f} ms RMS beside offset and "
-            "skew; that is taken out and not simulated"
+            f"the truth's clock wanders by {1e3 * found.clock_wander:.2f} ms RMS besides offset "
+            "and skew; that is taken out and not simulated"
         )
     _print_white(found)
     _print_lines(found)

@@ -102,14 +102,14 @@ def describe(
     index: int,
     parameters: SimulationParameters,
     states: bool,
-    beside: Iterable[Table] = (),
+    tables: Iterable[Table] = (),
     body: SimulationParameters | None = None,
 ) -> None:
     """Write the sensor.yaml files of an IMU of a EuRoC folder.
 
     :param index: of the IMU.
     :param states: whether the folder has its truth.
-    :param beside: the further tables of this IMU.
+    :param tables: the further tables of this IMU.
     :param body: has the parameters of the sensors of the body.
     """
     imu = parameters.imu
@@ -122,8 +122,8 @@ def describe(
     for name, own in carried(body).items():
         at = (own.rate, np.eye(3), np.asarray(own.lever_arm))
         places[find_sensor(name).table.name] = at
-    for table in beside:
-        text_writer.write_euroc_beside(folder, table, index, *places[table.name], comment)
+    for table in tables:
+        text_writer.write_euroc_table(folder, table, index, *places[table.name], comment)
     text_writer.write_euroc_descriptions(
         folder,
         parameters.rate,

@@ -61,7 +61,7 @@ class FeatureMessage(NamedTuple):
     payload: bytes
 
 
-class _Seen(NamedTuple):
+class _Observed(NamedTuple):
     """The features of one frame of one camera, by id."""
 
     t_ns: int
@@ -71,9 +71,11 @@ class _Seen(NamedTuple):
     """(n, 2) normalised."""
     landmark: NDArray[np.int64]
 
-    def at(self, rows: NDArray[np.bool_]) -> "_Seen":
+    def at(self, rows: NDArray[np.bool_]) -> "_Observed":
         """Return some of the features."""
-        return _Seen(self.t_ns, self.id[rows], self.uv[rows], self.place[rows], self.landmark[rows])
+        return _Observed(
+            self.t_ns, self.id[rows], self.uv[rows], self.place[rows], self.landmark[rows]
+        )
 
 
 class _Ids:
@@ -85,7 +87,7 @@ class _Ids:
         self._last = np.empty(0, dtype=np.int64)
         """The features of the last message."""
 
-    def next(self, features: list[_Seen]) -> list[NDArray[np.int64]]:
+    def next(self, features: list[_Observed]) -> list[NDArray[np.int64]]:
         """Return the ids (n,) of what each camera sends in the next message."""
         feature, at = np.unique(np.concatenate([seen.id for seen in features]), return_index=True)
         landmark = np.concatenate([seen.landmark for seen in features])[at]
@@ -116,7 +118,7 @@ class FeatureStream:
         self._landmarks = rig.scene.landmarks
         self._layout = layout
         self._encoder = PointCloudEncoder(world_frame, CHANNELS[layout], encoding)
-        self._before: list[_Seen | None] = [None] * len(self._trackers)
+        self._before: list[_Observed | None] = [None] * len(self._trackers)
         self._ids = _Ids(len(self._landmarks))
         self.position = 0
 
@@ -131,7 +133,7 @@ class FeatureStream:
         places = [_normalised(t, tracks) for t, tracks in zip(self._trackers, found, strict=True)]
         for k in np.flatnonzero(frames.delivered).tolist():
             withheld = self._before[0] is None
-            sending: list[tuple[int, _Seen, Array]] = []
+            sending: list[tuple[int, _Observed, Array]] = []
             sent = None
             for camera, (tracks, place) in enumerate(zip(found, places, strict=True)):
                 if not tracks.frames.delivered[k]:
@@ -153,7 +155,7 @@ class FeatureStream:
                     int(frames.number[k]), int(frames.t_ns[k]), int(frames.release_t_ns[k]), payload
                 )
 
-    def _rows(self, camera: int, seen: _Seen, speed: Array, ids: NDArray[np.int64]) -> Array:
+    def _rows(self, camera: int, seen: _Observed, speed: Array, ids: NDArray[np.int64]) -> Array:
         """Return points and channels (n, 3 + m)."""
         points = np.column_stack([seen.place, np.ones(len(ids))])
         if self._layout == "mono":
@@ -168,21 +170,21 @@ class FeatureStream:
 def _normalised(tracker: Tracker, tracks: Tracks) -> Array:
     """Return x / z and y / z (n, 2) of the measured pixels; NaN where there is no such place."""
     rays = tracker.view.model.unproject(tracks.uv)
-    ahead = rays.valid & (rays.direction[:, 2] > 0.0)
-    z = np.where(ahead, rays.direction[:, 2], np.nan)
+    in_front = rays.valid & (rays.direction[:, 2] > 0.0)
+    z = np.where(in_front, rays.direction[:, 2], np.nan)
     return rays.direction[:, :2] / z[:, None]
 
 
-def _frame(tracks: Tracks, place: Array, k: int) -> _Seen:
+def _frame(tracks: Tracks, place: Array, k: int) -> _Observed:
     """Return the features of frame k that have a normalised place, by id."""
     part = slice(*np.searchsorted(tracks.frame, [k, k + 1]))
     rows = np.flatnonzero(np.isfinite(place[part, 0])) + part.start
     rows = rows[np.argsort(tracks.id[rows], kind="stable")]
     t_ns = int(tracks.frames.t_ns[k])
-    return _Seen(t_ns, tracks.id[rows], tracks.uv[rows], place[rows], tracks.landmark[rows])
+    return _Observed(t_ns, tracks.id[rows], tracks.uv[rows], place[rows], tracks.landmark[rows])
 
 
-def _speed(now: _Seen, before: _Seen | None) -> tuple[Array, NDArray[np.bool_]]:
+def _speed(now: _Observed, before: _Observed | None) -> tuple[Array, NDArray[np.bool_]]:
     """Return the normalised velocities (n, 2) [1/s], and which features were there before."""
     if before is None or not len(before.id):
         return np.zeros_like(now.place), np.zeros(len(now.id), dtype=bool)

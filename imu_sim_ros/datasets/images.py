@@ -4,7 +4,7 @@
 """Images of cameras as PNG files: EuRoC/ASL folders, and those of kalibr_bagcreater.
 
 ``euroc``: ``cam0/data/<stamp>.png``, ``cam0/data.csv``, ``cam0/sensor.yaml``, and ``cam0/depth``
-where depth is asked for. ``csv``: ``cam0/<stamp>.png`` beside imu0.csv, as kalibr_bagcreater takes
+where depth is asked for. ``csv``: ``cam0/<stamp>.png`` next to imu0.csv, as kalibr_bagcreater takes
 it. Threads make the images; OpenCV and NumPy let them run side by side.
 """
 

@@ -46,7 +46,7 @@ _TO_ROS: Final = {
     "radtan8": "rational_polynomial",
 }
 _SHAPES: Final = {"pinhole": (), "unified": ("xi",), "double_sphere": ("xi", "alpha")}
-"""Numbers of each camera model beside the intrinsics of a pinhole."""
+"""Numbers of each camera model besides the intrinsics of a pinhole."""
 _KALIBR: Final = {"pinhole": "pinhole", "omni": "unified", "ds": "double_sphere"}
 _LARGEST: Final = 1 << 20
 """Pixels along a side; larger ones are a mistake."""
@@ -201,13 +201,13 @@ class _Keys:
         width, height = self.numbers("resolution", (2,))
         if not all(1 <= side <= _LARGEST and side == int(side) for side in (width, height)):
             self._refuse("resolution", self.tree.get("resolution"), "must be width, height [px]")
-        told = self.tree.get("distortion_model", "none")
-        kind = _TO_ROS.get(told, told if isinstance(told, str) else "")
+        stated = self.tree.get("distortion_model", "none")
+        kind = _TO_ROS.get(stated, stated if isinstance(stated, str) else "")
         d = self.numbers(coefficients, ()) if self.tree.get(coefficients) else []
         if kind == "plumb_bob":
             d = [*d, *[0.0] * (_PLUMB_BOB - len(d))]
         if model != "pinhole":
-            kind, d = model, [*shape, *(d if told != "none" else [])]
+            kind, d = model, [*shape, *(d if stated != "none" else [])]
         fx, fy, cx, cy = focal
         k = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
         p = np.column_stack([k, np.zeros(3)])

@@ -185,13 +185,13 @@ class RecordedImages:
     def _wanted(self) -> set[str]:
         """Return the topics to read: images, and what describes their cameras."""
         bases = {camera.base for camera in self._cameras.values()}
-        told = {
+        announced = {
             topic.name
             for topic in self._bag.topics
             if (topic.type == CAMERA_INFO and _base(topic.name) in bases)
             or (topic.name, topic.type) == (TF_STATIC_TOPIC, TF_MESSAGE)
         }
-        return {*self._places, *(told if self._euroc else ())}
+        return {*self._places, *(announced if self._euroc else ())}
 
     def _learn(self, topic: TopicInfo, message: Any) -> None:
         if topic.type == CAMERA_INFO:

@@ -69,7 +69,7 @@ _TYPES: Final = {
 }
 _BATCH: Final = 8
 """Images of a camera that are written at once."""
-_AHEAD: Final = 4
+_PREFETCHED: Final = 4
 """Images in progress for each thread, beyond those."""
 
 Messages = dict[str, bytes]
@@ -88,7 +88,7 @@ class FolderImages:
         """
         self.cameras = folder_cameras(path, skipped)
         jobs = cores()
-        self._ahead = _BATCH + _AHEAD * jobs
+        self._prefetched = _BATCH + _PREFETCHED * jobs
         self._pool = ThreadPoolExecutor(jobs, thread_name_prefix="images")
 
     def __enter__(self) -> "FolderImages":
@@ -131,7 +131,7 @@ class FolderImages:
         sizes = OneSize()
         waiting: deque[tuple[Path, Future[tuple[Size, Messages]]]] = deque()
         for start in range(0, count, _BATCH):
-            for k in islice(orders, self._ahead - len(waiting)):
+            for k in islice(orders, self._prefetched - len(waiting)):
                 t_ns, path = int(frames.t_ns[k]), frames.folder / frames.names[k]
                 waiting.append((path, self._pool.submit(maker.messages, t_ns, path)))
             t_ns_here, made = frames.t_ns[start : start + _BATCH], list[Messages]()
@@ -193,7 +193,7 @@ class FolderImages:
         sizes = OneSize()
         waiting: deque[tuple[Path, Future[Size]]] = deque()
         while True:
-            for t_ns, name in islice(orders, self._ahead - len(waiting)):
+            for t_ns, name in islice(orders, self._prefetched - len(waiting)):
                 path, target = frames.folder / name, place / image_name(t_ns)
                 waiting.append((path, self._pool.submit(_copy_image, path, target)))
             if not waiting:

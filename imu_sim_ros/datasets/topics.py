@@ -49,7 +49,7 @@ SINGLE = ("",)
 
 
 def _tables(further: Iterable[str] = ()) -> dict[str, Sensor]:
-    """Return the sensors beside the IMU by the topic that has a table of its own in a dataset.
+    """Return the auxiliary sensors by the topic that has a table of its own in a dataset.
 
     :param further: names of sensors of the body.
     """
@@ -167,7 +167,7 @@ class DatasetTarget:
                 resolved(
                     f"{_space(self._of(kind, k))}{self._tables[kind].topics[0].name}"
                 ): file.rows
-                for (kind, k), file in self.dataset.beside.items()
+                for (kind, k), file in self.dataset.tables.items()
             },
         }
 
@@ -176,10 +176,10 @@ class DatasetTarget:
         for k, name in enumerate(self._imus[: len(self.dataset.imus)]):
             if name in blocks:
                 self.dataset.write_imu(*delivered(blocks[name]), k)
-        for kind, k in self.dataset.beside:
+        for kind, k in self.dataset.tables:
             name = self._of(kind, k)
             if name in blocks:
-                self.dataset.write_beside(kind, k, *_rows(self._tables[kind], blocks[name]))
+                self.dataset.write_table(kind, k, *_rows(self._tables[kind], blocks[name]))
         for k, name in enumerate(self._states[: len(self.dataset.truths)]):
             if name in blocks:
                 self.dataset.write_states(_states(blocks[name]), k)
@@ -289,7 +289,7 @@ def offered(
 def sensors(
     names: Iterable[str], imus: Sequence[str] = SINGLE, further: Sequence[str] = ()
 ) -> dict[str, frozenset[str]]:
-    """Return what has to be read beside each IMU, by its name, for topics of :func:`offered`.
+    """Return what has to be read besides each IMU, by its name, for topics of :func:`offered`.
 
     :param further: names of the sensors of the body.
     """

@@ -40,7 +40,7 @@ _WORLD: Final = (
 
 
 def world_of(bag: Path) -> SimulationParameters | None:
-    """Return what was simulated, as the realised truth beside a bag tells; None without one.
+    """Return what was simulated, as the realised truth next to a bag tells; None without one.
 
     :raises ConfigurationError: for a file that is not what ``generate`` wrote.
     """

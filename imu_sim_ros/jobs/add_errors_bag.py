@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A bag of ideal readings with those of a sensor beside them; every other message stays."""
+"""A bag of ideal readings with those of a sensor next to them; every other message stays."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Final
@@ -12,8 +12,8 @@ from imu_sim_ros.bags import convert
 from imu_sim_ros.bags.messages.blocks import MessageBlock, TopicInfo
 from imu_sim_ros.bags.messages.decode import Decoded, decode_block, inside_order
 from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY
-from imu_sim_ros.bags.reader import Bag, told
-from imu_sim_ros.bags.threads import ahead
+from imu_sim_ros.bags.reader import Bag, errors_naming
+from imu_sim_ros.bags.threads import prefetch
 from imu_sim_ros.bags.writer import Block, Writer
 from imu_sim_ros.conventions import (
     ACCELEROMETER_BIAS_TOPIC,
@@ -151,7 +151,7 @@ class BagErrors:
         skipped: Skipped | None,
         warned: Warned | None,
     ) -> None:
-        """Copy topics, with the sensor's beside them.
+        """Copy topics, with the sensor's next to them.
 
         :param skipped: receives how many readings were left out; None: they are errors.
         :param warned: receives what is wrong with messages that are copied.
@@ -185,7 +185,7 @@ class BagErrors:
         """Write the sensor's topics, then copy the others; bags are ordered when they are read."""
         groups = self._bag.groups({self._source.name})
         made = ((self._more(block), len(block.t_ns)) for group in groups for block in group)
-        for blocks, count in ahead(made):
+        for blocks, count in prefetch(made):
             writer.write_blocks(blocks)
             advance(count)
         if copied:
@@ -197,7 +197,7 @@ class BagErrors:
             return []
         decoded = _decoded(self._bag, block)
         made = []
-        # What was recorded late is so by as much beside it.
+        # What was recorded late is so by as much next to it.
         late_ns = int(np.median(block.t_ns - decoded.t_ns))
         for given in self._passed(decoded):
             for samples in self.model.read(given):
@@ -248,5 +248,5 @@ class BagErrors:
 
 
 def _decoded(bag: Bag, block: MessageBlock) -> Decoded:
-    with told(bag.path):
+    with errors_naming(bag.path):
         return decode_block(block, bag.encoding, _FIELDS[block.topic.type])

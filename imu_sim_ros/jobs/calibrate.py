@@ -210,7 +210,7 @@ def calibrate_magnetometer(
     if isinstance(readings, Flight):
         values = readings.magnetic_field.field
     elif isinstance(readings, str | PathLike):
-        from imu_sim_ros.bags.beside import read_measured
+        from imu_sim_ros.bags.sensor_tables import read_measured
         from imu_sim_ros.sensors.magnetometer.declaration import SENSOR
 
         _, values = read_measured(arguments.path("readings", readings, BAG_OR_FILE), SENSOR.table)

@@ -226,7 +226,7 @@ def make(
     earlier = None if options.baseline is None else read_results(options.baseline)
     metric = options.metric or plan.metrics[0]
     with (
-        _full_disk_told(folder),
+        _explaining_full_disk(folder),
         Store(folder, options.resume, options.force) as store,
         workers.engine(plan) as engine,
     ):
@@ -246,7 +246,7 @@ def make(
 
 
 @contextlib.contextmanager
-def _full_disk_told(folder: Path) -> Iterator[None]:
+def _explaining_full_disk(folder: Path) -> Iterator[None]:
     """Name the folder where the disk takes no more: the system's error does not."""
     try:
         yield

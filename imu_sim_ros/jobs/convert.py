@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from imu_sim_ros import arguments
-from imu_sim_ros.bags import beside
 from imu_sim_ros.bags import convert as streams
+from imu_sim_ros.bags import sensor_tables
 from imu_sim_ros.bags.messages.blocks import TopicInfo
 from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY
 from imu_sim_ros.bags.messages.encode_cameras import COMPRESSED_IMAGE, IMAGE
@@ -298,7 +298,7 @@ class _Job:
         if truths:
             chosen[ODOMETRY] = bag.topic(ODOMETRY, self._only_named(topics, ODOMETRY)).name
         one_table = self.staged.suffix.lower() == ".csv"
-        tables = {} if one_table else beside.tables_of(topics, readings.name, known_tables())
+        tables = {} if one_table else sensor_tables.tables_of(topics, readings.name, known_tables())
         names = {kind: topic.name for kind, topic in tables.items()}
         total = readings.count + sum(topic.count for topic in [*truths, *tables.values()])
         with self._dataset(bool(truths), names) as dataset:
@@ -350,7 +350,7 @@ class _Job:
         tables: Collection[str],
     ) -> Dataset:
         dataset = Dataset(
-            self.staged, self.dataset, states, beside=[(known_tables()[kind], 0) for kind in tables]
+            self.staged, self.dataset, states, tables=[(known_tables()[kind], 0) for kind in tables]
         )
         self.written.describe(self.path, lambda: amount(dataset.rows, dataset.last_ns, "rows"))
         return dataset
@@ -403,7 +403,7 @@ class _Job:
     def _text_to_dataset(self) -> Counts:
         states = text_reader.has_states(self.source)
         one_table = self.staged.suffix.lower() == ".csv"
-        tables = {} if one_table else text_reader.beside_names(self.source, known_tables())
+        tables = {} if one_table else text_reader.table_names(self.source, known_tables())
         names = {kind: name for name, kind in tables.items()}
         with (
             self._folder_images() as images,
@@ -440,7 +440,7 @@ class _Job:
         def rate(name: str, table: Table | None = None) -> float:
             first = np.empty(0, np.int64)
             with contextlib.suppress(InputError):  # no usable row
-                first = next(beside.stamps(self.staged, name, table), first)
+                first = next(sensor_tables.stamps(self.staged, name, table), first)
             period = float(np.median(np.diff(first))) if len(first) > 1 else 0.0
             return round(1e9 / period, 3) if period else 0.0
 
@@ -449,7 +449,7 @@ class _Job:
         text_writer.write_euroc_descriptions(self.staged, rate("imu0"), {}, *pose, comment, states)
         for table, _ in _described(dict.fromkeys(tables, "")):
             own = rate(f"{table.name}0", table)
-            text_writer.write_euroc_beside(self.staged, table, 0, own, *pose, comment)
+            text_writer.write_euroc_table(self.staged, table, 0, own, *pose, comment)
 
 
 def _is_whole(path: Path) -> bool:
@@ -468,7 +468,7 @@ def _tally(writer: Writer) -> Counts:
 def _rows(
     dataset: Dataset, readings: str, truth: str | None, tables: Mapping[str, str]
 ) -> dict[str, int]:
-    counts = {name: dataset.beside[kind, 0].rows for kind, name in tables.items()}
+    counts = {name: dataset.tables[kind, 0].rows for kind, name in tables.items()}
     if dataset.imu is not None:
         counts[readings] = dataset.imu.rows
     if dataset.truth is not None and truth:

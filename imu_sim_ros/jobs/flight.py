@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A simulated flight: readings, and the truth beside them."""
+"""A simulated flight: readings, and their truth."""
 
 from __future__ import annotations
 
@@ -282,7 +282,7 @@ class Flight:
         form = format or "csv"
         further = tuple(carried(self.parameters))
         tables = in_tables(names, form, further=further)
-        with text.Dataset(path, form, TRUTH_TOPIC in names, beside=tables) as dataset:
+        with text.Dataset(path, form, TRUTH_TOPIC in names, tables=tables) as dataset:
             rows = DatasetTarget(dataset, further=further)
             for block in self._blocks:
                 rows.write({"": block})

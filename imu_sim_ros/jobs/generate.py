@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 from imu_sim_ros import arguments
 from imu_sim_ros.bags.outputs import Outputs
 from imu_sim_ros.bags.text import writer as text_writer
-from imu_sim_ros.bags.threads import ahead
+from imu_sim_ros.bags.threads import prefetch
 from imu_sim_ros.bags.write import (
     check_split,
     check_writer,
@@ -58,7 +58,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
 
 BLOCK_SIZE: Final = 16384
-_MOST_JOBS: Final = 1024
+_MAX_JOBS: Final = 1024
 
 
 class Setup(NamedTuple):
@@ -323,7 +323,7 @@ class _Job:
         fastest = max(parameters.rate for parameters in self.simulated.values())
         check_split(form.split_duration, 1.0 / fastest, setup.simulator.duration or 0.0)
         if setup.rig is not None and setup.rig.cameras:
-            arguments.whole("jobs", choice.jobs, f"from 1 to {_MOST_JOBS}", 1, _MOST_JOBS)
+            arguments.whole("jobs", choice.jobs, f"from 1 to {_MAX_JOBS}", 1, _MAX_JOBS)
         if self.dataset is None:
             check_writer(path, form.storage, form.compression)
 
@@ -466,7 +466,7 @@ class _Job:
     def _write(self, body: SimulatedBody, target: Any) -> None:
         """Write all samples; they are made in a thread of their own meanwhile."""
         with self.watcher.progress(body.total or 0) as advance:
-            windows = ahead(
+            windows = prefetch(
                 body.windows(min(BLOCK_SIZE, getattr(target, "block_size", BLOCK_SIZE)))
             )
             try:

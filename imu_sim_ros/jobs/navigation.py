@@ -221,7 +221,7 @@ def _covariance(
 def _world(readings: object) -> dict[str, Any]:
     """Return gravity and the Earth's rate where readings were simulated with other than usual ones.
 
-    Those of a file are found in the realised truth beside it.
+    Those of a file are found in the realised truth next to it.
     """
     if isinstance(readings, Flight):
         flight: EnvironmentParameters | None = readings.parameters
@@ -272,7 +272,7 @@ def _source(
         return found, None
     try:
         return found, read_odometry(readings, TRUTH_TOPIC)
-    except InputError:  # no truth beside the readings
+    except InputError:  # no truth besides the readings
         return found, None
 
 

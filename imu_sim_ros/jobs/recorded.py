@@ -95,8 +95,8 @@ def read_orientation(path: str | Path, topic: str | None = None) -> Samples:
 
 
 def _read(kind: str, path: str | Path, topic: str | None) -> Samples:
-    from imu_sim_ros.bags.beside import read_beside
     from imu_sim_ros.bags.read import open_bag
+    from imu_sim_ros.bags.sensor_tables import read_table
     from imu_sim_ros.bags.text.reader import is_text
 
     table = known_tables()[kind]
@@ -106,7 +106,7 @@ def _read(kind: str, path: str | Path, topic: str | None) -> Samples:
         with open_bag(path) as bag:
             names = (one.name for one in bag.topics if one.name.strip("/") == table.topic)
             topic = next(names, None)
-    found = read_beside(path, table, topic)
+    found = read_table(path, table, topic)
     if not len(found.t_ns):
         raise InputError(f"{path}: holds no {'orientation' if kind == 'orientation' else kind}")
     return Samples(found.t_ns, found.values, found.covariance, Path(path).name)
@@ -140,8 +140,8 @@ def read_images(path: str | Path, topic: str | None = None) -> Iterator[tuple[in
     chosen = [one for one in offered if name is None or one.strip("/") == name.strip("/")]
     if len(chosen) != 1:
         words = ", ".join(offered) or "no images"
-        asked = "" if name is None else f"no images on {name}; "
-        raise InputError(f"{path}: {asked}has {words}; topic= names one")
+        options = "" if name is None else f"no images on {name}; "
+        raise InputError(f"{path}: {options}has {words}; topic= names one")
     return _images(Path(path), chosen[0])
 
 
@@ -150,7 +150,7 @@ def _images(path: Path, name: str) -> Iterator[tuple[int, NDArray[Any]]]:
     from imu_sim_ros.bags.messages.blocks import as_list
     from imu_sim_ros.bags.messages.encode_cameras import IMAGE
     from imu_sim_ros.bags.read import open_bag
-    from imu_sim_ros.bags.reader import told
+    from imu_sim_ros.bags.reader import errors_naming
     from imu_sim_ros.datasets.recorded_bag import pixels
     from imu_sim_ros.sensors.camera.images.files import decoded
 
@@ -163,7 +163,7 @@ def _images(path: Path, name: str) -> Iterator[tuple[int, NDArray[Any]]]:
                 if block.topic.name != name:
                     continue
                 for payload in as_list(block.payloads):
-                    with told(path, f" ({name})"):
+                    with errors_naming(path, f" ({name})"):
                         message: Any = decode(payload, topic.type)
                         stamp = message.header.stamp
                         t_ns = int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
@@ -180,7 +180,7 @@ def read_cloud(path: Path, name: str) -> Array:
     from imu_sim_ros.bags.messages import schemas
     from imu_sim_ros.bags.messages.blocks import as_list
     from imu_sim_ros.bags.read import open_bag
-    from imu_sim_ros.bags.reader import told
+    from imu_sim_ros.bags.reader import errors_naming
 
     with open_bag(path) as bag:
         topic = next((one for one in bag.topics if one.name.strip("/") == name), None)
@@ -190,7 +190,7 @@ def read_cloud(path: Path, name: str) -> Array:
         decode = types.deserialize_cdr if bag.encoding == "cdr" else types.deserialize_ros1
         blocks = (block for group in bag.groups() for block in group)
         payload = next(as_list(b.payloads)[0] for b in blocks if b.topic.name == topic.name)
-        with told(path, f" ({name})"):
+        with errors_naming(path, f" ({name})"):
             return _points(decode(payload, topic.type), name)
 
 

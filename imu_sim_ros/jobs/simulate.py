@@ -70,7 +70,7 @@ def simulate(
     :param rate: samples per second [Hz].
     :param seed: of all random streams.
     :param params_file: a ROS 2 parameter file below all other arguments.
-    :param sensors: what is simulated beside the IMU: ``magnetic_field``, ``orientation``,
+    :param sensors: what is simulated besides the IMU: ``magnetic_field``, ``orientation``,
         ``pressure``, or a sensor of the body by its name; by default what the file publishes
         (``publish.magnetic_field``, ...) or names.
     :param parameters: any other parameter by its ROS name; sections are mappings:
@@ -164,17 +164,17 @@ def _simulation(
     parameters: Mapping[str, Any],
 ) -> Simulation:
     below: dict[str, object] = {}
-    beside = frozenset[str]() if sensors is None else checked_sensors(sensors)
+    auxiliary = frozenset[str]() if sensors is None else checked_sensors(sensors)
     if params_file is not None:
         below, published = _of_file(arguments.path("params_file", params_file))
-        beside = published if sensors is None else beside
+        auxiliary = published if sensors is None else auxiliary
     own, motion = given_layers(imu, trajectory, duration, rate, seed, parameters)
     if sensors is not None:
         quantities = [sensor.quantity for sensor in auxiliary_sensors()]
-        own["sensors"] = sorted(name for name in beside if name not in quantities)
+        own["sensors"] = sorted(name for name in auxiliary if name not in quantities)
     built: SimulationParameters = load_simulation(below, own)
     moving = build_trajectory(built.trajectory, motion.pose_reader, motion.given)
-    simulation = Simulation(built, trajectory=moving, sensors={*beside, *carried(built)})
+    simulation = Simulation(built, trajectory=moving, sensors={*auxiliary, *carried(built)})
     if simulation.total is None:
         raise ConfigurationError(
             "duration: this trajectory has no end; give a duration, duration=60"

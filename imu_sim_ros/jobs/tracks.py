@@ -23,7 +23,7 @@ from imu_sim_ros.types import Array
 
 
 class Track(NamedTuple):
-    """A trajectory with what its source has beside the poses."""
+    """A trajectory with what its source has besides the poses."""
 
     poses: PoseSequence
     velocity: Array | None = None

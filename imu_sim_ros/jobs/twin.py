@@ -255,7 +255,7 @@ class Twin:
 
     @property
     def clock_wander(self) -> float:
-        """RMS of how the truth's clock wanders beside offset and skew [s]; 0: it is steady."""
+        """RMS of how the truth's clock wanders besides offset and skew [s]; 0: it is steady."""
         return float(np.std(self.analysis.fit.wander))
 
     def save(self, path: str | Path, *, force: bool = False) -> Path:
@@ -281,7 +281,7 @@ class Twin:
             raise system_error(path, error) from None
 
     def plot(self) -> Figure:
-        """Return a matplotlib figure: spectra and time series, real beside simulated."""
+        """Return a matplotlib figure: spectra and time series, real next to simulated."""
         from imu_sim_ros.plots import calibration as pictures
 
         real, simulated = self.flown()

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A recording beside its truth: readings that lie on the truth's spline."""
+"""A recording next to its truth: readings that lie on the truth's spline."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ _SMOOTH: Final = 2.0
 """[Hz] cut-off of a path with next to no noise, on which rounding is drawn: its speed matters."""
 _LOWEST: Final = 1.0
 """[Hz] cut-off at least."""
-_FEWEST: Final = 200
+_MIN_POSES: Final = 200
 """Times for a spectrum of the motion."""
 
 
@@ -184,7 +184,7 @@ class _Splines:
         if not noise.there:
             return noise, cutoff
         times = np.arange(_MARGIN, self.t[-1] - _MARGIN, 0.25 / cutoff)
-        if len(times) < _FEWEST:
+        if len(times) < _MIN_POSES:
             return noise, cutoff
         signal, *noisy = (
             np.concatenate([m.angular_velocity, m.acceleration], axis=1)

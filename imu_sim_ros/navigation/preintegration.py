@@ -17,7 +17,7 @@ from imu_sim_ros.navigation.preintegration_slow_errors import SlowErrorsOfInterv
 from imu_sim_ros.types import Array
 
 
-class Readings(NamedTuple):
+class StepReadings(NamedTuple):
     """The readings of B intervals of at most m steps; shorter ones end in steps of length 0."""
 
     h: Array
@@ -28,7 +28,9 @@ class Readings(NamedTuple):
     """(B, m + 1, 3) at the ends of the steps [m/s^2]."""
 
 
-def between(t_ns: NDArray[np.int64], gyro: Array, accel: Array, edges_ns: ArrayLike) -> Readings:
+def between(
+    t_ns: NDArray[np.int64], gyro: Array, accel: Array, edges_ns: ArrayLike
+) -> StepReadings:
     """Return the readings between neighbouring times; at these, readings are interpolated.
 
     :param t_ns: (n,) stamps [ns], increasing.
@@ -50,7 +52,7 @@ def between(t_ns: NDArray[np.int64], gyro: Array, accel: Array, edges_ns: ArrayL
     most = int(np.max(last - first))
     # Behind an interval's end its last row is repeated, which makes steps of length 0.
     rows = np.minimum(first[:, None] + np.arange(most + 1), last[:, None])
-    return Readings(
+    return StepReadings(
         np.diff(times[rows], axis=1) * 1e-9,
         interpolate_vectors(t_ns, gyro, times)[rows],
         interpolate_vectors(t_ns, accel, times)[rows],
@@ -96,7 +98,7 @@ class Preintegration(NamedTuple):
 
 
 def preintegrate(
-    readings: Readings,
+    readings: StepReadings,
     noise: ImuErrors | None = None,
     gyro_bias: ArrayLike = 0.0,
     accel_bias: ArrayLike = 0.0,
@@ -366,7 +368,7 @@ def corrected(pre: Preintegration, gyro_bias: ArrayLike, accel_bias: ArrayLike) 
 
 
 def repropagated(
-    readings: Readings,
+    readings: StepReadings,
     pre: Preintegration,
     gyro_bias: ArrayLike,
     accel_bias: ArrayLike,
@@ -383,7 +385,7 @@ def repropagated(
     far |= np.linalg.norm(accel_bias - pre.accel_bias, axis=1) > ACCEL_BIAS_LIMIT
     if not far.any():
         return pre, far
-    chosen = Readings(*(values[far] for values in readings))
+    chosen = StepReadings(*(values[far] for values in readings))
     again = preintegrate(chosen, noise, gyro_bias[far], accel_bias[far], method)
     result = Preintegration(*(values.copy() for values in pre))
     for old, new in zip(result, again, strict=True):

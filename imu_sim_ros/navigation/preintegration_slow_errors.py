@@ -33,7 +33,7 @@ from imu_sim_ros.navigation.covariance_terms import of_mean, processes, response
 from imu_sim_ros.navigation.noise import ImuErrors
 from imu_sim_ros.types import Array
 
-_MOST_PIECES: Final = 128
+_MAX_PIECES: Final = 128
 """Of an interval: longer ones have longer pieces, of half a second in a minute."""
 _AT_ONCE: Final = 1_000_000
 """Pairs of pieces whose covariances are computed at a time."""
@@ -96,7 +96,7 @@ class SlowErrorsOfIntervals:
         result = np.zeros_like(jacobian)
         if self._variances:
             ends, sums = np.concatenate(self._ends), np.concatenate(self._sums)
-            chosen = np.r_[0 : len(ends) - 1 : -(-(len(ends) - 1) // _MOST_PIECES), len(ends) - 1]
+            chosen = np.r_[0 : len(ends) - 1 : -(-(len(ends) - 1) // _MAX_PIECES), len(ends) - 1]
             ends, sums = ends[chosen].T, sums[chosen].swapaxes(0, 1)
             size = max(1, _AT_ONCE // len(chosen) ** 2)
             for first in range(0, len(result), size):

@@ -97,7 +97,7 @@ def answer(name: str, arguments: list[str]) -> int | None:
 
     :returns: the exit status; None: the node is to run.
     """
-    if completion.is_asked():
+    if completion.is_requested():
         completion.complete(parser(name))
     own = arguments[: arguments.index("--ros-args")] if "--ros-args" in arguments else arguments
     if "--help" in own or "-h" in own:

@@ -125,7 +125,7 @@ def _nested(text: str, package: str) -> Iterator[str]:
 
 
 def _find(package: str, name: str) -> Path | None:
-    """Return a file of a package's messages: from ament's index, or beside the Python package."""
+    """Return a file of a package's messages: from ament's index, or next to the Python package."""
     folders = [
         Path(prefix) for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(":") if prefix
     ]

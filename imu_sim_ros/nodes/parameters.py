@@ -11,7 +11,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.nodes.ending import Ending
+from imu_sim_ros.nodes.lifetime import Lifetime
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.files import Layering, build_layered
 from imu_sim_ros.parameters.kinds import Parameter, Value
@@ -59,7 +59,7 @@ class ConfiguredNode(Node):
         given = self._take_overrides()
         self.section = section if isinstance(section, type) else section(given)
         self.changed: frozenset[str] = frozenset()
-        self.ending = Ending(self)
+        self.lifetime = Lifetime(self)
         self.given: dict[str, object] = given
         self.parameters: Any = build_layered(self.section, layering or dict, given)
         values = flatten(self.parameters)

@@ -25,7 +25,7 @@ _TOLERANCE: Final = 0.25
 _TRUSTED: Final = 5
 """Number of looks with regular intervals from which on more are expected; a look with others
 takes as many away."""
-_MOST_TRUSTED: Final = 20
+_MAX_TRUSTED: Final = 20
 _SMOOTHING: Final = 0.125
 _NEARLY: Final = 0.1
 """A period counts as a multiple of the interval where this share of one is missing."""
@@ -33,7 +33,7 @@ _LONGEST_NS: Final = 10_000_000
 """No look is farther away than this: another topic may have something."""
 
 
-class Pace:
+class PollTimer:
     """Decides how long to wait before the next look.
 
     :param period: between looks where arrivals are irregular; where they are regular, how long a
@@ -67,7 +67,7 @@ class Pace:
         self._last_ns = last_ns
         off = interval - self._interval
         if abs(off) <= _TOLERANCE * self._interval:
-            self._trust = min(self._trust + 1, _MOST_TRUSTED)
+            self._trust = min(self._trust + 1, _MAX_TRUSTED)
             self._interval += _SMOOTHING * off
             return self._trust >= _TRUSTED
         self._trust = max(self._trust - _TRUSTED, 0)
@@ -82,7 +82,7 @@ _PARAMETERS: Final = "ros__parameters"
 
 
 def topic(node: Node, prefix: str = "") -> str:
-    """Return the full name of the topic beside a node's readings, wherever these are remapped to.
+    """Return the full name of the topic next to a node's readings, wherever these are remapped to.
 
     :param prefix: namespace of an IMU of several, with its slash.
     """

@@ -19,7 +19,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from imu_sim_ros.bags.messages.schemas import Qos
-from imu_sim_ros.nodes.publishing import Pace
+from imu_sim_ros.nodes.publishing import PollTimer
 from imu_sim_ros.nodes.supervised_thread import Fail, SupervisedThread
 
 DEPTH = 5000
@@ -59,7 +59,7 @@ class RawSubscriptions:
     :param fail: receives the error that this raised; no more messages are taken.
     :param period: between looks for messages [s].
     :param leading: a topic in step with which messages are looked for where they arrive regularly,
-        see :class:`~imu_sim_ros.nodes.publishing.Pace`; None: none.
+        see :class:`~imu_sim_ros.nodes.publishing.PollTimer`; None: none.
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class RawSubscriptions:
         self.first_at = 0.0
         """When the first message was taken, on the steady clock [s]; 0 before."""
         self._node, self._deliver, self._period = node, deliver, period
-        self._leading, self._pace = leading, Pace(period)
+        self._leading, self._pace = leading, PollTimer(period)
         self._group = _OutsideTheExecutor()
         self._sources: dict[str, _Source] = {}
         self._lock = threading.Lock()

@@ -88,8 +88,8 @@ _SHUTDOWN: Final = 0.1
 class Program(Protocol):
     """A node that can be run until its ending is reached."""
 
-    ending: Any
-    """:class:`imu_sim_ros.nodes.ending.Ending`."""
+    lifetime: Any
+    """:class:`imu_sim_ros.nodes.lifetime.Lifetime`."""
 
     def close(self) -> None:
         """End threads and close files; called once, whatever the reason for the end."""
@@ -126,10 +126,10 @@ def main(name: str, create: Callable[[], Program], arguments: Sequence[str] | No
             section = help.PROGRAMS[name].section
             program = _start(ros_arguments(arguments, section, Path(folder)), create)
         _spin(program, watch)
-        error = program.ending.failure
+        error = program.lifetime.failure
         if error is not None:
             report(name, error, debug)
-        return int(program.ending.status or 0)
+        return int(program.lifetime.status or 0)
     except Exception as error:
         report(name, error, debug)
         return explain(error)[1]
@@ -212,9 +212,9 @@ def _spin(program: Any, watch: signals.EndSignals) -> None:
 
     executor = SingleThreadedExecutor()
     executor.add_node(program)
-    watch.deliver_to(program.ending.finish)
+    watch.deliver_to(program.lifetime.finish)
     try:
-        while not program.ending.reached:
+        while not program.lifetime.reached:
             executor.spin_once()
     finally:
         program.close()

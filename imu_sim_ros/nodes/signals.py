@@ -38,9 +38,9 @@ class EndSignals:
         self._end: Callable[[], None] | None = None
         self._known = threading.Event()
         self._lock = threading.Lock()
-        self._heard, self._told = os.pipe()
-        os.set_blocking(self._told, False)
-        self._wakeup = signal.set_wakeup_fd(self._told, warn_on_full_buffer=False)
+        self._wake_reader, self._wake_writer = os.pipe()
+        os.set_blocking(self._wake_writer, False)
+        self._wakeup = signal.set_wakeup_fd(self._wake_writer, warn_on_full_buffer=False)
         self._handlers = {number: signal.signal(number, _nothing) for number in wanted}
         self._thread = threading.Thread(target=self._wait, name="signals", daemon=True)
         self._thread.start()
@@ -65,13 +65,13 @@ class EndSignals:
         for number, handler in self._handlers.items():
             signal.signal(number, signal.SIG_IGN if self._last else handler)
         signal.set_wakeup_fd(self._wakeup)
-        os.close(self._told)
+        os.close(self._wake_writer)
         self._known.set()
         self._thread.join()
-        os.close(self._heard)
+        os.close(self._wake_reader)
 
     def _wait(self) -> None:
-        while number := os.read(self._heard, 1):  # empty: the pipe was closed
+        while number := os.read(self._wake_reader, 1):  # empty: the pipe was closed
             if number[0] not in self._handlers:
                 continue
             if not self._begun:

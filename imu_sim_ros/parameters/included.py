@@ -29,7 +29,7 @@ _KINDS: Final = {
 def config_folder() -> Path:
     """Return the folder that holds the package's own parameter files.
 
-    It is ``share/imu_sim_ros/config`` beside the installed package, or ``config`` of a source tree.
+    It is ``share/imu_sim_ros/config`` next to the installed package, or ``config`` of a checkout.
     """
     for parent in Path(__file__).resolve().parents:
         for folder in (parent / "share" / "imu_sim_ros" / "config", parent / "config"):

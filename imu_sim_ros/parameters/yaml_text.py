@@ -19,10 +19,10 @@ _TUPLE: Final = "tag:yaml.org,2002:python/tuple"
 _MAPPING: Final = "tag:yaml.org,2002:map"
 _MERGE: Final = "tag:yaml.org,2002:merge"
 _DEEPEST: Final = 32
-_MOST_ALIASES: Final = 100
+_MAX_ALIASES: Final = 100
 _LARGEST: Final = 4 << 20
 """[letters] The metadata.yaml of a bag of 10,000 files has 2 million."""
-_MOST_VALUES: Final = 200_000
+_MAX_VALUES: Final = 200_000
 _SOURCE: Final = ' in "<unicode string>",'
 _LONGEST_REASON: Final = 200
 _REMEMBERED: Final = 1 << 16
@@ -81,8 +81,8 @@ def _size(node: Any, sizes: dict[int, int]) -> int:
         children = node.value if isinstance(node.value, list) else ()
         parts = [part for child in children for part in _parts(child)]
         known = sizes[id(node)] = 1 + sum(_size(part, sizes) for part in parts)
-        if known > _MOST_VALUES:
-            raise ValueError(f"over {_MOST_VALUES:,} values")
+        if known > _MAX_VALUES:
+            raise ValueError(f"over {_MAX_VALUES:,} values")
     return known
 
 
@@ -127,11 +127,11 @@ def _checking(yaml: Any) -> Any:
         def compose_node(self, parent: Any, index: Any) -> Any:
             mark = self.peek_event().start_mark
             self.aliases += self.check_event(yaml.AliasEvent)
-            if self.aliases > _MOST_ALIASES:
-                raise refused(f"over {_MOST_ALIASES} aliases", mark)
+            if self.aliases > _MAX_ALIASES:
+                raise refused(f"over {_MAX_ALIASES} aliases", mark)
             self.values += 1
-            if self.values > _MOST_VALUES:
-                raise refused(f"over {_MOST_VALUES:,} values", mark)
+            if self.values > _MAX_VALUES:
+                raise refused(f"over {_MAX_VALUES:,} values", mark)
             self.depth += 1
             if self.depth > _DEEPEST:
                 raise refused(f"nested over {_DEEPEST} deep", mark)

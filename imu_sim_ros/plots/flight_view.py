@@ -21,7 +21,7 @@ _COLOURS: Final = ((120, 120, 120), (0, 114, 178), (213, 94, 0), (0, 158, 115), 
 _AXES: Final = ((230, 60, 60), (60, 160, 60), (60, 90, 230))
 _RADIUS: Final = 0.01
 """[m] Of a path's line."""
-_MOST_POINTS: Final = 20_000
+_MAX_POINTS: Final = 20_000
 """Of a path as a line; the moving body has all poses."""
 
 
@@ -71,7 +71,7 @@ class FlightView:
         """Add a path: its line, and a body that moves along it."""
         rr, colour = self._rr, _COLOURS[self._paths % len(_COLOURS)]
         self._paths += 1
-        every = max(1, -(-len(poses.t_ns) // _MOST_POINTS))
+        every = max(1, -(-len(poses.t_ns) // _MAX_POINTS))
         line = rr.LineStrips3D([poses.position[::every]], colors=[colour], radii=[_RADIUS])
         self._recording.log(f"{WORLD_FRAME}/{name}/path", line, static=True)
         self._columns(

@@ -16,7 +16,7 @@ from imu_sim_ros.types import Array
 Series = tuple[Array, Array]
 """Times (n,) [s], and a value at each (n,)."""
 
-_MOST_POINTS: Final = 4000
+_MAX_POINTS: Final = 4000
 _LARGEST_VIEW: Final = 1.5
 """Half the width of a view, in extents of the truth."""
 _SHOWN_FROM: Final = 0.02
@@ -216,5 +216,5 @@ def _looks(names: Sequence[str]) -> dict[str, dict[str, Any]]:
 
 def _thinned(values: Array) -> Array:
     """Return at most some thousand rows, the last one among them: a picture shows no more."""
-    step = -(-len(values) // _MOST_POINTS)
+    step = -(-len(values) // _MAX_POINTS)
     return values[(len(values) - 1) % step :: step]

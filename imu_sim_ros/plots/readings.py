@@ -17,7 +17,7 @@ from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.triads import TriadParameters
 from imu_sim_ros.types import Array
 
-_MOST_POINTS = 4000
+_MAX_POINTS = 4000
 
 
 def readings(t_ns: NDArray[np.int64], gyro: Array, accel: Array, name: str) -> Figure:
@@ -29,7 +29,7 @@ def readings(t_ns: NDArray[np.int64], gyro: Array, accel: Array, name: str) -> F
     :param name: of the sensor or the file, for the title.
     """
     picture, panels = style.panels(2, 1, 8.0, 5.0, sharex=True)
-    step = max(1, len(t_ns) // _MOST_POINTS)
+    step = max(1, len(t_ns) // _MAX_POINTS)
     t = (t_ns[::step] - t_ns[0]) * 1e-9 if len(t_ns) else np.empty(0)
     for axes, values, label in (
         (panels[0], gyro, "angular rate [rad/s]"),

@@ -234,8 +234,10 @@ def _errors(estimate: Estimate, truth: Estimate, link: str) -> list[Item]:
     if covariance is None:
         words += "; it has no covariance, hence no NEES"
     else:
-        told, plot = _nees(estimate.name, t_s, covariance, [errors.position, errors.attitude], link)
-        words += told
+        summary, plot = _nees(
+            estimate.name, t_s, covariance, [errors.position, errors.attitude], link
+        )
+        words += summary
         plots.append(plot)
     return [{"kind": "text", "text": words}, {"kind": "plots", "items": plots}]
 
@@ -258,7 +260,7 @@ def _nees(
     ends = [float(t_s[0]), float(t_s[-1])]
     inside = {"name": "95 % band", "colour": 5, "x": ends, "low": [band.low] * 2}
     series: list[Item] = [{**inside, "high": [band.high] * 2}]
-    told = ""
+    summary = ""
     for k, title in enumerate(("position", "attitude")):
         part = covariance[:, 3 * k : 3 * k + 3, 3 * k : 3 * k + 3]
         usable = invertible(part)
@@ -266,5 +268,5 @@ def _nees(
             values, at_s = nees(errors[k][usable], part[usable]), t_s[usable]
             rows = extremes(values)
             series.append({"name": title, "colour": k, "x": at_s[rows], "y": values[rows]})
-            told += f"; mean NEES of the {title} {float(np.mean(values)):.4g} (3 expected)"
-    return told, _plot(f"{name}: NEES", "time [s]", "NEES, 3 expected", series, "y", link=link)
+            summary += f"; mean NEES of the {title} {float(np.mean(values)):.4g} (3 expected)"
+    return summary, _plot(f"{name}: NEES", "time [s]", "NEES, 3 expected", series, "y", link=link)

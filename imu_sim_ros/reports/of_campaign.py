@@ -33,8 +33,8 @@ _SENSORS: Final = {
     "gyroscope_bias_instability": "rad/s",
 }
 """Sensor parameters over which errors are drawn: those that affect dead reckoning most."""
-_MOST_TRENDS: Final = 8
-_MOST_ROWS: Final = 80
+_MAX_TRENDS: Final = 8
+_MAX_ROWS: Final = 80
 """Groups that a plot names."""
 _UNITS: Final = {"_m": "m", "_rad": "rad", "_m_s": "m/s", "_percent": "%", "_s": "s", "_mb": "MB"}
 
@@ -163,7 +163,7 @@ def _trend(
     ]
     campaigns.append({(one.cell, one.estimator): one for one in found})
     varying, series = varying_names(found), []
-    for colour, group in enumerate(found[:_MOST_TRENDS]):
+    for colour, group in enumerate(found[:_MAX_TRENDS]):
         key = (group.cell, group.estimator)
         points = [
             (k, one[key].success() if metric == SUCCESS else quantile(one[key].values(metric), 0.5))
@@ -174,7 +174,7 @@ def _trend(
         for name in ("value", "low", "high"):
             line["y" if name == "value" else name] = [getattr(p, name) for _, p in points]
         series.append(line)
-    rest = f" The first {_MOST_TRENDS} of {len(found)} lines." if len(found) > _MOST_TRENDS else ""
+    rest = f" The first {_MAX_TRENDS} of {len(found)} lines." if len(found) > _MAX_TRENDS else ""
     return {
         "kind": "plot",
         "title": f"Trend: {label(metric)} over campaigns",
@@ -213,7 +213,7 @@ def _sensors(plan: Plan, found: Sequence[Group]) -> list[Item]:
 
 def _consistency(found: Sequence[Group]) -> Item | None:
     """Return the mean NEES of each group with its chi-square band (3 degrees of freedom)."""
-    shown = [group for group in found if len(group.values("nees_position"))][:_MOST_ROWS]
+    shown = [group for group in found if len(group.values("nees_position"))][:_MAX_ROWS]
     if not shown:
         return None
     bands = [anees_band(3, len(group.values("nees_position"))) for group in shown]
@@ -230,7 +230,7 @@ def _consistency(found: Sequence[Group]) -> Item | None:
             series.append({"name": name, "mode": "rows", "colour": (0, 1, 3)[k]})
             series[-1] |= {"at": at, "x": means, **point}
     varying = varying_names(found)
-    rest = f" The first {_MOST_ROWS}." if len(found) > _MOST_ROWS else ""
+    rest = f" The first {_MAX_ROWS}." if len(found) > _MAX_ROWS else ""
     return {
         "kind": "plot",
         "title": "Consistency: mean NEES of the final state",

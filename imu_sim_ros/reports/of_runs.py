@@ -23,8 +23,8 @@ from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.reports.page import Item
 from imu_sim_ros.reports.streams import extremes
 
-_MOST_LOGS: Final = 100
-_MOST_PATHS: Final = 24
+_MAX_LOGS: Final = 100
+_MAX_PATHS: Final = 24
 _LONGEST: Final = 100_000
 """Samples up to which a run is repeated for its path."""
 _LOG_BYTES: Final = 1500
@@ -50,12 +50,12 @@ def opened(
         kept = _kept(rows[k], numbers, folder)
         if kept.is_dir():
             result[str(k)] = {"folder": str(kept.relative_to(folder))}
-            if len(result) == _MOST_LOGS:
+            if len(result) == _MAX_LOGS:
                 break
             if (log := _tail(kept / _OUTPUT)) != "":
                 result[str(k)]["log"] = log
     places = {id(row): k for k, row in enumerate(rows)}
-    shown = [places[id(row)] for row in _typical(found, metric)[:_MOST_PATHS]]
+    shown = [places[id(row)] for row in _typical(found, metric)[:_MAX_PATHS]]
     for k, path in _paths(plan, rows, shown, folder).items():
         result.setdefault(str(k), {})["path"] = path
     return result

@@ -12,10 +12,10 @@ from imu_sim_ros.campaigns.summary import Group
 from imu_sim_ros.campaigns.verdict import WITHOUT_ERRORS, Contest, Judgement, varying_names
 from imu_sim_ros.reports.page import Item, Section, table
 
-_MOST_SEEDS: Final = 100
-_MOST_DRAWN: Final = 12
+_MAX_SEEDS: Final = 100
+_MAX_DRAWN: Final = 12
 """Contests that are drawn with the seeds of each pair."""
-_MOST_OTHERS: Final = 30
+_MAX_OTHERS: Final = 30
 
 
 def short(words: dict[str, str], varying: Sequence[str]) -> str:
@@ -50,11 +50,11 @@ def verdict_section(
         return short(places[cell, estimator].words, varying)
 
     missed = [one for one in first.requirements if not one.met]
-    told = {one.requirement for one in missed}
-    lines = [line for line in first.problems if not any(text in line for text in told)]
+    reported = {one.requirement for one in missed}
+    lines = [line for line in first.problems if not any(text in line for text in reported)]
     requirements: Item = {
         "count": len(plan.require),
-        "texts": len(told),
+        "texts": len(reported),
         "missed": [
             {"requirement": one.requirement, "value": one.value}
             | {"place": place(one.cell, one.estimator), "query": query(one.cell, one.estimator)}
@@ -78,11 +78,11 @@ def verdict_section(
             for factor in dict.fromkeys([judged.factor, *(one.factor for one in judged.contests)])
         ],
     }
-    told_of = f"{first.runs:,} runs, {first.done:,} done, in {len(found)} cells and estimators."
+    summary = f"{first.runs:,} runs, {first.done:,} done, in {len(found)} cells and estimators."
     if any(one.unranked for one in first.headline):
-        told_of += f" {WITHOUT_ERRORS}, the sensor without errors, is compared and not ranked."
+        summary += f" {WITHOUT_ERRORS}, the sensor without errors, is compared and not ranked."
     text = (
-        f"{told_of} Compared on the same seeds; failed runs are worse than any number; differences "
+        f"{summary} Compared on the same seeds; failed runs are worse than any number; differences "
         f"up to {first.tolerance} do not matter; p values (Wilcoxon, for shares McNemar) are "
         "corrected by Holm."
     )
@@ -93,7 +93,7 @@ def _judged(words: str, judged: Judgement, factor: str, found: Sequence[Group]) 
     names = varying_names(found)
     drawn = found if factor == judged.factor else ()
     contests = [
-        _contest(contest, judged, drawn if k < _MOST_DRAWN else (), names)
+        _contest(contest, judged, drawn if k < _MAX_DRAWN else (), names)
         for k, contest in enumerate(one for one in judged.contests if one.factor == factor)
     ]
     alone = ""
@@ -158,7 +158,7 @@ def _paired(contest: Contest, judged: Judgement, found: Sequence[Group]) -> Item
     first, kind = contest.ranking[0], contest.lead.kind
     shown = [one for one in contest.effects if one.a == first and one.kind == kind]
     shown = [one for one in shown if one.effect.value is not None]
-    shown = [one for one in shown if one.b not in contest.unranked][:_MOST_OTHERS]
+    shown = [one for one in shown if one.b not in contest.unranked][:_MAX_OTHERS]
     if not shown:
         return None
     ratio = kind == RATIO
@@ -208,8 +208,8 @@ def _seeds(a: Group, b: Group, metric: str, ratio: bool) -> list[float]:
     ]
     known = [(one, other) for one, other in pairs if one is not None and other is not None]
     if ratio:
-        return [one / other for one, other in known[:_MOST_SEEDS] if other]
-    return [one - other for one, other in known[:_MOST_SEEDS]]
+        return [one / other for one, other in known[:_MAX_SEEDS] if other]
+    return [one - other for one, other in known[:_MAX_SEEDS]]
 
 
 def against_baseline(effects: Sequence[Effect], metric: str, name: str) -> Item:

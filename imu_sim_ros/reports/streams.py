@@ -17,7 +17,7 @@ from imu_sim_ros.bags.messages.blocks import MessageBlock, TopicInfo, as_list
 from imu_sim_ros.bags.messages.encode import VECTOR3_STAMPED
 from imu_sim_ros.bags.messages.encode_cameras import COMPRESSED_IMAGE, IMAGE
 from imu_sim_ros.bags.read import open_bag, vector_blocks
-from imu_sim_ros.bags.reader import Bag, told
+from imu_sim_ros.bags.reader import Bag, errors_naming
 from imu_sim_ros.calibration.noise.deviation import Deviation, DeviationAccumulator
 from imu_sim_ros.errors import ImuSimError
 from imu_sim_ros.reports.page import Item, table
@@ -30,7 +30,7 @@ _IMAGES: Final = 6
 """Images of each camera."""
 _WIDTH: Final = 180
 """Pixels of an image of the strip."""
-_MOST_CAMERAS: Final = 4
+_MAX_CAMERAS: Final = 4
 _IMAGE_TYPES: Final = (IMAGE, COMPRESSED_IMAGE)
 _UNITS: Final = {"gyroscope": "rad/s", "accelerometer": "m/s^2"}
 
@@ -96,7 +96,7 @@ def topic_items(path: Path, topics: Sequence[TopicInfo]) -> list[Item]:
                 passed[block.topic.name].add(block)
         for one in passed.values():
             one.close()
-        cameras = [one for one in passed.values() if one.images][:_MOST_CAMERAS]
+        cameras = [one for one in passed.values() if one.images][:_MAX_CAMERAS]
         strips = [_strip(bag, one) for one in cameras]
     header = ["topic", "type", "messages", "rate [Hz]", "mean [Hz]"]
     header += ["gaps", "longest [s]", "bytes", "MB"]
@@ -120,7 +120,7 @@ def _strip(bag: Bag, passed: _Passed) -> Item:
     frames: list[Item] = []
     try:
         for t_ns, payload in passed.images:
-            with told(bag.path, f" ({topic.name})"):
+            with errors_naming(bag.path, f" ({topic.name})"):
                 message = decode(payload, topic.type)
             data = base64.b64encode(png(_small(topic, message))).decode()
             frames.append({"t_s": (t_ns - first_ns) * 1e-9, "png": data})
@@ -182,10 +182,10 @@ _SEGMENT: Final = 4096
 _PER_DECADE: Final = 60
 GAP: Final = 1.5
 """Intervals above which a gap is counted, in usual intervals."""
-_MOST_GAPS: Final = 1000
+_MAX_GAPS: Final = 1000
 
 
-class Readings(Protocol):
+class ReadingsBlock(Protocol):
     """A block of readings."""
 
     @property
@@ -253,13 +253,13 @@ def extremes(values: Array, columns: int = PARTS) -> NDArray[np.intp]:
     return np.unique(np.concatenate([[0, len(table) - 1], *found]))
 
 
-def analyse(blocks: Iterable[Readings], count: int) -> Stream | None:
+def analyse(blocks: Iterable[ReadingsBlock], count: int) -> Stream | None:
     """Return what is drawn of a stream; None where there are fewer than two readings.
 
     :param count: of the readings, about; it sets how many make a part.
     """
     analysis: _Analysis | None = None
-    waiting: list[Readings] = []
+    waiting: list[ReadingsBlock] = []
     for block in blocks:
         if analysis is None:
             waiting.append(block)
@@ -289,7 +289,7 @@ class _Analysis:
         self._spectrum = _Spectrum(1.0 / interval)
         self._deviation = DeviationAccumulator(1.0 / interval, 6)
 
-    def add(self, block: Readings) -> None:
+    def add(self, block: ReadingsBlock) -> None:
         if not len(block.t_ns):
             return
         values = np.column_stack([block.gyro, block.accel])
@@ -301,7 +301,7 @@ class _Analysis:
             torn[0] = False
             steps[0] = self._interval
         self._gap_count += int(torn.sum())
-        for k in np.flatnonzero(torn)[: _MOST_GAPS - len(self._gaps)]:
+        for k in np.flatnonzero(torn)[: _MAX_GAPS - len(self._gaps)]:
             self._gaps.append(Gap(float(t_s[k]), float(steps[k])))
         self._pieces(values, torn)
         self._samples += len(values)
@@ -311,8 +311,8 @@ class _Analysis:
     def _pieces(self, values: Array, torn: NDArray[np.bool_]) -> None:
         """Pass the readings between gaps to the spectrum and the Allan deviation."""
         cuts = np.flatnonzero(torn).tolist()
-        if len(cuts) > _MOST_GAPS:  # a stream that is nothing but gaps: no piece is worth it
-            cuts = cuts[:_MOST_GAPS]
+        if len(cuts) > _MAX_GAPS:  # a stream that is nothing but gaps: no piece is worth it
+            cuts = cuts[:_MAX_GAPS]
         for number, (first, last) in enumerate(zip([0, *cuts], [*cuts, len(values)], strict=True)):
             if number:
                 self._deviation.end_piece()

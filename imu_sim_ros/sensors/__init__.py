@@ -50,7 +50,7 @@ def with_faults() -> dict[str, str]:
 
 
 def known_tables() -> "dict[str, Table]":
-    """Return the tables of readings beside those of an IMU, by name."""
+    """Return the tables of readings besides those of an IMU, by name."""
     from imu_sim_ros.sensors.registry import in_use
 
     return {one.table.name: one.table for one in (*auxiliary_sensors(), *in_use())}

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The sensors beside the IMU that a run asks for, read block by block with it."""
+"""The auxiliary sensors that a run asks for, read block by block with it."""
 
 from collections.abc import Collection, Mapping
 from typing import Any

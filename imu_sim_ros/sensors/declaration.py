@@ -26,7 +26,7 @@ from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.types import Times
 
 if TYPE_CHECKING:
-    from imu_sim_ros.bags.messages.blocks import Pattern
+    from imu_sim_ros.bags.messages.blocks import RowTemplate
     from imu_sim_ros.sensors.imu.parameters import ImuParameters
 
 
@@ -80,7 +80,7 @@ class Now(Protocol):
         """Of the IMU [Hz]."""
 
 
-Payloads = Callable[[Any, Any, ImuBlock, Any], "Pattern"]
+Payloads = Callable[[Any, Any, ImuBlock, Any], "RowTemplate"]
 """Turns samples, the rows of them that are sent and the IMU's block into messages.
 
 The last argument are the parameters valid for the block: :class:`Now` of a board, or the section of
@@ -123,9 +123,9 @@ def topic(
         encode: Any = import_module("imu_sim_ros.bags.messages.encode")
         messages = getattr(encode, encoder)(frame, encoding)
 
-        def payloads(read: Any, rows: Any, _: ImuBlock, now: Any) -> "Pattern":
+        def payloads(read: Any, rows: Any, _: ImuBlock, now: Any) -> "RowTemplate":
             t_ns = read.true_t_ns if truth else read.t_ns
-            result: Pattern = messages.pattern(t_ns[rows], *values(read, rows, now))
+            result: RowTemplate = messages.pattern(t_ns[rows], *values(read, rows, now))
             return result
 
         return payloads
@@ -135,7 +135,7 @@ def topic(
 
 @dataclass(frozen=True)
 class Sensor:
-    """All that the rest of the package has to know of a sensor beside the IMU."""
+    """All that the rest of the package has to know of an auxiliary sensor."""
 
     name: str
     """Of its parameters, ``imu.NAME_...`` or ``NAME.*``, and of its faults."""

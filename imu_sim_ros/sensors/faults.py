@@ -104,7 +104,7 @@ class FaultSchedule:
     seed: int
     dt: float
     prefix: str = ""
-    """Of the random streams' names; another for each sensor beside the IMU."""
+    """Of the random streams' names; another for each auxiliary sensor."""
     _windows: list[_Window] = field(default_factory=list)
     _injected: int = 0
 

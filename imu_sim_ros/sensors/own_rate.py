@@ -52,7 +52,7 @@ class Stamped(NamedTuple):
 
 
 class OwnRate:
-    """Sample times, clock, transport and faults of one sensor beside the IMU.
+    """Sample times, clock, transport and faults of one auxiliary sensor.
 
     Sample k is taken at ``time_offset + k / rate`` after the IMU's first sample. It belongs to the
     block of the IMU's samples ``first .. first + count - 1`` whose window, ``[first, first +

@@ -66,7 +66,7 @@ class Simulation:
         :param t0_ns: time of sample 0 [ns]; None: ``start_time``, or where that is -1 the stamp
             of recorded poses at the start of the motion, or else 1 s.
         :param trajectory: the one of these parameters, if it already exists.
-        :param sensors: what is read beside the IMU: ``magnetic_field``, or the name of a sensor
+        :param sensors: what is read besides the IMU: ``magnetic_field``, or the name of a sensor
             of the body; no sample of another sensor depends on it.
         :raises ConfigurationError: for inconsistent parameters.
         :raises InputError: for a file of poses that cannot be used.
@@ -233,7 +233,7 @@ class SimulatedBody:
         """Set up all simulations; arguments and errors as for :class:`Simulation`.
 
         :param parameters: at least one; all have the same trajectory and duration.
-        :param sensors: what is read beside each IMU, by the names of the simulations.
+        :param sensors: what is read besides each IMU, by the names of the simulations.
         :param given: the bare motion of the type ``given``.
         """
         self.simulations: dict[str, Simulation] = {}
@@ -242,9 +242,9 @@ class SimulatedBody:
             first = next(iter(parameters.values()))
             trajectory = build_trajectory(first.trajectory, pose_reader, given)
         for name, own in parameters.items():
-            beside = (sensors or {}).get(name, ())
+            auxiliary = (sensors or {}).get(name, ())
             self.simulations[name] = Simulation(
-                own, pose_reader, trajectory=trajectory, sensors=beside
+                own, pose_reader, trajectory=trajectory, sensors=auxiliary
             )
             trajectory = self.simulations[name].trajectory
 

@@ -51,7 +51,7 @@ class Counts:
 
 
 class ErrorModel:
-    """Ideal readings in, a sensor's readings out, with every true error beside them."""
+    """Ideal readings in, a sensor's readings out, with every true error next to them."""
 
     def __init__(
         self,

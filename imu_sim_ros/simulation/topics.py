@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags.messages.blocks import Pattern, as_pattern
+from imu_sim_ros.bags.messages.blocks import RowTemplate, as_row_template
 from imu_sim_ros.bags.messages.encode import (
     IMU,
     NAV_SAT_FIX,
@@ -95,7 +95,7 @@ class Messages(NamedTuple):
     """(m,) stamps; a bag takes them as record times."""
     due_t_ns: Times
     """(m,) when the driver would release them [ns]."""
-    payloads: Pattern
+    payloads: RowTemplate
     """The messages."""
 
 
@@ -139,7 +139,7 @@ def encoder(topic: str, parameters: SampledParameters, encoding: str = "cdr") ->
 
 
 def sensors_of(topics: Iterable[str], carried: Iterable[str] = ()) -> frozenset[str]:
-    """Return what has to be measured beside the IMU for topics, keys of :func:`types`.
+    """Return what has to be measured besides the IMU for topics, keys of :func:`types`.
 
     :param carried: names of sensors of the body.
     """
@@ -188,7 +188,7 @@ def _readings(parameters: SampledParameters, encoding: str) -> Encode:
 def _truth(parameters: SampledParameters, encoding: str) -> Encode:
     odometry = OdometryEncoder(parameters.world_frame, parameters.body_frame, encoding)
 
-    def messages(block: ImuBlock) -> Pattern:
+    def messages(block: ImuBlock) -> RowTemplate:
         motion = block.motion
         velocity_b = rotate_inverse(motion.q_wb, motion.velocity)
         return odometry.pattern(
@@ -201,7 +201,7 @@ def _truth(parameters: SampledParameters, encoding: str) -> Encode:
 def _fix(parameters: SampledParameters, encoding: str) -> Encode:
     fixes = NavSatFixEncoder(parameters.body_frame, encoding)
 
-    def messages(block: ImuBlock) -> Pattern:
+    def messages(block: ImuBlock) -> RowTemplate:
         return fixes.pattern(block.true_t_ns, *geodetic(parameters, block.motion.position))
 
     return _at_true_times(messages)
@@ -210,9 +210,9 @@ def _fix(parameters: SampledParameters, encoding: str) -> Encode:
 def _pose(parameters: SampledParameters, encoding: str) -> Encode:
     poses = PoseStampedEncoder(parameters.world_frame, encoding)
 
-    def messages(block: ImuBlock) -> Pattern:
+    def messages(block: ImuBlock) -> RowTemplate:
         motion = block.motion
-        return as_pattern(poses.encode(block.true_t_ns, motion.position, motion.q_wb))
+        return as_row_template(poses.encode(block.true_t_ns, motion.position, motion.q_wb))
 
     return _at_true_times(messages)
 
@@ -220,9 +220,9 @@ def _pose(parameters: SampledParameters, encoding: str) -> Encode:
 def _transforms(parameters: SampledParameters, encoding: str) -> Encode:
     frames = TransformsEncoder([(parameters.world_frame, parameters.body_frame)], encoding)
 
-    def messages(block: ImuBlock) -> Pattern:
+    def messages(block: ImuBlock) -> RowTemplate:
         position, q_wb = block.motion.position[:, None], block.motion.q_wb[:, None]
-        return as_pattern(frames.encode(block.true_t_ns, position, q_wb))
+        return as_row_template(frames.encode(block.true_t_ns, position, q_wb))
 
     return _at_true_times(messages)
 
@@ -249,7 +249,7 @@ def mountings(imus: Iterable[SampledParameters], encoding: str = "cdr") -> Encod
         rows = frames.encode(
             t_ns, np.broadcast_to(arms, shape[0]), np.broadcast_to(rotations, shape[1])
         )
-        return Messages(t_ns, t_ns, as_pattern(rows))
+        return Messages(t_ns, t_ns, as_row_template(rows))
 
     return encode
 
@@ -277,7 +277,7 @@ def _temperature(parameters: SampledParameters, encoding: str) -> Encode:
 def _of_a_sensor(
     sensor: Sensor, topic: Topic, parameters: SampledParameters, encoding: str
 ) -> Encode:
-    """Return the source of a topic of a sensor beside the IMU."""
+    """Return the source of a topic of an auxiliary sensor."""
     of_body = carried(parameters).get(sensor.name)
     frame = parameters.imu_frame if of_body is None else of_body.frame or parameters.body_frame
     payloads = topic.payloads(frame, encoding)
@@ -338,7 +338,7 @@ def _increments(
     return encode
 
 
-def _at_true_times(payloads: Callable[[ImuBlock], Pattern]) -> Encode:
+def _at_true_times(payloads: Callable[[ImuBlock], RowTemplate]) -> Encode:
     return lambda block, _: Messages(block.true_t_ns, block.true_t_ns, payloads(block))
 
 

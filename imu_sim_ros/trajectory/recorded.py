@@ -20,7 +20,7 @@ from imu_sim_ros.types import Array
 _LEAST_POSES: Final = 4
 _LEAST_SPACING: Final = 0.02  # s
 _KNOTS: Final = 0.2  # spacing times cut-off: fine enough to follow, coarse enough to be solved well
-_MOST_BRIDGED: Final = 500  # knots in a gap: its shape keeps 3 digits; from 2000 on none
+_MAX_BRIDGED: Final = 500  # knots in a gap: its shape keeps 3 digits; from 2000 on none
 _PEAK_SAMPLES: Final = 4  # per segment
 
 
@@ -152,10 +152,10 @@ def _knot_spacing(poses: PoseSequence, parameters: PosesParameters) -> float:
     steps = timebase.seconds_since(np.diff(poses.t_ns), 0)
     usual = float(np.median(steps))
     spacing = parameters.knot_spacing or max(_LEAST_SPACING, usual, _KNOTS / parameters.cutoff)
-    if np.max(steps) > _MOST_BRIDGED * spacing:
+    if np.max(steps) > _MAX_BRIDGED * spacing:
         raise InputError(
             f"{parameters.file}: a gap of {np.max(steps):.3g} s is too many knots long: "
-            f"trajectory.knot_spacing must be at least {np.max(steps) / _MOST_BRIDGED:.3g} s"
+            f"trajectory.knot_spacing must be at least {np.max(steps) / _MAX_BRIDGED:.3g} s"
         )
     return spacing
 

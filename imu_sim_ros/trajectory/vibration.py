@@ -19,7 +19,7 @@ _TURNS: Final = 1
 """Names the stream of the turning noise; the shaking noise has the seed's own."""
 
 
-_FEW: Final = 64
+_MAX_TIMES_AT_ONCE: Final = 64
 """Number of times up to which all lines are evaluated at once; above it, line by line."""
 
 
@@ -36,7 +36,7 @@ class Lines:
     """``sum A sin(w t + phase)`` on each of three axes, with integrals and derivative.
 
     Lines are added one after the other, in the same order for any number of times, so that a sum
-    at a time does not depend on the times beside it.
+    at a time does not depend on the times next to it.
     """
 
     def __init__(self, tones: "_Tones", noise: "_Tones") -> None:
@@ -91,7 +91,7 @@ class Lines:
 
 def _groups(lines: _Lines, count: int) -> Iterator[_Lines]:
     """Yield the groups of lines that are evaluated together for a number of times."""
-    if count <= _FEW:
+    if count <= _MAX_TIMES_AT_ONCE:
         yield lines
         return
     for k in range(len(lines.w)):

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imu_sim_ros.bags.beside import read_measured
+from imu_sim_ros.bags.sensor_tables import read_measured
 from imu_sim_ros.commands import calibrate, generate
 from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors.magnetometer.declaration import SENSOR

@@ -79,7 +79,7 @@ def test_the_time_left_is_neither_misled_by_bursts_nor_by_the_start(start, worke
 
     A window of time t contains t / 2 bursts, one more or one less: it is off by 2 / t.
     """
-    pace, total, shown = printing.Pace(), 50 * workers * 100, 0
+    pace, total, shown = printing.ProgressRate(), 50 * workers * 100, 0
     for burst in range(1, 101):
         for worker in range(workers):
             elapsed = start + 2.0 * burst + 0.01 * worker / workers
@@ -98,7 +98,7 @@ def test_the_time_left_is_neither_misled_by_bursts_nor_by_the_start(start, worke
 
 
 def test_a_time_left_that_is_not_known_is_not_shown():
-    pace = printing.Pace()
+    pace = printing.ProgressRate()
     assert pace.after(0, 1000, 3.0) == ("", "-:--:--")
     assert pace.after(50, 950, 10.0) == ("", "-:--:--")
     assert pace.after(100, 900, 10.1) == ("", "-:--:--")

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
-from imu_sim_ros.bags import beside
+from imu_sim_ros.bags import sensor_tables
 from imu_sim_ros.jobs.flight import Flight
 from imu_sim_ros.parameters.sections import parameters
 from imu_sim_ros.sensors import AUXILIARY, CARRIED, auxiliary_sensors, known_tables, registry
@@ -126,7 +126,7 @@ def test_messages_there_and_back(sensor: Sensor, tmp_path: Path, name: str) -> N
     if not sensor.table.is_converted:  # its messages are not rows of its table
         assert path.stat().st_size > 0
         return
-    back = beside.read_beside(path, sensor.table, f"/{sensor.table.topic}")
+    back = sensor_tables.read_table(path, sensor.table, f"/{sensor.table.topic}")
     read = getattr(flight, sensor.quantity)
     assert np.array_equal(back.t_ns, read.t_ns)
     assert np.array_equal(back.values, sensor.values(read))
@@ -139,7 +139,7 @@ def test_text_there_and_back(sensor: Sensor, tmp_path: Path, form: str) -> None:
         tmp_path / "text", format=form, topics=["imu/data_raw", sensor.topics[0].name]
     )
     assert sensor.table.name in known_tables()
-    back = beside.read_beside(folder, sensor.table)
+    back = sensor_tables.read_table(folder, sensor.table)
     read = getattr(flight, sensor.quantity)
     assert np.array_equal(back.t_ns, read.t_ns)
     assert np.array_equal(back.values, sensor.values(read))

@@ -24,7 +24,7 @@ class Column(NamedTuple):
     """(n,) or (n, m), little-endian."""
 
 
-class Pattern:
+class RowTemplate:
     """n rows of equal size: the bytes that all have, and the columns in which they differ.
 
     Most bytes of a message are the same in all messages of a topic. Written as a pattern they go to
@@ -54,11 +54,11 @@ class Pattern:
     def __len__(self) -> int:
         return self.count
 
-    def __getitem__(self, rows: slice) -> "Pattern":
+    def __getitem__(self, rows: slice) -> "RowTemplate":
         """Return some consecutive rows."""
         start, stop, _ = rows.indices(self.count)
         columns = [Column(offset, values[start:stop]) for offset, values in self.columns]
-        return Pattern(self.template, columns, max(stop - start, 0))
+        return RowTemplate(self.template, columns, max(stop - start, 0))
 
     def fill(self, rows: Bytes) -> None:
         """Write the columns into contiguous rows (n, size) that have the template's bytes."""
@@ -82,7 +82,7 @@ class Pattern:
         return rows
 
 
-def side_by_side(patterns: Sequence[Pattern]) -> Pattern:
+def side_by_side(patterns: Sequence[RowTemplate]) -> RowTemplate:
     """Return patterns of equally many rows as one: row k is that of each in turn."""
     if len(patterns) == 1:
         return patterns[0]
@@ -90,15 +90,15 @@ def side_by_side(patterns: Sequence[Pattern]) -> Pattern:
     for pattern in patterns:
         columns += [Column(len(template) + offset, values) for offset, values in pattern.columns]
         template += pattern.template
-    return Pattern(template, columns, len(patterns[0]))
+    return RowTemplate(template, columns, len(patterns[0]))
 
 
-def as_pattern(payloads: "Bytes | Pattern") -> Pattern:
+def as_row_template(payloads: "Bytes | RowTemplate") -> RowTemplate:
     """Return messages of equal size as a pattern."""
-    if isinstance(payloads, Pattern):
+    if isinstance(payloads, RowTemplate):
         return payloads
     count, size = payloads.shape
-    return Pattern(bytes(size), [Column(0, payloads)] if size else [], count)
+    return RowTemplate(bytes(size), [Column(0, payloads)] if size else [], count)
 
 
 Payloads: TypeAlias = Bytes | list[bytes]
@@ -127,13 +127,13 @@ class MessageBlock(NamedTuple):
     """(n, size) bytes of messages of equal size, or a list of n messages."""
 
 
-def as_list(payloads: Payloads | Pattern) -> list[bytes]:
+def as_list(payloads: Payloads | RowTemplate) -> list[bytes]:
     """Return messages as a list of bytes."""
     if isinstance(payloads, list):
         return payloads
     if payloads.shape[1] == 0:
         return [b""] * len(payloads)
-    table = payloads.array() if isinstance(payloads, Pattern) else payloads
+    table = payloads.array() if isinstance(payloads, RowTemplate) else payloads
     rows = np.ascontiguousarray(table)
     result: list[bytes] = rows.view(f"V{rows.shape[1]}")[:, 0].tolist()
     return result

@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from imu_sim_ros.bags.messages.blocks import Column, Pattern
+from imu_sim_ros.bags.messages.blocks import Column, RowTemplate
 from imu_sim_ros.bags.messages.layouts import Bytes, Layout, layout
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
@@ -76,7 +76,7 @@ class Encoder:
         stamp = self.layout.dtype["sec"], self.layout.dtype["nanosec"]
         self._stamp = list(zip(stamp, map(self.layout.offset, ("sec", "nanosec")), strict=True))
 
-    def _pattern(self, t_ns: Times, **numbers: ArrayLike) -> Pattern:
+    def _row_template(self, t_ns: Times, **numbers: ArrayLike) -> RowTemplate:
         """Return n messages with texts, stamps and some of their fields; the others are 0.
 
         :param numbers: (n, m) where they differ from message to message, (n,) of one number;
@@ -99,7 +99,7 @@ class Encoder:
                 columns.append(Column(self.layout.offset(name), own))
             else:
                 field[...] = values
-        return Pattern(template.tobytes(), columns, len(t_ns))
+        return RowTemplate(template.tobytes(), columns, len(t_ns))
 
 
 class _OfFrame(Encoder):
@@ -123,7 +123,7 @@ class ImuEncoder(_OfFrame):
         accel_covariance: ArrayLike = 0.0,
         q_wi: ArrayLike | None = None,
         orientation_covariance: ArrayLike = 0.0,
-    ) -> Pattern:
+    ) -> RowTemplate:
         """Return n messages.
 
         :param t_ns: (n,) stamps.
@@ -143,7 +143,7 @@ class ImuEncoder(_OfFrame):
             diagonal = np.asarray(orientation_covariance) * np.ones(3)
         of_orientation = np.zeros((*diagonal.shape[:-1], 9))
         of_orientation[..., ::4] = diagonal
-        return self._pattern(
+        return self._row_template(
             t_ns,
             orientation=orientation,
             orientation_covariance=of_orientation,
@@ -194,7 +194,7 @@ class OdometryEncoder(Encoder):
         angular_velocity_b: ArrayLike,
         pose_covariance: ArrayLike | None = None,
         twist_covariance: ArrayLike | None = None,
-    ) -> Pattern:
+    ) -> RowTemplate:
         """Return n messages.
 
         :param t_ns: (n,) stamps.
@@ -213,7 +213,7 @@ class OdometryEncoder(Encoder):
             )
             if covariance is not None
         }
-        return self._pattern(
+        return self._row_template(
             t_ns,
             position=position,
             orientation=np.asarray(q_wb)[:, ROS_ORDER],
@@ -272,7 +272,7 @@ class PoseStampedEncoder(_OfFrame):
     def encode(self, t_ns: Times, position: ArrayLike, q_wb: ArrayLike) -> Bytes:
         """Return messages (n, size) of positions (n, 3) [m] and quaternions (n, 4)."""
         q_xyzw = np.asarray(q_wb)[:, ROS_ORDER]
-        return self._pattern(t_ns, position=position, orientation=q_xyzw).array()
+        return self._row_template(t_ns, position=position, orientation=q_xyzw).array()
 
 
 class Vector3StampedEncoder(_OfFrame):
@@ -280,9 +280,9 @@ class Vector3StampedEncoder(_OfFrame):
 
     type_name = VECTOR3_STAMPED
 
-    def pattern(self, t_ns: Times, vector: ArrayLike) -> Pattern:
+    def pattern(self, t_ns: Times, vector: ArrayLike) -> RowTemplate:
         """Return n messages of vectors (n, 3)."""
-        return self._pattern(t_ns, vector=vector)
+        return self._row_template(t_ns, vector=vector)
 
     def encode(self, t_ns: Times, vector: ArrayLike) -> Bytes:
         """Return messages (n, size) of vectors (n, 3)."""
@@ -294,9 +294,11 @@ class TemperatureEncoder(_OfFrame):
 
     type_name = TEMPERATURE
 
-    def pattern(self, t_ns: Times, temperature: ArrayLike, variance: ArrayLike = 0.0) -> Pattern:
+    def pattern(
+        self, t_ns: Times, temperature: ArrayLike, variance: ArrayLike = 0.0
+    ) -> RowTemplate:
         """Return n messages of temperatures (n,) [degC]; variance 0 means unknown."""
-        return self._pattern(t_ns, temperature=temperature, variance=variance)
+        return self._row_template(t_ns, temperature=temperature, variance=variance)
 
     def encode(self, t_ns: Times, temperature: ArrayLike, variance: ArrayLike = 0.0) -> Bytes:
         """Return messages (n, size) of what :meth:`pattern` takes."""
@@ -308,14 +310,14 @@ class MagneticFieldEncoder(_OfFrame):
 
     type_name = MAGNETIC_FIELD
 
-    def pattern(self, t_ns: Times, field: ArrayLike, covariance: ArrayLike = 0.0) -> Pattern:
+    def pattern(self, t_ns: Times, field: ArrayLike, covariance: ArrayLike = 0.0) -> RowTemplate:
         """Return n messages.
 
         :param field: (n, 3) [T].
         :param covariance: per sample [T^2]: 0 (unknown), three variances, or (3, 3).
         """
         of_field = _matrix3(covariance).ravel()
-        return self._pattern(t_ns, magnetic_field=field, magnetic_field_covariance=of_field)
+        return self._row_template(t_ns, magnetic_field=field, magnetic_field_covariance=of_field)
 
     def encode(self, t_ns: Times, field: ArrayLike, covariance: ArrayLike = 0.0) -> Bytes:
         """Return messages (n, size) of what :meth:`pattern` takes."""
@@ -327,9 +329,9 @@ class FluidPressureEncoder(_OfFrame):
 
     type_name = FLUID_PRESSURE
 
-    def pattern(self, t_ns: Times, pressure: ArrayLike, variance: ArrayLike = 0.0) -> Pattern:
+    def pattern(self, t_ns: Times, pressure: ArrayLike, variance: ArrayLike = 0.0) -> RowTemplate:
         """Return n messages of pressures (n,) [Pa]; variance 0 means unknown."""
-        return self._pattern(t_ns, fluid_pressure=pressure, variance=variance)
+        return self._row_template(t_ns, fluid_pressure=pressure, variance=variance)
 
     def encode(self, t_ns: Times, pressure: ArrayLike, variance: ArrayLike = 0.0) -> Bytes:
         """Return messages (n, size) of what :meth:`pattern` takes."""
@@ -341,7 +343,7 @@ class TwistWithCovarianceEncoder(_OfFrame):
 
     type_name = TWIST_WITH_COVARIANCE
 
-    def pattern(self, t_ns: Times, velocity: ArrayLike, variance: ArrayLike) -> Pattern:
+    def pattern(self, t_ns: Times, velocity: ArrayLike, variance: ArrayLike) -> RowTemplate:
         """Return n messages; the angular velocity is 0 and its covariance -1: unknown.
 
         :param velocity: (n, 3) [m/s].
@@ -351,7 +353,7 @@ class TwistWithCovarianceEncoder(_OfFrame):
         covariance = np.zeros((*own.shape[:-1], 36))
         covariance[..., [0, 7, 14]] = own
         covariance[..., [21, 28, 35]] = -1.0
-        return self._pattern(t_ns, linear=velocity, twist_covariance=covariance)
+        return self._row_template(t_ns, linear=velocity, twist_covariance=covariance)
 
 
 class NavSatFixEncoder(_OfFrame):
@@ -367,7 +369,7 @@ class NavSatFixEncoder(_OfFrame):
         altitude: ArrayLike,
         status: ArrayLike | None = None,
         variance: ArrayLike = 0.0,
-    ) -> Pattern:
+    ) -> RowTemplate:
         """Return n messages.
 
         :param latitude: (n,) geodetic [deg].
@@ -381,7 +383,7 @@ class NavSatFixEncoder(_OfFrame):
             given = np.asarray(status)
             covariance = np.zeros((len(given), 9))
             covariance[:, ::4] = variance
-            return self._pattern(
+            return self._row_template(
                 t_ns,
                 status=given,
                 service=_GPS,
@@ -391,7 +393,7 @@ class NavSatFixEncoder(_OfFrame):
                 position_covariance=covariance,
                 position_covariance_type=np.where(given < 0, 0, _COVARIANCE_TYPE_DIAGONAL),
             )
-        return self._pattern(
+        return self._row_template(
             t_ns,
             service=_GPS,
             latitude=latitude,
@@ -417,7 +419,7 @@ class ClockEncoder(Encoder):
 
     def encode(self, t_ns: Times) -> Bytes:
         """Return messages (n, size) of times (n,)."""
-        return self._pattern(t_ns).array()
+        return self._row_template(t_ns).array()
 
 
 def _matrix3(covariance: ArrayLike) -> Array:

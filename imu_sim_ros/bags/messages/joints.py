@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from imu_sim_ros.bags.messages.blocks import Column, Pattern
+from imu_sim_ros.bags.messages.blocks import Column, RowTemplate
 from imu_sim_ros.bags.messages.encode import seconds
 from imu_sim_ros.bags.messages.layouts import Builder
 from imu_sim_ros.types import Times
@@ -41,7 +41,7 @@ class JointStateEncoder:
         self._offsets = dict(zip(builder.names, builder.offsets, strict=True))
         self._formats = {"sec": "<i4" if encoding == "cdr" else "<u4", "nanosec": "<u4"}
 
-    def pattern(self, t_ns: Times, position: ArrayLike, velocity: ArrayLike) -> Pattern:
+    def pattern(self, t_ns: Times, position: ArrayLike, velocity: ArrayLike) -> RowTemplate:
         """Return n messages.
 
         :param t_ns: (n,) stamps.
@@ -57,4 +57,4 @@ class JointStateEncoder:
         ]
         for name, given in (("position", position), ("velocity", velocity)):
             columns.append(Column(self._offsets[name], np.asarray(given, dtype="<f8")))
-        return Pattern(self._template, columns, len(t_ns))
+        return RowTemplate(self._template, columns, len(t_ns))

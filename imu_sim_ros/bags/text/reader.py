@@ -64,27 +64,27 @@ def imu_blocks(
         yield t_ns, numbers[:, :3], numbers[:, 3:]
 
 
-def beside_blocks(
+def table_blocks(
     path: Path, name: str, table: Table, skipped: Skipped | None = None
 ) -> Iterator[tuple[Times, Array]]:
-    """Yield stamps (n,) and values (n, m) of a table beside the readings of an IMU, in blocks.
+    """Yield stamps (n,) and values (n, m) of a table besides the readings of an IMU, in blocks.
 
     :param name: with the number of the IMU, as :func:`beside_names` gives it: mag0.
     :param skipped: as for :func:`imu_blocks`.
     :raises InputError: for a folder that has no such table, and bad rows.
     """
-    found = _tables_beside(path, {table.name: table})
+    found = _tables_in(path, {table.name: table})
     if name not in found:
         raise InputError(f"{path}: has no table {name}")
     yield from _blocks(found[name][1], ((table.quantity, table.columns),), skipped)
 
 
-def beside_names(path: Path, tables: Tables) -> dict[str, str]:
+def table_names(path: Path, tables: Tables) -> dict[str, str]:
     """Return those of the known tables that a folder has, mag0 and so on, each with its kind.
 
     None of a file.
     """
-    return {name: kind for name, (kind, _) in _tables_beside(path, tables).items()}
+    return {name: kind for name, (kind, _) in _tables_in(path, tables).items()}
 
 
 def state_file(path: Path) -> Path:
@@ -114,7 +114,7 @@ def state_blocks(
 
 
 def has_states(path: Path) -> bool:
-    """Return whether a folder has states beside its readings."""
+    """Return whether a folder has states besides its readings."""
     return path.is_dir() and _state_path(path) is not None
 
 
@@ -147,8 +147,8 @@ def _imu_files(folder: Path) -> dict[str, Path]:
     return _tables(folder, "imu")
 
 
-def _tables_beside(path: Path, known: Tables) -> dict[str, tuple[str, Path]]:
-    """Return kind and file of tables beside the readings of IMUs, by name: a kind, a number."""
+def _tables_in(path: Path, known: Tables) -> dict[str, tuple[str, Path]]:
+    """Return kind and file of tables besides the readings of IMUs, by name: a kind, a number."""
     return {
         name: (kind, file)
         for kind in (known if path.is_dir() else ())

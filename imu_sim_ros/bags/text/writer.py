@@ -41,7 +41,7 @@ TUM_HEADER: Final = "# timestamp tx ty tz qx qy qz qw"
 
 
 WITH_TABLES: Final = ("euroc", "csv")
-"""Forms that have tables beside the readings of an IMU."""
+"""Forms that have tables besides the readings of an IMU."""
 
 
 class States(NamedTuple):
@@ -110,7 +110,7 @@ class Dataset:
         form: str,
         states: bool = True,
         imus: int = 1,
-        beside: Sequence[tuple[Table, int]] = (),
+        tables: Sequence[tuple[Table, int]] = (),
     ) -> None:
         """Make the files.
 
@@ -120,7 +120,7 @@ class Dataset:
 
         :param states: write the truth.
         :param imus: how many there are.
-        :param beside: further tables, mag0 and so on, each with the IMU's number.
+        :param tables: further tables, mag0 and so on, each with the IMU's number.
         :raises InputError: for a place that cannot be used, and several IMUs in one file.
         """
         if form not in FORMATS:
@@ -129,7 +129,7 @@ class Dataset:
         self.imus: list[TextFile] = []
         self.truths: list[TextFile] = []
         """Of EuRoC: one for each IMU, with its biases."""
-        self.beside: dict[tuple[str, int], TextFile] = {}
+        self.tables: dict[tuple[str, int], TextFile] = {}
         if form == "tum":
             self.truths = [TextFile(path, TUM_HEADER)]
         elif form == "csv" and path.suffix.lower() == ".csv":
@@ -146,8 +146,8 @@ class Dataset:
                     self.truths = [TextFile(path / "groundtruth.tum", TUM_HEADER)]
             else:
                 self._make_euroc(states, imus)
-        for table, k in beside:
-            self._make_beside(table, k)
+        for table, k in tables:
+            self._make_table(table, k)
 
     def _make_euroc(self, states: bool, imus: int) -> None:
         for k in range(imus):
@@ -159,8 +159,8 @@ class Dataset:
                 folder.mkdir()
                 self.truths.append(TextFile(folder / "data.csv", EUROC_STATE_HEADER))
 
-    def _make_beside(self, table: Table, k: int) -> None:
-        """Make a table beside the readings of an IMU.
+    def _make_table(self, table: Table, k: int) -> None:
+        """Make a table besides the readings of an IMU.
 
         :raises InputError: where the form has one table only.
         """
@@ -170,7 +170,7 @@ class Dataset:
         if self.form == "euroc":
             place = self.path / f"{table.name}{k}" / "data.csv"
             place.parent.mkdir()
-        self.beside[table.name, k] = TextFile(place, table.headers[self.form])
+        self.tables[table.name, k] = TextFile(place, table.headers[self.form])
 
     @property
     def imu(self) -> TextFile | None:
@@ -201,7 +201,7 @@ class Dataset:
 
     @property
     def _open(self) -> list[TextFile]:
-        return [*self.imus, *self.truths, *self.beside.values()]
+        return [*self.imus, *self.truths, *self.tables.values()]
 
     def write_imu(self, t_ns: Times, gyro: Array, accel: Array, index: int = 0) -> None:
         """Write readings: times (n,), angular rates (n, 3), specific forces (n, 3).
@@ -211,9 +211,9 @@ class Dataset:
         if self.imus:
             self.imus[index].write(t_ns, np.concatenate([gyro, accel], axis=1))
 
-    def write_beside(self, name: str, index: int, t_ns: Times, values: Array) -> None:
-        """Write rows of a table beside the readings of an IMU: times (n,) and values (n, m)."""
-        self.beside[name, index].write(t_ns, values)
+    def write_table(self, name: str, index: int, t_ns: Times, values: Array) -> None:
+        """Write rows of a table besides the readings of an IMU: times (n,) and values (n, m)."""
+        self.tables[name, index].write(t_ns, values)
 
     def write_states(self, states: States, index: int = 0) -> None:
         """Write true states.
@@ -281,10 +281,10 @@ def write_euroc_descriptions(
         )
 
 
-def write_euroc_beside(
+def write_euroc_table(
     folder: Path, table: Table, index: int, rate: float, r_bi: Array, p_bi: Array, comment: str
 ) -> None:
-    """Write sensor.yaml of a table beside the readings of an IMU; arguments as above."""
+    """Write sensor.yaml of a table besides the readings of an IMU; arguments as above."""
     (folder / f"{table.name}{index}" / "sensor.yaml").write_text(
         f"# {table.title}\nsensor_type: {table.name}\ncomment: {comment}\n\n"
         f"# T_BS maps points of the sensor into the body.\n{_pose(r_bi, p_bi)}\n"

@@ -52,7 +52,7 @@ def whitened(columns: Array, time: Array, sigma: Array, walk: Array) -> Whitened
 
 WINDOW: Final = 0.5
 """Length of the windows that are judged [s]."""
-_FEWEST: Final = 25
+_MIN_READINGS: Final = 25
 """Readings in a window: the variance of fewer scatters beyond what is called steady."""
 _QUIET: Final = 0.2
 """Share of the windows taken as the quietest: they set the noise floor."""
@@ -124,7 +124,7 @@ def find_steady(
     gate.readings(t_ns, gyro, accel).complain("readings")
     y = np.concatenate([gyro, accel], axis=1)
     interval = sampling_interval(t_ns) * 1e-9
-    size = max(round(WINDOW / interval), _FEWEST)
+    size = max(round(WINDOW / interval), _MIN_READINGS)
     count = len(y) // size
     if count < 10:
         raise InputError(f"{len(y)} readings: at least {10 * size} are needed")

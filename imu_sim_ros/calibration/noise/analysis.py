@@ -42,7 +42,7 @@ MODELS: Final = ("standard", "gauss_markov")
 UNITS: Final = ("rad/s", "m/s^2")
 
 
-class Readings(Protocol):
+class ReadingsBlock(Protocol):
     """A block of messages."""
 
     @property
@@ -122,7 +122,7 @@ class _Sinks:
 
 
 def analyse(
-    bags: Iterable[Iterable[Readings]],
+    bags: Iterable[Iterable[ReadingsBlock]],
     *,
     model: str = "standard",
     force: bool = False,
@@ -218,7 +218,7 @@ def _rounded(noise: AxisNoise, record: Record, axis: int) -> AxisNoise:
 
 def _read(
     record: Record,
-    bags: Iterable[Iterable[Readings]],
+    bags: Iterable[Iterable[ReadingsBlock]],
     advance: Callable[[int], None],
     second: SecondProcess | None,
 ) -> _Sinks | None:

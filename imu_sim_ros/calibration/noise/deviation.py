@@ -19,7 +19,7 @@ from imu_sim_ros.types import Array
 _NEIGHBOURS: Final = 21
 _FALSE_ALARM: Final = 1e-10
 """Probability (of chi-square) that a row of noise is taken for a peak."""
-_FEWEST: Final = 8
+_MIN_CLUSTERS: Final = 8
 """Coefficients in a row below which it is not judged: the median of such rows is not a level."""
 _CHANCE: Final = 6.0
 """Standard deviations by which a misfit may exceed its expectation."""
@@ -85,7 +85,7 @@ def _peaks(
     middle = np.median(np.lib.stride_tricks.sliding_window_view(padded, _NEIGHBOURS), axis=1)
     half_freedom = 0.5 * freedom[high]
     unlikely = gammainccinv(half_freedom, _FALSE_ALARM) / half_freedom
-    result[high] = (power[high] > middle * (0.1 + unlikely)) & (freedom[high] >= _FEWEST)
+    result[high] = (power[high] > middle * (0.1 + unlikely)) & (freedom[high] >= _MIN_CLUSTERS)
     return result
 
 

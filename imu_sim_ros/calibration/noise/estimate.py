@@ -100,7 +100,7 @@ def estimate(spectrum: Spectrum, axis: int) -> AxisNoise:
     data, design = axis_data(spectrum, axis), standard_design(spectrum)
     components, ramp = intervals(data, design, trend=True)
     ends = dict(zip(KEYS, [*components, ramp or Interval(0.0, 0.0, 0.0)], strict=True))
-    ends = _beside_flicker(ends, spectrum, design)
+    ends = _with_flicker(ends, spectrum, design)
     shown = {key for key in KEYS if ends[key].low > 0.0}
     if not shown & set(PRICES):
         shown |= _slow_term(data, design, shown)
@@ -114,7 +114,7 @@ def estimate(spectrum: Spectrum, axis: int) -> AxisNoise:
     return AxisNoise(estimates, chosen, best.expected[0], float(best.slope[0]))
 
 
-def _beside_flicker(
+def _with_flicker(
     ends: dict[str, Interval], spectrum: Spectrum, design: Array
 ) -> dict[str, Interval]:
     """Return the ends with those of Q, N and B as far apart as flicker that is not quite 1/f asks.
@@ -147,7 +147,7 @@ def _inside(value: float, end: Interval) -> float:
 
 
 def _slow_term(data: Data, design: Array, shown: Collection[str]) -> set[str]:
-    """Return the slow term that is worth its cost beside those shown, or none."""
+    """Return the slow term that is worth its cost besides those shown, or none."""
     added: list[set[str]] = [set(), *({key} for key in PRICES)]
     fits = _fit_terms(data, design, [{WHITE.key, *shown} | extra for extra in added])
     objective = fits.objective.reshape(-1, len(added)).min(axis=0)

@@ -15,8 +15,8 @@ import numpy as np
 from imu_sim_ros.calibration.noise.likelihood import Data, fit
 from imu_sim_ros.types import Array
 
-_MOST: Final = 5
-_FEWEST: Final = 64
+_MAX_LINES: Final = 5
+_MIN_POINTS: Final = 64
 _SLOWEST: Final = 3
 """Periods in the record; fewer cannot be told from a walk."""
 _PEAK: Final = 14.0
@@ -59,10 +59,10 @@ def _lines(rest: Array, highest: float) -> list[tuple[Line, Array]]:
 
     All candidates are taken out, and those put back that the rest explains.
     """
-    if len(rest) < _FEWEST or not rest.any():
+    if len(rest) < _MIN_POINTS or not rest.any():
         return []
     found: list[tuple[Line, Array]] = []
-    while len(found) < _MOST and (candidate := _candidate(rest, highest)) is not None:
+    while len(found) < _MAX_LINES and (candidate := _candidate(rest, highest)) is not None:
         frequency = _refined(rest, candidate)
         angle = 2.0 * np.pi * frequency * np.arange(len(rest))
         columns = np.column_stack([np.sin(angle), np.cos(angle), np.ones(len(rest))])

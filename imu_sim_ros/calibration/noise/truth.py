@@ -20,7 +20,7 @@ from imu_sim_ros.types import Array
 
 
 class Comparison(NamedTuple):
-    """One parameter of one axis beside its truth."""
+    """One parameter of one axis next to its truth."""
 
     axis: int
     key: str

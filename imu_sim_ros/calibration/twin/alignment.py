@@ -12,7 +12,7 @@ from imu_sim_ros.types import Array
 
 _GRID: Final = 0.005
 """[s] between the times that are correlated."""
-_FEWEST: Final = 200
+_MIN_POSES: Final = 200
 """Times below which there is nothing to correlate."""
 _TURNING: Final = 1e-3
 """[rad/s] deviation of the rate below which a motion says nothing about the clock."""
@@ -32,7 +32,7 @@ def coarse_offset(
     :param largest: offset that is looked for, either way [s].
     """
     times = np.arange(0.0, duration, _GRID)
-    if len(times) < _FEWEST:
+    if len(times) < _MIN_POSES:
         return 0.0
     true = np.linalg.norm(motion_at(times).rate, axis=1)
     if true.std() < _TURNING:
@@ -43,7 +43,7 @@ def coarse_offset(
     for shift in np.arange(-round(largest / _GRID), round(largest / _GRID) + 1) * _GRID:
         at = times - shift
         inside = (at >= stamps[0]) & (at <= stamps[-1])
-        if np.count_nonzero(inside) < _FEWEST:
+        if np.count_nonzero(inside) < _MIN_POSES:
             continue
         a, b = np.interp(at[inside], stamps, read), true[inside]
         spread = a.std() * b.std()

@@ -25,7 +25,7 @@ _LOWEST_WHITE: Final = 1.0
 _FOLDS: Final = 4
 _LEAST: Final = 0.2
 """Share of a variance that a quarter of a recording takes from it at least."""
-_MOSTLY: Final = 0.3
+_LARGE_SHARE: Final = 0.3
 """Share of a residual that is noise of the poses."""
 _BIAS_WINDOW: Final = 5.0
 """[s] over which the bias is averaged."""
@@ -181,7 +181,7 @@ def _above_noise(residuals: Array, noises: list[Array], parts: list[slice], rate
     each = [spectrum.cross_spectra(x, parts, rate, edges).density ** 2 for x in noises]
     if not each:
         return 0.0
-    noisy = (np.mean(each, axis=0) > _MOSTLY * whole.density**2).any(axis=1)
+    noisy = (np.mean(each, axis=0) > _LARGE_SHARE * whole.density**2).any(axis=1)
     return float(whole.high[noisy].max(initial=0.0))
 
 

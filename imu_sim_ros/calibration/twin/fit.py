@@ -52,7 +52,7 @@ _WITH_NOISE: Final = 2
 """Steps in which what noise of the poses adds is found again; then it follows the parameters."""
 _CLOSE: Final = 1e-3
 """Step over standard error at which the fit stands."""
-_MOSTLY: Final = 0.5
+_LARGE_SHARE: Final = 0.5
 """Share of the motion's energy in a bin that may be noise of the poses."""
 _NOISE_KNOWN: Final = 0.1
 """Relative standard error of the variance of the poses' noise."""
@@ -110,7 +110,7 @@ class Fit(NamedTuple):
     reference: float
     """Stamp to which the offset refers [s]."""
     wander: Array
-    """(n,) of the truth's clock beside offset and skew [s]."""
+    """(n,) of the truth's clock besides offset and skew [s]."""
     slope: Array
     """(n, 6) rate of change of the readings that the model gives [1/s]."""
     hanging: Array
@@ -195,7 +195,7 @@ class _Sums:
         total, noise = (
             np.einsum("kaii,i->ka", matrix, prior**2) for matrix in (self.matrix, self.noise_matrix)
         )
-        return np.where(noise <= _MOSTLY * total, 1.0, 0.0)
+        return np.where(noise <= _LARGE_SHARE * total, 1.0, 0.0)
 
     def density(self, step: Array, inverse: Array, before: Array) -> Array:
         """Return the densities (bins, 6) of the residuals after a step.

@@ -11,7 +11,7 @@ import numpy as np
 
 from imu_sim_ros.types import Array
 
-_MOST: Final = 24
+_MAX_TERMS: Final = 24
 _PEAK: Final = 20.0
 """Power over that of its neighbours: noise reaches it once in 10^7 frequencies or so."""
 _NEIGHBOURS: Final = 40
@@ -46,7 +46,7 @@ def find_lines(values: Array, rate: float, lowest: float = 0.0) -> tuple[Lines, 
     """
     rest = values - values.mean(axis=0)
     frequencies: list[float] = []
-    for _ in range(_MOST):
+    for _ in range(_MAX_TERMS):
         peak = _highest_peak(rest, rate, max(lowest, _LOWEST))
         if peak is None:
             break
@@ -160,7 +160,7 @@ _PRIOR: Final = 0.5
 """Standard deviation of an exponent before the data: in proportion at most, as a rule."""
 _DISTURBED: Final = 4.0
 """Energy over the usual one of a window that is disturbed."""
-_FEWEST: Final = 8
+_MIN_WINDOWS: Final = 8
 """Windows below which nothing is said."""
 _LARGEST: Final = 3.0
 
@@ -208,7 +208,7 @@ def follow(values: Array, parts: Sequence[slice], rate: float, logs: Array) -> E
         size = max(round(_WINDOW * rate), 2)
         band = in_range(values, parts, rate, max(low, _SLOWEST), high)
         starts = [s for p in parts for s in range(p.start, p.stop - size + 1, size)]
-        if len(starts) < _FEWEST:
+        if len(starts) < _MIN_WINDOWS:
             continue
         rows = np.array(starts)[:, None] + np.arange(size)
         energy = np.mean(band[rows] ** 2, axis=1)
@@ -259,7 +259,7 @@ def calmed(
         for p in parts
         for s in range(p.start, p.stop - size + 1, size)
     ]
-    if len(energies) < _FEWEST:
+    if len(energies) < _MIN_WINDOWS:
         return result, 0
     usual = np.median(energies, axis=0)
     half = size // 2

@@ -166,12 +166,12 @@ def true_times(errors: Errors, stamps: Array, reference: float, wander: Array) -
     """Return the true times (n,) [s] of stamps (n,) [s].
 
     :param reference: stamp to which the offset refers [s].
-    :param wander: (n,) [s] what is added beside offset and skew.
+    :param wander: (n,) [s] what is added besides offset and skew.
     """
     return stamps + errors.offset + errors.skew * (stamps - reference) + wander
 
 
-class _Seen(NamedTuple):
+class _Linearised(NamedTuple):
     """What moves an IMU according to a truth whose own errors are taken out."""
 
     motion: BodyMotion
@@ -183,7 +183,7 @@ class _Seen(NamedTuple):
     """(n, 3, 3) change of the force with the world's turn."""
 
 
-def _seen(errors: Errors, motion_at: MotionAt, t: Array) -> _Seen:
+def _linearised(errors: Errors, motion_at: MotionAt, t: Array) -> _Linearised:
     """Return the motion at true times (n,) [s].
 
     A symmetric filter turns attitudes that vary slowly by ``-c alpha``, c < 0, so that rate and
@@ -209,12 +209,12 @@ def _seen(errors: Errors, motion_at: MotionAt, t: Array) -> _Seen:
         by_world = r_bw @ (turn.T @ rotation.skew(f_w))
     c = errors.curvature
     omega, f, alpha = (x + c * by for x, by in zip((omega, f, alpha), bend[:3], strict=True))
-    return _Seen(BodyMotion(omega, f, alpha, r_bw), slope, bend, by_world)
+    return _Linearised(BodyMotion(omega, f, alpha, r_bw), slope, bend, by_world)
 
 
 def predicted(errors: Errors, motion_at: MotionAt, t: Array) -> tuple[Array, Array]:
     """Return readings (n, 6) at true times (n,) [s] and their slope, without the truth's errors."""
-    seen = _seen(errors, motion_at, t)
+    seen = _linearised(errors, motion_at, t)
     return readings(errors, seen.motion), seen.slope
 
 
@@ -223,7 +223,7 @@ def linearised(
 ) -> tuple[Array, Array, Array]:
     """Return readings (n, 6), their Jacobian (n, 6, 40), and their rate of change (n, 6)."""
     t = true_times(errors, stamps, reference, wander)
-    motion, slope, by_curvature, by_world = _seen(errors, motion_at, t)
+    motion, slope, by_curvature, by_world = _linearised(errors, motion_at, t)
     rate, force = _ideal(errors, motion)
     jacobian = np.zeros((len(stamps), 6, COUNT))
     jacobian[:, :, 0] = slope

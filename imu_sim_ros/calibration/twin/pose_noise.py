@@ -27,7 +27,7 @@ _WINDOW: Final = 1.0
 """[s] over which the noise is averaged."""
 _NONE: Final = 1e-9
 """[m], [rad] a scatter below it is that of the numbers."""
-_MOST_DIGITS: Final = 7
+_MAX_DIGITS: Final = 7
 _WHOLE: Final = 1e-3
 """Distance of a whole number from one."""
 _AS_A_RULE: Final = 0.9
@@ -152,7 +152,7 @@ def noise_of(poses: Poses, smooth: Poses) -> PoseNoise:
     if steps.quaternion_step or steps.position_step:
         turn, shift = steps.drawn(smooth, np.random.default_rng(0))
         variance -= _variance(spoiled(smooth, turn, shift))
-    # What is left beside rounding is known to some per cent of the whole.
+    # What is left besides rounding is known to some per cent of the whole.
     variance = np.where(variance > 0.1 * _variance(poses), variance, 0.0)
     white = np.sqrt(variance)
     return steps._replace(white=np.where(white > _NONE, white, 0.0))
@@ -171,7 +171,7 @@ def spoiled(poses: Poses, turn: Array, shift: Array) -> Poses:
 
 def _step(values: Array) -> float:
     """Return the decimal step of values; 0 where there is none."""
-    for digits in range(1, _MOST_DIGITS):
+    for digits in range(1, _MAX_DIGITS):
         scaled = values * 10.0**digits
         if np.all(np.abs(scaled - np.rint(scaled)) < _WHOLE):
             return float(10.0**-digits)
@@ -182,7 +182,7 @@ def _quaternion_step(q_wb: Array) -> float:
     """Return the decimal step of quaternions (n, 4) that were made unit ones again after it."""
     rows = np.arange(len(q_wb))
     largest = np.abs(q_wb[rows, np.argmax(np.abs(q_wb), axis=1)])
-    for digits in range(1, _MOST_DIGITS):
+    for digits in range(1, _MAX_DIGITS):
         least = np.full(len(q_wb), np.inf)
         for more in (-1.0, 0.0, 1.0):
             # Rounded, they were shorter or longer by up to a step.

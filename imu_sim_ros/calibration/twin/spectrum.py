@@ -37,7 +37,7 @@ _IN_BAND: Final = 5
 """Frequencies in a band of half a second."""
 _QUIET: Final = 0.5
 """[s]"""
-_MOST: Final = 100
+_MAX_BANDS: Final = 100
 """Bands of equal width up to half the rate."""
 
 
@@ -90,7 +90,7 @@ def band_edges(duration: float, rate: float) -> Array:
     :param duration: of the longest segment [s].
     :param rate: samples per second [Hz].
     """
-    width = max(1.0, 0.5 * rate / _MOST)
+    width = max(1.0, 0.5 * rate / _MAX_BANDS)
     edges = [_FIRST / duration]
     while edges[-1] < 0.5 * rate:
         step = max((_RATIO - 1.0) * edges[-1], (_TAPERS - 1.0) / duration)
@@ -168,15 +168,17 @@ def white_floor(bands: Bands, lowest: float) -> White:
     from scipy.stats import chi2
 
     power = bands.density**2
-    asked = np.flatnonzero(bands.low >= lowest)
-    if not len(asked):
-        asked = np.arange(len(power))
+    selected = np.flatnonzero(bands.low >= lowest)
+    if not len(selected):
+        selected = np.arange(len(power))
     density, low, high = np.zeros((3, 6))
     floor = np.zeros(power.shape, dtype=np.bool_)
     for axis in range(6):
         # Bands of which much was noise of the poses are too uncertain.
-        whole = asked[bands.freedom[asked, axis] > _WHOLE * bands.freedom[asked].max(axis=1)]
-        clear = whole if len(whole) else asked
+        whole = selected[
+            bands.freedom[selected, axis] > _WHOLE * bands.freedom[selected].max(axis=1)
+        ]
+        clear = whole if len(whole) else selected
         order = clear[np.argsort(power[clear, axis])]
         mean, freedom = _common(power[order, axis], np.maximum(bands.freedom[order, axis], 2.0))
         density[axis] = np.sqrt(mean)

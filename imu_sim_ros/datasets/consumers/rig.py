@@ -19,7 +19,7 @@ from imu_sim_ros.types import Array
 
 @dataclass(frozen=True)
 class RigValues:
-    """One IMU and the cameras beside it, as their consumers see them."""
+    """One IMU and the cameras next to it, as their consumers see them."""
 
     imu: ImuValues
     cameras: Mapping[str, CameraParameters]

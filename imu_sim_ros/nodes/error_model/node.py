@@ -61,7 +61,7 @@ class ErrorModelNode(ConfiguredNode):
         self._oriented = bool(sensors) or parameters.input.gravity == "missing"
         """Whether an orientation is of any use."""
         self._odometry = Differentiator(parameters) if parameters.odometry else None
-        self.outputs = Outputs(self, parameters, self.ending.fail)
+        self.outputs = Outputs(self, parameters, self.lifetime.fail)
         self._faults = create(
             self,
             DiagnosticArray,
@@ -91,7 +91,7 @@ class ErrorModelNode(ConfiguredNode):
             f"{parameters.imu.preset} at {parameters.rate:g} Hz, seed {parameters.seed}, "
             f"on {self.resolve_topic_name(topic)}"
         )
-        self.reader = RawSubscriptions(self, self._take, self.ending.fail, _READ_PERIOD, topic)
+        self.reader = RawSubscriptions(self, self._take, self.lifetime.fail, _READ_PERIOD, topic)
         self._matched = MatchedInputs(self, self.reader, self._inputs, DEPTH)
 
     def _inputs(self) -> dict[str, Any]:

@@ -76,7 +76,9 @@ class Integrator(ConfiguredNode):
         if self.sensor.settled:
             self._tell_what_is_left_out()
         self.create_service(Trigger, "~/reset", self._reset)
-        self.reader = RawSubscriptions(self, self._take, self.ending.fail, _READ_PERIOD, IMU_TOPIC)
+        self.reader = RawSubscriptions(
+            self, self._take, self.lifetime.fail, _READ_PERIOD, IMU_TOPIC
+        )
         self._matched = MatchedInputs(self, self.reader, self._inputs, _DEPTH)
 
     def apply(self, new: IntegratorParameters) -> None:

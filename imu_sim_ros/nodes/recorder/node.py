@@ -61,7 +61,7 @@ class Recorder(ConfiguredNode):
         self._live_line = parameters.status and sys.stderr.isatty()
         self.recording = Recording(
             self._open_bag,
-            lambda error: self.ending.fail(error, status=1),
+            lambda error: self.lifetime.fail(error, status=1),
             parameters.buffer_size * MEGABYTE,
         )
         self._limit = DurationLimit(parameters.duration)
@@ -69,7 +69,7 @@ class Recorder(ConfiguredNode):
         self.reader = RawSubscriptions(
             self,
             self._put,
-            self.ending.fail,
+            self.lifetime.fail,
             _READ_PERIOD,
         )
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -186,11 +186,11 @@ class Recorder(ConfiguredNode):
         """End the recording where a limit is reached."""
         recording, parameters = self.recording, self.parameters
         if 0 < parameters.max_size * MEGABYTE <= recording.size:
-            self.ending.finish()
+            self.lifetime.finish()
         elif self.reader.first_at:
             self._began_at = self._began_at or self._seconds(self.reader.first_at)
             if self._limit.reached(self._seconds() - self._began_at, time.monotonic()):
-                self.ending.finish()
+                self.lifetime.finish()
 
     def _seconds(self, steady: float = 0.0) -> float:
         """Return the time on the node's clock: simulated, or the steady one."""

@@ -51,7 +51,7 @@ AHEAD: Final = 8
 """Frames that wait to be published: 3 MB of 752 x 480."""
 _NICE: Final = 5
 _RENDERING_NICE: Final = 5
-"""Beside that of the process."""
+"""TableRows that of the process."""
 _POLL: Final = 0.05
 """[s] between two looks at the subscribers."""
 _BEHIND: Final = 20

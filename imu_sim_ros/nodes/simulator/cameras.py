@@ -211,7 +211,7 @@ class Cameras:
         self.counters: list[RemoteCounter] = []
         self.streams: list[CameraStream] = []
         self._processes: list[CameraProcess] = []
-        self._asked = 0.0
+        self._requested_at = 0.0
         self.mounts = [_mount(parameters.frame(n), c) for n, c in parameters.each().items()]
         for name, camera in parameters.each().items():
             topics = _topics_of(name, parameters)
@@ -247,8 +247,8 @@ class Cameras:
 
         :param now: [s], of a clock that never jumps.
         """
-        self._asked = self._asked or now
-        late = now - self._asked > _LONGEST_CONNECTION
+        self._requested_at = self._requested_at or now
+        late = now - self._requested_at > _LONGEST_CONNECTION
         return late or all(counter.connected for counter in self.counters)
 
     def close(self) -> None:

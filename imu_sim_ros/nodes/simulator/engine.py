@@ -51,10 +51,12 @@ def wanted_fault(wanted: InjectParameters, publish: PublishParameters) -> Fault:
 
     :raises ConfigurationError: for a fault that cannot be, and a sensor that is not published.
     """
-    beside = with_faults().get(wanted.triad)
-    if beside is not None and not getattr(publish, beside, True):  # those of the body always are
+    quantity = with_faults().get(wanted.triad)
+    if quantity is not None and not getattr(
+        publish, quantity, True
+    ):  # those of the body always are
         raise ConfigurationError(
-            f"inject.triad = {wanted.triad}: needs publish.{beside}, which is false"
+            f"inject.triad = {wanted.triad}: needs publish.{quantity}, which is false"
         )
     return wanted.fault()
 

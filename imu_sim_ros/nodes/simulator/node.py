@@ -109,8 +109,8 @@ class Simulator(ConfiguredNode):
             ready=self._ready,
             zero=self._zero,
             acknowledged=self._acknowledged,
-            on_end=self.ending.finish,
-            fail=self.ending.fail,
+            on_end=self.lifetime.finish,
+            fail=self.lifetime.fail,
         )
         self._fresh = not parameters.autostart
         self.engine.pacer.pause(self._fresh)
@@ -200,7 +200,7 @@ class Simulator(ConfiguredNode):
         from imu_sim_ros.nodes.simulator.cameras import Cameras  # most runs have none
 
         duration = parameters.duration or longest
-        self._cameras = Cameras(self, parameters, duration, self.ending.fail)
+        self._cameras = Cameras(self, parameters, duration, self.lifetime.fail)
         self._counters += self._cameras.counters
         yield from self._cameras.streams
 
@@ -366,7 +366,7 @@ class Simulator(ConfiguredNode):
             response.success, response.message = False, refusal
             return response
         self._fresh, self._stepping = False, True
-        passed = await self.ending.in_thread("step", lambda: pacer.step(count, _STEP_TIMEOUT))
+        passed = await self.lifetime.in_thread("step", lambda: pacer.step(count, _STEP_TIMEOUT))
         self._stepping = False
         response.success = passed == count
         response.message = f"{count} samples"

@@ -41,7 +41,7 @@ _TRIES: Final = 20
 """How often a frame may get more points of a cloud."""
 _SAMPLES: Final = 1000
 """Points of a cloud from which it is seen whether a camera sees any."""
-_AHEAD: Final = 0.1
+_IN_FRONT: Final = 0.1
 """Cosine of the largest angle from the axis at which a cloud has points."""
 _FURNITURE: Final = 0.8
 """How far a box may extend into the room, in distances of the path from the wall."""
@@ -285,7 +285,7 @@ def _in_view(view: View, count: int, p: CloudParameters, stream: np.random.Gener
         ray = view.model.unproject(pixel)
         local = ray.direction * stream.uniform(p.near, p.far, (count, 1))
         # A wide lens sees beyond 90 degrees, where a landmark has no depth.
-        found = np.concatenate([found, local[ray.valid & (local[:, 2] > p.near * _AHEAD)]])
+        found = np.concatenate([found, local[ray.valid & (local[:, 2] > p.near * _IN_FRONT)]])
     return found[:count]
 
 

@@ -119,7 +119,7 @@ def hidden(surfaces: Surfaces, eye: Array, points: Array) -> NDArray[np.bool_]:
     return result
 
 
-_MOST: Final = 10_000_000
+_MAX_LANDMARKS: Final = 10_000_000
 _PLY_TYPES: Final = {
     "char": "i1",
     "int8": "i1",
@@ -233,6 +233,11 @@ def _ply_header(path: Path, lines: list[str]) -> tuple[str, int, list[str], list
             case ["property", "list", *_] if element == "vertex":
                 raise InputError(f"{path}: a vertex with a list property is not supported")
     known = form in ("ascii", "binary_little_endian", "binary_big_endian")
-    if not known or not {"x", "y", "z"} <= set(names) or "" in types or not 0 <= count <= _MOST:
+    if (
+        not known
+        or not {"x", "y", "z"} <= set(names)
+        or "" in types
+        or not 0 <= count <= _MAX_LANDMARKS
+    ):
         raise InputError(f"{path}: the PLY header does not describe vertices with x, y and z")
     return form, count, names, types

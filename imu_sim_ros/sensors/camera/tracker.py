@@ -63,7 +63,7 @@ class Lines(NamedTuple):
     """(n, 2, 2) exact pixels."""
 
 
-class _Seen(NamedTuple):
+class _Observed(NamedTuple):
     """Landmarks that are visible."""
 
     frame: Rows
@@ -134,10 +134,10 @@ class Tracker:
         result: Rows = landmark + len(self._age) * ((index + self._age[landmark]) // life)
         return result
 
-    def _visible(self, frames: Frames) -> _Seen:
+    def _visible(self, frames: Frames) -> _Observed:
         return self._look(frames, self.scene.landmarks, self.scene.normals)
 
-    def _look(self, frames: Frames, points: Array, normals: Array) -> _Seen:
+    def _look(self, frames: Frames, points: Array, normals: Array) -> _Observed:
         """Return which points are seen in which frames, in as many steps as memory requires."""
         delivered = np.flatnonzero(frames.delivered)
         step = max(1, _PAIRS // max(1, len(points)))
@@ -147,15 +147,15 @@ class Tracker:
         ]
         if not parts:
             empty = np.zeros(0, dtype=np.int64)
-            return _Seen(empty, empty, np.zeros((0, 2)), np.zeros(0))
-        return _Seen(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+            return _Observed(empty, empty, np.zeros((0, 2)), np.zeros(0))
+        return _Observed(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
-    def _look_at_once(self, frames: Frames, rows: Rows, points: Array, normals: Array) -> _Seen:
+    def _look_at_once(self, frames: Frames, rows: Rows, points: Array, normals: Array) -> _Observed:
         p, model = self.view.parameters, self.view.model
         t = self.view.seconds(frames.true_t_ns[rows])
         poses = self.view.poses(self.trajectory, t)
         slack = _SLACK * model.height if p.row_time > 0.0 else 0.0
-        frame, point, local = self._ahead(poses, points)
+        frame, point, local = self._in_front(poses, points)
         uv, valid = model.project(local)
         seen = valid & model.inside(uv, p.border - slack)
         frame, point, uv, depth = frame[seen], point[seen], uv[seen], local[seen, 2]
@@ -165,9 +165,9 @@ class Tracker:
             eye = Poses(eye.position[seen], eye.q_wc[seen])
             frame, point, uv, depth = frame[seen], point[seen], uv[seen], depth[seen]
         shown = self._shown(eye.position, points[point], normals[point])
-        return _Seen(rows[frame[shown]], point[shown], uv[shown], depth[shown])
+        return _Observed(rows[frame[shown]], point[shown], uv[shown], depth[shown])
 
-    def _ahead(self, poses: Poses, points: Array) -> tuple[Rows, Rows, Array]:
+    def _in_front(self, poses: Poses, points: Array) -> tuple[Rows, Rows, Array]:
         """Return frames and rows of all points within the depths, and the points in the camera."""
         p = self.view.parameters
         count = len(points)
@@ -203,7 +203,7 @@ class Tracker:
         shown[rows[hidden(self.scene.surfaces, eye[rows], points[rows])]] = False
         return shown
 
-    def _chosen(self, seen: _Seen) -> _Seen:
+    def _chosen(self, seen: _Observed) -> _Observed:
         """Return at most ``max_features`` of each frame: of each cell those of highest priority."""
         p = self.view.parameters
         if not p.max_features or not len(seen.frame):
@@ -219,7 +219,7 @@ class Tracker:
         keep = _rank(seen.frame, order) < p.max_features
         return _kept(seen, keep)
 
-    def _measured(self, frames: Frames, seen: _Seen) -> tuple[Array, Mask]:
+    def _measured(self, frames: Frames, seen: _Observed) -> tuple[Array, Mask]:
         """Return the pixels with noise, outliers and mismatches, and which are wrong."""
         p = self.view.parameters
         uv, wrong = seen.uv.copy(), np.zeros(len(seen.uv), dtype=bool)
@@ -244,8 +244,8 @@ class Tracker:
         return uv, wrong
 
 
-def _kept(seen: _Seen, rows: Mask) -> _Seen:
-    return _Seen(seen.frame[rows], seen.landmark[rows], seen.uv[rows], seen.depth[rows])
+def _kept(seen: _Observed, rows: Mask) -> _Observed:
+    return _Observed(seen.frame[rows], seen.landmark[rows], seen.uv[rows], seen.depth[rows])
 
 
 def _rank(group: Rows, order: Rows) -> Rows:

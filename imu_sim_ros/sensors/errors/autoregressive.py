@@ -13,7 +13,7 @@ from numpy.random import Generator
 
 from imu_sim_ros.types import Array
 
-_TOGETHER: Final = 8192
+_AT_ONCE: Final = 8192
 """Values of a row generated at once, as far as whole chunks allow: they stay in the cache."""
 
 
@@ -44,7 +44,7 @@ class ChunkedProcess(ABC):
             return taken
         parts, done = [left], left.shape[1]
         while done < count:
-            chunks = min(-((done - count) // self._length), max(1, _TOGETHER // self._length))
+            chunks = min(-((done - count) // self._length), max(1, _AT_ONCE // self._length))
             parts.append(self._make_chunks(chunks))
             done += chunks * self._length
         last = parts[-1]

@@ -35,7 +35,7 @@ class Term(Protocol):
         """Add the next n samples to values (3, n)."""
 
 
-class _Drawn:
+class _RandomStream:
     """A term with a stream for each axis, and a strength for each."""
 
     active = False
@@ -66,7 +66,7 @@ class _Drawn:
             values[self._rows] += own
 
 
-class WhiteNoise(_Drawn):
+class WhiteNoise(_RandomStream):
     """White noise: ``n_d = sigma / sqrt(dt) w`` (lecture eq. 16).
 
     Where the axes are correlated, w is ``L w'`` of independent w' with ``L L^T`` their correlation;
@@ -136,7 +136,7 @@ def _square_root(correlation: Vector) -> Array:
     return np.array([[1.0, 0.0, 0.0], [xy, yy, 0.0], [xz, zy, zz]])
 
 
-class RandomWalk(_Drawn):
+class RandomWalk(_RandomStream):
     """Random walk: ``b_k = b_(k-1) + sigma_b sqrt(dt) w`` (lecture eq. 20 and 21), ``b_0 = 0``."""
 
     def __init__(self, seed: int, triad: str, dt: float) -> None:

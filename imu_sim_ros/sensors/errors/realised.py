@@ -4,7 +4,7 @@
 """Constants of a unit drawn from its seed: what a data sheet gives as a tolerance.
 
 Which constants there are, and what a turn-on scale does to them, the declarations of a sensor's
-parameters say: a constant is a parameter NAME beside which there is a NAME_sigma.
+parameters say: a constant is a parameter NAME next to which there is a NAME_sigma.
 """
 
 import dataclasses

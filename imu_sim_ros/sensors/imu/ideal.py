@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.sensors.gravity import CurvedEarth
 
 
-_MOST_PERIODS: Final = 50.0
+_MAX_PERIODS: Final = 50.0
 """Of the highest frequency in the interval; they take 187 nodes."""
 _NEWTON_STEPS: Final = 8
 """Enough for any number of nodes; from cosines 4 reach the last digit."""
@@ -50,10 +50,10 @@ def quadrature(frequency: float, interval: float) -> Quadrature:
     # In terms of the half interval, sin and cos of up to c x, x in [-1, 1]; the mean of cos(c x)
     # is sin(c) / c, and its error grows with c until the nodes are too few for it.
     periods = frequency * interval
-    if periods > _MOST_PERIODS:
+    if periods > _MAX_PERIODS:
         raise ConfigurationError(
             f"imu.sampling = averaged: the motion has frequencies up to {frequency:g} Hz, "
-            f"{periods:.3g} times the rate; at most {_MOST_PERIODS:g} times can be averaged"
+            f"{periods:.3g} times the rate; at most {_MAX_PERIODS:g} times can be averaged"
         )
     c = 2.0 * np.pi * periods
     fewest = lobatto(4)

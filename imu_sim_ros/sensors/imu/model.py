@@ -50,7 +50,7 @@ class Imu:
         """Set up all errors at their start.
 
         :param t0_ns: time of sample 0 [ns].
-        :param sensors: names of what is read beside the IMU.
+        :param sensors: names of what is read besides the IMU.
         :param carried: the parameters of sensors of the body, by name.
         """
         seed, rate = environment.seed, environment.rate
@@ -67,7 +67,7 @@ class Imu:
         self._faults = FaultSchedule(seed, 1.0 / rate)
         self._auxiliary = None
         if sensors:
-            self._auxiliary = _beside(imu, environment, t0_ns, sensors, carried)
+            self._auxiliary = _auxiliary(imu, environment, t0_ns, sensors, carried)
         self._vibration = _vibration(imu, environment)
         self._ahead: _Ahead | None = None
         self.configure(imu, carried)
@@ -398,14 +398,14 @@ def _joined(readings: Iterable[Reading]) -> Reading:
     return Reading(*(np.concatenate(parts, axis=1) for parts in zip(*readings, strict=True)))
 
 
-def _beside(
+def _auxiliary(
     imu: ImuParameters,
     environment: EnvironmentParameters,
     t0_ns: int,
     sensors: Collection[str],
     carried: Mapping[str, Any],
 ) -> "Auxiliary":
-    """Return what is read beside the IMU; most runs have nothing of it."""
+    """Return what is read besides the IMU; most runs have nothing of it."""
     from imu_sim_ros.sensors.auxiliary import Auxiliary
 
     return Auxiliary(imu, environment, t0_ns, sensors, carried)

@@ -18,7 +18,7 @@ from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import number_of, read_text, shortened
 
 _DEEPEST: Final = 200
-_MOST_ELEMENTS: Final = 1_000_000
+_MAX_ELEMENTS: Final = 1_000_000
 _QUANTITIES: Final = {"gyroscope": "angular_velocity", "accelerometer": "linear_acceleration"}
 _OLD_QUANTITIES: Final = {"gyroscope": "rate", "accelerometer": "accel"}
 _ROTORS: Final = {
@@ -111,7 +111,7 @@ def _parsed(path: str) -> _Element:
     def start(tag: str, attributes: dict[str, str]) -> None:
         nonlocal count
         count += 1
-        if len(stack) > _DEEPEST or count > _MOST_ELEMENTS:
+        if len(stack) > _DEEPEST or count > _MAX_ELEMENTS:
             raise InputError(f"{path}: nested deeper than {_DEEPEST}, or very many elements")
         element = _Element(tag, attributes)
         stack[-1].children.append(element)

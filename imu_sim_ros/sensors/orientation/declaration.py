@@ -28,7 +28,7 @@ from imu_sim_ros.sensors.orientation.parameters import OrientationParameters
 from imu_sim_ros.types import Array, Times
 
 if TYPE_CHECKING:
-    from imu_sim_ros.bags.messages.blocks import Pattern
+    from imu_sim_ros.bags.messages.blocks import RowTemplate
 
 
 TYPE: Final = "sensor_msgs/msg/Imu"
@@ -78,7 +78,7 @@ def _readings(frame: str, encoding: str) -> Payloads:
 
     readings = ImuEncoder(frame, encoding)
 
-    def pattern(stated: Any, rows: Any, block: ImuBlock, now: Now) -> "Pattern":
+    def pattern(stated: Any, rows: Any, block: ImuBlock, now: Now) -> "RowTemplate":
         of_imu = stated.rows[rows]
         return readings.pattern(
             stated.t_ns[rows],

@@ -20,7 +20,7 @@ from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.types import Array
 
 if TYPE_CHECKING:
-    from imu_sim_ros.bags.messages.blocks import Pattern
+    from imu_sim_ros.bags.messages.blocks import RowTemplate
 
 ODOMETRY: Final = "nav_msgs/msg/Odometry"
 JOINT_STATE: Final = "sensor_msgs/msg/JointState"
@@ -96,7 +96,7 @@ def _joints(name: str, position: str, velocity: str, truth: bool = False) -> Top
     def make(_: str, encoding: str) -> Payloads:
         from imu_sim_ros.bags.messages.joints import JointStateEncoder
 
-        def payloads(read: Any, rows: Any, _: ImuBlock, now: Any) -> "Pattern":
+        def payloads(read: Any, rows: Any, _: ImuBlock, now: Any) -> "RowTemplate":
             t_ns = (read.true_t_ns if truth else read.t_ns)[rows]
             encoder = JointStateEncoder(now.joints, "", encoding)
             return encoder.pattern(
@@ -112,7 +112,7 @@ def _odometry(name: str, truth: bool = False) -> Topic:
     def make(frame: str, encoding: str) -> Payloads:
         from imu_sim_ros.bags.messages.encode import OdometryEncoder
 
-        def payloads(read: Any, rows: Any, _: ImuBlock, now: Any) -> "Pattern":
+        def payloads(read: Any, rows: Any, _: ImuBlock, now: Any) -> "RowTemplate":
             encoder = OdometryEncoder(now.odom_frame, frame, encoding)
             if truth:
                 pose, twist = read.true_pose[rows], read.true_twist[rows]

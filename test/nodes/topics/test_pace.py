@@ -6,7 +6,7 @@
 import numpy as np
 import pytest
 
-from imu_sim_ros.nodes.publishing import Pace
+from imu_sim_ros.nodes.publishing import PollTimer
 
 PERIOD = 0.002
 OVERSLEPT_NS = 60_000
@@ -18,7 +18,7 @@ START_NS = 1_700_000_000_000_000_000
 
 def look_for(arrivals_ns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return when a reader looked (m,), and how long each of the messages (n,) waited [ns]."""
-    pace, now, taken = Pace(PERIOD), int(arrivals_ns[0]) - 10**9, 0
+    pace, now, taken = PollTimer(PERIOD), int(arrivals_ns[0]) - 10**9, 0
     looks, waits = [], np.zeros(len(arrivals_ns))
     while taken < len(arrivals_ns):
         looks.append(now)
@@ -85,7 +85,7 @@ def test_others_wait_hardly_longer_than_a_period(sent: np.ndarray) -> None:
 
 @pytest.mark.parametrize("jump_ns", [-3600 * 10**9, 3600 * 10**9, -(10**6)])
 def test_a_clock_that_is_set_changes_nothing_for_long(jump_ns: int) -> None:
-    pace, now = Pace(PERIOD), START_NS
+    pace, now = PollTimer(PERIOD), START_NS
     for _ in range(100):
         delay = pace.wait(1, now, now + 100_000)
         now += 5_000_000
@@ -100,12 +100,12 @@ def test_a_clock_that_is_set_changes_nothing_for_long(jump_ns: int) -> None:
 
 
 def test_a_middleware_without_times_of_reception_is_looked_at_every_period() -> None:
-    pace = Pace(PERIOD)
+    pace = PollTimer(PERIOD)
     assert {pace.wait(2, 0, START_NS + k * 2_000_000) for k in range(100)} == {PERIOD}
 
 
 def test_a_silent_topic_is_looked_at_every_period() -> None:
-    pace, now = Pace(PERIOD), START_NS
+    pace, now = PollTimer(PERIOD), START_NS
     for _ in range(100):
         pace.wait(1, now, now)
         now += 5_000_000

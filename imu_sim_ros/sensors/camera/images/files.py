@@ -95,7 +95,7 @@ _OF_LIBJPEG: Final = re.compile(
 )
 PNG: Final = b"\x89PNG\r\n\x1a\n"
 JPEG: Final = b"\xff\xd8\xff"
-_MOST_PIXELS: Final = 1 << 27
+_MAX_PIXELS: Final = 1 << 27
 _NEEDED: Final = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")
 """Chunks that pixels depend on."""
 _CHANNELS: Final = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
@@ -218,5 +218,5 @@ def _jpeg(data: bytes) -> Size:
 
 
 def _check_size(width: int, height: int) -> None:
-    if not 0 < width * height <= _MOST_PIXELS:
-        raise InputError(f"an image of {width} x {height} pixels; 1 to {_MOST_PIXELS:,} are read")
+    if not 0 < width * height <= _MAX_PIXELS:
+        raise InputError(f"an image of {width} x {height} pixels; 1 to {_MAX_PIXELS:,} are read")

@@ -140,7 +140,7 @@ class _Visible(NamedTuple):
     """Of those that are anywhere, around these cells."""
 
 
-class _Drawn(NamedTuple):
+class _Band(NamedTuple):
     """What a band of rays sees so far."""
 
     nearest: Single
@@ -274,21 +274,21 @@ class Renderer:
         front = ((offset * s.normal).sum(axis=2) > 0.0).any(axis=0)
         return np.flatnonzero(front | (np.array(s.texture) == "plane"))
 
-    def _drawn(self, visible: _Visible, band: slice) -> _Drawn:
+    def _drawn(self, visible: _Visible, band: slice) -> _Band:
         """Return what a band of cells sees."""
         rows = _pixels(band, self.height)
         shape = (rows.stop - rows.start, self.width)
         count = 1 + self._trilinear
         background = [np.ones((2, *shape), np.float32) for _ in range(count)]  # the atlas' corner
         share = np.zeros(shape, np.uint16) if self._trilinear else None
-        drawn = _Drawn(np.zeros(shape, np.float32), background, share)
+        drawn = _Band(np.zeros(shape, np.float32), background, share)
         for m, cells, columns in regions(visible.cells[:, band]):
             first = slice(band.start + cells.start, band.start + cells.stop)
             self._draw(visible, m, first, columns, rows.start, drawn)
         return drawn
 
     def _draw(
-        self, visible: _Visible, m: int, cells: slice, across: slice, top: int, drawn: _Drawn
+        self, visible: _Visible, m: int, cells: slice, across: slice, top: int, drawn: _Band
     ) -> None:
         """Put a surface where it is nearer than what was drawn before.
 
@@ -298,12 +298,12 @@ class Renderer:
         """
         rows, columns = _pixels(cells, self.height), _pixels(across, self.width)
         rays = self._rays[:, rows, columns]
-        ahead, inverse, places = visible.planes.meet(m, rays, rows)
+        in_front, inverse, places = visible.planes.meet(m, rays, rows)
         below = slice(rows.start - top, rows.stop - top)
         here = below, columns
         nearest = drawn.nearest[here]
         shown = inverse > nearest
-        shown &= ahead
+        shown &= in_front
         shown &= within(places)
         if not shown.any():
             return

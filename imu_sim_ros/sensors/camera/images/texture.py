@@ -223,7 +223,7 @@ Single = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
 _ONE = np.float32(1.0)
-_AHEAD = np.float32(1e-6)
+_IN_FRONT = np.float32(1e-6)
 """Least 1 / t of what is in front of the camera."""
 
 
@@ -268,10 +268,10 @@ class Planes(NamedTuple):
         dots += term
         dots += np.multiply(vectors[:, 2], rays[2], out=term)
         inverse, places = dots[0], dots[1:]
-        ahead = inverse > _AHEAD
-        places *= _ONE / np.where(ahead, inverse, _ONE)
+        in_front = inverse > _IN_FRONT
+        places *= _ONE / np.where(in_front, inverse, _ONE)
         places += start
-        return ahead, inverse, places
+        return in_front, inverse, places
 
 
 def within(places: Single) -> Mask:

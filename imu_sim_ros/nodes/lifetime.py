@@ -16,7 +16,7 @@ from imu_sim_ros.nodes.supervised_thread import SupervisedThread
 _Result = TypeVar("_Result")
 
 
-class Ending:
+class Lifetime:
     """The end of a node's run, with its exit status and what went wrong."""
 
     def __init__(self, node: Node) -> None:

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a board measures beside its IMU, read from bags and folders, and written to bags.
+"""What a board measures besides its IMU, read from bags and folders, and written to bags.
 
 Which sensors there are, the callers hand in: a :class:`~imu_sim_ros.inputs.tables.Table` for each.
 """
@@ -26,7 +26,7 @@ from imu_sim_ros.inputs.tables import Encode, Table, Tables
 from imu_sim_ros.types import Array, Times
 
 
-class Beside(NamedTuple):
+class TableRows(NamedTuple):
     """n measurements of one kind."""
 
     t_ns: Times
@@ -47,7 +47,7 @@ def blocks(
     recover: bool = False,
     skipped: Skipped | None = None,
     warned: Warned | None = None,
-) -> Iterator[Beside]:
+) -> Iterator[TableRows]:
     """Yield measurements in blocks of bounded size; messages without an orientation are left out.
 
     :param topic: of a bag, None: the only one; of a folder: a table's name and number, mag0.
@@ -58,8 +58,8 @@ def blocks(
     size = 3 if table.columns > 1 else 1
     if text_reader.is_text(path):
         name = topic or f"{table.name}0"
-        for t_ns, values in text_reader.beside_blocks(path, name, table, skipped):
-            yield Beside(t_ns, values, np.zeros((len(t_ns), size, size)))
+        for t_ns, values in text_reader.table_blocks(path, name, table, skipped):
+            yield TableRows(t_ns, values, np.zeros((len(t_ns), size, size)))
         return
     read = decoded_blocks(path, table.type, topic, table.fields, recover, skipped, warned)
     for _, decoded in read:
@@ -72,7 +72,7 @@ def blocks(
             values = inside_order(values)
             stated = covariance[:, 0, 0] >= 0.0  # -1: there is no orientation (REP-145)
             t_ns, values, covariance = t_ns[stated], values[stated], covariance[stated]
-        yield Beside(t_ns, values, covariance)
+        yield TableRows(t_ns, values, covariance)
 
 
 def stamps(folder: Path, name: str, table: Table | None) -> Iterator[Times]:
@@ -82,18 +82,18 @@ def stamps(folder: Path, name: str, table: Table | None) -> Iterator[Times]:
     """
     if table is None:
         return (block[0] for block in text_reader.imu_blocks(folder, name))
-    return (block[0] for block in text_reader.beside_blocks(folder, name, table))
+    return (block[0] for block in text_reader.table_blocks(folder, name, table))
 
 
-def read_beside(
+def read_table(
     path: str | Path, table: Table, topic: str | None = None, skipped: Skipped | None = None
-) -> Beside:
+) -> TableRows:
     """Return all measurements; arguments as for :func:`blocks`."""
     parts = list(blocks(Path(path), table, topic, skipped=skipped))
     if not parts:
-        none = Beside(np.empty(0, np.int64), np.empty((0, table.columns)), np.empty((0, 3, 3)))
+        none = TableRows(np.empty(0, np.int64), np.empty((0, table.columns)), np.empty((0, 3, 3)))
         parts = [none]
-    return Beside(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+    return TableRows(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
 def read_measured(
@@ -108,13 +108,13 @@ def read_measured(
             names = [info.name for info in bag.topics if info.type == table.type]
         measured = [name for name in names if _TRUTH not in name]
         topic = measured[0] if len(measured) == 1 else None
-    return read_beside(path, table, topic, skipped)[:2]
+    return read_table(path, table, topic, skipped)[:2]
 
 
 def table_of(path: Path, topic: str, tables: Tables) -> Table | None:
     """Return the kind of a topic of a bag, or of a table of a folder; None: another, or none."""
     if text_reader.is_text(path):
-        kind = text_reader.beside_names(path, tables).get(topic)
+        kind = text_reader.table_names(path, tables).get(topic)
         return None if kind is None else tables[kind]
     with open_bag(path) as bag:
         types = {info.name.lstrip("/"): info.type for info in bag.topics}
@@ -131,7 +131,7 @@ class Truths(NamedTuple):
 
 
 def truths_of(table: Table, topic: str) -> Truths:
-    """Return the topics of the truth beside one of readings, in the same namespace.
+    """Return the topics of the truth next to one of readings, in the same namespace.
 
     :raises InputError: for a sensor that has none.
     """
@@ -146,7 +146,7 @@ def truths_of(table: Table, topic: str) -> Truths:
 def read_bias(path: str | Path, table: Table, topic: str) -> tuple[Times, Array]:
     """Return stamps (n,) and biases (n, m) of a sensor's topic of the truth."""
     if table.bias_type == table.type:
-        return read_beside(path, table, topic)[:2]
+        return read_table(path, table, topic)[:2]
     parts = list(vector_blocks(path, topic))
     return (
         np.concatenate([np.empty(0, np.int64), *(part[0] for part in parts)]),
@@ -155,7 +155,7 @@ def read_bias(path: str | Path, table: Table, topic: str) -> tuple[Times, Array]
 
 
 def tables_of(topics: Iterable[TopicInfo], readings: str, tables: Tables) -> dict[str, TopicInfo]:
-    """Return the topics that become tables beside the readings of an IMU, by kind.
+    """Return the topics that become tables besides the readings of an IMU, by kind.
 
     :param topics: those that are to be converted.
     :param readings: name of the IMU's topic: its own sensors have the same namespace. Another
@@ -186,13 +186,13 @@ def streams_of_tables(
     skipped: Skipped | None,
     tables: Tables,
 ) -> list[Iterator[list[Block]]]:
-    """Return the messages of all tables beside the readings of IMUs in a folder, in blocks.
+    """Return the messages of all tables besides the readings of IMUs in a folder, in blocks.
 
     :param renamed: new names of topics by old ones.
     :param imus: names of the IMUs, imu0 and so on: of several, each has a namespace.
     """
     made: list[Iterator[list[Block]]] = []
-    names = text_reader.beside_names(path, tables)
+    names = text_reader.table_names(path, tables)
     for name, kind in names.items():
         table, imu = tables[kind], f"imu{name.removeprefix(kind)}"
         if not table.is_converted:
