@@ -16,7 +16,7 @@ from imu_sim_ros.navigation.covariance import Covariance
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon, dead_reckon_integrals
 from imu_sim_ros.navigation.noise import ImuErrors, TriadErrors
 from imu_sim_ros.navigation.parameters import ATTITUDE_UPDATES, METHODS
-from imu_sim_ros.navigation.preintegration import Readings, preintegrate
+from imu_sim_ros.navigation.preintegration import StepReadings, preintegrate
 from imu_sim_ros.navigation.state import AT_REST, NavigationState, NavigationStates
 from imu_sim_ros.navigation.stepper import Stepper
 from imu_sim_ros.program import print_table
@@ -116,7 +116,7 @@ def others() -> None:
     rows = [["covariance, one step", f"{median_time(covariance_steps) / 2000 * 1e6:.1f}"]]
     for batch in (1, 100):
         _, gyro, accel = readings(201)
-        repeated = Readings(
+        repeated = StepReadings(
             np.full((batch, 200), 0.005),
             np.tile(gyro, (batch, 1, 1)),
             np.tile(accel, (batch, 1, 1)),

@@ -18,7 +18,7 @@ from imu_sim_ros.navigation.covariance import ATTITUDE, POSITION, VELOCITY, prop
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.evaluation import anees_band, nees, straightened
 from imu_sim_ros.navigation.noise import noise_of
-from imu_sim_ros.navigation.preintegration import Readings, preintegrate
+from imu_sim_ros.navigation.preintegration import StepReadings, preintegrate
 from imu_sim_ros.navigation.preintegration_factor import States, imu_residual
 from imu_sim_ros.navigation.state import AT_REST, NavigationStates
 from imu_sim_ros.simulation.engine import Simulation
@@ -93,7 +93,7 @@ def test_preintegration_is_consistent(runs):
     """The residual of the true states, in the axes of the interval's end, over 500 runs of 10 s."""
     parameters, blocks = runs
     h = np.diff(blocks[0].t_ns) * 1e-9
-    readings = Readings(
+    readings = StepReadings(
         np.tile(h, (RUNS, 1)),
         np.stack([block.gyro for block in blocks]),
         np.stack([block.accel for block in blocks]),
@@ -108,7 +108,7 @@ def test_preintegration_is_consistent(runs):
     ]
     pre = preintegrate(readings, None, ends[0].gyro_bias, ends[0].accel_bias)
     residual = imu_residual(pre, ends[0], ends[1], parameters.gravity).residual
-    ideal = Readings(h[None], blocks[0].ideal_gyro[None], blocks[0].ideal_accel[None])
+    ideal = StepReadings(h[None], blocks[0].ideal_gyro[None], blocks[0].ideal_accel[None])
     exact = preintegrate(ideal, noise_of(parameters.imu))
     to_end = rotation.to_matrix(exact.gamma[0]).T
     # 2 vec(q) is 2 sin(angle / 2); the vector itself is wanted here.

@@ -13,7 +13,7 @@ from imu_sim_ros.navigation.preintegration import (
     GYRO_BIAS,
     METHODS,
     THETA,
-    Readings,
+    StepReadings,
     between,
     corrected,
     preintegrate,
@@ -56,7 +56,7 @@ def test_a_batch_equals_single_intervals(readings, method):
     together = preintegrate(readings, ANISOTROPIC, 0.01, 0.1, method)
     assert readings.h.shape == (3, 320)
     for k, count in enumerate((200, 80, 320)):
-        single = Readings(
+        single = StepReadings(
             readings.h[k : k + 1, :count],
             readings.gyro[k : k + 1, : count + 1],
             readings.accel[k : k + 1, : count + 1],

@@ -13,7 +13,7 @@ from imu_sim_ros.navigation import preintegration as deltas
 from imu_sim_ros.navigation.covariance_terms import processes, response_terms
 from imu_sim_ros.navigation.evaluation import anees_band, nees
 from imu_sim_ros.navigation.noise import ImuErrors, TriadErrors, noise_of
-from imu_sim_ros.navigation.preintegration import Readings, preintegrate
+from imu_sim_ros.navigation.preintegration import StepReadings, preintegrate
 from imu_sim_ros.parameters import files
 from imu_sim_ros.simulation.engine import Simulation
 from imu_sim_ros.simulation.parameters import load_simulation
@@ -86,7 +86,7 @@ def considered(gyro, accel, noise):
 def test_pieces_of_eight_steps_are_as_good_as_fine_ones(noise):
     """As correlations. 0.5 %: pieces of 40 ms against 0.5 ms, in an interval of 1 s."""
     gyro, accel = lively(1.0)
-    found = preintegrate(Readings(np.full((1, 200), H), gyro[None], accel[None]), noise)
+    found = preintegrate(StepReadings(np.full((1, 200), H), gyro[None], accel[None]), noise)
     expected = considered(*lively(1.0, FINE), noise)
     sigma = np.sqrt(np.maximum(np.diag(expected), 1e-300))
     assert sigma[:9].min() > 0.0
@@ -102,7 +102,7 @@ def test_the_bias_block_is_the_change_over_the_interval():
     for duration in (0.05, 1.0, 60.0):
         gyro, accel = lively(duration)
         h = np.full((1, len(gyro) - 1), H)
-        found = preintegrate(Readings(h, gyro[None], accel[None]), GAUSS_MARKOV).covariance[0]
+        found = preintegrate(StepReadings(h, gyro[None], accel[None]), GAUSS_MARKOV).covariance[0]
         sigma = np.r_[GAUSS_MARKOV[1].gauss_markov_sigma, GAUSS_MARKOV[0].gauss_markov_sigma]
         tau = np.r_[GAUSS_MARKOV[1].correlation_time, GAUSS_MARKOV[0].correlation_time]
         expected = -2.0 * sigma**2 * np.expm1(-duration / tau)
@@ -118,9 +118,9 @@ def test_intervals_of_different_lengths_have_their_own():
     noise = ImuErrors(
         *(TriadErrors(*map(np.add, g, s)) for g, s in zip(GAUSS_MARKOV, SCALES, strict=True))
     )
-    both = preintegrate(Readings(h, gyros, accels), noise).covariance
+    both = preintegrate(StepReadings(h, gyros, accels), noise).covariance
     for k, count in enumerate((200, 77)):
-        one = Readings(h[k : k + 1, :count], gyros[k : k + 1, : count + 1], accels[k : k + 1])
+        one = StepReadings(h[k : k + 1, :count], gyros[k : k + 1, : count + 1], accels[k : k + 1])
         one = one._replace(accel=one.accel[:, : count + 1])
         alone = preintegrate(one, noise).covariance[0]
         sigma = np.sqrt(np.diag(alone))
@@ -131,7 +131,7 @@ def test_intervals_of_different_lengths_have_their_own():
 
 def test_rounding_is_white_noise_of_a_twelfth_of_a_step_squared():
     gyro, accel = lively(1.0)
-    readings = Readings(np.full((1, 200), H), gyro[None], accel[None])
+    readings = StepReadings(np.full((1, 200), H), gyro[None], accel[None])
     step = np.array([0.01, 0.02, 0.03])
     rounded = ImuErrors(TriadErrors(resolution=step), TriadErrors(resolution=10.0 * step))
     density = step * np.sqrt(H / 12.0)
@@ -154,8 +154,8 @@ def mean_nees(preset, runs):
         blocks.append((block.gyro, block.accel, block.gyro_bias, block.accel_bias))
     gyro, accel, gyro_bias, accel_bias = (np.stack(x)[:, rows] for x in zip(*blocks, strict=True))
     h, noise = np.full((runs, 200), H), noise_of(parameters.imu)
-    found = preintegrate(Readings(h, gyro, accel), None, gyro_bias[:, 0], accel_bias[:, 0])
-    ideal = Readings(h[:1], block.ideal_gyro[None, rows], block.ideal_accel[None, rows])
+    found = preintegrate(StepReadings(h, gyro, accel), None, gyro_bias[:, 0], accel_bias[:, 0])
+    ideal = StepReadings(h[:1], block.ideal_gyro[None, rows], block.ideal_accel[None, rows])
     exact = preintegrate(ideal, noise)
     theta = rotation.log(rotation.multiply(rotation.conjugate(found.gamma), exact.gamma))
     errors = [exact.alpha - found.alpha, theta, exact.beta - found.beta]

@@ -22,7 +22,7 @@ import imu_sim_ros as ims
 from imu_sim_ros.navigation.covariance import Covariance
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.noise import ImuErrors, TriadErrors, noise_of
-from imu_sim_ros.navigation.preintegration import Readings, preintegrate
+from imu_sim_ros.navigation.preintegration import StepReadings, preintegrate
 from imu_sim_ros.navigation.state import AT_REST
 from imu_sim_ros.program import print_table
 from imu_sim_ros.simulation.parameters import load_simulation
@@ -114,7 +114,7 @@ def of_calls(repeats: int) -> None:
     t = np.arange(201)[:, None] * 0.005
     gyro = 0.5 * np.sin(t * [1.1, 1.7, 2.3])
     accel = np.sin(t * [3.1, 2.7, 2.3]) + np.array([0.0, 0.0, 9.81])
-    interval = Readings(np.full((1, 200), 0.005), gyro[None], accel[None])
+    interval = StepReadings(np.full((1, 200), 0.005), gyro[None], accel[None])
     many = np.arange(40_000)
     long = (many * 5_000_000, np.resize(gyro, (40_000, 3)), np.resize(accel, (40_000, 3)))
     force, rate, level = (0.1, 0.2, 9.81), (0.1, 0.2, 0.3), np.eye(3)
