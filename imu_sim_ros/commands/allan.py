@@ -8,10 +8,8 @@ Allan curve; see imu_sim_ros.calibration.
 """
 
 import argparse
-import importlib
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext, suppress
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -23,21 +21,14 @@ from imu_sim_ros.calibration.noise import noise_files, truth
 from imu_sim_ros.calibration.noise.analysis import MODELS, AllanResult, analyse
 from imu_sim_ros.calibration.noise.estimate import Estimate
 from imu_sim_ros.calibration.noise.terms import quantity
-from imu_sim_ros.calibration.second_process import SecondProcess
 from imu_sim_ros.commands.inputs import add_skip_bad_rows, skipped_rows
 from imu_sim_ros.commands.outputs import add_force, outputs
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.machine import cores
 
 _CONFIGURATIONS = ("kalibr_imu.yaml", "imu_utils.yaml", "imu_utils_continuous.yaml", "imu.yaml")
 _FILES = ("allan.csv", *_CONFIGURATIONS, "allan.png")
 _OPTIONAL = ("quantisation", "rate_ramp")
-_ONE_PROCESS: Final = 32 << 20
-"""[bytes] Below it starting another process takes longer than its work."""
-_READINGS: Final = (".mcap", ".db3", ".csv", ".txt")
-"""Endings of the files in a folder that hold an IMU's readings."""
-
 EXAMPLES: Final = """
 allan rest.mcap -o allan
 allan first.bag second.bag --topic /imu0 --model gauss_markov
@@ -109,17 +100,12 @@ def _analysed(
     """Analyse, and write the files into a folder."""
     true_imu = truth.load_truth(arguments.truth) if arguments.truth else None
     count = sum(_count(bag, arguments.topic) for bag in arguments.bags)
-    with (
-        _second_process(arguments.bags) as second,
-        program.progress("read", count, arguments.quiet or arguments.json) as advance,
-    ):
+    with program.progress("read", count, arguments.quiet or arguments.json) as advance:
         result = analyse(
             _blocks(arguments),
             model=arguments.model,
             force=arguments.skip_checks,
             advance=advance,
-            second=second,
-            meanwhile=(lambda: None) if folder is None else _load_pictures,
         )
     comparisons = [] if true_imu is None else truth.compare(result, true_imu)
     if folder is not None:
@@ -130,28 +116,6 @@ def _analysed(
 def _written(result: AllanResult) -> set[str]:
     """Return the files that a result has: configurations need a number for every axis."""
     return set(_FILES) - set(_CONFIGURATIONS if result.reasons else ())
-
-
-def _second_process(bags: Iterable[Path]) -> AbstractContextManager[SecondProcess | None]:
-    """Return a process for half of the work, where there is a core for it and enough to do."""
-    if cores() > 1 and sum(_size(bag) for bag in bags) > _ONE_PROCESS:
-        with suppress(OSError):  # no more processes allowed: this one does all the work
-            return SecondProcess()
-    return nullcontext()
-
-
-def _size(path: Path) -> int:
-    """Return the bytes of a file, or of a folder's files with readings; 0 where it is missing."""
-    with suppress(OSError):
-        if path.is_file():
-            return path.stat().st_size
-        return sum(file.stat().st_size for file in path.rglob("*") if file.suffix in _READINGS)
-    return 0
-
-
-def _load_pictures() -> None:
-    """Import what draws: a quarter of a second."""
-    importlib.import_module("imu_sim_ros.plots.allan")
 
 
 def _count(path: Path, topic: str | None) -> int:

@@ -143,31 +143,6 @@ def test_truth_is_compared(bag, capsys):
     assert max(len(line.rstrip()) for line in out.splitlines()) <= 90
 
 
-def test_a_second_process_gives_the_same_files(bag, tmp_path, monkeypatch):
-    monkeypatch.setattr(allan, "_ONE_PROCESS", 0)
-    started = []
-    for folder, count in (("one", 1), ("other", 2)):
-        monkeypatch.setattr(allan, "cores", lambda count=count: count)
-        with allan._second_process([bag]) as second:
-            started.append(second is not None)
-        assert allan.main([str(bag), "-o", str(tmp_path / folder), "--quiet"]) == 0
-    assert started == [False, True]
-    names = sorted(path.name for path in (tmp_path / "one").iterdir())
-    assert len(names) == 6
-    for name in names:
-        one, other = ((tmp_path / folder / name).read_bytes() for folder in ("one", "other"))
-        assert one == other, name
-
-
-def test_small_recordings_and_missing_ones_start_no_process(bag, tmp_path):
-    folder = make(tmp_path / "euroc", "--duration", "2s", "--format", "euroc")
-    assert allan._size(bag) == bag.stat().st_size < allan._ONE_PROCESS
-    assert 0 < allan._size(folder) < allan._ONE_PROCESS
-    assert allan._size(tmp_path / "missing") == 0
-    with allan._second_process([bag, folder, tmp_path / "missing"]) as second:
-        assert second is None
-
-
 def test_gauss_markov_model(bag, capsys):
     result = analysed(capsys, str(bag), "--no-files", "--model", "gauss_markov")
     assert result["model"] == "gauss_markov"

@@ -15,7 +15,6 @@ from imu_sim_ros.calibration.noise.deviation import (
     Band,
     Deviation,
     DeviationAccumulator,
-    DeviationElsewhere,
     explains_wander,
     usable_band,
 )
@@ -26,7 +25,6 @@ from imu_sim_ros.calibration.noise.slow_lines import Line
 from imu_sim_ros.calibration.noise.spectrum import Spectrum, SpectrumAccumulator
 from imu_sim_ros.calibration.noise.terms import FLICKER, FLICKER_FLOOR, QUANTISATION, WALK, WHITE
 from imu_sim_ros.calibration.record import AXES, Record, Timing
-from imu_sim_ros.calibration.second_process import SecondProcess
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.types import Array
 
@@ -97,7 +95,7 @@ class AllanResult(NamedTuple):
 class _Sinks:
     """The consumers of the pieces; created when the rate is known."""
 
-    deviation: DeviationAccumulator | DeviationElsewhere
+    deviation: DeviationAccumulator
     spectrum: SpectrumAccumulator
     losses: LossFiller
     samples: int = 0
@@ -127,8 +125,6 @@ def analyse(
     model: str = "standard",
     force: bool = False,
     advance: Callable[[int], None] = lambda count: None,
-    second: SecondProcess | None = None,
-    meanwhile: Callable[[], None] = lambda: None,
 ) -> AllanResult:
     """Return the Allan deviation and the noise parameters of one IMU at rest.
 
@@ -136,12 +132,10 @@ def analyse(
     :param model: ``standard`` (Q, N, B, K, R) or ``gauss_markov`` (N and a Gauss-Markov process).
     :param force: continue where a check finds that the result would be meaningless.
     :param advance: called with the number of messages read.
-    :param second: computes the Allan deviation; None: this process does.
-    :param meanwhile: called when all is done but what the second process does.
     :raises InputError: with a line for each check that fails.
     """
     record = Record()
-    sinks = _read(record, bags, advance, second)
+    sinks = _read(record, bags, advance)
     if sinks is None or sinks.longest < SHORTEST * record.rate:
         raise InputError(_judge(record, sinks, None)[0])
     timing = record.timing()
@@ -158,7 +152,6 @@ def analyse(
     ]
     warnings += problems + list(_band_warnings(bands, timing.rate))
     warnings += _line_warnings(sinks.spectrum.lines, timing.rate)
-    meanwhile()
     deviation = sinks.deviation.result()
     return AllanResult(
         timing,
@@ -220,7 +213,6 @@ def _read(
     record: Record,
     bags: Iterable[Iterable[ReadingsBlock]],
     advance: Callable[[int], None],
-    second: SecondProcess | None,
 ) -> _Sinks | None:
     """Pass all messages through the checks into the sinks."""
     sinks: _Sinks | None = None
@@ -228,7 +220,7 @@ def _read(
         for block in bag:
             for piece in record.add(block.t_ns, block.gyro, block.accel):
                 if sinks is None:
-                    sinks = _sinks(record.rate, second)
+                    sinks = _sinks(record.rate)
                 for part in record.at_rest(piece):
                     sinks.take(part)
             advance(len(block.t_ns))
@@ -239,9 +231,8 @@ def _read(
     return sinks
 
 
-def _sinks(rate: float, second: SecondProcess | None) -> _Sinks:
-    deviation = DeviationElsewhere(second, rate, 6) if second else DeviationAccumulator(rate, 6)
-    return _Sinks(deviation, SpectrumAccumulator(rate, 6), LossFiller(6))
+def _sinks(rate: float) -> _Sinks:
+    return _Sinks(DeviationAccumulator(rate, 6), SpectrumAccumulator(rate, 6), LossFiller(6))
 
 
 def _judge(

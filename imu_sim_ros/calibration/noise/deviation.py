@@ -4,7 +4,6 @@
 """Overlapping Allan deviation of records of any length, in bounded memory."""
 
 from collections.abc import Iterable
-from functools import partial
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -13,7 +12,6 @@ from numpy.typing import NDArray
 from imu_sim_ros.calibration.noise.estimate import axis_data, standard_design
 from imu_sim_ros.calibration.noise.likelihood import fit
 from imu_sim_ros.calibration.noise.spectrum import Spectrum
-from imu_sim_ros.calibration.second_process import SecondProcess
 from imu_sim_ros.types import Array
 
 _NEIGHBOURS: Final = 21
@@ -137,8 +135,6 @@ def explains_wander(spectrum: Spectrum, axis: int) -> bool:
 
 _CHUNK: Final = 1 << 13
 """Terms handled at once: they stay in the processor's cache, and BLAS starts no threads."""
-_PART: Final = 2 * _CHUNK
-"""Readings that go to another process at once; whole chunks, so that sums are of the same terms."""
 _SHORT: Final = 1024
 """Clusters up to this size see every sample as it comes; longer ones the stored phase."""
 _PHASES: Final = 1 << 21
@@ -250,18 +246,13 @@ class DeviationAccumulator:
     ... sample only, which costs no precision: neighbours at such lags are nearly equal.
     """
 
-    def __init__(self, rate: float, axes: int, *, early: bool = False) -> None:
-        """Set up for a record.
-
-        :param early: sum up long clusters, too, while readings come: for a process that would wait
-            for them. In vain where a piece is longer than the stored phases.
-        """
+    def __init__(self, rate: float, axes: int) -> None:
+        """Set up for a record of some axes at a rate [Hz]."""
         self._rate = rate
         self._axes = axes
         self._totals: dict[int, Array] = {}
         self._terms: dict[int, int] = {}
         self._longest = 0
-        self._early = early
         self._short = [int(m) for m in cluster_sizes(3 * _SHORT)]
         self._stored = np.empty((axes, _PHASES + _CHUNK + _PADDING))
         self._begin()
@@ -273,8 +264,6 @@ class DeviationAccumulator:
         self._tail = np.zeros((self._axes, 1))
         self._stored[:, 0] = 0.0
         self._stored_count = 1
-        self._sums: dict[int, tuple[int, Array]] = {}
-        """By size of long clusters: first j that is not yet in the sums (axes,), and these."""
 
     def add(self, y: Array) -> None:
         """Take the next readings (n, axes) of the piece."""
@@ -291,9 +280,6 @@ class DeviationAccumulator:
         self._tail = window[:, -2 * _SHORT :].copy()
         self._store(phase)
         self._count += y.shape[1]
-        if self._early and self._stride == 1:
-            for m in self._long_sizes():
-                self._sum_up(m, _CHUNK)
 
     def _note(self, m: int, total: Array, terms: int) -> None:
         if terms > 0:
@@ -310,29 +296,16 @@ class DeviationAccumulator:
             end = thinned.shape[1]
             self._stored[:, :end] = thinned
             self._stride *= 2
-            self._sums.clear()
         self._stored_count = end
-
-    def _long_sizes(self) -> list[int]:
-        return [int(m) for m in cluster_sizes(self._count) if m > self._short[-1]]
-
-    def _sum_up(self, size: int, multiple: int) -> tuple[int, Array]:
-        """Return how many second differences of the stored phases are summed up, and their sums.
-
-        :param multiple: leaves out the last ones, down to a multiple of this.
-        """
-        m = size // self._stride
-        begin, total = self._sums.get(size, (0, np.zeros(self._axes)))
-        end = max(self._stored_count - 2 * m, 0) // multiple * multiple
-        _add_squares(total, self._stored, m, begin, end)
-        self._sums[size] = end, total
-        return end, total
 
     def end_piece(self) -> None:
         """Close the piece: what follows is not connected to it."""
-        for size in self._long_sizes():
-            terms, total = self._sum_up(size, 1)
-            self._note(size, total, terms)
+        for size in cluster_sizes(self._count).tolist():
+            if size > self._short[-1]:
+                m, total = size // self._stride, np.zeros(self._axes)
+                terms = max(self._stored_count - 2 * m, 0)
+                _add_squares(total, self._stored, m, 0, terms)
+                self._note(size, total, terms)
         self._longest = max(self._longest, self._count)
         self._begin()
 
@@ -346,28 +319,6 @@ class DeviationAccumulator:
         deviation = np.sqrt(total / (2.0 * tau**2 * terms)[:, None])
         low, high = confidence_factors(self._longest, size)
         return Deviation(size, tau, deviation, deviation * low, deviation * high, terms)
-
-
-class DeviationElsewhere:
-    """A :class:`DeviationAccumulator` in a second process, used in the same way."""
-
-    def __init__(self, process: SecondProcess, rate: float, axes: int) -> None:
-        self._process = process
-        process.make(partial(DeviationAccumulator, early=True), rate, axes)
-
-    def add(self, y: Array) -> None:
-        """Take the next readings (n, axes) of the piece; they must not change any more."""
-        for first in range(0, len(y), _PART):
-            self._process.call("add", y[first : first + _PART])
-
-    def end_piece(self) -> None:
-        """Close the piece."""
-        self._process.call("end_piece")
-
-    def result(self) -> Deviation:
-        """Return the deviation, to the last bit that of one process; waits for it."""
-        found: Deviation = self._process.result("result")
-        return found
 
 
 def degrees_of_freedom(samples: int, size: NDArray[np.int64]) -> Array:

@@ -99,7 +99,7 @@ class SpectrumAccumulator:
     """Takes a record block by block, in pieces that are treated as independent."""
 
     def __init__(self, rate: float, axes: int) -> None:
-        from scipy.fft import dct  # now, for a second process may be starting meanwhile
+        from scipy.fft import dct  # only records that are analysed need it
 
         self._dct = partial(dct, norm="ortho", axis=1, overwrite_x=True)
         self._dt = 1.0 / rate
