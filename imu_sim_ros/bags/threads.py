@@ -9,7 +9,7 @@ thread, must not leave one taken.
 """
 
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable
 from queue import SimpleQueue
 from typing import Any, Final, Generic, TypeVar
 
@@ -20,7 +20,7 @@ _PREFETCHED: Final = 2
 _END: Final = "end"
 
 
-def prefetch(items: Iterable[_T]) -> Iterator[_T]:
+def prefetch(items: Iterable[_T]) -> Generator[_T, None, None]:
     """Yield items that are made in a thread of their own, a few ahead of the one that is used."""
     made: SimpleQueue[tuple[str, Any]] = SimpleQueue()
     places: SimpleQueue[bool] = SimpleQueue()

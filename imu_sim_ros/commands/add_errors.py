@@ -25,7 +25,7 @@ from imu_sim_ros.conventions import IMU_TOPIC
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.jobs.add_errors import ROWS_AT_ONCE, rate_of
 from imu_sim_ros.jobs.add_errors_bag import OFFERED, USUAL, BagErrors, names_in, rate_in, source_of
-from imu_sim_ros.jobs.convert import Choice, Watcher, write
+from imu_sim_ros.jobs.convert import ConversionWatcher, ConvertOptions, write
 from imu_sim_ros.jobs.output import Form
 from imu_sim_ros.names import unknown
 from imu_sim_ros.parameters import files
@@ -156,8 +156,8 @@ def _convert(
 ) -> None:
     """Convert text or bag into the other, as ``convert_bag`` does."""
     skipped, warned = refused_messages(arguments, "add_errors", source)
-    watcher = Watcher(_remark, skipped=skipped, warned=warned)
-    write(source, target, Form(dataset), Choice(), Outputs([source]), watcher)
+    watcher = ConversionWatcher(_remark, skipped=skipped, warned=warned)
+    write(source, target, Form(dataset), ConvertOptions(), Outputs([source]), watcher)
 
 
 def _remark(line: str) -> None:

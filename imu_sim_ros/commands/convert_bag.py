@@ -11,12 +11,10 @@ from pathlib import Path
 from typing import Any, Final
 
 from imu_sim_ros import program
-from imu_sim_ros.bags.text.reader import is_text
 from imu_sim_ros.commands import bag_output
 from imu_sim_ros.commands.inputs import add_skip_bad_rows, refused_messages
 from imu_sim_ros.commands.outputs import outputs
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.jobs.convert import IMAGES, Choice, Watcher, write
+from imu_sim_ros.jobs.convert import IMAGES, ConversionWatcher, ConvertOptions, write
 from imu_sim_ros.jobs.output import Form
 
 EXAMPLES: Final = """
@@ -64,7 +62,6 @@ def main(argv: Sequence[str] | None = None) -> int:
 def convert_bag(arguments: argparse.Namespace) -> None:
     """Convert what the arguments name."""
     dataset = bag_output.form(arguments)
-    _check_images(arguments, dataset)
     form = Form(
         dataset,
         arguments.storage,
@@ -74,22 +71,16 @@ def convert_bag(arguments: argparse.Namespace) -> None:
         [name for name in arguments.topics.split(",") if name],
         dict(arguments.topic),
     )
-    choice = Choice(arguments.images, arguments.recover)
-    watcher = Watcher(
+    options = ConvertOptions(arguments.images, arguments.recover)
+    skipped, warned = refused_messages(arguments, "convert_bag", arguments.input)
+    watcher = ConversionWatcher(
         lambda line: print(f"convert_bag: {line}", file=sys.stderr),
-        lambda total: _progress(arguments, total),
-        *refused_messages(arguments, "convert_bag", arguments.input),
+        progress=lambda total: _progress(arguments, total),
+        skipped=skipped,
+        warned=warned,
     )
-    made = write(arguments.input, arguments.output, form, choice, outputs(arguments), watcher)
+    made = write(arguments.input, arguments.output, form, options, outputs(arguments), watcher)
     _report(made.to_dict(), arguments)
-
-
-def _check_images(arguments: argparse.Namespace, form: str | None) -> None:
-    """Refuse a choice of images that would have no effect."""
-    if arguments.images and not is_text(arguments.input):
-        raise InputError(f"--images {arguments.images}: is for folders; --topics chooses of a bag")
-    if form and arguments.images not in (None, "none"):
-        raise InputError(f"--images {arguments.images}: does not apply to {form}; only none does")
 
 
 def _progress(

@@ -15,9 +15,8 @@ from imu_sim_ros.commands.inputs import PoseReader, add_skip_bad_rows
 from imu_sim_ros.commands.outputs import outputs
 from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.datasets.camera_outputs import FORMATS
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.jobs.generate import Choice, Setup, Watcher, camera_layer, write
-from imu_sim_ros.jobs.output import Form
+from imu_sim_ros.jobs.generate import GenerateOptions, Setup, camera_layer, write
+from imu_sim_ros.jobs.output import Form, Watcher
 from imu_sim_ros.machine import cores
 from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors import CARRIED, catalogue
@@ -112,8 +111,6 @@ def generate(arguments: argparse.Namespace) -> None:
     """Write what the arguments ask for."""
     setup = Setup.load(_layers(arguments))
     bag_output.form(arguments)  # a line for each option that does not fit
-    if setup.rig is not None and arguments.jobs < 1:
-        raise InputError(f"--jobs {arguments.jobs}: must be at least 1")
     written = outputs(arguments, setup.values().values())
     form = Form(
         arguments.format,
@@ -124,11 +121,11 @@ def generate(arguments: argparse.Namespace) -> None:
         [name for name in arguments.topics.split(",") if name],
         dict(arguments.topic),
     )
-    choice = Choice(arguments.imu_only, arguments.with_configs, arguments.jobs)
+    options = GenerateOptions(arguments.imu_only, arguments.with_configs, arguments.jobs)
     reader = PoseReader(arguments, "generate")
     _report(
         write(
-            arguments.output, form, choice, setup, written, _watcher(arguments), reader
+            arguments.output, form, options, setup, written, _watcher(arguments), reader
         ).to_dict(),
         arguments,
     )

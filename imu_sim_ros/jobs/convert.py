@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,7 +32,7 @@ from imu_sim_ros.bags.writer import Writer, amount, described
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import BadRows, Skipped, Warned
 from imu_sim_ros.inputs.tables import Table
-from imu_sim_ros.jobs.output import Form, checked_form, checked_place, no_progress
+from imu_sim_ros.jobs.output import Form, Watcher, checked_form, checked_place
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.sensors import known_tables
 
@@ -47,7 +47,7 @@ Counts = tuple[dict[str, int], int]
 
 
 @dataclass(frozen=True)
-class Choice:
+class ConvertOptions:
     """How a source is read."""
 
     images: str | None = None
@@ -90,12 +90,9 @@ class Converted:
 
 
 @dataclass(frozen=True)
-class Watcher:
-    """Who learns of what happens meanwhile; nobody by default."""
+class ConversionWatcher(Watcher):
+    """Who learns of what happens meanwhile, and what becomes of bad rows."""
 
-    warn: Callable[[str], None] = lambda line: None
-    progress: Callable[[int], AbstractContextManager[Callable[[float], None]]] = no_progress
-    """Called with the number of messages; its block receives how many more have been written."""
     skipped: Skipped | None = None
     """Receives how many bad rows or messages are skipped; None: those of text are errors, those
     of bags are passed on."""
@@ -148,13 +145,13 @@ def convert(
     form = checked_form(text_writer.FORMATS, format, *bag, topics, rename)
     if images is not None:
         arguments.one_of("images", images, IMAGES)
-    choice = Choice(images, arguments.switch("recover", recover))
+    options = ConvertOptions(images, arguments.switch("recover", recover))
     skip = arguments.switch("skip_bad_rows", skip_bad_rows)
-    return _written(path, place, form, choice, force, skip)
+    return _written(path, place, form, options, force, skip)
 
 
 def _written(
-    path: Path, place: Path, form: Form, choice: Choice, force: bool, skip: bool
+    path: Path, place: Path, form: Form, options: ConvertOptions, force: bool, skip: bool
 ) -> Converted:
     """Convert; what is said meanwhile is a part of the result."""
     lines: list[str] = []
@@ -165,10 +162,10 @@ def _written(
     def warned(bad: BadRows) -> None:
         lines.append(f"{passed_on(bad)}; they are passed on, skip_bad_rows leaves them out")
 
-    watcher = Watcher(
+    watcher = ConversionWatcher(
         lines.append, skipped=skipped if skip else None, warned=None if skip else warned
     )
-    found = write(path, place, form, choice, Outputs([path], force), watcher)
+    found = write(path, place, form, options, Outputs([path], force), watcher)
     return dataclasses.replace(found, warnings=tuple(lines))
 
 
@@ -181,7 +178,12 @@ def passed_on(bad: BadRows) -> str:
 
 
 def write(
-    source: Path, path: Path, form: Form, choice: Choice, written: Outputs, watcher: Watcher
+    source: Path,
+    path: Path,
+    form: Form,
+    options: ConvertOptions,
+    written: Outputs,
+    watcher: ConversionWatcher,
 ) -> Converted:
     """Convert a source into an output.
 
@@ -194,7 +196,7 @@ def write(
     if dataset is None:
         check_writer(path, form.storage, form.compression)
     written.add(path, kept=True)
-    job = _Job(source, path, form, choice, dataset, written, watcher)
+    job = _Job(source, path, form, options, dataset, written, watcher)
     job.check_images()
     with written:
         return job.from_text() if job.is_text else job.from_bag()
@@ -208,12 +210,12 @@ class _Job:
         source: Path,
         path: Path,
         form: Form,
-        choice: Choice,
+        options: ConvertOptions,
         dataset: str | None,
         written: Outputs,
-        watcher: Watcher,
+        watcher: ConversionWatcher,
     ) -> None:
-        self.source, self.path, self.form, self.choice = source, path, form, choice
+        self.source, self.path, self.form, self.options = source, path, form, options
         self.dataset = dataset or ""
         """Empty: a bag."""
         self.written, self.watcher = written, watcher
@@ -226,15 +228,17 @@ class _Job:
 
     def check_images(self) -> None:
         """Refuse a choice of images that would have no effect."""
-        images = self.choice.images
+        images = self.options.images
         if images and not self.is_text:
-            raise InputError(f"images {images}: is for folders; topics chooses of a bag")
+            raise InputError(
+                f"images {images}: applies to folders only; select a bag's images with topics"
+            )
         if self.dataset and images not in (None, "none"):
             raise InputError(f"images {images}: does not apply to {self.dataset}; only none does")
 
     def from_bag(self) -> Converted:
-        whole = not self.choice.recover or _is_whole(self.source)
-        with open_bag(self.source, self.choice.recover) as bag:
+        whole = not self.options.recover or _is_whole(self.source)
+        with open_bag(self.source, self.options.recover) as bag:
             topics = streams.chosen(bag, self.form.topics)
             if not self.dataset:
                 counts, last_ns = self._bag_to_bag(bag, topics)
@@ -242,7 +246,7 @@ class _Job:
                 counts, last_ns = self._bag_to_tum(bag, topics)
             else:
                 counts, last_ns = self._bag_to_dataset(bag, topics)
-        if not self.choice.recover:
+        if not self.options.recover:
             return self._result((counts, last_ns))
         if not sum(counts.values()):
             raise InputError([*self._recovery(bag), f"{self.source}: nothing recoverable"])
@@ -311,7 +315,7 @@ class _Job:
                     dataset,
                     chosen,
                     advance,
-                    self.choice.recover,
+                    self.options.recover,
                     skipped,
                     _described(names),
                     warned,
@@ -358,7 +362,7 @@ class _Job:
     def _bag_to_tum(self, bag: Bag, topics: Sequence[Any]) -> Counts:
         named = topics[0].name if self.form.topics and len(topics) == 1 else None
         skipped, warned = self.watcher.skipped, self.watcher.warned
-        recover = self.choice.recover
+        recover = self.options.recover
         poses = read_poses(bag.path, named, skipped is not None, warned=warned, recover=recover)
         if skipped is not None and poses.skipped:
             skipped(poses.skipped)
@@ -387,7 +391,7 @@ class _Job:
             self.watcher.progress(0) as advance,
         ):
             renamed = self.renamed
-            seen = images.streams(writer, renamed, self.choice.images or "raw") if images else []
+            seen = images.streams(writer, renamed, self.options.images or "raw") if images else []
             known = known_tables()
             skipped = self.watcher.skipped
             streams.text_to_bag(self.source, writer, renamed, advance, skipped, seen, known)
@@ -428,7 +432,7 @@ class _Job:
         """Return the images of a folder; None where it has none, or they are not wanted."""
         places = text_reader.places(self.source) if self.source.is_dir() else ()
         cameras = [name for place in places for name in text_reader.sensor_folders(place, "cam")]
-        if self.choice.images == "none" or not cameras:
+        if self.options.images == "none" or not cameras:
             return contextlib.nullcontext()
         from imu_sim_ros.datasets.recorded_folder import FolderImages  # with the cameras' modules
 

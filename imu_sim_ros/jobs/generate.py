@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
@@ -37,7 +37,7 @@ from imu_sim_ros.datasets.topics import (
     usual_topics,
 )
 from imu_sim_ros.errors import ConfigurationError, InputError
-from imu_sim_ros.jobs.output import Form, checked_form, checked_place, is_file, no_progress
+from imu_sim_ros.jobs.output import Form, Watcher, checked_form, checked_place, is_file
 from imu_sim_ros.jobs.simulate import GivenMotion, Moving, given_layers
 from imu_sim_ros.machine import cores
 from imu_sim_ros.parameters import files
@@ -102,7 +102,7 @@ class Setup(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Choice:
+class GenerateOptions:
     """What is written besides the readings, and how fast."""
 
     imu_only: bool = False
@@ -140,16 +140,6 @@ class Generated:
     def __repr__(self) -> str:
         counts = ", ".join(f"{count} {name}" for name, count in self.messages.items())
         return f"<Generated {self.output.name}: {counts}>"
-
-
-@dataclass(frozen=True)
-class Watcher:
-    """Who learns of what happens meanwhile; nobody by default."""
-
-    warn: Callable[[str], None] = lambda line: None
-    note: Callable[[str], None] = lambda line: None
-    progress: Callable[[int], AbstractContextManager[Callable[[float], None]]] = no_progress
-    """Called with the number of samples; its block receives how many more have been written."""
 
 
 def generate(
@@ -206,23 +196,23 @@ def generate(
     form = checked_form(camera_outputs.FORMATS, format, *bag, topics, rename)
     imu_only = arguments.switch("imu_only", imu_only)
     with_configs = arguments.switch("with_configs", with_configs)
-    choice = Choice(imu_only, with_configs, cores() if jobs is None else jobs)
+    options = GenerateOptions(imu_only, with_configs, cores() if jobs is None else jobs)
     own, motion = given_layers(imu, trajectory, duration, rate, seed, parameters)
     file = None if params_file is None else arguments.path("params_file", params_file)
     below = {} if file is None else files.load(file, "simulator")
     setup = Setup.load({**below, **_of_cameras(cameras, scene), **own})
-    return _written(checked_place(output, force), form, choice, setup, motion, force)
+    return _written(checked_place(output, force), form, options, setup, motion, force)
 
 
 def _written(
-    path: Path, form: Form, choice: Choice, setup: Setup, motion: GivenMotion, force: bool
+    path: Path, form: Form, options: GenerateOptions, setup: Setup, motion: GivenMotion, force: bool
 ) -> Generated:
     """Write an output; its warnings are a part of the result."""
     read = [word for word in setup.values().values() if is_file(word)]
     warnings: list[str] = []
     watcher = Watcher(warnings.append)
     found = write(
-        path, form, choice, setup, Outputs(read, force), watcher, motion.pose_reader, motion.given
+        path, form, options, setup, Outputs(read, force), watcher, motion.pose_reader, motion.given
     )
     return dataclasses.replace(found, warnings=tuple(warnings))
 
@@ -261,7 +251,7 @@ def camera_layer(cameras: Sequence[str], scene: str | None) -> dict[str, object]
 def write(
     path: Path,
     form: Form,
-    choice: Choice,
+    options: GenerateOptions,
     setup: Setup,
     written: Outputs,
     watcher: Watcher,
@@ -279,9 +269,9 @@ def write(
     started = time.perf_counter()
     if not path.name:  # the files next to it are named after it
         raise InputError(f"{str(path)!r}: is not a file name")
-    job = _Job(path, form, choice, setup, watcher)
+    job = _Job(path, form, options, setup, watcher)
     written.add(path, kept=True)
-    if choice.with_configs:
+    if options.with_configs:
         written.add(truth_files.configs(path))
     truths: dict[Path, str] = {}
     if job.dataset not in _WITHOUT_READINGS and not path.parent.is_file():  # one line is enough
@@ -302,19 +292,19 @@ class _Job:
     """One output that is written."""
 
     def __init__(
-        self, path: Path, form: Form, choice: Choice, setup: Setup, watcher: Watcher
+        self, path: Path, form: Form, options: GenerateOptions, setup: Setup, watcher: Watcher
     ) -> None:
-        self.path, self.form, self.choice = path, form, choice
+        self.path, self.form, self.options = path, form, options
         self.setup, self.watcher = setup, watcher
         self.simulated = simulations(setup.simulator)
         self.imus = imus_of(self.simulated)
         self.dataset = dataset_form(path, form.dataset, form.of_bags_only())
         self.further = setup.simulator.sensors
         self.body = self.simulated[body_of(self.imus)]
-        usual = usual_topics(self.further, self.dataset, path, choice.imu_only)
+        usual = usual_topics(self.further, self.dataset, path, options.imu_only)
         self.names = chosen_topics(
             form.topics,
-            choice.imu_only,
+            options.imu_only,
             form.renamed,
             self.imus,
             [*self._camera_topics(), *usual],
@@ -323,7 +313,7 @@ class _Job:
         fastest = max(parameters.rate for parameters in self.simulated.values())
         check_split(form.split_duration, 1.0 / fastest, setup.simulator.duration or 0.0)
         if setup.rig is not None and setup.rig.cameras:
-            arguments.whole("jobs", choice.jobs, f"from 1 to {_MAX_JOBS}", 1, _MAX_JOBS)
+            arguments.whole("jobs", options.jobs, f"from 1 to {_MAX_JOBS}", 1, _MAX_JOBS)
         if self.dataset is None:
             check_writer(path, form.storage, form.compression)
 
@@ -361,7 +351,7 @@ class _Job:
             from imu_sim_ros.datasets.configurations import write_tum_vi_calibration
 
             write_tum_vi_calibration(output / "dso", self.simulated[""], self.setup.rig)
-        if self.choice.with_configs:
+        if self.options.with_configs:
             self._write_configs(written.where(truth_files.configs(self.path)), imus)
         return Generated(
             self.path,
@@ -412,7 +402,7 @@ class _Job:
                 yield bag
                 return
             of_cameras = {name: new for name, new in self.names.items() if name not in known}
-            with camera_outputs.in_bag(bag, cameras, of_cameras, self.choice.jobs) as target:
+            with camera_outputs.in_bag(bag, cameras, of_cameras, self.options.jobs) as target:
                 yield target
 
     @contextmanager
@@ -431,7 +421,7 @@ class _Job:
                 cameras,
                 self.names,
                 self.simulated,
-                self.choice.jobs,
+                self.options.jobs,
                 self.watcher.warn,
             ) as folder:
                 yield folder
@@ -451,7 +441,7 @@ class _Job:
             else:
                 comment = f"simulated by imu_sim_ros, seed {self.body.seed}"
                 with camera_outputs.images(
-                    form, output, cameras, self.choice.jobs, comment
+                    form, output, cameras, self.options.jobs, comment
                 ) as images:
                     target = camera_outputs.CameraTarget(dataset, images, self.imus, self.further)
                     yield target
@@ -474,4 +464,4 @@ class _Job:
                     target.write(blocks)
                     advance(sum(len(block.t_ns) for block in blocks.values()))
             finally:
-                windows.close()  # type: ignore[attr-defined]
+                windows.close()

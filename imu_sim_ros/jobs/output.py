@@ -4,9 +4,10 @@
 """How every ``save`` writes: refused where something exists, renamed when it is complete."""
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TypeGuard
 
 from imu_sim_ros import arguments
 
@@ -75,9 +76,20 @@ def checked_form(
 
 
 @contextmanager
-def no_progress(_total: int) -> Iterator[Callable[[float], None]]:
+def _no_progress(_total: int) -> Iterator[Callable[[float], None]]:
     """Yield what receives progress that nobody watches."""
     yield lambda _count: None
+
+
+@dataclass(frozen=True)
+class Watcher:
+    """Who learns of what happens meanwhile; nobody by default."""
+
+    warn: Callable[[str], None] = lambda line: None
+    note: Callable[[str], None] = lambda line: None
+    progress: Callable[[int], AbstractContextManager[Callable[[float], None]]] = _no_progress
+    """Called with the number of samples or messages; its block receives how many more have been
+    written."""
 
 
 @contextmanager
@@ -93,13 +105,13 @@ def saved(path: str | Path, force: bool, inputs: Iterable[object] = ()) -> Itera
     from imu_sim_ros.bags.outputs import Outputs
 
     path = checked_place(path, force)
-    outputs = Outputs([word for word in inputs if is_file(word)], force)  # type: ignore[misc]
+    outputs = Outputs([word for word in inputs if is_file(word)], force)
     place = outputs.add(path)
     with outputs:
         yield place
 
 
-def is_file(word: object) -> bool:
+def is_file(word: object) -> TypeGuard[str | Path]:
     """Return whether a value is the name of a file."""
     try:
         return isinstance(word, str | Path) and bool(str(word)) and Path(word).is_file()

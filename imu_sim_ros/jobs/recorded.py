@@ -123,10 +123,7 @@ def read_images(path: str | Path, topic: str | None = None) -> Iterator[tuple[in
     :raises MissingDependencyError: without OpenCV, for compressed images.
 
     >>> import imu_sim_ros as ims
-    >>> from imu_sim_ros.commands import generate
-    >>> words = ["-o", f"{folder}/seen.mcap", "--duration", "0.2s", "--camera", "euroc_cam0"]
-    >>> generate.main([*words, "--quiet"])
-    0
+    >>> made = ims.generate(folder / "seen.mcap", duration=0.2, cameras="euroc_cam0")
     >>> [image.shape for _, image in ims.read_images(folder / "seen.mcap")]
     [(480, 752), (480, 752), (480, 752), (480, 752)]
     """

@@ -155,7 +155,7 @@ def test_impossible_readings_are_named_or_left_out(tmp_path):
         ({"source": 3}, "source = 3: must be the path of a file"),
         ({"source": "none.mcap"}, "none.mcap"),
         ({"format": "tracks"}, "format = 'tracks': must be one of"),
-        ({"images": "raw"}, "images raw: is for folders"),
+        ({"images": "raw"}, "images raw: applies to folders"),
         ({"topics": ["imu/nothing"]}, "has no topic /imu/nothing"),
     ],
 )

@@ -117,7 +117,7 @@ class Triad:
         :param force: (3, n m) ideal specific force [m/s^2].
         :param temperature_offset: (n m,) temperature above the reference [K].
         :param vibration: (3, n) what the vehicle adds to the filtered readings.
-        :param additions: those that :meth:`ahead` has made for these samples.
+        :param additions: those that :meth:`precompute` has made for these samples.
         """
         reading = self._response.apply(ideal, force)
         scale = self._scale(temperature_offset) if additions is None else additions.scale
@@ -177,10 +177,10 @@ class Triad:
 
     @property
     def follows_force(self) -> bool:
-        """Whether a bias depends on the readings, so that nothing can be made ahead of them."""
+        """Whether a bias depends on the readings, so that nothing can be computed before them."""
         return any(isinstance(term, ShockBias) for term in self._board_terms)
 
-    def ahead(self, temperature_offset: Array) -> Additions:
+    def precompute(self, temperature_offset: Array) -> Additions:
         """Return what the next n samples of a sensor that is not oversampled get.
 
         :param temperature_offset: (n,) temperature above the reference [K].

@@ -138,7 +138,7 @@ class Receiver(CarriedSensor):
     def _velocity(self, motion: Motion) -> Array:
         """Return the antenna's velocity (n, 3), east, north, up."""
         v = motion.velocity
-        if getattr(self._environment, "curved_earth", False):
+        if self._environment.curved_earth:
             v = self._earth.over_ground(motion).velocity.T
         return v + rotation.rotate(motion.q_wb, np.cross(motion.angular_velocity, self.lever_arm_b))
 

@@ -69,7 +69,7 @@ class Imu:
         if sensors:
             self._auxiliary = _auxiliary(imu, environment, t0_ns, sensors, carried)
         self._vibration = _vibration(imu, environment)
-        self._ahead: _Ahead | None = None
+        self._precomputed: _Precomputed | None = None
         self.configure(imu, carried)
 
     def configure(
@@ -172,12 +172,12 @@ class Imu:
         plain = self._is_plain and not self._faults.any
         if not plain or self._auxiliary is not None:
             return None
-        ahead = self._ahead
-        if ahead is None or ahead.end == first:
-            ahead = self._ahead = self._make_ahead(first)
-        k = first - ahead.first
+        precomputed = self._precomputed
+        if precomputed is None or precomputed.end == first:
+            precomputed = self._precomputed = self._precompute(first)
+        k = first - precomputed.first
         at = slice(k, k + 1)
-        (of_gyro, of_accel), (gyros, accels) = ahead.additions, ahead.rows
+        (of_gyro, of_accel), (gyros, accels) = precomputed.additions, precomputed.rows
         gyro_scale = _ONE if of_gyro.scale is None else of_gyro.scale[:, at].T
         accel_scale = _ONE if of_accel.scale is None else of_accel.scale[:, at].T
         return ImuBlock(
@@ -188,7 +188,7 @@ class Imu:
             self._transport.deliver(first, 1, self._faults),
             np.array([self._triads[0].one(gyro, accel, gyros[k])]),
             np.array([self._triads[1].one(accel, accel, accels[k])]),
-            ahead.temperature[at],
+            precomputed.temperature[at],
             np.array([gyro]),
             np.array([accel]),
             of_gyro.bias[:, at].T,
@@ -230,7 +230,7 @@ class Imu:
     def _in_chunks(
         self, first: int, ideal: tuple[Array, Array], vibration: Array | None
     ) -> tuple[Array, Reading, Reading]:
-        """Return temperatures (n,) and the triads' readings, whatever is known of them ahead.
+        """Return temperatures (n,) and the triads' readings, whatever is known of them precomputed.
 
         Few samples at a time get what was made for a whole chunk, many get their own.
         """
@@ -238,19 +238,19 @@ class Imu:
         parts: list[tuple[Array, Reading, Reading]] = []
         while True:
             at, left = first + done, count - done
-            if self._ahead is not None and at == self._ahead.end:
-                self._ahead = None
-            if self._ahead is None and 0 < left < CHUNK:
-                self._ahead = self._make_ahead(at)
-            ahead = self._ahead
-            if ahead is None:
+            if self._precomputed is not None and at == self._precomputed.end:
+                self._precomputed = None
+            if self._precomputed is None and 0 < left < CHUNK:
+                self._precomputed = self._precompute(at)
+            precomputed = self._precomputed
+            if precomputed is None:
                 step = left // CHUNK * CHUNK
                 temperature, additions = self._temperature_of(at, step), None
             else:
-                step = min(left, ahead.end - at)
-                own = slice(at - ahead.first, at - ahead.first + step)
-                temperature = ahead.temperature[own]
-                additions = [one.at(own) for one in ahead.additions]
+                step = min(left, precomputed.end - at)
+                own = slice(at - precomputed.first, at - precomputed.first + step)
+                temperature = precomputed.temperature[own]
+                additions = [one.at(own) for one in precomputed.additions]
             if step == count:
                 pair = self._triad_readings(first, *ideal, temperature, vibration, additions)
                 return temperature, *pair
@@ -266,12 +266,12 @@ class Imu:
         temperatures, gyros, accels = zip(*parts, strict=True)
         return np.concatenate(temperatures), _joined(gyros), _joined(accels)
 
-    def _make_ahead(self, first: int) -> "_Ahead":
+    def _precompute(self, first: int) -> "_Precomputed":
         temperature = self._temperature_of(first, CHUNK)
         offset = temperature - self._reference_temperature
-        additions = [triad.ahead(offset) for triad in self._triads]
+        additions = [triad.precompute(offset) for triad in self._triads]
         rows = [one.rows() for one in additions]
-        return _Ahead(first, first + CHUNK, temperature, additions, rows)
+        return _Precomputed(first, first + CHUNK, temperature, additions, rows)
 
     def _temperature_of(self, first: int, count: int) -> Array:
         """Return the temperature of samples by their index (count,) [degC]."""
@@ -356,7 +356,7 @@ class Imu:
         return motion, rate, force
 
 
-class _Ahead(NamedTuple):
+class _Precomputed(NamedTuple):
     """What samples ``first .. end - 1`` get whatever their ideal readings are."""
 
     first: int

@@ -149,7 +149,7 @@ def test_the_folder_of_kalibr_bagcreater(tmp_path):
     ("words", "message"),
     [
         ("--format euroc --scene cloud", "nothing to make images of"),
-        ("--format euroc --jobs 0", "--jobs 0: must be at least 1"),
+        ("--format euroc --jobs 0", "jobs = 0: must be from 1 to 1024"),
         ("--format tum", "cameras: need a bag, or a folder and --format"),
     ],
 )
