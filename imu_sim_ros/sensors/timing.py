@@ -20,6 +20,9 @@ from imu_sim_ros.types import Times
 LARGEST_JITTER: Final = 0.45
 """Jitter is cut off here, in intervals between two samples, so that stamps always increase."""
 _NEVER: Final = np.iinfo(np.int64).min
+_ONE_ROW: Final = np.arange(1)
+"""Of a block of one that is delivered; read-only."""
+_ONE_ROW.setflags(write=False)
 
 
 class Clock:
@@ -65,6 +68,18 @@ class Clock:
             limit = LARGEST_JITTER * self._interval_ns
             stamps += np.rint(np.clip(jitter, -limit, limit)).astype(np.int64)
         return stamps
+
+    def stamp_one(self, t_ns: int) -> int:
+        """Return the stamp of the next sample, :meth:`stamp` in plain numbers: the same."""
+        stamp = t_ns + self._offset_ns
+        if self._skew or self._drift:
+            since_ns = float(t_ns - self._t0_ns)
+            stamp += round((self._skew + 0.5 * self._drift * (since_ns * 1e-9)) * since_ns)
+        if self._jitter_ns:
+            limit = LARGEST_JITTER * self._interval_ns
+            jitter = self._stream.standard_normal() * self._jitter_ns
+            stamp += round(min(max(jitter, -limit), limit))
+        return stamp
 
 
 class Transport:
@@ -116,6 +131,15 @@ class Transport:
             self._last_release_ns = int(times[-1])
         return times
 
+    def release_one(self, t_ns: int) -> int:
+        """Return when the next message leaves where no fault is, :meth:`release` in integers."""
+        due = t_ns + self._latency_ns
+        if self._latency_jitter_ns:
+            extra = self._stream("latency").standard_exponential() * self._latency_jitter_ns
+            due += round(extra)
+        self._last_release_ns = due = max(due, self._last_release_ns)
+        return due
+
     def deliver(self, first: int, count: int, faults: FaultSchedule) -> NDArray[np.int64]:
         """Return the rows of the next n messages that arrive, in order (m,)."""
         if self._burst_end <= first and not (self._loses or faults.any):
@@ -131,6 +155,12 @@ class Transport:
             twice = self._stream("duplicate").random(count) < self._duplicate
             rows = np.repeat(rows, 1 + twice[rows])
         return rows
+
+    def deliver_one(self, first: int, faults: FaultSchedule) -> NDArray[np.int64]:
+        """Return what :meth:`deliver` returns of one message."""
+        if self._burst_end <= first and not (self._loses or faults.any):
+            return _ONE_ROW
+        return self.deliver(first, 1, faults)
 
     def _lose_in_bursts(self, first: int, lost: NDArray[np.bool_]) -> None:
         """Mark samples lost in bursts: from each start, for an exponentially distributed time."""

@@ -84,7 +84,8 @@ class ErrorModel:
         """Samples since the last restart, missing ones too."""
         self._imu: Imu | None = None
         self._last_ns: int | None = None
-        self._held: Given | None = None
+        self._held: Given | ImuBlock | None = None
+        """The last reading, which the sensor goes on with during a gap."""
         self._pending: ErrorModelParameters | None = None
         self._faults: list[tuple[Fault, int]] = []
         self._conventions = Conventions(self.parameters)
@@ -162,16 +163,17 @@ class ErrorModel:
         last, imu = self._last_ns, self._imu
         if imu is None or last is None or self._pending is not None or not self._is_direct:
             return None
-        if not (self._check.done and last < t_ns <= last + 1.5 * self._nominal_ns):
+        if not last < t_ns <= last + 1.5 * self._nominal_ns:
             return None
-        times = np.array([t_ns], np.int64)
-        block = imu.apply_one(self.position, times, unknown_motion(1), gyro, accel)
+        block = imu.apply_one(self.position, t_ns, unknown_motion(1), gyro, accel)
         if block is not None:
             self.counts.readings += 1
             self.counts.samples += 1
             self.position += 1
             self._last_ns = t_ns
-            self._held = Given(times, block.ideal_gyro.T, block.ideal_accel.T)
+            self._held = block
+            if not self._check.done:
+                self._look(_given(block))
         return block
 
     def _in_order(self, given: Given) -> Iterator[Given]:
@@ -219,8 +221,7 @@ class ErrorModel:
     def _read(self, given: Given) -> list[ImuBlock]:
         """Return the samples of readings in order, none of them before the last one."""
         if not self._check.done:
-            for line in self._check.look(given):
-                self._remark(line)
+            self._look(given)
         blocks = []
         for part, missing in self._without_gaps(given):
             if missing:
@@ -228,6 +229,10 @@ class ErrorModel:
             self._last_ns = int(part.t_ns[-1])
             blocks += self._sampled(self._conventions.apply(part))
         return blocks
+
+    def _look(self, given: Given) -> None:
+        for line in self._check.look(given):
+            self._remark(line)
 
     def _without_gaps(self, given: Given) -> Iterator[tuple[Given, int]]:
         """Yield readings without a gap, each part with the samples missing before it."""
@@ -260,6 +265,8 @@ class ErrorModel:
         held = self._held
         if held is None:
             return
+        if isinstance(held, ImuBlock):
+            held = _given(held)
         while count:
             step = min(count, _SAMPLES_AT_ONCE)
             steps = np.arange(1, step + 1) * self._nominal_ns
@@ -328,6 +335,11 @@ class ErrorModel:
             return motion
         acceleration = rotate(given.q_wb, given.accel) + self._gravity_w
         return motion._replace(q_wb=given.q_wb.T, acceleration=acceleration.T)
+
+
+def _given(block: ImuBlock) -> Given:
+    """Return the readings that samples were made of where these stayed as they were."""
+    return Given(block.true_t_ns, block.ideal_gyro.T, block.ideal_accel.T)
 
 
 def joined(blocks: list[ImuBlock]) -> ImuBlock:

@@ -58,6 +58,7 @@ OF_TRIADS = {  # a value for every parameter of a triad that is not a switch of 
     "bandwidth": {"bandwidth": [60.0, 40.0, 20.0]},
     "range": {"range": 1.0},
     "resolution": {"resolution": 1e-2},
+    "steps within a range": {"range": [1.0, 0.1, 0.01], "resolution": 3e-3},
 }
 ONLY_GYROSCOPE = ("g_sensitivity", "g_squared_sensitivity", "g_sensitivity_sigma")
 ONLY_AVERAGED = ("increment_resolution",)
@@ -76,6 +77,9 @@ VIBRATION = {
     "imu.vibration.band_high": [50.0],
     "imu.vibration.band_density": [0.01] * 6,
 }
+OF_TIMING = tuple(
+    f"imu.{name}" for name in ("stamp", "clock", "jitter", "latency", "dropout", "duplicate")
+)
 TIMING = {name: value for name, value in EVERY_TERM.items() if not name.startswith("imu.gyro")}
 
 
@@ -89,6 +93,7 @@ CASES: dict[str, dict[str, object]] = {
     **{name: of_triads(name) for name in OF_TRIADS},
     "vibration": VIBRATION,
     "timing": TIMING,
+    "timing of a plain sensor": {k: v for k, v in TIMING.items() if k.startswith(OF_TIMING)},
     "together": {**EVERY_TERM, **COMMON, **VIBRATION},
     "everything": {
         **{k: v for name in OF_TRIADS for k, v in of_triads(name).items()},
@@ -422,6 +427,20 @@ def test_the_check_at_the_start() -> None:
     assert "the readings come 1000 times a second" in resting([0.0, 0.0, 9.81], 1000.0)[0]
     assert resting([0.0, 0.0, 0.0], **{"input.check": False}) == []
     assert "instead of 9.81" in resting([0.0, 0.0, 1.0 * 8.0])[0]
+
+
+def test_the_check_at_the_start_looks_at_readings_in_plain_floats() -> None:
+    lines: list[str] = []
+    model = ErrorModel(load_error_model({"imu.preset": "perfect"}), remark=lines.append)
+    still = [0.0, 0.0, 0.0]
+    assert model.read_one(0, still, still) is None  # the first makes the sensor
+    model.read(Given(np.array([0]), np.zeros((3, 1)), np.zeros((3, 1))))
+    for k in range(1, 400):
+        assert model.read_one(k * 5_000_000, still, still) is not None
+    assert lines == []
+    model.read_one(400 * 5_000_000, still, still)
+    assert "gravity is missing" in lines[0]
+    assert len(lines) == 1
 
 
 @pytest.mark.parametrize(

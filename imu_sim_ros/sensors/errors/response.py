@@ -69,22 +69,32 @@ class Response:
             result += transform(self._h, force * force)
         return result
 
-    def one(self, x: Floats, f: Floats) -> list[float]:
+    def one(self, x: Floats, f: Floats) -> tuple[float, float, float]:
         """Return the response of one reading, :meth:`apply` in plain floats: the same bits."""
-        a, b, c = x
-        result = [0.0 + s[0] * a + s[1] * b + s[2] * c for s in self._rows]
+        a, b, c = _product(self._rows, x)
         if self._quadratics is not None:
-            for k, q in enumerate(self._quadratics):
-                result[k] += q * x[k] * x[k]
+            p, q, r = self._quadratics
+            u, v, w = x
+            a, b, c = a + p * u * u, b + q * v * v, c + r * w * w
         if self._g_rows is not None:
-            a, b, c = f
-            for k, g in enumerate(self._g_rows):
-                result[k] += 0.0 + g[0] * a + g[1] * b + g[2] * c
+            u, v, w = _product(self._g_rows, f)
+            a, b, c = a + u, b + v, c + w
         if self._h_rows is not None:
-            a, b, c = (component * component for component in f)
-            for k, h in enumerate(self._h_rows):
-                result[k] += 0.0 + h[0] * a + h[1] * b + h[2] * c
-        return result
+            u, v, w = f
+            u, v, w = _product(self._h_rows, (u * u, v * v, w * w))
+            a, b, c = a + u, b + v, c + w
+        return a, b, c
+
+
+def _product(matrix: Sequence[Floats], vector: Floats) -> tuple[float, float, float]:
+    """Return a matrix times a vector in plain floats: the bits of :func:`transform`."""
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = matrix
+    a, b, c = vector
+    return (
+        0.0 + xx * a + xy * b + xz * c,
+        0.0 + yx * a + yy * b + yz * c,
+        0.0 + zx * a + zy * b + zz * c,
+    )
 
 
 def _matrix(values: Sequence[float]) -> Array | None:
@@ -309,15 +319,14 @@ class Digitiser:
         if not self._axes:
             return
         for k, (limit, step, steps) in enumerate(self._limits):
-            value = values[k]
             if step:
-                value /= step
-                value = math.copysign(round(value), value)
-                if limit:
-                    value = min(max(value, -steps), steps)
-                values[k] = value * step
+                value = values[k] / step
+                whole = round(value)
+                if limit and not -steps <= whole <= steps:
+                    whole = steps if value > 0.0 else -steps
+                values[k] = (whole or math.copysign(0.0, value)) * step
             elif limit:
-                values[k] = min(max(value, -limit), limit)
+                values[k] = min(max(values[k], -limit), limit)
 
 
 def _clip(values: Array, limit: float) -> None:

@@ -33,8 +33,16 @@ class Reading(NamedTuple):
     scale: Array
 
 
-AddedToOne = tuple[list[float] | None, list[float], list[float]]
-"""Scale, bias and noise of one reading."""
+class AddedToOne(NamedTuple):
+    """What one reading of a triad gets: in plain floats, and as a block of one sample has it."""
+
+    scale: list[float] | None
+    bias: list[float]
+    noise: list[float]
+    scale_row: Array
+    """(1, 3); ones where there is no error of scale."""
+    bias_row: Array
+    """(1, 3)"""
 
 
 class Additions(NamedTuple):
@@ -48,9 +56,12 @@ class Additions(NamedTuple):
     """(3, n) white noise."""
 
     def rows(self) -> list[AddedToOne]:
-        """Return those of each reading, in plain floats."""
-        scales = [None] * self.bias.shape[1] if self.scale is None else self.scale.T.tolist()
-        return list(zip(scales, self.bias.T.tolist(), self.noise.T.tolist(), strict=True))
+        """Return those of each reading."""
+        scale = _ones(self.bias.shape[1]) if self.scale is None else self.scale
+        scales = [None] * self.bias.shape[1] if self.scale is None else scale.T.tolist()
+        floats = (scales, self.bias.T.tolist(), self.noise.T.tolist())
+        blocks = (np.array(values.T)[:, None] for values in (scale, self.bias))
+        return list(map(AddedToOne, *floats, *blocks))
 
     def at(self, rows: slice) -> "Additions":
         """Return some consecutive ones."""
@@ -166,7 +177,7 @@ class Triad:
         The same bits as :meth:`read`. At blocks of one, calls of NumPy would take three quarters
         of the time: 60,000 steps of a simulator, a minute at 1 kHz, some two seconds.
         """
-        scale, bias, noise = added
+        scale, bias, noise, _, _ = added
         x, y, z = self._response.one(ideal, force)
         if scale is not None:
             x, y, z = x * scale[0], y * scale[1], z * scale[2]

@@ -87,6 +87,7 @@ class Imu:
         self._is_plain = (
             self._ratio == 1
             and self._vibration is None
+            and self._auxiliary is None
             and all(triad.is_simple for triad in self._triads)
         )
         if self._auxiliary is not None:
@@ -161,40 +162,36 @@ class Imu:
         return self._auxiliary.add_to(block, NOWHERE, self._temperature)
 
     def apply_one(
-        self, first: int, t_ns: Times, motion: Motion, gyro: Floats, accel: Floats
+        self, first: int, t_ns: int, motion: Motion, gyro: Floats, accel: Floats
     ) -> ImuBlock | None:
         """Return sample ``first`` of one given reading in plain floats; the bits of :meth:`apply`.
 
         None where something else than plain sums is to be done.
 
-        :param t_ns: (1,) its time [ns].
+        :param t_ns: its time [ns].
         """
-        plain = self._is_plain and not self._faults.any
-        if not plain or self._auxiliary is not None:
+        if not self._is_plain or self._faults.any:
             return None
         precomputed = self._precomputed
         if precomputed is None or precomputed.end == first:
             precomputed = self._precomputed = self._precompute(first)
-        k = first - precomputed.first
-        at = slice(k, k + 1)
-        (of_gyro, of_accel), (gyros, accels) = precomputed.additions, precomputed.rows
-        gyro_scale = _ONE if of_gyro.scale is None else of_gyro.scale[:, at].T
-        accel_scale = _ONE if of_accel.scale is None else of_accel.scale[:, at].T
+        of_gyro, of_accel, temperature = precomputed.rows[first - precomputed.first]
+        transport = self._transport
         return ImuBlock(
             first,
-            t_ns,
-            self._clock.stamp(t_ns),
-            self._transport.release(first, t_ns, self._faults),
-            self._transport.deliver(first, 1, self._faults),
-            np.array([self._triads[0].one(gyro, accel, gyros[k])]),
-            np.array([self._triads[1].one(accel, accel, accels[k])]),
-            precomputed.temperature[at],
+            np.array([t_ns]),
+            np.array([self._clock.stamp_one(t_ns)]),
+            np.array([transport.release_one(t_ns)]),
+            transport.deliver_one(first, self._faults),
+            np.array([self._triads[0].one(gyro, accel, of_gyro)]),
+            np.array([self._triads[1].one(accel, accel, of_accel)]),
+            temperature,
             np.array([gyro]),
             np.array([accel]),
-            of_gyro.bias[:, at].T,
-            of_accel.bias[:, at].T,
-            gyro_scale,
-            accel_scale,
+            of_gyro.bias_row,
+            of_accel.bias_row,
+            of_gyro.scale_row,
+            of_accel.scale_row,
             motion,
         )
 
@@ -270,7 +267,8 @@ class Imu:
         temperature = self._temperature_of(first, CHUNK)
         offset = temperature - self._reference_temperature
         additions = [triad.precompute(offset) for triad in self._triads]
-        rows = [one.rows() for one in additions]
+        gyro, accel = (one.rows() for one in additions)
+        rows = list(zip(gyro, accel, temperature.copy()[:, None], strict=True))
         return _Precomputed(first, first + CHUNK, temperature, additions, rows)
 
     def _temperature_of(self, first: int, count: int) -> Array:
@@ -365,8 +363,8 @@ class _Precomputed(NamedTuple):
     """(end - first,) [degC]."""
     additions: list[Additions]
     """Of the gyroscope, of the accelerometer."""
-    rows: list[list[AddedToOne]]
-    """The same in plain floats."""
+    rows: list[tuple[AddedToOne, AddedToOne, Array]]
+    """The same of each sample, and its temperature (1,)."""
 
 
 class _Nowhere:
@@ -381,10 +379,6 @@ class _Nowhere:
 
 
 NOWHERE: Final = _Nowhere()
-
-
-_ONE: Final = np.broadcast_to(1.0, (1, 3))
-"""The scale of a triad without an error of scale."""
 
 
 @lru_cache(maxsize=8)
