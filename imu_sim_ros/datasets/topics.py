@@ -231,14 +231,15 @@ def in_tables(
 def usual_topics(further: Iterable[str], form: str | None, path: Path, imu_only: bool) -> list[str]:
     """Return the topics of sensors of the body that are written where none is named.
 
-    :param form: of a dataset, which has tables of readings; None: of a bag, which has all.
+    :param form: of a dataset, which has tables of readings; None: of a bag, which has all
+        but those of packages that need not be installed.
     :param imu_only: without the truth.
     """
     if form is not None and (form not in WITH_TABLES or path.suffix.lower() == ".csv"):
         return []
     if form is not None:
         return [topics_of(name)[0].name for name in further]
-    topics = [topic for name in further for topic in topics_of(name)]
+    topics = [topic for name in further for topic in topics_of(name) if not topic.foreign]
     return [topic.name for topic in topics if not (imu_only and topic.truth)]
 
 

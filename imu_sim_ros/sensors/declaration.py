@@ -101,6 +101,9 @@ class Topic:
     """Makes the encoder for a frame and an encoding, ``cdr`` or ``ros1``."""
     truth: bool = False
     """At the true times of all samples, lost ones too; else what is delivered, as stamped."""
+    foreign: bool = False
+    """Its type is in a package that need not be installed: a bag has it on request, a node
+    publishes it where it can."""
 
 
 def topic(
@@ -110,6 +113,7 @@ def topic(
     values: Callable[[Any, Any, Any], Sequence[ArrayLike]],
     *flags: str,
     truth: bool = False,
+    foreign: bool = False,
 ) -> Topic:
     """Return a topic whose messages have the stamps, or the true times, of the samples.
 
@@ -130,7 +134,7 @@ def topic(
 
         return payloads
 
-    return Topic(name, type_name, flags, make, truth)
+    return Topic(name, type_name, flags, make, truth, foreign)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ it. Inside, quaternions are (w, x, y, z); the messages hold (x, y, z, w).
 """
 
 import struct
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Final
 
 import numpy as np
@@ -30,6 +30,7 @@ NAV_SAT_FIX: Final = "sensor_msgs/msg/NavSatFix"
 TWIST_WITH_COVARIANCE: Final = "geometry_msgs/msg/TwistWithCovarianceStamped"
 MAGNETIC_FIELD: Final = "sensor_msgs/msg/MagneticField"
 FLUID_PRESSURE: Final = "sensor_msgs/msg/FluidPressure"
+GPS_FIX: Final = "gps_msgs/msg/GPSFix"
 CLOCK: Final = "rosgraph_msgs/msg/Clock"
 
 _LAST_SECOND: Final = {"cdr": 2**31 - 1, "ros1": 2**32 - 1}
@@ -38,6 +39,8 @@ _GPS: Final = 1
 _COVARIANCE_TYPE_KNOWN: Final = 3
 """sensor_msgs/NavSatFix"""
 _COVARIANCE_TYPE_DIAGONAL: Final = 2
+_SOURCE_DOPPLER: Final = 4
+"""gps_msgs/GPSStatus"""
 _STAMP_SIZE: Final = 8
 _UNKNOWN: Final = bytes(36 * 8)
 """A (6, 6) covariance of zeros."""
@@ -407,6 +410,48 @@ class NavSatFixEncoder(_OfFrame):
     ) -> Bytes:
         """Return messages (n, size) of what :meth:`pattern` takes."""
         return self.pattern(t_ns, latitude, longitude, altitude).array()
+
+
+class GpsFixEncoder(Encoder):
+    """gps_msgs/GPSFix, whose lists of single satellites are left empty."""
+
+    type_name = GPS_FIX
+
+    def __init__(self, frame_id: str, encoding: str = "cdr") -> None:
+        super().__init__((frame_id, frame_id), encoding)
+
+    def pattern(
+        self,
+        t_ns: Times,
+        status: ArrayLike,
+        satellites: ArrayLike,
+        numbers: Mapping[str, ArrayLike],
+        variance: ArrayLike,
+    ) -> RowTemplate:
+        """Return n messages.
+
+        :param status: (n,) as GPSStatus has it; -1: no fix, of unknown covariance.
+        :param satellites: (n,) in use, and visible.
+        :param numbers: (n,) latitude [deg], speed [m/s], hdop and so on, by the field's name; those
+            left out are 0.
+        :param variance: (n, 3) of the errors east, north, up [m^2].
+        """
+        given, (second, nanosecond) = np.asarray(status), divided(np.asarray(t_ns))
+        covariance = np.zeros((len(given), 9))
+        covariance[:, ::4] = variance
+        return self._row_template(
+            t_ns,
+            sec_of_status=second,
+            nanosec_of_status=nanosecond,
+            satellites_used=satellites,
+            satellites_visible=satellites,
+            status=given,
+            motion_source=_SOURCE_DOPPLER,
+            position_source=_GPS,
+            position_covariance=covariance,
+            position_covariance_type=np.where(given < 0, 0, _COVARIANCE_TYPE_DIAGONAL),
+            **numbers,
+        )
 
 
 class ClockEncoder(Encoder):

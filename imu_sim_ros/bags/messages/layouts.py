@@ -20,6 +20,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.bags.messages.definitions.gps import NUMBERS as GPS_NUMBERS
+
 Bytes = NDArray[np.uint8]
 
 ENCODINGS: Final = ("cdr", "ros1")
@@ -89,6 +91,20 @@ FIELDS: Final[dict[str, tuple[tuple[str, str, int], ...]]] = {
         ("position_covariance", "f8", 9),
         ("position_covariance_type", "u1", 1),
     ),
+    "gps_msgs/msg/GPSFix": (
+        *_STAMPED,
+        ("status_stamp", "header", 1),
+        ("status_frame_id", "text", 1),
+        ("satellites_used", "u2", 1),
+        ("satellite_used_prn", "u4", 1),  # the length of an array, as with the next four: empty
+        ("satellites_visible", "u2", 1),
+        *((f"satellite_visible_{one}", "u4", 1) for one in ("prn", "z", "azimuth", "snr")),
+        ("status", "i2", 1),
+        *((f"{one}_source", "u2", 1) for one in ("motion", "orientation", "position")),
+        *((name, "f8", 1) for name in GPS_NUMBERS),
+        ("position_covariance", "f8", 9),
+        ("position_covariance_type", "u1", 1),
+    ),
     "rosgraph_msgs/msg/Clock": (("clock", "time", 1),),
 }
 
@@ -102,6 +118,11 @@ def _numbers(name: str, kind: str, count: int, cdr: bool) -> Iterator[tuple[str,
         yield "nanosec", "<u4", 1
     else:
         yield name, f"<{kind}", count
+
+
+def _suffix(name: str, kind: str) -> str:
+    """Return what tells the parts of a second header from those of the first."""
+    return f"_of_{name.removesuffix('_stamp')}" if kind == "header" and name != "stamp" else ""
 
 
 class Layout(NamedTuple):
@@ -254,7 +275,7 @@ def layout(type_name: str, encoding: str, texts: Sequence[str | bytes] = ()) -> 
         if kind == "text":
             builder.text(next(remaining))
         else:
-            builder.field(name, kind, count)
+            builder.field(name, kind, count, _suffix(name, kind))
     return Layout(
         type_name, encoding, builder.dtype(), bytes(builder.template), tuple(builder.fixed)
     )

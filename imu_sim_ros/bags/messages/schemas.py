@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
 
+from imu_sim_ros.bags.messages.definitions.gps import ROS1_PACKAGE
 from imu_sim_ros.bags.messages.definitions.ros1 import MD5_SUMS, full_text
 from imu_sim_ros.bags.messages.definitions.ros2 import RIHS01, joined_text
 from imu_sim_ros.errors import InputError
@@ -41,8 +42,12 @@ def known_types(encoding: str) -> "Typestore":
 
 
 def ros1_name(type_name: str) -> str:
-    """Return the ROS 1 form of a type's name: sensor_msgs/Imu of sensor_msgs/msg/Imu."""
-    return type_name.replace("/msg/", "/")
+    """Return the ROS 1 form of a type's name: sensor_msgs/Imu of sensor_msgs/msg/Imu.
+
+    What gps_msgs is in ROS 2 is gps_common there.
+    """
+    package, name = type_name.replace("/msg/", "/").rsplit("/", 1)
+    return f"{ROS1_PACKAGE if package == 'gps_msgs' else package}/{name}"
 
 
 def ros2_name(type_name: str) -> str:
@@ -58,7 +63,7 @@ def schema(type_name: str, encoding: str, types: "Typestore | None" = None) -> S
     :param types: where the type is looked up; by default the types that come with ROS.
     :raises InputError: for a type that is not known.
     """
-    if types is None and (found := _written(ros1_name(type_name), encoding)) is not None:
+    if types is None and (found := _written(type_name, encoding)) is not None:
         return found
     types = types or known_types(encoding)
     if type_name not in types.fielddefs and encoding == "ros1":
@@ -76,12 +81,14 @@ def schema(type_name: str, encoding: str, types: "Typestore | None" = None) -> S
     return Schema(full if full and own == types.fielddefs[type_name] else text, md5)
 
 
-def _written(name: str, encoding: str) -> Schema | None:
+def _written(type_name: str, encoding: str) -> Schema | None:
     """Return the definition of a type that this package writes; None for any other one."""
+    name = type_name.replace("/msg/", "/")
     if name not in RIHS01:
         return None
     if encoding == "cdr":
         return Schema(joined_text(name), RIHS01[name])
+    name = ros1_name(type_name)
     text = full_text(name)
     return Schema(text, MD5_SUMS[name]) if text else None
 

@@ -29,9 +29,10 @@ from std_srvs.srv import SetBool, Trigger
 from imu_sim_ros import conventions, timebase
 from imu_sim_ros.bags.messages.encode import CLOCK, ClockEncoder
 from imu_sim_ros.bags.messages.transforms import TF_MESSAGE
-from imu_sim_ros.errors import ConfigurationError, MissingDependencyError
+from imu_sim_ros.errors import ConfigurationError, InputError, MissingDependencyError
 from imu_sim_ros.nodes import publishing as sensor_description
 from imu_sim_ros.nodes import run
+from imu_sim_ros.nodes.messages import message_class
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.publishing import Counter, check_overrides, create
 from imu_sim_ros.nodes.simulator import transforms as transforms
@@ -45,6 +46,7 @@ from imu_sim_ros.nodes.simulator.publish_queue import (
     TickStream,
 )
 from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.sensors.declaration import Topic
 from imu_sim_ros.simulation import topics
 from imu_sim_ros.simulation.engine import Simulation
 from imu_sim_ros.simulation.parameters import DEFAULT_TRAJECTORY, carried
@@ -158,11 +160,12 @@ class Simulator(ConfiguredNode):
         for name, simulated in simulations(parameters).items():
             further = tuple(carried(simulated))
             chosen = [topic for topic in topics.TYPES if is_wanted(topic, name, publish)]
-            chosen += [topic.name for own in further for topic in topics.topics_of(own)]
+            offered = (topic for own in further for topic in topics.topics_of(own))
+            chosen += [topic.name for topic in offered if self._can_publish(topic)]
             types, wanted = topics.types(further), topics.sensors_of(chosen, further)
             simulation = Simulation(simulated, _read_poses, sensors=wanted)
             self._remarks += simulation.warnings()
-            self._notes = simulation.notes()
+            self._notes += [line for line in simulation.notes() if line not in self._notes]
             # Several IMUs have a namespace each; the body's truth is one, in the node's own.
             prefix = "" if name in ("", BODY) else f"{name}/"
             outputs = [
@@ -195,6 +198,16 @@ class Simulator(ConfiguredNode):
                 lambda t_ns, _: [row.tobytes() for row in clock.encode(t_ns)],
                 self._counted("/clock", CLOCK),
             )
+
+    def _can_publish(self, topic: Topic) -> bool:
+        """Return whether a topic's type is installed, where it need not be."""
+        if topic.foreign:
+            try:
+                message_class(topic.type)
+            except InputError as error:
+                self._notes.append(f"{topic.name} is not published: {error}")
+                return False
+        return True
 
     def _camera_streams(self, parameters: SimulatorParameters, longest: float) -> Iterator[Stream]:
         from imu_sim_ros.nodes.simulator.cameras import Cameras  # most runs have none

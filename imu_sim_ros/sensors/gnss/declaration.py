@@ -22,6 +22,7 @@ from imu_sim_ros.types import Array
 FIX: Final = ("sensor_msgs/msg/NavSatFix", "NavSatFixEncoder")
 TWIST: Final = ("geometry_msgs/msg/TwistWithCovarianceStamped", "TwistWithCovarianceEncoder")
 VECTOR: Final = ("geometry_msgs/msg/Vector3Stamped", "Vector3StampedEncoder")
+GPS_FIX: Final = ("gps_msgs/msg/GPSFix", "GpsFixEncoder")
 TOPIC: Final = "gps/fix"
 _NAMES: Final = (
     "latitude,longitude,altitude,variance_e,variance_n,variance_u,velocity_e,velocity_n,velocity_u,"
@@ -53,6 +54,16 @@ class GnssReadings(CarriedReadings):
     """(n,) 0 single, 1 dgps, 2 float, 3 fixed, -1 no fix."""
     satellites: NDArray[np.int64]
     """(n,) in use."""
+    used: NDArray[np.int64]
+    """(n,) bit ``prn - 1`` is set for each of them; 0 where `gnss.sky` is constant."""
+    hdop: Array
+    """(n,) dilution of precision, horizontal; 99.99 without a fix."""
+    vdop: Array
+    """(n,) vertical."""
+    pdop: Array
+    """(n,) of both."""
+    dilution: Array
+    """(n, 4) of east, north, up and clock; the clock's is 0 where it is not known."""
     ideal_geodetic: Array
     """(n, 3) of the antenna, without error."""
     ideal_position: Array
@@ -62,19 +73,16 @@ class GnssReadings(CarriedReadings):
     error: Array
     """(n, 3) of the position: as read minus true, east, north, up [m]."""
 
-    def nmea(self, hdop: float = 0.9) -> str:
-        """Return sentences GGA, RMC and VTG of every fix, as receivers write them."""
+    def nmea(self) -> str:
+        """Return sentences GGA, GSA, RMC and VTG of every fix, as receivers write them."""
         from imu_sim_ros.sensors.gnss.nmea import sentences
 
-        return sentences(self, hdop)
+        return "".join(sentences(self, slice(None)))
 
-    def save_nmea(self, path: str | Path, hdop: float = 0.9) -> Path:
-        """Write a file of NMEA sentences; returns its path.
-
-        :param hdop: horizontal dilution of precision in GGA.
-        """
+    def save_nmea(self, path: str | Path) -> Path:
+        """Write a file of NMEA sentences; returns its path."""
         path = Path(path)
-        path.write_bytes(self.nmea(hdop).encode("ascii"))
+        path.write_bytes(self.nmea().encode("ascii"))
         return path
 
 
@@ -95,6 +103,39 @@ def _fix(read: Any, rows: Any, _: Any) -> tuple[Array, ...]:
     return (*place.T, status, variance)
 
 
+_EXTENDED_STATUS: Final = np.array([0, 18, 20, 19, -1])
+"""Of gps_msgs/GPSStatus for each mode, and for no fix."""
+# 95 % of a Gaussian error lie within this many standard deviations, in one, two and three
+# dimensions: roots of the quantiles of chi square.
+_WITHIN: Final = (1.960, 2.448, 2.796)
+
+
+def _extended(read: Any, rows: Any, _: Any) -> tuple[Any, ...]:
+    """Return what gps_msgs/GPSFix holds; errors are those that contain 95 %."""
+    latitude, longitude, altitude, status, variance = _fix(read, rows, _)
+    east, north, up = read.velocity[rows].T
+    axes = read.dilution[rows]
+    known = (status >= 0) & (axes[:, 3] > 0.0)
+    numbers = {
+        "latitude": latitude,
+        "longitude": longitude,
+        "altitude": altitude,
+        "track": np.degrees(np.arctan2(east, north)) % 360.0,
+        "speed": np.hypot(east, north),
+        "climb": up,
+        "time": read.t_ns[rows] * 1e-9,
+        "gdop": np.where(known, np.linalg.norm(axes, axis=1), 0.0),
+        "tdop": np.where(known, axes[:, 3], 0.0),
+        **{name: getattr(read, name)[rows] for name in ("pdop", "hdop", "vdop")},
+        "err": _WITHIN[2] * np.sqrt(variance.mean(axis=1)),
+        "err_horz": _WITHIN[1] * np.sqrt(variance[:, :2].mean(axis=1)),
+        "err_vert": _WITHIN[0] * np.sqrt(variance[:, 2]),
+        "err_speed": _WITHIN[0] * np.sqrt(read.velocity_variance[rows, 0]),
+        "err_climb": _WITHIN[0] * np.sqrt(read.velocity_variance[rows, 2]),
+    }
+    return _EXTENDED_STATUS[read.mode[rows]], read.satellites[rows], numbers, variance
+
+
 SENSOR = Sensor(
     name="gnss",
     quantity="gnss",
@@ -106,6 +147,7 @@ SENSOR = Sensor(
             *("gps/velocity", *TWIST),
             lambda read, rows, _: (read.velocity[rows], read.velocity_variance[rows]),
         ),
+        topic("gps/extended_fix", *GPS_FIX, _extended, foreign=True),
         topic(
             *("ground_truth/gps_fix", *FIX),
             lambda read, rows, _: tuple(read.ideal_geodetic[rows].T),

@@ -17,6 +17,7 @@ from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.autoregressive import GaussMarkovBank
 from imu_sim_ros.sensors.errors.events import Events
 from imu_sim_ros.sensors.gnss.parameters import MODES, GnssParameters
+from imu_sim_ros.sensors.gnss.sky import UNUSABLE, Geometry, Sky, constant
 from imu_sim_ros.sensors.gravity import CurvedEarth, geodetic
 from imu_sim_ros.trajectory.motion import Motion
 from imu_sim_ros.types import Array
@@ -54,15 +55,15 @@ class Receiver(CarriedSensor):
         self._jumped = 0
         self._random = Events(seed, f"{NAME}.outage", p.outage_rate, p.outage_duration, dt)
         self._dt = dt
+        self._sky = Sky(p, environment, t0_ns) if p.sky == "satellites" else None
 
     def measure(self, t: Array, motion: Motion) -> Mapping[str, Array]:
         """Return place and velocity of the antenna as read, and the truth of both."""
         p = self._own_parameters
         ideal = self.place(motion)
         mode = self._mode(t)
-        sigma = np.stack(
-            [np.array(s)[mode] for s in (p.horizontal_sigma, p.horizontal_sigma, p.vertical_sigma)]
-        )
+        seen = self._sky.over(t, ideal) if self._sky else constant(p, len(t))
+        sigma = self._sigma(mode, seen)
         error = self._error(sigma)
         velocity = self._velocity(motion)
         noise = p.velocity_sigma * self._numbers(self._of_velocity, len(t)).T
@@ -72,7 +73,10 @@ class Receiver(CarriedSensor):
             "velocity": velocity + noise,
             "ideal_velocity": velocity,
             "variance": p.covariance_factor * np.square(sigma).T,
-            "mode": np.where(self._is_out(t, ideal), -1, mode).astype(np.int64),
+            "mode": np.where(self._is_out(t, ideal) | ~seen.usable, -1, mode).astype(np.int64),
+            "satellites": seen.satellites,
+            "used": seen.used,
+            "dilution": seen.dilution,
         }
 
     def complete(self, values: Mapping[str, Array]) -> Mapping[str, Array]:
@@ -83,6 +87,8 @@ class Receiver(CarriedSensor):
             for name in ("position", "ideal_position")
         )
         count = len(mode)
+        fixed = mode >= 0
+        diluted = np.where(fixed[:, None], values["dilution"], UNUSABLE)
         speed = self._own_parameters.covariance_factor * self._own_parameters.velocity_sigma**2
         return {
             **values,
@@ -91,7 +97,12 @@ class Receiver(CarriedSensor):
             "ideal_geodetic": true,
             "velocity_variance": np.full((count, 3), speed),
             "status": np.append(STATUS, NO_FIX)[mode],
-            "satellites": np.where(mode < 0, 0, self._own_parameters.satellites),
+            "satellites": values["satellites"] * fixed,
+            "used": values["used"] * fixed,
+            "dilution": diluted,
+            "hdop": np.minimum(np.hypot(diluted[:, 0], diluted[:, 1]), UNUSABLE),
+            "vdop": diluted[:, 2],
+            "pdop": np.minimum(np.linalg.norm(diluted[:, :3], axis=1), UNUSABLE),
         }
 
     def sent(self, values: Mapping[str, Array]) -> NDArray[np.bool_] | None:
@@ -114,6 +125,14 @@ class Receiver(CarriedSensor):
         numbers = np.concatenate([[MODES.index(p.mode)], changes[:, 1] - 1.0]).astype(np.int64)
         found: NDArray[np.int64] = numbers[np.searchsorted(changes[:, 0], t, side="right")]
         return found
+
+    def _sigma(self, mode: NDArray[np.int64], seen: Geometry) -> Array:
+        """Return the standard deviations (3, n) of the error that the geometry explains."""
+        p = self._own_parameters
+        horizontal = math.sqrt(2.0) / p.hdop * np.array(p.horizontal_sigma)[mode]
+        ranges = np.stack([horizontal, horizontal, np.array(p.vertical_sigma)[mode] / p.vdop])
+        diluted = np.where(seen.usable, seen.dilution[:, :3].T, 1.0)
+        return ranges * diluted
 
     def _error(self, sigma: Array) -> Array:
         """Return the error (3, n) east, north, up of the next samples."""

@@ -1,50 +1,72 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""NMEA 0183 sentences of fixes: GGA, RMC and VTG."""
+"""NMEA 0183 sentences of fixes: GGA, GSA, RMC and VTG."""
 
 import functools
+import math
 import operator
+from collections.abc import Iterator, Sequence
 from datetime import datetime, timezone
 from typing import Any, Final
 
-import numpy as np
-
 _KNOTS: Final = 3600.0 / 1852.0
 """In a metre per second."""
+_IN_GSA: Final = 12
+"""Satellites in a sentence; further ones are in another."""
 _QUALITY: Final = (1, 2, 5, 4, 0)
 """Of GGA for single, dgps, float, fixed and no fix."""
 
 
-def sentences(read: Any, hdop: float) -> str:
-    """Return three sentences for each fix, with checksums and line ends.
+def sentences(read: Any, rows: Any) -> list[str]:
+    """Return the sentences of each fix, with checksums and line ends.
 
     Times are UTC, the stamps taken as Unix time and rounded to a hundredth. Heights are above the
     ellipsoid: the separation of the geoid is 0.
 
-    :param read: readings of a receiver.
+    :param read: samples or readings of a receiver.
+    :param rows: which of them.
     """
-    lines = []
-    rows = zip(
-        *(read.t_ns.tolist(), read.geodetic.tolist(), read.velocity.tolist()),
-        *(read.mode.tolist(), read.satellites.tolist()),
-        strict=True,
+    columns = (
+        *(read.t_ns, read.geodetic, read.velocity, read.mode, read.satellites, read.used),
+        *(read.pdop, read.hdop, read.vdop),
     )
-    for t_ns, (latitude, longitude, height), (east, north, _), mode, satellites in rows:
-        when = datetime.fromtimestamp(round(t_ns * 1e-7) / 100.0, timezone.utc)
-        time = f"{when:%H%M%S}.{when.microsecond // 10000:02d}"
-        place = f"{_angle(latitude, 2, 'NS')},{_angle(longitude, 3, 'EW')}"
-        place = place if mode >= 0 else ",,,"
-        speed = float(np.hypot(east, north))
-        course = f"{np.degrees(np.arctan2(east, north)) % 360.0:.2f}"
-        valid, kind = ("A", "D" if mode else "A") if mode >= 0 else ("V", "N")
-        above = f"{height:.4f},M,0.0,M" if mode >= 0 else ",M,,M"
-        lines += [
-            f"GNGGA,{time},{place},{_QUALITY[mode]},{satellites:02d},{hdop:.2f},{above},,",
-            f"GNRMC,{time},{valid},{place},{speed * _KNOTS:.3f},{course},{when:%d%m%y},,,{kind}",
-            f"GNVTG,{course},T,,M,{speed * _KNOTS:.3f},N,{speed * 3.6:.3f},K,{kind}",
-        ]
-    return "".join(f"${line}*{_checksum(line):02X}\r\n" for line in lines)
+    listed = (column[rows].tolist() for column in columns)
+    return ["".join(map(_framed, _lines(*row))) for row in zip(*listed, strict=True)]
+
+
+def _lines(
+    t_ns: int,
+    geodetic: Sequence[float],
+    velocity: Sequence[float],
+    mode: int,
+    satellites: int,
+    used: int,
+    *dops: float,
+) -> Iterator[str]:
+    """Yield the sentences of one fix, without their frames."""
+    latitude, longitude, height = geodetic
+    east, north, _ = velocity
+    when = datetime.fromtimestamp(round(t_ns * 1e-7) / 100.0, timezone.utc)
+    time = f"{when:%H%M%S}.{when.microsecond // 10000:02d}"
+    place = f"{_angle(latitude, 2, 'NS')},{_angle(longitude, 3, 'EW')}"
+    place = place if mode >= 0 else ",,,"
+    speed = math.hypot(east, north)
+    course = f"{math.degrees(math.atan2(east, north)) % 360.0:.2f}"
+    valid, kind = ("A", "D" if mode else "A") if mode >= 0 else ("V", "N")
+    above = f"{height:.4f},M,0.0,M" if mode >= 0 else ",M,,M"
+    quality = f"{_QUALITY[mode]},{satellites:02d},{dops[1]:.2f}"
+    yield f"GNGGA,{time},{place},{quality},{above},,"
+    numbers = [f"{prn + 1:02d}" for prn in range(used.bit_length()) if used >> prn & 1]
+    for first in range(0, max(len(numbers), 1), _IN_GSA):
+        shown = ",".join((numbers[first:] + [""] * _IN_GSA)[:_IN_GSA])
+        yield f"GNGSA,A,{3 if mode >= 0 else 1},{shown},{','.join(f'{d:.2f}' for d in dops)}"
+    yield f"GNRMC,{time},{valid},{place},{speed * _KNOTS:.3f},{course},{when:%d%m%y},,,{kind}"
+    yield f"GNVTG,{course},T,,M,{speed * _KNOTS:.3f},N,{speed * 3.6:.3f},K,{kind}"
+
+
+def _framed(line: str) -> str:
+    return f"${line}*{_checksum(line):02X}\r\n"
 
 
 def _angle(degrees: float, digits: int, sides: str) -> str:

@@ -122,9 +122,41 @@ class GnssParameters(CarriedParameters):
         "no message in an outage; false: messages with STATUS_NO_FIX, the last known place and "
         "unknown covariance",
     )
-    satellites: int = integer(12, "satellites in use", minimum=4, maximum=60)
+    sky: str = choice(
+        "satellites",
+        ("satellites", "constant"),
+        "satellites: 30 satellites like those of GPS, seen above the masks, dilute the precision; "
+        "constant: `satellites`, `hdop` and `vdop` hold all the time",
+    )
+    elevation_mask_deg: float = number(
+        10.0,
+        "satellites below this elevation are not used",
+        unit="deg",
+        minimum=0.0,
+        maximum=90.0,
+    )
+    mask_boxes: tuple[float, ...] = numbers(
+        (),
+        "boxes in the world in which a higher mask hides satellites, as houses do: least x, y, z, "
+        "largest x, y, z, and elevation, of each",
+        unit="m, deg",
+        group=7,
+    )
     hdop: float = number(
-        0.9, "horizontal dilution of precision, as NMEA has it", minimum=0.1, maximum=99.9
+        1.0,
+        "horizontal dilution of precision with which `horizontal_sigma` holds; at another one the "
+        "error is larger or smaller in proportion",
+        minimum=0.1,
+        maximum=99.9,
+    )
+    vdop: float = number(
+        1.5,
+        "vertical dilution of precision with which `vertical_sigma` holds",
+        minimum=0.1,
+        maximum=99.9,
+    )
+    satellites: int = integer(
+        12, "satellites in use where `sky` is constant", minimum=4, maximum=60
     )
 
     def problems(self, prefix: str) -> Iterator[str]:
@@ -143,6 +175,14 @@ class GnssParameters(CarriedParameters):
             box = self.outage_boxes[k : k + 6]
             if any(low >= high for low, high in zip(box[:3], box[3:], strict=True)):
                 yield f"{prefix}outage_boxes: {list(box)}: least must be below largest"
+        for k in range(0, len(self.mask_boxes), 7):
+            box = self.mask_boxes[k : k + 7]
+            if any(low >= high for low, high in zip(box[:3], box[3:6], strict=True)):
+                yield f"{prefix}mask_boxes: {list(box)}: least must be below largest"
+            if not 0.0 <= box[6] <= 90.0:
+                yield f"{prefix}mask_boxes: elevation {box[6]:g}: must be between 0 and 90 deg"
+        if self.mask_boxes and self.sky == "constant":
+            yield f"{prefix}mask_boxes: must be empty where {prefix}sky is constant"
         if bool(self.multipath_rate) != bool(self.multipath_sigma):
             yield (
                 f"{prefix}multipath_rate = {self.multipath_rate:g} and {prefix}multipath_sigma = "

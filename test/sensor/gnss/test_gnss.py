@@ -101,6 +101,7 @@ def test_errors_have_the_stated_size_and_time() -> None:
     """
     gnss = read(
         duration=14400, rate=1.0, mode="dgps", correlation_time=20.0, white_share=0.2,
+        sky="constant",
         horizontal_sigma=[9.0, 0.6, 9.0, 9.0], vertical_sigma=[9.0, 1.2, 9.0, 9.0],
     )  # fmt: skip
     np.testing.assert_allclose(gnss.error.std(axis=0), [0.6, 0.6, 1.2], rtol=0.13)
@@ -120,7 +121,8 @@ def test_the_stated_covariance_may_lie() -> None:
 
 
 def test_modes_change_accuracy_and_status() -> None:
-    gnss = read(mode="single", mode_changes=[20.0, 3, 40.0, 4, 60.0, 2])
+    changes = [20.0, 3, 40.0, 4, 60.0, 2]
+    gnss = read(mode="single", mode_changes=changes, sky="constant")
     t = (gnss.true_t_ns - gnss.true_t_ns[0]) * 1e-9
     for begin, mode, status, sigma in ((0, 0, 0, 1.5), (20, 2, 2, 0.2), (40, 3, 2, 0.01)):
         rows = (t >= begin) & (t < begin + 20)
@@ -187,6 +189,89 @@ def test_noisy_errors_do_not_depend_on_blocks() -> None:
         assert np.array_equal(joined, getattr(whole.auxiliary["gnss"], name)), name
 
 
+def test_covariance_follows_from_the_geometry() -> None:
+    """Ranges are as good as the nominal dilutions say; each axis has its own dilution.
+
+    Normalised errors of 12 h with 20 s: 2160 independent values, the deviation is known to 1.5 %;
+    five of these.
+    """
+    gnss = read(
+        duration=43200, rate=0.5, correlation_time=20.0, covariance_factor=4.0, hdop=0.8, vdop=1.6,
+        horizontal_sigma=[2.0] * 4, vertical_sigma=[4.0] * 4,
+    )  # fmt: skip
+    ranges = np.array([2.0 * np.sqrt(2.0) / 0.8, 2.0 * np.sqrt(2.0) / 0.8, 4.0 / 1.6])
+    sigma = ranges * gnss.dilution[:, :3]
+    np.testing.assert_allclose(gnss.variance, 4.0 * sigma**2, rtol=1e-12)
+    np.testing.assert_allclose((gnss.error / sigma).std(axis=0), 1.0, rtol=0.075)
+    np.testing.assert_allclose(gnss.hdop, np.hypot(*gnss.dilution.T[:2]), rtol=1e-12)
+    np.testing.assert_allclose(gnss.pdop, np.hypot(gnss.hdop, gnss.vdop), rtol=1e-12)
+    bits = [bin(used).count("1") for used in gnss.used.tolist()]
+    assert np.array_equal(gnss.satellites, bits)
+    assert len(set(bits)) > 2
+    # GPS promises a PDOP of at most 6 for 98 % of the time (SPS performance standard, 3.7-1).
+    assert np.quantile(gnss.pdop, 0.98) < 6.0
+
+
+def test_houses_hide_satellites() -> None:
+    """The box is the middle third of a straight drive of 60 s; a mask of 85 deg leaves no fix."""
+    drive = {
+        "imu": "perfect", "rate": 20, "sensors": ["gnss"], "seed": 1, "duration": 60.0,
+        "trajectory": {"type": "harmonic", "x": {"polynomial": [0.0, 1.0]}},
+    }  # fmt: skip
+    box = [20.0, -5.0, -5.0, 40.0, 5.0, 5.0]
+    own: dict[str, Any] = {"rate": 1.0, "silent": False, "mask_boxes": [*box, 25.0]}
+    gnss = ims.simulate(**drive, gnss=own).gnss
+    inside = (gnss.ideal_position[:, 0] >= 20.0) & (gnss.ideal_position[:, 0] <= 40.0)
+    assert np.count_nonzero(inside) == 21
+    assert gnss.satellites[inside].max() < gnss.satellites[~inside].min()
+    assert gnss.pdop[inside].min() > gnss.pdop[~inside].max()
+    assert gnss.variance[inside].min(axis=0)[0] > gnss.variance[~inside].max(axis=0)[0]
+    covered = ims.simulate(**drive, gnss={**own, "mask_boxes": [*box, 25.0, *box, 85.0]}).gnss
+    assert set(covered.mode[inside]) == {-1}
+    assert set(covered.satellites[inside]) == {0}
+    assert set(covered.hdop[inside]) == {99.99}
+    assert np.array_equal(covered.error[~inside], gnss.error[~inside])
+
+
+def test_extended_fixes_hold_the_same(tmp_path: Path) -> None:
+    """gps_msgs/GPSFix, gps_common/GPSFix in ROS 1, against what is read; in bags on request."""
+    pytest.importorskip("rosbags")
+    from rosbags.highlevel import AnyReader
+
+    flight = ims.simulate(
+        **{**STILL, "trajectory": "figure_eight"}, duration=3, latitude_deg=48.0,
+        gnss={"mode": "float", "outages": [1.0, 0.5], "silent": False},
+    )  # fmt: skip
+    read = flight.gnss
+    for name, package in (("a.mcap", "gps_msgs"), ("a.bag", "gps_common")):
+        path = flight.save(tmp_path / name, topics=["imu/data_raw", "gps/fix", "gps/extended_fix"])
+        with AnyReader([path]) as reader:
+            chosen = [c for c in reader.connections if c.topic == "/gps/extended_fix"]
+            assert chosen[0].msgtype == f"{package}/msg/GPSFix"
+            messages = [
+                reader.deserialize(content, connection.msgtype)
+                for connection, _, content in reader.messages(chosen)
+            ]
+        assert [m.status.status for m in messages] == [20] * 10 + [-1] * 5 + [20] * 15
+        for name in ("latitude", "longitude", "altitude"):
+            column = read.geodetic[:, ("latitude", "longitude", "altitude").index(name)]
+            assert np.array_equal([getattr(m, name) for m in messages], column)
+        for name in ("hdop", "vdop", "pdop"):
+            assert np.array_equal([getattr(m, name) for m in messages], getattr(read, name))
+        assert np.array_equal([m.status.satellites_used for m in messages], read.satellites)
+        assert [len(m.status.satellite_used_prn) for m in messages] == [0] * 30
+        assert [m.position_covariance_type for m in messages] == [2] * 10 + [0] * 5 + [2] * 15
+        one = messages[0]
+        assert np.array_equal(one.position_covariance[::4], read.variance[0])
+        assert one.gdop == pytest.approx(np.linalg.norm(read.dilution[0]))
+        east, north, up = read.velocity[0]
+        assert one.speed == pytest.approx(np.hypot(east, north))
+        assert np.radians(one.track) == pytest.approx(np.arctan2(east, north) % (2 * np.pi))
+        assert one.climb == up
+        assert (one.header.frame_id, one.status.header.frame_id) == ("gps_link", "gps_link")
+        assert one.status.header.stamp.sec == one.header.stamp.sec == 1
+
+
 def test_nmea_is_read_by_pynmeagps(tmp_path: Path) -> None:
     """Places to 0.2 mm, the resolution of 1e-7 minutes; checksums are checked by the reader."""
     pynmeagps = pytest.importorskip("pynmeagps")
@@ -197,16 +282,24 @@ def test_nmea_is_read_by_pynmeagps(tmp_path: Path) -> None:
     path = flight.gnss.save_nmea(tmp_path / "a.nmea")
     with path.open("rb") as file:
         messages = [parsed for _, parsed in pynmeagps.NMEAReader(file, quitonerror=2)]
-    assert [m.msgID for m in messages] == ["GGA", "RMC", "VTG"] * 40
-    for k, (latitude, longitude, height) in enumerate(flight.gnss.geodetic):
-        gga, rmc, vtg = messages[3 * k : 3 * k + 3]
+    assert [m.msgID for m in messages] == ["GGA", "GSA", "RMC", "VTG"] * 40
+    read = flight.gnss
+    for k, (latitude, longitude, height) in enumerate(read.geodetic):
+        gga, gsa, rmc, vtg = messages[4 * k : 4 * k + 4]
         assert gga.lat == pytest.approx(latitude, abs=2e-9)
         assert gga.lon == pytest.approx(longitude, abs=2e-9)
         assert gga.alt == pytest.approx(height, abs=1e-4)
-        assert (gga.quality, gga.numSV, rmc.status) == (4, 12, "A")
-        east, north, _ = flight.gnss.velocity[k]
+        assert (gga.quality, gga.numSV, rmc.status) == (4, read.satellites[k], "A")
+        numbers = [getattr(gsa, f"svid_{n:02d}") for n in range(1, 13)]
+        used = [prn for prn in range(1, 33) if read.used[k] >> (prn - 1) & 1]
+        assert [n for n in numbers if n] == used
+        assert gsa.navMode == 3
+        shown = [gga.HDOP, gsa.PDOP, gsa.HDOP, gsa.VDOP]
+        dops = [read.hdop[k], read.pdop[k], read.hdop[k], read.vdop[k]]
+        np.testing.assert_allclose(shown, dops, rtol=0, atol=0.005001)
+        east, north, _ = read.velocity[k]
         assert vtg.sogk == pytest.approx(3.6 * np.hypot(east, north), abs=1e-3)
-    assert str(messages[1].date) == "2023-11-14"
+    assert str(messages[2].date) == "2023-11-14"
 
 
 @pytest.mark.parametrize("name", files.names("gnss"))
@@ -230,6 +323,9 @@ def test_presets_have_sources_and_run(name: str, tmp_path: Path) -> None:
         ({"mode_changes": [5.0, 2, 5.0, 3]}, "times|must increase"),
         ({"mode_changes": [5.0, 7]}, "mode 7: must be 1, 2, 3 or 4"),
         ({"outage_boxes": [1, 0, 0, 0, 1, 1]}, "least must be below largest"),
+        ({"mask_boxes": [1, 0, 0, 0, 1, 1, 20]}, "least must be below largest"),
+        ({"mask_boxes": [0, 0, 0, 1, 1, 1, 95]}, "must be between 0 and 90 deg"),
+        ({"mask_boxes": [0, 0, 0, 1, 1, 1, 5], "sky": "constant"}, "must be empty"),
         ({"multipath_rate": 1.0}, "must both be 0 or both be above 0"),
     ],
 )

@@ -11,6 +11,8 @@ Copyright 2008-2010 Willow Garage, Inc., BSD-3-Clause.
 
 from typing import Final
 
+from imu_sim_ros.bags.messages.definitions import gps
+
 # A line is a literal of its own because trailing blanks belong to the text.
 TEXTS: Final[dict[str, str]] = {
     "geometry_msgs/Point": (
@@ -293,6 +295,7 @@ NESTED: Final[dict[str, tuple[str, ...]]] = {
 }
 
 MD5_SUMS: Final[dict[str, str]] = {
+    **gps.MD5_SUMS,
     "geometry_msgs/PoseStamped": "d3812c3cbc69362b77dc0b19b345f8f5",
     "geometry_msgs/TwistWithCovarianceStamped": "8927a1a12fb2607ceea095b2dc440a96",
     "geometry_msgs/Vector3Stamped": "7b324c7325e683bf02a9b14b01090ec7",
@@ -319,7 +322,8 @@ def full_text(name: str) -> str | None:
     """
     from imu_sim_ros.bags.messages.definitions import ros1_cameras
 
-    texts, nested = {**TEXTS, **ros1_cameras.TEXTS}, {**NESTED, **ros1_cameras.NESTED}
+    texts = {**TEXTS, **ros1_cameras.TEXTS, **gps.ROS1}
+    nested = {**NESTED, **ros1_cameras.NESTED, **gps.NESTED}
     if name not in nested:
         return None
     others = "".join(f"{'=' * 80}\nMSG: {n}\n{texts[n]}\n" for n in nested[name])

@@ -1,0 +1,243 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Satellites of GPS: their time, their broadcast ephemerides, where they are, and their clocks.
+
+Equations and constants are those of IS-GPS-200, 20.3.3.3.3 and 20.3.3.4.3, and table 20-IV. Places
+are Earth-fixed (WGS84) at the time that they are asked for.
+"""
+
+from datetime import datetime, timezone
+from functools import lru_cache
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
+from imu_sim_ros.types import Array
+
+LIGHT: Final = 299792458.0
+"""[m/s]"""
+EARTH_RATE: Final = 7.2921151467e-5
+"""[rad/s] of GPS; that of WGS84 ends in 15."""
+_GRAVITATION: Final = 3.9860050e14
+"""[m^3/s^2] of GPS."""
+WEEK: Final = 604800
+"""[s]"""
+_KEPLER_STEPS: Final = 4
+"""Newton's; an eccentricity of 0.03 needs three for all digits."""
+
+_GPS_EPOCH: Final = datetime(1980, 1, 6, tzinfo=timezone.utc)
+# GPS time minus UTC grew by a second at each of these dates (IERS Bulletin C).
+_LEAPS: Final = tuple(
+    datetime(year, month, 1, tzinfo=timezone.utc).timestamp()
+    for year, month in (
+        *((1981, 7), (1982, 7), (1983, 7), (1985, 7), (1988, 1), (1990, 1), (1991, 1), (1992, 7)),
+        *((1993, 7), (1994, 7), (1996, 1), (1997, 7), (1999, 1), (2006, 1), (2009, 1), (2012, 7)),
+        *((2015, 7), (2017, 1)),
+    )
+)
+_STAND_IN: Final = datetime(2026, 1, 1, tzinfo=timezone.utc)
+"""What stamps count from that are too early for GPS: those of a file begin with 1 s."""
+
+
+class GpsTime(NamedTuple):
+    """A time of GPS."""
+
+    week: int
+    """Since 6 January 1980, not rolled over."""
+    second: float
+    """Of the week [s]."""
+
+
+def leap_seconds(unix: float) -> int:
+    """Return GPS time minus UTC [s] at a Unix time [s].
+
+    >>> from imu_sim_ros.sensors.gnss.satellites import leap_seconds
+    >>> leap_seconds(1.7e9)
+    18
+    """
+    return sum(unix >= one for one in _LEAPS)
+
+
+def gps_time(t_ns: int) -> GpsTime:
+    """Return the GPS time of a stamp, which is taken as Unix time.
+
+    One before 6 January 1980 counts from 1 January 2026: files begin at 1 s.
+
+    >>> from imu_sim_ros.sensors.gnss.satellites import gps_time
+    >>> gps_time(1_704_067_200_000_000_000)
+    GpsTime(week=2295, second=86418.0)
+    """
+    epoch = int(_GPS_EPOCH.timestamp())
+    if t_ns < epoch * NANOSECONDS_PER_SECOND:
+        t_ns += int(_STAND_IN.timestamp()) * NANOSECONDS_PER_SECOND
+    t_ns += (leap_seconds(t_ns * 1e-9) - epoch) * NANOSECONDS_PER_SECOND
+    week, rest = divmod(t_ns, WEEK * NANOSECONDS_PER_SECOND)
+    return GpsTime(int(week), rest * 1e-9)
+
+
+class Ephemerides(NamedTuple):
+    """Broadcast parameters of k satellites, all (k,); names as in RINEX, angles in rad."""
+
+    prn: NDArray[np.int64]
+    week: NDArray[np.int64]
+    """Of the reference time, not rolled over."""
+    toe: Array
+    """Reference time of the orbit, second of that week [s]."""
+    toc: Array
+    """Reference time of the clock, second of that week [s]."""
+    af0: Array
+    """[s]"""
+    af1: Array
+    """[s/s]"""
+    af2: Array
+    """[s/s^2]"""
+    sqrt_a: Array
+    """[sqrt(m)]"""
+    eccentricity: Array
+    m0: Array
+    delta_n: Array
+    """[rad/s]"""
+    omega0: Array
+    omega_dot: Array
+    """[rad/s]"""
+    omega: Array
+    i0: Array
+    idot: Array
+    """[rad/s]"""
+    cuc: Array
+    cus: Array
+    crc: Array
+    """[m]"""
+    crs: Array
+    """[m]"""
+    cic: Array
+    cis: Array
+    tgd: Array
+    """Group delay [s]."""
+    iode: NDArray[np.int64]
+
+    def take(self, rows: NDArray[np.int64]) -> "Ephemerides":
+        """Return some of them, in this order."""
+        return self._replace(**{name: values[rows] for name, values in self._asdict().items()})
+
+    def age(self, week: int, second: Array) -> Array:
+        """Return times since the reference times of the orbits [s].
+
+        :param second: since the beginning of a week, (..., k) or one for all.
+        """
+        return second - (self.toe + WEEK * (self.week - week).astype(np.float64))
+
+
+class Orbits(NamedTuple):
+    """Where k satellites are at times (..., k)."""
+
+    position: Array
+    """(..., k, 3), Earth-fixed at that time [m]."""
+    clock: Array
+    """(..., k): satellite's clock minus GPS time, with the relativistic part, without TGD [s]."""
+
+
+def orbits(satellites: Ephemerides, week: int, second: Array) -> Orbits:
+    """Return where satellites are, and what their clocks are off (IS-GPS-200, table 20-IV).
+
+    :param second: GPS times (..., k) since the beginning of the week [s].
+    """
+    s = satellites
+    tk = s.age(week, second)
+    a = s.sqrt_a * s.sqrt_a
+    mean = s.m0 + (np.sqrt(_GRAVITATION / a**3) + s.delta_n) * tk
+    anomaly = mean
+    for _ in range(_KEPLER_STEPS):
+        wrong = anomaly - s.eccentricity * np.sin(anomaly) - mean
+        anomaly = anomaly - wrong / (1.0 - s.eccentricity * np.cos(anomaly))
+    sine, cosine = np.sin(anomaly), np.cos(anomaly)
+    true = np.arctan2(np.sqrt(1.0 - s.eccentricity**2) * sine, cosine - s.eccentricity)
+    latitude = true + s.omega
+    sine2, cosine2 = np.sin(2.0 * latitude), np.cos(2.0 * latitude)
+    u = latitude + s.cus * sine2 + s.cuc * cosine2
+    r = a * (1.0 - s.eccentricity * cosine) + s.crs * sine2 + s.crc * cosine2
+    i = s.i0 + s.idot * tk + s.cis * sine2 + s.cic * cosine2
+    node = s.omega0 + (s.omega_dot - EARTH_RATE) * tk - EARTH_RATE * s.toe
+    x, y = r * np.cos(u), r * np.sin(u)
+    across = y * np.cos(i)
+    position = np.stack(
+        [
+            x * np.cos(node) - across * np.sin(node),
+            x * np.sin(node) + across * np.cos(node),
+            y * np.sin(i),
+        ],
+        axis=-1,
+    )
+    dt = tk + (s.toe - s.toc)
+    relativity = -2.0 * np.sqrt(_GRAVITATION * a) * s.eccentricity * sine / LIGHT**2
+    return Orbits(position, s.af0 + s.af1 * dt + s.af2 * dt * dt + relativity)
+
+
+PLANES: Final = 6
+IN_A_PLANE: Final = 5
+_RADIUS: Final = 26559.7e3
+"""[m] of the orbits of GPS (GPS SPS performance standard, 5th ed., table 3.2-1), with the next."""
+_INCLINATION: Final = np.radians(55.0)
+_ECCENTRICITY: Final = 0.005
+_PRECESSION: Final = -8.0e-9
+"""[rad/s] of the nodes, as broadcast."""
+VALIDITY: Final = 7200.0
+"""[s] between two reference times."""
+
+
+@lru_cache(maxsize=32)
+def almanac(week: int, toe: float) -> Ephemerides:
+    """Return 30 satellites that stand in for GPS: a Walker constellation, 55 deg: 30/6/1.
+
+    The same satellites have other numbers for each reference time, and the same places. All numbers
+    are as a RINEX file holds them, with 13 digits.
+
+    :param week: of the reference time.
+    :param toe: [s]
+    """
+    k = np.arange(PLANES * IN_A_PLANE)
+    plane, slot = np.divmod(k, IN_A_PLANE)
+    full = 2.0 * np.pi
+    omega = full * ((k * 7) % len(k)) / len(k)
+    since = week * float(WEEK) + toe
+    sqrt_a = np.sqrt(_RADIUS)
+    phase = full * (slot / IN_A_PLANE + plane / len(k)) - omega
+    mean = phase + np.sqrt(_GRAVITATION / _RADIUS**3) * since
+    turned = (_PRECESSION - EARTH_RATE) * since + EARTH_RATE * toe
+    zero = np.zeros(len(k))
+    values = {
+        "af0": 3e-4 * np.sin(2.4 * k),
+        "af1": 5e-12 * np.cos(1.7 * k),
+        "sqrt_a": zero + sqrt_a,
+        "eccentricity": zero + _ECCENTRICITY,
+        "m0": np.remainder(mean + np.pi, full) - np.pi,
+        "omega0": np.remainder(full * plane / PLANES + turned + np.pi, full) - np.pi,
+        "omega_dot": zero + _PRECESSION,
+        "omega": np.remainder(omega + np.pi, full) - np.pi,
+        "i0": zero + _INCLINATION,
+    }
+    # The clocks drift on from one reference time to the next, from zero at the start of the week.
+    values["af0"] = values["af0"] + values["af1"] * toe
+    written = {name: as_written(value) for name, value in values.items()}
+    others = {name: zero for name in Ephemerides._fields if name not in written}
+    whole = {
+        "prn": k + 1,
+        "week": np.full(len(k), week),
+        "iode": np.full(len(k), int(toe // VALIDITY) + 1),
+    }
+    return Ephemerides(**{**others, **written, **whole, "toe": zero + toe, "toc": zero + toe})
+
+
+def as_written(values: Array) -> Array:
+    """Return numbers as RINEX holds them, with 13 digits."""
+    return np.array([float(f"{value:.12e}") for value in values])
+
+
+def almanac_at(at: GpsTime) -> Ephemerides:
+    """Return the satellites of :func:`almanac` with the reference time that is nearest."""
+    nearest = round(at.second / VALIDITY) * VALIDITY
+    carry, toe = divmod(nearest, WEEK)
+    return almanac(at.week + int(carry), float(toe))
