@@ -20,10 +20,11 @@ from imu_sim_ros.names import shown
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.kinds import EMPTY_LIST, Parameter
 from imu_sim_ros.parameters.sections import OF_EVERY_NODE, bad_values, parameters
+from imu_sim_ros.sensors import CARRIED
 
 _RULE = re.compile(r"(?P<name>(?:[^\s:]+:)?[^\s:=]+):=(?P<value>.*)", re.DOTALL)
 _PARAMETERS = "ros__parameters"
-SHORT = {"imu": "imu.preset", "trajectory": "trajectory.type"}
+SHORT = {"imu": "imu.preset", "trajectory": "trajectory.type", "nmea": "gnss.nmea"}
 """A section such as imu stands for the file that its preset names."""
 _OF_ROS = ("-p", "--param", "--params-file", "-r", "--remap")
 
@@ -97,7 +98,8 @@ def _plain(own: Sequence[str], known: Mapping[str, Parameter], problems: list[st
         if not word.startswith("--") or not name:
             problems.append(f"{word}: not an argument (--help lists them)")
             continue
-        name = SHORT[name] if SHORT.get(name) in known else name
+        short = SHORT.get(name, "")
+        name = short if short in known or short.partition(".")[0] in CARRIED else name
         if not equals:
             value = next(words, "")
         if not value:

@@ -11,7 +11,7 @@ parameter ``sensors``: its parameters are ``NAME.*``, and the body has one of th
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -137,6 +137,15 @@ def topic(
     return Topic(name, type_name, flags, make, truth, foreign)
 
 
+class Serial(NamedTuple):
+    """What a sensor writes to a serial line: in a node, a pseudo-terminal."""
+
+    where: Callable[[Any], str]
+    """Returns of its section where the terminal is linked; ``pty``: nowhere; empty: it has none."""
+    lines: Callable[[Any, Any], list[str]]
+    """Returns a text in ASCII for each of some rows of samples."""
+
+
 @dataclass(frozen=True)
 class Sensor:
     """All that the rest of the package has to know of an auxiliary sensor."""
@@ -171,6 +180,7 @@ class Sensor:
     """What it is, in a line of ``--help``."""
     warnings: Callable[[Any, Trajectory, float], list[str]] = lambda own, trajectory, duration: []
     """Returns a line for each way in which a motion of this length [s] is not for this sensor."""
+    serial: Serial | None = None
     presets: str = ""
     """The folder in config/ of the files that ``NAME.preset`` names; empty: it has none."""
 

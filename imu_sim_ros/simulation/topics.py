@@ -99,6 +99,14 @@ class Messages(NamedTuple):
     """The messages."""
 
 
+class TextMessages(NamedTuple):
+    """The m messages of a serial line in a block."""
+
+    due_t_ns: Times
+    """(m,) when the driver would release them [ns]."""
+    payloads: list[bytes]
+
+
 Encode = Callable[[ImuBlock, SampledParameters], Messages]
 """Turns a block into messages; the parameters are those valid for the block."""
 

@@ -45,8 +45,10 @@ from imu_sim_ros.nodes.simulator.publish_queue import (
     Stream,
     TickStream,
 )
+from imu_sim_ros.nodes.simulator.serial_line import PseudoTerminal, SerialEncode
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.sensors.declaration import Topic
+from imu_sim_ros.sensors.registry import find_sensor
 from imu_sim_ros.simulation import topics
 from imu_sim_ros.simulation.engine import Simulation
 from imu_sim_ros.simulation.parameters import DEFAULT_TRAJECTORY, carried
@@ -83,6 +85,7 @@ class Simulator(ConfiguredNode):
     def __init__(self) -> None:
         super().__init__("simulator", simulator_section, _layered)
         self._counters: list[Any] = []
+        self._terminals: list[PseudoTerminal] = []
         self._cameras: Any = None
         self._descriptions: dict[str, Any] = {}
         self._lateness = Histogram()
@@ -139,6 +142,10 @@ class Simulator(ConfiguredNode):
             )
         if self._cameras is not None:
             self._cameras.close()
+        for terminal in self._terminals:
+            terminal.close()
+            lost = f", {terminal.lost} lost: the reader was too slow" if terminal.lost else ""
+            print(f"simulator: wrote {terminal.written} messages to {terminal.name}{lost}")
         for counter in self._counters:
             print(f"simulator: published {counter.count} messages on {counter.topic}", flush=True)
 
@@ -168,13 +175,14 @@ class Simulator(ConfiguredNode):
             self._notes += [line for line in simulation.notes() if line not in self._notes]
             # Several IMUs have a namespace each; the body's truth is one, in the node's own.
             prefix = "" if name in ("", BODY) else f"{name}/"
-            outputs = [
+            outputs: list[Any] = [
                 (
                     topics.encoder(topic, simulated),
                     self._counted(prefix + topic, types[topic]),
                 )
                 for topic in chosen
             ]
+            outputs += self._serial_lines(carried(simulated))
             yield SimulationStream(simulation, outputs, name)
             truth = simulation
             if name != BODY:
@@ -198,6 +206,17 @@ class Simulator(ConfiguredNode):
                 lambda t_ns, _: [row.tobytes() for row in clock.encode(t_ns)],
                 self._counted("/clock", CLOCK),
             )
+
+    def _serial_lines(self, carried: Mapping[str, Any]) -> Iterator[tuple[SerialEncode, Any]]:
+        """Yield what sensors of the body write to terminals, and how."""
+        for name, own in carried.items():
+            sensor = find_sensor(name)
+            where = sensor.serial.where(own) if sensor.serial else ""
+            if where:
+                terminal = PseudoTerminal(where)
+                self._terminals.append(terminal)
+                self._notes.append(f"{name}: serial line on {terminal.name}")
+                yield SerialEncode(sensor), terminal.send
 
     def _can_publish(self, topic: Topic) -> bool:
         """Return whether a topic's type is installed, where it need not be."""

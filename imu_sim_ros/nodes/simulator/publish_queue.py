@@ -8,17 +8,20 @@ from itertools import repeat
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros import timebase
+from imu_sim_ros.bags.messages.blocks import as_list
+from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.simulation.engine import Simulation
-from imu_sim_ros.simulation.parameters import SimulationParameters
+from imu_sim_ros.simulation.parameters import SampledParameters, SimulationParameters
 from imu_sim_ros.simulation.playback import BODY
-from imu_sim_ros.simulation.topics import Encode
+from imu_sim_ros.simulation.topics import Encode, TextMessages
 from imu_sim_ros.types import Times
 
 Send = Callable[[Any], None]
+Say = Callable[[ImuBlock, SampledParameters], TextMessages]
+"""Turns a block into the messages of a serial line."""
 Group = tuple[int, Sequence[tuple[Send, Any]]]
 """What is due at one time [ns]: functions and what they publish."""
 
@@ -46,7 +49,7 @@ class SimulationStream:
     """The topics of one simulation."""
 
     def __init__(
-        self, simulation: Simulation, outputs: Sequence[tuple[Encode, Send]], name: str = ""
+        self, simulation: Simulation, outputs: Sequence[tuple[Encode | Say, Send]], name: str = ""
     ) -> None:
         """Connect a simulation with its topics.
 
@@ -70,7 +73,7 @@ class SimulationStream:
         block = self.simulation.next_block(count)
         for encode, send in self._outputs:
             messages = encode(block, self.simulation.parameters)
-            yield Piece(messages.due_t_ns, send, _split(messages.payloads.array()))
+            yield Piece(messages.due_t_ns, send, as_list(messages.payloads))
 
     def next_time_ns(self, delay: float = 0.0) -> int:
         """Return the time of the first sample that is at least ``delay`` s after the next one."""
@@ -188,12 +191,6 @@ def _hurried(held: Sequence[Piece], new: Sequence[Piece]) -> list[Piece]:
         piece._replace(times=np.minimum(piece.times, first.get(piece.send, piece.times[-1])))
         for piece in held
     ]
-
-
-def _split(rows: NDArray[np.uint8]) -> list[bytes]:
-    """Return the rows (n, size) as n byte strings."""
-    payloads: list[bytes] = rows.view(f"V{rows.shape[1]}")[:, 0].tolist()
-    return payloads
 
 
 def _merge(pieces: Sequence[Piece]) -> list[Group]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from imu_sim_ros.inputs.gate import OTHER
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.sensors.carried import CarriedReadings
-from imu_sim_ros.sensors.declaration import Model, Sensor, topic
+from imu_sim_ros.sensors.declaration import Model, Sensor, Serial, topic
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.gnss.parameters import GnssParameters
 from imu_sim_ros.types import Array
@@ -75,9 +75,7 @@ class GnssReadings(CarriedReadings):
 
     def nmea(self) -> str:
         """Return sentences GGA, GSA, RMC and VTG of every fix, as receivers write them."""
-        from imu_sim_ros.sensors.gnss.nmea import sentences
-
-        return "".join(sentences(self, slice(None)))
+        return "".join(_sentences(self, slice(None)))
 
     def save_nmea(self, path: str | Path) -> Path:
         """Write a file of NMEA sentences; returns its path."""
@@ -95,6 +93,12 @@ def _model(
     from imu_sim_ros.sensors.gnss.model import Receiver  # most runs have none
 
     return Receiver(own, environment, t0_ns, others)
+
+
+def _sentences(read: Any, rows: Any) -> list[str]:
+    from imu_sim_ros.sensors.gnss.nmea import sentences
+
+    return sentences(read, rows)
 
 
 def _fix(read: Any, rows: Any, _: Any) -> tuple[Array, ...]:
@@ -175,5 +179,6 @@ SENSOR = Sensor(
     values=lambda read: np.column_stack([read.geodetic, read.variance, read.velocity, read.status]),
     readings=GnssReadings,
     text="GNSS receiver: fixes and velocities of an antenna, with outages and modes",
+    serial=Serial(lambda own: str(own.nmea), _sentences),
     presets="gnss",
 )

@@ -159,6 +159,12 @@ class GnssParameters(CarriedParameters):
         12, "satellites in use where `sky` is constant", minimum=4, maximum=60
     )
 
+    nmea: str = text(
+        "",
+        "a node writes NMEA to a pseudo-terminal, as receivers do to a serial line: pty, or the "
+        "path of a symbolic link to it; empty: none",
+    )
+
     def problems(self, prefix: str) -> Iterator[str]:
         """Yield a line for each contradiction between parameters."""
         yield from super().problems(prefix)

@@ -1,0 +1,109 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Sentences of a sensor on a pseudo-terminal, as receivers have a serial line."""
+
+import os
+import select
+import tty
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
+
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.sensors.declaration import Sensor
+from imu_sim_ros.simulation.parameters import SampledParameters
+from imu_sim_ros.simulation.topics import TextMessages
+
+PLAIN: Final = "pty"
+"""What stands in place of a link where there is none."""
+
+
+class PseudoTerminal:
+    """A terminal that one writes into without ever waiting for its reader.
+
+    What nobody reads is gone: a reader that opens the terminal gets what comes from then on. A
+    reader that is too slow loses whole messages.
+    """
+
+    def __init__(self, where: str) -> None:
+        """Make the terminal, and a symbolic link to it.
+
+        :param where: path of the link; ``pty``: none.
+        :raises InputError: where the link cannot be made.
+        """
+        self.written = self.lost = 0
+        self._rest = b""
+        self._master, slave = os.openpty()
+        tty.setraw(slave)  # no echo, and line ends as they are
+        os.set_blocking(self._master, False)
+        self.path = os.ttyname(slave)
+        os.close(slave)  # so that a hang-up says that nobody reads
+        self._link = None if where == PLAIN else Path(where)
+        self._poll = select.poll()
+        self._poll.register(self._master, 0)
+        if self._link is not None:
+            try:
+                self._make_link(self._link)
+            except OSError as error:
+                os.close(self._master)
+                raise InputError(f"{where}: no link can be made here: {error.strerror}") from None
+
+    @property
+    def name(self) -> str:
+        """Return where it is read."""
+        return self.path if self._link is None else f"{self._link} ({self.path})"
+
+    def send(self, message: bytes) -> None:
+        """Write a message, or lose it; never waits."""
+        if any(event & select.POLLHUP for _, event in self._poll.poll(0)):
+            self._rest = b""
+            return
+        if self._rest:
+            self._rest = self._write(self._rest)
+        if self._rest:
+            self.lost += 1
+            return
+        self._rest = self._write(message)
+        if len(self._rest) == len(message):
+            self._rest = b""
+            self.lost += 1
+        else:
+            self.written += 1
+
+    def close(self) -> None:
+        """Remove the terminal and its link."""
+        if self._link is not None:
+            with suppress(OSError):
+                if os.readlink(self._link) == self.path:
+                    self._link.unlink()
+        os.close(self._master)
+
+    def _write(self, content: bytes) -> bytes:
+        """Return what did not fit."""
+        try:
+            return content[os.write(self._master, content) :]
+        except BlockingIOError:
+            return content
+
+    def _make_link(self, link: Path) -> None:
+        """Replace a link that a run before left; nothing else."""
+        if link.is_symlink():
+            link.unlink()
+        link.symlink_to(self.path)
+
+
+class SerialEncode:
+    """Turns a block into the messages of a sensor with a serial line."""
+
+    def __init__(self, sensor: Sensor) -> None:
+        assert sensor.serial is not None
+        self._quantity, self._lines = sensor.quantity, sensor.serial.lines
+
+    def __call__(self, block: ImuBlock, _: SampledParameters) -> TextMessages:
+        """Return the messages of what is delivered."""
+        read = block.auxiliary[self._quantity]
+        rows = read.delivered
+        lines = [line.encode("ascii") for line in self._lines(read, rows)]
+        return TextMessages(read.release_t_ns[rows], lines)
