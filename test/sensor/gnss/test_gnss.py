@@ -317,8 +317,10 @@ def test_presets_have_sources_and_run(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("name", "error"), [("ublox_m8", 2.5), ("ublox_m9n", 1.5)])
 def test_half_of_the_fixes_lie_within_the_circle_of_the_data_sheet(name: str, error: float) -> None:
-    """Of 8640 independent fixes over a day: the median of a Rayleigh distribution is known to
-    0.72 / sqrt(n), 0.8 %; five of these, and 5 % for a sky that is not the nominal one.
+    """The preset's error east and north makes the circular error probable of its source.
+
+    Of 8640 independent fixes of a day the median of a Rayleigh distribution is known to 0.72 /
+    sqrt(n), 0.8 %; five of these, and 5 % for a sky that is not the nominal one.
     """
     own = {"preset": name, "rate": 0.1, "correlation_time": 2.0}
     read = ims.simulate(
