@@ -30,19 +30,6 @@ _UNITS = {
 }
 
 
-def as_json(
-    values: correction.Parameters, facts: dict[str, Any], true: dict[str, Array]
-) -> dict[str, Any]:
-    """Return a calibration's result as JSON takes it."""
-    parameters = {
-        name: {"value": found.value.tolist(), "sigma": found.sigma.tolist()}
-        for name, found in values.items()
-    }
-    for name, truth in true.items():
-        parameters[name]["truth"] = truth.tolist()
-    return {"parameters": parameters, **facts}
-
-
 def print_all(
     values: correction.Parameters,
     facts: dict[str, Any],

@@ -5,50 +5,56 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from imu_sim_ros import arguments
 from imu_sim_ros.arguments import number
+from imu_sim_ros.bags import read as bags
+from imu_sim_ros.bags.sensor_tables import read_measured
 from imu_sim_ros.calibration.deterministic import correction
+from imu_sim_ros.calibration.deterministic.correction import Calibrated as Calibrated
 from imu_sim_ros.calibration.deterministic.ellipsoid import calibrate_magnetometer as ellipsoid
+from imu_sim_ros.calibration.deterministic.positions import AUTO, FIXTURES, NORM
 from imu_sim_ros.calibration.deterministic.positions import calibrate_six_position as six_position
-from imu_sim_ros.calibration.deterministic.steady import find_steady
+from imu_sim_ros.calibration.deterministic.steady import Steady, find_steady
+from imu_sim_ros.calibration.deterministic.temperature import Temperature, temperatures_at
 from imu_sim_ros.calibration.deterministic.temperature import (
     calibrate_temperature as over_temperature,
 )
-from imu_sim_ros.calibration.deterministic.temperature import temperatures_at
 from imu_sim_ros.calibration.deterministic.turntable import calibrate_turntable as turntable
 from imu_sim_ros.calibration.deterministic.turntable import known_rates, specific_force, true_rates
+from imu_sim_ros.calibration.noise.truth import load_truth
 from imu_sim_ros.conventions import GRAVITY, TRIADS
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.errors import InputError, naming
 from imu_sim_ros.inputs import gate
+from imu_sim_ros.inputs.rows import Skipped
 from imu_sim_ros.jobs.flight import Flight, readings_of
 from imu_sim_ros.jobs.output import saved
 from imu_sim_ros.jobs.readings import BAG_OR_FILE, Readings
-from imu_sim_ros.types import Array
+from imu_sim_ros.navigation.parameters import IntegratorParameters
+from imu_sim_ros.navigation.state import correction_of
+from imu_sim_ros.parameters import files
+from imu_sim_ros.parameters.sections import build
+from imu_sim_ros.sensors.magnetometer.declaration import SENSOR
+from imu_sim_ros.types import Array, Times
+
+if TYPE_CHECKING:
+    from imu_sim_ros.plots.style import Figure
 
 _STRONGEST: Final = math.nextafter(1.0, 0.0)
 """[T]"""
-
-
-@dataclass(frozen=True, repr=False)
-class Calibrated:
-    """A parameter with its standard errors, flat as in a parameter file."""
-
-    value: Array
-    sigma: Array
-
-    def __repr__(self) -> str:
-        pairs = zip(self.value, self.sigma, strict=True)
-        return "<" + ", ".join(f"{value:.4g} +- {sigma:.2g}" for value, sigma in pairs) + ">"
+_MAGNETOMETER: Final = SENSOR.name
+Source = Flight | Readings | str | Path
 
 
 class TriadCalibration(dict[str, Calibrated]):
@@ -68,39 +74,242 @@ class TriadCalibration(dict[str, Calibrated]):
 class Calibration:
     """The result of a calibration run."""
 
-    gyroscope: TriadCalibration
-    accelerometer: TriadCalibration
+    kind: str
+    """``six_position``, ``turntable``, ``temperature`` or ``magnetometer``."""
     parameters: correction.Parameters
-    magnetometer: TriadCalibration = field(default_factory=TriadCalibration)
+    """Every parameter that the run determines, by its name below ``imu.``."""
+    facts: dict[str, Any]
+    """How the run went: stretches, rates, temperatures, residuals."""
+    picture: Callable[[], Figure]
+    name: str
+    """The file, for titles and comments."""
+    warnings: tuple[str, ...] = ()
+    """Rows that were skipped."""
+
+    @property
+    def gyroscope(self) -> TriadCalibration:
+        """What the run determines of the gyroscope."""
+        return self._triad("gyroscope")
+
+    @property
+    def accelerometer(self) -> TriadCalibration:
+        """What the run determines of the accelerometer."""
+        return self._triad("accelerometer")
+
+    @property
+    def magnetometer(self) -> TriadCalibration:
+        """What the run determines of the magnetometer."""
+        return self._triad(_MAGNETOMETER)
+
+    def _triad(self, triad: str) -> TriadCalibration:
+        return TriadCalibration(
+            (name.removeprefix(f"{triad}_"), found)
+            for name, found in self.parameters.items()
+            if name.startswith(triad)
+        )
 
     def __repr__(self) -> str:
         return f"<Calibration of {', '.join(self.parameters)}>"
 
-    def save(self, path: str | Path, *, for_simulator: bool = False, force: bool = False) -> Path:
-        """Write a parameter file; returns its path.
+    def plot(self) -> Figure:
+        """Return a matplotlib figure of the errors before and after the calibration."""
+        return self.picture()
 
+    def true_values(self, imu: str | Path) -> dict[str, Array]:
+        """Return the true value of each parameter, flat, for the sensor that was simulated.
+
+        :param imu: a name in config/imus or a parameter file.
+        :raises ConfigurationError: for a sensor that does not exist or does not fit.
+        """
+        truth = load_truth(str(arguments.path("imu", imu, "a name or the path of a file")))
+        result = correction.true_parameters(truth, self.parameters)
+        if self.facts.get("fixture") == NORM:
+            correction.turn_to_upper_triangular(result)
+        return result
+
+    def to_dict(self, imu: str | Path | None = None) -> dict[str, Any]:
+        """Return parameters and facts in plain types, as ``--json`` prints them.
+
+        :param imu: as for :meth:`true_values`; adds the truth of each parameter.
+        """
+        found = {
+            name: {"value": each.value.tolist(), "sigma": each.sigma.tolist()}
+            for name, each in self.parameters.items()
+        }
+        for name, truth in ({} if imu is None else self.true_values(imu)).items():
+            found[name]["truth"] = truth.tolist()
+        return {"parameters": found, **self.facts}
+
+    def save(self, path: str | Path, *, for_simulator: bool = False, force: bool = False) -> Path:
+        """Write a file; returns its path.
+
+        :param path: ``.png``: the picture of :meth:`plot`; anything else: a parameter file.
         :param for_simulator: the errors for ``simulator`` and ``generate``; else the correction for
             ``integrator`` and ``dead_reckon``, or matrix and bias of a magnetometer.
         :param force: replace what exists.
         :raises InputError: for a path that cannot be used or exists.
         """
         arguments.switch("for_simulator", for_simulator)
-        write = correction.write_simulator if for_simulator else correction.write_correction
         with saved(path, force) as place:
-            write(self.parameters, place, "calibrated by imu_sim_ros")
+            if place.suffix == ".png":
+                from imu_sim_ros.plots import style
+
+                style.save(self.plot(), place)
+            else:
+                self._write(place, for_simulator)
         return Path(path)
+
+    def _write(self, path: Path, for_simulator: bool) -> None:
+        comment = f"Calibrated from {self.name} ({self.kind})."
+        if for_simulator:
+            comment = f"{comment} For simulator and generate."
+            correction.write_simulator(self.parameters, path, comment)
+            return
+        use = "For integrator and dead_reckon: x = S^-1 (reading - b)."
+        if self.kind == _MAGNETOMETER:
+            use = "field = matrix (reading - bias), bias in T."
+        correction.write_correction(self.parameters, path, f"{comment} {use}")
+
+
+class _Run:
+    """The recording of a calibration run: a flight, readings, or a file."""
+
+    def __init__(
+        self, readings: Source | ArrayLike, topic: str | None, skip_bad_rows: bool
+    ) -> None:
+        """Check the arguments that every calibration has."""
+        self._given: Any = readings
+        self.path = None
+        if isinstance(readings, str | PathLike):
+            self.path = arguments.path("readings", readings, BAG_OR_FILE)
+        self._topic = arguments.topic("topic", topic, of_a_file=self.path is not None)
+        self._skip = arguments.switch("skip_bad_rows", skip_bad_rows)
+        self._warnings: list[str] = []
+
+    @property
+    def name(self) -> str:
+        """Of the file, or of the readings."""
+        if self.path is not None:
+            return self.path.name
+        return self._given.name if isinstance(self._given, Readings) else "flight"
+
+    def naming(self) -> AbstractContextManager[None]:
+        """Put the name of the file before every problem of its content."""
+        return contextlib.nullcontext() if self.path is None else naming(self.path)
+
+    def imu(self) -> Readings:
+        """Return the readings."""
+        if self.path is None:
+            return readings_of("readings", self._given)
+        found = bags.read_imu(self.path, self._topic, self._skipped(f"{self.path}"))
+        return Readings(found.t_ns, found.gyro, found.accel, self.name)
+
+    def field(self) -> Array:
+        """Return the readings of the magnetometer (n, 3) [T]."""
+        if isinstance(self._given, Flight):
+            return self._given.magnetic_field.field
+        if self.path is not None:
+            skipped = self._skipped(f"{self.path}")
+            return read_measured(self.path, SENSOR.table, self._topic, skipped)[1]
+        values = arguments.array("readings", self._given, (None, 3))
+        gate.Verdict(None, [(gate.FIELD, values)]).complain("readings")
+        return values
+
+    def temperature(self, t_ns: Times, given: ArrayLike | None, topic: str | None) -> Table:
+        """Return times and temperatures of the sensor [degC]."""
+        topic = arguments.topic("temperature_topic", topic, of_a_file=self.path is not None)
+        if given is None and self.path is not None:
+            found = bags.read_temperature(self.path, topic, self._skipped(f"{self.path}"))
+            return found.t_ns, found.temperature
+        if given is None:
+            if not isinstance(self._given, Flight):
+                raise InputError("temperature: give that of the sensor at each reading [degC]")
+            given = self._given.temperature
+        at_readings = arguments.array("temperature", given, (len(t_ns),))
+        gate.Verdict(t_ns, [(gate.TEMPERATURE, at_readings)]).complain("temperature")
+        return t_ns, at_readings
+
+    def steady(
+        self, imu: Readings, rates: ArrayLike | None, topic: str | None, rotating: bool
+    ) -> tuple[Steady, Array]:
+        """Return the steady pieces and their true rates (m, 3), as given or from the truth.
+
+        :param rotating: the rates must be known; else the body may also rest all the time.
+        """
+        topic = arguments.topic("truth_topic", topic, of_a_file=self.path is not None)
+        set_to = None if rates is None else np.abs(arguments.array("rates", rates, (None,)))
+        if set_to is not None and not (set_to.size and set_to.all()):
+            arguments.refuse("rates", rates, "one rate or more, none of them zero [rad/s]")
+        steady = find_steady(imu.t_ns, imu.gyro, imu.accel, rotating=rotating)
+        if set_to is not None:
+            return known_rates(steady, set_to)
+        truth = self._true_rates(topic)
+        if truth is not None:
+            return true_rates(steady, *truth)
+        if rotating:
+            raise InputError(
+                "rates: the rates the table was set to are not known; give them in rad/s"
+            )
+        return known_rates(steady, np.array([np.inf]))
+
+    def _true_rates(self, topic: str | None) -> Table | None:
+        """Return times and true angular rates (n, 3); None without a truth."""
+        if isinstance(self._given, Flight):
+            return self._given.truth.t_ns, self._given.truth.angular_velocity
+        if self.path is None:
+            return None
+        try:
+            skipped = self._skipped(f"the truth of {self.path}")
+            found = bags.read_odometry(self.path, topic, skipped)
+        except InputError:
+            if topic is not None:
+                raise
+            return None
+        return found.t_ns, found.angular_velocity_b
+
+    def _skipped(self, name: str) -> Skipped | None:
+        """Return what counts the rows of a file that are left out; None: they are errors."""
+        if not self._skip:
+            return None
+        return lambda count: self._warnings.append(f"{name}: {count} bad rows skipped")
+
+    def calibration(
+        self,
+        kind: str,
+        parameters: correction.Parameters,
+        facts: dict[str, Any],
+        picture: Callable[[], Figure],
+    ) -> Calibration:
+        """Return the result."""
+        name = self.name if self.path is None else str(self.path)
+        return Calibration(kind, parameters, facts, picture, name, tuple(self._warnings))
+
+
+Table = tuple[Times, Array]
+"""Times (n,) [ns] and values (n, ...)."""
 
 
 def calibrate_six_position(
-    readings: Flight | Readings | str | Path, *, gravity: float = -GRAVITY[2], simple: bool = False
+    readings: Source,
+    *,
+    gravity: float = -GRAVITY[2],
+    simple: bool = False,
+    fixture: str = AUTO,
+    topic: str | None = None,
+    skip_bad_rows: bool = False,
 ) -> Calibration:
     """Return the accelerometer's bias, scale and misalignment, and the gyroscope's bias.
 
     :param readings: of a body that rests on each of its six faces.
     :param gravity: its magnitude where the run was made [m/s^2].
     :param simple: the lecture's eq. 6: bias and scale per axis only.
+    :param fixture: ``exact``: each axis pointed exactly up and down; ``norm``: ten rests or more in
+        any positions, the norm of gravity is fitted and S is upper triangular; ``auto``: chosen by
+        a test of the residuals.
+    :param topic: of a bag with several IMUs.
+    :param skip_bad_rows: leave out rows of a file that are not finite or not possible.
     :returns: a :class:`Calibration` with standard errors.
-    :raises InputError: where a face is missing.
+    :raises InputError: for a missing face, and a file that cannot be read.
 
     >>> import imu_sim_ros as ims
     >>> imu = {"preset": "perfect", "accelerometer_bias": [0.1, -0.2, 0.3]}
@@ -108,27 +317,55 @@ def calibrate_six_position(
     >>> found.accelerometer.bias.value.round(6).tolist()
     [0.1, -0.2, 0.3]
     """
-    imu = readings_of("readings", readings)
+    run = _Run(readings, topic, skip_bad_rows)
     gravity = _gravity(gravity)
     arguments.switch("simple", simple)
-    steady = find_steady(imu.t_ns, imu.gyro, imu.accel)
-    found = six_position(steady, gravity, simple=simple)
-    return _calibration(correction.six_position_parameters(found))
+    arguments.one_of("fixture", fixture, FIXTURES)
+    imu = run.imu()
+    with run.naming():
+        steady = find_steady(imu.t_ns, imu.gyro, imu.accel)
+        found = six_position(steady, gravity, simple=simple, fixture=fixture)
+    facts = {
+        "positions": found.positions.stretches,
+        "seconds_at_rest": float(found.positions.duration.sum()),
+        "rms_residual": _rms(found.residuals),
+        "fixture": found.fixture,
+        "fixture_reason": found.reason,
+    }
+
+    def picture() -> Figure:
+        from imu_sim_ros.plots import calibration as pictures
+
+        return pictures.six_position(found, gravity, run.name)
+
+    return run.calibration(
+        "six_position", correction.six_position_parameters(found), facts, picture
+    )
 
 
 def calibrate_turntable(
-    readings: Flight | Readings | str | Path,
+    readings: Source,
     *,
-    rates: Sequence[float] | None = None,
+    rates: ArrayLike | None = None,
     gravity: float = -GRAVITY[2],
+    accelerometer: Calibration | str | Path | None = None,
+    topic: str | None = None,
+    truth_topic: str | None = None,
+    skip_bad_rows: bool = False,
 ) -> Calibration:
     """Return the gyroscope's bias, scale and misalignment, and its g-sensitivity if observable.
 
     :param readings: of a body that is turned about each axis both ways, and rests.
-    :param rates: magnitudes that the table was set to [rad/s]; those of a flight are known.
+    :param rates: magnitudes that the table was set to [rad/s]; by default those of the truth, which
+        a flight has, and a bag with Odometry.
     :param gravity: its magnitude [m/s^2].
+    :param accelerometer: a six-position calibration or its correction file: on a tilted table the
+        force is taken as measured.
+    :param topic: of a bag with several IMUs.
+    :param truth_topic: of a bag with several topics of Odometry.
+    :param skip_bad_rows: leave out rows of a file that are not finite or not possible.
     :returns: a :class:`Calibration` with standard errors.
-    :raises InputError: where the rates are not known, or an axis is not turned both ways.
+    :raises InputError: for rates that are not known, and an axis that is not turned both ways.
 
     >>> import imu_sim_ros as ims
     >>> imu = {"preset": "perfect", "gyroscope_bias": [0.01, 0.0, -0.02]}
@@ -136,66 +373,107 @@ def calibrate_turntable(
     >>> (found.gyroscope.bias.value.round(6) + 0.0).tolist()
     [0.01, 0.0, -0.02]
     """
-    imu = readings_of("readings", readings)
+    run = _Run(readings, topic, skip_bad_rows)
     gravity = _gravity(gravity)
-    set_to = None if rates is None else np.abs(arguments.array("rates", rates, (None,)))
-    if set_to is not None and not set_to.size:
-        arguments.refuse("rates", rates, "one rate or more [rad/s]")
-    steady = find_steady(imu.t_ns, imu.gyro, imu.accel, rotating=True)
-    if set_to is not None:
-        steady, rate = known_rates(steady, set_to)
-    elif isinstance(readings, Flight):
-        truth = readings.truth
-        steady, rate = true_rates(steady, truth.t_ns, truth.angular_velocity)
-    else:
-        raise InputError("rates: the rates the table was set to are not known; give them in rad/s")
-    return _calibration(correction.turntable_parameters(turntable(steady, rate, gravity)))
+    imu = run.imu()
+    if accelerometer is not None:
+        imu = _corrected(imu, accelerometer)
+    with run.naming():
+        steady, rate = run.steady(imu, rates, truth_topic, rotating=True)
+        found = turntable(steady, rate, gravity)
+    facts: dict[str, Any] = {
+        "stretches": steady.stretches,
+        "rates": sorted({round(float(r), 6) for r in np.abs(rate).max(axis=1)}),
+        "rms_residual": _rms(found.residuals),
+    }
+    if found.g_sensitivity is None:
+        facts["note"] = (
+            "g-sensitivity: not separable from the bias; each axis must point up and down"
+        )
+
+    def picture() -> Figure:
+        from imu_sim_ros.plots import calibration as pictures
+
+        return pictures.turntable(found, run.name)
+
+    return run.calibration("turntable", correction.turntable_parameters(found), facts, picture)
 
 
 def calibrate_temperature(
-    readings: Flight | Readings | str | Path,
+    readings: Source,
     *,
     temperature: ArrayLike | None = None,
+    rates: ArrayLike | None = None,
     reference: float = 25.0,
     gravity: float = -GRAVITY[2],
+    topic: str | None = None,
+    temperature_topic: str | None = None,
+    truth_topic: str | None = None,
+    skip_bad_rows: bool = False,
 ) -> Calibration:
     """Return bias and scale over temperature of both triads.
 
-    :param readings: of a body at rest at several temperatures.
-    :param temperature: (n,) of the sensor at the readings [degC]; that of a flight is known.
+    :param readings: of a body at rest, or on a rate table, at several temperatures.
+    :param temperature: (n,) of the sensor at the readings [degC]; by default that of the flight, or
+        of the bag's topic of sensor_msgs/Temperature.
+    :param rates: magnitudes that the table was set to [rad/s]; by default those of the truth;
+        without one the body is taken to rest.
     :param reference: T0 of the polynomials [degC].
     :param gravity: its magnitude [m/s^2].
+    :param topic: of a bag with several IMUs.
+    :param temperature_topic: of a bag with several.
+    :param truth_topic: of a bag with several topics of Odometry.
+    :param skip_bad_rows: leave out rows of a file that are not finite or not possible.
     :returns: a :class:`Calibration` with standard errors.
     :raises InputError: for temperatures that are unknown or hardly differ.
+
+    >>> import imu_sim_ros as ims
+    >>> imu = {"preset": "perfect", "gyroscope_temperature_bias": [1e-4, 0.0, 0.0]}
+    >>> flight = ims.simulate(imu=imu, trajectory="temperature_soak", rate=20)
+    >>> found = ims.calibrate_temperature(flight)
+    >>> [f"{value:.6f}" for value in found.gyroscope.temperature_bias.value + 0.0]
+    ['0.000100', '0.000000', '0.000000']
     """
-    imu = readings_of("readings", readings)
+    run = _Run(readings, topic, skip_bad_rows)
     gravity = _gravity(gravity)
     number("reference", reference, "a temperature from -273.15 to 1000 degC", -273.15, 1000.0)
-    if temperature is None:
-        if not isinstance(readings, Flight):
-            raise InputError("temperature: give that of the sensor at each reading [degC]")
-        temperature = readings.temperature
-    at_readings = arguments.array("temperature", temperature, (len(imu),))
-    gate.Verdict(imu.t_ns, [(gate.TEMPERATURE, at_readings)]).complain("temperature")
-    steady, rate = known_rates(
-        find_steady(imu.t_ns, imu.gyro, imu.accel, rotating=False), np.array([np.inf])
-    )
-    at = temperatures_at(steady, imu.t_ns, at_readings)
-    force = specific_force(steady, gravity)
-    found = over_temperature(steady, at, rate, force, reference)
-    return _calibration(correction.temperature_parameters(found))
+    imu = run.imu()
+    with run.naming():
+        measured = run.temperature(imu.t_ns, temperature, temperature_topic)
+        steady, rate = run.steady(imu, rates, truth_topic, rotating=False)
+        at = temperatures_at(steady, *measured)
+        force = specific_force(steady, gravity)
+        found = over_temperature(steady, at, rate, force, reference)
+    facts = {
+        "stretches": steady.stretches,
+        "temperature_degC": [float(at.min()), float(at.max())],
+        **_orders(found),
+    }
+
+    def picture() -> Figure:
+        from imu_sim_ros.plots import calibration as pictures
+
+        return pictures.temperature(found, run.name)
+
+    return run.calibration("temperature", correction.temperature_parameters(found), facts, picture)
 
 
 def calibrate_magnetometer(
-    readings: Flight | ArrayLike | str | Path, *, strength: float | None = None
+    readings: Flight | ArrayLike | str | Path,
+    *,
+    strength: float | None = None,
+    topic: str | None = None,
+    skip_bad_rows: bool = False,
 ) -> Calibration:
     """Return hard and soft iron of a magnetometer that was turned all around.
 
     :param readings: of a flight with ``sensors=["magnetic_field"]``, of a bag, or (n, 3) [T].
     :param strength: of the true field [T]; None: not known, the soft iron then has the
         determinant 1.
+    :param topic: of a bag with several magnetometers.
+    :param skip_bad_rows: leave out rows of a file that are not finite or not possible.
     :returns: a :class:`Calibration` with standard errors.
-    :raises InputError: where the readings do not determine an ellipsoid.
+    :raises InputError: for readings that do not determine an ellipsoid.
 
     >>> import imu_sim_ros as ims
     >>> imu = {"preset": "perfect", "magnetometer_hard_iron": [1e-5, 0.0, -2e-5]}
@@ -207,30 +485,52 @@ def calibrate_magnetometer(
     """
     if strength is not None:
         number("strength", strength, "above 0 and below 1 T", 0.0, _STRONGEST, above=True)
-    if isinstance(readings, Flight):
-        values = readings.magnetic_field.field
-    elif isinstance(readings, str | PathLike):
-        from imu_sim_ros.bags.sensor_tables import read_measured
-        from imu_sim_ros.sensors.magnetometer.declaration import SENSOR
+    run = _Run(readings, topic, skip_bad_rows)
+    values = run.field()
+    with run.naming():
+        found = ellipsoid(values, strength)
+    facts = {
+        "readings": len(values),
+        "field_T": found.field,
+        "field_given": strength is not None,
+        "noise_T": found.noise,
+        "rms_residual_T": float(np.sqrt(np.mean(found.residuals**2))),
+    }
 
-        _, values = read_measured(arguments.path("readings", readings, BAG_OR_FILE), SENSOR.table)
-    else:
-        values = arguments.array("readings", readings, (None, 3))
-        gate.Verdict(None, [(gate.FIELD, values)]).complain("readings")
-    return _calibration(correction.magnetometer_parameters(ellipsoid(values, strength)))
+    def picture() -> Figure:
+        from imu_sim_ros.plots import calibration as pictures
+
+        return pictures.ellipsoid(found, values, f"{run.name}: magnetometer")
+
+    return run.calibration(_MAGNETOMETER, correction.magnetometer_parameters(found), facts, picture)
+
+
+def _orders(found: Temperature) -> dict[str, list[int]]:
+    """Return the order of each polynomial, by triad and kind, for its three axes."""
+    orders = {}
+    for name, triad in zip(TRIADS, (found.gyroscope, found.accelerometer), strict=True):
+        orders[f"{name}_bias_order"] = [len(axis.bias) - 1 for axis in triad.axes]
+        orders[f"{name}_scale_order"] = [len(axis.scale) for axis in triad.axes]
+    return orders
 
 
 def _gravity(value: float) -> float:
     return number("gravity", value, "a magnitude from 1 to 30 m/s^2", 1.0, 30.0)
 
 
-def _calibration(values: correction.Parameters) -> Calibration:
-    gyroscope, accelerometer, magnetometer = (
-        TriadCalibration(
-            (name.removeprefix(f"{triad}_"), Calibrated(*value))
-            for name, value in values.items()
-            if name.startswith(triad)
+def _corrected(imu: Readings, given: Calibration | str | Path) -> Readings:
+    """Return readings without the accelerometer's errors that a calibration found."""
+    values: Mapping[str, object]
+    if isinstance(given, Calibration):
+        values = correction.for_integrator(given.parameters)
+    else:
+        values = files.load(
+            arguments.path("accelerometer", given, "a Calibration or the path of its correction"),
+            "integrator",
         )
-        for triad in (*TRIADS, "magnetometer")
-    )
-    return Calibration(gyroscope, accelerometer, values, magnetometer)
+    accel = correction_of(build(IntegratorParameters, values)).apply(imu.gyro, imu.accel)[1]
+    return Readings(imu.t_ns, imu.gyro, accel, imu.name)
+
+
+def _rms(values: Array) -> list[float]:
+    return [float(x) for x in np.sqrt(np.mean(values**2, axis=0))]

@@ -4,7 +4,6 @@
 """Pictures of calibrations, and of a twin compared with its sensor."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -28,10 +27,8 @@ from imu_sim_ros.types import Array
 _AXES = "xyz"
 
 
-def draw_six_position(
-    result: SixPosition, gravity: float, path: str | Path, source: str = ""
-) -> None:
-    """Write errors before and residuals after the calibration, by the axis that points up.
+def six_position(result: SixPosition, gravity: float, source: str = "") -> Figure:
+    """Return errors before and residuals after the calibration, by the axis that points up.
 
     :param source: name of the bag, for the title.
     """
@@ -50,11 +47,11 @@ def draw_six_position(
         f"{_named(source)}accelerometer in {result.positions.stretches} rests, "
         f"{len(result.faces)} pieces (grey: 2 standard errors of a piece)"
     )
-    style.save(figure, path)
+    return figure
 
 
-def draw_turntable(result: Turntable, path: str | Path, source: str = "") -> None:
-    """Write errors before and residuals after the calibration, by the table's axis and rate.
+def turntable(result: Turntable, source: str = "") -> Figure:
+    """Return errors before and residuals after the calibration, by the table's axis and rate.
 
     :param source: name of the bag, for the title.
     """
@@ -78,7 +75,7 @@ def draw_turntable(result: Turntable, path: str | Path, source: str = "") -> Non
         f"{_named(source)}gyroscope in {result.stretches.stretches} stretches on a rate table "
         "(grey: 2 standard errors of a stretch)"
     )
-    style.save(figure, path)
+    return figure
 
 
 def _named(source: str) -> str:
@@ -133,8 +130,8 @@ def _residuals(
     return figure
 
 
-def draw_ellipsoid(result: Ellipsoid, readings: Array, path: str | Path, source: str) -> None:
-    """Write the field's strength as read and as corrected, and what is left over the directions.
+def ellipsoid(result: Ellipsoid, readings: Array, source: str) -> Figure:
+    """Return the field's strength before and after, and the residuals over the directions.
 
     :param readings: (n, 3) [T].
     :param source: what was read, and from which bag, for the title.
@@ -160,11 +157,11 @@ def draw_ellipsoid(result: Ellipsoid, readings: Array, path: str | Path, source:
     right.set_ylabel("z of the field's direction")
     figure.colorbar(shown, ax=right, label="residual [µT]")
     figure.suptitle(f"{source}, {len(readings)} readings")
-    style.save(figure, path)
+    return figure
 
 
-def draw_temperature(result: Temperature, path: str | Path, source: str = "") -> None:
-    """Write bias and scale of both triads against temperature, with 95 % bands.
+def temperature(result: Temperature, source: str = "") -> Figure:
+    """Return bias and scale of both triads against temperature, with 95 % bands.
 
     :param source: name of the bag, for the title.
     """
@@ -186,7 +183,7 @@ def draw_temperature(result: Temperature, path: str | Path, source: str = "") ->
         f"{_named(source)}readings against temperature (points), fitted polynomials and their "
         "95 % bands"
     )
-    style.save(figure, path)
+    return figure
 
 
 def _draw_bias(axes: Axes, triad: TriadTemperature, reference: float) -> None:
@@ -223,7 +220,8 @@ def _scale_points(axis: AxisResponse, triad: TriadTemperature, k: int) -> tuple[
     response = triad.inputs @ axis.gain
     large = np.abs(triad.inputs[:, k]) > 0.5 * np.max(np.abs(triad.inputs[:, k]))
     scale = _polynomial(np.concatenate([[0.0], axis.scale]), triad.difference)
-    return (scale + axis.residuals / response)[large], triad.difference[large]
+    points = scale[large] + axis.residuals[large] / response[large]
+    return points, triad.difference[large]
 
 
 def _polynomial(coefficients: Array, x: Array) -> Array:

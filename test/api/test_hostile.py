@@ -191,6 +191,8 @@ VALID = {
     "track.save": (lambda w: w.place, []),
     "noise.save": (lambda w: w.place, []),
     "calibration.save": (lambda w: w.place, []),
+    "calibration.to_dict": (lambda w: {"imu": "perfect"}, []),
+    "calibration.true_values": (lambda w: {"imu": "perfect"}, []),
     "twin.save": (lambda w: w.place, []),
     "twin.write": (lambda w: w.place, []),
     "twin.flown": (lambda w: {}, []),

@@ -118,3 +118,24 @@ def test_a_notebook_shows_a_figure_without_pyplot():
     flight = ims.simulate(imu="perfect", trajectory="circle", duration=1)
     for figure in (flight.plot(), ims.dead_reckon(flight).plot()):
         assert figure._repr_png_().startswith(b"\x89PNG\r\n")
+
+
+def test_calibration_of_a_bag_needs_nothing_that_the_bag_has(tmp_path):
+    """Rates from its truth, temperatures from its topic, the accelerometer from another run."""
+    imu = {"preset": "perfect", "gyroscope_bias": [0.01, 0.02, -0.01]}
+    six = ims.calibrate_six_position(ims.simulate(imu=imu, trajectory="six_position"))
+    table, soak = tmp_path / "table.mcap", tmp_path / "soak.mcap"
+    ims.generate(table, imu=imu, trajectory="turntable", rate=50)
+    turned = ims.calibrate_turntable(table, accelerometer=six)
+    np.testing.assert_allclose(turned.gyroscope.bias.value, imu["gyroscope_bias"], atol=1e-6)
+    assert turned.facts["rates"] == pytest.approx([0.0, 0.5, 1.0, 2.0], abs=1e-4)
+    topics = ["imu/data_raw", "imu/temperature"]
+    ims.generate(soak, imu=imu, trajectory="temperature_soak", rate=20, topics=topics)
+    soaked = ims.calibrate_temperature(soak)
+    assert soaked.facts["temperature_degC"] == pytest.approx([-20.0, 60.0], abs=0.5)
+    told = soaked.to_dict("perfect")["parameters"]["gyroscope_bias"]
+    np.testing.assert_allclose(told["value"], imu["gyroscope_bias"], atol=1e-6)
+    assert told["truth"] == [0.0, 0.0, 0.0]
+    for found in (six, turned, soaked):
+        picture = found.save(tmp_path / f"{found.kind}.png")
+        assert picture.read_bytes()[:4] == b"\x89PNG"

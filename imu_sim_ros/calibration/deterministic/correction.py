@@ -28,6 +28,10 @@ class Calibrated(NamedTuple):
     value: Array
     sigma: Array
 
+    def __repr__(self) -> str:
+        pairs = zip(self.value, self.sigma, strict=True)
+        return "<" + ", ".join(f"{value:.4g} +- {sigma:.2g}" for value, sigma in pairs) + ">"
+
 
 Parameters = dict[str, Calibrated]
 
@@ -126,8 +130,12 @@ def write_correction(values: Parameters, path: Path, comment: str) -> None:
         }
         files.write(own, path, "magnetometer", comment)
         return
-    chosen = {n: _value(n, v.value) for n, v in values.items() if n in _CORRECTION}
-    files.write(chosen, path, comment=comment)
+    files.write(for_integrator(values), path, comment=comment)
+
+
+def for_integrator(values: Parameters) -> dict[str, Value]:
+    """Return the correction as parameters of the integrator."""
+    return {n: _value(n, v.value) for n, v in values.items() if n in _CORRECTION}
 
 
 def _value(name: str, value: Array) -> Value:
