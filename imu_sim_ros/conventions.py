@@ -17,6 +17,11 @@ GRAVITY: Final[Vector] = (0.0, 0.0, -9.81)
 STANDARD_GRAVITY: Final = 9.80665
 """[m/s^2] the unit g of data sheets (CGPM 1901)."""
 
+SEMI_MAJOR_AXIS: Final = 6378137.0
+"""[m] of the ellipsoid WGS84, as what follows."""
+FLATTENING: Final = 1.0 / 298.257223563
+ECCENTRICITY_SQUARED: Final = 6.69437999014e-3
+
 TRIADS: Final[tuple[Triad, Triad]] = ("gyroscope", "accelerometer")
 """In the order of arrays that hold both, (6, ...): gyroscope x, y, z, accelerometer x, y, z."""
 AXES: Final = ("x", "y", "z")

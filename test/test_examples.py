@@ -49,6 +49,15 @@ def test_vio_dataset(tmp_path):
     assert "gyroscope_noise_density" in (tmp_path / "imu.yaml").read_text()
 
 
+def test_town_drive(tmp_path):
+    """On a slope of 3 percent, 1.72 degrees, at up to 50 km/h; 20 s of 133 s are without a fix."""
+    way, lean, wheels = run(EXAMPLES / "town_drive.py", tmp_path).splitlines()
+    assert numbers(way) == [133.0, pytest.approx(708.0, abs=3.0), 50.0]
+    assert all(1.7 < angle < 3.0 for angle in numbers(lean))
+    assert numbers(wheels)[1] == pytest.approx(10 * (133.3 - 20.0), abs=2)
+    assert {path.name for path in tmp_path.iterdir()} >= {"town.mcap", "town_drive.png"}
+
+
 def test_digital_twin(tmp_path):
     """The white noise of 30 min at 200 Hz is known to 1 / sqrt(2 * 360,000) = 0.12 %, twice."""
     lines = run(EXAMPLES / "digital_twin.py", tmp_path).splitlines()

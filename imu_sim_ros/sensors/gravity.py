@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from imu_sim_ros.conventions import ECCENTRICITY_SQUARED, FLATTENING, SEMI_MAJOR_AXIS
 from imu_sim_ros.rotation.components import cross, rotate_inverse
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.trajectory.motion import Motion
@@ -16,10 +17,6 @@ from imu_sim_ros.types import Array
 
 EARTH_RATE: Final = 7.292115e-5
 """[rad/s]"""
-SEMI_MAJOR_AXIS: Final = 6378137.0
-"""[m]"""
-FLATTENING: Final = 1.0 / 298.257223563
-ECCENTRICITY_SQUARED: Final = 6.69437999014e-3
 _GEODETIC_STEPS: Final = 5
 _EQUATOR_GRAVITY: Final = 9.7803253359
 _SOMIGLIANA_CONSTANT: Final = 0.00193185265241

@@ -39,13 +39,15 @@ from imu_sim_ros.sensors.registry import find_sensor
 from imu_sim_ros.simulation.parameters import SimulationParameters, carried
 from imu_sim_ros.trajectory.build import PoseReader, build_trajectory
 from imu_sim_ros.trajectory.motion import Trajectory
-from imu_sim_ros.trajectory.parameters import PosesParameters
+from imu_sim_ros.trajectory.parameters import DriveParameters, PosesParameters
 
 if TYPE_CHECKING:
     from imu_sim_ros.trajectory.recorded import Recorded
 
 BLOCK_SIZE: Final = 8192
 """Large enough that Python's part is small, small enough for a processor's cache."""
+_SAME_PLACE: Final = 1e-6
+"""[deg]"""
 DEFAULT_START_NS: Final = timebase.NANOSECONDS_PER_SECOND
 
 
@@ -113,6 +115,7 @@ class Simulation:
         return (
             self.parameters.warnings()
             + of_poses
+            + self._of_route()
             + [
                 line
                 for name, own in carried(self.parameters).items()
@@ -126,6 +129,24 @@ class Simulation:
                 duration,
             )
         )
+
+    def _of_route(self) -> list[str]:
+        """Return a line where the world's origin on the Earth is not that of a route."""
+        if not isinstance(self.parameters.trajectory, DriveParameters):
+            return []
+        from imu_sim_ros.trajectory.drive import route_in
+
+        route, p = route_in(self.trajectory), self.parameters
+        if route is None or route.origin is None:
+            return []
+        latitude, longitude = route.origin
+        if abs(latitude - p.latitude_deg) + abs(longitude - p.longitude_deg) < _SAME_PLACE:
+            return []
+        return [
+            f"the route's origin is at {latitude:.7f}, {longitude:.7f} deg, the world's at "
+            f"{p.latitude_deg:.7f}, {p.longitude_deg:.7f}: fixes are on the route with "
+            f"latitude_deg={latitude:.7f} and longitude_deg={longitude:.7f}"
+        ]
 
     def notes(self) -> list[str]:
         """Return the repairs of recorded poses, and how well the spline fits them."""

@@ -17,6 +17,7 @@ from imu_sim_ros.poses import PoseSequence, read_poses
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.trajectory.parameters import (
     GIVEN,
+    DriveParameters,
     FreeFallParameters,
     HarmonicParameters,
     LeadInParameters,
@@ -192,6 +193,10 @@ def _motion(parameters: TrajectoryParameters, pose_reader: PoseReader) -> Trajec
             from imu_sim_ros.trajectory.kinds import Waypoints
 
             return Waypoints(parameters)
+        case DriveParameters():
+            from imu_sim_ros.trajectory.drive import drive
+
+            return drive(parameters)
         case TurntableParameters():
             from imu_sim_ros.trajectory.calibration_motion import turntable
 

@@ -3,7 +3,7 @@
 
 """Vibration of the body on top of its motion: sinusoids and band-limited noise."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.random import PCG64, Generator, SeedSequence
 from imu_sim_ros import rotation
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.trajectory.parameters import VibrationParameters
+from imu_sim_ros.trajectory.profile import Derivatives
 from imu_sim_ros.types import Array
 
 _AXES: Final = 3
@@ -168,9 +169,21 @@ class Vibrating:
     ``alpha = E^T alpha0 - omega_E x (E^T omega0) + alpha_E``.
     """
 
-    def __init__(self, inner: Trajectory, vibration: Vibration) -> None:
+    def __init__(
+        self,
+        inner: Trajectory,
+        vibration: Vibration,
+        way: Callable[[Array], Derivatives] | None = None,
+        speed: float = 1.0,
+    ) -> None:
+        """Shake a motion.
+
+        :param way: along which the body goes [m], with its derivatives, at times (n,); the
+            vibration is bound to it and holds at a speed. None: it is bound to time.
+        :param speed: the speed [m/s].
+        """
         self.inner = inner
-        self._vibration = vibration
+        self._vibration, self._way, self._speed = vibration, way, speed
 
     @property
     def duration(self) -> float:
@@ -190,14 +203,17 @@ class Vibrating:
     def sample(self, t: Array) -> Motion:
         """Return the motion at times t (n,) [s]."""
         motion = self.inner.sample(t)
+        clock = None
+        if self._way is not None:
+            clock = Derivatives(*(x / self._speed for x in self._way(t)))
         if self._vibration.shift:
-            motion = self._shifted(motion, t)
+            motion = self._shifted(motion, t, clock)
         if self._vibration.turn:
-            motion = self._turned(motion, t)
+            motion = self._turned(motion, t, clock)
         return motion
 
-    def _shifted(self, motion: Motion, t: Array) -> Motion:
-        d, d_first, d_second = self._vibration.shift.with_integrals(t)
+    def _shifted(self, motion: Motion, t: Array, clock: Derivatives | None) -> Motion:
+        d, d_first, d_second = _in_time(self._vibration.shift.with_integrals, t, clock)
         omega, alpha = motion.angular_velocity, motion.angular_acceleration
         swept = np.cross(omega, d)
         force = d_second + 2.0 * np.cross(omega, d_first) + np.cross(alpha, d)
@@ -208,8 +224,8 @@ class Vibrating:
             acceleration=motion.acceleration + rotation.rotate(motion.q_wb, force),
         )
 
-    def _turned(self, motion: Motion, t: Array) -> Motion:
-        phi, first, second = self._vibration.turn.with_derivative(t)
+    def _turned(self, motion: Motion, t: Array, clock: Derivatives | None) -> Motion:
+        phi, first, second = _in_time(self._vibration.turn.with_derivative, t, clock)
         turn = rotation.exp(phi)
         own_rate, own_acceleration = rotation.rate_and_acceleration(phi, first, second)
         rate = rotation.rotate_inverse(turn, motion.angular_velocity)
@@ -219,3 +235,15 @@ class Vibrating:
             angular_velocity=rate + own_rate,
             angular_acceleration=acceleration - np.cross(own_rate, rate) + own_acceleration,
         )
+
+
+def _in_time(
+    function: Callable[[Array], tuple[Array, Array, Array]], t: Array, clock: Derivatives | None
+) -> tuple[Array, Array, Array]:
+    """Return a function (n, 3) of a clock that runs unevenly, and its derivatives by time."""
+    if clock is None:
+        return function(t)
+    value, rate, acceleration = (np.asarray(x) for x in clock)
+    result, first, second = function(value)
+    rate = rate[:, None]
+    return result, first * rate, second * rate**2 + first * acceleration[:, None]

@@ -14,11 +14,11 @@ from imu_sim_ros.parameters.sections import build as build_section
 from imu_sim_ros.trajectory.parameters import TYPES
 
 NAMES = files.names("trajectories")
-RNG = np.random.default_rng(1)
 
 
 def some_times(trajectory, count=2000, margin=0.01):
-    return np.sort(RNG.uniform(margin, min(trajectory.duration, 100.0) - margin, count))
+    rng = np.random.default_rng(1)  # the same places whatever other trajectories there are
+    return np.sort(rng.uniform(margin, min(trajectory.duration, 100.0) - margin, count))
 
 
 def relative(name):

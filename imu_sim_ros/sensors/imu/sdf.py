@@ -7,18 +7,15 @@ The XML is read without entities: a document type, with which they are declared,
 """
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Final, NamedTuple
-from xml.parsers import expat
 
 from imu_sim_ros.conventions import AXES, IMU_FRAME, TRIADS
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs.rows import number_of, read_text, shortened
+from imu_sim_ros.inputs.rows import number_of, shortened
+from imu_sim_ros.inputs.xml_text import Element, parsed
 
-_DEEPEST: Final = 200
-_MAX_ELEMENTS: Final = 1_000_000
 _QUANTITIES: Final = {"gyroscope": "angular_velocity", "accelerometer": "linear_acceleration"}
 _OLD_QUANTITIES: Final = {"gyroscope": "rate", "accelerometer": "accel"}
 _ROTORS: Final = {
@@ -41,31 +38,6 @@ _ROTORS_DEFAULTS: Final = {
 (rotors_gazebo_plugins/gazebo_imu_plugin.h)."""
 
 
-@dataclass
-class _Element:
-    """An element of XML: its name, attributes, text and children."""
-
-    tag: str
-    attributes: Mapping[str, str]
-    text: str = ""
-    children: "list[_Element]" = field(default_factory=list)
-
-    def child(self, *path: str) -> "_Element | None":
-        """Return the first element on a path of names; None where there is none."""
-        here: _Element | None = self
-        for name in path:
-            here = next((c for c in here.children if c.tag == name), None) if here else None
-        return here
-
-    def every(self) -> "Iterator[_Element]":
-        """Yield this element and all below."""
-        waiting = [self]
-        while waiting:
-            here = waiting.pop()
-            yield here
-            waiting += reversed(here.children)
-
-
 class Described(NamedTuple):
     """An IMU of a model."""
 
@@ -85,7 +57,7 @@ def read(path: str | Path, sensor: str | None = None) -> Described:
     """
     file, _, named = str(path).partition("#")
     sensor = sensor or named or None
-    found = [one for element in _parsed(file).every() for one in _described(file, element)]
+    found = [one for element in parsed(file).every() for one in _described(file, element)]
     if sensor is not None:
         chosen = [one for one in found if one.name == sensor]
         if not chosen:
@@ -100,50 +72,7 @@ def read(path: str | Path, sensor: str | None = None) -> Described:
     return found[0]
 
 
-def _parsed(path: str) -> _Element:
-    """Return the root of a file of bounded size, depth and number of elements.
-
-    :raises InputError: for what is not XML, and for a document type.
-    """
-    root = _Element("", {})
-    stack, count = [root], 0
-
-    def start(tag: str, attributes: dict[str, str]) -> None:
-        nonlocal count
-        count += 1
-        if len(stack) > _DEEPEST or count > _MAX_ELEMENTS:
-            raise InputError(f"{path}: nested deeper than {_DEEPEST}, or very many elements")
-        element = _Element(tag, attributes)
-        stack[-1].children.append(element)
-        stack.append(element)
-
-    def end(_: str) -> None:
-        stack.pop()
-
-    def text(words: str) -> None:
-        if len(stack[-1].text) < _LONGEST_TEXT:
-            stack[-1].text += words
-
-    def refuse(*_: object) -> None:
-        raise InputError(f"{path}: has a document type (<!DOCTYPE ...>), which is not read")
-
-    parser = expat.ParserCreate()
-    parser.buffer_text = True
-    parser.StartElementHandler, parser.EndElementHandler = start, end
-    parser.CharacterDataHandler = text
-    parser.StartDoctypeDeclHandler = refuse
-    content = read_text(path).encode()
-    try:
-        parser.Parse(content, True)
-    except expat.ExpatError as error:
-        raise InputError(f"{path}: not XML: {error}") from None
-    return root
-
-
-_LONGEST_TEXT: Final = 4096
-
-
-def _described(path: str, element: _Element) -> Iterator[Described]:
+def _described(path: str, element: Element) -> Iterator[Described]:
     """Yield the IMU that an element is, if it is one."""
     if element.tag == "sensor" and element.attributes.get("type") in ("imu", "imu_sensor"):
         yield _of_sensor(path, element)
@@ -156,7 +85,7 @@ def _described(path: str, element: _Element) -> Iterator[Described]:
         yield _of_classic(path, element)
 
 
-def _of_sensor(path: str, element: _Element) -> Described:
+def _of_sensor(path: str, element: Element) -> Described:
     """Return an IMU of SDF."""
     name = element.attributes.get("name", "imu")
     where = f"{path}: sensor {shortened(name)}"
@@ -174,7 +103,7 @@ def _of_sensor(path: str, element: _Element) -> Described:
 
 
 def _of_noise(
-    where: str, prefix: str, noises: "list[_Element | None]", rate: float
+    where: str, prefix: str, noises: "list[Element | None]", rate: float
 ) -> dict[str, object]:
     """Return the parameters of three ``<noise>``.
 
@@ -212,7 +141,7 @@ def _of_noise(
     return {f"{prefix}{name}": numbers for name, numbers in found.items() if any(numbers)}
 
 
-def _of_rotors(path: str, element: _Element) -> Described:
+def _of_rotors(path: str, element: Element) -> Described:
     """Return an IMU of RotorS; what the model leaves out the plugin has values for."""
     name = element.attributes.get("name", "imu")
     where = f"{path}: plugin {shortened(name)}"
@@ -227,7 +156,7 @@ def _of_rotors(path: str, element: _Element) -> Described:
     return Described(name, {**_common(0.0, element.child("linkName")), **own})
 
 
-def _of_classic(path: str, element: _Element) -> Described:
+def _of_classic(path: str, element: Element) -> Described:
     """Return an IMU of Gazebo classic: one deviation for all axes."""
     name = element.attributes.get("name", "imu")
     where = f"{path}: plugin {shortened(name)}"
@@ -243,7 +172,7 @@ def _of_classic(path: str, element: _Element) -> Described:
     return Described(name, {**_common(rate, element.child("frameName")), **own})
 
 
-def _common(rate: float, frame: _Element | None) -> dict[str, object]:
+def _common(rate: float, frame: Element | None) -> dict[str, object]:
     """Return rate and frame, where they are said."""
     result: dict[str, object] = {}
     if rate:
@@ -254,7 +183,7 @@ def _common(rate: float, frame: _Element | None) -> dict[str, object]:
     return result
 
 
-def _number(where: str, element: _Element, name: str) -> float:
+def _number(where: str, element: Element, name: str) -> float:
     """Return the number in a child; 0 where there is none.
 
     :raises InputError: for a child that is no finite number.

@@ -29,6 +29,9 @@ _LONGEST_LOOK: Final = 600.0
 """[s] of a motion that warnings look at, in steps of 0.1 s."""
 _UNSEEN: Final = 0.01
 """A speed that no wheel measures is worth a warning above this share of the largest speed."""
+_LIFTED: Final = 0.05
+"""The same of speeds up and down, which springs cause: the way along the ground is then longer by
+half the square of this."""
 
 
 def rim_speeds(model: str, track: float, wheelbase: float) -> Array:
@@ -293,7 +296,7 @@ def unseen(p: WheelsParameters, trajectory: Trajectory, duration: float) -> list
     rest = []
     if side > least and p.model != "omnidirectional":
         rest.append(f"sideways at up to {side:.3g} m/s")
-    if up > least:
+    if up > max(_LIFTED * max(forward, side, up), 1e-3):
         rest.append(f"up or down at up to {up:.3g} m/s")
     if p.model == "ackermann":
         speed, turn = np.abs(velocity[:, 0]), np.abs(motion.angular_velocity[:, 2])

@@ -1,0 +1,88 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""XML of strangers as a tree of elements, of bounded size, without entities.
+
+A document type, with which entities are declared, is refused.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+from xml.parsers import expat
+
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs.rows import read_text
+
+_DEEPEST: Final = 200
+_MAX_ELEMENTS: Final = 1_000_000
+_LONGEST_TEXT: Final = 4096
+_BUFFER: Final = 1 << 20
+"""[bytes] of text that come at once."""
+
+
+@dataclass
+class Element:
+    """An element of XML: its name, attributes, text and children."""
+
+    tag: str
+    attributes: Mapping[str, str]
+    text: str = ""
+    children: "list[Element]" = field(default_factory=list)
+
+    def child(self, *path: str) -> "Element | None":
+        """Return the first element on a path of names; None where there is none."""
+        here: Element | None = self
+        for name in path:
+            here = next((c for c in here.children if c.tag == name), None) if here else None
+        return here
+
+    def every(self) -> "Iterator[Element]":
+        """Yield this element and all below."""
+        waiting = [self]
+        while waiting:
+            here = waiting.pop()
+            yield here
+            waiting += reversed(here.children)
+
+
+def parsed(path: str | Path, longest_text: int = _LONGEST_TEXT) -> Element:
+    """Return the root of a file of bounded size, depth and number of elements.
+
+    :param longest_text: characters of an element from which on its text is cut.
+    :raises InputError: for what is not XML, and for a document type.
+    """
+    root = Element("", {})
+    stack, count = [root], 0
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal count
+        count += 1
+        if len(stack) > _DEEPEST or count > _MAX_ELEMENTS:
+            raise InputError(f"{path}: nested deeper than {_DEEPEST}, or very many elements")
+        element = Element(tag, attributes)
+        stack[-1].children.append(element)
+        stack.append(element)
+
+    def end(_: str) -> None:
+        stack.pop()
+
+    def text(words: str) -> None:
+        if len(stack[-1].text) < longest_text:
+            stack[-1].text += words
+
+    def refuse(*_: object) -> None:
+        raise InputError(f"{path}: has a document type (<!DOCTYPE ...>), which is not read")
+
+    parser = expat.ParserCreate()
+    parser.buffer_text, parser.buffer_size = True, _BUFFER
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.CharacterDataHandler = text
+    parser.StartDoctypeDeclHandler = refuse
+    content = read_text(path).encode()
+    try:
+        parser.Parse(content, True)
+    except expat.ExpatError as error:
+        raise InputError(f"{path}: not XML: {error}") from None
+    return root

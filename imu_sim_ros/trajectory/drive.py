@@ -1,0 +1,279 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A vehicle on the ground: its heading is that of its path, its pitch and roll the ground's.
+
+The body's x axis is the tangent of the path in space and its y axis lies in the ground, so that its
+velocity is along x alone. Suspension and road turn and shake the body on top of that.
+"""
+
+import math
+from pathlib import Path as FilePath
+from typing import Final
+
+import numpy as np
+
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.trajectory.bspline import DEGREE
+from imu_sim_ros.trajectory.drive_parameters import DriveParameters
+from imu_sim_ros.trajectory.ground import map_profile, plane_profile, read_height_map
+from imu_sim_ros.trajectory.motion import Motion, Trajectory
+from imu_sim_ros.trajectory.pace import Visits, driven, find_pace
+from imu_sim_ros.trajectory.path import Path, UniformSpline, find_path
+from imu_sim_ros.trajectory.profile import Derivatives, attitude
+from imu_sim_ros.trajectory.route import Route, read_route
+from imu_sim_ros.trajectory.vibration import Vibrating, Vibration
+from imu_sim_ros.types import Array
+
+_PREFIX: Final = "trajectory."
+_SAME: Final = 1e-3
+"""[m] between two waypoints that are one place."""
+_RESPONSE_STEPS: Final = 40.0
+"""Samples of the suspension in one of its periods."""
+
+
+class Drive:
+    """The motion of a drive; ``route`` has the waypoints, ``path`` and ``pace`` the way."""
+
+    def __init__(self, parameters: DriveParameters) -> None:
+        """Read the files, and find path and pace.
+
+        :raises ConfigurationError: for what cannot be driven, a line for each problem.
+        :raises InputError: for a file that cannot be used.
+        """
+        p = parameters
+        self.route, visits = _waypoints(p)
+        self.path = find_path(self.route.places, p.turning_radius, p.deviation, _PREFIX)
+        self.pace = find_pace(self.path, p, visits, _PREFIX)
+        if p.height_map:
+            ground = read_height_map(p.height_map)
+            self._ground = map_profile(ground, self.path.spline, p.track)
+        else:
+            self._ground = plane_profile(p.slope, self.path.spline)
+        self._suspension = _suspension(self.path, self.pace, p)
+        self._headings = self._unwrapped()
+
+    @property
+    def duration(self) -> float:
+        """Length [s]."""
+        return self.pace.length
+
+    @property
+    def highest_frequency(self) -> float:
+        """0: the polynomials are smooth over the time between two readings."""
+        return 0.0
+
+    def sample(self, t: Array) -> Motion:
+        """Return the motion at times t (n,) [s]."""
+        (u,), (rate,), (change,) = self.pace.sample(t, 2)
+        place, first, second, third = self.path.spline.sample(u, 3)
+        ground = self._ground.sample(u, 3)
+        height, rise, curve, kink = (values[0] for values in ground)
+        p, v, a = np.empty((3, len(t), 3))
+        for column, value, slope, bend in (
+            *zip((0, 1), place, first, second, strict=True),
+            (2, height, rise, curve),
+        ):
+            p[:, column], v[:, column] = value, slope * rate
+            a[:, column] = bend * rate**2 + slope * change
+        yaw = _yaw(first, second, third)
+        pitch = _pitch(first, second, third, (rise, curve, kink))
+        roll = _roll(pitch, _across([values[1:] for values in ground[:3]], yaw))
+        yaw = yaw._replace(value=self._continued(u, np.asarray(yaw.value)))
+        roll, pitch, yaw = (_in_time(x, rate, change) for x in (roll, pitch, yaw))
+        if self._suspension is not None:
+            leaning = self._suspension.sample(t, 2)
+            roll, pitch = (
+                Derivatives(*(x + lean[k] for x, lean in zip(angle, leaning, strict=True)))
+                for k, angle in enumerate((roll, pitch))
+            )
+        return Motion(p, v, a, *attitude(roll, pitch, yaw, len(t)))
+
+    def way(self, t: Array) -> Derivatives:
+        """Return the way along the path [m], its rate and the rate of that, at times t (n,)."""
+        (u,), (rate,), (change,) = self.pace.sample(t, 2)
+        return Derivatives(u, rate, change)
+
+    def _unwrapped(self) -> tuple[Array, Array]:
+        """Return places along the path, and headings there that do not jump."""
+        u = self.path.bends().u
+        first = self.path.spline.sample(u, 1)[1]
+        return u, np.unwrap(np.arctan2(first[1], first[0]))
+
+    def _continued(self, u: Array, yaw: Array) -> Array:
+        """Return headings with whole turns added, so that they do not jump along the path."""
+        near = np.interp(u, *self._headings)
+        return yaw + 2.0 * math.pi * np.rint((near - yaw) / (2.0 * math.pi))
+
+
+def drive(parameters: DriveParameters) -> Trajectory:
+    """Return the motion of a drive, shaken by its road."""
+    bare = Drive(parameters)
+    road = Vibration(parameters.road)
+    return Vibrating(bare, road, bare.way, parameters.road_speed) if road else bare
+
+
+def route_in(trajectory: object) -> Route | None:
+    """Return the route of a drive, which other motions may be wrapped around; None: there is none.
+
+    :param trajectory: any motion.
+    """
+    while not isinstance(trajectory, Drive):
+        if not hasattr(trajectory, "inner"):
+            return None
+        trajectory = trajectory.inner
+    return trajectory.route
+
+
+def _waypoints(p: DriveParameters) -> tuple[Route, Visits | None]:
+    """Return the route without places twice in a row, and when each is visited."""
+    if p.file:
+        route = read_route(FilePath(p.file), p.origin)
+        times = route.times if p.use_times else None
+        if p.use_times and times is None:
+            raise ConfigurationError(f"{_PREFIX}use_times = true: {p.file} has no times")
+    else:
+        route = Route(np.reshape(p.positions, (-1, 2)), None, None)
+        times = np.array(p.times) if p.times else None
+    places = route.places
+    if p.laps:
+        places = np.vstack([*[places] * p.laps, places[:1]])
+    moves = np.linalg.norm(np.diff(places, axis=0), axis=1) > _SAME
+    _check(p, places, moves, times)
+    starts = np.flatnonzero(np.concatenate([[True], moves]))
+    if times is None:
+        return route._replace(places=places[starts]), None
+    ends = np.append(starts[1:], len(places)) - 1
+    visits = Visits(times[starts], times[ends])
+    # At the ends there is rest before and after the drive, by other parameters.
+    visits.arrivals[0], visits.departures[-1] = visits.departures[0], visits.arrivals[-1]
+    if visits.departures[0]:
+        raise ConfigurationError(
+            f"{_PREFIX}times: waypoint 2 is waypoint 1: {_PREFIX}rest_before adds rest at the start"
+        )
+    return route._replace(places=places[starts], times=times[starts]), visits
+
+
+def _check(p: DriveParameters, places: Array, moves: Array, times: Array | None) -> None:
+    """Refuse waypoints that are one, times that do not increase, and numbers of no waypoint."""
+    problems = []
+    if not moves.any():
+        problems.append(f"{_PREFIX}{'file' if p.file else 'positions'}: all waypoints are one")
+    if times is None and not p.file and not moves.all():
+        k = int(np.argmin(moves))
+        problems.append(
+            f"{_PREFIX}positions: waypoints {k + 1} and {k + 2} are the same; leave one out, or "
+            f"give {_PREFIX}times"
+        )
+    if times is not None:
+        late = np.flatnonzero(np.diff(times) <= 0.0)
+        problems += [
+            f"{p.file or _PREFIX + 'times'}: point {k + 2} at {times[k + 1]:g} s: must be after "
+            f"point {k + 1} at {times[k]:g} s"
+            for k in late[:10]
+        ]
+    count = 1 + int(np.count_nonzero(moves))
+    for number, wait in np.reshape(p.stops, (-1, 2)):
+        if number % 1 or not 2 <= number <= count - 1:
+            problems.append(
+                f"{_PREFIX}stops: waypoint {number:g}: must be from 2 to {count - 1}; it stands at "
+                "both ends anyway"
+            )
+        elif not wait:
+            problems.append(f"{_PREFIX}stops: waypoint {number:g}: must stand for more than 0 s")
+    if p.speeds and len(p.speeds) != count - 1:
+        problems.append(
+            f"{_PREFIX}speeds: {len(p.speeds)} entries; must be empty or {count - 1}, one for each "
+            "way between two waypoints"
+        )
+    if problems:
+        raise ConfigurationError(problems)
+
+
+def _suspension(path: Path, pace: UniformSpline, p: DriveParameters) -> UniformSpline | None:
+    """Return roll and pitch of the body over the ground, as springs and dampers follow the pace.
+
+    ``x'' + 2 d w x' + w^2 x = w^2 k a`` with the acceleration a across or along.
+    """
+    if not (p.suspension_pitch or p.suspension_roll):
+        return None
+    from scipy.signal import cont2discrete, lfilter
+
+    segments = max(1, math.ceil(pace.length * p.suspension_frequency * _RESPONSE_STEPS))
+    step = pace.length / segments
+    t = (np.arange(segments + DEGREE) - 2) * step
+    done = driven(path, pace, np.clip(t, 0.0, pace.length))
+    w = 2.0 * math.pi * p.suspension_frequency
+    transfer = ([w * w], [1.0, 2.0 * p.suspension_damping * w, w * w])
+    ((numerator,), denominator, _) = cont2discrete(transfer, step, method="foh")
+    force = np.stack([p.suspension_roll * done.across, -p.suspension_pitch * done.along])
+    return UniformSpline(lfilter(numerator, denominator, force, axis=1).T, step)
+
+
+def _in_time(angle: Derivatives, rate: Array, change: Array) -> Derivatives:
+    """Return derivatives by time of an angle with derivatives by u."""
+    return Derivatives(
+        angle.value, angle.first * rate, angle.second * rate**2 + angle.first * change
+    )
+
+
+def _yaw(first: Array, second: Array, third: Array) -> Derivatives:
+    """Return ``atan2(y', x')`` and its derivatives, from derivatives (2, n)."""
+    (x1, y1), (x2, y2), (x3, y3) = first, second, third
+    square = x1 * x1 + y1 * y1
+    slope = (x1 * y2 - y1 * x2) / square
+    bend = (x1 * y3 - y1 * x3) / square - 2.0 * slope * (x1 * x2 + y1 * y2) / square
+    return Derivatives(np.arctan2(y1, x1), slope, bend)
+
+
+def _pitch(
+    first: Array, second: Array, third: Array, height: tuple[Array, Array, Array]
+) -> Derivatives:
+    """Return ``-atan2(z', |(x', y')|)`` and its derivatives."""
+    (x1, y1), (x2, y2), (x3, y3) = first, second, third
+    z1, z2, z3 = height
+    r = np.sqrt(x1 * x1 + y1 * y1)
+    r1 = (x1 * x2 + y1 * y2) / r
+    r2 = (x2 * x2 + y2 * y2 + x1 * x3 + y1 * y3 - r1 * r1) / r
+    above, below = z2 * r - z1 * r1, r * r + z1 * z1
+    slope = -above / below
+    bend = -(z3 * r - z1 * r2 + 2.0 * slope * (r * r1 + z1 * z2)) / below
+    return Derivatives(-np.arctan2(z1, r), slope, bend)
+
+
+def _across(slopes: list[Array], yaw: Derivatives) -> Derivatives:
+    """Return the slope to the left, from slopes along x and y (2, n) and their derivatives."""
+    c, s = np.cos(yaw.value), np.sin(yaw.value)
+
+    def sideways(slope: Array) -> Array:
+        across: Array = slope[1] * c - slope[0] * s
+        return across
+
+    def ahead(slope: Array) -> Array:
+        along: Array = slope[0] * c + slope[1] * s
+        return along
+
+    value, first, second = slopes
+    return Derivatives(
+        sideways(value),
+        sideways(first) - ahead(value) * yaw.first,
+        sideways(second)
+        - 2.0 * ahead(first) * yaw.first
+        - ahead(value) * yaw.second
+        - sideways(value) * yaw.first * yaw.first,
+    )
+
+
+def _roll(pitch: Derivatives, across: Derivatives) -> Derivatives:
+    """Return ``atan(across cos(pitch))``: the left of the body lies in the ground."""
+    c, s = np.cos(pitch.value), np.sin(pitch.value)
+    x = across.value * c
+    x1 = across.first * c - across.value * s * pitch.first
+    x2 = (
+        across.second * c
+        - 2.0 * across.first * s * pitch.first
+        - across.value * (c * pitch.first * pitch.first + s * pitch.second)
+    )
+    flat = 1.0 + x * x
+    slope = x1 / flat
+    return Derivatives(np.arctan(x), slope, (x2 - 2.0 * x * x1 * slope) / flat)

@@ -1,0 +1,304 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""When a vehicle is where on its path: as fast as limits allow, or at given times.
+
+The fastest pace within limits of speed and acceleration by place follows from one pass forward and
+one back over the squares of speeds, which a constant acceleration changes in proportion to the way.
+It becomes the control points of a uniform B-spline over time, C4, whose speeds and accelerations
+are means of those of the pace. Where it rests it rests exactly.
+"""
+
+import dataclasses
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.trajectory.bspline import DEGREE
+from imu_sim_ros.trajectory.drive_parameters import DriveParameters
+from imu_sim_ros.trajectory.path import Path, UniformSpline
+from imu_sim_ros.types import Array
+
+_KERNEL: Final = 3.0
+"""Half of the reach of a control point, in steps: how long a rest has to be for one to show."""
+_MOST_STEPS: Final = 20_000_000
+_ROUNDING: Final = 1e-6
+"""[steps]"""
+_AIMS: Final = 6
+_ROUNDS: Final = 400
+_TIMES_MET: Final = 1e-9
+"""[s] by which the pace before smoothing meets given times."""
+_LATE: Final = 1e-3
+"""[s] by which a waypoint is reached too late to be in time."""
+_EXACT: Final = 1e-9
+"""[m]"""
+_OVER: Final = 0.02
+"""Share of a limit by which given times may exceed it."""
+_FASTEST: Final = 1e4
+"""[m/s]"""
+_FINE: Final = 4
+"""Samples in a step, to look at speeds."""
+
+
+class Visits(NamedTuple):
+    """When each of w waypoints is to be reached and left [s]; the first time is 0."""
+
+    arrivals: Array
+    departures: Array
+
+
+class _Way(NamedTuple):
+    """A path in n places, with what the vehicle may do there."""
+
+    u: Array
+    s: Array
+    """Way [m]."""
+    slope: Array
+    """Derivative of u by the way."""
+    square: Array
+    """Largest square of the speed [m^2/s^2]."""
+    at: NDArray[np.intp]
+    """(w,) rows of the waypoints."""
+
+
+class Driven(NamedTuple):
+    """How a path is driven, at n times."""
+
+    speed: Array
+    """[m/s]"""
+    along: Array
+    """Acceleration along the path [m/s^2]."""
+    across: Array
+    """To the left [m/s^2]."""
+    turn: Array
+    """Heading rate [rad/s]."""
+
+
+def driven(path: Path, pace: UniformSpline, t: Array) -> Driven:
+    """Return speeds and accelerations in the plane at times t (n,) [s]."""
+    (u,), (rate,), (change,) = pace.sample(t, 2)
+    _, first, second = path.spline.sample(u, 2)
+    size = np.hypot(*first)
+    speed = size * rate
+    turning = (first[0] * second[1] - first[1] * second[0]) / size**3
+    along = (first[0] * second[0] + first[1] * second[1]) / size * rate**2 + size * change
+    return Driven(speed, along, speed**2 * turning, speed * turning)
+
+
+def find_pace(
+    path: Path, p: DriveParameters, visits: Visits | None, prefix: str = "trajectory."
+) -> UniformSpline:
+    """Return u over time, at rest at both ends.
+
+    :param visits: of the waypoints; None: as fast as limits allow, with the stops and speeds of the
+        parameters.
+    :raises ConfigurationError: for times that cannot be met within limits, a line for each.
+    """
+    if visits is not None:
+        return _timed(path, p, visits, prefix)
+    step = p.smoothing_time / (2.0 * _KERNEL)
+    stops = {int(k) - 1: wait for k, wait in np.reshape(p.stops, (-1, 2))}
+    waits = np.array([stops.get(k, 0.0) for k in range(len(path.at))])
+    speeds = np.array(p.speeds) if p.speeds else np.full(len(path.at) - 1, np.inf)
+    aim = p
+    for _ in range(_AIMS):
+        way = _way(path, aim)
+        _, controls = _controls(way, _limited(way, aim, speeds, waits), waits, step)
+        pace = UniformSpline(controls[:, None], step)
+        shares = _shares(driven(path, pace, _fine(pace)), p).max(axis=1)
+        if shares.max() <= 1.0:
+            return pace
+        aim = _below(aim, np.maximum(shares, 1.0))
+    # Slower by a factor k: speeds fall with k, accelerations with k^2.
+    slower = float((shares ** [1.0, 0.5, 0.5, 1.0]).max())
+    return UniformSpline(controls[:, None], step * slower)
+
+
+def _below(p: DriveParameters, shares: Array) -> DriveParameters:
+    """Return limits lowered by what smoothing exceeds them: speed, along, across, heading rate."""
+    speed, along, across, turn = (float(share) for share in shares)
+    return dataclasses.replace(
+        p,
+        speed_limit=p.speed_limit / speed,
+        acceleration_limit=p.acceleration_limit / along,
+        braking_limit=p.braking_limit / along,
+        lateral_limit=p.lateral_limit / across,
+        heading_rate_limit=p.heading_rate_limit / turn,
+    )
+
+
+def _fine(pace: UniformSpline) -> Array:
+    count = pace.segments * _FINE
+    return np.arange(count + 1, dtype=np.float64) * (pace.length / count)
+
+
+def _shares(done: Driven, p: DriveParameters) -> Array:
+    """Return speed, accelerations along and across, and heading rate over their limits (4, n)."""
+    along = np.where(
+        done.along > 0.0, done.along / p.acceleration_limit, -done.along / p.braking_limit
+    )
+    across, turn = np.abs(done.across) / p.lateral_limit, np.abs(done.turn) / p.heading_rate_limit
+    return np.stack([done.speed / p.speed_limit, along, across, turn])
+
+
+def _way(path: Path, p: DriveParameters) -> _Way:
+    bends = path.bends()
+    u = np.union1d(bends.u, path.at)
+    middle = 0.5 * (u[:-1] + u[1:])
+    size, between = (np.hypot(*path.spline.sample(x, 1)[1]) for x in (u, middle))
+    # Simpson's rule
+    steps = np.diff(u) * (size[:-1] + 4.0 * between + size[1:]) / 6.0
+    curvature = np.maximum(np.abs(np.interp(u, bends.u, bends.curvature)), 1e-12)
+    square = np.minimum(p.lateral_limit / curvature, (p.heading_rate_limit / curvature) ** 2)
+    s = np.concatenate([[0.0], np.cumsum(steps)])
+    square = np.minimum(square, p.speed_limit**2)
+    return _Way(u, s, 1.0 / size, square, np.searchsorted(u, path.at))
+
+
+def _limited(way: _Way, p: DriveParameters, speeds: Array, waits: Array) -> Array:
+    """Return the squares of the speeds (n,): the fastest pace from rest to rest.
+
+    :param speeds: (w - 1,) largest, of each leg [m/s].
+    :param waits: (w,) rest at each waypoint [s].
+    """
+    leg = np.searchsorted(way.at, np.arange(len(way.u)), side="right") - 1
+    square = np.minimum(way.square, speeds[np.minimum(leg, len(speeds) - 1)] ** 2)
+    square[way.at[1:-1]] = np.minimum(square[way.at[1:-1]], speeds[:-1] ** 2)
+    rests = np.concatenate([[0], way.at[waits > 0.0], [len(square) - 1]])
+    square[rests] = 0.0
+    rise = 2.0 * p.acceleration_limit * way.s
+    square = np.minimum.accumulate(square - rise) + rise
+    fall = 2.0 * p.braking_limit * (way.s[-1] - way.s)
+    square = np.minimum.accumulate((square - fall)[::-1])[::-1] + fall
+    square = np.maximum(square, 0.0)
+    square[rests] = 0.0
+    return square
+
+
+def _durations(way: _Way, square: Array) -> Array:
+    """Return the time (n - 1,) of each step at constant acceleration."""
+    speed = np.sqrt(square)
+    return 2.0 * np.diff(way.s) / np.maximum(speed[:-1] + speed[1:], 1e-9)
+
+
+def _controls(way: _Way, square: Array, waits: Array, step: float) -> tuple[Array, Array]:
+    """Return times (c,), from two steps before 0, and u of the pace there.
+
+    A smoothed pace moves three steps before and after: it waits so much longer.
+    """
+    margin = _KERNEL * step
+    rest = np.zeros(len(way.u))
+    rest[way.at] = np.where(waits > 0.0, waits + 2.0 * margin, 0.0)
+    rest[[0, -1]] = 0.0
+    durations = _durations(way, square)
+    arrival = margin + np.concatenate([[0.0], np.cumsum(durations + rest[:-1])])
+    end = float(arrival[-1]) + margin
+    if end / step > _MOST_STEPS:
+        raise ConfigurationError(f"the drive takes {end:.3g} s: too long for its smoothing_time")
+    count = math.ceil(end / step - _ROUNDING) + DEGREE
+    t: Array = (np.arange(count, dtype=np.float64) - 2.0) * step
+    return t, _at_times(way, square, arrival, arrival + rest, t)
+
+
+def _at_times(way: _Way, square: Array, arrival: Array, departure: Array, t: Array) -> Array:
+    """Return u of the pace at times (m,): constant acceleration from place to place."""
+    from scipy.interpolate import CubicHermiteSpline
+
+    row = np.clip(np.searchsorted(departure, t, side="right") - 1, 0, len(way.u) - 2)
+    passed = np.clip(t - departure[row], 0.0, arrival[row + 1] - departure[row])
+    acceleration = np.diff(square) / (2.0 * np.diff(way.s))
+    s = way.s[row] + passed * (np.sqrt(square[row]) + 0.5 * passed * acceleration[row])
+    s = np.clip(s, way.s[row], way.s[row + 1])
+    found: Array = CubicHermiteSpline(way.s, way.u, way.slope)(s)
+    return found
+
+
+def _timed(path: Path, p: DriveParameters, visits: Visits, prefix: str) -> UniformSpline:
+    """Return a pace that keeps given times; speeds on each leg are even as far as limits allow."""
+    way, end = _way(path, p), float(visits.arrivals[-1])
+    step = end / math.ceil(end * 2.0 * _KERNEL / p.smoothing_time)
+    waits = visits.departures - visits.arrivals
+    rests = waits > 0.0
+    rests[[0, -1]] = True
+    margin = np.where(rests, _KERNEL * step, 0.0)
+    needed = visits.arrivals[1:] - margin[1:] - visits.departures[:-1] - margin[:-1]
+    lengths = np.diff(way.s[way.at])
+    speeds = lengths / np.maximum(needed, 1e-3)
+    for _ in range(_ROUNDS):
+        square = _limited(way, p, speeds, waits)
+        taken = np.add.reduceat(_durations(way, square), way.at[:-1])
+        if np.abs(taken - needed).max() < _TIMES_MET:
+            break
+        speeds = speeds * np.clip(taken / np.maximum(needed, 1e-3), 0.5, 2.0)
+        speeds = np.minimum(speeds, _FASTEST)
+    late = taken - needed
+    problems = [
+        f"{prefix}times: waypoint {k + 2} at {visits.arrivals[k + 1]:g} s: cannot be reached from "
+        f"waypoint {k + 1} before {visits.arrivals[k + 1] + late[k]:.2f} s within the limits"
+        for k in np.flatnonzero(late > _LATE)
+    ]
+    if problems:
+        raise ConfigurationError(problems)
+    t, controls = _controls(way, square, np.where(rests, waits, 0.0), step)
+    pace = _meeting(path, visits, rests, t, controls)
+    _check_limits(path, pace, p, visits, prefix)
+    return pace
+
+
+def _meeting(
+    path: Path, visits: Visits, rests: NDArray[np.bool_], t: Array, controls: Array
+) -> UniformSpline:
+    """Return the smoothed pace, moved by the little that smoothing has moved it."""
+    from scipy.interpolate import PchipInterpolator
+
+    step = float(t[1] - t[0])
+    # It must stay at rest as long as control points of a rest act.
+    margin = np.where(rests, _KERNEL * step, 0.0)
+    times = np.concatenate(
+        [visits.arrivals - margin, visits.arrivals, visits.departures, visits.departures + margin]
+    )
+    times, first = np.unique(np.clip(times, 0.0, visits.arrivals[-1]), return_index=True)
+    which = first % len(path.at)
+    for _ in range(_ROUNDS):
+        pace = UniformSpline(controls[:, None], step)
+        error = (path.at - pace.sample(visits.arrivals, 0)[0][0])[which]
+        if np.abs(error).max() < _EXACT:
+            break
+        controls = controls + PchipInterpolator(times, error)(np.clip(t, times[0], times[-1]))
+    return pace
+
+
+def _check_limits(
+    path: Path, pace: UniformSpline, p: DriveParameters, visits: Visits, prefix: str
+) -> None:
+    """Refuse a pace that exceeds a limit, or that goes back."""
+    t = _fine(pace)
+    done = driven(path, pace, t)
+    shares = _shares(done, p)
+    values = (done.speed, done.along, done.across, done.turn)
+    names = (
+        ("speed_limit", "m/s"),
+        ("braking_limit or acceleration_limit", "m/s^2"),
+        ("lateral_limit", "m/s^2"),
+        ("heading_rate_limit", "rad/s"),
+    )
+    problems = []
+    for share, value, (name, unit) in zip(shares, values, names, strict=True):
+        worst = int(np.argmax(share))
+        leg = int(np.clip(np.searchsorted(visits.arrivals, t[worst]), 1, len(path.at) - 1))
+        if share[worst] > 1.0 + _OVER:
+            problems.append(
+                f"{prefix}times: from waypoint {leg} to {leg + 1}: {abs(value[worst]):.3g} {unit} "
+                f"would be needed, above {prefix}{name}"
+            )
+    if not problems and done.speed.min() < -1e-6:
+        leg = int(np.clip(np.searchsorted(visits.arrivals, t[np.argmin(done.speed)]), 1, None))
+        problems.append(
+            f"{prefix}times: near waypoint {leg}: speeds differ so much between its legs that "
+            "the vehicle would have to go back"
+        )
+    if problems:
+        raise ConfigurationError(problems)

@@ -1,0 +1,259 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Routes in files: CSV, GPX and KML, in metres or in latitude and longitude."""
+
+import math
+from collections.abc import Iterator, Sequence
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from imu_sim_ros.conventions import ECCENTRICITY_SQUARED, SEMI_MAJOR_AXIS
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs.rows import (
+    COLUMNS,
+    LARGEST_TEXT,
+    NUMBERS,
+    STAMPS,
+    VALUES,
+    BadRows,
+    number_of,
+    row_blocks,
+    shortened,
+)
+from imu_sim_ros.inputs.xml_text import Element, parsed
+from imu_sim_ros.types import Array
+
+_LATITUDES: Final = ("latitude", "lat", "latitude_deg")
+_LONGITUDES: Final = ("longitude", "lon", "lng", "long", "longitude_deg")
+_TIMES: Final = ("t", "time", "time_s", "timestamp")
+_MOST_POINTS: Final = 1_000_000
+_FARTHEST: Final = 1e6
+"""[m] from the origin; farther, a plane is no longer like the Earth."""
+_STEPS: Final = 4
+"""Each puts a place closer to the plane by its distance over the Earth's radius."""
+
+
+class Route(NamedTuple):
+    """The n points of a file."""
+
+    places: Array
+    """(n, 2) x, y in the world [m]."""
+    times: Array | None
+    """(n,) since the first point [s]; None: the file has none."""
+    origin: tuple[float, float] | None
+    """Latitude and longitude of the world's origin [deg]; None for a file in metres."""
+
+
+class _Points(NamedTuple):
+    """What a file says: latitude and longitude, or x and y; times, with nan where there is none."""
+
+    rows: list[tuple[float, float, float]]
+    is_geographic: bool
+
+
+def read_route(path: str | Path, origin: Sequence[float] = ()) -> Route:
+    """Return the route of a CSV, GPX or KML file.
+
+    :param origin: latitude and longitude of the world's origin [deg]; empty: the first point.
+    :raises InputError: for a file that cannot be used, a line for each problem.
+    """
+    kind = Path(path).suffix.lower()
+    bad = BadRows(path, "line" if kind not in (".gpx", ".kml") else "point")
+    if kind == ".gpx":
+        points = _checked(_gpx(path, bad), bad, True)
+    elif kind == ".kml":
+        points = _checked(_kml(path, bad), bad, True)
+    elif kind in (".csv", ".txt"):
+        points = _csv(Path(path), bad)
+    else:
+        raise InputError(f"{path}: must be a route: .csv, .gpx or .kml")
+    bad.complain()
+    if len(points.rows) < 2:
+        raise InputError(f"{path}: has {len(points.rows)} points; a route needs at least two")
+    values = np.array(points.rows)
+    times = None if np.isnan(values[:, 2]).any() else values[:, 2] - values[0, 2]
+    if not points.is_geographic:
+        return Route(values[:, :2], times, None)
+    where = (float(origin[0]), float(origin[1])) if origin else (values[0, 0], values[0, 1])
+    places = east_north(values[:, 0], values[:, 1], *where)
+    far = np.linalg.norm(places, axis=1)
+    if not far.max() <= _FARTHEST:
+        raise InputError(
+            f"{path}: point {np.argmax(far) + 1} is {far.max() * 1e-3:.0f} km from the origin "
+            f"({where[0]:g}, {where[1]:g}); a flat world reaches {_FARTHEST * 1e-3:.0f} km"
+        )
+    return Route(places, times, where)
+
+
+def east_north(latitude: Array, longitude: Array, origin: float, meridian: float) -> Array:
+    """Return x, y (n, 2) [m] in the plane that touches WGS84 at an origin, east and north of it.
+
+    The places are those of the plane with these latitudes and longitudes, so that a receiver on the
+    plane, z = 0, reports them.
+
+    :param latitude: (n,) geodetic [deg].
+    :param longitude: (n,) [deg].
+    :param origin: its latitude [deg].
+    :param meridian: its longitude [deg].
+
+    >>> import numpy as np
+    >>> east_north(np.array([48.0]), np.array([11.001]), 48.0, 11.0).round(2).tolist()
+    [[74.63, 0.0]]
+    """
+    phi, lam = np.radians(latitude), np.radians(longitude - meridian)
+    sine, cosine = np.sin(phi), np.cos(phi)
+    s, c = math.sin(math.radians(origin)), math.cos(math.radians(origin))
+    normal = SEMI_MAJOR_AXIS / np.sqrt(1.0 - ECCENTRICITY_SQUARED * sine * sine)
+    first = SEMI_MAJOR_AXIS / math.sqrt(1.0 - ECCENTRICITY_SQUARED * s * s)
+    height = np.zeros_like(phi)
+    for _ in range(_STEPS):
+        across = (normal + height) * cosine
+        out, east = across * np.cos(lam) - first * c, across * np.sin(lam)
+        z = (normal * (1.0 - ECCENTRICITY_SQUARED) + height) * sine
+        z = z - first * (1.0 - ECCENTRICITY_SQUARED) * s
+        up = c * out + s * z
+        north = c * z - s * out
+        # The vertical there leans away from ours by the angle between both.
+        height = height - up / (s * sine + c * cosine * np.cos(lam))
+    return np.column_stack([east, north])
+
+
+def _checked(
+    rows: Iterator[tuple[int, str, str, float]], bad: BadRows, is_geographic: bool
+) -> _Points:
+    """Return points from their numbers, two words and times."""
+    points: list[tuple[float, float, float]] = []
+    for number, first, second, t in rows:
+        if len(points) >= _MOST_POINTS:
+            raise InputError(f"{bad.source}: more than {_MOST_POINTS} points")
+        try:
+            pair = number_of(first.strip()), number_of(second.strip())
+        except ValueError:
+            bad.note(NUMBERS, number, f"{shortened(first)}, {shortened(second)}: not two numbers")
+            continue
+        if not all(math.isfinite(value) for value in pair):
+            bad.note(VALUES, number, f"{first}, {second}: must be finite")
+        elif is_geographic and not (abs(pair[0]) <= 90.0 and abs(pair[1]) <= 360.0):
+            bad.note(
+                *(VALUES, number),
+                f"latitude {pair[0]:g}, longitude {pair[1]:g}: must be within 90 and 360 deg",
+            )
+        elif not is_geographic and max(map(abs, pair)) > _FARTHEST:
+            bad.note(VALUES, number, f"{pair[0]:g}, {pair[1]:g}: must be within {_FARTHEST:g} m")
+        else:
+            points.append((*pair, t))
+    return _Points(points, is_geographic)
+
+
+def _csv(path: Path, bad: BadRows) -> _Points:
+    header: list[str] = []
+    rows: list[tuple[int, str, str, float]] = []
+    columns: tuple[int, int, int] | None = None
+    geographic = False
+    for block in row_blocks(path, "a route of comma-separated values"):
+        for number, line in block:
+            words = [w.strip() for w in line.decode(errors="replace").replace(";", ",").split(",")]
+            if columns is None:
+                header = [word.lower() for word in words]
+                columns, geographic = _columns(path, header)
+                continue
+            if len(words) != len(header):
+                bad.note(COLUMNS, number, f"{len(words)} columns; must be {len(header)}")
+                continue
+            first, second, third = columns
+            t = math.nan
+            if third >= 0:
+                try:
+                    t = number_of(words[third])
+                except ValueError:
+                    bad.note(STAMPS, number, f"time {shortened(words[third])}: not a number [s]")
+            rows.append((number, words[first], words[second], t))
+        bad.rows, bad.good = bad.count, len(rows)
+        bad.give_up()
+    if columns is None:
+        raise InputError(f"{path}: is empty")
+    return _checked(iter(rows), bad, geographic)
+
+
+def _columns(path: Path, header: list[str]) -> tuple[tuple[int, int, int], bool]:
+    """Return the places of both coordinates and of the time, -1 for none; whether on the Earth."""
+
+    def place(names: Sequence[str]) -> int:
+        return next((k for k, word in enumerate(header) if word in names), -1)
+
+    time = place(_TIMES)
+    latitude, longitude = place(_LATITUDES), place(_LONGITUDES)
+    if latitude >= 0 and longitude >= 0:
+        return (latitude, longitude, time), True
+    x, y = place(("x", "x_m", "east")), place(("y", "y_m", "north"))
+    if x >= 0 and y >= 0:
+        return (x, y, time), False
+    raise InputError(
+        f"{path}: the first line must name the columns, x and y or latitude and longitude; it is "
+        f"{shortened(','.join(header))}"
+    )
+
+
+def _gpx(path: str | Path, bad: BadRows) -> Iterator[tuple[int, str, str, float]]:
+    """Yield the points of all tracks, or else of all routes, or else all waypoints."""
+    elements = list(parsed(path).every())
+    for tag in ("trkpt", "rtept", "wpt"):
+        points = [one for one in elements if _local(one) == tag]
+        if points:
+            break
+    for number, point in enumerate(points, start=1):
+        stamp = next((one.text for one in point.children if _local(one) == "time"), "")
+        place = point.attributes
+        yield number, place.get("lat", ""), place.get("lon", ""), _seconds(stamp, number, bad)
+
+
+def _kml(path: str | Path, bad: BadRows) -> Iterator[tuple[int, str, str, float]]:
+    """Yield the points of the first line or track, or else all placemarks' points."""
+    elements = list(parsed(path, LARGEST_TEXT).every())
+    track = next((one for one in elements if _local(one) == "Track"), None)
+    if track is not None:
+        places = [one.text for one in track.children if _local(one) == "coord"]
+        stamps = [one.text for one in track.children if _local(one) == "when"]
+        for number, text in enumerate(places, start=1):
+            longitude, latitude, *_ = (*text.split(), "", "")
+            stamp = stamps[number - 1] if len(stamps) == len(places) else ""
+            yield number, latitude, longitude, _seconds(stamp, number, bad)
+        return
+    texts = _coordinates(elements, "LineString")[:1] or _coordinates(elements, "Point")
+    words = [word for text in texts for word in text.split()]
+    for number, word in enumerate(words, start=1):
+        longitude, latitude, *_ = (*word.split(","), "", "")
+        yield number, latitude, longitude, math.nan
+
+
+def _coordinates(elements: list[Element], tag: str) -> list[str]:
+    """Return the texts of the coordinates of all elements of a name."""
+    return [
+        child.text
+        for one in elements
+        if _local(one) == tag
+        for child in one.children
+        if _local(child) == "coordinates"
+    ]
+
+
+def _local(element: Element) -> str:
+    """Return an element's name without the prefix of its namespace."""
+    return element.tag.rpartition(":")[2]
+
+
+def _seconds(stamp: str, number: int, bad: BadRows) -> float:
+    """Return the Unix time of an ISO 8601 stamp; nan where there is none."""
+    words = stamp.strip()
+    if not words:
+        return math.nan
+    try:
+        when = datetime.fromisoformat(words.replace("Z", "+00:00"))
+    except ValueError:
+        bad.note(STAMPS, number, f"time {shortened(words)}: must be like 2026-05-01T08:30:00Z")
+        return math.nan
+    return when.replace(tzinfo=when.tzinfo or timezone.utc).timestamp()
