@@ -25,14 +25,15 @@ LOW = {
     *("arguments", "conventions", "errors", "inputs", "json_text", "machine", "names"),
     *("parameters", "poses", "random_streams", "rotation", "timebase"),
 }
-BODY = LOW | {"trajectory", "sensors"}
+BODY = LOW | {"places", "trajectory", "sensors"}
 ROOMS = {
     "__init__": LOW | {"jobs", "camera", "navigation", "sensors", "trajectory"},
     "camera": BODY | {"simulation", "jobs"},
     "config": LOW | {"trajectory"},
     "inputs": {"errors", "types"},
     "parameters": LOW,
-    "trajectory": LOW,
+    "places": LOW,
+    "trajectory": LOW | {"places"},
     "sensors": BODY | {"bags"},
     "simulation": BODY | {"bags"},
     "bags": LOW,

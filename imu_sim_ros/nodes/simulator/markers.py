@@ -12,7 +12,7 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from imu_sim_ros.sensors.camera.rig import Rig
-from imu_sim_ros.sensors.camera.scene import Surfaces
+from imu_sim_ros.places.geometry import Surfaces
 from imu_sim_ros.sensors.camera.view import View
 from imu_sim_ros.types import Array
 

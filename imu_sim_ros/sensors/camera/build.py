@@ -12,14 +12,20 @@ import numpy as np
 
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.places.catalogue import around
+from imu_sim_ros.places.catalogue import build as build_place
 from imu_sim_ros.random_streams import generator
-from imu_sim_ros.sensors.camera.scene import Scene, Surfaces, joined, read_points, surfaces
+from imu_sim_ros.places.geometry import Surfaces, joined, surfaces
+from imu_sim_ros.places.paint import Painter
+from imu_sim_ros.places.place import Site
+from imu_sim_ros.sensors.camera.scene import Scene, read_points
 from imu_sim_ros.sensors.camera.scene_parameters import (
     AprilgridParameters,
     CheckerboardParameters,
     CloudParameters,
     HouseParameters,
     PathSceneParameters,
+    PlaceParameters,
     PlanesParameters,
     PointFileParameters,
     RoomParameters,
@@ -59,6 +65,8 @@ def build_scene(
     match parameters:
         case RoomParameters():
             return _room(parameters, _path(views, trajectory, span))
+        case PlaceParameters():
+            return _place(parameters, _path(views, trajectory, span))
         case HouseParameters():
             return _house(parameters)
         case CloudParameters():
@@ -92,20 +100,23 @@ def check_path(
     :param views: the cameras, with the duration of the simulation.
     :raises ConfigurationError: with what to give.
     """
-    if not isinstance(parameters, RoomParameters):
+    if not isinstance(parameters, RoomParameters | PlaceParameters):
         return
     path = _path(views, trajectory, min(views[0].duration, _LONGEST))
     low, high = path.min(axis=0), path.max(axis=0)
-    walls = scene.surfaces.origin[:6]
-    ends = walls + scene.surfaces.across[:6] + scene.surfaces.up[:6]
-    corner, end = np.minimum(walls, ends).min(axis=0), np.maximum(walls, ends).max(axis=0)
+    if scene.painter is not None:
+        corner, end = scene.painter.place.low, scene.painter.place.high
+    else:
+        walls = scene.surfaces.origin[:6]
+        ends = walls + scene.surfaces.across[:6] + scene.surfaces.up[:6]
+        corner, end = np.minimum(walls, ends).min(axis=0), np.maximum(walls, ends).max(axis=0)
     if (low <= corner).any() or (high >= end).any():
         given = f"size = {list(parameters.size)}"
         if not any(parameters.size):
             given = f"horizon = {parameters.horizon:g}"
         raise ConfigurationError(
             f"scene.{given}: the path, from {_shown(low)} to {_shown(high)} m, "
-            f"leaves the room, from {_shown(corner)} to {_shown(end)} m"
+            f"leaves the {parameters.type}, from {_shown(corner)} to {_shown(end)} m"
         )
 
 
@@ -131,6 +142,24 @@ def _room(p: RoomParameters, path: Array) -> Scene:
     landmarks, normals = _scattered(everything, p.landmarks, p.seed)
     extent = float(np.linalg.norm(end - corner))
     return Scene(landmarks, normals, np.zeros((0, 2, 3)), everything, extent)
+
+
+def _place(p: PlaceParameters, path: Array) -> Scene:
+    if any(p.size):
+        size, center = np.asarray(p.size), np.asarray(p.center)
+        low, high = center - 0.5 * size, center + 0.5 * size
+    else:
+        low, high = around(p.type, path)
+    site = Site(low, high, path, p.seed, p.texture, p.light)
+    place = build_place(p.type, site)
+    everything = place.surfaces()
+    matt = np.flatnonzero(~place.sky)
+    landmarks, normals = _scattered(
+        Surfaces(*(part[matt] for part in everything[:4]), ()), p.landmarks, p.seed
+    )
+    extent = float(np.linalg.norm(high - low))
+    lines = np.zeros((0, 2, 3))
+    return Scene(landmarks, normals, lines, everything, extent, Painter(place, site))
 
 
 def _shown(place: Array) -> str:

@@ -14,6 +14,7 @@ from imu_sim_ros.parameters.kinds import (
     ZERO_VECTOR,
     Matrix,
     Vector,
+    choice,
     integer,
     matrix,
     number,
@@ -21,6 +22,8 @@ from imu_sim_ros.parameters.kinds import (
     text,
     vector,
 )
+from imu_sim_ros.places.catalogue import KINDS
+from imu_sim_ros.places.place import LIGHTS, TEXTURES
 from imu_sim_ros.sensors.imu.parameters import rotation_problems
 
 TYPE_TEXT = "kind of scene, or the name of a file in config/scenes"
@@ -216,6 +219,58 @@ class PointFileParameters(SceneParameters):
             yield f"{prefix}file = '': must name a file of points"
 
 
+@dataclass(frozen=True)
+class PlaceParameters(PathSceneParameters):
+    """What all places have: materials, light, and things that leave the path free."""
+
+    size: Vector = vector(
+        ZERO_VECTOR,
+        "length along x, y, z; 0: the path and a margin",
+        unit="m",
+        minimum=0.0,
+        maximum=500.0,
+    )
+    center: Vector = vector(ZERO_VECTOR, "center of the place, if it has a size", unit="m")
+    texture: str = choice(
+        "plain",
+        TEXTURES,
+        "how much there is to see on surfaces: rich; plain: as usual; blank: next to nothing",
+    )
+    light: str = choice(
+        "day",
+        LIGHTS,
+        "day: through windows, or from the sun; lamps: at night; dim: few lamps, or clouds",
+    )
+    landmarks: int = integer(2000, "points on the surfaces", minimum=1, maximum=1_000_000)
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Yield whether only some sides are given, or too little for the place."""
+        if any(self.size) and not all(self.size):
+            yield f"{prefix}size = {list(self.size)}: must be 0 or above 0 m on all axes"
+        elif any(self.size):
+            least = KINDS[self.type].least
+            for axis, length, limit in zip("xyz", self.size, least, strict=True):
+                if length < limit:
+                    yield (
+                        f"{prefix}size = {list(self.size)}: along {axis} must be at least "
+                        f"{limit:g} m for {self.type}"
+                    )
+
+
+@dataclass(frozen=True)
+class OfficeParameters(PlaceParameters):
+    """Desks in an open room with windows, closed rooms behind doors along one side."""
+
+    type: str = text("office", TYPE_TEXT)
+
+
+@dataclass(frozen=True)
+class CorridorParameters(PlaceParameters):
+    """A corridor with the same doors at equal distances, and hardly anything else."""
+
+    type: str = text("corridor", TYPE_TEXT)
+
+
 TYPES: dict[str, type[SceneParameters]] = {
     "room": RoomParameters,
     "house": HouseParameters,
@@ -224,6 +279,8 @@ TYPES: dict[str, type[SceneParameters]] = {
     "aprilgrid": AprilgridParameters,
     "checkerboard": CheckerboardParameters,
     "file": PointFileParameters,
+    "office": OfficeParameters,
+    "corridor": CorridorParameters,
 }
 
 

@@ -169,7 +169,8 @@ def imagers(
     """
     coloured = {name: view.parameters.encoding == "rgb8" for name, view in views.items()}
     textures = {
-        colour: atlas(scene.surfaces, parameters, colour) for colour in set(coloured.values())
+        colour: atlas(scene.surfaces, parameters, colour, scene.painter)
+        for colour in set(coloured.values())
     }
     return {
         name: Imager(view, scene, textures[coloured[name]], trajectory)

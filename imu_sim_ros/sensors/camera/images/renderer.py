@@ -26,7 +26,7 @@ from imu_sim_ros.sensors.camera.images.texture import (
     within,
 )
 from imu_sim_ros.sensors.camera.model import CameraModel
-from imu_sim_ros.sensors.camera.scene import Surfaces
+from imu_sim_ros.places.geometry import Surfaces
 from imu_sim_ros.sensors.camera.view import Poses
 from imu_sim_ros.types import Array
 

@@ -4,7 +4,7 @@
 """The textures on the surfaces of a scene, with corners at every scale, and their mip levels."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.random_streams import generator_at
 from imu_sim_ros.sensors.camera.images.tag36h11 import tag
-from imu_sim_ros.sensors.camera.scene import Surfaces
+from imu_sim_ros.places.geometry import Surfaces
+from imu_sim_ros.places.paint import Painter
 from imu_sim_ros.sensors.camera.scene_parameters import (
     AprilgridParameters,
     CheckerboardParameters,
@@ -26,6 +27,7 @@ Bytes = NDArray[np.uint8]
 Integers = NDArray[np.int64]
 
 MOST_TEXELS: Final = 24_000_000
+MOST_TEXELS_OF_PLACES: Final = 36_000_000
 SMALLEST_TEXEL: Final = 0.0025
 """Of a wall [m]."""
 LEVELS: Final = 8
@@ -60,18 +62,53 @@ class Atlas(NamedTuple):
     """(m, LEVELS, 2) column and row of each level's first texel."""
 
 
-def atlas(surfaces: Surfaces, parameters: SceneParameters, colour: bool = False) -> Atlas:
+def atlas(
+    surfaces: Surfaces,
+    parameters: SceneParameters,
+    colour: bool = False,
+    painter: Painter | None = None,
+) -> Atlas:
     """Return the textures of all surfaces with their mip levels.
 
     :param colour: in colour; targets stay black and white.
+    :param painter: of a place.
     :raises ConfigurationError: for a scene without surfaces.
     """
     if not len(surfaces.origin):
         raise ConfigurationError(
             f"scene.type = {parameters.type!r}: has points and lines only, nothing to make images "
-            "of; room, planes, aprilgrid and checkerboard have surfaces"
+            "of; room, planes, places, aprilgrid and checkerboard have surfaces"
         )
+    if painter is not None:
+        return _of_place(surfaces, painter, colour)
     shapes = [_shape(surfaces, m, parameters) for m in range(len(surfaces.origin))]
+
+    def texture(m: int) -> Bytes:
+        level = _texture(surfaces, m, parameters)
+        return _coloured(parameters, m, level) if colour else level
+
+    return _assembled(shapes, texture, colour)
+
+
+def _of_place(surfaces: Surfaces, painter: Painter, colour: bool) -> Atlas:
+    """Return the textures of a place; all have texels of one size, but for a factor of each."""
+    sides = surfaces.sides
+    detail = np.array([face.detail for face in painter.place.faces])
+    area = float((sides.prod(axis=1) * detail * detail).sum())
+    texels = np.maximum(SMALLEST_TEXEL, math.sqrt(area / MOST_TEXELS_OF_PLACES)) / detail
+    shapes = [
+        (min(max(1, round(height / texel)), _WIDTH - 8), min(max(1, round(width / texel)), _WIDTH - 8))
+        for (width, height), texel in zip(sides.tolist(), texels.tolist(), strict=True)
+    ]
+    return _assembled(
+        shapes, lambda m: painter.texture(m, *shapes[m], float(texels[m]), colour), colour
+    )
+
+
+def _assembled(
+    shapes: Sequence[tuple[int, int]], texture: Callable[[int], Bytes], colour: bool
+) -> Atlas:
+    """Return textures of some rows and columns, each made when it is put into its place."""
     of_levels = [shape for height, width in shapes for shape in _shapes_of_levels(height, width)]
     corners, height = _packed([(rows + 2 * _EDGE, cols + 2 * _EDGE) for rows, cols in of_levels])
     width = max(_WIDTH, *(columns + 2 * _EDGE for _, columns in of_levels))
@@ -79,9 +116,7 @@ def atlas(surfaces: Surfaces, parameters: SceneParameters, colour: bool = False)
     image[:_BLANK, :_BLANK] = BACKGROUND
     around = [(_EDGE, _EDGE), (_EDGE, _EDGE), *[(0, 0)] * colour]
     for m in range(len(shapes)):
-        level = _texture(surfaces, m, parameters)
-        if colour:
-            level = _coloured(parameters, m, level)
+        level = texture(m)
         for k, (row, column) in enumerate(corners[m * LEVELS : (m + 1) * LEVELS]):
             level = _next_level(level) if k else level
             padded = np.pad(level, around, mode="edge")

@@ -1,0 +1,52 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""All places by name, and how large each is unless it is told."""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from imu_sim_ros.places.corridor import corridor
+from imu_sim_ros.places.office import office
+from imu_sim_ros.places.place import Build, Place, Site
+from imu_sim_ros.types import Array
+
+
+class Kind(NamedTuple):
+    """A kind of place."""
+
+    build: Build
+    size: tuple[float, float, float]
+    """Length along x, y and z of one that fits no path [m]."""
+    margin: float
+    """Distance of its walls from a path that it fits [m]."""
+    least: tuple[float, float, float]
+    """Least size of one that fits a path [m]."""
+
+
+KINDS: Final[dict[str, Kind]] = {
+    "office": Kind(office, (13.0, 9.4, 2.8), 1.2, (8.0, 6.0, 2.7)),
+    "corridor": Kind(corridor, (36.0, 2.4, 2.7), 1.0, (12.0, 2.2, 2.5)),
+}
+_BELOW: Final = 0.3
+"""Distance of the floor from the lowest place of a path [m]."""
+_ABOVE: Final = 0.5
+"""Distance of the ceiling from the highest [m]."""
+
+
+def around(kind: str, path: Array) -> tuple[Array, Array]:
+    """Return the corners (3,) of a place of some kind that fits a path (n, 3) [m]."""
+    margin, least = KINDS[kind].margin, np.array(KINDS[kind].least)
+    low = path.min(axis=0) - [margin, margin, _BELOW]
+    high = path.max(axis=0) + [margin, margin, _ABOVE]
+    missing = np.maximum(least - (high - low), 0.0)
+    low[:2] -= 0.5 * missing[:2]
+    high[:2] += 0.5 * missing[:2]
+    high[2] += missing[2]
+    return low, high
+
+
+def build(kind: str, site: Site) -> Place:
+    """Return a place of some kind."""
+    return KINDS[kind].build(site)

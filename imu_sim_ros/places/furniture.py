@@ -1,0 +1,213 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What stands and hangs in houses, at its real size."""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Final
+
+import numpy as np
+
+from imu_sim_ros.places.light import Lamp, Lighting
+from imu_sim_ros.places.place import Builder, turned
+from imu_sim_ros.places.prints import Print
+
+Stream = np.random.Generator
+Place3 = Sequence[float]
+
+DAYLIGHT: Final = (0.93, 0.97, 1.0)
+LAMP: Final = (1.0, 0.96, 0.88)
+SUN: Final = (1.0, 0.93, 0.8)
+
+
+def _moved(origin: Place3, turn: float, x: float, y: float, z: float) -> tuple[float, float, float]:
+    at = turned(turn) @ np.array([x, y, z])
+    return origin[0] + float(at[0]), origin[1] + float(at[1]), origin[2] + float(at[2])
+
+
+def _part(
+    b: Builder, origin: Place3, turn: float, middle: Place3, size: Place3, material: str, **more: object
+) -> None:
+    """Add a box by its middle and size in the axes of what it is a part of."""
+    at = np.array(_moved(origin, turn, *middle))
+    half = 0.5 * np.asarray(size, np.float64)
+    b.box((at - half).tolist(), (at + half).tolist(), material, turn=turn, **more)  # type: ignore[arg-type]
+
+
+def _clear(b: Builder, origin: Place3, radius: float, height: float) -> bool:
+    x, y, z = origin
+    return b.free((x - radius, y - radius, z), (x + radius, y + radius, z + height))
+
+
+def desk(b: Builder, origin: Place3, turn: float, stream: Stream) -> None:
+    """Add a desk with a screen and a chair; who sits there looks along -y of its axes."""
+    if not _clear(b, origin, 1.1, 1.2):
+        return
+    top = ("board:d2b48c", "paint:dcdcd8", "board:b08a5c")[int(stream.integers(3))]
+    clutter = stream.random() < b.rich(0.8)
+    papers = []
+    if clutter:
+        for _ in range(int(stream.integers(1, 4))):
+            papers.append(
+                Print("paper", stream.uniform(0.05, 1.2), stream.uniform(0.05, 0.4), 0.21, 0.297,
+                      b.number())
+            )
+    papers.append(Print("keyboard", 0.58, 0.42, 0.44, 0.14, 0))
+    _part(b, origin, turn, (0, 0, 0.725), (1.6, 0.8, 0.03), top, prints={"top": papers}, leave="")
+    for x in (-0.77, 0.77):
+        _part(b, origin, turn, (x, 0, 0.355), (0.03, 0.7, 0.71), "paint:8c9094", leave="top,bottom")
+    drawers = [Print("drawers", 0, 0, 0.42, 0.58, 0)]
+    _part(b, origin, turn, (0.5, 0.05, 0.3), (0.42, 0.55, 0.58), "paint:ced0d2",
+          prints={"+y": drawers}, leave="bottom")
+    screen = [Print("screen", 0, 0, 0.56, 0.34, b.number(), glows=stream.random() < 0.7)]
+    x = stream.uniform(-0.2, 0.1)
+    _part(b, origin, turn, (x, -0.22, 1.06), (0.56, 0.03, 0.34), "paint:28282c",
+          prints={"+y": screen}, leave="")
+    _part(b, origin, turn, (x, -0.25, 0.82), (0.06, 0.04, 0.16), "paint:28282c", leave="top,bottom")
+    chair(b, _moved(origin, turn, stream.uniform(-0.25, 0.2), 0.62, 0), turn + stream.uniform(-0.6, 0.6),
+          stream)
+
+
+def chair(b: Builder, origin: Place3, turn: float, stream: Stream) -> None:
+    """Add a swivel chair whose back is at +y of its axes."""
+    if not _clear(b, origin, 0.35, 1.0):
+        return
+    cover = ("carpet:2c3440", "carpet:4a2c30", "carpet:30403a", "carpet:303030")[
+        int(stream.integers(4))
+    ]
+    _part(b, origin, turn, (0, 0, 0.46), (0.46, 0.46, 0.08), cover, leave="")
+    _part(b, origin, turn, (0, 0.22, 0.78), (0.42, 0.05, 0.46), cover, leave="")
+    _part(b, origin, turn, (0, 0, 0.24), (0.06, 0.06, 0.36), "paint:1e1e20", leave="top,bottom")
+    _part(b, origin, turn, (0, 0, 0.05), (0.5, 0.5, 0.04), "paint:1e1e20")
+
+
+def table(
+    b: Builder, origin: Place3, size: tuple[float, float], stream: Stream, chairs: bool
+) -> None:
+    """Add a table, with chairs along both long sides."""
+    w, d = size
+    if not _clear(b, origin, 0.5 * max(w, d) + 0.4, 1.0):
+        return
+    _part(b, origin, 0.0, (0, 0, 0.73), (w, d, 0.04), "board:9c7248", leave="")
+    for x in (-0.5 * w + 0.1, 0.5 * w - 0.1):
+        _part(b, origin, 0.0, (x, 0, 0.355), (0.08, 0.6 * d, 0.71), "paint:4a4a4c", leave="top,bottom")
+    for x in np.arange(-0.5 * w + 0.5, 0.5 * w, 1.0) if chairs else ():
+        for side in (-1, 1):
+            place = (origin[0] + x, origin[1] + side * (0.5 * d + 0.15), origin[2])
+            chair(b, place, 0.0 if side > 0 else math.pi, stream)
+
+
+def bookcase(b: Builder, low: Place3, high: Place3, front: str) -> None:
+    """Add shelves of books that are seen from one side."""
+    width = (high[1] - low[1]) if front.endswith("x") else (high[0] - low[0])
+    books = [Print("books", 0, 0, width, high[2] - low[2], b.number())]
+    plain = b.site.texture == "blank"
+    if plain:
+        books = [Print("drawers", 0, 0, width, high[2] - low[2], 0)]
+    b.box(low, high, "board:96704a", {front: books})
+
+
+def door_leaf(
+    b: Builder, hinge: Place3, width: float, height: float, angle: float, number: int
+) -> None:
+    """Add an open door.
+
+    :param hinge: foot of its hinge; closed it lies along x [m].
+    :param angle: by which it is open [rad].
+    """
+    x, y, z = hinge
+    direction = turned(angle) @ np.array([1.0, 0.0, 0.0])
+    middle = np.array([x, y, z]) + 0.5 * width * direction + np.array([0, 0, 0.5 * height + 0.01])
+    half = np.array([0.5 * width, 0.02, 0.5 * height])
+    if b.free(middle - half.max(), middle + half.max()):
+        leaf = [Print("door", 0, 0, width, height, number)]
+        b.box((middle - half).tolist(), (middle + half).tolist(), "board:a87c50",
+              {"-y": leaf, "+y": leaf}, turn=angle, leave="bottom")
+
+
+def plant(b: Builder, origin: Place3, stream: Stream) -> None:
+    """Add a plant in a pot."""
+    x, y, z = origin
+    b.box((x - 0.17, y - 0.17, z), (x + 0.17, y + 0.17, z + 0.35), "paint:8a5a44")
+    for k in range(3):
+        size = 0.22 + 0.06 * k
+        top = z + 0.35 + 0.28 * k
+        b.box((x - size, y - size, top), (x + size, y + size, top + 0.34), "leaves",
+              turn=float(stream.uniform(0, 1.5)), leave="")
+
+
+def wall_decoration(b: Builder, wall: int, stream: Stream) -> None:
+    """Hang posters, a clock, outlets and a skirting on a wall."""
+    _, across, up = b.faces[wall].rectangle
+    width, height = (float(np.sqrt((side * side).sum())) for side in (across, up))
+    prints = [Print("strip", 0, 0, width, 0.07)]
+    left = 0.4 + float(stream.uniform(0, 0.8))
+    while left < width - 1.4:
+        choice = stream.random()
+        if choice < b.rich(0.5) and height > 2.2:
+            kind, w, h = (("poster", 0.6, 0.85), ("notices", 1.2, 0.9), ("poster", 1.0, 0.7),
+                          ("whiteboard", 1.8, 1.1))[int(stream.integers(4))]
+            if left + w < width - 0.2:
+                bottom = 1.0 + float(stream.uniform(0, 0.3))
+                prints.append(Print(kind, left, bottom, w, h, b.number()))
+            left += w
+        elif choice > 0.85:
+            prints.append(Print("outlet", left, 0.3, 0.16, 0.08))
+        left += 0.5 + float(stream.uniform(0, 1.4))
+    if stream.random() < b.rich(0.4):
+        prints.append(Print("clock", 0.5 * width, min(2.1, height - 0.5), 0.3, 0.3))
+    b.add_prints(wall, prints)
+
+
+def windows(b: Builder, wall: int, sill: float, height: float) -> Callable[[Builder], Lighting]:
+    """Put windows into a wall; return what makes the light of the house once it has its lamps.
+
+    By day they shine, and the sun with them; otherwise it is night outside.
+
+    :param sill: height of their lower edge [m].
+    """
+    origin, across, up = b.faces[wall].rectangle
+    width, top = (float(np.sqrt((side * side).sum())) for side in (across, up))
+    height = min(height, top - sill - 0.2)
+    day = b.site.light == "day"
+    count = max(1, int(width / 2.6))
+    pitch = width / count
+    prints = [Print("strip", 0, 0, width, 0.07)]
+    panes = []
+    inwards = np.cross(across, up) / np.linalg.norm(np.cross(across, up))
+    for k in range(count):
+        left = (k + 0.5) * pitch - 0.9
+        prints.append(
+            Print("window" if day else "night", left, sill, 1.8, height, b.number(), glows=day)
+        )
+        corner = origin + left / width * across + sill / top * up + 0.01 * inwards
+        panes.append((corner, 1.8 / width * across, height / top * up))
+    b.add_prints(wall, prints)
+    if day:
+        red, green, blue = (2.4 * c for c in DAYLIGHT)
+        b.lamps += [Lamp(pane, (red, green, blue)) for pane in panes]
+
+    def lit(done: Builder) -> Lighting:
+        if not day:
+            return Lighting(tuple(done.lamps))
+        sideways = turned(0.5) @ -inwards
+        to_sun = np.array([sideways[0], sideways[1], 0.75])
+        to_sun /= np.linalg.norm(to_sun)
+        x, y, z = (round(float(value), 9) for value in to_sun)
+        return Lighting(tuple(done.lamps), (x, y, z), tuple(2.2 * c for c in SUN), tuple(panes))  # type: ignore[arg-type]
+
+    return lit
+
+
+def ceiling_lamps(b: Builder, stream: Stream, pitch: float = 2.4, size: tuple[float, float] = (1.2, 0.6)) -> None:
+    """Hang a grid of flat lamps under the ceiling; in dim light one in five shines."""
+    x0, y0, _ = b.site.low.tolist()
+    x1, y1, z1 = b.site.high.tolist()
+    columns, rows = (max(1, round(length / pitch)) for length in (x1 - x0, y1 - y0))
+    strength = {"day": 2.6, "lamps": 5.0, "dim": 3.0}[b.site.light]
+    for i in range(rows):
+        for j in range(columns):
+            on = b.site.light != "dim" or (i * columns + j) % 5 == 1
+            center = x0 + (j + 0.5) * (x1 - x0) / columns, y0 + (i + 0.5) * (y1 - y0) / rows, z1 - 0.005
+            b.lamp(center, size, LAMP, strength if on else 0.0)

@@ -1,0 +1,277 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Rectangles in the world, and the rays that meet them."""
+
+from collections.abc import Iterator, Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.types import Array
+
+Rectangle = tuple[Array, Array, Array]
+"""Origin, across and up, each (3,) [m]."""
+
+_SELF: float = 1e-6
+"""Relative depth within which a landmark lies on a surface and is not hidden by it."""
+_RAYS: Final = 8192
+"""Rays that are processed at once: their arrays stay in a processor's cache."""
+
+
+class Surfaces(NamedTuple):
+    """m rectangles: ``origin + s across + t up`` for s and t from 0 to 1."""
+
+    origin: Array
+    """(m, 3) p_w of a corner [m]."""
+    across: Array
+    """(m, 3) the side from the origin, s [m]."""
+    up: Array
+    """(m, 3) the other side from the origin, t [m]."""
+    hides: NDArray[np.bool_]
+    """(m,) something may be behind it; false for the walls of a room seen from inside."""
+    texture: tuple[str, ...]
+    """m names of what is on it."""
+
+    @property
+    def normal(self) -> Array:
+        """(m, 3) unit vectors, across x up."""
+        n = np.cross(self.across, self.up)
+        unit: Array = n / np.linalg.norm(n, axis=1, keepdims=True)
+        return unit
+
+    @property
+    def sides(self) -> Array:
+        """(m, 2) lengths of across and up [m]."""
+        squares = [(side * side).sum(axis=1) for side in (self.across, self.up)]
+        return np.sqrt(np.stack(squares, axis=1))
+
+
+def surfaces(rectangles: Sequence[Rectangle], hides: bool, texture: str = "wall") -> Surfaces:
+    """Return rectangles (origin, across, up) as one."""
+    columns = np.array(rectangles, dtype=np.float64).reshape(-1, 3, 3)
+    count = len(columns)
+    return Surfaces(
+        columns[:, 0],
+        columns[:, 1],
+        columns[:, 2],
+        np.full(count, hides),
+        (texture,) * count,
+    )
+
+
+def joined(first: Surfaces, second: Surfaces) -> Surfaces:
+    """Return the surfaces of both."""
+    return Surfaces(
+        np.concatenate([first.origin, second.origin]),
+        np.concatenate([first.across, second.across]),
+        np.concatenate([first.up, second.up]),
+        np.concatenate([first.hides, second.hides]),
+        first.texture + second.texture,
+    )
+
+
+NO_SURFACES = surfaces([], hides=True)
+
+
+def hidden(surfaces: Surfaces, eye: Array, points: Array) -> NDArray[np.bool_]:
+    """Tell which points are behind a surface.
+
+    The line of sight ``eye + s (point - eye)`` meets the plane of a surface at
+    ``s = n (origin - eye) / n (point - eye)``.
+
+    :param eye: (n, 3) where each point is seen from [m].
+    :param points: (n, 3) [m].
+    """
+    result = np.zeros(len(points), dtype=bool)
+    sight = [points[:, k] - eye[:, k] for k in range(3)]
+    normals = surfaces.normal
+    for m in np.flatnonzero(surfaces.hides):
+        n, o = normals[m], surfaces.origin[m]
+        along = n[0] * sight[0] + n[1] * sight[1] + n[2] * sight[2]
+        start = n[0] * (o[0] - eye[:, 0]) + n[1] * (o[1] - eye[:, 1]) + n[2] * (o[2] - eye[:, 2])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            s = start / along
+        between = (s > 0.0) & (s < 1.0 - _SELF)
+        if not between.any():
+            continue
+        rows = np.flatnonzero(between)
+        at = [eye[rows, k] + s[rows] * sight[k][rows] - o[k] for k in range(3)]
+        within = np.ones(len(rows), dtype=bool)
+        for side in (surfaces.across[m], surfaces.up[m]):
+            place = at[0] * side[0] + at[1] * side[1] + at[2] * side[2]
+            within &= (place >= 0.0) & (place <= float(side @ side))
+        result[rows[within]] = True
+    return result
+
+
+class Hits(NamedTuple):
+    """What n rays meet first."""
+
+    distance: Array
+    """(n,) in lengths of the ray's direction; infinite: nothing."""
+    surface: NDArray[np.int64]
+    """(n,) number of the surface; -1: nothing."""
+
+
+class Caster:
+    """Meets rays with rectangles, from either side.
+
+    >>> import numpy as np
+    >>> sides = np.array([2.0, -1, -1]), np.array([0.0, 2, 0]), np.array([0.0, 0, 2])
+    >>> rays = np.array([[1.0, 0, 0], [0, 1, 0]])
+    >>> Caster(surfaces([sides], hides=True)).cast(np.zeros((2, 3)), rays)
+    Hits(distance=array([ 2., inf]), surface=array([ 0, -1]))
+    """
+
+    def __init__(self, surfaces: Surfaces, kind: type = np.float64) -> None:
+        """Take rectangles.
+
+        :param kind: of the numbers to calculate with: float32 or float64.
+        """
+        self.surfaces, self._kind = surfaces, kind
+        self._planes = list(_planes(surfaces, np.dtype(kind)))
+
+    def cast(self, origins: Array, directions: Array, nearest: float = 1e-4) -> Hits:
+        """Return which surface each ray ``origin + t direction`` meets first.
+
+        :param origins: (n, 3) [m].
+        :param directions: (n, 3) of any length.
+        :param nearest: least t of a hit.
+        """
+        distance = np.full(len(origins), np.inf, self._kind)
+        number = np.full(len(origins), -1, np.int64)
+        for part in _parts(len(origins)):
+            rays = _Rays.of(origins[part], directions[part], self._kind)
+            best, which = distance[part], number[part]
+            for m, plane in enumerate(self._planes):
+                t, on = plane.meet(rays)
+                on &= t > nearest
+                on &= t < best
+                if on.any():
+                    np.copyto(best, t, where=on)
+                    which[on] = m
+        return Hits(distance, number)
+
+    def blocked(
+        self,
+        origins: Array,
+        directions: Array,
+        ends: Array | float = 1.0,
+        among: NDArray[np.bool_] | None = None,
+    ) -> NDArray[np.bool_]:
+        """Tell which rays (n,) meet any surface between their origin and t = ``ends``.
+
+        :param origins: (n, 3) [m].
+        :param directions: (n, 3) of any length.
+        :param ends: (n,) or one number.
+        :param among: (m,) which surfaces count; None: all.
+        """
+        result = np.zeros(len(origins), np.bool_)
+        ends = np.broadcast_to(np.asarray(ends, self._kind), (len(origins),))
+        every = range(len(self._planes)) if among is None else np.flatnonzero(among).tolist()
+        planes = [self._planes[m] for m in every]
+        for part in _parts(len(origins)):
+            rays = _Rays.of(origins[part], directions[part], self._kind)
+            here, end = result[part], ends[part]
+            for plane in planes:
+                t, on = plane.meet(rays)
+                on &= t > 1e-4
+                on &= t < end
+                here |= on
+        return result
+
+
+class _Rays(NamedTuple):
+    """Rays by their axes, each (n,)."""
+
+    origin: list[Array]
+    direction: list[Array]
+    inverse: list[Array]
+
+    @classmethod
+    def of(cls, origins: Array, directions: Array, kind: type) -> "_Rays":
+        """Take them apart; none runs along a plane of two axes exactly."""
+        starts, axes = (
+            [np.ascontiguousarray(each[:, k], kind) for k in range(3)]
+            for each in (origins, directions)
+        )
+        tiny, one = kind(1e-12), kind(1.0)
+        inverse = [one / np.where(np.abs(axis) < tiny, tiny, axis) for axis in axes]
+        return cls(starts, axes, inverse)
+
+
+class _Plane(NamedTuple):
+    """A rectangle that lies across one axis."""
+
+    axis: int
+    place: float
+    sides: tuple[tuple[int, float, float], tuple[int, float, float]]
+    """Axis, least and largest place of both sides."""
+
+    def meet(self, rays: _Rays) -> tuple[Array, NDArray[np.bool_]]:
+        """Return t (n,) of all rays, and which meet the rectangle's plane within its sides."""
+        t = self.place - rays.origin[self.axis]
+        t *= rays.inverse[self.axis]
+        on: NDArray[np.bool_] | None = None
+        for axis, low, high in self.sides:
+            at = t * rays.direction[axis]
+            at += rays.origin[axis]
+            within = at >= low
+            within &= at <= high
+            on = within if on is None else on & within
+        assert on is not None
+        return t, on
+
+
+class _Oblique(NamedTuple):
+    """A rectangle that lies anywhere."""
+
+    normal: Array
+    offset: float
+    sides: tuple[tuple[Array, float], tuple[Array, float]]
+    """Side by its square, and the origin's place along it."""
+
+    def meet(self, rays: _Rays) -> tuple[Array, NDArray[np.bool_]]:
+        """Return t (n,) of all rays, and which meet the rectangle's plane within its sides."""
+        along = _dot(self.normal, rays.direction)
+        tiny = along.dtype.type(1e-12)
+        along = np.where(np.abs(along) < tiny, tiny, along)
+        t = (self.offset - _dot(self.normal, rays.origin)) / along
+        on: NDArray[np.bool_] | None = None
+        for side, start in self.sides:
+            at = _dot(side, rays.origin) - start + t * _dot(side, rays.direction)
+            within = at >= 0.0
+            within &= at <= 1.0
+            on = within if on is None else on & within
+        assert on is not None
+        return t, on
+
+
+def _dot(vector: Array, axes: Sequence[Array]) -> Array:
+    result: Array = vector[0] * axes[0] + vector[1] * axes[1] + vector[2] * axes[2]
+    return result
+
+
+def _planes(surfaces: Surfaces, dtype: "np.dtype[np.floating]") -> Iterator[_Plane | _Oblique]:
+    """Yield the rectangles in a form that rays of a type meet fast."""
+    kind = dtype.type
+    normals = surfaces.normal
+    for m, (o, a, b) in enumerate(zip(*surfaces[:3], strict=True)):
+        axes = [np.flatnonzero(np.abs(vector) > 1e-9) for vector in (normals[m], a, b)]
+        if all(len(each) == 1 for each in axes):
+            ends = [(int(axes[k][0]), o[axes[k][0]], (o + side)[axes[k][0]]) for k, side in
+                    ((1, a), (2, b))]
+            first, second = ((axis, kind(min(u, v)), kind(max(u, v))) for axis, u, v in ends)
+            yield _Plane(int(axes[0][0]), kind(o[axes[0][0]]), (first, second))
+            continue
+        n = normals[m]
+        shares = [side / (side * side).sum() for side in (a, b)]
+        one, two = ((side.astype(dtype), kind(side @ o)) for side in shares)
+        yield _Oblique(n.astype(dtype), kind(n @ o), (one, two))
+
+
+def _parts(count: int) -> Iterator[slice]:
+    for first in range(0, count, _RAYS):
+        yield slice(first, min(first + _RAYS, count))

@@ -1,0 +1,333 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Light on rectangles, computed once: lamps, windows, sun, sky, and what surfaces give back.
+
+Surfaces are matt. In units of pi times a radiance, the irradiance of a point is
+
+``E = sum over lamps of L A cos cos' / (pi r^2) + sun cos + mean over the hemisphere of rho E'``
+
+with the lamps and the sun only as far as nothing is between, which makes soft shadows, and the last
+term, cosine-weighted, of what each direction meets first: corners are darker, and a red wall tints
+the floor (Goral et al., Modeling the interaction of light between diffuse surfaces, 1984).
+"""
+
+import math
+from collections.abc import Sequence
+from functools import cache
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.places.geometry import Caster, Rectangle, Surfaces, surfaces
+from imu_sim_ros.types import Array
+
+Single = NDArray[np.float32]
+
+_POINTS: Final = 24_000
+"""Points at which light is computed, about."""
+_COARSE: Final = 3_500
+"""Of what surfaces give to each other, which is smooth."""
+_NEAREST: Final = 0.1
+"""Least distance of two of them [m]."""
+_SMALL: Final = 0.02
+"""Surfaces below this area cast no shadow that anyone would see [m^2]."""
+_DIRECTIONS: Final = 28
+"""Directions from each into its hemisphere, in four turns of the pattern."""
+_BOUNCES: Final = 4
+_SAMPLES: Final = 2
+"""Points along each side of a lamp."""
+_LEAST: Final = np.float32(4e-3)
+"""Light of a point of a lamp below which nobody asks for its shadow."""
+_OFF: Final = np.float32(2e-3)
+"""Rays start this far in front of their surface [m]."""
+
+
+class Lamp(NamedTuple):
+    """A rectangle that gives light to the side of its normal; a window by day is one, too."""
+
+    rectangle: Rectangle
+    colour: tuple[float, float, float]
+    """Radiance of red, green and blue."""
+
+
+class Lighting(NamedTuple):
+    """All sources of light."""
+
+    lamps: Sequence[Lamp] = ()
+    to_sun: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    """Unit vector."""
+    sun: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Irradiance across its rays; 0: none."""
+    windows: Sequence[Rectangle] = ()
+    """What lets the sun into a house; none: it shines everywhere."""
+    sky: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Radiance of what directions meet that meet no matt surface."""
+
+
+class _Points(NamedTuple):
+    """The points of all surfaces, one surface after the other, row by row."""
+
+    places: Single
+    normals: Single
+    surface: NDArray[np.int64]
+    shapes: NDArray[np.int64]
+    """(m, 2) rows and columns of each surface."""
+    first: NDArray[np.int64]
+    """(m,) number of each surface's first point."""
+
+    @classmethod
+    def on(cls, where: Surfaces, lit: NDArray[np.bool_], count: int) -> "_Points":
+        """Spread them, about as many as told; surfaces that are not lit have one each."""
+        sides = where.sides
+        area = float((sides[:, 0] * sides[:, 1])[lit].sum())
+        spacing = max(_NEAREST, math.sqrt(area / count))
+        shapes = np.maximum(np.ceil(sides[:, ::-1] / spacing), 1).astype(np.int64)
+        shapes[~lit] = 1
+        places, normals, numbers = [], [], []
+        for m, (rows, columns) in enumerate(shapes.tolist()):
+            t, s = ((np.arange(n) + 0.5) / n for n in (rows, columns))
+            grid = (
+                where.origin[m]
+                + s[None, :, None] * where.across[m]
+                + t[:, None, None] * where.up[m]
+            )
+            places.append(grid.reshape(-1, 3))
+            numbers.append(np.full(rows * columns, m))
+        surface = np.concatenate(numbers)
+        normals = where.normal.astype(np.float32)[surface]
+        first = np.cumsum(shapes.prod(axis=1)) - shapes.prod(axis=1)
+        at = np.concatenate(places).astype(np.float32) + _OFF * normals
+        return cls(at, normals, surface, shapes, first)
+
+    def of(self, m: int, values: Single) -> Single:
+        """Return what surface m has of the values (n, 3) of all points: (rows, columns, 3)."""
+        rows, columns = self.shapes[m].tolist()
+        return values[self.first[m] : self.first[m] + rows * columns].reshape(rows, columns, 3)
+
+    def at(self, where: Surfaces, number: NDArray[np.int64], places: Single) -> NDArray[np.int64]:
+        """Return the point next to each place (n, 3) on a surface (n,)."""
+        offset = places - where.origin.astype(np.float32)[number]
+        index = []
+        for k, side in ((1, where.across), (0, where.up)):
+            unit = (side / (side * side).sum(axis=1, keepdims=True)).astype(np.float32)[number]
+            share = offset[:, 0] * unit[:, 0] + offset[:, 1] * unit[:, 1] + offset[:, 2] * unit[:, 2]
+            count = self.shapes[number, k]
+            index.append(np.clip((share * count).astype(np.int64), 0, count - 1))
+        result: NDArray[np.int64] = (
+            self.first[number] + index[1] * self.shapes[number, 1] + index[0]
+        )
+        return result
+
+
+def bake(
+    where: Surfaces, albedo: Array, sky: NDArray[np.bool_], lighting: Lighting
+) -> list[Single]:
+    """Return the irradiance on each surface: (rows, columns, 3) of red, green and blue.
+
+    Rows go up and columns across; each value is that of the middle of its part of the surface.
+
+    :param albedo: (m, 3) share of the light that each surface gives back, mean of it.
+    :param sky: (m,) surfaces that give the light of the sky, and let the sun through.
+    """
+    casting = ~sky & (where.sides.prod(axis=1) > _SMALL)
+    solid = Caster(Surfaces(*(part[casting] for part in where[:4]), ()), np.float32)
+    fine, coarse = (_Points.on(where, ~sky, count) for count in (_POINTS, _COARSE))
+    direct, start = (
+        _from_lamps(points, solid, lighting) + _from_sun(points, solid, lighting)
+        for points in (fine, coarse)
+    )
+    given = _given_back(coarse, where, albedo.astype(np.float32), sky, start, lighting)
+    maps = []
+    for m, (rows, columns) in enumerate(fine.shapes.tolist()):
+        maps.append(fine.of(m, direct) + resampled(coarse.of(m, given), rows, columns))
+    return maps
+
+
+def resampled(grid: Single, rows: int, columns: int, first: int = 0, some: int = 0) -> Single:
+    """Return values (a, b, ...) of even parts at the middles of (rows, columns) even parts.
+
+    In between they are interpolated.
+
+    :param first: of the rows that are returned.
+    :param some: their number; 0: all.
+    """
+    for axis, length, start, count in ((1, columns, 0, columns), (0, rows, first, some or rows)):
+        parts = grid.shape[axis]
+        index = np.arange(start, start + count).astype(np.float32) + np.float32(0.5)
+        place = np.clip(index * np.float32(parts / length) - np.float32(0.5), 0, parts - 1)
+        before = np.floor(place).astype(np.int64)
+        share = place - before.astype(np.float32)
+        share = share.reshape(-1, *(1,) * (grid.ndim - 1 - axis))
+        low = grid.take(before, axis=axis)
+        low *= 1 - share
+        grid = grid.take(np.minimum(before + 1, parts - 1), axis=axis)
+        grid *= share
+        grid += low
+    return grid
+
+
+def _from_lamps(points: _Points, solid: Caster, lighting: Lighting) -> Single:
+    result = np.zeros_like(points.places)
+    normals = solid.surfaces.normal
+    for lamp in lighting.lamps:
+        origin, across, up = lamp.rectangle
+        normal = np.cross(across, up)
+        area = math.sqrt(float(normal @ normal))
+        colour = np.array(lamp.colour, np.float32)
+        normal = (normal / area).astype(np.float32)
+        share = np.float32(area / (math.pi * _SAMPLES**2))
+        for i, j in np.ndindex(_SAMPLES, _SAMPLES):
+            place = origin + (i + 0.5) / _SAMPLES * across + (j + 0.5) / _SAMPLES * up
+            place = place.astype(np.float32) + _OFF * normal
+            way = place - points.places
+            square = _dot(way, way)
+            there, here = -_dot(way, normal[None]), _dot(way, points.normals)
+            square = np.maximum(square, np.float32(0.02))
+            value = share * np.maximum(there, 0) * np.maximum(here, 0) / (square * square)
+            rows = np.flatnonzero(value * colour.max() > _LEAST / _SAMPLES**2)
+            # Of a closed body a ray to the lamp meets one side that faces the lamp.
+            facing = ((place - solid.surfaces.origin) * normals).sum(axis=1) > 0.0
+            seen = rows[~solid.blocked(points.places[rows], way[rows], 1.0, facing)]
+            result[seen] += value[seen, None] * colour
+    return result
+
+
+def _from_sun(points: _Points, solid: Caster, lighting: Lighting) -> Single:
+    result = np.zeros_like(points.places)
+    colour = np.array(lighting.sun, np.float32)
+    if not colour.any():
+        return result
+    to_sun = np.array(lighting.to_sun, np.float32)
+    height = _dot(points.normals, to_sun[None])
+    rows = np.flatnonzero(height > 0)
+    way = np.broadcast_to(to_sun, (len(rows), 3))
+    ends: Array | float = math.inf
+    if lighting.windows:
+        panes = Caster(surfaces(lighting.windows, hides=True), np.float32)
+        ends = panes.cast(points.places[rows], way).distance
+        inside = np.isfinite(ends)
+        rows, way = rows[inside], way[inside]
+        ends = ends[inside] - np.float32(0.02)
+    seen = rows[~solid.blocked(points.places[rows], way, ends)]
+    result[seen] = height[seen, None] * colour
+    return result
+
+
+def _given_back(
+    points: _Points,
+    where: Surfaces,
+    albedo: Single,
+    sky: NDArray[np.bool_],
+    direct: Single,
+    lighting: Lighting,
+) -> Single:
+    """Return what surfaces give to each other."""
+    met = _met(points, Caster(where, np.float32))
+    colour = np.array(lighting.sky, np.float32)
+    of_point = albedo[points.surface]
+    dark = sky[points.surface]
+    total = direct
+    for _ in range(_BOUNCES):
+        given = np.concatenate([of_point * total, colour[None]])
+        given[:-1][dark] = colour
+        sums = np.zeros_like(direct)
+        for k in range(_DIRECTIONS):
+            sums += given[met[k]]
+        sums /= np.float32(_DIRECTIONS)
+        returned = _smoothed(sums, points)
+        total = direct + returned
+    return returned
+
+
+def _met(points: _Points, caster: Caster) -> NDArray[np.int32]:
+    """Return the point (directions, n) that each direction from each point meets; n: none."""
+    count, where = len(points.places), caster.surfaces
+    result = np.full((_DIRECTIONS, count), count, np.int32)
+    sides = [
+        (side / np.sqrt((side * side).sum(axis=1, keepdims=True))).astype(np.float32)[points.surface]
+        for side in (where.across, where.up)
+    ]
+    index = np.arange(count) - points.first[points.surface]
+    columns = points.shapes[points.surface, 1]
+    turn = 2 * ((index // columns) % 2) + (index % columns) % 2
+    for k in range(_DIRECTIONS):
+        pattern = np.array([_direction(k, quarter) for quarter in range(4)], np.float32)[turn]
+        way = pattern[:, :1] * sides[0] + pattern[:, 1:2] * sides[1]
+        way += pattern[:, 2:] * points.normals
+        hits = caster.cast(points.places, way)
+        rows = np.flatnonzero(hits.surface >= 0)
+        at = points.places[rows] + hits.distance[rows, None] * way[rows]
+        result[k, rows] = points.at(where, hits.surface[rows], at)
+    return result
+
+
+def _direction(k: int, quarter: int) -> tuple[float, float, float]:
+    """Return a direction around z; all of them are spread by the cosine from it."""
+    share = (k + 0.125 + 0.25 * quarter) / _DIRECTIONS
+    angle = (k + 0.25 * quarter) * math.pi * (3.0 - math.sqrt(5.0))
+    radius = math.sqrt(share)
+    x, y, z = radius * math.cos(angle), radius * math.sin(angle), math.sqrt(1.0 - share)
+    return round(x, 7), round(y, 7), round(z, 7)
+
+
+def _smoothed(values: Single, points: _Points) -> Single:
+    """Return values of all points averaged with their neighbours on the same surface."""
+    result = values.copy()
+    for (rows, columns), first in zip(points.shapes.tolist(), points.first.tolist(), strict=True):
+        part = slice(first, first + rows * columns)
+        grid = values[part].reshape(rows, columns, 3)
+        for _ in range(2):
+            for axis in (0, 1):
+                if grid.shape[axis] > 2:
+                    grid = _blurred(grid, axis)
+        result[part] = grid.reshape(-1, 3)
+    return result
+
+
+def _blurred(grid: Single, axis: int) -> Single:
+    """Return the mean of each value, twice, and its neighbours along an axis."""
+    wide = [(0, 0)] * 3
+    wide[axis] = (1, 1)
+    padded = np.pad(grid, wide, mode="edge")
+    length = grid.shape[axis]
+    parts = [np.take(padded, np.arange(k, k + length), axis=axis) for k in range(3)]
+    result: Single = (parts[0] + parts[1] + parts[1] + parts[2]) * np.float32(0.25)
+    return result
+
+
+def _dot(a: Single, b: Single) -> Single:
+    result: Single = a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1] + a[:, 2] * b[:, 2]
+    return result
+
+
+_EXPONENT: Final = 1.0 / 2.2
+_STEPS: Final = 1024
+"""Steps of irradiance 1 in the table of factors."""
+_BRIGHTEST: Final = 8.0
+_KNEE: Final = 0.5
+"""Irradiance up to which the film is linear."""
+_WHITE: Final = 1.08
+"""What it tends to."""
+
+
+def factors(irradiance: Single) -> Single:
+    """Return what sRGB values are multiplied by under an irradiance.
+
+    That is the power 1 / 2.2 of an irradiance that tends to 1.08, as a film's: bright walls keep
+    their texture. A table of powers holds the same bits everywhere.
+    """
+    steps = np.clip(irradiance, 0, _BRIGHTEST) * np.float32(_STEPS)
+    return _table()[steps.astype(np.int64)]
+
+
+@cache
+def _table() -> Single:
+    values = []
+    for k in range(int(_BRIGHTEST * _STEPS) + 1):
+        light, room = (k + 0.5) / _STEPS, _WHITE - _KNEE
+        if light > _KNEE:
+            light = _KNEE + room * (1.0 - math.exp((_KNEE - light) / room))
+        values.append(round(light**_EXPONENT, 6))
+    return np.array(values, np.float32)

@@ -1,0 +1,256 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What surfaces are made of: seeded tiles of colour at their real size that repeat without a seam.
+
+A material is named ``KIND`` or ``KIND:RRGGBB``, for instance ``brick`` or ``paint:c8d2d8``.
+Colours are sRGB values, 0 to 255, under a light that leaves white white.
+"""
+
+from collections.abc import Callable
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.random_streams import generator
+from imu_sim_ros.types import Array
+
+Colours = NDArray[np.uint8]
+Stream = np.random.Generator
+
+CONTRASTS: Final = {"blank": 0.25, "plain": 0.8, "rich": 1.3}
+"""What each ``scene.texture`` makes of the differences within a material."""
+
+
+class Canvas(NamedTuple):
+    """What a tile is painted on."""
+
+    rows: int
+    columns: int
+    texel: float
+    """Edge of a texel [m]."""
+    stream: Stream
+
+    def noise(self, cell: float, across: float = 0.0) -> Array:
+        """Return smooth noise (rows, columns) from -1 to 1 that repeats without a seam.
+
+        :param cell: distance of its knots along the rows, and along the columns without
+            ``across`` [m].
+        """
+        shape = [
+            max(1, min(length, round(length * self.texel / size)))
+            for length, size in ((self.rows, across or cell), (self.columns, cell))
+        ]
+        knots = self.stream.integers(-1000, 1001, shape).astype(np.float32) / np.float32(1000.0)
+        return _stretched(_stretched(knots, self.rows).T, self.columns).T
+
+    def grain(self) -> Array:
+        """Return noise (rows, columns) from -1 to 1 of its own in each texel."""
+        values = self.stream.integers(-1000, 1001, (self.rows, self.columns))
+        return values.astype(np.float32) / np.float32(1000.0)
+
+    def cells(self, length: float, width: float, shift: float = 0.0) -> "Cells":
+        """Divide the tile into cells.
+
+        :param length: of a cell along the columns, about [m].
+        :param width: along the rows.
+        :param shift: of every second row, in lengths.
+        """
+        count = [
+            max(1, round(size * self.texel / edge))
+            for size, edge in ((self.rows, width), (self.columns, length))
+        ]
+        if shift:
+            count[0] += count[0] % 2
+        y = (np.arange(self.rows, dtype=np.float32) + np.float32(0.5)) * np.float32(
+            count[0] / self.rows
+        )
+        x = (np.arange(self.columns, dtype=np.float32) + np.float32(0.5)) * np.float32(
+            count[1] / self.columns
+        )
+        row = np.floor(y).astype(np.int64)
+        along = x[None, :] + (row[:, None] % 2) * np.float32(shift)
+        column = np.floor(along).astype(np.int64) % count[1]
+        part = along - np.floor(along)
+        edge_x = np.minimum(part, 1 - part) * np.float32(self.columns * self.texel / count[1])
+        part_y = y - np.floor(y)
+        edge_y = np.minimum(part_y, 1 - part_y) * np.float32(self.rows * self.texel / count[0])
+        number = np.broadcast_to(row[:, None], column.shape) * count[1] + column
+        return Cells(number, count[0] * count[1], np.minimum(edge_x, edge_y[:, None]))
+
+
+class Cells(NamedTuple):
+    """Cells of a tile."""
+
+    number: NDArray[np.int64]
+    """(rows, columns) of each texel's cell."""
+    count: int
+    edge: Array
+    """(rows, columns) distance from the cell's edge [m]."""
+
+
+def _stretched(knots: Array, length: int) -> Array:
+    """Return rows (n, k) interpolated to (length, k), the last followed by the first."""
+    count = len(knots)
+    place = np.arange(length, dtype=np.float32) * np.float32(count / length)
+    whole = np.floor(place).astype(np.int64) % count
+    part = (place - np.floor(place))[:, None]
+    part = part * part * (np.float32(3.0) - np.float32(2.0) * part)
+    result: Array = knots[whole] * (1 - part) + knots[(whole + 1) % count] * part
+    return result
+
+
+def _plain(colour: Array, value: Array, tint: Array | None = None) -> Array:
+    """Return colours (rows, columns, 3): one colour, brighter and darker by value [grey values]."""
+    result = np.broadcast_to(colour, (*value.shape, 3)) + value[..., None]
+    return result if tint is None else result + tint
+
+
+def _plaster(c: Canvas, colour: Array) -> Array:
+    return _plain(colour, 3 * c.noise(0.6) + 2 * c.noise(0.05) + 4 * c.noise(0.012) + 2 * c.grain())
+
+
+def _concrete(c: Canvas, colour: Array) -> Array:
+    value = 9 * c.noise(0.7) + 7 * c.noise(0.2) + 5 * c.noise(0.03) + 4 * c.grain()
+    pores = c.noise(0.012)
+    return _plain(colour, value - 45 * (pores > 0.93))
+
+
+def _wood(c: Canvas, colour: Array) -> Array:
+    planks = c.cells(2.0, 0.13)
+    tone = c.stream.integers(-14, 15, planks.count).astype(np.float32)[planks.number]
+    grain = 10 * c.noise(0.35, 0.012) + 6 * c.noise(0.15, 0.005) + 5 * c.noise(0.8, 0.04)
+    value = tone + grain - 50 * (planks.edge < 0.0015)
+    return _plain(colour, value, np.stack([0.1 * grain, 0 * grain, -0.3 * grain], axis=-1))
+
+
+def _board(c: Canvas, colour: Array) -> Array:
+    """Veneer without joints."""
+    grain = 9 * c.noise(0.5, 0.02) + 5 * c.noise(0.2, 0.006) + 2 * c.grain()
+    return _plain(colour, grain, np.stack([0.1 * grain, 0 * grain, -0.3 * grain], axis=-1))
+
+
+def _brick(c: Canvas, colour: Array) -> Array:
+    bricks = c.cells(0.25, 0.0833, 0.5)
+    tone = c.stream.integers(-26, 27, bricks.count).astype(np.float32)[bricks.number]
+    hue = c.stream.integers(-10, 11, bricks.count).astype(np.float32)[bricks.number]
+    value = tone + 8 * c.noise(0.03) + 6 * c.grain()
+    face = _plain(colour, value, np.stack([hue, -0.3 * hue, -0.5 * hue], axis=-1))
+    mortar = _plain(np.float32([176, 170, 160]), 6 * c.noise(0.02) + 6 * c.grain())
+    return np.where(bricks.edge[..., None] < 0.006, mortar, face)
+
+
+def _tiles(c: Canvas, colour: Array, edge: float = 0.333, joint: float = 0.003) -> Array:
+    tiles = c.cells(edge, edge)
+    tone = c.stream.integers(-6, 7, tiles.count).astype(np.float32)[tiles.number]
+    value = tone + 3 * c.noise(0.1) + 4 * c.noise(0.02) + 2 * c.grain()
+    return _plain(colour, value - 55 * (tiles.edge < joint))
+
+
+def _slabs(c: Canvas, colour: Array) -> Array:
+    return _tiles(c, colour, 0.5, 0.005) + (5 * c.grain() + 5 * c.noise(0.06))[..., None]
+
+
+def _ceiling(c: Canvas, colour: Array) -> Array:
+    """Mineral fibre in a grid of 0.6 m."""
+    tiles = c.cells(0.6, 0.6)
+    holes = c.noise(0.009) > 0.82
+    value = 2 * c.noise(0.4) - 34 * holes + 2 * c.grain()
+    value = np.where(tiles.edge < 0.014, 6.0 - 30 * (tiles.edge > 0.012), value)
+    return _plain(colour, value.astype(np.float32))
+
+
+def _carpet(c: Canvas, colour: Array) -> Array:
+    tiles = c.cells(0.5, 0.5)
+    tone = c.stream.integers(-5, 6, tiles.count).astype(np.float32)[tiles.number]
+    value = tone + 16 * c.grain() + 9 * c.noise(0.015) + 4 * c.noise(0.3) - 10 * (tiles.edge < 0.002)
+    return _plain(colour, value)
+
+
+def _metal(c: Canvas, colour: Array) -> Array:
+    return _plain(colour, 5 * c.noise(0.5) + 4 * c.noise(0.3, 0.004) + 2 * c.grain())
+
+
+def _ribbed(c: Canvas, colour: Array) -> Array:
+    """Trapezoidal sheet, a rib each 0.2 m, as walls and roofs of halls have."""
+    x = (np.arange(c.columns, dtype=np.float32) * np.float32(c.texel) % np.float32(0.2)) * 5
+    rib = np.where(x < 0.5, 0.0, np.where(x < 0.6, -38.0, np.where(x < 0.9, -14.0, 26.0)))
+    return _plain(colour, np.float32(rib)[None, :] + 4 * c.noise(0.5) + 2 * c.grain())
+
+
+def _paint(c: Canvas, colour: Array) -> Array:
+    return _plain(colour, 2 * c.noise(0.3) + 2 * c.grain())
+
+
+def _asphalt(c: Canvas, colour: Array) -> Array:
+    return _plain(colour, 18 * c.grain() + 8 * c.noise(0.02) + 7 * c.noise(0.9) + 5 * c.noise(0.2))
+
+
+def _cardboard(c: Canvas, colour: Array) -> Array:
+    return _plain(colour, 4 * c.noise(0.3) + 4 * c.noise(0.6, 0.008) + 2 * c.grain())
+
+
+def _leaves(c: Canvas, colour: Array) -> Array:
+    value = 34 * c.noise(0.05) + 26 * c.noise(0.12) + 18 * c.noise(0.025) + 10 * c.grain()
+    value -= 30 * (c.noise(0.08) < -0.45)
+    return _plain(colour, value, np.stack([0.2 * value, 0.1 * value, -0.3 * value], axis=-1))
+
+
+def _grass(c: Canvas, colour: Array) -> Array:
+    value = 20 * c.grain() + 10 * c.noise(0.04) + 8 * c.noise(0.4)
+    return _plain(colour, value, np.stack([0.3 * value, 0 * value, -0.2 * value], axis=-1))
+
+
+def _sky(c: Canvas, colour: Array) -> Array:
+    clouds = np.maximum(c.noise(60.0, 12.0) + 0.5 * c.noise(25.0, 6.0) + 0.25 * c.noise(9.0, 3.0), 0.0)
+    white = np.float32([255, 255, 255])
+    share = np.minimum(clouds, 1.0)[..., None]
+    return np.float32(colour) * (1 - share) + white * share
+
+
+_KINDS: Final[dict[str, tuple[Callable[..., Array], str, float]]] = {
+    "plaster": (_plaster, "e6e4de", 2.4),
+    "concrete": (_concrete, "a09e99", 3.0),
+    "wood": (_wood, "a87a4c", 2.0),
+    "board": (_board, "c8a478", 2.0),
+    "brick": (_brick, "9c5a42", 2.0),
+    "tiles": (_tiles, "c4beb2", 2.0),
+    "slabs": (_slabs, "a8a49c", 2.0),
+    "ceiling": (_ceiling, "ecebe6", 2.4),
+    "carpet": (_carpet, "6a7078", 2.0),
+    "metal": (_metal, "9aa0a4", 2.0),
+    "ribbed": (_ribbed, "c2c8ca", 2.0),
+    "paint": (_paint, "e0e0dc", 1.2),
+    "asphalt": (_asphalt, "5c5c5e", 3.0),
+    "cardboard": (_cardboard, "b08c5e", 1.2),
+    "leaves": (_leaves, "4c6a34", 1.6),
+    "grass": (_grass, "5c7240", 2.0),
+    "sky": (_sky, "86b0de", 400.0),
+}
+"""Painter, usual colour and length after which each kind repeats [m]."""
+
+
+def colour_of(material: str) -> Array:
+    """Return the mean colour (3,) of a material, sRGB 0 to 255, float32."""
+    kind, _, code = material.partition(":")
+    code = code or _KINDS[kind][1]
+    return np.array([int(code[k : k + 2], 16) for k in (0, 2, 4)], np.float32)
+
+
+def tile(material: str, texel: float, seed: int, contrast: float) -> Colours:
+    """Return a tile (n, n, 3) of a material that repeats without a seam.
+
+    Rows go up, columns to the right, as on a wall.
+
+    :param texel: edge of a texel, about [m].
+    :param contrast: factor of the differences from the mean colour.
+    """
+    kind = material.partition(":")[0]
+    painter, _, period = _KINDS[kind]
+    count = max(4, round(period / texel))
+    canvas = Canvas(count, count, period / count, generator(seed, f"material.{material}"))
+    colour = colour_of(material)
+    values = painter(canvas, colour)
+    values = colour + np.float32(contrast) * (values - colour)
+    return np.clip(values + np.float32(0.5), 0.0, 255.0).astype(np.uint8)

@@ -1,0 +1,152 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""An office: desks in an open room with windows, and closed rooms behind doors along one side."""
+
+from typing import Final
+
+import numpy as np
+
+from imu_sim_ros.places.furniture import (
+    bookcase,
+    ceiling_lamps,
+    chair,
+    desk,
+    door_leaf,
+    plant,
+    table,
+    wall_decoration,
+    windows,
+)
+from imu_sim_ros.places.place import Builder, Place, Site
+from imu_sim_ros.places.prints import Print
+
+_ROOMS: Final = 3.3
+"""Depth of the closed rooms [m]."""
+_LEAST: Final = 7.0
+"""Depth of an office that has some [m]."""
+_DOOR: Final = 1.0
+"""Width of an opening [m]."""
+_WALL: Final = 0.1
+_LINTEL: Final = 2.1
+
+
+def office(site: Site) -> Place:
+    """Return an office; windows are on the side of -y, closed rooms on that of +y."""
+    b = Builder(site)
+    stream = site.stream("office")
+    carpet = ("carpet:66707c", "carpet:7a7468", "carpet:5c6c66")[int(stream.integers(3))]
+    sides = b.room(
+        site.low.tolist(),
+        site.high.tolist(),
+        {"floor": carpet, "ceiling": "ceiling", "walls": "plaster"},
+    )
+    lit = windows(b, sides["-y"], 0.9, 1.35)
+    x0, y0, z0 = site.low.tolist()
+    x1, y1, z1 = site.high.tolist()
+    partition = y1 - _ROOMS if y1 - y0 > _LEAST else y1
+    stops = []
+    if partition < y1:
+        stops = _closed_rooms(b, partition, stream)
+    for side in ("-x", "+x", "+y") if partition == y1 else ("-x", "+x"):
+        wall_decoration(b, sides[side], stream)
+    stops += _desks(b, partition, stream)
+    ceiling_lamps(b, stream)
+    for x in (x0 + 0.45, x1 - 0.45):
+        if stream.random() < 0.8 and b.free((x - 0.3, y0 + 0.2, z0), (x + 0.3, y0 + 0.8, z0 + 1.4)):
+            plant(b, (x, y0 + 0.5, z0), stream)
+    for k in range(int((x1 - x0) / 4.0)):
+        x = x0 + 2.0 + 4.0 * k
+        low, high = (x - 0.5, y0 + 0.01, z0), (x + 0.5, y0 + 0.13, z0 + 0.6)
+        if b.free(low, high):
+            b.box(low, high, "paint:f0f0ec", {"+y": [Print("grille", 0.02, 0.03, 0.96, 0.54, 0)]})
+    return Place(tuple(b.faces), lit(b), site.low, site.high, np.array(stops), exposure=1.0)
+
+
+def _closed_rooms(b: Builder, y: float, stream: np.random.Generator) -> list[list[float]]:
+    """Build rooms behind a wall at y; return a place in each that can be reached."""
+    x0, _, z0 = b.site.low.tolist()
+    x1, y1, z1 = b.site.high.tolist()
+    count = max(1, round((x1 - x0) / 4.4))
+    width, stops = (x1 - x0) / count, []
+    for k in range(count):
+        left, right = x0 + k * width, x0 + (k + 1) * width
+        opening = left + (0.25 if k % 2 else 0.65) * (width - _DOOR)
+        _front(b, (left, right), y, opening, stream)
+        if k and b.free((left - 0.05, y, z0), (left + 0.05, y1, z1)):
+            prints = {
+                side: [Print("strip", 0, 0, y1 - y, 0.07)]
+                + (
+                    [Print("whiteboard", 0.5, 1.0, 2.0, 1.1, b.number())]
+                    if stream.random() < b.rich(0.6)
+                    else []
+                )
+                for side in ("-x", "+x")
+            }
+            b.box((left - 0.05, y + _WALL, z0), (left + 0.05, y1, z1), "plaster", prints,
+                  leave="top,bottom,-y,+y")
+        middle = 0.5 * (left + right)
+        if k % 2 == 0:
+            table(b, (middle, y1 - 1.35, z0), (2.0, 1.0), stream, chairs=True)
+        else:
+            desk(b, (middle, y1 - 0.55, z0), 0.0, stream)
+        low, high = (right - 0.45, y1 - 1.5, z0), (right - 0.06, y1 - 0.4, z0 + 1.95)
+        if b.free(low, high):
+            bookcase(b, low, high, "-x")
+        stops.append([opening + 0.5 * _DOOR, y + 0.75, z0 + 1.5])
+    return stops
+
+
+def _front(
+    b: Builder, ends: tuple[float, float], y: float, opening: float, stream: np.random.Generator
+) -> None:
+    """Build one room's part of the wall between it and the open office, with its door."""
+    left, right = ends
+    z0, z1 = float(b.site.low[2]), float(b.site.high[2])
+    if not b.free((left, y, z0), (right, y + _WALL, z1)):
+        return
+    strip = 0.07
+    for a, c in ((left, opening), (opening + _DOOR, right)):
+        decoration = [Print("strip", 0, 0, c - a, strip)]
+        if c - a > 1.2 and stream.random() < b.rich(0.6):
+            kind = ("poster", "notices")[int(stream.integers(2))]
+            w, h = (0.7, 1.0) if kind == "poster" else (1.1, 0.9)
+            decoration.append(Print(kind, 0.5 * (c - a - w), 1.05, w, h, b.number()))
+        low, high = (a, y, z0), (c, y + _WALL, z1)
+        leave = ["top", "bottom"]
+        leave += ["-x"] if a == left else ["+x"]
+        b.box(low, high, "plaster", {"-y": decoration, "+y": [Print("strip", 0, 0, c - a, strip)]},
+              leave=",".join(leave))
+    low, high = (opening, y, z0 + _LINTEL), (opening + _DOOR, y + _WALL, z1)
+    sign = [Print("label", 0.35, 0.06, 0.3, 0.16, b.number())] if z1 - z0 - _LINTEL > 0.3 else []
+    b.box(low, high, "plaster", {"-y": sign}, leave="top,-x,+x")
+    door_leaf(b, (opening, y + _WALL, z0), _DOOR - 0.06, _LINTEL - 0.03, 1.45, b.number())
+
+
+def _desks(b: Builder, depth: float, stream: np.random.Generator) -> list[list[float]]:
+    """Put pairs of desks into the open room; return places around them."""
+    x0, y0, z0 = b.site.low.tolist()
+    x1 = float(b.site.high[0])
+    rows = max(1, int((depth - y0 - 1.6) / 3.2))
+    columns = max(1, int((x1 - x0 - 2.2) / 2.9))
+    pitch = (x1 - x0 - 2.2) / columns
+    for i in range(rows):
+        for j in range(columns):
+            x = x0 + 1.1 + (j + 0.5) * pitch
+            y = y0 + 1.2 + (i + 0.5) * (depth - y0 - 1.6) / rows
+            if stream.random() < 0.08:
+                continue
+            for way in (1, -1):
+                desk(b, (x, y + way * 0.41, z0), 0.0 if way > 0 else np.pi, stream)
+            if stream.random() < 0.6:
+                low, high = (x - 0.8, y - 0.015, z0 + 0.76), (x + 0.8, y + 0.015, z0 + 1.16)
+                if b.free(low, high):
+                    b.box(low, high, "carpet:8c98a4")
+    middle = depth - 0.75
+    edge = y0 + 0.65
+    height = z0 + 1.5
+    x = 0.5 * (x0 + x1)
+    stops = [[x0 + 0.7, edge + 0.6, height], [x0 + 0.7, middle, height], [x, middle, height]]
+    return [*stops, [x1 - 0.7, middle, height], [x1 - 0.7, edge + 0.6, height], [x, edge, height]]
+
+

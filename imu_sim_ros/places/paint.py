@@ -1,0 +1,136 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The textures of a place: materials and prints under its light."""
+
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.places.light import Single, bake, factors, resampled
+from imu_sim_ros.places.materials import CONTRASTS, colour_of, tile
+from imu_sim_ros.places.place import Place, Site
+from imu_sim_ros.places.prints import picture
+from imu_sim_ros.random_streams import generator_at
+
+Bytes = NDArray[np.uint8]
+
+_MIDDLE: Final = {"day": 0.55, "lamps": 0.5, "dim": 0.16}
+"""Irradiance that half of a place's surfaces exceed, by its light; at 1 white is white."""
+_ROWS: Final = 256
+"""Rows of a texture that are lit at once."""
+_WEIGHTS: Final = (77, 150, 29)
+"""Of red, green and blue in a grey value, in 1/256 (ITU-R BT.601)."""
+
+
+class Painter:
+    """Textures of the faces of a place, each for itself."""
+
+    def __init__(self, place: Place, site: Site) -> None:
+        """Take a place; its light is computed when the first texture is wanted."""
+        self.place, self._site = place, site
+        self._surfaces = place.surfaces()
+        self._tiles: dict[tuple[str, float, bool], Bytes] = {}
+
+    @cached_property
+    def _light(self) -> list[Single]:
+        """Factors of the sRGB values on each face (rows, columns, 3)."""
+        albedo = np.array([_linear(face.material) for face in self.place.faces], np.float32)
+        sky = self.place.sky
+        maps = bake(self._surfaces, albedo, sky, self.place.lighting)
+        exposed = _exposed(maps, sky, self._areas(), _MIDDLE[self._site.light])
+        return [factors(values) for values in exposed]
+
+    def _areas(self) -> NDArray[np.float64]:
+        sides = self._surfaces.sides
+        return sides[:, 0] * sides[:, 1]
+
+    def texture(self, m: int, rows: int, columns: int, texel: float, colour: bool) -> Bytes:
+        """Return the texture of face m: (rows, columns), or (rows, columns, 3) in colour.
+
+        Its first row is the lowest, as seen from its front its first column is on the left.
+
+        :param texel: edge of its texels, about [m].
+        """
+        face = self.place.faces[m]
+        pattern = self._tile(face.material, texel, colour)
+        start = generator_at(self._site.seed, "place.start", m).integers(0, len(pattern), 2)
+        lines, posts = ((np.arange(n) + k) % len(pattern) for n, k in ((rows, start[0]), (columns, start[1])))
+        result = pattern.take(lines, axis=0).take(posts, axis=1)
+        width, height = self._surfaces.sides[m].tolist()
+        scale = rows / height, columns / width
+        for glowing in (False, True):
+            for each in face.prints:
+                if each.glows != glowing:
+                    continue
+                image = picture(each, 0.5 * (1 / scale[0] + 1 / scale[1]), self._site.seed)
+                _put(result, image if colour else grey(image), round(each.bottom * scale[0]),
+                     round(each.left * scale[1]))
+            if not (glowing or face.sky or face.glows):
+                self._lit(result, m)
+        return result
+
+    def _tile(self, material: str, texel: float, colour: bool) -> Bytes:
+        key = material, round(texel, 4), colour
+        if key not in self._tiles:
+            values = tile(material, key[1], self._site.seed, CONTRASTS[self._site.texture])
+            self._tiles[key] = values if colour else grey(values)
+        return self._tiles[key]
+
+    def _lit(self, texture: Bytes, m: int) -> None:
+        """Multiply a texture by its light, interpolated between the points it is known at."""
+        light = self._light[m]
+        if texture.ndim == 2:
+            red, green, blue = (np.float32(w / 256) for w in _WEIGHTS)
+            light = light[..., 0] * red + light[..., 1] * green + light[..., 2] * blue
+        rows, columns = texture.shape[:2]
+        wide = resampled(light, len(light), columns)
+        for top in range(0, rows, _ROWS):
+            part = texture[top : top + _ROWS]
+            value = resampled(wide, rows, columns, top, len(part))
+            value *= part
+            value += np.float32(0.5)
+            part[:] = np.minimum(value, np.float32(255.0)).astype(np.uint8)
+
+
+def grey(colours: Bytes) -> Bytes:
+    """Return the grey values (...) of colours (..., 3)."""
+    red, green, blue = (colours[..., k].astype(np.uint16) * w for k, w in enumerate(_WEIGHTS))
+    total = red + green + blue
+    total += 128
+    total >>= 8
+    return total.astype(np.uint8)
+
+
+def _put(texture: Bytes, image: Bytes, row: int, column: int) -> None:
+    """Put an image on a texture, as far as it lies on it."""
+    height, width = texture.shape[:2]
+    low, left = max(row, 0), max(column, 0)
+    high, right = min(row + image.shape[0], height), min(column + image.shape[1], width)
+    if high > low and right > left:
+        texture[low:high, left:right] = image[low - row : high - row, left - column : right - column]
+
+
+def _linear(material: str) -> list[float]:
+    """Return the share of red, green and blue light that a material gives back."""
+    return [round(min(0.85, (float(c) / 255.0) ** 2.2), 6) for c in colour_of(material)]
+
+
+def _exposed(
+    maps: list[Single], sky: NDArray[np.bool_], areas: NDArray[np.float64], middle: float
+) -> list[Single]:
+    """Return light scaled so that half of all surfaces have more than a value."""
+    values, weights = [], []
+    for each, dark, area in zip(maps, sky, areas, strict=True):
+        if not dark:
+            green = each[..., 1].ravel()
+            values.append(green)
+            weights.append(np.full(len(green), area / len(green)))
+    value, weight = np.concatenate(values), np.concatenate(weights)
+    order = np.argsort(value, kind="stable")
+    sums = np.cumsum(weight[order])
+    median = float(value[order][np.searchsorted(sums, 0.5 * sums[-1])])
+    factor = np.float32(round(middle / max(median, 1e-6), 6))
+    return [each * factor for each in maps]

@@ -1,0 +1,240 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A place: what stands where, what it is made of and what lights it; and the builder of one."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.places.geometry import Rectangle, Surfaces, surfaces
+from imu_sim_ros.places.light import Lamp, Lighting
+from imu_sim_ros.places.prints import Print
+from imu_sim_ros.random_streams import generator
+from imu_sim_ros.types import Array
+
+TEXTURES: Final = ("rich", "plain", "blank")
+LIGHTS: Final = ("day", "lamps", "dim")
+CLEARANCE: Final = 0.3
+"""Whatever stands in a place keeps this far from the path [m]."""
+
+Vector = tuple[float, float, float]
+
+
+class Face(NamedTuple):
+    """One rectangle and what is on it."""
+
+    rectangle: Rectangle
+    material: str
+    prints: tuple[Print, ...] = ()
+    detail: float = 1.0
+    """Size of its texels, of others' by the inverse; 1: as usual."""
+    sky: bool = False
+    """It is the sky: gives light, takes none."""
+    glows: bool = False
+    """It is seen in its own colour, whatever the light."""
+
+
+class Place(NamedTuple):
+    """All of a place."""
+
+    faces: tuple[Face, ...]
+    lighting: Lighting
+    low: Array
+    """(3,) corner of the space in which bodies move [m]."""
+    high: Array
+    """(3,) opposite corner [m]."""
+    route: Array
+    """(n, 3) places that a tour passes, as far from everything as it can be [m]."""
+    exposure: float = 1.0
+    """Factor of all light, so that pictures are neither black nor white."""
+
+    def surfaces(self) -> Surfaces:
+        """Return all rectangles."""
+        result = surfaces([face.rectangle for face in self.faces], hides=True)
+        return result._replace(texture=tuple(face.material for face in self.faces))
+
+    @property
+    def sky(self) -> NDArray[np.bool_]:
+        """(m,) which are the sky."""
+        return np.array([face.sky for face in self.faces], np.bool_)
+
+
+@dataclass(frozen=True)
+class Site:
+    """What a place is built for."""
+
+    low: Array
+    """(3,) its corner [m]."""
+    high: Array
+    """(3,) the opposite one [m]."""
+    path: Array
+    """(n, 3) places that must stay free [m]; none: all may be built on."""
+    seed: int = 0
+    texture: str = "plain"
+    light: str = "day"
+
+    def stream(self, what: str) -> np.random.Generator:
+        """Return a random stream of one purpose."""
+        return generator(self.seed, f"place.{what}")
+
+
+class Builder:
+    """Collects faces; leaves out what would stand in the path."""
+
+    def __init__(self, site: Site) -> None:
+        self.site = site
+        self.faces: list[Face] = []
+        self.lamps: list[Lamp] = []
+        self.windows: list[Rectangle] = []
+        self._count = 0
+
+    def number(self) -> int:
+        """Return a number that no other print has."""
+        self._count += 1
+        return self._count
+
+    def free(self, low: Sequence[float], high: Sequence[float]) -> bool:
+        """Tell whether the path stays clear of a box."""
+        path = self.site.path
+        if not len(path):
+            return True
+        near = (path > np.asarray(low) - CLEARANCE) & (path < np.asarray(high) + CLEARANCE)
+        return not bool(near.all(axis=1).any())
+
+    def rich(self, plain: float) -> float:
+        """Return the chance of something that only decorates, given that of a plain place."""
+        return {"blank": 0.0, "plain": plain, "rich": min(1.0, 1.8 * plain)}[self.site.texture]
+
+    def face(
+        self,
+        origin: Sequence[float],
+        across: Sequence[float],
+        up: Sequence[float],
+        material: str,
+        prints: Sequence[Print] = (),
+        **more: float | bool,
+    ) -> None:
+        """Add a rectangle that is seen from the side of across x up."""
+        rectangle = tuple(np.array(each, np.float64) for each in (origin, across, up))
+        self.faces.append(Face(rectangle, material, tuple(prints), **more))  # type: ignore[arg-type]
+
+    def room(
+        self, low: Sequence[float], high: Sequence[float], materials: Mapping[str, str]
+    ) -> dict[str, int]:
+        """Add the inner faces of a box.
+
+        :param materials: of ``floor``, ``ceiling`` and ``walls``, or of a wall by its side.
+        :returns: the place of each side among the faces; walls are -x, +x, -y and +y.
+        """
+        (x0, y0, z0), (x1, y1, z1) = low, high
+        dx, dy, dz = x1 - x0, y1 - y0, z1 - z0
+        sides = {
+            "-x": ((x0, y0, z0), (0, dy, 0), (0, 0, dz)),
+            "+x": ((x1, y1, z0), (0, -dy, 0), (0, 0, dz)),
+            "-y": ((x1, y0, z0), (-dx, 0, 0), (0, 0, dz)),
+            "+y": ((x0, y1, z0), (dx, 0, 0), (0, 0, dz)),
+            "floor": ((x0, y0, z0), (dx, 0, 0), (0, dy, 0)),
+            "ceiling": ((x0, y1, z1), (dx, 0, 0), (0, -dy, 0)),
+        }
+        found = {}
+        for side, (origin, across, up) in sides.items():
+            found[side] = len(self.faces)
+            self.face(origin, across, up, materials.get(side, materials.get("walls", "plaster")))
+        return found
+
+    def add_prints(self, face: int, prints: Sequence[Print]) -> None:
+        """Put prints on a face."""
+        old = self.faces[face]
+        self.faces[face] = old._replace(prints=(*old.prints, *prints))
+
+    def box(
+        self,
+        low: Sequence[float],
+        high: Sequence[float],
+        material: str,
+        prints: Mapping[str, Sequence[Print]] | None = None,
+        turn: float = 0.0,
+        leave: str = "bottom",
+        materials: Mapping[str, str] | None = None,
+    ) -> None:
+        """Add the outer faces of a box.
+
+        :param prints: by side: -x, +x, -y, +y, top, bottom.
+        :param turn: about its upright axis [rad].
+        :param leave: sides that nobody sees, by commas.
+        :param materials: of some sides.
+        """
+        middle = 0.5 * (np.asarray(low, np.float64) + np.asarray(high, np.float64))
+        (x0, y0, z0), (x1, y1, z1) = low - middle, high - middle
+        dx, dy, dz = x1 - x0, y1 - y0, z1 - z0
+        sides = {
+            "-x": ((x0, y1, z0), (0, -dy, 0), (0, 0, dz)),
+            "+x": ((x1, y0, z0), (0, dy, 0), (0, 0, dz)),
+            "-y": ((x0, y0, z0), (dx, 0, 0), (0, 0, dz)),
+            "+y": ((x1, y1, z0), (-dx, 0, 0), (0, 0, dz)),
+            "top": ((x0, y0, z1), (dx, 0, 0), (0, dy, 0)),
+            "bottom": ((x0, y1, z0), (dx, 0, 0), (0, -dy, 0)),
+        }
+        matrix = turned(turn)
+        left_out = leave.split(",")
+        for side, vectors in sides.items():
+            if side in left_out:
+                continue
+            origin, across, up = (matrix @ np.array(v, np.float64) for v in vectors)
+            of_side = (prints or {}).get(side, ())
+            self.face(
+                middle + origin, across, up, (materials or {}).get(side, material), of_side
+            )
+
+    def prism(
+        self, start: Sequence[float], end: Sequence[float], radius: float, material: str,
+        sides: int = 8,
+    ) -> None:
+        """Add a round column or pipe as rectangles around its axis, without its ends."""
+        a, b = np.asarray(start, np.float64), np.asarray(end, np.float64)
+        axis = b - a
+        unit = axis / np.linalg.norm(axis)
+        helper = np.array([0.0, 0.0, 1.0]) if abs(unit[2]) < 0.9 else np.array([1.0, 0.0, 0.0])
+        first = np.cross(helper, unit)
+        first /= np.linalg.norm(first)
+        second = np.cross(unit, first)
+        corners = []
+        for k in range(sides):
+            angle = 2.0 * math.pi * k / sides
+            corners.append(
+                radius * (round(math.cos(angle), 9) * first + round(math.sin(angle), 9) * second)
+            )
+        for k in range(sides):
+            self.face(a + corners[k], corners[(k + 1) % sides] - corners[k], axis, material)
+
+    def lamp(
+        self, center: Sequence[float], size: tuple[float, float], colour: Vector, strength: float
+    ) -> None:
+        """Add a flat lamp that shines down, with a glowing face."""
+        x, y, z = center
+        w, d = size
+        rectangle = (
+            np.array([x - w / 2, y + d / 2, z]),
+            np.array([w, 0.0, 0.0]),
+            np.array([0.0, -d, 0.0]),
+        )
+        red, green, blue = (strength * c for c in colour)
+        if strength > 0.0:
+            self.lamps.append(Lamp(rectangle, (red, green, blue)))
+            self.face(*rectangle, "paint:fffef8", glows=True)
+        else:
+            self.face(*rectangle, "paint:c8c8c4")
+
+
+def turned(angle: float) -> Array:
+    """Return the rotation (3, 3) about z by an angle [rad]."""
+    c, s = round(math.cos(angle), 9), round(math.sin(angle), 9)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+Build = Callable[[Site], Place]

@@ -1,0 +1,380 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What is printed or mounted flat on a surface: posters, books, screens, doors, windows, signs."""
+
+from collections.abc import Callable
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.random_streams import generator_at
+from imu_sim_ros.types import Array
+
+Colours = NDArray[np.uint8]
+Colour = tuple[int, int, int]
+
+
+class Print(NamedTuple):
+    """A picture on a surface; places from its left, lower corner as seen from its front [m]."""
+
+    kind: str
+    left: float
+    bottom: float
+    width: float
+    height: float
+    number: int = 0
+    """Of the picture: another number, another picture of its kind."""
+    glows: bool = False
+    """Its colours are what is seen, whatever the light."""
+
+
+class _Sheet:
+    """A picture in metres: x to the right, y up."""
+
+    def __init__(self, p: Print, texel: float, seed: int) -> None:
+        self.width, self.height, self._texel = p.width, p.height, texel
+        rows, columns = (max(2, round(side / texel)) for side in (p.height, p.width))
+        self.values: Colours = np.zeros((rows, columns, 3), np.uint8)
+        self.stream = generator_at(seed, f"print.{p.kind}", p.number)
+
+    def fill(self, x0: float, y0: float, x1: float, y1: float, colour: Colour | Array) -> None:
+        """Fill a rectangle, at least a texel."""
+        rows, columns = self.values.shape[:2]
+        left, right = (round(x / self.width * columns) for x in (x0, x1))
+        low, high = (round(y / self.height * rows) for y in (y0, y1))
+        self.values[max(low, 0) : max(high, low + 1), max(left, 0) : max(right, left + 1)] = colour
+
+    def all(self, colour: Colour | Array) -> None:
+        """Fill all of it."""
+        self.values[:] = colour
+
+    def frame(self, edge: float, colour: Colour) -> None:
+        """Draw a frame along the edges."""
+        w, h = self.width, self.height
+        for box in ((0, 0, w, edge), (0, h - edge, w, h), (0, 0, edge, h), (w - edge, 0, w, h)):
+            self.fill(*box, colour)
+
+    def text(self, x0: float, y0: float, x1: float, size: float, colour: Colour) -> None:
+        """Write a line of words that nobody can read, y0 its base."""
+        x = x0
+        while x < x1:
+            letters = int(self.stream.integers(2, 9))
+            for _ in range(letters):
+                if x + 0.5 * size > x1:
+                    return
+                self._letter(x, y0, size, colour)
+                x += 0.62 * size
+            x += 0.5 * size
+
+    def _letter(self, x: float, y: float, size: float, colour: Colour) -> None:
+        w, bar = 0.5 * size, 0.14 * size
+        strokes = (
+            (0, 0, bar, size), (w - bar, 0, w, size), (0, 0, w, bar), (0, size - bar, w, size),
+            (0, 0.45 * size, w, 0.45 * size + bar), (0.5 * (w - bar), 0, 0.5 * (w + bar), size),
+        )  # fmt: skip
+        for k in self.stream.permutation(6)[:3]:
+            a, b, c, d = strokes[k]
+            self.fill(x + a, y + b, x + c, y + d, colour)
+
+    def disc(self, x: float, y: float, radius: float, colour: Colour) -> None:
+        """Fill a disc."""
+        rows, columns = self.values.shape[:2]
+        v, u = np.ogrid[:rows, :columns]
+        dx = (u + 0.5) * (self.width / columns) - x
+        dy = (v + 0.5) * (self.height / rows) - y
+        self.values[dx * dx + dy * dy <= radius * radius] = colour
+
+    def colour(self, low: int = 30, high: int = 226) -> Colour:
+        """Draw a colour."""
+        r, g, b = self.stream.integers(low, high, 3).tolist()
+        return r, g, b
+
+
+_INK: Final = (38, 38, 42)
+
+
+def _poster(s: _Sheet) -> None:
+    paper, main = s.colour(170, 250), s.colour()
+    s.all(paper)
+    w, h = s.width, s.height
+    if s.stream.random() < 0.5:  # a landscape
+        horizon = h * s.stream.uniform(0.35, 0.6)
+        s.fill(0, horizon, w, h, s.colour(150, 240))
+        s.disc(w * s.stream.uniform(0.2, 0.8), h * 0.8, 0.12 * w, s.colour(200, 256))
+        x = 0.0
+        while x < w:
+            step = w * s.stream.uniform(0.05, 0.2)
+            s.fill(x, 0, x + step, horizon * s.stream.uniform(0.6, 1.3), s.colour(20, 140))
+            x += step
+    else:
+        s.fill(0.08 * w, 0.42 * h, 0.92 * w, 0.9 * h, main)
+        for _ in range(5):
+            x, y = s.stream.uniform(0.1, 0.8) * w, s.stream.uniform(0.45, 0.8) * h
+            s.fill(x, y, x + 0.12 * w, y + 0.08 * h, s.colour())
+            s.disc(x, y, s.stream.uniform(0.03, 0.1) * w, s.colour())
+        s.text(0.1 * w, 0.3 * h, 0.9 * w, 0.07 * h, _INK)
+        for k in range(5):
+            s.text(0.1 * w, (0.24 - 0.045 * k) * h, 0.9 * w, 0.022 * h, _INK)
+    s.frame(0.012, s.colour(10, 60))
+
+
+def _notices(s: _Sheet) -> None:
+    """A pin board."""
+    s.all((176, 132, 84))
+    for _ in range(int(14 * s.width * s.height) + 3):
+        w, h = (0.21, 0.297) if s.stream.random() < 0.7 else (0.15, 0.1)
+        x = s.stream.uniform(0.02, max(0.03, s.width - w - 0.02))
+        y = s.stream.uniform(0.02, max(0.03, s.height - h - 0.02))
+        s.fill(x, y, x + w, y + h, s.colour(205, 256))
+        s.text(x + 0.02, y + h - 0.045, x + w - 0.02, 0.022, _INK)
+        for k in range(int((h - 0.07) / 0.018)):
+            s.text(x + 0.02, y + h - 0.065 - 0.018 * k, x + w - 0.03, 0.009, (70, 70, 76))
+        s.disc(x + w / 2, y + h - 0.01, 0.008, s.colour())
+    s.frame(0.02, (120, 86, 52))
+
+
+def _whiteboard(s: _Sheet) -> None:
+    s.all((244, 245, 246))
+    for _ in range(int(3 * s.width * s.height) + 2):
+        colour = ((30, 60, 160), (20, 20, 24), (170, 40, 40))[int(s.stream.integers(3))]
+        x, y = s.stream.uniform(0.1, 0.7) * s.width, s.stream.uniform(0.25, 0.9) * s.height
+        if s.stream.random() < 0.4:
+            for dx, dy, w, h in ((0, 0, 0.3, 0.006), (0, 0.18, 0.3, 0.006), (0, 0, 0.006, 0.18),
+                                 (0.3, 0, 0.006, 0.186)):
+                s.fill(x + dx, y + dy, x + dx + w, y + dy + h, colour)
+            s.text(x + 0.03, y + 0.06, x + 0.27, 0.05, colour)
+        else:
+            s.text(x, y, min(x + 0.7, s.width - 0.1), 0.05, colour)
+    s.frame(0.025, (150, 154, 158))
+
+
+def _books(s: _Sheet) -> None:
+    """Shelves with books and folders, a board each 0.35 m."""
+    s.all((52, 42, 34))
+    boards = max(1, round(s.height / 0.36))
+    pitch = s.height / boards
+    for k in range(boards):
+        x, low = 0.03, k * pitch + 0.022
+        while x < s.width - 0.07:
+            if s.stream.random() < 0.12:
+                x += s.stream.uniform(0.05, 0.25)  # nothing stands there
+                continue
+            w, h = s.stream.uniform(0.02, 0.06), pitch * s.stream.uniform(0.6, 0.86)
+            colour = s.colour(30, 235)
+            s.fill(x, low, x + w - 0.003, low + h, colour)
+            label = s.colour(190, 256) if sum(colour) < 380 else s.colour(0, 70)
+            s.fill(x + 0.2 * w, low + 0.55 * h, x + 0.75 * w, low + 0.85 * h, label)
+            x += w
+        s.fill(0, k * pitch, s.width, k * pitch + 0.022, (150, 116, 78))
+    s.fill(0, s.height - 0.022, s.width, s.height, (150, 116, 78))
+    for x in (0.0, s.width - 0.022):
+        s.fill(x, 0, x + 0.022, s.height, (140, 106, 70))
+
+
+def _drawers(s: _Sheet) -> None:
+    s.all((206, 208, 210))
+    count = max(1, round(s.height / 0.3))
+    columns = max(1, round(s.width / 0.5))
+    for k in range(count):
+        for j in range(columns):
+            x0, x1 = (s.width / columns * i for i in (j, j + 1))
+            y0, y1 = (s.height / count * i for i in (k, k + 1))
+            s.fill(x0, y0, x1, y0 + 0.006, (88, 90, 94))
+            s.fill(x0, y0, x0 + 0.005, y1, (88, 90, 94))
+            middle, top = 0.5 * (x0 + x1), y1 - 0.07
+            s.fill(middle - 0.06, top, middle + 0.06, top + 0.02, (70, 72, 76))
+            s.fill(middle - 0.04, top + 0.025, middle + 0.04, top + 0.05, (246, 246, 240))
+
+
+def _screen(s: _Sheet) -> None:
+    s.all((24, 26, 32))
+    w, h = s.width, s.height
+    if s.stream.random() < 0.6:
+        s.fill(0.03, 0.03, w - 0.03, h - 0.03, s.colour(225, 250))
+        s.fill(0.03, h - 0.055, w - 0.03, h - 0.03, s.colour(40, 140))
+        for k in range(int((h - 0.12) / 0.018)):
+            start = 0.05 + 0.03 * int(s.stream.integers(0, 4))
+            end = s.stream.uniform(0.5, 0.95) * w
+            s.text(start, h - 0.085 - 0.018 * k, end, 0.009, (50, 60, 90))
+    else:
+        s.fill(0.02, 0.02, w - 0.02, h - 0.02, (18, 30, 44))
+        for k in range(int((h - 0.08) / 0.016)):
+            end = s.stream.uniform(0.2, 0.95) * w
+            colour = ((120, 200, 140), (220, 180, 110), (140, 170, 230))[int(s.stream.integers(3))]
+            s.text(0.04 + 0.02 * int(s.stream.integers(0, 5)), h - 0.05 - 0.016 * k, end, 0.009, colour)
+
+
+def _door(s: _Sheet) -> None:
+    colour = ((150, 108, 68), (168, 172, 176), (88, 108, 128), (178, 160, 132))[
+        int(s.stream.integers(4))
+    ]
+    s.all((216, 214, 208))
+    edge = 0.06
+    s.fill(edge, 0, s.width - edge, s.height - edge, colour)
+    dark = tuple(int(0.55 * x) for x in colour)
+    s.fill(edge, 0, edge + 0.006, s.height - edge, dark)
+    s.fill(s.width - edge - 0.006, 0, s.width - edge, s.height - edge, dark)
+    s.fill(s.width - edge - 0.16, 1.02, s.width - edge - 0.04, 1.05, (60, 60, 62))
+    s.fill(s.width - edge - 0.075, 0.95, s.width - edge - 0.035, 1.13, (190, 190, 192))
+    if s.stream.random() < 0.5 and s.height > 1.9:
+        s.fill(edge + 0.15, 1.35, s.width - edge - 0.15, 1.85, (60, 72, 80))
+    s.fill(0.5 * s.width - 0.1, 1.55, 0.5 * s.width + 0.1, 1.63, (240, 240, 236))
+    s.text(0.5 * s.width - 0.085, 1.575, 0.5 * s.width + 0.085, 0.035, _INK)
+
+
+def _window(s: _Sheet) -> None:
+    """A view of sky and roofs through panes in a white frame."""
+    rows = len(s.values)
+    share = (np.arange(rows) / rows).astype(np.float32)[:, None]
+    sky = np.float32([236, 242, 250]) * (1 - share) + np.float32([178, 208, 245]) * share
+    s.values[:] = sky[:, None].astype(np.uint8)
+    x = -0.2
+    while x < s.width:
+        step = s.stream.uniform(0.25, 0.8)
+        top = s.stream.uniform(0.15, 0.45) * s.height
+        tone = int(s.stream.integers(140, 200))
+        s.fill(x, 0, x + step, top, (tone, tone - 6, tone - 14))
+        for k in range(int(step / 0.1)):
+            for j in range(int(top / 0.14)):
+                left, low = x + 0.03 + 0.1 * k, top - 0.1 - 0.14 * j
+                s.fill(left, low, left + 0.045, low + 0.07, (tone - 50, tone - 45, tone - 40))
+        x += step
+    _panes(s)
+
+
+def _night(s: _Sheet) -> None:
+    s.all((16, 20, 30))
+    for _ in range(int(8 * s.width * s.height)):
+        x, y = s.stream.uniform(0, s.width), s.stream.uniform(0, 0.6 * s.height)
+        s.fill(x, y, x + 0.02, y + 0.03, s.colour(120, 240))
+    _panes(s)
+
+
+def _panes(s: _Sheet) -> None:
+    frame = (226, 226, 222)
+    s.frame(0.055, frame)
+    count = max(1, round(s.width / 0.9))
+    for k in range(1, count):
+        x = s.width * k / count
+        s.fill(x - 0.04, 0, x + 0.04, s.height, frame)
+    if s.height > 1.3:
+        s.fill(0, 0.72 * s.height - 0.03, s.width, 0.72 * s.height + 0.03, frame)
+
+
+def _lamp(s: _Sheet) -> None:
+    s.all((255, 255, 250))
+    s.frame(0.02, (210, 210, 206))
+
+
+def _strip(s: _Sheet) -> None:
+    """A dark line, as skirting and edges of floors are."""
+    s.all((98, 100, 102))
+
+
+def _outlet(s: _Sheet) -> None:
+    s.all((246, 246, 244))
+    s.frame(0.006, (190, 190, 188))
+    s.disc(0.5 * s.width, 0.5 * s.height, 0.3 * min(s.width, s.height), (205, 205, 203))
+
+
+def _exit(s: _Sheet) -> None:
+    s.all((20, 132, 70))
+    w, h = s.width, s.height
+    s.fill(0.1 * w, 0.2 * h, 0.32 * w, 0.8 * h, (246, 250, 246))
+    s.text(0.42 * w, 0.3 * h, 0.95 * w, 0.4 * h, (246, 250, 246))
+
+
+def _clock(s: _Sheet) -> None:
+    s.all((225, 224, 220))
+    r = 0.5 * s.width
+    s.disc(r, r, r, (40, 40, 44))
+    s.disc(r, r, 0.9 * r, (250, 250, 248))
+    s.fill(r - 0.008, r, r + 0.008, 1.7 * r, _INK)
+    s.fill(r, r - 0.008, 1.5 * r, r + 0.008, _INK)
+
+
+def _label(s: _Sheet) -> None:
+    """A parcel's address, or the plate of a machine."""
+    s.all((246, 246, 242))
+    for k in range(3):
+        s.text(0.06 * s.width, (0.72 - 0.2 * k) * s.height, 0.9 * s.width, 0.13 * s.height, _INK)
+    x = 0.1 * s.width
+    while x < 0.85 * s.width:
+        step = s.width * s.stream.uniform(0.008, 0.03)
+        s.fill(x, 0.05 * s.height, x + step, 0.22 * s.height, _INK)
+        x += 2 * step
+
+
+def _paper(s: _Sheet) -> None:
+    s.all(s.colour(228, 256))
+    for k in range(int((s.height - 0.04) / 0.013)):
+        s.text(0.02, s.height - 0.03 - 0.013 * k, s.width - 0.02, 0.007, (80, 80, 86))
+
+
+def _keyboard(s: _Sheet) -> None:
+    s.all((40, 40, 44))
+    for i in range(5):
+        for j in range(15):
+            x, y = 0.01 + 0.028 * j, 0.01 + 0.024 * i
+            s.fill(x, y, x + 0.02, y + 0.016, (86, 86, 92))
+
+
+def _grille(s: _Sheet) -> None:
+    """A radiator."""
+    s.all((238, 238, 234))
+    for k in range(int(s.width / 0.05)):
+        s.fill(0.05 * k + 0.02, 0, 0.05 * k + 0.032, s.height, (196, 196, 194))
+
+
+def _band(s: _Sheet) -> None:
+    """A rail along a wall."""
+    s.all((150, 120, 86))
+    s.fill(0, 0, s.width, 0.1 * s.height, (96, 76, 54))
+
+
+def _doors(s: _Sheet) -> None:
+    """Two wings of glass in frames."""
+    s.all((92, 100, 108))
+    half = 0.5 * s.width
+    for x in (0.0, half):
+        s.fill(x + 0.1, 0.12, x + half - 0.1, s.height - 0.12, (70, 84, 92))
+        s.fill(x + 0.14, 0.9 * s.height, x + half - 0.3, 0.93 * s.height, (120, 136, 146))
+    s.fill(half - 0.004, 0, half + 0.004, s.height, (20, 20, 22))
+    for x in (half - 0.09, half + 0.06):
+        s.fill(x, 0.8, x + 0.03, 1.3, (200, 202, 204))
+
+
+PRINTS: Final[dict[str, Callable[[_Sheet], None]]] = {
+    "poster": _poster,
+    "notices": _notices,
+    "whiteboard": _whiteboard,
+    "books": _books,
+    "drawers": _drawers,
+    "screen": _screen,
+    "door": _door,
+    "window": _window,
+    "night": _night,
+    "lamp": _lamp,
+    "strip": _strip,
+    "outlet": _outlet,
+    "exit": _exit,
+    "clock": _clock,
+    "label": _label,
+    "paper": _paper,
+    "band": _band,
+    "doors": _doors,
+    "keyboard": _keyboard,
+    "grille": _grille,
+}
+
+
+def picture(what: Print, texel: float, seed: int) -> Colours:
+    """Return the picture (rows, columns, 3) of a print; its first row is the lowest.
+
+    :param texel: edge of a texel, about [m].
+    """
+    sheet = _Sheet(what, texel, seed)
+    PRINTS[what.kind](sheet)
+    return sheet.values
