@@ -19,6 +19,7 @@ FLOORS = (
     (("sensors", "one folder a sensor: parameters, model, topics"),
      ("bags", "messages and containers")),
     (("trajectory", "where the body is"), ("poses", "recorded poses")),
+    (("places", "geometry, materials, light"),),
     (("parameters", "declared once"), ("rotation", "quaternions"), ("inputs", "files, gate"),
      ("conventions", "errors, timebase, ...")),
 )  # fmt: skip

@@ -26,7 +26,7 @@ class Kind(NamedTuple):
 
 
 KINDS: Final[dict[str, Kind]] = {
-    "office": Kind(office, (13.0, 9.4, 2.8), 1.2, (8.0, 6.0, 2.7)),
+    "office": Kind(office, (13.0, 9.4, 2.8), 2.4, (8.0, 6.0, 2.7)),
     "corridor": Kind(corridor, (36.0, 2.4, 2.7), 1.0, (12.0, 2.2, 2.5)),
 }
 _BELOW: Final = 0.3
@@ -38,8 +38,8 @@ _ABOVE: Final = 0.5
 def around(kind: str, path: Array) -> tuple[Array, Array]:
     """Return the corners (3,) of a place of some kind that fits a path (n, 3) [m]."""
     margin, least = KINDS[kind].margin, np.array(KINDS[kind].least)
-    low = path.min(axis=0) - [margin, margin, _BELOW]
-    high = path.max(axis=0) + [margin, margin, _ABOVE]
+    low = path.min(axis=0) - np.array([margin, margin, _BELOW])
+    high = path.max(axis=0) + np.array([margin, margin, _ABOVE])
     missing = np.maximum(least - (high - low), 0.0)
     low[:2] -= 0.5 * missing[:2]
     high[:2] += 0.5 * missing[:2]

@@ -100,7 +100,9 @@ def _things(b: Builder, along: int, stream: np.random.Generator) -> None:
         choice = stream.random()
         if choice < 0.45:
             b.prism((x, y, z + 0.35), (x, y, z + 0.85), 0.08, "paint:b01c1c")
-            b.box((x - 0.035, y - 0.035, z + 0.85), (x + 0.035, y + 0.035, z + 0.95), "paint:202020")
+            b.box(
+                (x - 0.035, y - 0.035, z + 0.85), (x + 0.035, y + 0.035, z + 0.95), "paint:202020"
+            )
         elif choice < 0.75:
             b.box((x - 0.12, y - 0.12, z), (x + 0.12, y + 0.12, z + 0.4), "paint:50565c")
         elif choice < 0.75 + b.rich(0.15):

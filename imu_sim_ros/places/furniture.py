@@ -27,7 +27,13 @@ def _moved(origin: Place3, turn: float, x: float, y: float, z: float) -> tuple[f
 
 
 def _part(
-    b: Builder, origin: Place3, turn: float, middle: Place3, size: Place3, material: str, **more: object
+    b: Builder,
+    origin: Place3,
+    turn: float,
+    middle: Place3,
+    size: Place3,
+    material: str,
+    **more: object,
 ) -> None:
     """Add a box by its middle and size in the axes of what it is a part of."""
     at = np.array(_moved(origin, turn, *middle))
@@ -50,23 +56,49 @@ def desk(b: Builder, origin: Place3, turn: float, stream: Stream) -> None:
     if clutter:
         for _ in range(int(stream.integers(1, 4))):
             papers.append(
-                Print("paper", stream.uniform(0.05, 1.2), stream.uniform(0.05, 0.4), 0.21, 0.297,
-                      b.number())
+                Print(
+                    "paper",
+                    stream.uniform(0.05, 1.2),
+                    stream.uniform(0.05, 0.4),
+                    0.21,
+                    0.297,
+                    b.number(),
+                )
             )
     papers.append(Print("keyboard", 0.58, 0.42, 0.44, 0.14, 0))
     _part(b, origin, turn, (0, 0, 0.725), (1.6, 0.8, 0.03), top, prints={"top": papers}, leave="")
     for x in (-0.77, 0.77):
         _part(b, origin, turn, (x, 0, 0.355), (0.03, 0.7, 0.71), "paint:8c9094", leave="top,bottom")
     drawers = [Print("drawers", 0, 0, 0.42, 0.58, 0)]
-    _part(b, origin, turn, (0.5, 0.05, 0.3), (0.42, 0.55, 0.58), "paint:ced0d2",
-          prints={"+y": drawers}, leave="bottom")
+    _part(
+        b,
+        origin,
+        turn,
+        (0.5, 0.05, 0.3),
+        (0.42, 0.55, 0.58),
+        "paint:ced0d2",
+        prints={"+y": drawers},
+        leave="bottom",
+    )
     screen = [Print("screen", 0, 0, 0.56, 0.34, b.number(), glows=stream.random() < 0.7)]
     x = stream.uniform(-0.2, 0.1)
-    _part(b, origin, turn, (x, -0.22, 1.06), (0.56, 0.03, 0.34), "paint:28282c",
-          prints={"+y": screen}, leave="")
+    _part(
+        b,
+        origin,
+        turn,
+        (x, -0.22, 1.06),
+        (0.56, 0.03, 0.34),
+        "paint:28282c",
+        prints={"+y": screen},
+        leave="",
+    )
     _part(b, origin, turn, (x, -0.25, 0.82), (0.06, 0.04, 0.16), "paint:28282c", leave="top,bottom")
-    chair(b, _moved(origin, turn, stream.uniform(-0.25, 0.2), 0.62, 0), turn + stream.uniform(-0.6, 0.6),
-          stream)
+    chair(
+        b,
+        _moved(origin, turn, stream.uniform(-0.25, 0.2), 0.62, 0),
+        turn + stream.uniform(-0.6, 0.6),
+        stream,
+    )
 
 
 def chair(b: Builder, origin: Place3, turn: float, stream: Stream) -> None:
@@ -91,7 +123,9 @@ def table(
         return
     _part(b, origin, 0.0, (0, 0, 0.73), (w, d, 0.04), "board:9c7248", leave="")
     for x in (-0.5 * w + 0.1, 0.5 * w - 0.1):
-        _part(b, origin, 0.0, (x, 0, 0.355), (0.08, 0.6 * d, 0.71), "paint:4a4a4c", leave="top,bottom")
+        _part(
+            b, origin, 0.0, (x, 0, 0.355), (0.08, 0.6 * d, 0.71), "paint:4a4a4c", leave="top,bottom"
+        )
     for x in np.arange(-0.5 * w + 0.5, 0.5 * w, 1.0) if chairs else ():
         for side in (-1, 1):
             place = (origin[0] + x, origin[1] + side * (0.5 * d + 0.15), origin[2])
@@ -122,8 +156,14 @@ def door_leaf(
     half = np.array([0.5 * width, 0.02, 0.5 * height])
     if b.free(middle - half.max(), middle + half.max()):
         leaf = [Print("door", 0, 0, width, height, number)]
-        b.box((middle - half).tolist(), (middle + half).tolist(), "board:a87c50",
-              {"-y": leaf, "+y": leaf}, turn=angle, leave="bottom")
+        b.box(
+            (middle - half).tolist(),
+            (middle + half).tolist(),
+            "board:a87c50",
+            {"-y": leaf, "+y": leaf},
+            turn=angle,
+            leave="bottom",
+        )
 
 
 def plant(b: Builder, origin: Place3, stream: Stream) -> None:
@@ -133,8 +173,13 @@ def plant(b: Builder, origin: Place3, stream: Stream) -> None:
     for k in range(3):
         size = 0.22 + 0.06 * k
         top = z + 0.35 + 0.28 * k
-        b.box((x - size, y - size, top), (x + size, y + size, top + 0.34), "leaves",
-              turn=float(stream.uniform(0, 1.5)), leave="")
+        b.box(
+            (x - size, y - size, top),
+            (x + size, y + size, top + 0.34),
+            "leaves",
+            turn=float(stream.uniform(0, 1.5)),
+            leave="",
+        )
 
 
 def wall_decoration(b: Builder, wall: int, stream: Stream) -> None:
@@ -146,8 +191,12 @@ def wall_decoration(b: Builder, wall: int, stream: Stream) -> None:
     while left < width - 1.4:
         choice = stream.random()
         if choice < b.rich(0.5) and height > 2.2:
-            kind, w, h = (("poster", 0.6, 0.85), ("notices", 1.2, 0.9), ("poster", 1.0, 0.7),
-                          ("whiteboard", 1.8, 1.1))[int(stream.integers(4))]
+            kind, w, h = (
+                ("poster", 0.6, 0.85),
+                ("notices", 1.2, 0.9),
+                ("poster", 1.0, 0.7),
+                ("whiteboard", 1.8, 1.1),
+            )[int(stream.integers(4))]
             if left + w < width - 0.2:
                 bottom = 1.0 + float(stream.uniform(0, 0.3))
                 prints.append(Print(kind, left, bottom, w, h, b.number()))
@@ -200,7 +249,9 @@ def windows(b: Builder, wall: int, sill: float, height: float) -> Callable[[Buil
     return lit
 
 
-def ceiling_lamps(b: Builder, stream: Stream, pitch: float = 2.4, size: tuple[float, float] = (1.2, 0.6)) -> None:
+def ceiling_lamps(
+    b: Builder, stream: Stream, pitch: float = 2.4, size: tuple[float, float] = (1.2, 0.6)
+) -> None:
     """Hang a grid of flat lamps under the ceiling; in dim light one in five shines."""
     x0, y0, _ = b.site.low.tolist()
     x1, y1, z1 = b.site.high.tolist()
@@ -209,5 +260,9 @@ def ceiling_lamps(b: Builder, stream: Stream, pitch: float = 2.4, size: tuple[fl
     for i in range(rows):
         for j in range(columns):
             on = b.site.light != "dim" or (i * columns + j) % 5 == 1
-            center = x0 + (j + 0.5) * (x1 - x0) / columns, y0 + (i + 0.5) * (y1 - y0) / rows, z1 - 0.005
+            center = (
+                x0 + (j + 0.5) * (x1 - x0) / columns,
+                y0 + (i + 0.5) * (y1 - y0) / rows,
+                z1 - 0.005,
+            )
             b.lamp(center, size, LAMP, strength if on else 0.0)

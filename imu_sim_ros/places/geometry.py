@@ -4,13 +4,15 @@
 """Rectangles in the world, and the rays that meet them."""
 
 from collections.abc import Iterator, Sequence
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.types import Array
 
+Floats = NDArray[np.floating[Any]]
+Kind = type[np.float32] | type[np.float64]
 Rectangle = tuple[Array, Array, Array]
 """Origin, across and up, each (3,) [m]."""
 
@@ -40,6 +42,13 @@ class Surfaces(NamedTuple):
         n = np.cross(self.across, self.up)
         unit: Array = n / np.linalg.norm(n, axis=1, keepdims=True)
         return unit
+
+    def some(self, which: NDArray[np.bool_]) -> "Surfaces":
+        """Return those of some rows (m,)."""
+        names = tuple(self.texture[m] for m in np.flatnonzero(which))
+        return Surfaces(
+            self.origin[which], self.across[which], self.up[which], self.hides[which], names
+        )
 
     @property
     def sides(self) -> Array:
@@ -109,7 +118,7 @@ def hidden(surfaces: Surfaces, eye: Array, points: Array) -> NDArray[np.bool_]:
 class Hits(NamedTuple):
     """What n rays meet first."""
 
-    distance: Array
+    distance: Floats
     """(n,) in lengths of the ray's direction; infinite: nothing."""
     surface: NDArray[np.int64]
     """(n,) number of the surface; -1: nothing."""
@@ -125,22 +134,22 @@ class Caster:
     Hits(distance=array([ 2., inf]), surface=array([ 0, -1]))
     """
 
-    def __init__(self, surfaces: Surfaces, kind: type = np.float64) -> None:
+    def __init__(self, surfaces: Surfaces, kind: Kind = np.float64) -> None:
         """Take rectangles.
 
         :param kind: of the numbers to calculate with: float32 or float64.
         """
         self.surfaces, self._kind = surfaces, kind
-        self._planes = list(_planes(surfaces, np.dtype(kind)))
+        self._planes = list(_planes(surfaces, kind))
 
-    def cast(self, origins: Array, directions: Array, nearest: float = 1e-4) -> Hits:
+    def cast(self, origins: Floats, directions: Floats, nearest: float = 1e-4) -> Hits:
         """Return which surface each ray ``origin + t direction`` meets first.
 
         :param origins: (n, 3) [m].
         :param directions: (n, 3) of any length.
         :param nearest: least t of a hit.
         """
-        distance = np.full(len(origins), np.inf, self._kind)
+        distance: Floats = np.full(len(origins), np.inf, self._kind)
         number = np.full(len(origins), -1, np.int64)
         for part in _parts(len(origins)):
             rays = _Rays.of(origins[part], directions[part], self._kind)
@@ -156,9 +165,9 @@ class Caster:
 
     def blocked(
         self,
-        origins: Array,
-        directions: Array,
-        ends: Array | float = 1.0,
+        origins: Floats,
+        directions: Floats,
+        ends: Floats | float = 1.0,
         among: NDArray[np.bool_] | None = None,
     ) -> NDArray[np.bool_]:
         """Tell which rays (n,) meet any surface between their origin and t = ``ends``.
@@ -186,17 +195,15 @@ class Caster:
 class _Rays(NamedTuple):
     """Rays by their axes, each (n,)."""
 
-    origin: list[Array]
-    direction: list[Array]
-    inverse: list[Array]
+    origin: list[Floats]
+    direction: list[Floats]
+    inverse: list[Floats]
 
     @classmethod
-    def of(cls, origins: Array, directions: Array, kind: type) -> "_Rays":
+    def of(cls, origins: Floats, directions: Floats, kind: Kind) -> "_Rays":
         """Take them apart; none runs along a plane of two axes exactly."""
-        starts, axes = (
-            [np.ascontiguousarray(each[:, k], kind) for k in range(3)]
-            for each in (origins, directions)
-        )
+        starts: list[Floats] = [np.ascontiguousarray(origins[:, k], kind) for k in range(3)]
+        axes: list[Floats] = [np.ascontiguousarray(directions[:, k], kind) for k in range(3)]
         tiny, one = kind(1e-12), kind(1.0)
         inverse = [one / np.where(np.abs(axis) < tiny, tiny, axis) for axis in axes]
         return cls(starts, axes, inverse)
@@ -210,7 +217,7 @@ class _Plane(NamedTuple):
     sides: tuple[tuple[int, float, float], tuple[int, float, float]]
     """Axis, least and largest place of both sides."""
 
-    def meet(self, rays: _Rays) -> tuple[Array, NDArray[np.bool_]]:
+    def meet(self, rays: _Rays) -> tuple[Floats, NDArray[np.bool_]]:
         """Return t (n,) of all rays, and which meet the rectangle's plane within its sides."""
         t = self.place - rays.origin[self.axis]
         t *= rays.inverse[self.axis]
@@ -228,12 +235,12 @@ class _Plane(NamedTuple):
 class _Oblique(NamedTuple):
     """A rectangle that lies anywhere."""
 
-    normal: Array
+    normal: Floats
     offset: float
-    sides: tuple[tuple[Array, float], tuple[Array, float]]
+    sides: tuple[tuple[Floats, float], tuple[Floats, float]]
     """Side by its square, and the origin's place along it."""
 
-    def meet(self, rays: _Rays) -> tuple[Array, NDArray[np.bool_]]:
+    def meet(self, rays: _Rays) -> tuple[Floats, NDArray[np.bool_]]:
         """Return t (n,) of all rays, and which meet the rectangle's plane within its sides."""
         along = _dot(self.normal, rays.direction)
         tiny = along.dtype.type(1e-12)
@@ -249,27 +256,28 @@ class _Oblique(NamedTuple):
         return t, on
 
 
-def _dot(vector: Array, axes: Sequence[Array]) -> Array:
-    result: Array = vector[0] * axes[0] + vector[1] * axes[1] + vector[2] * axes[2]
+def _dot(vector: Floats, axes: Sequence[Floats]) -> Floats:
+    result: Floats = vector[0] * axes[0] + vector[1] * axes[1] + vector[2] * axes[2]
     return result
 
 
-def _planes(surfaces: Surfaces, dtype: "np.dtype[np.floating]") -> Iterator[_Plane | _Oblique]:
+def _planes(surfaces: Surfaces, kind: Kind) -> Iterator[_Plane | _Oblique]:
     """Yield the rectangles in a form that rays of a type meet fast."""
-    kind = dtype.type
     normals = surfaces.normal
     for m, (o, a, b) in enumerate(zip(*surfaces[:3], strict=True)):
         axes = [np.flatnonzero(np.abs(vector) > 1e-9) for vector in (normals[m], a, b)]
         if all(len(each) == 1 for each in axes):
-            ends = [(int(axes[k][0]), o[axes[k][0]], (o + side)[axes[k][0]]) for k, side in
-                    ((1, a), (2, b))]
+            ends = [
+                (int(axes[k][0]), o[axes[k][0]], (o + side)[axes[k][0]])
+                for k, side in ((1, a), (2, b))
+            ]
             first, second = ((axis, kind(min(u, v)), kind(max(u, v))) for axis, u, v in ends)
             yield _Plane(int(axes[0][0]), kind(o[axes[0][0]]), (first, second))
             continue
         n = normals[m]
         shares = [side / (side * side).sum() for side in (a, b)]
-        one, two = ((side.astype(dtype), kind(side @ o)) for side in shares)
-        yield _Oblique(n.astype(dtype), kind(n @ o), (one, two))
+        one, two = ((side.astype(kind), kind(side @ o)) for side in shares)
+        yield _Oblique(n.astype(kind), kind(n @ o), (one, two))
 
 
 def _parts(count: int) -> Iterator[slice]:

@@ -20,8 +20,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.places.geometry import Caster, Rectangle, Surfaces, surfaces
-from imu_sim_ros.types import Array
+from imu_sim_ros.places.geometry import Caster, Floats, Rectangle, Surfaces, surfaces
 
 Single = NDArray[np.float32]
 
@@ -112,7 +111,9 @@ class _Points(NamedTuple):
         index = []
         for k, side in ((1, where.across), (0, where.up)):
             unit = (side / (side * side).sum(axis=1, keepdims=True)).astype(np.float32)[number]
-            share = offset[:, 0] * unit[:, 0] + offset[:, 1] * unit[:, 1] + offset[:, 2] * unit[:, 2]
+            share = (
+                offset[:, 0] * unit[:, 0] + offset[:, 1] * unit[:, 1] + offset[:, 2] * unit[:, 2]
+            )
             count = self.shapes[number, k]
             index.append(np.clip((share * count).astype(np.int64), 0, count - 1))
         result: NDArray[np.int64] = (
@@ -122,7 +123,7 @@ class _Points(NamedTuple):
 
 
 def bake(
-    where: Surfaces, albedo: Array, sky: NDArray[np.bool_], lighting: Lighting
+    where: Surfaces, albedo: Floats, sky: NDArray[np.bool_], lighting: Lighting
 ) -> list[Single]:
     """Return the irradiance on each surface: (rows, columns, 3) of red, green and blue.
 
@@ -132,7 +133,7 @@ def bake(
     :param sky: (m,) surfaces that give the light of the sky, and let the sun through.
     """
     casting = ~sky & (where.sides.prod(axis=1) > _SMALL)
-    solid = Caster(Surfaces(*(part[casting] for part in where[:4]), ()), np.float32)
+    solid = Caster(where.some(casting), np.float32)
     fine, coarse = (_Points.on(where, ~sky, count) for count in (_POINTS, _COARSE))
     direct, start = (
         _from_lamps(points, solid, lighting) + _from_sun(points, solid, lighting)
@@ -183,7 +184,7 @@ def _from_lamps(points: _Points, solid: Caster, lighting: Lighting) -> Single:
             place = place.astype(np.float32) + _OFF * normal
             way = place - points.places
             square = _dot(way, way)
-            there, here = -_dot(way, normal[None]), _dot(way, points.normals)
+            there, here = -_dot(way, normal[None].astype(np.float32)), _dot(way, points.normals)
             square = np.maximum(square, np.float32(0.02))
             value = share * np.maximum(there, 0) * np.maximum(here, 0) / (square * square)
             rows = np.flatnonzero(value * colour.max() > _LEAST / _SAMPLES**2)
@@ -203,7 +204,7 @@ def _from_sun(points: _Points, solid: Caster, lighting: Lighting) -> Single:
     height = _dot(points.normals, to_sun[None])
     rows = np.flatnonzero(height > 0)
     way = np.broadcast_to(to_sun, (len(rows), 3))
-    ends: Array | float = math.inf
+    ends: Floats | float = math.inf
     if lighting.windows:
         panes = Caster(surfaces(lighting.windows, hides=True), np.float32)
         ends = panes.cast(points.places[rows], way).distance
@@ -246,7 +247,9 @@ def _met(points: _Points, caster: Caster) -> NDArray[np.int32]:
     count, where = len(points.places), caster.surfaces
     result = np.full((_DIRECTIONS, count), count, np.int32)
     sides = [
-        (side / np.sqrt((side * side).sum(axis=1, keepdims=True))).astype(np.float32)[points.surface]
+        (side / np.sqrt((side * side).sum(axis=1, keepdims=True))).astype(np.float32)[
+            points.surface
+        ]
         for side in (where.across, where.up)
     ]
     index = np.arange(count) - points.first[points.surface]

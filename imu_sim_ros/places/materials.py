@@ -85,7 +85,7 @@ class Cells(NamedTuple):
 
     number: NDArray[np.int64]
     """(rows, columns) of each texel's cell."""
-    count: int
+    cells: int
     edge: Array
     """(rows, columns) distance from the cell's edge [m]."""
 
@@ -119,7 +119,7 @@ def _concrete(c: Canvas, colour: Array) -> Array:
 
 def _wood(c: Canvas, colour: Array) -> Array:
     planks = c.cells(2.0, 0.13)
-    tone = c.stream.integers(-14, 15, planks.count).astype(np.float32)[planks.number]
+    tone = c.stream.integers(-14, 15, planks.cells).astype(np.float32)[planks.number]
     grain = 10 * c.noise(0.35, 0.012) + 6 * c.noise(0.15, 0.005) + 5 * c.noise(0.8, 0.04)
     value = tone + grain - 50 * (planks.edge < 0.0015)
     return _plain(colour, value, np.stack([0.1 * grain, 0 * grain, -0.3 * grain], axis=-1))
@@ -133,17 +133,17 @@ def _board(c: Canvas, colour: Array) -> Array:
 
 def _brick(c: Canvas, colour: Array) -> Array:
     bricks = c.cells(0.25, 0.0833, 0.5)
-    tone = c.stream.integers(-26, 27, bricks.count).astype(np.float32)[bricks.number]
-    hue = c.stream.integers(-10, 11, bricks.count).astype(np.float32)[bricks.number]
+    tone = c.stream.integers(-26, 27, bricks.cells).astype(np.float32)[bricks.number]
+    hue = c.stream.integers(-10, 11, bricks.cells).astype(np.float32)[bricks.number]
     value = tone + 8 * c.noise(0.03) + 6 * c.grain()
     face = _plain(colour, value, np.stack([hue, -0.3 * hue, -0.5 * hue], axis=-1))
-    mortar = _plain(np.float32([176, 170, 160]), 6 * c.noise(0.02) + 6 * c.grain())
+    mortar = _plain(np.array([176, 170, 160], np.float32), 6 * c.noise(0.02) + 6 * c.grain())
     return np.where(bricks.edge[..., None] < 0.006, mortar, face)
 
 
 def _tiles(c: Canvas, colour: Array, edge: float = 0.333, joint: float = 0.003) -> Array:
     tiles = c.cells(edge, edge)
-    tone = c.stream.integers(-6, 7, tiles.count).astype(np.float32)[tiles.number]
+    tone = c.stream.integers(-6, 7, tiles.cells).astype(np.float32)[tiles.number]
     value = tone + 3 * c.noise(0.1) + 4 * c.noise(0.02) + 2 * c.grain()
     return _plain(colour, value - 55 * (tiles.edge < joint))
 
@@ -163,8 +163,10 @@ def _ceiling(c: Canvas, colour: Array) -> Array:
 
 def _carpet(c: Canvas, colour: Array) -> Array:
     tiles = c.cells(0.5, 0.5)
-    tone = c.stream.integers(-5, 6, tiles.count).astype(np.float32)[tiles.number]
-    value = tone + 16 * c.grain() + 9 * c.noise(0.015) + 4 * c.noise(0.3) - 10 * (tiles.edge < 0.002)
+    tone = c.stream.integers(-5, 6, tiles.cells).astype(np.float32)[tiles.number]
+    value = (
+        tone + 16 * c.grain() + 9 * c.noise(0.015) + 4 * c.noise(0.3) - 10 * (tiles.edge < 0.002)
+    )
     return _plain(colour, value)
 
 
@@ -176,7 +178,7 @@ def _ribbed(c: Canvas, colour: Array) -> Array:
     """Trapezoidal sheet, a rib each 0.2 m, as walls and roofs of halls have."""
     x = (np.arange(c.columns, dtype=np.float32) * np.float32(c.texel) % np.float32(0.2)) * 5
     rib = np.where(x < 0.5, 0.0, np.where(x < 0.6, -38.0, np.where(x < 0.9, -14.0, 26.0)))
-    return _plain(colour, np.float32(rib)[None, :] + 4 * c.noise(0.5) + 2 * c.grain())
+    return _plain(colour, rib.astype(np.float32)[None, :] + 4 * c.noise(0.5) + 2 * c.grain())
 
 
 def _paint(c: Canvas, colour: Array) -> Array:
@@ -203,10 +205,12 @@ def _grass(c: Canvas, colour: Array) -> Array:
 
 
 def _sky(c: Canvas, colour: Array) -> Array:
-    clouds = np.maximum(c.noise(60.0, 12.0) + 0.5 * c.noise(25.0, 6.0) + 0.25 * c.noise(9.0, 3.0), 0.0)
-    white = np.float32([255, 255, 255])
+    clouds = np.maximum(
+        c.noise(60.0, 12.0) + 0.5 * c.noise(25.0, 6.0) + 0.25 * c.noise(9.0, 3.0), 0.0
+    )
+    white = np.array([255, 255, 255], np.float32)
     share = np.minimum(clouds, 1.0)[..., None]
-    return np.float32(colour) * (1 - share) + white * share
+    return colour * (1 - share) + white * share
 
 
 _KINDS: Final[dict[str, tuple[Callable[..., Array], str, float]]] = {

@@ -10,7 +10,6 @@ import numpy as np
 from imu_sim_ros.places.furniture import (
     bookcase,
     ceiling_lamps,
-    chair,
     desk,
     door_leaf,
     plant,
@@ -44,7 +43,9 @@ def office(site: Site) -> Place:
     lit = windows(b, sides["-y"], 0.9, 1.35)
     x0, y0, z0 = site.low.tolist()
     x1, y1, z1 = site.high.tolist()
-    partition = y1 - _ROOMS if y1 - y0 > _LEAST else y1
+    partition = y1 - _ROOMS
+    if y1 - y0 < _LEAST or not b.free((x0, partition, z0), (x1, partition + _WALL, z1)):
+        partition = y1
     stops = []
     if partition < y1:
         stops = _closed_rooms(b, partition, stream)
@@ -83,8 +84,13 @@ def _closed_rooms(b: Builder, y: float, stream: np.random.Generator) -> list[lis
                 )
                 for side in ("-x", "+x")
             }
-            b.box((left - 0.05, y + _WALL, z0), (left + 0.05, y1, z1), "plaster", prints,
-                  leave="top,bottom,-y,+y")
+            b.box(
+                (left - 0.05, y + _WALL, z0),
+                (left + 0.05, y1, z1),
+                "plaster",
+                prints,
+                leave="top,bottom,-y,+y",
+            )
         middle = 0.5 * (left + right)
         if k % 2 == 0:
             table(b, (middle, y1 - 1.35, z0), (2.0, 1.0), stream, chairs=True)
@@ -103,8 +109,6 @@ def _front(
     """Build one room's part of the wall between it and the open office, with its door."""
     left, right = ends
     z0, z1 = float(b.site.low[2]), float(b.site.high[2])
-    if not b.free((left, y, z0), (right, y + _WALL, z1)):
-        return
     strip = 0.07
     for a, c in ((left, opening), (opening + _DOOR, right)):
         decoration = [Print("strip", 0, 0, c - a, strip)]
@@ -115,8 +119,13 @@ def _front(
         low, high = (a, y, z0), (c, y + _WALL, z1)
         leave = ["top", "bottom"]
         leave += ["-x"] if a == left else ["+x"]
-        b.box(low, high, "plaster", {"-y": decoration, "+y": [Print("strip", 0, 0, c - a, strip)]},
-              leave=",".join(leave))
+        b.box(
+            low,
+            high,
+            "plaster",
+            {"-y": decoration, "+y": [Print("strip", 0, 0, c - a, strip)]},
+            leave=",".join(leave),
+        )
     low, high = (opening, y, z0 + _LINTEL), (opening + _DOOR, y + _WALL, z1)
     sign = [Print("label", 0.35, 0.06, 0.3, 0.16, b.number())] if z1 - z0 - _LINTEL > 0.3 else []
     b.box(low, high, "plaster", {"-y": sign}, leave="top,-x,+x")
@@ -148,5 +157,3 @@ def _desks(b: Builder, depth: float, stream: np.random.Generator) -> list[list[f
     x = 0.5 * (x0 + x1)
     stops = [[x0 + 0.7, edge + 0.6, height], [x0 + 0.7, middle, height], [x, middle, height]]
     return [*stops, [x1 - 0.7, middle, height], [x1 - 0.7, edge + 0.6, height], [x, edge, height]]
-
-

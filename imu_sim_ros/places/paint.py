@@ -57,7 +57,9 @@ class Painter:
         face = self.place.faces[m]
         pattern = self._tile(face.material, texel, colour)
         start = generator_at(self._site.seed, "place.start", m).integers(0, len(pattern), 2)
-        lines, posts = ((np.arange(n) + k) % len(pattern) for n, k in ((rows, start[0]), (columns, start[1])))
+        lines, posts = (
+            (np.arange(n) + k) % len(pattern) for n, k in ((rows, start[0]), (columns, start[1]))
+        )
         result = pattern.take(lines, axis=0).take(posts, axis=1)
         width, height = self._surfaces.sides[m].tolist()
         scale = rows / height, columns / width
@@ -66,8 +68,12 @@ class Painter:
                 if each.glows != glowing:
                     continue
                 image = picture(each, 0.5 * (1 / scale[0] + 1 / scale[1]), self._site.seed)
-                _put(result, image if colour else grey(image), round(each.bottom * scale[0]),
-                     round(each.left * scale[1]))
+                _put(
+                    result,
+                    image if colour else grey(image),
+                    round(each.bottom * scale[0]),
+                    round(each.left * scale[1]),
+                )
             if not (glowing or face.sky or face.glows):
                 self._lit(result, m)
         return result
@@ -110,7 +116,9 @@ def _put(texture: Bytes, image: Bytes, row: int, column: int) -> None:
     low, left = max(row, 0), max(column, 0)
     high, right = min(row + image.shape[0], height), min(column + image.shape[1], width)
     if high > low and right > left:
-        texture[low:high, left:right] = image[low - row : high - row, left - column : right - column]
+        texture[low:high, left:right] = image[
+            low - row : high - row, left - column : right - column
+        ]
 
 
 def _linear(material: str) -> list[float]:

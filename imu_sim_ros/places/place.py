@@ -112,15 +112,15 @@ class Builder:
 
     def face(
         self,
-        origin: Sequence[float],
-        across: Sequence[float],
-        up: Sequence[float],
+        origin: Sequence[float] | Array,
+        across: Sequence[float] | Array,
+        up: Sequence[float] | Array,
         material: str,
         prints: Sequence[Print] = (),
         **more: float | bool,
     ) -> None:
         """Add a rectangle that is seen from the side of across x up."""
-        rectangle = tuple(np.array(each, np.float64) for each in (origin, across, up))
+        rectangle = tuple(np.round(each, 9) for each in (origin, across, up))
         self.faces.append(Face(rectangle, material, tuple(prints), **more))  # type: ignore[arg-type]
 
     def room(
@@ -187,12 +187,14 @@ class Builder:
                 continue
             origin, across, up = (matrix @ np.array(v, np.float64) for v in vectors)
             of_side = (prints or {}).get(side, ())
-            self.face(
-                middle + origin, across, up, (materials or {}).get(side, material), of_side
-            )
+            self.face(middle + origin, across, up, (materials or {}).get(side, material), of_side)
 
     def prism(
-        self, start: Sequence[float], end: Sequence[float], radius: float, material: str,
+        self,
+        start: Sequence[float],
+        end: Sequence[float],
+        radius: float,
+        material: str,
         sides: int = 8,
     ) -> None:
         """Add a round column or pipe as rectangles around its axis, without its ends."""

@@ -53,8 +53,13 @@ class _Sheet:
     def frame(self, edge: float, colour: Colour) -> None:
         """Draw a frame along the edges."""
         w, h = self.width, self.height
-        for box in ((0, 0, w, edge), (0, h - edge, w, h), (0, 0, edge, h), (w - edge, 0, w, h)):
-            self.fill(*box, colour)
+        for x0, y0, x1, y1 in (
+            (0.0, 0.0, w, edge),
+            (0.0, h - edge, w, h),
+            (0.0, 0.0, edge, h),
+            (w - edge, 0.0, w, h),
+        ):
+            self.fill(x0, y0, x1, y1, colour)
 
     def text(self, x0: float, y0: float, x1: float, size: float, colour: Colour) -> None:
         """Write a line of words that nobody can read, y0 its base."""
@@ -121,7 +126,7 @@ def _poster(s: _Sheet) -> None:
 
 
 def _notices(s: _Sheet) -> None:
-    """A pin board."""
+    """Draw a pin board."""
     s.all((176, 132, 84))
     for _ in range(int(14 * s.width * s.height) + 3):
         w, h = (0.21, 0.297) if s.stream.random() < 0.7 else (0.15, 0.1)
@@ -141,8 +146,12 @@ def _whiteboard(s: _Sheet) -> None:
         colour = ((30, 60, 160), (20, 20, 24), (170, 40, 40))[int(s.stream.integers(3))]
         x, y = s.stream.uniform(0.1, 0.7) * s.width, s.stream.uniform(0.25, 0.9) * s.height
         if s.stream.random() < 0.4:
-            for dx, dy, w, h in ((0, 0, 0.3, 0.006), (0, 0.18, 0.3, 0.006), (0, 0, 0.006, 0.18),
-                                 (0.3, 0, 0.006, 0.186)):
+            for dx, dy, w, h in (
+                (0, 0, 0.3, 0.006),
+                (0, 0.18, 0.3, 0.006),
+                (0, 0, 0.006, 0.18),
+                (0.3, 0, 0.006, 0.186),
+            ):
                 s.fill(x + dx, y + dy, x + dx + w, y + dy + h, colour)
             s.text(x + 0.03, y + 0.06, x + 0.27, 0.05, colour)
         else:
@@ -151,7 +160,7 @@ def _whiteboard(s: _Sheet) -> None:
 
 
 def _books(s: _Sheet) -> None:
-    """Shelves with books and folders, a board each 0.35 m."""
+    """Draw shelves with books and folders, a board each 0.35 m."""
     s.all((52, 42, 34))
     boards = max(1, round(s.height / 0.36))
     pitch = s.height / boards
@@ -203,7 +212,9 @@ def _screen(s: _Sheet) -> None:
         for k in range(int((h - 0.08) / 0.016)):
             end = s.stream.uniform(0.2, 0.95) * w
             colour = ((120, 200, 140), (220, 180, 110), (140, 170, 230))[int(s.stream.integers(3))]
-            s.text(0.04 + 0.02 * int(s.stream.integers(0, 5)), h - 0.05 - 0.016 * k, end, 0.009, colour)
+            s.text(
+                0.04 + 0.02 * int(s.stream.integers(0, 5)), h - 0.05 - 0.016 * k, end, 0.009, colour
+            )
 
 
 def _door(s: _Sheet) -> None:
@@ -213,7 +224,7 @@ def _door(s: _Sheet) -> None:
     s.all((216, 214, 208))
     edge = 0.06
     s.fill(edge, 0, s.width - edge, s.height - edge, colour)
-    dark = tuple(int(0.55 * x) for x in colour)
+    dark = colour[0] // 2, colour[1] // 2, colour[2] // 2
     s.fill(edge, 0, edge + 0.006, s.height - edge, dark)
     s.fill(s.width - edge - 0.006, 0, s.width - edge, s.height - edge, dark)
     s.fill(s.width - edge - 0.16, 1.02, s.width - edge - 0.04, 1.05, (60, 60, 62))
@@ -224,11 +235,15 @@ def _door(s: _Sheet) -> None:
     s.text(0.5 * s.width - 0.085, 1.575, 0.5 * s.width + 0.085, 0.035, _INK)
 
 
+_HAZE: Final = np.array([236, 242, 250], np.float32)
+_BLUE: Final = np.array([178, 208, 245], np.float32)
+
+
 def _window(s: _Sheet) -> None:
-    """A view of sky and roofs through panes in a white frame."""
+    """Draw a view of sky and roofs through panes in a white frame."""
     rows = len(s.values)
     share = (np.arange(rows) / rows).astype(np.float32)[:, None]
-    sky = np.float32([236, 242, 250]) * (1 - share) + np.float32([178, 208, 245]) * share
+    sky = _HAZE * (1 - share) + _BLUE * share
     s.values[:] = sky[:, None].astype(np.uint8)
     x = -0.2
     while x < s.width:
@@ -269,7 +284,7 @@ def _lamp(s: _Sheet) -> None:
 
 
 def _strip(s: _Sheet) -> None:
-    """A dark line, as skirting and edges of floors are."""
+    """Draw a dark line, as skirting and edges of floors are."""
     s.all((98, 100, 102))
 
 
@@ -296,7 +311,7 @@ def _clock(s: _Sheet) -> None:
 
 
 def _label(s: _Sheet) -> None:
-    """A parcel's address, or the plate of a machine."""
+    """Draw a parcel's address, or the plate of a machine."""
     s.all((246, 246, 242))
     for k in range(3):
         s.text(0.06 * s.width, (0.72 - 0.2 * k) * s.height, 0.9 * s.width, 0.13 * s.height, _INK)
@@ -322,20 +337,20 @@ def _keyboard(s: _Sheet) -> None:
 
 
 def _grille(s: _Sheet) -> None:
-    """A radiator."""
+    """Draw a radiator."""
     s.all((238, 238, 234))
     for k in range(int(s.width / 0.05)):
         s.fill(0.05 * k + 0.02, 0, 0.05 * k + 0.032, s.height, (196, 196, 194))
 
 
 def _band(s: _Sheet) -> None:
-    """A rail along a wall."""
+    """Draw a rail along a wall."""
     s.all((150, 120, 86))
     s.fill(0, 0, s.width, 0.1 * s.height, (96, 76, 54))
 
 
 def _doors(s: _Sheet) -> None:
-    """Two wings of glass in frames."""
+    """Draw two wings of glass in frames."""
     s.all((92, 100, 108))
     half = 0.5 * s.width
     for x in (0.0, half):
@@ -344,6 +359,14 @@ def _doors(s: _Sheet) -> None:
     s.fill(half - 0.004, 0, half + 0.004, s.height, (20, 20, 22))
     for x in (half - 0.09, half + 0.06):
         s.fill(x, 0.8, x + 0.03, 1.3, (200, 202, 204))
+
+
+def _grid(s: _Sheet) -> None:
+    """Draw squares of 0.1 m, black in the lower left."""
+    s.all((240, 240, 240))
+    for i in range(round(s.height / 0.1)):
+        for j in range(i % 2, round(s.width / 0.1), 2):
+            s.fill(0.1 * j, 0.1 * i, 0.1 * (j + 1), 0.1 * (i + 1), (20, 20, 20))
 
 
 PRINTS: Final[dict[str, Callable[[_Sheet], None]]] = {
@@ -363,6 +386,7 @@ PRINTS: Final[dict[str, Callable[[_Sheet], None]]] = {
     "clock": _clock,
     "label": _label,
     "paper": _paper,
+    "grid": _grid,
     "band": _band,
     "doors": _doors,
     "keyboard": _keyboard,

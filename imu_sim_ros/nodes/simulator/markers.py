@@ -11,8 +11,8 @@ from geometry_msgs.msg import Point
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from imu_sim_ros.sensors.camera.rig import Rig
 from imu_sim_ros.places.geometry import Surfaces
+from imu_sim_ros.sensors.camera.rig import Rig
 from imu_sim_ros.sensors.camera.view import View
 from imu_sim_ros.types import Array
 

@@ -14,10 +14,10 @@ from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.places.catalogue import around
 from imu_sim_ros.places.catalogue import build as build_place
-from imu_sim_ros.random_streams import generator
 from imu_sim_ros.places.geometry import Surfaces, joined, surfaces
 from imu_sim_ros.places.paint import Painter
 from imu_sim_ros.places.place import Site
+from imu_sim_ros.random_streams import generator
 from imu_sim_ros.sensors.camera.scene import Scene, read_points
 from imu_sim_ros.sensors.camera.scene_parameters import (
     AprilgridParameters,
@@ -153,10 +153,7 @@ def _place(p: PlaceParameters, path: Array) -> Scene:
     site = Site(low, high, path, p.seed, p.texture, p.light)
     place = build_place(p.type, site)
     everything = place.surfaces()
-    matt = np.flatnonzero(~place.sky)
-    landmarks, normals = _scattered(
-        Surfaces(*(part[matt] for part in everything[:4]), ()), p.landmarks, p.seed
-    )
+    landmarks, normals = _scattered(everything.some(~place.sky), p.landmarks, p.seed)
     extent = float(np.linalg.norm(high - low))
     lines = np.zeros((0, 2, 3))
     return Scene(landmarks, normals, lines, everything, extent, Painter(place, site))

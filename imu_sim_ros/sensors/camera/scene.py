@@ -14,6 +14,7 @@ from imu_sim_ros.places.geometry import NO_SURFACES, Surfaces
 from imu_sim_ros.places.paint import Painter
 from imu_sim_ros.types import Array
 
+
 class Scene(NamedTuple):
     """A scene at rest in the world."""
 

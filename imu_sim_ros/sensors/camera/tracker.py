@@ -13,8 +13,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.random_streams import generator
 from imu_sim_ros.places.geometry import hidden
+from imu_sim_ros.random_streams import generator
 from imu_sim_ros.sensors.camera.scene import Scene
 from imu_sim_ros.sensors.camera.view import Frames, Poses, View, in_camera
 from imu_sim_ros.trajectory.motion import Trajectory

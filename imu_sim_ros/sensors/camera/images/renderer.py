@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import MissingDependencyError
+from imu_sim_ros.places.geometry import Surfaces
 from imu_sim_ros.sensors.camera.images.texture import (
     CELL,
     SHARES,
@@ -26,7 +27,6 @@ from imu_sim_ros.sensors.camera.images.texture import (
     within,
 )
 from imu_sim_ros.sensors.camera.model import CameraModel
-from imu_sim_ros.places.geometry import Surfaces
 from imu_sim_ros.sensors.camera.view import Poses
 from imu_sim_ros.types import Array
 
@@ -93,15 +93,19 @@ def _with_neighbours(cells: Mask) -> Mask:
 
 def regions(cells: Mask) -> Iterator[tuple[int, slice, slice]]:
     """Yield the number of each rectangle in some rows of cells (m, a, b), and where it may be."""
-    rows, columns = np.asarray(cells.any(axis=2)), np.asarray(cells.any(axis=1))
-    for m in np.flatnonzero(rows.any(axis=1)).tolist():
-        yield m, _extent(rows[m]), _extent(columns[m])
+    rows, columns = (_extents(np.asarray(cells.any(axis=k))) for k in (2, 1))
+    for m, (top, bottom) in enumerate(rows):
+        if bottom:
+            yield m, slice(top, bottom), slice(*columns[m])
 
 
-def _extent(cells: Mask) -> slice:
-    """Return the range of those (n,) that are set; one is."""
-    places = np.flatnonzero(cells)
-    return slice(int(places[0]), int(places[-1]) + 1)
+def _extents(cells: Mask) -> list[list[int]]:
+    """Return the range from the first to the last that is set of each row (m, n); 0, 0: none."""
+    first, last = cells.argmax(axis=1), cells.shape[1] - cells[:, ::-1].argmax(axis=1)
+    ranges = np.stack([first, last], axis=1)
+    ranges[~cells.any(axis=1)] = 0
+    found: list[list[int]] = ranges.tolist()
+    return found
 
 
 Bytes = NDArray[np.uint8]
@@ -115,6 +119,14 @@ _SIDEWAYS: Final = 0.05
 """Least cosine between the axis and a ray of a lens whose rays are in one cone."""
 _SLACK: Final = 1e-3
 """By which the cone of all rays is wider."""
+
+
+_MANY: Final = 40
+"""Surfaces above which it pays to leave out those that others hide."""
+_OCCLUDERS: Final = 32
+"""How many, the largest, may hide others."""
+_BEHIND: Final = 1e-4
+"""How far behind, relatively, and how far inside the other's edges, in metres, they must be."""
 
 
 class Maps(NamedTuple):
@@ -136,8 +148,10 @@ class _Visible(NamedTuple):
     planes: Planes
     cells: NDArray[np.bool_]
     """(m, a, b) where each may be."""
+    numbers: Integers
+    """(m,) of each."""
     levels: dict[int, Levels]
-    """Of those that are anywhere, around these cells."""
+    """Of those that were seen so far."""
 
 
 class _Band(NamedTuple):
@@ -229,16 +243,23 @@ class Renderer:
         if len(position) == 1 and self._cone is not None:
             corners = self._corners(facing) - position[0]
             beyond = (np.matmul(np.matmul(corners, r_wc[0]), self._cone) > 0.0).all(axis=1)
-            facing = facing[~beyond.any(axis=1)]
+            inside = ~beyond.any(axis=1)
+            facing, corners = facing[inside], corners[inside]
+            if len(facing) > _MANY:
+                facing = facing[~covered_by_another(corners)]
         planes = Planes.of(self.surfaces, facing, position, r_wc)
         cells = covered(planes, self._corners_of_cells)
-        found = {}
-        for m, rows, columns in regions(cells):
+        return _Visible(planes, cells, facing, {})
+
+    def _levels(self, visible: _Visible, m: int) -> Levels:
+        """Return the mip levels of a surface in all cells where it may be."""
+        if m not in visible.levels:
+            [(_, rows, columns)] = regions(visible.cells[m : m + 1])
             probes = self._probes.part(rows, columns)
-            _, _, places = planes.meet(m, probes.rays, probes.rows)
-            corner = rows.start, columns.start
-            found[m] = levels(places, self.atlas, int(facing[m]), self._trilinear, corner)
-        return _Visible(planes, cells, found)
+            _, _, places = visible.planes.meet(m, probes.rays, probes.rows)
+            corner, number = (rows.start, columns.start), int(visible.numbers[m])
+            visible.levels[m] = levels(places, self.atlas, number, self._trilinear, corner)
+        return visible.levels[m]
 
     def _cone_of_rays(self) -> Array | None:
         """Return the normals (3, 4) of planes through the camera that have all rays on one side.
@@ -308,11 +329,37 @@ class Renderer:
         if not shown.any():
             return
         np.copyto(nearest, inverse, where=shown)
-        found = visible.levels[m].part(cells, across)
+        found = self._levels(visible, m).part(cells, across)
         if found.share is not None and drawn.share is not None:
             np.copyto(drawn.share[here], in_pixels(found.share, *shown.shape), where=shown)
         for level, target in zip(found.each, drawn.places, strict=True):
             np.copyto(target[:, below, columns], in_atlas(places, level), where=shown)
+
+
+def covered_by_another(corners: Array) -> Mask:
+    """Tell which rectangles are behind a single other one, as a whole.
+
+    :param corners: (m, 4, 3) of each, from the eye: the origin and its ends across, up and both.
+    """
+    around = corners[:, [0, 1, 3, 2]]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    distance = np.abs((normals * corners[:, 0]).sum(axis=1))
+    middle = corners.mean(axis=1)
+    size = (
+        distance / np.maximum((middle * middle).sum(axis=1), 1e-6) ** 1.5
+    )  # about its solid angle
+    largest = np.argsort(-size, kind="stable")[:_OCCLUDERS]
+    near = around[largest]
+    sides = np.cross(near, np.roll(near, -1, axis=1))  # planes through the eye and an edge
+    lengths = np.sqrt((sides * sides).sum(axis=2, keepdims=True))
+    sides /= np.maximum(lengths, 1e-12)
+    inwards = np.sign((sides * middle[largest, None]).sum(axis=2, keepdims=True))
+    plane = normals[largest] / np.maximum(distance[largest, None], 1e-12)
+    plane *= np.sign((plane * near[:, 0]).sum(axis=1, keepdims=True))
+    beyond = np.tensordot(plane, corners, (1, 2)) > 1.0 + _BEHIND
+    within = np.tensordot(sides * inwards, corners, (2, 2)) > _BEHIND
+    hidden = np.asarray((beyond & within.all(axis=1)).all(axis=2))
+    return np.asarray(hidden.any(axis=0))
 
 
 def _pixels(cells: slice, length: int) -> slice:

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.random_streams import generator_at
-from imu_sim_ros.sensors.camera.images.tag36h11 import tag
 from imu_sim_ros.places.geometry import Surfaces
 from imu_sim_ros.places.paint import Painter
+from imu_sim_ros.random_streams import generator_at
+from imu_sim_ros.sensors.camera.images.tag36h11 import tag
 from imu_sim_ros.sensors.camera.scene_parameters import (
     AprilgridParameters,
     CheckerboardParameters,
@@ -97,7 +97,10 @@ def _of_place(surfaces: Surfaces, painter: Painter, colour: bool) -> Atlas:
     area = float((sides.prod(axis=1) * detail * detail).sum())
     texels = np.maximum(SMALLEST_TEXEL, math.sqrt(area / MOST_TEXELS_OF_PLACES)) / detail
     shapes = [
-        (min(max(1, round(height / texel)), _WIDTH - 8), min(max(1, round(width / texel)), _WIDTH - 8))
+        (
+            min(max(1, round(height / texel)), _WIDTH - 8),
+            min(max(1, round(width / texel)), _WIDTH - 8),
+        )
         for (width, height), texel in zip(sides.tolist(), texels.tolist(), strict=True)
     ]
     return _assembled(

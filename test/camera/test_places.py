@@ -1,0 +1,206 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Places before a camera: truth of depth, corners and tracks; the same bytes everywhere."""
+
+import hashlib
+
+import numpy as np
+import pytest
+
+from imu_sim_ros import rotation
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.places.catalogue import KINDS
+from imu_sim_ros.places.geometry import Caster, hidden
+from imu_sim_ros.places.light import Lamp, Lighting
+from imu_sim_ros.places.paint import Painter
+from imu_sim_ros.places.place import CLEARANCE, Builder, Place, Site
+from imu_sim_ros.places.prints import Print
+from imu_sim_ros.sensors.camera.images.imager import imagers
+from imu_sim_ros.sensors.camera.images.renderer import Renderer, look_up
+from imu_sim_ros.sensors.camera.images.texture import atlas
+from imu_sim_ros.sensors.camera.scene_parameters import CorridorParameters
+from imu_sim_ros.sensors.camera.view import Poses, in_camera
+
+SMALL = {
+    "camera__width": 188,
+    "camera__height": 120,
+    "camera__intrinsics": [114.7, 114.3, 91.8, 62.1],
+    "camera__distortion_model": "radtan",
+    "camera__distortion": [-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05],
+    "camera__mounting": [0.0, 0.0, 1.0, -1.0, 0.0, 0.0, 0.0, -1.0, 0.0],
+    "camera__rate": 20.0,
+    "camera__read_noise": 0.0,
+    "scene__horizon": 10.0,
+}
+TEXTURES = {}
+
+
+def make_imager(make_rig, kind, **values):
+    rig = make_rig("figure_eight", **{**SMALL, "scene__type": kind, **values})
+    return rig, imagers(rig.views, rig.scene, rig.parameters.scene, rig.trajectory)["cam0"]
+
+
+def distance_plainly(surfaces, eye, ray):
+    """Return how far the nearest front is that a ray of float64 meets."""
+    best = np.inf
+    for m in range(len(surfaces.origin)):
+        o, a, b = (part[m] for part in surfaces[:3])
+        n = np.cross(a, b)
+        if n @ ray >= 0.0:
+            continue
+        t = n @ (o - eye) / (n @ ray)
+        at = eye + t * ray - o
+        if 0.0 < t < best and 0 <= at @ a <= a @ a and 0 <= at @ b <= b @ b:
+            best = t
+    return best
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_depth_is_that_of_the_surfaces_equation(make_rig, kind):
+    """To 0.1 mm, or float32's 6e-8 of the distance times what a grazing ray makes of it."""
+    rig = make_rig("figure_eight", **{**SMALL, "scene__type": kind})
+    view = rig.views["cam0"]
+    renderer = Renderer(view.model, rig.scene.surfaces, no_textures(rig.scene.surfaces), 1)
+    stream = np.random.default_rng(2)
+    good = checked = 0
+    for t in (0.5, 3.0, 6.0):
+        poses = view.poses(rig.trajectory, np.array([t]))
+        depth = renderer.depth(poses)
+        for u, v in zip(stream.integers(0, 188, 60), stream.integers(0, 120, 60), strict=True):
+            ray = view.model.unproject([(float(u), float(v))]).direction[0]
+            way = rotation.rotate(poses.q_wc[0], ray)
+            expected = distance_plainly(rig.scene.surfaces, poses.position[0], way) * ray[2]
+            good += abs(depth[v, u] - expected) < 1e-4 * max(1.0, expected / 5.0)
+            checked += 1
+    assert good >= 0.97 * checked  # at an edge the other side may win
+
+
+def no_textures(surfaces):
+    from imu_sim_ros.sensors.camera.images.texture import LEVELS, Atlas
+
+    count = len(surfaces.origin)
+    size, place = np.ones((count, 2), np.float32), np.ones((count, LEVELS, 2), np.float32)
+    return Atlas(np.zeros((8, 8), np.uint8), size, place)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_nothing_stands_in_the_path(make_rig, kind):
+    rig = make_rig("figure_eight", **{**SMALL, "scene__type": kind})
+    surfaces = rig.scene.surfaces
+    path = rig.views["cam0"].poses(rig.trajectory, np.linspace(0.0, 10.0, 800)).position
+    caster, least = Caster(surfaces), np.inf
+    stream = np.random.default_rng(7)
+    for _ in range(30):
+        way = stream.standard_normal(3)
+        way = np.broadcast_to(way / np.linalg.norm(way), path.shape)
+        least = min(least, caster.cast(path, way).distance.min())
+    assert least > 0.9 * CLEARANCE
+    assert not hidden(surfaces, path[:-1], path[1:]).any()
+    # However much of it is flown.
+    short = make_rig("figure_eight", duration=2.0, **{**SMALL, "scene__type": kind})
+    assert np.array_equal(short.scene.surfaces.origin, surfaces.origin)
+    assert len(surfaces.origin) > 12
+
+
+def test_the_same_parameters_give_the_same_bytes(make_rig):
+    """On the oldest libraries and today's: this file runs on both."""
+    values = {"scene__light": "lamps", "scene__texture": "rich", "camera__encoding": "rgb8"}
+    total = hashlib.sha256()
+    for _ in range(2):
+        _, imager = make_imager(make_rig, "corridor", **values)
+        total.update(imager.image(20).tobytes() + imager.image(90).tobytes())
+    first, second = (make_imager(make_rig, "corridor")[1] for _ in range(2))
+    assert np.array_equal(first.image(33), second.image(33))
+    assert total.hexdigest()[:16] == "471fcfbc88d57e04"
+
+
+def test_texture_and_light_change_what_is_seen_and_nothing_else(make_rig):
+    rigs, images = {}, {}
+    for texture, light in (("rich", "lamps"), ("blank", "lamps"), ("rich", "dim")):
+        values = {"scene__texture": texture, "scene__light": light}
+        rigs[texture, light], imager = make_imager(make_rig, "corridor", **values)
+        images[texture, light] = np.stack([imager.image(k) for k in (10, 60, 110)]).astype(float)
+    rich, blank, dim = images.values()
+    assert dim.mean() < 0.75 * rich.mean()
+    slopes = [np.abs(np.diff(each, axis=2)).mean() for each in (rich, blank)]
+    assert slopes[1] < 0.8 * slopes[0]
+    one, two, _ = rigs.values()
+    walls = slice(0, 6)
+    assert np.array_equal(one.scene.surfaces.origin[walls], two.scene.surfaces.origin[walls])
+
+
+def test_landmarks_are_on_surfaces_and_seen_where_nothing_hides_them(make_rig):
+    rig = make_rig("figure_eight", **{**SMALL, "scene__type": "office", "scene__landmarks": 500})
+    tracks = next(rig.tracks("cam0", 40))
+    assert np.bincount(tracks.frame).min() > 3
+    poses = rig.views["cam0"].poses(rig.trajectory, np.arange(40) / 20.0)
+    points, eye = rig.scene.landmarks[tracks.landmark], poses.position[tracks.frame]
+    hits = Caster(rig.scene.surfaces).cast(eye, points - eye)
+    assert np.abs(hits.distance - 1.0).max() < 1e-6
+    local = in_camera(Poses(eye, poses.q_wc[tracks.frame]), points)
+    uv, valid = rig.views["cam0"].model.project(local)
+    assert valid.all()
+    assert np.abs(uv - tracks.uv_true).max() < 1e-9
+
+
+def test_a_path_that_leaves_its_place_is_refused(make_rig):
+    size = {"scene__size": [12.0, 3.0, 2.6], "scene__center": [0.0, 30.0, 1.0]}
+    with pytest.raises(ConfigurationError, match=r"leaves the corridor, from"):
+        make_rig("figure_eight", scene__type="corridor", **size)
+    with pytest.raises(ConfigurationError, match=r"along x must be at least 12 m for corridor"):
+        make_rig("figure_eight", scene__type="corridor", scene__size=[1.0, 3.0, 2.6])
+    with pytest.raises(ConfigurationError, match="must be one of rich, plain, blank"):
+        make_rig("figure_eight", scene__type="corridor", scene__texture="blanc")
+
+
+def test_corners_of_a_printed_grid_in_a_lit_scene_are_unbiased(make_rig):
+    """Light from one side and mip levels move no corner: OpenCV's refinement is the judge.
+
+    The wall's texels divide the squares, so its corners are where they are printed.
+    """
+    cv2 = pytest.importorskip("cv2")
+    site = Site(np.zeros(3), np.array([4.0, 4.0, 2.5]), np.zeros((0, 3)))
+    builder = Builder(site)
+    board = [Print("grid", 1.0, 0.5, 2.0, 1.5)]
+    builder.face((4.0, 4.0, 0.0), (0, -4.0, 0), (0, 0, 2.5), "plaster", board)
+    lamp = (np.array([2.0, 0.5, 2.4]), np.array([0.5, 0, 0]), np.array([0.0, -0.5, 0]))
+    lighting = Lighting([Lamp(lamp, (6.0, 6.0, 6.0))], sky=(0.2, 0.2, 0.2))
+    place = Place(tuple(builder.faces), lighting, site.low, site.high, np.zeros((0, 3)))
+    surfaces = place.surfaces()
+    textures = atlas(surfaces, CorridorParameters(), False, Painter(place, site))
+    assert textures.size.tolist() == [[1600.0, 1000.0]]
+    view = make_rig("figure_eight", **{**SMALL, "camera__width": 752, "camera__height": 480,
+                    "camera__intrinsics": [458.65, 457.3, 367.2, 248.4]}).views["cam0"]  # fmt: skip
+    renderer = Renderer(view.model, surfaces, textures, 4)
+    inner = np.array(
+        [(4.0, 3.0 - 0.1 * j, 0.5 + 0.1 * i) for i in range(1, 15) for j in range(1, 20)]
+    )
+    stream, errors, slopes = np.random.default_rng(3), [], []
+    for _ in range(6):
+        eye = np.array(
+            [stream.uniform(1.4, 2.2), stream.uniform(1.5, 2.5), stream.uniform(1.0, 1.5)]
+        )
+        turn = rotation.from_euler(stream.uniform(-0.12, 0.12, 3))
+        mounting = rotation.from_matrix(np.array(SMALL["camera__mounting"]).reshape(3, 3))
+        poses = Poses(eye[None], rotation.multiply(turn, mounting)[None])
+        total = np.zeros((480, 752), np.uint32)
+        for rows, maps in renderer.maps(poses):
+            picture = look_up(textures.image, maps)
+            for a, b in np.ndindex(4, 4):
+                total[rows] += picture[a::4, b::4]
+        image = np.rint(total / 16.0).astype(np.uint8)
+        n = len(inner)
+        local = in_camera(Poses(np.tile(eye, (n, 1)), np.tile(poses.q_wc, (n, 1))), inner)
+        uv, valid = view.model.project(local)
+        uv = uv[valid & view.model.inside(uv, 15.0)]
+        stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 60, 1e-5)
+        start = uv.astype(np.float32).reshape(-1, 1, 2)
+        found = cv2.cornerSubPix(image, start, (5, 5), (-1, -1), stop)
+        errors.append(found[:, 0] - uv)
+        slopes.append(float(image[:, :376].mean() - image[:, 376:].mean()))
+    errors = np.concatenate(errors)
+    assert len(errors) > 800
+    assert max(np.abs(slopes)) > 3.0  # the light does come from a side
+    assert np.abs(errors.mean(axis=0)).max() < 0.01
+    assert np.sqrt((errors**2).mean()) < 0.1

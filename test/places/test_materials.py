@@ -1,0 +1,66 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Materials repeat without a seam, at their size, in their colour; prints are what they are."""
+
+import numpy as np
+import pytest
+
+from imu_sim_ros.places.materials import _KINDS, colour_of, tile
+from imu_sim_ros.places.prints import PRINTS, Print, picture
+
+
+@pytest.mark.parametrize("kind", sorted(_KINDS))
+def test_a_tile_has_its_colour_and_no_seam(kind):
+    period = _KINDS[kind][2]
+    values = tile(kind, period / 200.0, 3, 1.0).astype(float)
+    assert values.shape == (200, 200, 3)
+    # Joints and pores are darker: the mean is within 24 grey values of the colour, clouds aside.
+    if kind != "sky":
+        assert np.abs(values.mean(axis=(0, 1)) - colour_of(kind)).max() < 24.0
+    grey = values.mean(axis=2)
+    for axis in (0, 1):
+        inside = np.abs(np.diff(grey, axis=axis)).mean()
+        seam = np.abs(np.take(grey, 0, axis) - np.take(grey, -1, axis)).mean()
+        rows = np.abs(np.diff(grey, axis=axis)).mean(axis=1 - axis)
+        assert seam <= max(1.5 * rows.max(), inside + 1.0)
+
+
+def test_bricks_have_their_size():
+    """Rows of 83.3 mm: 24 in 2 m, so the mortar's frequency is 24 in the tile."""
+    values = tile("brick", 0.004, 1, 1.0).astype(float).mean(axis=2)
+    spectrum = np.abs(np.fft.rfft(values.mean(axis=1) - values.mean()))
+    assert int(np.argmax(spectrum)) == 24
+
+
+def test_seed_colour_and_contrast_decide():
+    first = tile("concrete", 0.02, 1, 1.0)
+    assert np.array_equal(first, tile("concrete", 0.02, 1, 1.0))
+    assert not np.array_equal(first, tile("concrete", 0.02, 2, 1.0))
+    blank = tile("concrete", 0.02, 1, 0.25)
+    assert blank.std() < 0.4 * first.std()
+    red = tile("paint:c02020", 0.02, 1, 1.0).mean(axis=(0, 1))
+    assert red[0] > 180.0 > 50.0 > red[1]
+
+
+@pytest.mark.parametrize("kind", sorted(PRINTS))
+def test_a_print_fills_its_size_and_follows_its_number(kind):
+    what = Print(kind, 0.0, 0.0, 1.2, 0.8, 1)
+    image = picture(what, 0.01, 5)
+    assert image.shape == (80, 120, 3)
+    assert np.array_equal(image, picture(what, 0.01, 5))
+    drawn = {
+        "poster",
+        "notices",
+        "whiteboard",
+        "books",
+        "screen",
+        "window",
+        "night",
+        "label",
+        "paper",
+    }
+    other = picture(what._replace(number=2), 0.01, 5)
+    assert np.array_equal(image, other) == (kind not in drawn | {"door", "exit"})
+    if kind in ("grid", "door", "doors", "window", "books"):
+        assert np.ptp(image.astype(int)) > 80
