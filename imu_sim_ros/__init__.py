@@ -78,14 +78,14 @@ if TYPE_CHECKING:
     from imu_sim_ros.jobs.campaign import report as report
     from imu_sim_ros.jobs.convert import Converted as Converted
     from imu_sim_ros.jobs.convert import convert as convert
+    from imu_sim_ros.jobs.dead_reckon import Track as Track
+    from imu_sim_ros.jobs.dead_reckon import dead_reckon as dead_reckon
+    from imu_sim_ros.jobs.evaluate import Evaluation as Evaluation
+    from imu_sim_ros.jobs.evaluate import evaluate as evaluate
     from imu_sim_ros.jobs.flight import Flight as Flight
     from imu_sim_ros.jobs.flight import Truth as Truth
     from imu_sim_ros.jobs.generate import Generated as Generated
     from imu_sim_ros.jobs.generate import generate as generate
-    from imu_sim_ros.jobs.navigation import Evaluation as Evaluation
-    from imu_sim_ros.jobs.navigation import Track as Track
-    from imu_sim_ros.jobs.navigation import dead_reckon as dead_reckon
-    from imu_sim_ros.jobs.navigation import evaluate as evaluate
     from imu_sim_ros.jobs.preintegrate import preintegrate as preintegrate
     from imu_sim_ros.jobs.readings import Odometry as Odometry
     from imu_sim_ros.jobs.readings import Readings as Readings
@@ -126,7 +126,8 @@ _HOMES = {
     "jobs.convert": ["Converted", "convert"],
     "jobs.flight": ["Flight", "Truth"],
     "jobs.generate": ["Generated", "generate"],
-    "jobs.navigation": ["Evaluation", "Track", "dead_reckon", "evaluate"],
+    "jobs.dead_reckon": ["Track", "dead_reckon"],
+    "jobs.evaluate": ["Evaluation", "evaluate"],
     "jobs.preintegrate": ["preintegrate"],
     "jobs.readings": [
         *("Odometry", "Readings", "read_imu", "read_odometry"),

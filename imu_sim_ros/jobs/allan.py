@@ -19,7 +19,7 @@ from imu_sim_ros.calibration.noise.terms import quantity
 from imu_sim_ros.conventions import AXES, TRIADS
 from imu_sim_ros.jobs.flight import Flight, readings_of
 from imu_sim_ros.jobs.output import checked_place, saved
-from imu_sim_ros.jobs.readings import BAG_OR_FILE, Readings
+from imu_sim_ros.jobs.readings import BAG_OR_FILE, Readings, name_of
 from imu_sim_ros.types import Array
 
 if TYPE_CHECKING:
@@ -152,7 +152,7 @@ def allan(
         from imu_sim_ros.bags.read import imu_blocks
 
         path = arguments.path("source", source, BAG_OR_FILE)
-        name, blocks = path.name, imu_blocks(path, arguments.topic("topic", topic))
+        name, blocks = name_of(path), imu_blocks(path, arguments.topic("topic", topic))
         result = analyse([blocks], model=model, force=force)
     else:
         readings = readings_of("source", source, topic)

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -40,7 +40,7 @@ from imu_sim_ros.inputs import gate
 from imu_sim_ros.inputs.rows import Skipped
 from imu_sim_ros.jobs.flight import Flight, readings_of
 from imu_sim_ros.jobs.output import saved
-from imu_sim_ros.jobs.readings import BAG_OR_FILE, Readings
+from imu_sim_ros.jobs.readings import BAG_OR_FILE, Readings, name_of
 from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.navigation.state import correction_of
 from imu_sim_ros.parameters import files
@@ -190,12 +190,17 @@ class _Run:
     def name(self) -> str:
         """Of the file, or of the readings."""
         if self.path is not None:
-            return self.path.name
+            return name_of(self.path)
         return self._given.name if isinstance(self._given, Readings) else "flight"
 
-    def naming(self) -> AbstractContextManager[None]:
-        """Put the name of the file before every problem of its content."""
-        return contextlib.nullcontext() if self.path is None else naming(self.path)
+    @contextmanager
+    def naming(self) -> Iterator[None]:
+        """Put the name of the file, and what was skipped in it, before a problem of its content."""
+        try:
+            with contextlib.nullcontext() if self.path is None else naming(self.path):
+                yield
+        except InputError as error:
+            raise type(error)([*self._warnings, *error.problems]) from None
 
     def imu(self) -> Readings:
         """Return the readings."""

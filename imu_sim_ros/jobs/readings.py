@@ -28,6 +28,7 @@ from imu_sim_ros.timebase import span
 from imu_sim_ros.types import Array, Times
 
 if TYPE_CHECKING:
+    from imu_sim_ros.bags.read import OdometryMessages
     from imu_sim_ros.plots.style import Figure
 
 
@@ -121,6 +122,13 @@ class Odometry:
         ]
         gate.Verdict(self.t_ns, columns).complain(self.name)
 
+    @classmethod
+    def of_messages(cls, found: OdometryMessages, name: str) -> Odometry:
+        """Return the odometry of messages, whose velocities are in the body."""
+        velocity = rotate(found.q_wb, found.velocity_b)
+        poses = (found.t_ns, found.position, found.q_wb)
+        return cls(*poses, velocity, found.angular_velocity_b, name)
+
     def __len__(self) -> int:
         return len(self.t_ns)
 
@@ -161,7 +169,7 @@ def read_imu(path: str | Path, topic: str | None = None) -> Readings:
 
     path = arguments.path("path", path, BAG_OR_FILE)
     messages = read(path, arguments.topic("topic", topic))
-    return Readings(messages.t_ns, messages.gyro, messages.accel, Path(path).name)
+    return Readings(messages.t_ns, messages.gyro, messages.accel, name_of(path))
 
 
 def read_odometry(path: str | Path, topic: str | None = None) -> Odometry:
@@ -183,14 +191,12 @@ def read_odometry(path: str | Path, topic: str | None = None) -> Odometry:
     path = arguments.path("path", path, BAG_OR_FILE)
     topic = arguments.topic("topic", topic)
     found = read(path, topic if topic is None else "/" + topic.lstrip("/"))
-    return Odometry(
-        found.t_ns,
-        found.position,
-        found.q_wb,
-        rotate(found.q_wb, found.velocity_b),
-        found.angular_velocity_b,
-        Path(path).name,
-    )
+    return Odometry.of_messages(found, name_of(path))
+
+
+def name_of(path: Path) -> str:
+    """Return the name of a file or folder for titles, that of ``.`` too."""
+    return path.name or path.resolve().name or str(path)
 
 
 def check_arrays(rows: Any, names: Sequence[str]) -> None:

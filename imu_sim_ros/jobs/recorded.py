@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros import arguments
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.jobs.readings import BAG_OR_FILE
+from imu_sim_ros.jobs.readings import BAG_OR_FILE, name_of
 from imu_sim_ros.sensors import known_tables
 from imu_sim_ros.timebase import span
 from imu_sim_ros.types import Array, Times
@@ -109,7 +109,7 @@ def _read(kind: str, path: str | Path, topic: str | None) -> Samples:
     found = read_table(path, table, topic)
     if not len(found.t_ns):
         raise InputError(f"{path}: holds no {'orientation' if kind == 'orientation' else kind}")
-    return Samples(found.t_ns, found.values, found.covariance, Path(path).name)
+    return Samples(found.t_ns, found.values, found.covariance, name_of(path))
 
 
 def read_images(path: str | Path, topic: str | None = None) -> Iterator[tuple[int, NDArray[Any]]]:

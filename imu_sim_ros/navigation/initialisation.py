@@ -84,20 +84,6 @@ class Initial(NamedTuple):
     """Of the state's error."""
 
 
-def without_truth(source: str, remedy: str) -> InputError:
-    """Return the error of a start at the truth where there is none.
-
-    Levelling is never chosen silently: a body that moves would be levelled by its acceleration.
-
-    :param source: of the readings.
-    :param remedy: how another start is asked for.
-    """
-    return InputError(
-        f"{source}: no truth to start from or to compare with; at rest, or at a known state, "
-        f"start with {remedy}"
-    )
-
-
 def from_parameters(parameters: IntegratorParameters) -> Initial:
     """Return the start at :func:`given_state`."""
     return from_state(parameters, given_state(parameters))

@@ -139,3 +139,33 @@ def test_calibration_of_a_bag_needs_nothing_that_the_bag_has(tmp_path):
     for found in (six, turned, soaked):
         picture = found.save(tmp_path / f"{found.kind}.png")
         assert picture.read_bytes()[:4] == b"\x89PNG"
+
+
+def test_a_bag_is_dead_reckoned_as_the_program_does(tmp_path, capsys):
+    """Same numbers through both doors, skipped seconds and a level start with the truth's yaw."""
+    from imu_sim_ros.commands import dead_reckon
+
+    bag = tmp_path / "flight.mcap"
+    lead_in = {"lead_in": {"rest": 3.0}}
+    ims.generate(bag, imu="mpu6000", trajectory={"type": "circle", **lead_in}, duration=10, seed=1)
+    words = ["--initial-state", "level", "--set", "level_time=1.0", "--skip", "1s", "--json"]
+    assert dead_reckon.main([str(bag), *words]) == 0
+    told = json.loads(capsys.readouterr().out)
+    track = ims.dead_reckon(bag, initial="level", level_time=1.0, skip=1.0)
+    assert json.loads(json.dumps(track.to_dict())) == told
+    assert track.truth is not None
+    start = np.searchsorted(track.truth.t_ns, track.t_ns[0])
+    np.testing.assert_allclose(track.position[0], track.truth.position[start], atol=1e-6)
+    with pytest.raises(ims.InputError, match="no topic|holds no|/nowhere"):
+        ims.dead_reckon(bag, truth_topic="/nowhere")
+    assert track.save(tmp_path / "track.csv").read_text().startswith("#timestamp,p_RS_R_x [m]")
+
+
+def test_the_working_folder_is_a_recording_like_any_other(tmp_path, monkeypatch):
+    folder = tmp_path / "euroc"
+    ims.generate(folder, duration=1, format="euroc", rate=100)
+    monkeypatch.chdir(folder)
+    assert ims.read_imu(".").name == "euroc"
+    assert len(ims.dead_reckon(".")) == 100
+    with pytest.raises(ims.InputError, match="nearest|at least|0 readings|rest"):
+        ims.calibrate_six_position(".")

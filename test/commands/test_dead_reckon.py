@@ -190,7 +190,7 @@ def test_no_truth(tmp_path, capsys):
     bag = write(tmp_path / "bare", block_of(), topics=())
     (line,) = complain(capsys, bag)
     assert "no truth to start from" in line
-    assert "--initial-state level or --initial-state parameters" in line
+    assert "--initial-state level" in line
     found = result(capsys, bag, "--initial-state", "parameters")
     assert found["final_position_error_m"] is None
     assert found["distance_m"] > 0.0

@@ -1,0 +1,446 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Dead reckoning of readings."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.arguments import number, one_of, switch
+from imu_sim_ros.arguments import path as checked_path
+from imu_sim_ros.arguments import topic as checked_topic
+from imu_sim_ros.conventions import GRAVITY
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs.rows import Skipped
+from imu_sim_ros.jobs import tracks
+from imu_sim_ros.jobs.flight import Flight, readings_of
+from imu_sim_ros.jobs.output import saved
+from imu_sim_ros.jobs.readings import BAG_OR_FILE, Odometry, Readings, checked_poses, frame, name_of
+from imu_sim_ros.navigation import initialisation
+from imu_sim_ros.navigation.covariance import ATTITUDE, POSITION, initial_covariance, propagate
+from imu_sim_ros.navigation.dead_reckoning import dead_reckon as integrate
+from imu_sim_ros.navigation.evaluation import Drift, Truth, distances, drift_from
+from imu_sim_ros.navigation.noise import noise_of
+from imu_sim_ros.navigation.parameters import IntegratorParameters, layer_integrator
+from imu_sim_ros.navigation.state import (
+    Correction,
+    NavigationState,
+    NavigationStates,
+    correction_of,
+)
+from imu_sim_ros.parameters.files import build_layered
+from imu_sim_ros.rotation import to_euler
+from imu_sim_ros.sensors.environment import EnvironmentParameters
+from imu_sim_ros.sensors.gravity import earth_rate_vector, gravity_vector
+from imu_sim_ros.timebase import span
+from imu_sim_ros.types import Array, Times
+
+if TYPE_CHECKING:
+    from imu_sim_ros.plots.style import Figure
+
+_POSE: Final = np.r_[POSITION, ATTITUDE]
+_LONGEST_SKIP: Final = 2.0**31
+"""[s]"""
+CURVED_EARTH: Final = (
+    "simulated over a curved Earth, which is integrated as a plane: the errors include what the "
+    "local level turns and gravity changes along the way"
+)
+
+
+@dataclass(frozen=True, repr=False)
+class Track:
+    """A dead-reckoned trajectory."""
+
+    t_ns: Times
+    """(n,) stamps of the readings [ns]."""
+    position: Array
+    """(n, 3) p_wb [m]."""
+    velocity: Array
+    """(n, 3) of the body in the world [m/s]."""
+    q_wb: Array
+    """(n, 4) unit quaternions (w, x, y, z)."""
+    method: str
+    attitude_update: str
+    covariance: Array | None = None
+    """(n, 6, 6) of position [m] and attitude [rad], both in the world's axes; see `dead_reckon`."""
+    truth: Odometry | None = None
+    """The truth that came with the readings."""
+    name: str = ""
+    """Of the readings' sensor or file, for titles."""
+    initial_state: str = "truth"
+    """``truth``, ``level`` or ``parameters``, as in :func:`dead_reckon`."""
+
+    def __len__(self) -> int:
+        return len(self.t_ns)
+
+    def __repr__(self) -> str:
+        return f"<Track {self.method}, {self.attitude_update}: {span(self.t_ns)}>"
+
+    def to_frame(self) -> Any:
+        """Return a pandas DataFrame: index t_ns, columns position_x, q_w, velocity_x, ...
+
+        :raises MissingDependencyError: without pandas.
+        """
+        columns = {"position": self.position, "q": self.q_wb, "velocity": self.velocity}
+        return frame(self.t_ns, columns)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return length and errors, as ``--json`` prints them; None for errors without a truth."""
+        drift = self.drift()
+        length = float(distances(self.position)[-1]) if drift is None else drift.distance
+        result: dict[str, Any] = {
+            "method": self.method,
+            "attitude_update": self.attitude_update,
+            "initial_state": self.initial_state,
+            "samples": len(self),
+            "duration_s": float(self.t_ns[-1] - self.t_ns[0]) * 1e-9,
+            "distance_m": length,
+        }
+        for name, unit in (("position", "m"), ("velocity", "m_s"), ("attitude", "rad")):
+            result[f"final_{name}_error_{unit}"] = drift and drift.final(name)
+            result[f"rms_{name}_error_{unit}"] = drift and drift.rms(name)
+        for kind in ("final", "rms"):
+            error = result[f"{kind}_position_error_m"]
+            known = error is not None and length > 0.0
+            result[f"{kind}_position_error_percent"] = 100.0 * error / length if known else None
+        return result
+
+    def drift(self) -> Drift | None:
+        """Return truth minus estimate at the times that both have; None without a truth.
+
+        :raises InputError: if they do not overlap in time.
+        """
+        if self.truth is None:
+            return None
+        states = NavigationStates(self.t_ns, self.position, self.velocity, self.q_wb)
+        return drift_from(states, _comparable(self.truth))
+
+    def save(self, path: str | Path, *, force: bool = False) -> Path:
+        """Write the trajectory; returns the path.
+
+        :param path: ``.csv``: with velocity; anything else: poses in TUM format.
+        :param force: replace what exists.
+        :raises InputError: for a path that cannot be used or exists.
+        """
+        with saved(path, force) as place:
+            states = NavigationStates(self.t_ns, self.position, self.velocity, self.q_wb)
+            tracks.write_states(place, states)
+        return Path(path)
+
+    def plot(self) -> Figure:
+        """Return a matplotlib figure: the path, with the truth if there is one."""
+        return plot_tracks([self])
+
+
+def plot_tracks(shown: Sequence[Track]) -> Figure:
+    """Return a matplotlib figure of several ways to integrate the same readings."""
+    from imu_sim_ros.plots import navigation as pictures
+
+    names = [f"{track.method}, {track.attitude_update}" for track in shown]
+    drifts = {name: track.drift() for name, track in zip(names, shown, strict=True)}
+    errors = {
+        kind: {
+            name: ((d.t_ns - d.t_ns[0]) * 1e-9, np.linalg.norm(getattr(d, kind), axis=1))
+            for name, d in drifts.items()
+            if d is not None
+        }
+        for kind in ("position", "attitude")
+    }
+    first = shown[0]
+    sensor, _, motion = first.name.partition(" on ")
+    source = f"IMU {sensor}, trajectory {motion}" if motion else first.name
+    title = f"{source}: dead reckoning" if source else "Dead reckoning"
+    return pictures.trajectories(
+        {name: track.position for name, track in zip(names, shown, strict=True)},
+        None if first.truth is None else first.truth.position,
+        errors["position"],
+        errors["attitude"],
+        title + ("" if first.truth is None else " against the truth"),
+    )
+
+
+def dead_reckon(
+    readings: Flight | Readings | str | Path,
+    *,
+    method: str = "midpoint",
+    attitude_update: str = "so3",
+    initial: str | NavigationState | None = None,
+    imu_topic: str | None = None,
+    truth_topic: str | None = None,
+    skip: float = 0.0,
+    covariance: bool = False,
+    **parameters: Any,
+) -> Track:
+    """Integrate readings to a trajectory.
+
+    :param readings: a flight, readings, or a file that :func:`imu_sim_ros.read_imu` reads.
+    :param method: euler, midpoint or rk4.
+    :param attitude_update: quaternion, so3 or euler_angles.
+    :param initial: the state at the first reading, ``"truth"``, ``"level"`` (roll, pitch and the
+        gyroscope's bias from a rest of ``level_time``; position and yaw from the truth if there is
+        one), or ``"parameters"`` (``initial_position`` and so on). By default the truth.
+    :param imu_topic: of a bag with several.
+    :param truth_topic: of a bag, of type nav_msgs/Odometry; by default ``ground_truth/odom``.
+    :param skip: seconds from the first reading that are left out.
+    :param covariance: of the poses as well, of a flight from an exact start.
+    :param parameters: of the node integrator by their ROS names: ``gravity``, ``gyroscope_bias``,
+        ``accelerometer_scale_misalignment``, ``level_time``, ``max_gap``, ...
+    :returns: a :class:`Track`: the states at the readings' times.
+    :raises ConfigurationError: with a line for every parameter that is wrong.
+    :raises InputError: for readings that cannot be integrated, or that have no truth to start at.
+
+    >>> import imu_sim_ros as ims
+    >>> flight = ims.simulate(imu="perfect", trajectory="lecture", duration=20, rate=200)
+    >>> track = ims.dead_reckon(flight, method="midpoint")
+    >>> round(ims.evaluate(track, flight.truth).final_position, 5)
+    0.00129
+    """
+    if initial is not None and not isinstance(initial, NavigationState):
+        one_of("initial", initial, ("truth", "level", "parameters", "a NavigationState"))
+    switch("covariance", covariance)
+    number("skip", skip, "seconds, from 0 to 2^31", 0.0, _LONGEST_SKIP)
+    recording = _recording(readings, imu_topic, truth_topic).after(skip)
+    world = _world(readings)
+    if world.curved_earth:
+        warnings.warn(CURVED_EARTH, stacklevel=2)
+    parameters = {**world.parameters, **parameters}
+    initial = initial or "truth"
+    name = initial if isinstance(initial, str) else "parameters"
+    usual = not parameters and isinstance(method, str) and isinstance(attitude_update, str)
+    settings = (_usual_settings if usual else _settings)(
+        method, attitude_update, name, **_plain(parameters)
+    )
+    if isinstance(initial, NavigationState):
+        start = Start(recording, initial, correction_of(settings))
+    else:
+        start = started(settings, recording)
+    track = integrated(start, settings)
+    if not covariance:
+        return track
+    return replace(track, covariance=_covariance(readings, track, start))
+
+
+class World(NamedTuple):
+    """What integration has to know of the world that readings were simulated in."""
+
+    parameters: dict[str, Any]
+    """Gravity and the Earth's rate, if they are not the usual ones."""
+    curved_earth: bool
+
+
+class Recording(NamedTuple):
+    """Readings with their truth."""
+
+    readings: Readings
+    truth: Odometry | None
+
+    def after(self, skip: float) -> Recording:
+        """Return the recording without its first seconds."""
+        t_ns = self.readings.t_ns
+        if not skip or not len(t_ns):
+            return self
+        return self.rows(t_ns >= t_ns[0] + round(skip * 1e9))
+
+    def rows(self, rows: NDArray[np.bool_] | slice) -> Recording:
+        """Return the recording with some of its readings."""
+        own = self.readings
+        kept = Readings(own.t_ns[rows], own.gyro[rows], own.accel[rows], own.name)
+        return self._replace(readings=kept)
+
+
+class Start(NamedTuple):
+    """What integration begins with."""
+
+    recording: Recording
+    """From the start on."""
+    state: NavigationState
+    correction: Correction
+
+
+def _recording(
+    readings: Flight | Readings | str | Path, imu_topic: str | None, truth_topic: str | None
+) -> Recording:
+    if isinstance(readings, str | PathLike):
+        path = checked_path("readings", readings, BAG_OR_FILE)
+        topics = checked_topic("imu_topic", imu_topic), checked_topic("truth_topic", truth_topic)
+        return read_recording(path, *topics)
+    checked_topic("truth_topic", truth_topic, of_a_file=False)
+    found = readings_of("readings", readings, imu_topic, "imu_topic")
+    return Recording(found, readings.truth if isinstance(readings, Flight) else None)
+
+
+def read_recording(
+    path: Path,
+    imu_topic: str | None = None,
+    truth_topic: str | None = None,
+    skipped: Skipped | None = None,
+    truth_skipped: Skipped | None = None,
+) -> Recording:
+    """Return the readings of a file, and its truth if it has one.
+
+    :param skipped: receives how many bad readings are left out; None: they are errors.
+    :param truth_skipped: the same for the truth.
+    :raises InputError: for what cannot be read.
+    """
+    from imu_sim_ros.bags.read import read_imu, read_odometry  # most readings are at hand
+
+    found = read_imu(path, imu_topic, skipped)
+    readings = Readings(found.t_ns, found.gyro, found.accel, name_of(path))
+    truth = None
+    if truth_topic is not None or tracks.has_truth(path):
+        topic = tracks.truth_topic(path, truth_topic)
+        truth = Odometry.of_messages(read_odometry(path, topic, truth_skipped), name_of(path))
+    return Recording(readings, truth)
+
+
+def _world(readings: object) -> World:
+    if isinstance(readings, Flight):
+        return _known(readings.parameters)
+    if isinstance(readings, str | PathLike):
+        return read_world(Path(readings))
+    return _known(None)
+
+
+def read_world(path: Path) -> World:
+    """Return the world of a simulated file, as the realised truth next to it describes it."""
+    from imu_sim_ros.datasets.truth_files import world_of  # most readings are at hand
+
+    return _known(world_of(path))
+
+
+def _known(world: EnvironmentParameters | None) -> World:
+    if world is None:
+        return World({}, False)
+    gravity, rate = gravity_vector(world).tolist(), earth_rate_vector(world).tolist()
+    found = {"gravity": gravity} if tuple(gravity) != GRAVITY else {}
+    return World({**found, "earth_rate": rate} if any(rate) else found, world.curved_earth)
+
+
+def _settings(
+    method: str, attitude_update: str, initial: str, **parameters: object
+) -> IntegratorParameters:
+    given = {"method": method, "attitude_update": attitude_update, "initial_state": initial}
+    return build_layered(IntegratorParameters, layer_integrator, {**parameters, **given})
+
+
+_usual_settings = cache(_settings)
+"""Without parameters: many short records are integrated alike."""
+
+
+def started(settings: IntegratorParameters, recording: Recording) -> Start:
+    """Return where integration begins, by ``initial_state``.
+
+    :raises InputError: for a start at a truth that there is not, and a rest that is none.
+    """
+    readings, truth = recording.readings, recording.truth
+    if not len(readings):
+        raise InputError("0 readings: integration needs at least two")
+    if settings.initial_state == "parameters":
+        return Start(recording, initialisation.given_state(settings), correction_of(settings))
+    if settings.initial_state == "truth":
+        if truth is None:
+            raise _no_truth(readings.name)
+        late = readings.t_ns < _first_common(readings.t_ns, truth.t_ns, settings.max_gap)
+        if late.any():
+            recording = recording.rows(~late)
+        at = recording.readings.t_ns[0]
+        return Start(recording, _comparable(truth).at(int(at)), correction_of(settings))
+    rest = initialisation.rest_rows(settings, readings.t_ns)
+    start_ns = int(readings.t_ns[rest.stop - 1])
+    position = yaw = None
+    if truth is not None and truth.t_ns[0] <= start_ns <= truth.t_ns[-1]:
+        state = _comparable(truth).at(start_ns)
+        position, yaw = state.position, float(to_euler(state.q_wb)[2])
+    found = initialisation.from_rest(
+        settings, readings.gyro[rest], readings.accel[rest], position=position, yaw=yaw
+    )
+    return Start(recording.rows(slice(rest.stop - 1, None)), found.state, found.correction)
+
+
+def _no_truth(source: str) -> InputError:
+    """Return the error of a start at the truth without one.
+
+    Levelling is never chosen silently: a body that moves would be levelled by its acceleration.
+    """
+    return InputError(
+        f"{source}: no truth to start from or to compare with; a body that rests at first can "
+        "start level (in Python initial='level', --initial-state level), any other at given "
+        "parameters"
+    )
+
+
+def _first_common(t_ns: Times, truth_ns: Times, tolerance: float) -> int:
+    """Return the stamp from which readings have a truth.
+
+    :param tolerance: seconds of readings that may come before it.
+    :raises InputError: for more readings before it, and for a truth of another time.
+    """
+    first, last = int(truth_ns[0]), int(truth_ns[-1])
+    late = (first - int(t_ns[0])) * 1e-9
+    if first > t_ns[-1] or last < t_ns[0]:
+        raise InputError(
+            "readings and truth do not overlap in time: the readings span "
+            f"{t_ns[0] / 1e9:.3f} to {t_ns[-1] / 1e9:.3f} s, the truth from "
+            f"{first / 1e9:.3f} to {last / 1e9:.3f} s"
+        )
+    if late > tolerance:
+        shown = f"{math.ceil(late * 1e3) / 1e3:g}"
+        raise InputError(
+            f"the truth starts {late:.6g} s after the readings: leave these out (in Python skip="
+            f"{shown}, --skip {shown}s), or start level"
+        )
+    return first
+
+
+def _comparable(truth: Odometry) -> Truth:
+    return Truth(checked_poses("truth", truth), truth.velocity)
+
+
+def integrated(start: Start, settings: IntegratorParameters) -> Track:
+    """Return the trajectory that follows from a start."""
+    readings, truth = start.recording
+    states = integrate(
+        readings.t_ns,
+        readings.gyro,
+        readings.accel,
+        start.state,
+        settings.method,
+        settings.attitude_update,
+        settings.gravity,
+        start.correction,
+        settings.max_gap,
+        settings.earth_rate,
+    )
+    words = (settings.method, settings.attitude_update, None)
+    return Track(*states, *words, truth, readings.name, settings.initial_state)
+
+
+def _covariance(given: object, track: Track, start: Start) -> Array:
+    """Return the covariance (n, 6, 6) of the poses from an exact start."""
+    if not isinstance(given, Flight):
+        raise InputError("covariance: the sensor's errors are known of a flight alone")
+    imu = given.parameters.imu
+    initial = initial_covariance(
+        gyroscope_bias=imu.gyroscope.turn_on_bias_sigma,
+        accelerometer_bias=imu.accelerometer.turn_on_bias_sigma,
+    )
+    readings = start.recording.readings
+    force = start.correction.apply(readings.gyro, readings.accel)[1]
+    states = NavigationStates(track.t_ns, track.position, track.velocity, track.q_wb)
+    found = propagate(states, force, noise_of(imu), initial, range(len(track)))
+    return found[:, _POSE[:, None], _POSE]
+
+
+def _plain(values: Mapping[str, Any]) -> dict[str, object]:
+    return {n: v.tolist() if hasattr(v, "tolist") else v for n, v in values.items()}
