@@ -24,6 +24,7 @@ from imu_sim_ros.campaigns.cells import (
     cell_count,
     cells,
     expanded,
+    joined,
     read_axes,
 )
 from imu_sim_ros.campaigns.cells import word as in_words
@@ -72,6 +73,8 @@ _MAX_SEEDS: Final = 1_000_000
 _ALL_CHECKED: Final = 2000
 """Cells up to which every one is built before the start; each takes some 6 ms."""
 _MAX_PROBLEMS: Final = 20
+_FILES: Final = ("trajectory.file", "trajectory.height_map", "scene.file")
+"""Parameters that name files on which results depend."""
 
 
 @dataclass(frozen=True)
@@ -151,7 +154,7 @@ class Plan:
 
     def _split(self, cell: Cell) -> tuple[Layer, Layer]:
         """Return a cell's parameters of the cameras, and all others."""
-        given = {**self.parameters, **cell.layer()}
+        given = joined(self.parameters, cell.layer())
         if not has_cameras(given):
             return {}, given
         from imu_sim_ros.sensors.camera.rig_parameters import split_rig
@@ -204,7 +207,7 @@ def _in_cell(cell: Cell) -> Iterator[None]:
 def _file_digests(values: Mapping[str, object]) -> dict[str, str]:
     """Return the contents of the files of trajectory and scene, which may change under a name."""
     found = {}
-    for name in ("trajectory.file", "scene.file"):
+    for name in _FILES:
         path = Path(str(values.get(name, "")))
         if str(values.get(name, "")) and path.is_file():
             found[name] = hashlib.sha256(path.read_bytes()).hexdigest()
@@ -272,7 +275,7 @@ def _named_files(plan: Plan) -> set[tuple[str, Path]]:
     found = set()
     for cell in _along_axes(plan.axes) if plan.axes else plan.cells():
         layer = {**plan.parameters, **cell.layer()}
-        for name in ("trajectory.file", "scene.file"):
+        for name in _FILES:
             if layer.get(name):
                 found.add((name, Path(str(layer[name]))))
     return found
@@ -408,7 +411,7 @@ def _layer(content: object) -> Layer:
         return {}
     layer = files.dotted(content, "parameters")
     short = {name: layer.pop(name) for name in list(layer) if name in SHORT}
-    return {**expanded(short), **layer}
+    return joined(expanded(short), layer)
 
 
 def _seeds(content: object) -> tuple[int, ...]:

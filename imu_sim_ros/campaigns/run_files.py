@@ -17,13 +17,20 @@ from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.datasets.consumers.folder import write_all
 from imu_sim_ros.datasets.consumers.rig import RigValues
 from imu_sim_ros.datasets.consumers.values import ImuValues
-from imu_sim_ros.datasets.topics import BagTarget, DatasetTarget, resolved
+from imu_sim_ros.datasets.topics import (
+    BagTarget,
+    DatasetTarget,
+    in_tables,
+    resolved,
+    usual_topics,
+)
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.realised import realised_imu
 from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.parameters import carried
 
 if TYPE_CHECKING:
     from imu_sim_ros.sensors.camera.rig import Rig
@@ -49,17 +56,20 @@ def write_dataset(cell: SimulatedCell, form: str, seed: int, block: ImuBlock, pl
         return _bag(cell, place / _BAGS[form], rig, blocks)
     if form == "tracks":
         return _tracks(place / "dataset", rig, blocks)
-    path = place / "dataset"
+    path, further = place / "dataset", tuple(carried(cell.parameters))
     path.mkdir()
-    with Dataset(path / "mav0", "euroc", True) as dataset:
+    names = usual_topics(further, "euroc", path, imu_only=False)
+    tables = in_tables(names, "euroc", further=further)
+    with Dataset(path / "mav0", "euroc", True, tables=tables) as dataset:
+        target = DatasetTarget(dataset, further=further)
         if rig is None:
-            _write(DatasetTarget(dataset), None, blocks)
+            _write(target, None, blocks)
         else:
             from imu_sim_ros.datasets.images import ImageFolders
 
             comment = f"simulated by imu_sim_ros, seed {seed}"
             with ImageFolders(path / "mav0", rig, "euroc", 1, comment) as images:
-                _write(DatasetTarget(dataset), images, blocks)
+                _write(target, images, blocks)
     return path
 
 
@@ -130,7 +140,8 @@ def _tracks(path: Path, rig: "Rig | None", blocks: Iterator[ImuBlock]) -> Path:
 
 
 def _bag(cell: SimulatedCell, path: Path, rig: "Rig | None", blocks: Iterator[ImuBlock]) -> Path:
-    topics = {IMU_TOPIC: IMU_TOPIC, TRUTH_TOPIC: TRUTH_TOPIC}
+    of_body = usual_topics(carried(cell.parameters), None, path, imu_only=False)
+    topics = {name: name for name in (IMU_TOPIC, TRUTH_TOPIC, *of_body)}
     with open_writer(path) as writer:
         target = BagTarget(writer, {"": cell.parameters}, topics)
         if rig is None:

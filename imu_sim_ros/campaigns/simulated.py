@@ -16,6 +16,7 @@ from imu_sim_ros.navigation.state import NavigationStates
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.parameters import carried
 from imu_sim_ros.simulation.topics import delivered
 from imu_sim_ros.trajectory.motion import RememberedTrajectory
 from imu_sim_ros.types import Array
@@ -47,7 +48,9 @@ class SimulatedCell:
         self.plan, self.cell = plan, cell
         self.parameters = plan.simulation(cell)
         self.rig = plan.rig(cell)
-        self._base = Simulation(self.parameters, pose_reader=read_poses)
+        self._base = Simulation(
+            self.parameters, pose_reader=read_poses, sensors=tuple(carried(self.parameters))
+        )
         if self._base.total is None:
             raise ConfigurationError(
                 f"cell {cell.name}: duration = 0: this trajectory has no end; give a duration in "

@@ -495,3 +495,63 @@ def test_the_same_algorithm_has_the_same_errors_inside_and_as_a_program(plan_fil
     (row,) = CellRuns(alone, next(alone.cells())).rows([1], ["dead_reckon"], tmp_path / "out")
     assert row["align"] == "none"
     assert row["ate_rmse_m"] > 1.05 * a["ate_rmse_m"]
+
+
+AIDED = {"rate": 100.0, "duration": 3.0, "trajectory": "drive", "gnss": "zed_f9p"}
+
+
+@pytest.mark.parametrize("dataset", ["mcap", "rosbag2", "ros1"])
+def test_a_program_sees_fixes_and_odometry_in_a_bag(run_aided, dataset):
+    """The wheels come from the grid, the receiver from the plan's parameters."""
+    row = run_aided(
+        """
+import sys
+from imu_sim_ros.bags.read import open_bag, read_odometry
+with open_bag(sys.argv[1]) as bag:
+    counts = {topic.name: topic.count for topic in bag.topics}
+assert counts["/gps/fix"] == counts["/ground_truth/gps_fix"] == 30, counts
+assert counts["/wheel/odom"] == counts["/joint_states"] == 150, counts
+truth = read_odometry(sys.argv[1], "/ground_truth/odom")
+with open(sys.argv[2], "w") as file:
+    for t, p, q in zip(truth.t_ns, truth.position, truth.q_wb):
+        print(f"{t * 1e-9:.9f}", *p, *q[1:], q[0], file=file)
+""",
+        dataset,
+    )
+    assert row["status"] == "done"
+    assert row["ate_rmse_m"] < 1e-6
+
+
+def test_a_program_sees_fixes_and_odometry_in_a_folder(run_aided):
+    row = run_aided(
+        HONEST
+        + """
+for name, count in (("gps0", 30), ("wheels0", 150)):
+    lines = open(f"{dataset}/mav0/{name}/data.csv").read().splitlines()
+    assert len(lines) == 1 + count, (name, len(lines))
+    assert lines[0].startswith("#timestamp"), lines[0]
+""",
+        "euroc",
+    )
+    assert row["status"] == "done"
+
+
+@pytest.fixture
+def run_aided(tmp_path, plan_file):
+    """Return a function that runs one program on a flight with a receiver and wheels."""
+
+    def one(program, dataset):
+        script = tmp_path / "aided.py"
+        script.write_text(program, encoding="utf-8")
+        command = f"{{python}} {script} {{dataset}} {{estimate}}"
+        plan = load_plan(
+            plan_file(
+                parameters=AIDED,
+                grid={"wheels": ["husky_a200"]},
+                estimators={"aided": {"command": command, "dataset": dataset}},
+            )
+        )
+        (row,) = CellRuns(plan, next(plan.cells())).rows([1], ["aided"], tmp_path / "out")
+        return row
+
+    return one

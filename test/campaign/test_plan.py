@@ -213,3 +213,14 @@ def test_which_imu_asks_every_preset():
     (imu, motion) = load_plan(find_plan("which_imu")).axes
     assert sorted(value for (value,) in imu.rows) == files.names("imus")
     assert len(motion.rows) == 3
+
+
+def test_presets_of_sensors_of_the_body_add_up(plan_file):
+    plan = load_plan(
+        plan_file(parameters={"gnss": "phone"}, grid={"wheels": ["husky_a200", "f1tenth"]})
+    )
+    for cell, radius in zip(plan.cells(), (0.1651, 0.05), strict=True):
+        parameters = plan.simulation(cell)
+        assert parameters.sensors == ("gnss", "wheels")
+        assert parameters.wheels.radius == pytest.approx(radius, abs=0.02)
+        assert parameters.gnss.horizontal_sigma[0] > 1.0
