@@ -47,6 +47,11 @@ def parser() -> program.Parser:
         result.sensors.add_argument(
             f"--{name}", metavar="NAME|FILE", help=f"{name} of a preset ({known}) or a file"
         )
+    result.sensors.add_argument(
+        "--rinex",
+        action="store_true",
+        help="raw measurements of the receiver as RINEX, next to the output: NAME.obs, NAME.nav",
+    )
     _add_cameras(result)
     add_skip_bad_rows(result)
     group = result.add_argument_group("output")
@@ -185,6 +190,10 @@ def _put_sensors(given: dict[str, object], arguments: argparse.Namespace) -> Non
             named = list(carried_names(given))
             given["sensors"] = named if name in named else [*named, name]
             given[f"{name}.preset"] = preset
+    if arguments.rinex:
+        named = list(carried_names(given))
+        given["sensors"] = named if "gnss" in named else [*named, "gnss"]
+        given["gnss.raw.rinex"] = True
 
 
 def _notes(

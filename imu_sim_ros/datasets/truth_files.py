@@ -28,6 +28,20 @@ def configs(output: Path) -> Path:
     return output.parent / f"{output.name}_configs"
 
 
+def companions(output: Path, body: SimulationParameters) -> dict[str, list[Path]]:
+    """Return the files that sensors of the body have next to an output, by sensor.
+
+    :param body: the parameters of the body.
+    """
+    found = {}
+    for name, own in carried(body).items():
+        wanted = find_sensor(name).companions
+        suffixes = wanted.suffixes(own) if wanted else ()
+        if suffixes:
+            found[name] = [output.parent / f"{_stem(output)}{suffix}" for suffix in suffixes]
+    return found
+
+
 _WORLD: Final = (
     "gravity",
     "gravity_model",

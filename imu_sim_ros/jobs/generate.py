@@ -6,9 +6,10 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
@@ -42,6 +43,8 @@ from imu_sim_ros.jobs.simulate import GivenMotion, Moving, given_layers
 from imu_sim_ros.machine import cores
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import flatten
+from imu_sim_ros.sensors.declaration import Companion
+from imu_sim_ros.sensors.registry import find_sensor
 from imu_sim_ros.simulation.engine import SimulatedBody, Simulation
 from imu_sim_ros.simulation.playback import (
     SimulatorParameters,
@@ -278,6 +281,8 @@ def write(
         truths = truth_files.new_truths(path, job.simulated)
         for place in truths:
             written.add(place)
+        for place in itertools.chain.from_iterable(job.companions.values()):
+            written.add(place)
     with written:
         result = job.run(written, pose_reader, trajectory)
         for place, text in truths.items():
@@ -301,6 +306,9 @@ class _Job:
         self.dataset = dataset_form(path, form.dataset, form.of_bags_only())
         self.further = setup.simulator.sensors
         self.body = self.simulated[body_of(self.imus)]
+        self.companions: dict[str, list[Path]] = {}
+        if self.dataset not in _WITHOUT_READINGS:
+            self.companions = truth_files.companions(path, self.body)
         usual = usual_topics(self.further, self.dataset, path, options.imu_only)
         self.names = chosen_topics(
             form.topics,
@@ -331,6 +339,8 @@ class _Job:
     ) -> Generated:
         """Write the output and its configurations."""
         topics = sensors(self.names, self.imus, self.further)
+        of_all = body_of(self.imus)
+        topics[of_all] = topics[of_all] | self.companions.keys()
         body = SimulatedBody(self.simulated, pose_reader, topics, trajectory)
         if body.total is None:
             raise ConfigurationError(
@@ -346,7 +356,8 @@ class _Job:
         cameras = self._cameras(of_body)
         with self._target(output, cameras) as target:
             written.describe(self.path, target.described)
-            self._write(body, target)
+            with self._companions(of_body, written) as companions:
+                self._write(body, target, companions)
         if self.dataset == "tum_vi":
             from imu_sim_ros.datasets.configurations import write_tum_vi_calibration
 
@@ -453,8 +464,24 @@ class _Job:
                     describe(output, k, self.simulated[name], states, own, self.body)
         target.files = dataset.files
 
-    def _write(self, body: SimulatedBody, target: Any) -> None:
+    @contextmanager
+    def _companions(
+        self, simulation: Simulation, written: Outputs
+    ) -> Iterator[dict[str, Companion]]:
+        """Open the files that sensors of the body have next to the output, by sensor."""
+        own, opened = simulation.parameters, {}
+        with ExitStack() as stack:
+            for name, places in self.companions.items():
+                wanted = find_sensor(name).companions
+                assert wanted is not None
+                files = [written.where(place) for place in places]
+                made = wanted.open(getattr(own, name), own, simulation.t0_ns, files)
+                opened[name] = stack.enter_context(closing(made))
+            yield opened
+
+    def _write(self, body: SimulatedBody, target: Any, companions: Mapping[str, Companion]) -> None:
         """Write all samples; they are made in a thread of their own meanwhile."""
+        of_body = body_of(self.imus)
         with self.watcher.progress(body.total or 0) as advance:
             windows = prefetch(
                 body.windows(min(BLOCK_SIZE, getattr(target, "block_size", BLOCK_SIZE)))
@@ -462,6 +489,8 @@ class _Job:
             try:
                 for blocks in windows:
                     target.write(blocks)
+                    for name, companion in companions.items() if of_body in blocks else ():
+                        companion.write(blocks[of_body].auxiliary[name])
                     advance(sum(len(block.t_ns) for block in blocks.values()))
             finally:
                 windows.close()

@@ -11,6 +11,7 @@ parameter ``sensors``: its parameters are ``NAME.*``, and the body has one of th
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
@@ -137,6 +138,25 @@ def topic(
     return Topic(name, type_name, flags, make, truth, foreign)
 
 
+class Companion(Protocol):
+    """Files that are written next to an output while its samples are made."""
+
+    def write(self, read: Any) -> None:
+        """Write the next samples."""
+
+    def close(self) -> None:
+        """Complete the files."""
+
+
+class Companions(NamedTuple):
+    """Files that a sensor's own programs read, next to a bag or a dataset."""
+
+    suffixes: Callable[[Any], tuple[str, ...]]
+    """Returns of its section what the files' names end in; empty: none is wanted."""
+    open: Callable[[Any, EnvironmentParameters, int, Sequence[Path]], Companion]
+    """Takes its section, the environment, the time of the IMU's sample 0 [ns], and the files."""
+
+
 class Serial(NamedTuple):
     """What a sensor writes to a serial line: in a node, a pseudo-terminal."""
 
@@ -181,6 +201,7 @@ class Sensor:
     warnings: Callable[[Any, Trajectory, float], list[str]] = lambda own, trajectory, duration: []
     """Returns a line for each way in which a motion of this length [s] is not for this sensor."""
     serial: Serial | None = None
+    companions: Companions | None = None
     presets: str = ""
     """The folder in config/ of the files that ``NAME.preset`` names; empty: it has none."""
 

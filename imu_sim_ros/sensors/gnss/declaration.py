@@ -3,7 +3,7 @@
 
 """The GNSS receiver as the rest of the package sees it: topics, table, readings."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from imu_sim_ros.inputs.gate import OTHER
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.sensors.carried import CarriedReadings
-from imu_sim_ros.sensors.declaration import Model, Sensor, Serial, topic
+from imu_sim_ros.sensors.declaration import Companion, Companions, Model, Sensor, Serial, topic
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.gnss.parameters import GnssParameters
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Times
 
 FIX: Final = ("sensor_msgs/msg/NavSatFix", "NavSatFixEncoder")
 TWIST: Final = ("geometry_msgs/msg/TwistWithCovarianceStamped", "TwistWithCovarianceEncoder")
@@ -64,6 +64,30 @@ class GnssReadings(CarriedReadings):
     """(n,) of both."""
     dilution: Array
     """(n, 4) of east, north, up and clock; the clock's is 0 where it is not known."""
+    tag_ns: Times
+    """(n,) GPS time that the receiver's clock shows at the raw measurements, since 6 January 1980
+    [ns]; these, here and below, are there with `gnss.raw.rinex`, for PRN 1 to 32."""
+    pseudorange: Array
+    """(n, 32, f) on each frequency; NaN: not in view [m]."""
+    carrier_phase: Array
+    """(n, 32, f) [cycles]."""
+    doppler: Array
+    """(n, 32, f) [Hz]."""
+    lock: NDArray[np.int64]
+    """(n, 32) how often a satellite was found so far, each time with other ambiguities; 0: not in
+    view."""
+    elevation: Array
+    """(n, 32) [rad]."""
+    ideal_range: Array
+    """(n, 32) true distance [m]."""
+    satellite_clock: Array
+    """(n, 32) satellite's clock minus GPS time [s]."""
+    receiver_clock: Array
+    """(n,) [s]."""
+    ionosphere: Array
+    """(n, 32) delay on L1 [m]."""
+    troposphere: Array
+    """(n, 32) delay [m]."""
     ideal_geodetic: Array
     """(n, 3) of the antenna, without error."""
     ideal_position: Array
@@ -93,6 +117,14 @@ def _model(
     from imu_sim_ros.sensors.gnss.model import Receiver  # most runs have none
 
     return Receiver(own, environment, t0_ns, others)
+
+
+def _rinex(
+    own: GnssParameters, environment: EnvironmentParameters, t0_ns: int, files: Sequence[Path]
+) -> Companion:
+    from imu_sim_ros.sensors.gnss.rinex_files import RinexFiles
+
+    return RinexFiles(own, environment, t0_ns, files)
 
 
 def _sentences(read: Any, rows: Any) -> list[str]:
@@ -180,5 +212,6 @@ SENSOR = Sensor(
     readings=GnssReadings,
     text="GNSS receiver: fixes and velocities of an antenna, with outages and modes",
     serial=Serial(lambda own: str(own.nmea), _sentences),
+    companions=Companions(lambda own: (".obs", ".nav") if own.raw.rinex else (), _rinex),
     presets="gnss",
 )

@@ -16,6 +16,7 @@ from imu_sim_ros.sensors.carried import CarriedSensor
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.autoregressive import GaussMarkovBank
 from imu_sim_ros.sensors.errors.events import Events
+from imu_sim_ros.sensors.gnss.observations import Observer
 from imu_sim_ros.sensors.gnss.parameters import MODES, GnssParameters
 from imu_sim_ros.sensors.gnss.sky import UNUSABLE, Geometry, Sky, constant
 from imu_sim_ros.sensors.gravity import CurvedEarth, geodetic
@@ -56,6 +57,10 @@ class Receiver(CarriedSensor):
         self._random = Events(seed, f"{NAME}.outage", p.outage_rate, p.outage_duration, dt)
         self._dt = dt
         self._sky = Sky(p, environment, t0_ns) if p.sky == "satellites" else None
+        self._observer: Observer | None = None
+        if p.raw.rinex and self._sky is not None:
+            sky, raw = self._sky, p.raw
+            self._observer = Observer(raw, environment, sky.broadcast, sky.start, NAME, dt)
 
     def measure(self, t: Array, motion: Motion) -> Mapping[str, Array]:
         """Return place and velocity of the antenna as read, and the truth of both."""
@@ -67,16 +72,20 @@ class Receiver(CarriedSensor):
         error = self._error(sigma)
         velocity = self._velocity(motion)
         noise = p.velocity_sigma * self._numbers(self._of_velocity, len(t)).T
+        mode = np.where(self._is_out(t, ideal) | ~seen.usable, -1, mode).astype(np.int64)
+        measured = seen.used * (mode >= 0)
+        raw = self._observer.measure(t, ideal, velocity, measured) if self._observer else None
         return {
             "position": ideal + error.T,
             "ideal_position": ideal,
             "velocity": velocity + noise,
             "ideal_velocity": velocity,
             "variance": p.covariance_factor * np.square(sigma).T,
-            "mode": np.where(self._is_out(t, ideal) | ~seen.usable, -1, mode).astype(np.int64),
+            "mode": mode,
             "satellites": seen.satellites,
             "used": seen.used,
             "dilution": seen.dilution,
+            **(Observer.nothing(len(t)) if raw is None else raw),
         }
 
     def complete(self, values: Mapping[str, Array]) -> Mapping[str, Array]:

@@ -9,12 +9,62 @@ from itertools import pairwise
 from typing import Final
 
 from imu_sim_ros.parameters.kinds import choice, flag, integer, number, numbers, text
+from imu_sim_ros.parameters.sections import section
 from imu_sim_ros.sensors.own_rate_parameters import CarriedParameters
 from imu_sim_ros.timebase import LOWEST_RATE
 
 MODES: Final = ("single", "dgps", "float", "fixed")
 """What a receiver may reach: alone, with corrections, with carrier phase."""
 _EACH: Final = "for the modes single, dgps, float (RTK) and fixed (RTK)"
+
+
+@dataclass(frozen=True)
+class RawParameters:
+    """What the receiver measures of each satellite, and with which errors."""
+
+    rinex: bool = flag(
+        False,
+        "measure pseudorange, carrier phase and Doppler; generate writes them next to its output, "
+        "as RINEX: NAME.obs and NAME.nav",
+    )
+    frequencies: int = integer(2, "1: L1 C/A; 2: L2 P(Y) as well", minimum=1, maximum=2)
+    code_sigma: float = number(
+        0.3,
+        "standard deviation of a pseudorange at the zenith; over the sine of the elevation below",
+        unit="m",
+        minimum=0.0,
+    )
+    phase_sigma: float = number(0.002, "likewise of a carrier phase", unit="m", minimum=0.0)
+    rate_sigma: float = number(0.05, "likewise of a Dopplers' range rate", unit="m/s", minimum=0.0)
+    clock_offset: float = number(
+        1e-4,
+        "receiver's clock minus GPS time at the start",
+        unit="s",
+        minimum=-1e-2,
+        maximum=1e-2,
+    )
+    clock_drift: float = number(
+        1e-7, "its constant rate error", unit="s/s", minimum=-1e-4, maximum=1e-4
+    )
+    clock_random_walk: float = number(
+        3e-10,
+        "its random walk; a crystal's with temperature compensation (h0 = 2e-19 s)",
+        unit="s/sqrt(s)",
+        minimum=0.0,
+    )
+    ionosphere: bool = flag(True, "delay of the ionosphere by Klobuchar's model")
+    klobuchar: tuple[float, ...] = numbers(
+        (1.118e-8, -7.451e-9, -5.961e-8, 1.192e-7, 1.167e5, -2.294e5, -1.311e5, 1.049e6),
+        "its alpha 0 to 3 and beta 0 to 3, where the ephemeris file has none",
+        unit="s, s/semicircle, ...",
+        group=8,
+    )
+    troposphere: bool = flag(True, "delay of the troposphere by Saastamoinen's model")
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Say whether there are eight numbers."""
+        if len(self.klobuchar) != 8:
+            yield f"{prefix}klobuchar: must be eight numbers, alpha 0 to 3 and beta 0 to 3"
 
 
 @dataclass(frozen=True)
@@ -159,6 +209,12 @@ class GnssParameters(CarriedParameters):
         12, "satellites in use where `sky` is constant", minimum=4, maximum=60
     )
 
+    ephemeris: str = text(
+        "",
+        "RINEX navigation file, version 2 or 3, with the GPS satellites of the sky; empty: 30 that "
+        "stand in for them",
+    )
+    raw: RawParameters = section(RawParameters)
     nmea: str = text(
         "",
         "a node writes NMEA to a pseudo-terminal, as receivers do to a serial line: pty, or the "
@@ -189,6 +245,9 @@ class GnssParameters(CarriedParameters):
                 yield f"{prefix}mask_boxes: elevation {box[6]:g}: must be between 0 and 90 deg"
         if self.mask_boxes and self.sky == "constant":
             yield f"{prefix}mask_boxes: must be empty where {prefix}sky is constant"
+        if self.sky == "constant" and (self.ephemeris or self.raw.rinex):
+            name = "ephemeris" if self.ephemeris else "raw.rinex"
+            yield f"{prefix}{name}: must not be given where {prefix}sky is constant"
         if bool(self.multipath_rate) != bool(self.multipath_sigma):
             yield (
                 f"{prefix}multipath_rate = {self.multipath_rate:g} and {prefix}multipath_sigma = "

@@ -28,7 +28,7 @@ WEEK: Final = 604800
 _KEPLER_STEPS: Final = 4
 """Newton's; an eccentricity of 0.03 needs three for all digits."""
 
-_GPS_EPOCH: Final = datetime(1980, 1, 6, tzinfo=timezone.utc)
+GPS_EPOCH: Final = datetime(1980, 1, 6, tzinfo=timezone.utc)
 # GPS time minus UTC grew by a second at each of these dates (IERS Bulletin C).
 _LEAPS: Final = tuple(
     datetime(year, month, 1, tzinfo=timezone.utc).timestamp()
@@ -50,6 +50,11 @@ class GpsTime(NamedTuple):
     second: float
     """Of the week [s]."""
 
+    @property
+    def leap_seconds(self) -> int:
+        """Return GPS time minus UTC [s]."""
+        return leap_seconds(GPS_EPOCH.timestamp() + self.week * WEEK + self.second)
+
 
 def leap_seconds(unix: float) -> int:
     """Return GPS time minus UTC [s] at a Unix time [s].
@@ -70,7 +75,7 @@ def gps_time(t_ns: int) -> GpsTime:
     >>> gps_time(1_704_067_200_000_000_000)
     GpsTime(week=2295, second=86418.0)
     """
-    epoch = int(_GPS_EPOCH.timestamp())
+    epoch = int(GPS_EPOCH.timestamp())
     if t_ns < epoch * NANOSECONDS_PER_SECOND:
         t_ns += int(_STAND_IN.timestamp()) * NANOSECONDS_PER_SECOND
     t_ns += (leap_seconds(t_ns * 1e-9) - epoch) * NANOSECONDS_PER_SECOND
@@ -234,10 +239,3 @@ def almanac(week: int, toe: float) -> Ephemerides:
 def as_written(values: Array) -> Array:
     """Return numbers as RINEX holds them, with 13 digits."""
     return np.array([float(f"{value:.12e}") for value in values])
-
-
-def almanac_at(at: GpsTime) -> Ephemerides:
-    """Return the satellites of :func:`almanac` with the reference time that is nearest."""
-    nearest = round(at.second / VALIDITY) * VALIDITY
-    carry, toe = divmod(nearest, WEEK)
-    return almanac(at.week + int(carry), float(toe))

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.sensors.environment import EnvironmentParameters
+from imu_sim_ros.sensors.gnss.broadcast import SATELLITES, Broadcast
 from imu_sim_ros.sensors.gnss.parameters import GnssParameters
-from imu_sim_ros.sensors.gnss.satellites import almanac_at, gps_time, orbits
+from imu_sim_ros.sensors.gnss.satellites import gps_time, orbits
 from imu_sim_ros.sensors.gravity import earth_fixed, east_north_up, geodetic
 from imu_sim_ros.types import Array
 
@@ -83,7 +84,8 @@ class Sky:
         self, parameters: GnssParameters, environment: EnvironmentParameters, t0_ns: int
     ) -> None:
         """Start at time zero [ns]."""
-        self._environment, self._start = environment, gps_time(t0_ns)
+        self._environment, self.start = environment, gps_time(t0_ns)
+        self.broadcast = Broadcast(parameters.ephemeris, self.start)
         boxes = np.reshape(parameters.mask_boxes, (-1, 7))
         boxes = boxes[np.argsort(boxes[:, 6], kind="stable")]  # the highest of several counts
         self._boxes = boxes[:, :6]
@@ -122,27 +124,22 @@ class Sky:
         return used, found
 
     def _seen(self, t: Array, place: Array) -> tuple[Used, Array]:
-        used = np.zeros((len(t), len(self._masks), 32), np.int64)
+        used = np.zeros((len(t), len(self._masks), SATELLITES), np.int64)
         if not len(t):
             return used, np.zeros((0, len(self._masks), 4))
         latitude, longitude, height = geodetic(self._environment, place)
         origin = earth_fixed(latitude, longitude, height)
         axes = east_north_up(latitude, longitude)
-        position = np.empty((len(t), 0, 3))
-        for k, second in enumerate(t):
-            at = self._start._replace(second=self._start.second + float(second))
-            known = almanac_at(at)
-            here = orbits(known, at.week, np.array(at.second)).position
-            if not k:
-                position = np.empty((len(t), *here.shape))
-            position[k] = here
-        away = position - origin[:, None]
-        away /= np.linalg.norm(away, axis=-1, keepdims=True)
-        directions = away @ np.swapaxes(axes, -1, -2)
-        elevation = np.arcsin(directions[..., 2])
-        above = elevation[:, None] > self._masks[:, None]
-        used[..., known.prn - 1] = above
-        return used, dilution(directions[:, None], above)
+        found = np.full((*used.shape[:2], 4), np.inf)
+        for rows, known in self.broadcast.sets(self.start, t):
+            second = self.start.second + t[rows, None]
+            away = orbits(known, self.start.week, second).position - origin[rows, None]
+            away /= np.linalg.norm(away, axis=-1, keepdims=True)
+            directions = away @ np.swapaxes(axes[rows], -1, -2)
+            above = np.arcsin(directions[:, None, :, 2]) > self._masks[:, None]
+            used[rows[:, None, None], np.arange(len(self._masks))[:, None], known.prn - 1] = above
+            found[rows] = dilution(directions[:, None], above)
+        return used, found
 
     def _level(self, place: Array) -> NDArray[np.int64]:
         """Return the number of the mask (n,) that hides satellites at places (n, 3)."""

@@ -1,0 +1,330 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Raw measurements of a receiver: pseudorange, carrier phase and Doppler of each satellite in view.
+
+A measurement of a satellite s on a frequency f, with the wavelength L (Groves, 2nd ed., eq. 9.1)::
+
+    pseudorange   = rho + c (dt_r - dt_s + (f1/f)^2 TGD) + (f1/f)^2 I + T + noise
+    carrier phase = (rho + c (dt_r - dt_s) - (f1/f)^2 I + T + noise) / L + N
+    Doppler       = -(rho' + c (dt_r' - dt_s') + noise) / L
+
+rho is the distance between the antenna at reception and the satellite at emission, with the Earth's
+rotation on the way; the Doppler has no rates of the atmosphere, at most about 1 cm/s.
+"""
+
+from collections.abc import Mapping
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.random_streams import generator, generator_at
+from imu_sim_ros.sensors.environment import EnvironmentParameters
+from imu_sim_ros.sensors.gnss.broadcast import SATELLITES, Broadcast
+from imu_sim_ros.sensors.gnss.parameters import RawParameters
+from imu_sim_ros.sensors.gnss.satellites import (
+    EARTH_RATE,
+    LIGHT,
+    WEEK,
+    Ephemerides,
+    GpsTime,
+    orbits,
+)
+from imu_sim_ros.sensors.gravity import earth_fixed, east_north_up, geodetic
+from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
+from imu_sim_ros.types import Array
+
+L1: Final = 1575.42e6
+"""[Hz]"""
+L2: Final = 1227.60e6
+_STEP: Final = 1e-3
+"""[s] over which satellites' velocities are differences."""
+_FLIGHT_TIME: Final = 0.075
+"""[s] of a signal, roughly."""
+_FLIGHT_STEPS: Final = 3
+"""Each leaves a hundred-thousandth of the error."""
+_TICK_NS: Final = 100
+_OF_EACH_SIGNAL: Final = ("pseudorange", "carrier_phase", "doppler")
+_OF_EACH_SATELLITE: Final = (
+    *("elevation", "ideal_range", "satellite_clock", "ionosphere", "troposphere"),
+)
+_AMBIGUITY: Final = 1_000_000
+"""Ambiguities are drawn below this [cycles]."""
+
+
+def klobuchar(
+    at: GpsTime, seconds: Array, place: tuple[Array, Array], look: tuple[Array, Array], ion: Array
+) -> Array:
+    """Return ionospheric delays on L1 (n, k) [m] (IS-GPS-200, 20.3.3.5.2.5).
+
+    :param at: time zero; only the second of the week counts.
+    :param seconds: (n,) since then.
+    :param place: latitude and longitude (n,) [rad].
+    :param look: azimuth and elevation (n, k) [rad].
+    :param ion: (8,) alpha 0 to 3 and beta 0 to 3.
+    """
+    azimuth, elevation = look[0], look[1] / np.pi
+    latitude, longitude = (one[:, None] / np.pi for one in place)
+    psi = 0.0137 / (elevation + 0.11) - 0.022
+    phi = np.clip(latitude + psi * np.cos(azimuth), -0.416, 0.416)
+    lam = longitude + psi * np.sin(azimuth) / np.cos(phi * np.pi)
+    phi = phi + 0.064 * np.cos((lam - 1.617) * np.pi)
+    local = np.remainder(43200.0 * lam + at.second + seconds[:, None], 86400.0)
+    slant = 1.0 + 16.0 * (0.53 - elevation) ** 3
+    amplitude = np.maximum(np.polynomial.polynomial.polyval(phi, ion[:4]), 0.0)
+    period = np.maximum(np.polynomial.polynomial.polyval(phi, ion[4:]), 72000.0)
+    x = 2.0 * np.pi * (local - 50400.0) / period
+    day = amplitude * (1.0 + x * x * (-0.5 + x * x / 24.0))
+    result: Array = LIGHT * slant * (5e-9 + np.where(np.abs(x) < 1.57, day, 0.0))
+    return result
+
+
+def saastamoinen(latitude: Array, height: Array, elevation: Array, humidity: float = 0.7) -> Array:
+    """Return tropospheric delays (n, k) [m] in the standard atmosphere (Saastamoinen, 1972).
+
+    The form and the constants are those of RTKLIB's manual, E.5 (1); at most 1e4 m high.
+
+    :param latitude: (n,) [rad]
+    :param height: (n,) above the ellipsoid [m].
+    :param elevation: (n, k) [rad]
+    """
+    h = np.clip(height, 0.0, 1e4)
+    pressure = 1013.25 * (1.0 - 2.2557e-5 * h) ** 5.2568
+    temperature = 15.0 - 6.5e-3 * h + 273.16
+    vapour = 6.108 * humidity * np.exp((17.15 * temperature - 4684.0) / (temperature - 38.45))
+    dry = 0.0022768 * pressure / (1.0 - 0.00266 * np.cos(2.0 * latitude) - 0.00028 * h / 1e3)
+    wet = 0.002277 * (1255.0 / temperature + 0.05) * vapour
+    result: Array = (dry + wet)[:, None] / np.sin(elevation)
+    return result
+
+
+class Antenna(NamedTuple):
+    """Where an antenna is at n times, Earth-fixed."""
+
+    position: Array
+    """(n, 3) [m]"""
+    velocity: Array
+    """(n, 3) [m/s]"""
+    latitude: Array
+    """(n,) [rad]"""
+    longitude: Array
+    height: Array
+    """(n,) above the ellipsoid [m]."""
+    axes: Array
+    """(n, 3, 3) directions of east, north and up."""
+
+
+def antenna(environment: EnvironmentParameters, place: Array, velocity: Array) -> Antenna:
+    """Return places and velocities (n, 3) in the world as Earth-fixed ones."""
+    latitude, longitude, height = geodetic(environment, place)
+    axes = east_north_up(latitude, longitude)
+    turn = axes
+    if not environment.curved_earth:  # there the world's axes are those of its origin everywhere
+        origin = np.array([environment.latitude_deg]), np.array([environment.longitude_deg])
+        turn = np.broadcast_to(east_north_up(*origin), axes.shape)
+    return Antenna(
+        earth_fixed(latitude, longitude, height),
+        np.einsum("nij,ni->nj", turn, velocity),
+        np.radians(latitude),
+        np.radians(longitude),
+        height,
+        axes,
+    )
+
+
+class Ranges(NamedTuple):
+    """What k satellites are to an antenna at n times, all (n, k)."""
+
+    distance: Array
+    """[m]"""
+    rate: Array
+    """[m/s]"""
+    clock: Array
+    """Of the satellite [s]."""
+    clock_rate: Array
+    """[s/s]"""
+    azimuth: Array
+    """[rad]"""
+    elevation: Array
+    """[rad]"""
+
+
+def ranges(known: Ephemerides, week: int, second: Array, at: Antenna) -> Ranges:
+    """Return distances and so on of satellites at reception times (n,) [s of the week]."""
+    flight = np.full((len(second), len(known.prn)), _FLIGHT_TIME)
+    place, distance = np.empty(0), np.empty(0)
+    for _ in range(_FLIGHT_STEPS):
+        place = _turned(orbits(known, week, second[:, None] - flight).position, flight)
+        distance = np.linalg.norm(place - at.position[:, None], axis=-1)
+        flight = distance / LIGHT
+    emitted = second[:, None] - flight
+    before, after = (orbits(known, week, emitted + s * _STEP) for s in (-0.5, 0.5))
+    clock, drift = 0.5 * (before.clock + after.clock), (after.clock - before.clock) / _STEP
+    velocity = _turned((after.position - before.position) / _STEP, flight)
+    away = (place - at.position[:, None]) / distance[..., None]
+    approach = np.sum(away * velocity, axis=-1)
+    # The turn on the way changes with the distance: d(R r)/dt = R v + w x R r, tau' = rho' / c.
+    swing = -EARTH_RATE * (away[..., 1] * place[..., 0] - away[..., 0] * place[..., 1]) / LIGHT
+    own = np.einsum("nkj,nj->nk", away, at.velocity)
+    rate = (approach - own) / (1.0 + approach / LIGHT - swing)
+    local = away @ np.swapaxes(at.axes, -1, -2)
+    azimuth = np.arctan2(local[..., 0], local[..., 1])
+    return Ranges(distance, rate, clock, drift, azimuth, np.arcsin(local[..., 2]))
+
+
+def _turned(place: Array, flight: Array) -> Array:
+    """Return places (..., 3) at emission in the Earth-fixed axes of reception."""
+    angle = EARTH_RATE * flight
+    sine, cosine = np.sin(angle), np.cos(angle)
+    x, y, z = np.moveaxis(place, -1, 0)
+    return np.stack([cosine * x + sine * y, cosine * y - sine * x, z], axis=-1)
+
+
+class Observer:
+    """The raw measurements of one receiver."""
+
+    def __init__(
+        self,
+        parameters: RawParameters,
+        environment: EnvironmentParameters,
+        broadcast: Broadcast,
+        start: GpsTime,
+        name: str,
+        dt: float,
+    ) -> None:
+        """Set up clock and noise at their start.
+
+        :param start: GPS time of time zero.
+        :param name: the first part of the names of its random streams.
+        :param dt: time between two measurements [s].
+        """
+        self._parameters, self._environment = parameters, environment
+        self._broadcast, self._start, self._dt = broadcast, start, dt
+        self._frequencies = np.array([L1, L2][: parameters.frequencies])
+        seed, self._seed, self._name = environment.seed, environment.seed, f"{name}.raw"
+        self._noise = [generator(seed, f"{self._name}.{one}") for one in ("code", "phase", "rate")]
+        self._steps, self._walked = generator(seed, f"{self._name}.clock"), 0.0
+        self._count = 0
+        self._locks = np.zeros(SATELLITES, np.int64)
+        self._locked = np.zeros(SATELLITES, np.bool_)
+        self._cycles = np.zeros((SATELLITES, len(self._frequencies)))
+        ion = broadcast.ionosphere
+        self._ion = np.array(parameters.klobuchar) if ion is None else ion
+
+    def measure(
+        self, t: Array, place: Array, velocity: Array, used: NDArray[np.int64]
+    ) -> Mapping[str, Any]:
+        """Return the measurements of the next n times, and the truth of them.
+
+        The receiver measures when its clock shows the times, in ticks of RINEX.
+
+        :param t: (n,) since time zero [s].
+        :param place: (n, 3) of the antenna in the world [m].
+        :param velocity: (n, 3) [m/s]
+        :param used: (n,) bit ``prn - 1`` is set for each satellite that is measured.
+        """
+        clock = self._clock(len(t))
+        true_ns = round(self._start.second * 1e9) + np.round(t * 1e9).astype(np.int64)
+        tag_ns = (true_ns + _TICK_NS // 2) // _TICK_NS * _TICK_NS
+        off = (tag_ns - true_ns) * 1e-9 - clock
+        here = antenna(self._environment, place + off[:, None] * velocity, velocity)
+        shape = (len(t), SATELLITES)
+        truth = {name: np.full(shape, np.nan) for name in Ranges._fields}
+        delay = np.zeros(SATELLITES)
+        for rows, known in self._broadcast.sets(self._start, t):
+            own = Antenna(*(values[rows] for values in here))
+            seen = ranges(known, self._start.week, self._start.second + (t + off)[rows], own)
+            for name, values in seen._asdict().items():
+                truth[name][np.ix_(rows, known.prn - 1)] = values
+            delay[known.prn - 1] = known.tgd
+        visible = (used[:, None] >> np.arange(SATELLITES) & 1).astype(np.bool_)
+        for values in truth.values():
+            values[~visible] = np.nan
+        seen = Ranges(**truth)
+        ionosphere, troposphere = self._atmosphere(t, here, seen)
+        common = seen.distance + LIGHT * (clock[:, None] - seen.clock) + troposphere
+        rate = seen.rate + LIGHT * (self._parameters.clock_drift - seen.clock_rate)
+        scale = np.square(L1 / self._frequencies)
+        code, phase, speed = self._errors(shape, seen.elevation)
+        wavelength = LIGHT / self._frequencies
+        later = ionosphere[..., None] * scale
+        delays = (LIGHT * delay)[:, None] * scale
+        lock, cycles = self._lock(visible)
+        return {
+            "tag_ns": tag_ns + self._start.week * WEEK * NANOSECONDS_PER_SECOND,
+            "pseudorange": common[..., None] + delays + later + code,
+            "carrier_phase": (common[..., None] - later + phase) / wavelength + cycles,
+            "doppler": -(rate[..., None] + speed) / wavelength,
+            "lock": lock,
+            "elevation": seen.elevation,
+            "ideal_range": seen.distance,
+            "satellite_clock": seen.clock,
+            "receiver_clock": clock,
+            "ionosphere": ionosphere,
+            "troposphere": troposphere,
+        }
+
+    @staticmethod
+    def nothing(count: int) -> Mapping[str, Any]:
+        """Return the measurements of no satellite at n times."""
+        three = {name: np.empty((count, 0, 0)) for name in _OF_EACH_SIGNAL}
+        two = {name: np.empty((count, 0)) for name in _OF_EACH_SATELLITE}
+        lock = np.empty((count, 0), np.int64)
+        tag_ns = np.zeros(count, np.int64)
+        return {**three, **two, "lock": lock, "tag_ns": tag_ns, "receiver_clock": np.zeros(count)}
+
+    def _clock(self, count: int) -> Array:
+        """Return the receiver's clock error (n,) [s] at the next times."""
+        p = self._parameters
+        k = self._count + np.arange(count)
+        self._count += count
+        clock = np.asarray(p.clock_offset + p.clock_drift * self._dt * k, np.float64)
+        if p.clock_random_walk:
+            steps = p.clock_random_walk * np.sqrt(self._dt) * self._steps.standard_normal(count)
+            walked = np.cumsum(np.concatenate([[self._walked], steps]))
+            self._walked = float(walked[-1])
+            clock = clock + walked[1:]
+        return clock
+
+    def _atmosphere(self, t: Array, here: Antenna, seen: Ranges) -> tuple[Array, Array]:
+        """Return the delays (n, k) of ionosphere, on L1, and troposphere [m]."""
+        p, look = self._parameters, (seen.azimuth, seen.elevation)
+        nothing = np.zeros_like(seen.elevation)
+        above, below = nothing, nothing
+        if p.ionosphere:
+            place = (here.latitude, here.longitude)
+            above = klobuchar(self._start, t, place, look, self._ion)
+        if p.troposphere:
+            below = saastamoinen(here.latitude, here.height, seen.elevation)
+        return above, below
+
+    def _errors(self, shape: tuple[int, int], elevation: Array) -> list[Array]:
+        """Return the noise (n, k, f) of code, phase and rate; larger at low elevations."""
+        p, each = self._parameters, (*shape, len(self._frequencies))
+        sigmas = (p.code_sigma, p.phase_sigma, p.rate_sigma)
+        return [
+            sigma / np.sin(elevation)[..., None] * stream.standard_normal(each)
+            for sigma, stream in zip(sigmas, self._noise, strict=True)
+        ]
+
+    def _lock(self, visible: NDArray[np.bool_]) -> tuple[NDArray[np.int64], Array]:
+        """Return how often each satellite was found (n, k), and its ambiguities (n, k, f)."""
+        before = np.concatenate([self._locked[None], visible])[:-1]
+        found = np.cumsum(visible & ~before, axis=0)
+        lock = self._locks + found
+        cycles = np.empty((*visible.shape, len(self._frequencies)))
+        for k in range(SATELLITES):
+            starts = np.flatnonzero(found[:, k] > np.concatenate([[0], found[:-1, k]]))
+            begin, current = 0, self._cycles[k].copy()
+            for start in starts.tolist():
+                cycles[begin:start, k] = current
+                number = int(lock[start, k])
+                stream = generator_at(self._seed, f"{self._name}.cycles.{k + 1}", number)
+                current = stream.integers(-_AMBIGUITY, _AMBIGUITY, len(current)).astype(float)
+                begin = start
+            cycles[begin:, k] = current
+            self._cycles[k] = current
+        if len(visible):
+            self._locks, self._locked = lock[-1], visible[-1]
+        return np.where(visible, lock, 0), cycles

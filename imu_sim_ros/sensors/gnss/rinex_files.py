@@ -1,0 +1,84 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The RINEX files of a run: observations as they come, navigation data at the end."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from imu_sim_ros.sensors.environment import EnvironmentParameters
+from imu_sim_ros.sensors.gnss import rinex
+from imu_sim_ros.sensors.gnss.broadcast import Broadcast
+from imu_sim_ros.sensors.gnss.parameters import GnssParameters
+from imu_sim_ros.sensors.gnss.satellites import gps_time
+from imu_sim_ros.sensors.gravity import earth_fixed
+
+
+class RinexFiles:
+    """An observation file and a navigation file."""
+
+    def __init__(
+        self,
+        own: GnssParameters,
+        environment: EnvironmentParameters,
+        t0_ns: int,
+        files: Sequence[Path],
+    ) -> None:
+        """Open them.
+
+        :param files: of observations, and of navigation data.
+        """
+        self._own, self._t0_ns = own, t0_ns
+        self._start = gps_time(t0_ns)
+        self._broadcast = Broadcast(own.ephemeris, self._start)
+        self._observations = files[0].open("w", encoding="ascii", newline="\n")
+        self._navigation = files[1]
+        self._last = 0.0
+        self._lock: np.ndarray[Any, Any] | None = None
+        self._begun = False
+
+    def write(self, read: Any) -> None:
+        """Write the measurements of the next samples."""
+        if not len(read.tag_ns):
+            return
+        lock = read.lock
+        if self._lock is None:
+            self._lock = np.zeros(lock.shape[1], np.int64)
+        reached = np.maximum.accumulate(np.concatenate([self._lock[None], lock]), axis=0)
+        epochs = rinex.Epochs(
+            read.tag_ns,
+            read.pseudorange,
+            read.carrier_phase,
+            read.doppler,
+            read.elevation,
+            lock > reached[:-1],
+        )
+        self._lock = reached[-1]
+        if not self._begun:
+            self._begun = True
+            place = earth_fixed(*read.ideal_geodetic[:1].T)[0]
+            self._observations.write(
+                rinex.observation_header(
+                    place,
+                    self._own.raw.frequencies,
+                    int(read.tag_ns[0]),
+                    1.0 / self._own.rate,
+                    self._start.leap_seconds,
+                )
+            )
+        self._observations.writelines(rinex.observations(epochs))
+        self._last = (int(read.true_t_ns[-1]) - self._t0_ns) * 1e-9
+
+    def close(self) -> None:
+        """Write the navigation data, and close both."""
+        self._observations.close()
+        raw = self._own.raw
+        known = self._broadcast.ionosphere
+        given = np.array(raw.klobuchar) if known is None else known
+        ionosphere = given if raw.ionosphere else None
+        with self._navigation.open("w", encoding="ascii", newline="\n") as file:
+            satellites = self._broadcast.written(self._start, self._last)
+            rinex.write_navigation(file, satellites, ionosphere, self._start.leap_seconds)
