@@ -140,9 +140,11 @@ class _Mark(NamedTuple):
 
 
 class _Buffer(NamedTuple):
-    """Memory for the rows of a chunk, which have the bytes of a template."""
+    """Memory for the rows of a chunk, which have the bytes of a template but for columns."""
 
     template: bytes
+    offsets: list[int]
+    """Of the columns; what else a row holds is the template's."""
     rows: Bytes
 
 
@@ -375,15 +377,16 @@ class ChunkWriter(Writer):
         if job.buffer is not None:
             self._buffers.append(job.buffer)
 
-    def _buffer(self, template: bytes, count: int) -> _Buffer:
+    def _buffer(self, table: RowTemplate) -> _Buffer:
         """Return memory for a chunk of some rows."""
+        template, offsets = table.template, [offset for offset, _ in table.columns]
         while self._buffers:
             buffer = self._buffers.pop()
-            if buffer.template == template and len(buffer.rows) >= count:
+            if buffer[:2] == (template, offsets) and len(buffer.rows) >= len(table):
                 return buffer
-        rows = np.empty((count + _SPARE_ROWS, len(template)), np.uint8)
+        rows = np.empty((len(table) + _SPARE_ROWS, len(template)), np.uint8)
         rows[:] = np.frombuffer(template, np.uint8)
-        return _Buffer(template, rows)
+        return _Buffer(template, offsets, rows)
 
     def _emit_rows(self, blocks: Sequence[Block]) -> None:
         """Write blocks of different topics with the same times: one message of each in turn."""
@@ -402,7 +405,7 @@ class ChunkWriter(Writer):
                 if not isinstance(payloads, list)
             ]
             table = side_by_side(patterns)
-            buffer = self._buffer(table.template, len(table))
+            buffer = self._buffer(table)
             rows = buffer.rows[: len(table)]
             table.fill(rows)
             starts = np.arange(stop - start, dtype=np.int64) * table.shape[1]

@@ -260,4 +260,4 @@ def _orientations(
             skipped(len(missing))
         stamps, rows, q_wi = stamps[found], rows[found], q_wi[found]
         if len(stamps):
-            yield stamps, encoder.encode(stamps, gyro[rows], accel[rows], 0.0, 0.0, q_wi)
+            yield stamps, encoder.encode(stamps, gyro[rows], accel[rows], q_wi)

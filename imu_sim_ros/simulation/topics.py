@@ -168,8 +168,8 @@ def delivered(block: ImuBlock) -> tuple[Times, NDArray[np.float64], NDArray[np.f
 
 
 def _is_all(block: ImuBlock) -> bool:
-    rows = block.delivered
-    return len(rows) == len(block.t_ns) and bool(np.array_equal(rows, np.arange(len(rows))))
+    rows, count = block.delivered, len(block.t_ns)
+    return len(rows) == count and (count == 1 or bool(np.array_equal(rows, np.arange(count))))
 
 
 def _variances(parameters: SampledParameters) -> tuple[Vector, Vector]:
@@ -179,15 +179,15 @@ def _variances(parameters: SampledParameters) -> tuple[Vector, Vector]:
 
 
 def _readings(parameters: SampledParameters, encoding: str) -> Encode:
-    readings = ImuEncoder(parameters.imu_frame, encoding)
-    known, variances = parameters, _variances(parameters)
+    known: SampledParameters | None = None
+    readings: ImuEncoder
 
     def encode(block: ImuBlock, now: SampledParameters) -> Messages:
-        nonlocal known, variances
+        nonlocal known, readings
         if now is not known:
-            known, variances = now, _variances(now)
+            known, readings = now, ImuEncoder(parameters.imu_frame, encoding, *_variances(now))
         t_ns, gyro, accel = delivered(block)
-        payloads = readings.pattern(t_ns, gyro, accel, *variances)
+        payloads = readings.pattern(t_ns, gyro, accel)
         return Messages(t_ns, block.release_t_ns[block.delivered], payloads)
 
     return encode

@@ -48,7 +48,7 @@ class Content:
 
     def write(self, writer, block_size: int = 2500) -> None:
         """Write everything into a bag."""
-        imu = ImuEncoder("imu_link", writer.encoding)
+        imu = ImuEncoder("imu_link", writer.encoding, 1e-4, (1.0, 2.0, 3.0))
         odometry = OdometryEncoder("world", "base_link", writer.encoding)
         thermometer = TemperatureEncoder("imu_link", writer.encoding)
         vectors = Vector3StampedEncoder("imu_link", writer.encoding)
@@ -65,7 +65,7 @@ class Content:
             s = slice(start, start + block_size)
             t, later = self.t_ns[s], self.truth_t_ns[s]
             payloads = [
-                imu.encode(t, self.gyro[s], self.accel[s], 1e-4, (1.0, 2.0, 3.0)),
+                imu.encode(t, self.gyro[s], self.accel[s]),
                 odometry.encode(later, self.position[s], self.q_wb[s], self.gyro[s], self.accel[s]),
                 thermometer.encode(t, self.temperature[s]),
                 vectors.encode(later, self.accel[s]),

@@ -37,11 +37,11 @@ def write_bag(path: Path, storage: str, compression: str) -> None:
         # The files are older than the counting of header.seq: it stays the 0 of the payloads.
         imu = writer.add_topic("/imu/data_raw", IMU, keeps_seq=True)
         truth = writer.add_topic("/ground_truth/odom", ODOMETRY, keeps_seq=True)
-        readings = ImuEncoder("imu_link", writer.encoding)
+        readings = ImuEncoder("imu_link", writer.encoding, 1e-4, 2e-4)
         states = OdometryEncoder("world", "base_link", writer.encoding)
         writer.write_blocks(
             [
-                Block(imu, T_NS, readings.encode(T_NS, GYRO, ACCEL, 1e-4, 2e-4)),
+                Block(imu, T_NS, readings.encode(T_NS, GYRO, ACCEL)),
                 Block(truth, T_NS, states.encode(T_NS, POSITION, Q_WB, GYRO, ACCEL)),
             ]
         )

@@ -14,7 +14,13 @@ import yaml
 from rosbags.highlevel import AnyReader
 
 from imu_sim_ros.bags.mcap_writer import McapWriter
-from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
+from imu_sim_ros.bags.messages.blocks import as_list
+from imu_sim_ros.bags.messages.encode import (
+    IMU,
+    VECTOR3_STAMPED,
+    ImuEncoder,
+    Vector3StampedEncoder,
+)
 from imu_sim_ros.bags.messages.schemas import Qos
 from imu_sim_ros.bags.read import open_bag, read_imu
 from imu_sim_ros.bags.write import open_writer
@@ -218,6 +224,23 @@ def test_single_messages_and_varying_sizes(tmp_path, content):
         np.testing.assert_array_equal(read.gyro, content.gyro[:300])
         with open_bag(tmp_path / name) as bag:
             assert bag.topics[0].qos[0].durability == "transient_local"
+
+
+def test_a_message_of_zeros_after_others_is_one_of_zeros(tmp_path, content):
+    """Chunks are made in the same memory, one after the other."""
+    encoder = Vector3StampedEncoder("imu_link")
+    with McapWriter(tmp_path / "x.mcap") as writer:
+        topic = writer.add_topic("/vector", VECTOR3_STAMPED)
+        for rows in (slice(0, 200), slice(200, 400)):
+            t_ns = content.t_ns[rows]
+            writer.write_blocks([Block(topic, t_ns, encoder.pattern(t_ns, content.gyro[rows]))])
+            writer.flush()
+        last = encoder.pattern(np.zeros(1, np.int64), np.zeros((1, 3)))
+        writer.write_blocks([Block(topic, content.t_ns[400:401], last)])
+    with open_bag(tmp_path / "x.mcap") as bag:
+        payloads = [p for group in bag.groups() for b in group for p in as_list(b.payloads)]
+    assert payloads[-1] == encoder.layout.template
+    assert payloads[0] != payloads[-1]
 
 
 def test_chunks_that_overlap_in_time_are_merged(tmp_path, content):

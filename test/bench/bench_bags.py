@@ -68,7 +68,7 @@ def messages(count: int, encoding: str) -> np.ndarray:
     rng = np.random.default_rng(1)
     t_ns = 10**9 + 5_000_000 * np.arange(count)
     gyro, accel = rng.standard_normal((2, count, 3)) * 0.2
-    return ImuEncoder("imu_link", encoding).encode(t_ns, gyro, accel, 0.045, 0.072)
+    return ImuEncoder("imu_link", encoding, 0.045, 0.072).encode(t_ns, gyro, accel)
 
 
 def rosbags_loop(kind: str, folder: Path) -> None:

@@ -146,6 +146,10 @@ class Listener:
         self._clients: dict[str, Any] = {}
         self.raw: dict[str, list[bytes]] = {}
 
+    def host(self, node: Any) -> None:
+        """Spin a node of this process, too."""
+        self._executor.add_node(node)
+
     def listen(self, topic: str, kind: Any, depth: int = QUEUE, **qos: Any) -> None:
         """Keep what is published from now on."""
         from rclpy.qos import QoSProfile

@@ -8,12 +8,14 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Vector3Stamped
 from nav_msgs.msg import Odometry
+from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import Imu, Temperature
 from std_srvs.srv import Trigger
 
 import imu_sim_ros as ims
 from imu_sim_ros.bags.messages.encode import ImuEncoder, OdometryEncoder
+from imu_sim_ros.nodes.error_model.node import ErrorModelNode
 from imu_sim_ros.rotation import rotate_inverse
 
 pytestmark = pytest.mark.ros
@@ -47,11 +49,7 @@ def ideal(flight: ims.Flight, q_wb=None) -> list[bytes]:
     if q_wb is None:
         rows = encoder.encode(truth.t_ns, truth.gyro, truth.accel)
     else:
-        zero = np.zeros(3)
-        variance = np.zeros((len(q_wb), 3))
-        rows = encoder.pattern(
-            truth.t_ns, truth.gyro, truth.accel, zero, zero, q_wb, variance
-        ).array()
+        rows = encoder.encode(truth.t_ns, truth.gyro, truth.accel, q_wb)
     return [row.tobytes() for row in rows]
 
 
@@ -98,6 +96,7 @@ def test_live_readings_are_those_of_the_simulation(start, listener, flight):
 
     listener.wait_until(running, "diagnostics")
     assert node.end() == 0
+    assert f"error_model: received {len(flight)} messages on imu/ideal" in node.output
     assert f"error_model: published {len(flight)} messages on imu/data_raw" in node.output
 
 
@@ -174,6 +173,64 @@ def test_a_simulator_that_is_reset_and_two_nodes_in_namespaces(start, listener, 
     for node in nodes:
         assert node.end() == 0
     assert "jump back" in nodes[0].output
+
+
+def test_several_in_one_process_know_nothing_of_each_other(listener, flight, capfd):
+    """Own seeds, parameters and faults, from one source; each ends for itself."""
+    sensors = {"left": ("mpu6000", SEED), "right": ("mpu6000", SEED), "tail": ("perfect", 1)}
+    nodes = {}
+    for name, (imu, seed) in sensors.items():
+        listener.listen(f"/{name}/imu/data_raw", Imu)
+        values = {"imu.preset": imu, "rate": RATE, "seed": seed}
+        nodes[name] = ErrorModelNode(
+            context=listener.context,
+            namespace=f"/{name}",
+            parameter_overrides=[Parameter(key, value=value) for key, value in values.items()],
+            cli_args=["--ros-args", "-r", "imu/ideal:=/shared/imu"],
+            use_global_arguments=False,
+        )
+        listener.host(nodes[name])
+    source = Source(listener, Imu, "/shared/imu")
+    listener.wait_until(lambda: source._publisher.get_subscription_count() == 3, "three nodes")
+    listener.spin(0.3)
+    messages, half = ideal(flight), len(flight) // 2
+    source.send(messages[:half])
+    for name in sensors:
+        listener.wait_for(f"/{name}/imu/data_raw", half)
+    faulty = listener.set(
+        "/left/error_model",
+        inject__kind="stuck",
+        inject__triad="gyroscope",
+        inject__duration=0.2,
+    )
+    assert faulty.successful, faulty.reason
+    assert listener.set("/right/error_model", imu__accelerometer_bias=[0.0, 0.0, 1.0]).successful
+    nodes["tail"].close()
+    nodes["tail"].destroy_node()
+    listener.wait_until(lambda: source._publisher.get_subscription_count() == 2, "two nodes")
+    source.send(messages[half:])
+    for name in ("left", "right"):
+        listener.wait_for(f"/{name}/imu/data_raw", len(flight))
+    left, right, tail = (listener.messages(f"/{name}/imu/data_raw") for name in sensors)
+    gyro, accel = vectors(left, "angular_velocity"), vectors(left, "linear_acceleration")
+    assert np.array_equal(gyro[:half], flight.gyro[:half])
+    stuck = round(0.2 * RATE)
+    assert (gyro[half : half + stuck] == flight.gyro[half - 1]).all()
+    assert np.array_equal(gyro[half + stuck :], flight.gyro[half + stuck :])
+    assert np.array_equal(accel, flight.accel)
+    assert np.array_equal(vectors(right, "angular_velocity"), flight.gyro)
+    changed = vectors(right, "linear_acceleration") - flight.accel
+    first = half + -half % 64  # live changes begin with a multiple of 64 samples
+    assert not changed[:first].any()
+    # The bias comes before the steps of mpu6000, 1 / 2048 g: up to a step more or less.
+    assert np.abs(changed[first:] - [0.0, 0.0, 1.0]).max() <= 9.80665 / 2048.0 + 1e-12
+    assert np.array_equal(vectors(tail, "linear_acceleration"), flight.truth.accel[:half])
+    for name in ("left", "right"):
+        nodes[name].close()
+        nodes[name].destroy_node()
+    said = capfd.readouterr().out
+    assert said.count(f"error_model: received {len(flight)} messages on imu/ideal") == 2
+    assert f"error_model: received {half} messages on imu/ideal" in said
 
 
 def test_odometry_and_an_orientation(start, listener, flight):

@@ -133,6 +133,8 @@ def as_list(payloads: Payloads | RowTemplate) -> list[bytes]:
         return payloads
     if payloads.shape[1] == 0:
         return [b""] * len(payloads)
+    if isinstance(payloads, RowTemplate) and not payloads.columns:
+        return [payloads.template] * payloads.count
     table = payloads.array() if isinstance(payloads, RowTemplate) else payloads
     rows = np.ascontiguousarray(table)
     result: list[bytes] = rows.view(f"V{rows.shape[1]}")[:, 0].tolist()

@@ -41,7 +41,7 @@ _COVARIANCE_TYPE_KNOWN: Final = 3
 _COVARIANCE_TYPE_DIAGONAL: Final = 2
 _SOURCE_DOPPLER: Final = 4
 """gps_msgs/GPSStatus"""
-_STAMP_SIZE: Final = 8
+_STAMP: Final = struct.Struct("<II")
 _UNKNOWN: Final = bytes(36 * 8)
 """A (6, 6) covariance of zeros."""
 ROS_ORDER: Final = [1, 2, 3, 0]
@@ -74,35 +74,63 @@ class Encoder:
 
     type_name: str
 
-    def __init__(self, texts: tuple[str, ...], encoding: str) -> None:
+    def __init__(self, texts: tuple[str, ...], encoding: str, **constant: ArrayLike) -> None:
+        """Set up what all messages have in common.
+
+        :param constant: the numbers of fields, (m,) or one.
+        """
         self.layout: Layout = layout(self.type_name, encoding, texts)
-        stamp = self.layout.dtype["sec"], self.layout.dtype["nanosec"]
-        self._stamp = list(zip(stamp, map(self.layout.offset, ("sec", "nanosec")), strict=True))
+        dtype = self.layout.dtype
+        self._fields = {
+            name: (dtype[name].base, len(dtype[name].shape) + 1, self.layout.offset(name))
+            for name in dtype.names or ()
+        }
+        self._template = self.layout.template
+        self._template = self._with(constant)
+
+    def _with(self, constant: Mapping[str, ArrayLike]) -> bytes:
+        """Return the template with some of its numbers."""
+        template = np.zeros(1, self.layout.dtype)
+        template.view(np.uint8)[:] = np.frombuffer(self._template, np.uint8)
+        for name, values in constant.items():
+            template[name][...] = values
+        return template.tobytes()
 
     def _row_template(self, t_ns: Times, **numbers: ArrayLike) -> RowTemplate:
-        """Return n messages with texts, stamps and some of their fields; the others are 0.
+        """Return n messages with texts, stamps and some of their fields; the others are constant.
 
         :param numbers: (n, m) where they differ from message to message, (n,) of one number;
             else (m,) or one number.
         """
         t_ns = np.asarray(t_ns, dtype=np.int64)
-        template = np.zeros(1, self.layout.dtype)
-        template.view(np.uint8)[:] = np.frombuffer(self.layout.template, np.uint8)
-        columns = [
-            Column(offset, values.astype(code))
-            for (code, offset), values in zip(
-                self._stamp, seconds(t_ns, self.layout.encoding), strict=True
-            )
-        ]
-        for name, given in numbers.items():
-            values = np.asarray(given, dtype=np.float64)
-            field = template[name]
-            if values.ndim == field.ndim:
-                own = values.astype(field.dtype, copy=False)
-                columns.append(Column(self.layout.offset(name), own))
+        if len(t_ns) == 1:
+            return RowTemplate(self._single(int(t_ns[0]), numbers), (), 1)
+        stamp = zip(("sec", "nanosec"), seconds(t_ns, self.layout.encoding), strict=True)
+        columns, constant = [], {}
+        for name, given in (*stamp, *numbers.items()):
+            values = np.asarray(given)
+            dtype, dimensions, offset = self._fields[name]
+            if values.ndim == dimensions:
+                columns.append(Column(offset, values.astype(dtype, copy=False)))
             else:
-                field[...] = values
-        return RowTemplate(template.tobytes(), columns, len(t_ns))
+                constant[name] = values
+        return RowTemplate(self._with(constant) if constant else self._template, columns, len(t_ns))
+
+    def _single(self, t_ns: int, numbers: Mapping[str, ArrayLike]) -> bytes:
+        """Return one message, the same bytes: a fifth of the time for readings that come live."""
+        second, nanosecond = divmod(t_ns, NANOSECONDS_PER_SECOND)
+        if not 0 <= second <= _LAST_SECOND[self.layout.encoding]:
+            seconds(np.array([t_ns]), self.layout.encoding)  # raises
+        message = bytearray(self._template)
+        _STAMP.pack_into(message, self._fields["sec"][2], second, nanosecond)
+        for name, given in numbers.items():
+            dtype, _, offset = self._fields[name]
+            values = np.asarray(given, dtype)
+            field = self.layout.dtype[name]
+            if values.nbytes != field.itemsize:
+                values = np.broadcast_to(values, field.shape)
+            message[offset : offset + field.itemsize] = values.tobytes()
+        return bytes(message)
 
 
 class _OfFrame(Encoder):
@@ -112,18 +140,37 @@ class _OfFrame(Encoder):
         super().__init__((frame_id,), encoding)
 
 
-class ImuEncoder(_OfFrame):
+class ImuEncoder(Encoder):
     """sensor_msgs/Imu; without orientation its covariance starts with -1 (REP-145)."""
 
     type_name = IMU
+
+    def __init__(
+        self,
+        frame_id: str,
+        encoding: str = "cdr",
+        gyro_covariance: ArrayLike = 0.0,
+        accel_covariance: ArrayLike = 0.0,
+    ) -> None:
+        """Set up what all messages have in common.
+
+        :param gyro_covariance: per sample [(rad/s)^2]: 0 (unknown), three variances, or (3, 3).
+        :param accel_covariance: likewise [(m/s^2)^2].
+        """
+        super().__init__(
+            (frame_id,),
+            encoding,
+            orientation=(0.0, 0.0, 0.0, 1.0),
+            orientation_covariance=(-1.0, *[0.0] * 8),
+            angular_velocity_covariance=_matrix3(gyro_covariance).ravel(),
+            linear_acceleration_covariance=_matrix3(accel_covariance).ravel(),
+        )
 
     def pattern(
         self,
         t_ns: Times,
         gyro: ArrayLike,
         accel: ArrayLike,
-        gyro_covariance: ArrayLike = 0.0,
-        accel_covariance: ArrayLike = 0.0,
         q_wi: ArrayLike | None = None,
         orientation_covariance: ArrayLike = 0.0,
     ) -> RowTemplate:
@@ -132,28 +179,21 @@ class ImuEncoder(_OfFrame):
         :param t_ns: (n,) stamps.
         :param gyro: (n, 3) rad/s.
         :param accel: (n, 3) m/s^2.
-        :param gyro_covariance: per sample [(rad/s)^2]: 0 (unknown), three variances, or (3, 3).
-        :param accel_covariance: likewise [(m/s^2)^2].
         :param q_wi: (n, 4) orientation of the sensor in the world; None: it has none.
         :param orientation_covariance: [rad^2] about the world's axes: 0 (unknown), or three
             variances for each (n, 3).
         """
         if q_wi is None:
-            orientation = np.array([0.0, 0.0, 0.0, 1.0])
-            diagonal = np.array([-1.0, 0.0, 0.0])
-        else:
-            orientation = np.asarray(q_wi)[:, ROS_ORDER]
-            diagonal = np.asarray(orientation_covariance) * np.ones(3)
+            return self._row_template(t_ns, angular_velocity=gyro, linear_acceleration=accel)
+        diagonal = np.asarray(orientation_covariance) * np.ones(3)
         of_orientation = np.zeros((*diagonal.shape[:-1], 9))
         of_orientation[..., ::4] = diagonal
         return self._row_template(
             t_ns,
-            orientation=orientation,
+            orientation=np.asarray(q_wi)[:, ROS_ORDER],
             orientation_covariance=of_orientation,
             angular_velocity=gyro,
-            angular_velocity_covariance=_matrix3(gyro_covariance).ravel(),
             linear_acceleration=accel,
-            linear_acceleration_covariance=_matrix3(accel_covariance).ravel(),
         )
 
     def encode(
@@ -161,15 +201,11 @@ class ImuEncoder(_OfFrame):
         t_ns: Times,
         gyro: ArrayLike,
         accel: ArrayLike,
-        gyro_covariance: ArrayLike = 0.0,
-        accel_covariance: ArrayLike = 0.0,
         q_wi: ArrayLike | None = None,
         orientation_covariance: ArrayLike = 0.0,
     ) -> Bytes:
         """Return messages (n, size) of what :meth:`pattern` takes."""
-        covariances = (gyro_covariance, accel_covariance)
-        orientation = (q_wi, orientation_covariance)
-        return self.pattern(t_ns, gyro, accel, *covariances, *orientation).array()
+        return self.pattern(t_ns, gyro, accel, q_wi, orientation_covariance).array()
 
 
 class OdometryEncoder(Encoder):
@@ -182,7 +218,7 @@ class OdometryEncoder(Encoder):
         template = self.layout.template
         stamp, pose = self.layout.offset("sec"), self.layout.offset("position")
         self._header = template[:stamp]
-        self._texts = template[stamp + _STAMP_SIZE : pose]
+        self._texts = template[stamp + _STAMP.size : pose]
         covariance = f"{len(_UNKNOWN)}s"
         self._message = struct.Struct(
             f"<{len(self._header)}sII{len(self._texts)}s7d{covariance}6d{covariance}"

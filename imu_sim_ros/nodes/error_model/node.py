@@ -7,6 +7,7 @@ import sys
 import threading
 import time
 from collections import deque
+from collections.abc import Iterator
 from typing import Any, Final
 
 import numpy as np
@@ -32,12 +33,15 @@ from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.publishing import check_overrides, create
 from imu_sim_ros.nodes.raw_subscription import RawSubscriptions, Taken
 from imu_sim_ros.nodes.simulator.diagnostics import fault_message
+from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.simulation.error_input import Differentiator, Given
 from imu_sim_ros.simulation.error_model import ErrorModel
 from imu_sim_ros.simulation.error_parameters import NODE, ErrorNodeParameters, layer_error_model
 from imu_sim_ros.simulation.topics import sensors_of
 
-_READ_PERIOD: Final = 0.001
+Reading = tuple[decode.ImuReading, decode.Quaternion | None]
+"""Of one message, and the orientation if it has one."""
+_READ_PERIOD: Final = 0.0005
 """[s] How long readings wait for each other, and about the longest that one waits."""
 _REFUSAL_PERIOD: Final = 10.0
 _REMARKS_A_SECOND: Final = 5
@@ -53,7 +57,7 @@ class ErrorModelNode(ConfiguredNode):
         parameters: ErrorNodeParameters = self.parameters
         self._lock = threading.Lock()
         """Readings are taken in the reader's thread; everything else runs in the executor's."""
-        self.refused = 0
+        self._received = self.refused = 0
         self._remarks: list[str] = []
         self._said: deque[float] = deque(maxlen=_REMARKS_A_SECOND)
         sensors = sensors_of(wanted(parameters.publish))
@@ -105,44 +109,47 @@ class ErrorModelNode(ConfiguredNode):
         self.outputs.close()
         for counter in self.outputs.counters:
             counter.publisher.wait_for_all_acked(_ACKNOWLEDGEMENT)
-        print(f"error_model: received {self.model.counts.readings}", flush=True)
+        received, (topic,) = self._received, self._inputs()
+        print(f"error_model: received {received} messages on {topic}", flush=True)
         for counter in self.outputs.counters:
             print(f"error_model: published {counter.count} messages on {counter.topic}", flush=True)
 
     # ----------------------------------------------------------------------------- readings
     def _take(self, topic: str, taken: list[Taken]) -> None:
         """Add errors to messages, as they are delivered, and publish them."""
+        self._received += len(taken)
         with self._lock:
             try:
-                given = self._given(topic, taken)
-                for block in self.model.read(given) if len(given.t_ns) else ():
+                for block in self._blocks(topic, taken):
                     self.outputs.publish(block, self.parameters)
             except InputError as error:
                 self._refuse(topic, error, len(taken))
 
-    def _given(self, topic: str, taken: list[Taken]) -> Given:
-        """Return the readings in messages, without those that are none."""
+    def _blocks(self, topic: str, taken: list[Taken]) -> Iterator[ImuBlock]:
+        """Yield the samples that messages give: usually one each, since few come at a time."""
         if self._odometry is not None:
-            return self._of_odometry(self._odometry, topic, taken)
-        readings: list[decode.ImuReading] = []
-        orientations: list[decode.Quaternion | None] = []
-        for payload, _ in taken:
-            try:
-                reading, orientation = decode.ideal_reading(payload)
-            except InputError as error:
-                self._refuse(topic, error)
-                continue
-            readings.append(reading)
-            orientations.append(orientation)
-        q_wb = None
-        if self._oriented and orientations and all(q is not None for q in orientations):
-            q_wb = np.array(orientations, np.float64).T
-        return Given(
-            np.array([reading.t_ns for reading in readings], np.int64),
-            np.array([reading.gyro for reading in readings]).reshape(-1, 3).T,
-            np.array([reading.accel for reading in readings]).reshape(-1, 3).T,
-            q_wb,
-        )
+            yield from self._read(self._of_odometry(self._odometry, topic, taken))
+            return
+        readings = [one for payload, _ in taken if (one := self._reading(topic, payload))]
+        done = 0
+        if not self._oriented:
+            for reading, _ in readings:
+                block = self.model.read_one(*reading)
+                if block is None:
+                    break
+                yield block
+                done += 1
+        yield from self._read(_given(readings[done:], self._oriented))
+
+    def _read(self, given: Given) -> list[ImuBlock]:
+        return self.model.read(given) if len(given.t_ns) else []
+
+    def _reading(self, topic: str, payload: bytes) -> Reading | None:
+        try:
+            return decode.ideal_reading(payload)
+        except InputError as error:
+            self._refuse(topic, error)
+            return None
 
     def _of_odometry(self, odometry: Differentiator, topic: str, taken: list[Taken]) -> Given:
         states: list[decode.Truth] = []
@@ -214,6 +221,19 @@ class ErrorModelNode(ConfiguredNode):
         self._diagnostics.publish(
             self._report.message(stamp, counts, self.refused, self._remarks, self.outputs.counters)
         )
+
+
+def _given(readings: list[Reading], oriented: bool) -> Given:
+    """Return readings as arrays; their orientations where each has one, and it is of use."""
+    q_wb = None
+    if oriented and all(orientation is not None for _, orientation in readings):
+        q_wb = np.array([orientation for _, orientation in readings], np.float64).T
+    return Given(
+        np.array([reading.t_ns for reading, _ in readings], np.int64),
+        np.array([reading.gyro for reading, _ in readings]).reshape(-1, 3).T,
+        np.array([reading.accel for reading, _ in readings]).reshape(-1, 3).T,
+        q_wb,
+    )
 
 
 def main() -> int:

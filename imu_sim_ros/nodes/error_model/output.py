@@ -76,11 +76,9 @@ class Outputs:
                 for payload in payloads:
                     counter.send(payload)
                 continue
-            rows = block.delivered
-            delays = block.release_t_ns[rows] - block.true_t_ns[rows]
-            if topic != IMU_TOPIC:  # an orientation belongs to some of the samples only
-                stated = block.auxiliary["orientation"]
-                delays = (stated.release_t_ns - stated.true_t_ns)[stated.delivered]
+            # An orientation belongs to some of the samples only.
+            read = block if topic == IMU_TOPIC else block.auxiliary["orientation"]
+            delays = (read.release_t_ns - read.true_t_ns)[read.delivered]
             self._delayed.send(counter.send, payloads, delays.tolist(), now)
 
     def close(self) -> None:

@@ -5,9 +5,10 @@
 
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from functools import lru_cache
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -229,7 +230,7 @@ class Imu:
     ) -> tuple[Array, Reading, Reading]:
         """Return temperatures (n,) and the triads' readings, whatever is known of them precomputed.
 
-        Few samples at a time get what was made for a whole chunk, many get their own.
+        Few samples at a time get what was made for the rest of a chunk, many get their own.
         """
         count, done = ideal[0].shape[1], 0
         parts: list[tuple[Array, Reading, Reading]] = []
@@ -241,7 +242,7 @@ class Imu:
                 self._precomputed = self._precompute(at)
             precomputed = self._precomputed
             if precomputed is None:
-                step = left // CHUNK * CHUNK
+                step = left
                 temperature, additions = self._temperature_of(at, step), None
             else:
                 step = min(left, precomputed.end - at)
@@ -264,12 +265,12 @@ class Imu:
         return np.concatenate(temperatures), _joined(gyros), _joined(accels)
 
     def _precompute(self, first: int) -> "_Precomputed":
-        temperature = self._temperature_of(first, CHUNK)
+        """Return what the samples up to the next multiple of a chunk get."""
+        end = first + CHUNK - first % CHUNK
+        temperature = self._temperature_of(first, end - first)
         offset = temperature - self._reference_temperature
         additions = [triad.precompute(offset) for triad in self._triads]
-        gyro, accel = (one.rows() for one in additions)
-        rows = list(zip(gyro, accel, temperature.copy()[:, None], strict=True))
-        return _Precomputed(first, first + CHUNK, temperature, additions, rows)
+        return _Precomputed(first, end, temperature, additions)
 
     def _temperature_of(self, first: int, count: int) -> Array:
         """Return the temperature of samples by their index (count,) [degC]."""
@@ -354,7 +355,8 @@ class Imu:
         return motion, rate, force
 
 
-class _Precomputed(NamedTuple):
+@dataclass(frozen=True)
+class _Precomputed:
     """What samples ``first .. end - 1`` get whatever their ideal readings are."""
 
     first: int
@@ -363,8 +365,12 @@ class _Precomputed(NamedTuple):
     """(end - first,) [degC]."""
     additions: list[Additions]
     """Of the gyroscope, of the accelerometer."""
-    rows: list[tuple[AddedToOne, AddedToOne, Array]]
-    """The same of each sample, and its temperature (1,)."""
+
+    @cached_property
+    def rows(self) -> list[tuple[AddedToOne, AddedToOne, Array]]:
+        """The same of each sample, and its temperature (1,)."""
+        gyro, accel = (one.rows() for one in self.additions)
+        return list(zip(gyro, accel, self.temperature.copy()[:, None], strict=True))
 
 
 class _Nowhere:

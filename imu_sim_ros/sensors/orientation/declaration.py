@@ -76,16 +76,20 @@ class Orientations(AuxiliaryReadings):
 def _readings(frame: str, encoding: str) -> Payloads:
     from imu_sim_ros.bags.messages.encode import ImuEncoder
 
-    readings = ImuEncoder(frame, encoding)
+    known: Now | None = None
+    readings: ImuEncoder
 
     def pattern(stated: Any, rows: Any, block: ImuBlock, now: Now) -> "RowTemplate":
+        nonlocal known, readings
+        if now is not known:
+            gyro = gyro_variance_discrete(now.imu, now.rate)
+            accel = accel_variance_discrete(now.imu, now.rate)
+            known, readings = now, ImuEncoder(frame, encoding, gyro, accel)
         of_imu = stated.rows[rows]
         return readings.pattern(
             stated.t_ns[rows],
             block.gyro[of_imu],
             block.accel[of_imu],
-            gyro_variance_discrete(now.imu, now.rate),
-            accel_variance_discrete(now.imu, now.rate),
             stated.q_wi[rows],
             stated.variance[rows],
         )

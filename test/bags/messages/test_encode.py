@@ -18,14 +18,14 @@ N = 5
 FRAMES = ("imu_link", "a", "", "imu/ä", "x" * 13)
 
 
-def _messages(name, encoding, frame, rng):
-    t_ns = rng.integers(0, 2**31 - 1, N) * 10**9 + rng.integers(0, 10**9, N)
-    a, b, c, d = rng.standard_normal((4, N, 3))
-    q = rng.standard_normal((N, 4))
-    covariances = rng.standard_normal((2, N, 6, 6))
+def _messages(name, encoding, frame, rng, count):
+    t_ns = rng.integers(0, 2**31 - 1, count) * 10**9 + rng.integers(0, 10**9, count)
+    a, b, c, d = rng.standard_normal((4, count, 3))
+    q = rng.standard_normal((count, 4))
+    covariances = rng.standard_normal((2, count, 6, 6))
     if name == encode.IMU:
         matrix = rng.standard_normal((3, 3))
-        rows = encode.ImuEncoder(frame, encoding).encode(t_ns, a, b, matrix, (1.0, 2.0, 3.0))
+        rows = encode.ImuEncoder(frame, encoding, matrix, (1.0, 2.0, 3.0)).encode(t_ns, a, b)
         return (
             t_ns,
             rows,
@@ -120,9 +120,11 @@ def _numbers(value):
         encode.TEMPERATURE,
     ],
 )
-def test_bytes_equal_those_of_rosbags(name, frame, encoding):
+@pytest.mark.parametrize("count", [1, N])
+def test_bytes_equal_those_of_rosbags(count, name, frame, encoding):
     rng = np.random.default_rng(3)
-    t_ns, rows, fields = _messages(name, encoding, frame, rng)
+    t_ns, rows, fields = _messages(name, encoding, frame, rng, count)
+    assert len(rows) == count
     store = STORES[encoding]
     for k, row in enumerate(rows):
         message = getattr(store, f"deserialize_{encoding}")(row.tobytes(), name)
@@ -166,7 +168,7 @@ def test_single_messages_of_any_frames_are_unpacked_as_by_rosbags(name):
     decoder = MessageDecoder(name, names)
     payloads = []
     for frame in (*FRAMES, FRAMES[0]):
-        _, rows, _ = _messages(name, "cdr", frame, np.random.default_rng(len(frame)))
+        _, rows, _ = _messages(name, "cdr", frame, np.random.default_rng(len(frame)), N)
         payloads += [row.tobytes() for row in rows]
     payloads.append(payloads[0].replace(b"imu_link", b"imu\xff\xfeink"))
     for payload in payloads:
@@ -223,7 +225,7 @@ def test_one_odometry_message_refuses_a_stamp_as_a_block_does(t_ns):
 def test_one_other_byte_where_all_are_alike_is_noticed(frame, encoding):
     """And none elsewhere: numbers and padding differ from message to message."""
     rng = np.random.default_rng(3)
-    _, rows, _ = _messages(encode.ODOMETRY, encoding, frame, rng)
+    _, rows, _ = _messages(encode.ODOMETRY, encoding, frame, rng, N)
     texts = layouts.texts_of(encode.ODOMETRY, encoding, rows[0].tobytes())
     form = layouts.layout(encode.ODOMETRY, encoding, texts)
     alike = {k for start, stop in form.fixed for k in range(start, stop)}
