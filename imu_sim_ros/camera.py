@@ -76,10 +76,9 @@ def frames(
 ) -> Iterator[tuple[int, NDArray[np.uint8]]]:
     """Yield the stamp [ns] and the image of each frame of a camera on the flight.
 
-    Grey values (h, w), or red, green and blue (h, w, 3) with ``camera.encoding`` rgb8.
-
-    The images are those of ``generate`` with the same parameters and seed; frames that are lost are
-    left out. Needs OpenCV.
+    Images are grey values (h, w), or red, green and blue (h, w, 3) with ``camera.encoding`` rgb8.
+    They are those of ``generate`` with the same parameters and seed, without lost frames. Needs
+    OpenCV.
 
     :param flight: what :func:`imu_sim_ros.simulate` returns.
     :param camera: as in :func:`tracks`.
@@ -87,7 +86,13 @@ def frames(
     :returns: an iterator over stamps [ns] and images.
     :raises ConfigurationError: with a line for each problem.
     :raises InputError: for a file that cannot be used.
-    :raises MissingDependencyError: where OpenCV is not installed.
+    :raises MissingDependencyError: if OpenCV is not installed.
+
+    >>> import imu_sim_ros as ims
+    >>> flight = ims.simulate(imu="perfect", trajectory="figure_eight", duration=0.1, seed=1)
+    >>> t_ns, image = next(ims.camera.frames(flight, camera="euroc_cam0", scene="room"))
+    >>> int(t_ns - flight.t_ns[0]), image.shape, image.dtype
+    (0, (480, 752), dtype('uint8'))
     """
     return _rig(flight, camera, scene).images(_NAME)
 
@@ -99,7 +104,8 @@ def depths(
 ) -> Iterator[tuple[int, NDArray[np.float32]]]:
     """Yield the stamp [ns] and the depth along the view (h, w) [m] of each frame of a camera.
 
-    Without any error, in the middle of the exposure; 0 if nothing is seen. Needs OpenCV.
+    Depths have no errors and are those in the middle of the exposure; 0 means that the pixel sees
+    nothing. Needs OpenCV.
 
     :param flight: what :func:`imu_sim_ros.simulate` returns.
     :param camera: as in :func:`tracks`.
@@ -107,7 +113,13 @@ def depths(
     :returns: an iterator over stamps [ns] and depths (h, w) [m].
     :raises ConfigurationError: with a line for each problem.
     :raises InputError: for a file that cannot be used.
-    :raises MissingDependencyError: where OpenCV is not installed.
+    :raises MissingDependencyError: if OpenCV is not installed.
+
+    >>> import imu_sim_ros as ims
+    >>> flight = ims.simulate(imu="perfect", trajectory="figure_eight", duration=0.1, seed=1)
+    >>> t_ns, depth = next(ims.camera.depths(flight, camera="euroc_cam0", scene="room"))
+    >>> depth.shape, bool(depth.max() > 1.0)
+    ((480, 752), True)
     """
     return _rig(flight, camera, scene).depths(_NAME)
 

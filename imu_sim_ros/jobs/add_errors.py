@@ -231,15 +231,26 @@ class ErrorModel:
 
 
 def from_sdf(file: str | Path, sensor: str | None = None) -> dict[str, Any]:
-    """Return the parameters of an IMU that a model file of Gazebo describes.
+    """Return the parameters of an IMU from a model file of Gazebo.
 
-    Understood are SDF's ``<noise>``, the IMU plugin of Gazebo classic, and that of RotorS; the
-    result is taken as ``imu=`` by :func:`add_errors`, :func:`simulate` and :class:`ErrorModel`.
+    Three forms are read: SDF's ``<noise>``, the IMU plugin of Gazebo classic, and the plugin of
+    RotorS. Pass the result as ``imu=`` to :func:`add_errors`, :func:`simulate` or
+    :class:`ErrorModel`.
 
     :param file: ``model.sdf``, a world, or a URDF with Gazebo's elements.
-    :param sensor: name of the sensor or plugin, where the file has several.
-    :returns: parameters by name, as ``imu=`` takes them.
-    :raises InputError: for a file that is not one, and one without an IMU.
+    :param sensor: name of the sensor or plugin, if the file has several.
+    :returns: parameters by name, as accepted by ``imu=``.
+    :raises InputError: for a file in another form, or without an IMU.
+
+    >>> import imu_sim_ros as ims
+    >>> noise = "<noise type='gaussian'><stddev>0.01</stddev></noise>"
+    >>> rates = "".join(f"<{axis}>{noise}</{axis}>" for axis in "xyz")
+    >>> imu = f"<imu><angular_velocity>{rates}</angular_velocity></imu>"
+    >>> sensor = f"<sensor name='imu' type='imu'><update_rate>100</update_rate>{imu}</sensor>"
+    >>> file = folder / "model.sdf"
+    >>> _ = file.write_text(f"<sdf><model name='m'><link name='l'>{sensor}</link></model></sdf>")
+    >>> ims.from_sdf(file)["gyroscope_noise_density"]
+    [0.001, 0.001, 0.001]
     """
     path = arguments.path("file", file)
     name = None if sensor is None else arguments.text("sensor", sensor, "the name of a sensor")

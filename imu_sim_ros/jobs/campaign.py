@@ -159,24 +159,30 @@ def campaign(
     baseline: str | PathLike[str] | None = None,
     tolerance: str | None = None,
 ) -> Campaign:
-    """Make all runs of a plan, and judge them.
+    r"""Make all runs of a plan, and judge the results.
 
-    With several workers, call it below ``if __name__ == "__main__":``, as for any processes that
-    Python spawns.
+    With several workers, call this function below ``if __name__ == "__main__":``, as for all
+    processes that Python spawns.
 
-    :param plan: a file, or a name in config/campaigns.
-    :param output: folder of the results, the page among them.
-    :param workers: processes on this machine; 1 starts no further one.
+    :param plan: file of the plan, or a name in config/campaigns.
+    :param output: folder of the results and the page.
+    :param workers: number of processes on this machine; with 1, no further process is started.
     :param scheduler: address of a Dask scheduler, ``tcp://host:8786``, instead of processes.
     :param resume: continue with the results in the folder.
     :param force: start over, discarding the results in the folder.
-    :param metric: of the verdict, or ``success``; none: the plan's first.
+    :param metric: metric of the verdict, or ``success``; if empty, the first metric of the plan.
     :param baseline: folder, ``results.csv`` or ``results.parquet`` of an earlier campaign.
     :param tolerance: difference that does not matter, ``5 %`` or a number in the metric's unit.
-    :returns: a :class:`Campaign`: rows of results and the judgement.
-    :raises ConfigurationError: for a plan or an argument that is wrong, with a line for each
-        problem.
+    :returns: a :class:`Campaign` with the rows of results and the judgement.
+    :raises ConfigurationError: for an invalid plan or argument, with a line for each problem.
     :raises InputError: for a folder or file that cannot be used.
+
+    >>> import imu_sim_ros as ims
+    >>> plan = folder / "plan.yaml"
+    >>> _ = plan.write_text("parameters: {duration: 1.0}\ngrid: {imu: [tactical]}\nseeds: 2\n")
+    >>> found = ims.campaign(plan, folder / "results")
+    >>> found.done, sorted(found.runs[0])[:3]
+    (2, ['align', 'ate_rmse_m', 'ate_rmse_rad'])
     """
     path = find_plan(str(arguments.path("plan", plan, "a file, or a name in config/campaigns")))
     options = Options(

@@ -53,18 +53,25 @@ def report(
     truth_topic: str | None = None,
     force: bool = False,
 ) -> Path:
-    """Write a page; return its path.
+    """Write an HTML page about campaigns or recorded bags, and return its path.
 
-    :param inputs: one or several: folder of a campaign, bag, EuRoC folder; a file of poses (TUM,
-        EuRoC) after a bag is an estimate of its motion.
-    :param output: the page, an HTML file.
-    :param title: none: that of the inputs.
-    :param metric: of a campaign, shown first.
+    :param inputs: one or several of: folder of a campaign, bag, EuRoC folder. A file of poses (TUM,
+        EuRoC) after a bag is an estimate of the motion in that bag.
+    :param output: path of the page, an HTML file.
+    :param title: title of the page; if empty, the title of the inputs.
+    :param metric: metric of a campaign to show first.
     :param baselines: earlier campaigns, the oldest first.
-    :param truth_topic: of bags that have several topics of Odometry.
-    :param force: replace what exists.
+    :param truth_topic: topic of the truth, for bags with several topics of Odometry.
+    :param force: overwrite an existing page.
     :returns: the path of the page.
-    :raises InputError: for what cannot be read or written, with a line for each.
+    :raises InputError: for inputs that cannot be read and an output that cannot be written, with a
+        line for each.
+
+    >>> import imu_sim_ros as ims
+    >>> flight = ims.simulate(imu="tactical", trajectory="figure_eight", duration=2, seed=1)
+    >>> _ = flight.save(folder / "flight.mcap")
+    >>> ims.report(folder / "flight.mcap", folder / "flight.html").name
+    'flight.html'
     """
     sources = Sources(
         _paths("inputs", inputs),
